@@ -1,6 +1,5 @@
 """``jaxpf reproduce``: a paper's experiment, with published and measured figures side by side."""
 
-import os
 import textwrap
 import time
 from collections.abc import Mapping
@@ -28,12 +27,6 @@ PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999"
 @click.option("--seed", default=0, show_default=True, help="Seed of the first scene.")
 @click.option("--quick", is_flag=True, help="Measure a much smaller version, as a preview.")
 @click.option(
-    "--data",
-    type=GivenPath(),
-    help="Folder with real clips (tud_campus, worm_crossing).  "
-    "[default: the environment's JAXPF_DATA]",
-)
-@click.option(
     "--output",
     "-o",
     type=GivenPath(),
@@ -53,7 +46,6 @@ def command(
     scenes: int | None,
     seed: int,
     quick: bool,
-    data: Path | None,
     output: Path | None,
     overwrite: bool,
     dask: str | None,
@@ -71,9 +63,7 @@ def command(
 
     if not 0 <= seed < 2**20:
         raise InputError(f"--seed {seed} must be between 0 and {2**20 - 1}.")
-    data = _data_folder(data)
-    options = {"paper": paper, "scenes": scenes, "seed": seed, "quick": quick, "data": data}
-    settings = options | {"data": data and str(data.resolve())}
+    options = {"paper": paper, "scenes": scenes, "seed": seed, "quick": quick}
     start_jax()
     from jaxpf.papers import checkpoints
     from jaxpf.papers.judging import comparison_table, verdicts
@@ -82,17 +72,16 @@ def command(
 
     began = time.perf_counter()
     chosen = paper_of(paper)
-    # Report mistakes before the folder is created.
-    request = chosen.request(scenes, seed, quick, data, click.echo)
+    request = chosen.request(scenes, seed, quick, click.echo)
     executor = None
     if dask:
         executor = click.get_current_context().with_resource(cluster(dask))
     output = output or Path(f"jaxpf-{paper}-quick" if quick else f"jaxpf-{paper}")
-    resumes = checkpoints.can_resume(output, settings)
+    resumes = checkpoints.can_resume(output, options)
     folder = prepare_output_folder(output, overwrite or resumes)
     if resumes:
         click.echo(f"Resuming from '{folder}'.")
-    with checkpoints.sharing(executor), checkpoints.keeping(output, settings):
+    with checkpoints.sharing(executor), checkpoints.keeping(output, options):
         comparison = chosen.compare(request)
         explicit = options | {"scenes": len(request.seeds)}
         written = comparison_table.write(comparison, folder, _typed(explicit))
@@ -111,30 +100,11 @@ def command(
 
 
 def _typed(options: Mapping[str, Any]) -> str:
-    """The command as text, with scenes and seed; a clip folder by its name only."""
+    """The command as text, with scenes and seed."""
     words = [f"jaxpf reproduce {options['paper']}"]
     for name, value in options.items():
         if value is True:
             words.append(f"--{name}")
-        elif name == "data" and value is not None:
-            words.append(f"--{name} {value.resolve().name}")
         elif name != "paper" and value is not None and value is not False:
             words.append(f"--{name} {value}")
     return " ".join(words)
-
-
-def _data_folder(given: Path | None) -> Path | None:
-    """The folder given by ``--data`` or ``JAXPF_DATA``, or None."""
-    from jaxpf.contract.errors import InputError
-
-    from_environment = os.environ.get("JAXPF_DATA", "")
-    if given is None and not from_environment:
-        return None
-    place = "JAXPF_DATA" if given is None else "--data"
-    folder = Path(from_environment) if given is None else given
-    if not folder.is_dir():
-        raise InputError(
-            f"{place} names '{folder}', which is not a folder; name one that holds real clips, "
-            "such as tud_campus, or leave it out."
-        )
-    return folder

@@ -9,10 +9,8 @@ and how they were chosen) and ``__init__`` with the ``PAPER``.
 import dataclasses
 import importlib
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from jaxpf.contract.errors import InputError
 from jaxpf.files.tables import Table
 from jaxpf.papers.judging.claims import Quantity, judge_all, read_rows
 from jaxpf.papers.judging.comparison_table import Comparison
@@ -34,14 +32,12 @@ class Request:
         seeds: seeds of the scenes.
         seed: the first seed.
         quick: measure much less, as a preview.
-        clips: return value of ``Paper.read``; None without real clips.
         report: receives lines of progress.
     """
 
     seeds: range
     seed: int
     quick: bool
-    clips: Any
     report: Callable[[str], None]
 
 
@@ -59,10 +55,6 @@ class Paper:
         quantities: key of a claim -> the figures that judge it.
         figures: file-name stem -> matplotlib figure.
         notes: sentences on the method and its limits.
-        read: reads the clips of a folder before the work begins, ``read(data, quick)``; None if
-            the paper needs none.
-        without_clips: a note for a run without clips.
-        with_clips: a note for a run with clips.
         quick_scenes: number of scenes in the quick version.
     """
 
@@ -74,9 +66,6 @@ class Paper:
     quantities: Callable[[Any], Mapping[str, Sequence[Quantity]]]
     figures: Callable[[Any], Mapping[str, Any]]
     notes: Sequence[str]
-    read: Callable[[Path, bool], Any] | None = None
-    without_clips: str = ""
-    with_clips: str = ""
     quick_scenes: int = 2
 
     def request(
@@ -84,37 +73,30 @@ class Paper:
         scenes: int | None = None,
         seed: int = 0,
         quick: bool = False,
-        data: Path | None = None,
         report: Callable[[str], None] = print,
     ) -> Request:
-        """Read the clips and choose the number of scenes before the work begins.
+        """Choose the number of scenes.
 
         Args:
             scenes: number of scenes; default the planned number, or ``quick_scenes``.
             seed: seed of the first scene.
             quick: a much smaller version, as a preview.
-            data: a folder with real clips.
             report: receives lines of progress.
-
-        Raises:
-            InputError: a clip is missing.
         """
         if scenes is None:
             scenes = self.quick_scenes if quick else self.scenes
-        clips = None if data is None or self.read is None else self.read(data, quick)
-        return Request(range(seed, seed + scenes), seed, quick, clips, report)
+        return Request(range(seed, seed + scenes), seed, quick, report)
 
     def compare(self, request: Request) -> Comparison:
         """Run the measurements and compare them with the published figures."""
         measured = self.measure(request)
-        about_clips = self.without_clips if request.clips is None else self.with_clips
         return Comparison(
             paper=self.name,
             title=self.title,
             tables=[*self.tables(measured), *settings_tables(self.name)],
             claims=judge_all(self.name, self.quantities(measured)),
             figures=self.figures(measured),
-            notes=[*self.notes, *filter(None, [about_clips])],
+            notes=self.notes,
         )
 
     def run(self, **asked: Any) -> Comparison:
@@ -129,18 +111,3 @@ def settings_tables(paper: str) -> list[Table]:
     title = "Settings that the paper leaves open, chosen on scenes that no report uses"
     columns = ["setting", "value", "how it was chosen"]
     return [Table("chosen_settings", title, columns, rows)] if rows else []
-
-
-def clip_folder(data: Path, name: str, needed: str = ".") -> Path:
-    """The folder of a clip: ``data`` itself, or its subfolder ``name``.
-
-    Raises:
-        InputError: it does not exist, or lacks the file ``needed``.
-    """
-    folder = data if data.name == name else data / name
-    if not (folder.is_dir() and (folder / needed).exists()):
-        what = name if needed == "." else f"{name} with {needed}"
-        raise InputError(
-            f"the folder '{data}' holds no {what}; name one that does, or leave out --data."
-        )
-    return folder

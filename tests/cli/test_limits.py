@@ -118,7 +118,7 @@ def test_a_users_function_that_fails_is_told_by_file_and_line(tmp_path, kind):
         ("example", "boxes", ""),
         ("export", "", "mot", "a.txt"),
         ("contour", "learn", ""),
-        ("reproduce", "rowe2005", "--data", ""),
+        ("reproduce", "rowe2005", "-o", ""),
         ("demo", "-o", ""),
         ("evaluate", "", "--dry-run"),
         ("tune", ""),

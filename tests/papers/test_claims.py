@@ -129,14 +129,6 @@ def test_a_judged_claim_shows_its_figures_and_their_span():
     )
 
 
-def test_a_chosen_figure_gets_a_wider_interval():
-    rates = np.random.default_rng(0).random((2, 40))
-    plain = gap_of(*rates[:, :, None])
-    chosen = gap_of(*rates[:, :, None], chosen_among=20)
-    assert chosen.at(0.95) == plain.at(1 - 0.05 / 20)
-    assert chosen.at(0.95)[0] < plain.at(0.95)[0]
-
-
 def test_figures_are_those_of_scene_intervals():
     rng = np.random.default_rng(0)
     values, trials = rng.exponential(size=30), rng.random((30, 4)) < 0.7
@@ -148,12 +140,6 @@ def test_figures_are_those_of_scene_intervals():
     gap = gap_of(trials[:, :1], trials[:, 1:2])
     np.testing.assert_allclose(gap.measured(), 100 * np.array(found)[[0, 2, 3]])
     assert rate_of([1.0] * 20).measured().high == 100
-
-
-def test_on_one_clip_the_runs_are_the_units():
-    trials = np.random.default_rng(0).random((1, 40)) < 0.7
-    assert share_of(trials).units == 40
-    assert share_of(trials).measured() == share_of(trials.T).measured()
 
 
 def test_a_ratio_is_the_geometric_mean():

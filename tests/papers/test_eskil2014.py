@@ -43,19 +43,6 @@ def test_noise_is_scaled_to_our_film():
     assert published.SEQUENCES["face"].scale_here == published.SEQUENCES["face"].scale
 
 
-def test_speeds_are_judged():
-    def judged(proposed, pffl, spot):
-        timings = np.array([0.98, 1.0, 1.01, 1.02])
-        rate = {methods.PROPOSED: proposed * timings, methods.PFFL: pffl + 0 * timings}
-        rates = {"platty": rate | {methods.SPOT: spot * timings[::-1]}}
-        return list(verdicts(claims.of_speed(rates)).values())
-
-    assert judged(100.0, 110.0, 2.0) == [SUPPORTED, SUPPORTED]
-    assert judged(60.0, 110.0, 80.0) == [CONTRADICTED, CONTRADICTED]
-    # A little faster is not considerably faster.
-    assert judged(100.0, 110.0, 80.0) == [SUPPORTED, CONTRADICTED]
-
-
 def test_a_lost_run_does_not_hide_among_the_others():
     errors = np.full((3, 5, 40, 3), 0.1) + 1e-3 * np.random.default_rng(0).random((3, 5, 40, 3))
     errors[:, 0, -5:] = 1.5  # its mean with the other four is .38, above .25

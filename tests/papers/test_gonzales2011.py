@@ -125,7 +125,7 @@ def test_claims_follow_what_was_measured():
         ("relative", "combinatorial", CONTRADICTED),
     ):
         found = verdicts(claims.of_curves(outcomes, dynamics, swap))
-        assert len(found) == 10
+        assert len(found) == 5
         for key, verdict in found.items():
             # No gain is not a considerable one, but may be a small one.
             without = CONTRADICTED if "erratic" in key else OPEN
@@ -138,8 +138,8 @@ def test_one_bad_cell_contradicts_its_claim_alone():
     outcomes = everything(fake_outcome({"SPS sorted": 8.0}, num_scenes=25))
     outcomes["smooth", 7, 40] = fake_outcome({"SPS sorted": -8.0}, num_scenes=25)
     found = verdicts(claims.of_curves(outcomes, "absolute", "sorted"))
-    assert [key for key, verdict in found.items() if verdict == CONTRADICTED] == ["error_40"]
-    assert claims.of_curves({}, "absolute", "sorted")["error_40"] == []
+    assert [key for key, verdict in found.items() if verdict == CONTRADICTED] == ["error"]
+    assert claims.of_curves({}, "absolute", "sorted")["error"] == []
 
 
 def test_gains_are_per_cent_of_ps_sequence_by_sequence():
@@ -181,48 +181,6 @@ def test_times_stand_beside_the_published_ones():
     assert label == "3 parts, SPS sorted / PS"
     np.testing.assert_allclose(cells[0].published, 0.56 / 0.54)
     np.testing.assert_allclose(cells[0].measured.value, 1.3, rtol=1e-6)
-    found = verdicts(claims.of_times(fake_times()))
-    assert found == {"time_sorted": CONTRADICTED, "time_combinatorial": SUPPORTED}
-    pairs = [zip(rows["PS"], rows["SPS"], strict=True) for rows in published.TABLE_1.values()]
-    within = sum(sps <= 1.04 * ps for pair in pairs for ps, sps in pair)
-    assert judge_all("gonzales2011", claims.of_times(fake_times()))[0].claim.published == (
-        f"{within} of 35 cells"
-    )
-
-
-def test_figure_8_is_judged_at_equal_time_too():
-    """SPS takes twice PS's time: with half as many particles it makes the errors of the half."""
-
-    def outcome(number):
-        rng = np.random.default_rng(number)
-        # PS and the sorted SPS make an error of 100 / N, the combinatorial one of a quarter.
-        size = {"SPS combinatorial": 25.0}
-        noise = 1 + 0.001 * rng.normal(size=(4, 1, 1))
-        values = {
-            (d, m): size.get(m, 100.0) / number * noise * np.ones((4, RUNS_PER_SCENE, 9))
-            for d, m in KINDS
-        }
-        return Outcome(error=values, variance=values)
-
-    outcomes = {("smooth", 7, n): outcome(n) for n in published.FIGURE_8_PARTICLES}
-    seconds = {
-        (7, n): {m: np.full(3, n * (1.0 if m == "PS" else 2.0)) for m in times.METHODS}
-        for n in published.TABLE_1_PARTICLES
-    }
-    for method, expected in (("SPS sorted", -100), ("SPS combinatorial", 50)):
-        found = claims.at_equal_time(outcomes, seconds, "absolute", method, 7)
-        # Of N = 10 nothing is known: SPS would have 5, which was not timed.
-        assert [part.what for part in found] == [
-            "7 parts, N = 20, of SPS 10",
-            "7 parts, N = 40, of SPS 20",
-        ]
-        np.testing.assert_allclose([part.value for part in found], expected, rtol=0.01)
-    # Between two numbers: 30 of PS take the time of 15 of SPS.
-    slower = seconds | {(7, 40): {m: np.full(3, 40 if m == "PS" else 60.0) for m in times.METHODS}}
-    _, forty = claims.at_equal_time(outcomes, slower, "absolute", "SPS combinatorial", 7)
-    share = np.log(40 / 40) / np.log(60 / 40)
-    assert forty.what == f"7 parts, N = 40, of SPS {20 ** (1 - share) * 40**share:.0f}"
-    assert claims.at_equal_time(outcomes, {}, "absolute", "SPS sorted", 7) == []
 
 
 def test_methods_are_timed_in_turn_for_every_cell(monkeypatch):

@@ -163,12 +163,3 @@ def test_papers_look_alike(name):
         assert importlib.import_module(f"jaxpf.papers.{name}.{file}").__doc__
     assert found.scenes >= 25
     assert reproduce.PAPERS == PAPERS
-
-
-@pytest.mark.parametrize("name", ["smith2004", "maccormick1999"])
-def test_a_mistake_leaves_no_folder(name, tmp_path):
-    folder = tmp_path / "out"
-    result = jaxpf("reproduce", name, "--data", str(tmp_path), "-o", str(folder))
-    assert result.code == 2
-    assert "name one that does, or leave out --data" in result.err
-    assert not folder.exists()

@@ -1,5 +1,7 @@
 """The stored verdicts: whole, honest about what they leave open, and short."""
 
+from pathlib import Path
+
 import pytest
 from command_line import jaxpf
 
@@ -93,6 +95,12 @@ def test_all_papers_fit_on_two_screens():
         assert verdicts.summary(paper, verdicts.stored(paper)) in lines
 
 
+def test_the_readme_quotes_the_first_lines():
+    readme = (Path(__file__).parents[2] / "README.md").read_text()
+    quoted = readme.split("prints stored results:\n\n```\n")[1].split("\n```")[0]
+    assert quoted.splitlines() == [verdicts.summary(each, verdicts.stored(each)) for each in PAPERS]
+
+
 def test_details_print_the_sentence_and_the_other_claims():
     plain, detailed = jaxpf("verdicts", "rowe2005"), jaxpf("verdicts", "rowe2005", "--details")
     assert detailed.code == 0, detailed.err
@@ -111,8 +119,8 @@ def test_an_unknown_paper_is_refused():
 
 def test_the_origin_is_that_of_most_rows():
     own = verdicts.of_group(verdicts.stored("rowe2005"), "paper")[:3]
-    dated = [each._replace(units="50 scenes", level="95", rule="") for each in own]
+    dated = [each._replace(units="50 scenes", level="95") for each in own]
     assert verdicts.origin(dated) == "50 scenes, 95 % intervals"
-    other = dated[0]._replace(level="99", rule="an earlier rule")
+    other = dated[0]._replace(level="99")
     assert verdicts.origin([*dated, other]) == "50 scenes, 95 % intervals; 1 row otherwise"
     assert verdicts.origin([dated[0]._replace(units="computed")]) == "computed"

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.measures import points as measures
-from jaxpf.papers.eskil2014 import methods, published, speed
+from jaxpf.papers.eskil2014 import methods, published
 from jaxpf.papers.eskil2014.measure import Measurement
 from jaxpf.papers.eskil2014.scenes import Outcome
 from jaxpf.papers.eskil2014.tables import NEAR, by_scene, found_again, kept
@@ -20,7 +20,7 @@ _OPEN = range(5, 11)
 
 def quantities(measured: Measurement) -> Quantities:
     """Key of a claim -> its figures; sequences that were not run are omitted."""
-    return {**of_scenes(measured.outcomes), **of_speed(measured.rates)}
+    return of_scenes(measured.outcomes)
 
 
 def of_scenes(outcomes: Mapping[str, Outcome]) -> Quantities:
@@ -30,19 +30,6 @@ def of_scenes(outcomes: Mapping[str, Outcome]) -> Quantities:
         if scene in outcomes:
             figures |= measure(outcomes[scene])
     return {key: [figure] for key, figure in figures.items()}
-
-
-def of_speed(rates: speed.Rates) -> Quantities:
-    """Ratios of frames per second; intervals are over the timings."""
-
-    def ratios(other: str) -> list[Quantity]:
-        return [
-            mean_of(rate[methods.PROPOSED] / rate[other], name)
-            for name, rate in rates.items()
-            if other in rate
-        ]
-
-    return {"pffl_speed": ratios(methods.PFFL), "spot_speed": ratios(methods.SPOT)}
 
 
 def _errors(outcome: Outcome, method: str, frames: slice = slice(None)) -> np.ndarray:

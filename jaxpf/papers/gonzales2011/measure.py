@@ -17,12 +17,10 @@ class Measurement(NamedTuple):
     Attributes:
         outcomes: results of every cell of figures 8 to 11.
         times: times of table 1.
-        others: times for the numbers of particles in figure 8 that table 1 lacks.
     """
 
     outcomes: Outcomes
     times: times.Times
-    others: times.Times
 
 
 def measure(request: Request) -> Measurement:
@@ -39,13 +37,7 @@ def measure(request: Request) -> Measurement:
         repeats=repeats,
         report=report,
     )
-    if quick:
-        return Measurement(outcomes, timed, {})
-    lacking = sorted({*published.FIGURE_8_PARTICLES} - {*published.TABLE_1_PARTICLES})
-    report(f"At equal time: the time of N = {', '.join(map(str, lacking))}")
-    parts = published.FIGURE_8_PARTS
-    others = times.measure_times(parts, lacking, repeats=repeats, report=report)
-    return Measurement(outcomes, timed, others)
+    return Measurement(outcomes, timed)
 
 
 def _cells(quick: bool) -> list[Cell]:

@@ -21,11 +21,6 @@ from jaxpf.parts.models import parts_model
 from jaxpf.running.blocks import WIDE, monte_carlo
 
 METHODS = ("PS", "SPS sorted", "SPS combinatorial")
-#: "SPS is usually not more than 4% slower than PS".
-AT_MOST = 1.04
-#: Parts and particles of table 1's largest cell, and our target there in nanoseconds per particle,
-#: part and frame (the published time is 41 000).
-LARGEST, GOAL = (11, 200), 700
 
 Times = dict[tuple[int, int], dict[str, np.ndarray]]
 

@@ -27,7 +27,6 @@ NOT_SEEN = "not seen"
 GROUPS: Mapping[str, str] = {
     "paper": "claims of the paper",
     "variant": "our corrected methods, and other readings of the paper",
-    "time": "times of our implementation, and methods at equal time",
     "once": "seen once in the paper, not reproducible from what it states",
     "beyond": "beyond the paper",
 }
@@ -35,8 +34,8 @@ GROUPS: Mapping[str, str] = {
 RULE = (
     "A claim is supported if the 95 % interval of every figure lies in the claimed range, "
     "contradicted if that of one (Bonferroni-corrected) lies outside by more than our margin, and "
-    "otherwise open.  The number of scenes is planned, and they are looked at once, "
-    "except where a row says otherwise.  Rows are not independent: several may share one claim."
+    "otherwise open.  The number of scenes is planned, and they are looked at once.  "
+    "Rows are not independent: several may share one claim."
 )
 #: Maximum number of scenes that a remark suggests.
 _MOST_SCENES = 100_000
@@ -58,23 +57,16 @@ class Quantity(NamedTuple):
         interval: level -> confidence interval (low, high).
         units: number of scenes, or of other units; 0 for a computed, deterministic figure.
         what: description for reports, such as "sharpness 20".
-        chosen_among: number of figures from which this one was selected by its value; the interval
-            is Bonferroni-corrected for the selection.
     """
 
     value: float
     interval: Callable[[float], tuple[float, float]]
     units: int
     what: str = ""
-    chosen_among: int = 1
-
-    def at(self, level: float) -> tuple[float, float]:
-        """The interval at a level, corrected for the selection."""
-        return self.interval(1 - (1 - level) / self.chosen_among)
 
     def measured(self, level: float = 0.95) -> Measured:
         """The figure with its interval."""
-        return Measured(self.value, *self.at(level))
+        return Measured(self.value, *self.interval(level))
 
 
 def computed(value: float, what: str = "") -> Quantity:
@@ -123,7 +115,6 @@ class Judged(NamedTuple):
         level: level of the intervals in per cent.
         units: such as "50 scenes".
         remark: for example, what would resolve the claim.
-        rule: rule that judged it.
         command: command that repeats the measurement, with scenes and seed.
         version: version of this library.
     """
@@ -135,7 +126,6 @@ class Judged(NamedTuple):
     level: str = "95"
     units: str = ""
     remark: str = ""
-    rule: str = ""
     command: str = ""
     version: str = ""
 
@@ -201,7 +191,7 @@ def _verdict(claim: Claim, figures: Sequence[Quantity], level: float) -> str:
 
 def _clearly(holds: Callable[..., bool], claim: Claim, figure: Quantity, level: float) -> bool:
     """Whether ``holds`` is true of the interval; scenes that all agree do not give certainty."""
-    low, high = figure.at(level)
+    low, high = figure.interval(level)
     return (figure.units == 0 or has_width(low, high)) and holds(claim, low, high)
 
 
@@ -249,7 +239,7 @@ def growth(claim: Claim, figures: Sequence[Quantity], level: float = 0.95) -> fl
             return math.nan
         above, below = value - claim.at_least, claim.at_most - value
         inside.append(max(_square(value - low, above), _square(high - value, below)))
-        low, high = figure.at(corrected)
+        low, high = figure.interval(corrected)
         above, below = above + claim.margin, below + claim.margin
         beyond.append(min(_square(high - value, -above), _square(value - low, -below)))
     return min(max(inside), min(beyond))

@@ -1,7 +1,4 @@
-"""Estimates with intervals over scenes: means, rates, ratios and differences.
-
-Intervals are over scenes; with a single clip they are over its runs (``trials [1, R]``).
-"""
+"""Estimates with intervals over scenes: means, rates, ratios and differences."""
 
 import math
 from typing import Any
@@ -53,25 +50,24 @@ def rate_of(rates: Any, what: str = "") -> Quantity:
 
 def share_of(trials: Any, what: str = "") -> Quantity:
     """The percentage of successful trials ``[S, trials]`` bool."""
-    return rate_of(_by_unit(trials), what)
+    return rate_of(_by_scene(trials), what)
 
 
-def gap_of(first: Any, second: Any, what: str = "", chosen_among: int = 1) -> Quantity:
+def gap_of(first: Any, second: Any, what: str = "") -> Quantity:
     """Difference of two success percentages, ``[S, trials]`` on the same scenes, in points."""
-    rates = _by_unit(first), _by_unit(second)
+    rates = _by_scene(first), _by_scene(second)
 
     def interval(level: float) -> tuple[float, float]:
         ends = paired_rates_interval(*rates, level)
         return 100 * float(ends.lower), 100 * float(ends.upper)
 
     value = 100 * float(rates[0].mean() - rates[1].mean()) if len(rates[0]) else math.nan
-    return Quantity(value, interval, max(len(rates[0]), 1), what, chosen_among)
+    return Quantity(value, interval, max(len(rates[0]), 1), what)
 
 
-def _by_unit(trials: Any) -> np.ndarray:
-    """The scenes' rates ``[S]``; for a single scene, the results of its runs."""
-    trials = np.asarray(trials, float)
-    return trials[0] if len(trials) == 1 else trials.mean(axis=1)
+def _by_scene(trials: Any) -> np.ndarray:
+    """The scenes' rates ``[S]``."""
+    return np.asarray(trials, float).mean(axis=1)
 
 
 def mean_cell(values: Any, digits: int = 0, published: float | None = None) -> Cell:

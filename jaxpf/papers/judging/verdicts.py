@@ -58,9 +58,9 @@ def summary(paper: str, judged: Sequence[Judged]) -> str:
 
 
 def origin(judged: Sequence[Judged]) -> str:
-    """The basis of most of the paper's own claims: scenes, level and rule."""
+    """The basis of most of the paper's own claims: scenes and level."""
     texts = [
-        ", ".join(filter(None, (each.units, f"{each.level} % intervals", each.rule)))
+        f"{each.units}, {each.level} % intervals"
         for each in of_group(judged, "paper")
         if each.units != "computed"
     ]
@@ -93,9 +93,9 @@ def detail(judged: Judged) -> str:
     claim, units = judged.claim, judged.units
     if units != "computed":
         units += f", {judged.level} %"
-    notes = [each[0].upper() + each[1:] for each in (judged.remark, judged.rule) if each]
+    remark = judged.remark and f".  {judged.remark[0].upper()}{judged.remark[1:]}"
     ours = f"Ours: {judged.figures} ({units})"
-    return ".  ".join([f"{claim.sentence[:-1]} ({claim.source})", ours, *notes]) + "."
+    return f"{claim.sentence[:-1]} ({claim.source}).  {ours}{remark}."
 
 
 def report(paper: str, judged: Sequence[Judged], details: bool = False) -> Iterator[str]:

@@ -13,7 +13,6 @@ from jaxpf.papers.maccormick1999.passing import (
     CONDENSATION,
     ENOUGH,
     EXCLUSIVE,
-    FAILING,
     INDEPENDENT,
     NAIVE,
     OCCLUSION,
@@ -29,11 +28,14 @@ Quantities = dict[str, Quantity]
 
 def quantities(measured: Measurement) -> dict[str, list[Quantity]]:
     """Key of a claim -> its figures; methods that were not run are omitted."""
-    figures = {"line": of_line(), "toy": of_toy(measured.toy)}
-    for meeting in measured.meetings:
-        figures |= of_meeting(meeting)
-    figures |= of_leaves(measured.leaves) | of_walkers(measured.walkers)
-    figures["leaves_ess"] = of_figure_11(measured.figure_11)
+    figures = {
+        "line": of_line(),
+        "toy": of_toy(measured.toy),
+        **of_wires(measured.wires),
+        **of_leaves(measured.leaves),
+        **of_walkers(measured.walkers),
+        "leaves_ess": of_figure_11(measured.figure_11),
+    }
     return {key: [figure] for key, figure in figures.items()}
 
 
@@ -49,30 +51,24 @@ def of_toy(steps: Mapping[str, Sequence[toy.Step]]) -> Quantity:
     return ratio_of(branched, conventional)
 
 
-def of_meeting(meeting: Passing) -> Quantities:
+def of_wires(wires: Passing) -> Quantities:
     """Figure 4: exclusion keeps the targets apart; without it they coalesce."""
-    name = meeting.name
-    figures = {
-        f"{name}_kept": share_of(meeting.kept(EXCLUSIVE)),
-        f"{name}_fewer_kept": _gap(meeting.kept(EXCLUSIVE), meeting.kept(NAIVE)),
-        f"{name}_coalesce": _gap(meeting.coalesced(NAIVE), meeting.coalesced(EXCLUSIVE)),
+    naive, exclusive = (each + CONDENSATION for each in (NAIVE, EXCLUSIVE))
+    return {
+        "wires_condensation_kept": share_of(wires.kept(exclusive)),
+        "wires_printed": share_of(wires.kept(EXCLUSIVE + PRINTED + CONDENSATION)),
+        "wires_condensation": _gap(wires.coalesced(naive), wires.coalesced(exclusive)),
+        "wires_kept": share_of(wires.kept(EXCLUSIVE)),
+        "wires_fewer_kept": _gap(wires.kept(EXCLUSIVE), wires.kept(NAIVE)),
+        "wires_coalesce": _gap(wires.coalesced(NAIVE), wires.coalesced(EXCLUSIVE)),
     }
-    if NAIVE + CONDENSATION in meeting.methods:
-        naive, exclusive = (each + CONDENSATION for each in (NAIVE, EXCLUSIVE))
-        figures |= {
-            f"{name}_condensation_kept": share_of(meeting.kept(exclusive)),
-            f"{name}_condensation": _gap(meeting.coalesced(naive), meeting.coalesced(exclusive)),
-            f"{name}_printed": share_of(meeting.kept(EXCLUSIVE + PRINTED + CONDENSATION)),
-        }
-    return figures
 
 
 def of_leaves(passing: Passing) -> Quantities:
-    """Figures 7 and 12."""
+    """Figure 7, and the same by ordinary Condensation."""
     figures = {
         "leaves_kept": share_of(passing.kept(PARTITIONED)),
         "leaves_labels": rate_of_labels(passing, PARTITIONED),
-        "leaves_fewer_particles": _gap(passing.kept(PARTITIONED), passing.kept(FAILING)),
     }
     if PARTITIONED + PUBLISHED_FLIP in passing.methods:
         figures["leaves_labels_flip"] = rate_of_labels(passing, PARTITIONED + PUBLISHED_FLIP)
@@ -92,18 +88,13 @@ def of_figure_11(passing: Passing) -> Quantity:
 def of_walkers(passing: Passing) -> Quantities:
     """Figures 1 and 6."""
     figures = {
-        "walkers_kept": share_of(passing.kept(OCCLUSION)),
-        "walkers_more_kept": _gap(passing.kept(OCCLUSION), passing.kept(INDEPENDENT)),
         "walkers_coalesce": _gap(passing.coalesced(INDEPENDENT), passing.coalesced(OCCLUSION)),
-        "walkers_labels": rate_of_labels(passing, OCCLUSION),
+        "walkers_condensation": share_of(passing.kept(OCCLUSION)),
+        "walkers_widen": ratio_of(passing.widening(OCCLUSION), 1.0),
+        "walkers_narrow": ratio_of(passing.narrowing(OCCLUSION), 1.0),
     }
-    if (condensation := OCCLUSION + CONDENSATION) in passing.methods:
-        figures |= {
-            "walkers_condensation": share_of(passing.kept(condensation)),
-            "walkers_printed": share_of(passing.kept(OCCLUSION + PRINTED + CONDENSATION)),
-            "walkers_widen": ratio_of(passing.widening(condensation), 1.0),
-            "walkers_narrow": ratio_of(passing.narrowing(condensation), 1.0),
-        }
+    if (printed := OCCLUSION + PRINTED) in passing.methods:
+        figures["walkers_printed"] = share_of(passing.kept(printed))
     return figures
 
 

@@ -6,13 +6,12 @@ from typing import Any
 import numpy as np
 
 from jaxpf.media import plotting
-from jaxpf.papers.judging.estimates import mean_of, share_of
+from jaxpf.papers.judging.estimates import mean_of
 from jaxpf.papers.maccormick1999 import toy
 from jaxpf.papers.maccormick1999.measure import Measurement
 from jaxpf.papers.maccormick1999.one_line import likelihood
-from jaxpf.papers.maccormick1999.passing import AS_MANY, ENOUGH, FAILING, PARTITIONED, Passing
+from jaxpf.papers.maccormick1999.passing import AS_MANY, ENOUGH, PARTITIONED, Passing
 from jaxpf.papers.maccormick1999.published import FEATURES
-from jaxpf.papers.maccormick1999.tracking import REDRAWN
 
 
 def figures(measured: Measurement) -> dict[str, Any]:
@@ -21,9 +20,8 @@ def figures(measured: Measurement) -> dict[str, Any]:
         "figure_3": line_figure(),
         "figures_9_10": toy_figure(measured.toy),
         "figure_11": ess_figure(measured.figure_11),
-        "figure_12": success_figure(measured.figure_11),
-        **{f"figure_4_{meeting.name}": meeting_figure(meeting) for meeting in measured.meetings},
-        "figure_7": passing_figure(measured.leaves, (PARTITIONED, AS_MANY, FAILING, ENOUGH)),
+        "figure_4": meeting_figure(measured.wires),
+        "figure_7": passing_figure(measured.leaves, (PARTITIONED, AS_MANY, ENOUGH)),
         "figures_1_6": passing_figure(measured.walkers),
     }
 
@@ -85,49 +83,18 @@ def ess_figure(leaves: Passing) -> Any:
     return drawing
 
 
-def success_figure(leaves: Passing) -> Any:
-    """Share of sequences on which both targets are kept, over N, with 95 % intervals."""
-    drawing, axes = plotting.new_figure(1, 1, figsize=(8, 4.6))
-    (axis,) = axes[0]
-    ways = ("ps", "PS"), ("sir", "SIR, ordinary Condensation")
-    for (ordering, label), colour in zip(ways, plotting.colours(2), strict=True):
-        names = [
-            name
-            for name, method in leaves.methods.items()
-            if (method.ordering, method.flip) == (ordering, REDRAWN)
-        ]
-        names.sort(key=lambda name: leaves.methods[name].num_particles)
-        numbers = [leaves.methods[name].num_particles for name in names]
-        rates = [share_of(leaves.kept(name)).measured() for name in names]
-        values, lows, highs = np.array(rates).T
-        reach = np.maximum([values - lows, highs - values], 0)
-        axis.errorbar(numbers, values, reach, color=colour, marker="o", capsize=3, label=label)
-        for name, number, value in zip(names, numbers, values, strict=True):
-            axis.annotate(
-                str(len(leaves.outcomes[name])), (number, value), (5, 5), fontsize=8,
-                textcoords="offset points", color=colour,
-            )  # fmt: skip
-    axis.set(xscale="log", xlabel="particles", ylabel="both leaves kept (%)", ylim=(0, 105))
-    axis.legend(loc="lower right")
-    drawing.suptitle(
-        "Figure 12 as a curve, on leaves: small numbers are those of the sequences", fontsize=10
-    )
-    return drawing
-
-
 def _sequences(passing: Passing, method: str) -> str:
     return f"{len(passing.outcomes[method])} sequence(s)"
 
 
-def meeting_figure(meeting: Passing, num_runs: int = 5) -> Any:
-    """Three frames of the first case with the contours of several runs, for each likelihood."""
+def meeting_figure(meeting: Passing) -> Any:
+    """Three frames of the first sequence with the contours of each likelihood."""
     times = [round(time) for time in np.linspace(0, len(meeting.cases[0].frames) - 1, 3)]
-    title = f"Figure 4 repeated on {meeting.name}: {num_runs} runs, A and B by colour"
-    return _frames_figure(meeting, times, title, 3.2 * len(meeting.methods), num_runs)
+    return _frames_figure(meeting, times, "Figure 4 repeated: A and B by colour")
 
 
-def passing_figure(passing: Passing, methods: Sequence[str] = (), num_runs: int = 5) -> Any:
-    """The first sequence before, during and after the occlusion, with contours of several runs.
+def passing_figure(passing: Passing, methods: Sequence[str] = ()) -> Any:
+    """The first sequence before, during and after the occlusion, with the estimated contours.
 
     Shows all methods, or the named ones that were measured.
     """
@@ -136,18 +103,14 @@ def passing_figure(passing: Passing, methods: Sequence[str] = (), num_runs: int 
     if methods:
         kept = {name: passing.methods[name] for name in methods if name in passing.methods}
         passing = passing._replace(methods=kept)
-    runs = min(num_runs, passing.kept(next(iter(passing.methods))).shape[1])
-    title = f"{case.name}: {runs} run(s), A and B by colour"
-    return _frames_figure(passing, times, title, 3.2 * len(passing.methods), num_runs)
+    return _frames_figure(passing, times, f"{case.name}: A and B by colour")
 
 
-def _frames_figure(
-    passing: Passing, times: Sequence[int], title: str, height: float, num_runs: int
-) -> Any:
-    case = passing.cases[0]
-    drawing, axes = plotting.new_figure(len(passing.methods), len(times), figsize=(12, height))
+def _frames_figure(passing: Passing, times: Sequence[int], title: str) -> Any:
+    case, size = passing.cases[0], (12, 3.2 * len(passing.methods))
+    drawing, axes = plotting.new_figure(len(passing.methods), len(times), figsize=size)
     for row, name in zip(axes, passing.methods, strict=True):
-        outlines = passing.outcomes[name][0].outlines[:num_runs]
+        outlines = passing.outcomes[name][0].outlines
         for axis, time in zip(row, times, strict=True):
             draw_contours(axis, case.frames[time], outlines[:, time], case.space.closed)
             axis.set_title(f"{name}: frame {time}", fontsize=9)

@@ -8,9 +8,8 @@ from jaxpf.papers.maccormick1999.passing import Method, Passing
 from jaxpf.papers.maccormick1999.toy import Step
 from jaxpf.papers.paper import Request
 
-WIRE_PARTICLES, WORM_PARTICLES, WORM_RUNS = 300, 2000, 50
 #: Methods of the quick version.
-_QUICK_LEAVES = passing.PARTITIONED, passing.AS_MANY, passing.FAILING
+_QUICK_LEAVES = passing.PARTITIONED, passing.AS_MANY
 _QUICK_WALKERS = passing.OCCLUSION, passing.INDEPENDENT
 
 
@@ -19,7 +18,7 @@ class Measurement(NamedTuple):
 
     Attributes:
         toy: method -> steps of one frame.
-        meetings: drawn wires, and filmed worms if available, with and without exclusion.
+        wires: wires that meet, with and without exclusion.
         leaves: leaves that pass each other.
         walkers: walkers that pass each other.
         figure_11: leaves before they overlap, with all measurement lines independent as in the
@@ -27,7 +26,7 @@ class Measurement(NamedTuple):
     """
 
     toy: Mapping[str, Sequence[Step]]
-    meetings: Sequence[Passing]
+    wires: Passing
     leaves: Passing
     walkers: Passing
     figure_11: Passing
@@ -42,25 +41,17 @@ def measure(request: Request) -> Measurement:
     ) -> Passing:
         report(f"{name}: {len(seeds)} sequences, one run of each method")
         cases: Iterable[scenes.Case] = map(make, seeds)
-        return passing.measure(cases, seeds, methods, 1, report)
+        return passing.measure(cases, seeds, methods, report)
 
     report("Figure 3 and the toy of figures 9 and 10")
     steps = toy.steps(seed)
-    methods = passing.likelihoods(WIRE_PARTICLES, condensation=True)
-    meetings = [passed("Figure 4, wires", scenes.wires, methods)]
-    for clip in request.clips or ():
-        runs = len(seeds) if request.quick else WORM_RUNS
-        report(f"Figure 4, {clip.name}: {runs} runs of each likelihood")
-        methods = passing.likelihoods(WORM_PARTICLES)
-        worms = [scenes.worms(clip, clip.name)]
-        meetings.append(passing.measure(worms, [seed], methods, runs, report))
     of_leaves, of_walkers = passing.LEAVES, passing.WALKERS
     if request.quick:
         of_leaves = {name: of_leaves[name] for name in _QUICK_LEAVES}
         of_walkers = {name: of_walkers[name] for name in _QUICK_WALKERS}
     return Measurement(
         steps,
-        meetings,
+        passed("Figure 4, wires", scenes.wires, passing.WIRES),
         passed("Leaves", scenes.leaves, of_leaves),
         passed("Walkers", scenes.walkers, of_walkers),
         passed("Figure 11", scenes.leaves_of_figure_11, passing.FIGURE_11),

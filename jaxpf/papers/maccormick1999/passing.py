@@ -1,4 +1,4 @@
-"""Targets that meet or pass, tracked by several methods: figures 1, 4, 6, 7, 11, 12."""
+"""Targets that meet or pass, tracked by several methods: figures 1, 4, 6, 7, 11."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
@@ -22,7 +22,7 @@ class Method(NamedTuple):
 
     Attributes:
         exclusion: exclusion of its likelihood.
-        ordering: ``"ps"``, or ``"sir"`` for ordinary Condensation.
+        ordering: see ``tracker_of``.
         num_particles: N.
         one_in: tracks only the first 1 / one_in of the sequences, since slow filters take long.
         flip: see ``tracker_of``.
@@ -35,6 +35,8 @@ class Method(NamedTuple):
     flip: float = REDRAWN
 
 
+#: N of figure 4, which the paper does not give.
+WIRE_PARTICLES = 300
 EXCLUSIVE, NAIVE = "P, exclusion", "P', none"
 LIKELIHOODS = {EXCLUSIVE: "wires", NAIVE: "none"}
 #: Suffix for ordinary Condensation, as in the paper's section 3.
@@ -44,56 +46,41 @@ PRINTED = " as printed"
 #: Suffix for the paper's probability that labels change.
 PUBLISHED_FLIP = f", delta {published.DELTA:g}".replace("0.", ".")
 PARTITIONED, AS_MANY = f"PS, {published.LEAF_PARTICLES}", f"SIR, {published.LEAF_PARTICLES}"
-FAILING, ENOUGH = (
-    f"SIR, {number}"
-    for number in (published.LEAF_PARTICLES_FAILING, published.LEAF_PARTICLES_ENOUGH)
-)
+ENOUGH = f"SIR, {published.LEAF_PARTICLES_ENOUGH}"
 LEAVES = {
     PARTITIONED: Method("opaque", "ps", published.LEAF_PARTICLES),
     PARTITIONED + PUBLISHED_FLIP: Method(
         "opaque", "ps", published.LEAF_PARTICLES, 2, published.DELTA
     ),
     PARTITIONED + PRINTED: Method("opaque-literal", "ps", published.LEAF_PARTICLES),
-    "PS, 100": Method("opaque", "ps", 100, 5),
-    "PS, 300": Method("opaque", "ps", 300, 5),
-    "SIR, 100": Method("opaque", "sir", 100, 5),
-    "SIR, 300": Method("opaque", "sir", 300, 5),
     AS_MANY: Method("opaque", "sir", published.LEAF_PARTICLES, 5),
-    FAILING: Method("opaque", "sir", published.LEAF_PARTICLES_FAILING, 2),
-    ENOUGH: Method("opaque", "sir", published.LEAF_PARTICLES_ENOUGH),
+    ENOUGH: Method("opaque", "sir", published.LEAF_PARTICLES_ENOUGH, 2),
+}
+WIRES = {
+    **{name: Method(kind, "ps", WIRE_PARTICLES) for name, kind in LIKELIHOODS.items()},
+    **{
+        name + CONDENSATION: Method(kind, "sir", WIRE_PARTICLES)
+        for name, kind in LIKELIHOODS.items()
+    },
+    EXCLUSIVE + PRINTED + CONDENSATION: Method("wires-literal", "sir", WIRE_PARTICLES),
 }
 FIGURE_11 = {
     PARTITIONED: LEAVES[PARTITIONED],
     AS_MANY: LEAVES[AS_MANY]._replace(one_in=1),
 }
-OCCLUSION, INDEPENDENT = "occlusion", "independent"
+OCCLUSION, INDEPENDENT = "occlusion", "two trackers"
 WALKERS = {
-    OCCLUSION: Method("opaque", "ps", published.WALKER_PARTICLES),
-    INDEPENDENT: Method("none", "ps", published.WALKER_PARTICLES, 2),
-    OCCLUSION + CONDENSATION: Method("opaque", "sir", published.WALKER_PARTICLES),
-    OCCLUSION + PRINTED + CONDENSATION: Method(
-        "opaque-literal", "sir", published.WALKER_PARTICLES, 2
-    ),
-    INDEPENDENT + CONDENSATION: Method("none", "sir", published.WALKER_PARTICLES, 10),
+    OCCLUSION: Method("opaque", "sir", published.WALKER_PARTICLES),
+    OCCLUSION + PRINTED: Method("opaque-literal", "sir", published.WALKER_PARTICLES, 2),
+    INDEPENDENT: Method("none", "independent", published.WALKER_PARTICLES, 2),
 }
-
-
-def likelihoods(num_particles: int, condensation: bool = False) -> dict[str, Method]:
-    """Partitioned sampling with and without exclusion, optionally Condensation and as printed."""
-    methods = {name: Method(kind, "ps", num_particles) for name, kind in LIKELIHOODS.items()}
-    if condensation:
-        for name, kind in LIKELIHOODS.items():
-            methods[name + CONDENSATION] = Method(kind, "sir", num_particles)
-        printed = Method("wires-literal", "sir", num_particles)
-        methods[EXCLUSIVE + PRINTED + CONDENSATION] = printed
-    return methods
 
 
 class Passing(NamedTuple):
     """Targets that met or passed each other.
 
     Attributes:
-        cases: one or more sequences; with opaque targets only the first keeps its frames.
+        cases: one or more sequences; only the first keeps its frames.
         outcomes: method -> one outcome per case, or for the first cases only.
         methods: the methods of the outcomes.
     """
@@ -177,10 +164,9 @@ def measure(
     cases: Iterable[Case],
     seeds: Sequence[int],
     methods: Mapping[str, Method],
-    runs: int,
     report: Callable[[str], None],
 ) -> Passing:
-    """Track cases ``runs`` times by each method; a case's seed determines its runs."""
+    """Track every case once by each method; its seed determines the run."""
     kept: list[Case] = []
     # At least two, for an interval.
     least = min(len(seeds), 2)
@@ -190,12 +176,11 @@ def measure(
 
     def parts() -> Iterator[tuple[str, Measure]]:
         for case, seed, names in zip(cases, seeds, tracked, strict=True):
-            # Figures show the first case; many sequences of opaque targets would fill the memory.
-            is_shown = not kept or case.hidden is None
-            kept.append(case if is_shown else case._replace(frames=case.frames[:0]))
+            # Figures show the first case; the frames of many sequences would fill the memory.
+            kept.append(case._replace(frames=case.frames[:0]) if kept else case)
             for method in map(methods.__getitem__, names):
-                name = "-".join(map(str, (case.name, *method[:3], method.flip, seed, runs)))
-                yield name, partial(_outcome, case, method, runs, seed)
+                name = "-".join(map(str, (case.name, *method[:3], method.flip, seed)))
+                yield name, partial(_outcome, case, method, seed)
 
     measured = each(parts())
     for done, names in enumerate(tracked, start=1):
@@ -205,8 +190,8 @@ def measure(
     return Passing(kept, outcomes, methods)
 
 
-def _outcome(case: Case, method: Method, runs: int, seed: int) -> dict[str, np.ndarray]:
-    """Fields of the ``Outcome`` of a case's runs."""
+def _outcome(case: Case, method: Method, seed: int) -> dict[str, np.ndarray]:
+    """Fields of the ``Outcome`` of a run."""
     kind, ordering, particles, _, flip = method
     tracker = tracker_of(case, kind, particles, ordering, flip)
-    return track(case, tracker, runs, seed)._asdict()
+    return track(case, tracker, 1, seed)._asdict()

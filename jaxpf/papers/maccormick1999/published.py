@@ -4,12 +4,11 @@ The paper prints images and curves but no numbers.  Detection probabilities are 
 likelihood (``jaxpf.likelihoods``), dimensions of the shape spaces with the scenes.
 """
 
-#: N in figures 7 and 12: with partitioned sampling, and without it, where tracking fails and where
-#: it succeeds.
-LEAF_PARTICLES, LEAF_PARTICLES_FAILING, LEAF_PARTICLES_ENOUGH = 750, 3000, 4000
+#: N of the leaves: with partitioned sampling, and without it.
+LEAF_PARTICLES, LEAF_PARTICLES_ENOUGH = 750, 4000
 #: Probability per frame that the depth order changes while targets do not overlap.
 DELTA = 0.01
-#: N of figure 6, and our N for figure 1.
+#: N of figure 6, and ours for each tracker of figure 1.
 WALKER_PARTICLES = 2000
 #: Number of frames over which figure 11 averages.
 FIRST_FRAMES = 10

@@ -1,12 +1,11 @@
-"""Scenes to track: drawn wires, leaves and walkers, and filmed worms.
+"""Scenes to track: drawn wires, leaves and walkers.
 
-Every case learns its shape space and dynamics from other seeds, or from the frames before tracking
-begins, and its clutter from the frames themselves, as the paper learns from "typical images".
+Every case learns its shape space and dynamics from other seeds, and its clutter from the frames
+themselves, as the paper learns from "typical images".
 """
 
 import functools
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,30 +16,18 @@ from jaxpf.dynamics.learned import fit
 from jaxpf.evaluation.opening import load_scene
 from jaxpf.likelihoods.contours import EdgeDetector, learn_clutter
 from jaxpf.papers.maccormick1999 import published
-from jaxpf.papers.paper import clip_folder
-from jaxpf.shapes.bending import bending_space
 from jaxpf.shapes.spaces import key_frame_space, space_of
-from jaxpf.shapes.splines import fit_spline, points_on, resampled
+from jaxpf.shapes.splines import fit_spline, resampled
 
-#: Filmed worms: the pair on which the settings below were chosen, and an unused one.
-CLIP, OTHER_CLIP = "worm_crossing", "worm_crossing_long"
-#: Number of frames from which shapes and motion are learned; tracking starts in the last one.
-LEARNED_FRAMES = 41
-#: Number of tracked frames: the worms meet, cross and separate again.
-TRACKED_FRAMES = 70
 #: See ``settings.csv`` for how the following were chosen.  Number of independent lines per
-#: measurement line: for 32 lines across a wire or leaf, and for 16 across a worm.
-_INDEPENDENCE, _INDEPENDENCE_OF_WORMS = 0.3, 0.2
+#: measurement line, for 32 lines across a wire or leaf.
+_INDEPENDENCE = 0.3
 #: Exclusion of the likelihood -> factor on the noise learned from other sequences.  Wires and
 #: leaves start without a known speed, and finding it takes more noise.
 NOISE_OF_WIRES: Mapping[str, float] = {"wires": 4.0, "none": 3.0}
 NOISE_OF_LEAVES: Mapping[str, float] = {"opaque": 3.0}
-NOISE_OF_WORMS: Mapping[str, float] = {"wires": 3.0, "none": 4.0}
 #: Noise of a walker's shape per frame, in standard deviations of the examples.
 _SHAPE_NOISE = 0.2
-#: Share of motion and bending that a worm keeps from frame to frame, and the number of frames over
-#: which its jittering annotations are smoothed before the residual is learned as noise.
-_MOMENTUM_OF_WORMS, _SMOOTHED_OVER = 0.9, 9
 #: Number of points at which outlines are compared.
 _POINTS = 32
 _SEED_TO_LEARN_FROM = 10_000
@@ -126,69 +113,6 @@ def walkers(seed: int, num_frames: int = 60) -> Case:
     scale = np.concatenate([1.5 * speed, _SHAPE_NOISE * shapes])
     options = {"detector": detector, "num_lines": 40}
     return _case("walkers", scene, space, RandomWalk(scale=scale), options, on_target=10.0)
-
-
-def worms(data: Path, clip: str = CLIP) -> Case:
-    """Two filmed worms that cross, modelled as wires with both edges visible.
-
-    Shapes, motion and clutter are learned from the first frames.  A worm bends to either side in
-    any orientation, and keeps its length.
-
-    Raises:
-        InputError: the clip is missing.
-    """
-    return _case_of_worms(clip, *_read_worms(data, clip, LEARNED_FRAMES + TRACKED_FRAMES))
-
-
-def _read_worms(data: Path, clip: str, num_frames: int) -> tuple[np.ndarray, np.ndarray]:
-    """A clip's first frames ``[T, H, W, 3]``, and the worms' centrelines ``[T, 2, S, 2]``.
-
-    Raises:
-        InputError: the clip is missing.
-    """
-    import csv
-
-    folder = clip_folder(data, clip, needed="centrelines.csv")
-    frames = load_scene(str(folder), start_frame=0, num_frames=num_frames).frames
-    lines = np.full((len(frames), 2, 18, 2), np.nan)
-    with (folder / "centrelines.csv").open(newline="", encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            if int(row["frame"]) < len(frames):
-                place = int(row["frame"]), int(row["id"]), int(row["k"])
-                lines[place] = float(row["x"]), float(row["y"])
-    return frames, lines
-
-
-def _case_of_worms(name: str, frames: np.ndarray, lines: np.ndarray) -> Case:
-    from scipy.signal import savgol_filter
-
-    num_points = 12
-    control = np.array(
-        [[fit_spline(line, num_points, closed=False) for line in pair] for pair in lines]
-    )
-    learned = control[:LEARNED_FRAMES]
-    space = bending_space(learned.reshape(-1, num_points, 2), 8)
-    tracks = space.project(control)
-    smooth = savgol_filter(tracks[:LEARNED_FRAMES], _SMOOTHED_OVER, 2, axis=0)
-    detector = EdgeDetector(threshold=5.0, length=41, smoothing=2.5)
-    return Case(
-        name=name,
-        frames=frames[LEARNED_FRAMES:],
-        truth=points_on(control[LEARNED_FRAMES:], _POINTS, closed=False),
-        start=tracks[LEARNED_FRAMES - 1].astype(np.float32),
-        space=space,
-        dynamics=fit(smooth, 2, pooled=True, momentum=_MOMENTUM_OF_WORMS),
-        options={
-            "detector": detector,
-            "width": 15.0,
-            "sigma": 3.0,
-            "num_lines": 16,
-            "independence": _INDEPENDENCE_OF_WORMS,
-            "clutter": learn_clutter(frames[:LEARNED_FRAMES:4], detector),
-        },
-        on_target=12.0,
-        noise=NOISE_OF_WORMS,
-    )
 
 
 def distances(case: Case, outlines: Any) -> np.ndarray:

@@ -9,13 +9,13 @@ from jaxpf.papers.judging.comparison_table import Cell
 from jaxpf.papers.judging.estimates import mean_cell, ratio_of, share_cell
 from jaxpf.papers.maccormick1999 import published
 from jaxpf.papers.maccormick1999.measure import Measurement
-from jaxpf.papers.maccormick1999.passing import EXCLUSIVE, MUCH_HIDDEN, Passing
+from jaxpf.papers.maccormick1999.passing import MUCH_HIDDEN, WIRE_PARTICLES, Passing
 
 
 def tables(measured: Measurement) -> list[Table]:
     """All tables, in display order."""
     return [
-        *map(meeting_table, measured.meetings),
+        meeting_table(measured.wires),
         passing_table(measured.leaves),
         passing_table(measured.walkers),
         ess_table(measured.figure_11),
@@ -29,12 +29,10 @@ def rate_of_labels(passing: Passing, method: str) -> Quantity:
 
 def meeting_table(meeting: Passing) -> Table:
     """Final positions of the contours of look-alikes."""
-    cases, runs = meeting.kept(EXCLUSIVE).shape
-    particles = meeting.methods[EXCLUSIVE].num_particles
     return Table(
         f"figure_4_{meeting.name}",
-        f"Figure 4 on {meeting.name}: {cases} sequence(s), {runs} runs each, "
-        f"{particles} particles (%)",
+        f"Figure 4: {len(meeting.cases)} sequences of {meeting.name}, one run on each, "
+        f"{WIRE_PARTICLES} particles (%)",
         ["likelihood", "both on their own", "both on one", "exchanged"],
         [
             (
@@ -92,7 +90,8 @@ def passing_table(passing: Passing) -> Table:
         f"Labels are judged in the frames in which more than {100 * MUCH_HIDDEN:g} % of the "
         "farther outline is hidden.  Widening is the spread of the hidden contour at the height "
         "of the occlusion over that just before, narrowing that some frames after over that at the "
-        "height; both are of runs that keep both.  SIR is ordinary Condensation.",
+        "height; both are of runs that keep both.  SIR, and all of walkers, is ordinary "
+        "Condensation.",
     )
 
 

@@ -55,8 +55,10 @@ def tracker_of(
         case: the case.
         exclusion: see ``jaxpf.likelihoods.contours``; ``"none"`` is the paper's control.
         num_particles: N.
-        method: ``"ps"``, or ``"sir"`` for the unpartitioned filter.  With opaque targets, particles
-            of ``"ps"`` place the target first that their label puts in front (figure 8).
+        method: ``"ps"``; ``"sir"`` for the unpartitioned filter, ordinary Condensation;
+            ``"independent"`` for one Condensation tracker of N particles for each target.  With
+            opaque targets, particles of ``"ps"`` place the target first that their label puts in
+            front (figure 8).
         flip: for opaque targets, probability per frame that their depth order changes while they do
             not overlap.
     """
@@ -65,7 +67,12 @@ def tracker_of(
     if (rule := exclusion.removesuffix("-literal")) in case.noise:
         noise = case.noise[rule] * np.asarray(dynamics.noise)
         dynamics = dataclasses.replace(dynamics, noise=noise)
-    ordering = orderings.ps([0, 1]) if method == "ps" else orderings.sir(2)
+    ordering = {
+        "ps": orderings.ps([0, 1]),
+        "sir": orderings.sir(2),
+        # All pairings of the two targets' particles: each target is resampled by its own weights.
+        "independent": orderings.sps(num_partitions=2),
+    }[method]
     if rule == "opaque":
         dynamics, label = WithOcclusion(dynamics, likelihood, flip), np.full(2, 0.5, np.float32)
         if method == "ps":

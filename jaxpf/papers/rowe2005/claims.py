@@ -32,7 +32,6 @@ def of_scenes(outcome: Outcome, crossing: Outcome) -> dict[str, list[Quantity]]:
         "starves": share_of(starved["without eq. 4"]),
         "half": share_of((low <= shares) & (shares <= high)),
         "never_starves": share_of(starved["both"]),
-        "starves_less": gap_of(starved["without eq. 4"], starved["both"]),
         "error": less(tables.tracked_error),
         "lost_less": fewer_lost("neither"),
         "never_lost": share_of(tables.lost(outcome, "both")),

@@ -3,17 +3,14 @@
 Methods are compared scene by scene, on common scenes and seeds.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from jaxpf.papers.judging.claims import Quantity
 from jaxpf.papers.judging.estimates import gap_of, mean_of
-from jaxpf.papers.smith2004 import costs
-from jaxpf.papers.smith2004.conditions import ENDINGS, Condition
 from jaxpf.papers.smith2004.measure import Measurement
-from jaxpf.papers.smith2004.occlusions import Tracked
 from jaxpf.papers.smith2004.orders import best_and_worst
 from jaxpf.papers.smith2004.published import BEST_ORDER_RECOVERY, SHARPNESS
 from jaxpf.papers.smith2004.scenes import NUM_OBJECTS, Outcome
@@ -23,11 +20,7 @@ Quantities = dict[str, list[Quantity]]
 
 def quantities(measured: Measurement) -> Quantities:
     """Key of a claim -> its figures."""
-    return {
-        **of_scenes(measured.outcome),
-        **of_occlusions(measured.tracked),
-        **at_equal_time(measured.costs, measured.conditions),
-    }
+    return of_scenes(measured.outcome)
 
 
 def of_scenes(outcome: Outcome) -> Quantities:
@@ -47,8 +40,10 @@ def of_scenes(outcome: Outcome) -> Quantities:
         "dps_recovers_each": _rates(outcome, recovered, "DPS", "PS"),
         "dps_recovers": [gap_of(dps, ps)],
         "orders": _orders(outcome),
-        "dps_precision": [mean_of(_averaged(outcome, outcome.leader_precision))],
-        "dps_recall": [mean_of(_averaged(outcome, outcome.leader_recall))],
+        "dps_quality": [
+            mean_of(_averaged(outcome, outcome.leader_precision), "precision"),
+            mean_of(_averaged(outcome, outcome.leader_recall), "recall"),
+        ],
         **_impoverishment(outcome),
     }
 
@@ -113,57 +108,3 @@ def _impoverishment(outcome: Outcome) -> Quantities:
         "even_uniqueness": evened(uniqueness),
         "even_dynamics": evened(dynamics),
     }
-
-
-def of_occlusions(outcomes: Sequence[Tracked]) -> Quantities:
-    """Section 5.2 on the hidden objects of another clip, at the largest and at the smallest N."""
-    hidden = [outcome for outcome in outcomes if outcome.hidden]
-    if not hidden:
-        return {}
-    numbers = [outcome.particles for outcome in hidden]
-    many = [each for each in hidden if each.particles == max(numbers)]
-    few = [each for each in hidden if each.particles == min(numbers)]
-
-    def over_mean(outcome: Tracked) -> Quantity:
-        orders = np.mean(outcome.orders(), axis=0)
-        return gap_of(outcome.recovered["DPS"][None], orders[None], _object(outcome))
-
-    figures = {
-        "real_dps": [over_mean(each) for each in many],
-        "real_orders": [_best_less_worst(each) for each in many],
-        "real_every_order": [part for each in many for part in _over(each, best=True)],
-    }
-    if few != many:
-        figures["real_starved"] = [over_mean(each) for each in few]
-        figures["real_still_better"] = [part for each in few for part in _over(each, best=False)]
-    return figures
-
-
-def _object(outcome: Tracked) -> str:
-    return f"object {outcome.identity}"
-
-
-def _best_less_worst(outcome: Tracked) -> Quantity:
-    """Best minus worst order, corrected for the selection among all pairs of orders."""
-    *_, best = ordered = sorted(outcome.orders(), key=np.mean)
-    pairs = len(ordered) * (len(ordered) - 1)
-    return gap_of(best[None], ordered[0][None], _object(outcome), chosen_among=pairs)
-
-
-def _over(outcome: Tracked, best: bool) -> list[Quantity]:
-    """DPS minus PS's best or worst order, and minus the plain filter."""
-    ordered = sorted(outcome.orders(), key=np.mean)
-    what, order = ("best order", ordered[-1]) if best else ("worst order", ordered[0])
-    dps, plain = (outcome.recovered[method][None] for method in ("DPS", "Non-PS"))
-    name = _object(outcome)
-    return [
-        gap_of(dps, order[None], f"{name}, {what}", chosen_among=len(ordered)),
-        gap_of(dps, plain, f"{name}, plain filter"),
-    ]
-
-
-def at_equal_time(spent: costs.Costs, conditions: Sequence[Condition]) -> Quantities:
-    """DPS in the time of PS; the times are medians and treated as known."""
-    here = [each for each in conditions if each.ending == next(iter(ENDINGS))]
-    gap = costs.dps_over_ps(spent, here)
-    return {} if gap is None else {"equal_time": [mean_of(gap)]}

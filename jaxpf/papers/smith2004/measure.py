@@ -5,9 +5,8 @@ from typing import NamedTuple
 
 from jaxpf.papers.checkpoints import part
 from jaxpf.papers.paper import Request
-from jaxpf.papers.smith2004 import costs, occlusions, published
+from jaxpf.papers.smith2004 import costs
 from jaxpf.papers.smith2004.conditions import ENDINGS, PARTICLES, Condition, measure_conditions
-from jaxpf.papers.smith2004.occlusions import Tracked
 from jaxpf.papers.smith2004.scenes import Outcome, measure as measure_scenes
 
 _FEW, _QUICK_ENDINGS = min(PARTICLES), (next(iter(ENDINGS)), "stages counted twice")
@@ -18,13 +17,11 @@ class Measurement(NamedTuple):
 
     Attributes:
         outcome: runs on the paper's scene.
-        tracked: runs on the real clip; empty without it.
         conditions: conditions under which the order of objects may matter more.
         costs: costs of every method.
     """
 
     outcome: Outcome
-    tracked: Sequence[Tracked]
     conditions: Sequence[Condition]
     costs: costs.Costs
 
@@ -36,15 +33,10 @@ def measure(request: Request) -> Measurement:
     outcome = measure_scenes(
         seeds, progress=lambda done: report(f"  scene {done} of {len(seeds)} done")
     )
-    tracked: list[Tracked] = []
-    if request.clips is not None:
-        runs = len(seeds) if quick else max(len(seeds), published.RUNS)
-        report(f"{occlusions.CLIP}: {runs} runs of every method, N = {occlusions.PARTICLES}")
-        tracked = occlusions.measure(request.clips, runs, request.seed)
     report("Conditions under which the order may matter more")
     particles = (_FEW,) if quick else PARTICLES
     endings = _QUICK_ENDINGS if quick else tuple(ENDINGS)
     conditions = measure_conditions(seeds, particles, endings, report)
     report("Processor time of the methods")
     spent = part("costs", lambda: costs.measure(particles))
-    return Measurement(outcome, tracked, conditions, {n: spent[str(n)] for n in particles})
+    return Measurement(outcome, conditions, {n: spent[str(n)] for n in particles})

@@ -1,10 +1,7 @@
 """The figures that smith2004 publishes, as data: Smith and Gatica-Perez, BMVC 2004.
 
-All are percentages.  A table maps a measure to the methods' cells, one for each sharpness (tables 1
-and 2) or one for each measure (tables 3 and 4).
+All are percentages.  A table maps a measure to the methods' cells, one for each sharpness.
 """
-
-from typing import NamedTuple
 
 #: Lambda of the likelihood exp(-lambda d^2), the rows of tables 1 and 2.
 SHARPNESS = (20.0, 30.0, 40.0, 50.0)
@@ -61,40 +58,3 @@ BEST_ORDER_RECOVERY = {30.0: 38.0}
 #: Section 3.3: mean uniqueness, over all orders, of the object in the first stage of PS at
 #: lambda = 20.  The paper says "1.99" where its figure shows percentages of N.
 FIRST_STAGE_UNIQUENESS = 1.99
-
-
-class RealRow(NamedTuple):
-    """A row of table 3 or 4: the occluded object of a real sequence."""
-
-    success: float
-    recovery: float
-    precision: float
-    recall: float
-
-
-#: Tables 3 and 4: sequence -> method -> row.  The occluded object is number 1 in RealSeq1 and
-#: RealSeq2, number 4 in RealSeq3.
-REAL: dict[str, dict[str, RealRow]] = {
-    "RealSeq1": {
-        "Non-PS": RealRow(32, 78, 59, 98),
-        "PS 1,2,3": RealRow(18, 18, 60, 98),
-        "PS 2,3,1": RealRow(40, 96, 58, 98),
-        "PS 3,1,2": RealRow(34, 52, 62, 99),
-        "DPS": RealRow(100, 100, 62, 100),
-    },
-    "RealSeq2": {
-        "Non-PS": RealRow(10, 32, 72, 86),
-        "PS 1,2,3": RealRow(0, 8, 55, 91),
-        "PS 2,3,1": RealRow(12, 40, 72, 86),
-        "PS 3,1,2": RealRow(0, 8, 59, 91),
-        "DPS": RealRow(78, 88, 58, 98),
-    },
-    "RealSeq3": {
-        "Non-PS": RealRow(4, 8, 41, 70),
-        "PS 1,2,3,4": RealRow(26, 28, 46, 77),
-        "PS 2,3,4,1": RealRow(82, 86, 52, 87),
-        "PS 3,4,1,2": RealRow(84, 88, 51, 87),
-        "PS 4,1,2,3": RealRow(70, 72, 51, 86),
-        "DPS": RealRow(36, 38, 51, 79),
-    },
-}

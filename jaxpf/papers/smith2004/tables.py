@@ -1,4 +1,4 @@
-"""Tables 1 to 4: published and measured figures."""
+"""Tables 1 and 2: published and measured figures."""
 
 from collections.abc import Sequence
 
@@ -8,11 +8,10 @@ from jaxpf.files.tables import Rows, Table
 from jaxpf.measures.timing import median_interval
 from jaxpf.papers.judging.claims import Measured
 from jaxpf.papers.judging.comparison_table import Cell
-from jaxpf.papers.judging.estimates import mean_cell, rate_cell, share_cell
-from jaxpf.papers.smith2004 import costs, occlusions
+from jaxpf.papers.judging.estimates import mean_cell, rate_cell
+from jaxpf.papers.smith2004 import costs
 from jaxpf.papers.smith2004.conditions import Condition
 from jaxpf.papers.smith2004.measure import Measurement
-from jaxpf.papers.smith2004.occlusions import Tracked
 from jaxpf.papers.smith2004.orders import shuffled_orders
 from jaxpf.papers.smith2004.published import (
     BEST_ORDER_RECOVERY,
@@ -30,7 +29,6 @@ def tables(measured: Measurement) -> list[Table]:
         *table_1(measured.outcome),
         *table_2(measured.outcome),
         uniqueness_table(measured.outcome),
-        *occlusion_tables(measured.tracked),
         conditions_table(measured.conditions),
         cost_table(measured.costs),
     ]
@@ -204,61 +202,4 @@ def cost_table(measured: costs.Costs) -> Table:
         rows,
         f"Median and 95 % interval of {costs.REPEATS} interleaved timings of {costs.RUNS} runs "
         "together, on one device.  Where the ratio is 1, equal N is equal time.",
-    )
-
-
-def occlusion_tables(outcomes: Sequence[Tracked]) -> list[Table]:
-    """Tables like 3 and 4 for each hidden object and N, then an overview of all objects."""
-    return [
-        *(_occlusion_table(outcome) for outcome in outcomes if outcome.hidden),
-        *(
-            _overview([outcome for outcome in outcomes if outcome.particles == count])
-            for count in dict.fromkeys(outcome.particles for outcome in outcomes)
-        ),
-    ]
-
-
-def _overview(outcomes: Sequence[Tracked]) -> Table:
-    """Success of every object."""
-    rows: Rows = [
-        (
-            name,
-            [share_cell(outcome.success[name][None]) for outcome in outcomes],
-        )
-        for name in outcomes[0].success
-    ]
-    return Table(
-        f"real_{occlusions.CLIP}_n{outcomes[0].particles}",
-        f"{occlusions.CLIP}: success of all objects, {outcomes[0].particles} particles (%)",
-        [
-            "method",
-            *(
-                f"object {outcome.identity}{' (hidden)' if outcome.hidden else ''}"
-                for outcome in outcomes
-            ),
-        ],
-        rows,
-    )
-
-
-def _occlusion_table(outcome: Tracked) -> Table:
-    """One row per method."""
-    rows: Rows = [
-        (
-            name,
-            [
-                share_cell(outcome.success[name][None]),
-                share_cell(outcome.recovered[name][None]),
-                mean_cell(outcome.precision[name]),
-                mean_cell(outcome.recall[name]),
-            ],
-        )
-        for name in outcome.success
-    ]
-    return Table(
-        f"real_{occlusions.CLIP}_object_{outcome.identity}_n{outcome.particles}",
-        f"As tables 3 and 4: {occlusions.CLIP}, hidden object {outcome.identity}, "
-        f"{outcome.particles} particles (%)",
-        ["method", *occlusions.MEASURES],
-        rows,
     )

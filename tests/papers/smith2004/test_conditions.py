@@ -8,7 +8,7 @@ from smith2004_outcomes import outcome_of
 import jaxpf
 from jaxpf.dynamics import LinearGaussian
 from jaxpf.likelihoods import Gaussian
-from jaxpf.papers.smith2004 import claims, conditions, costs, tables
+from jaxpf.papers.smith2004 import conditions, costs, tables
 from jaxpf.papers.smith2004.orders import best_and_worst
 from jaxpf.papers.smith2004.scenes import METHODS, all_orderings
 
@@ -78,26 +78,6 @@ def test_orders_are_told_by_the_stage_of_object_1(monkeypatch):
     (found,) = conditions.measure_conditions([0], [300], ["as here"])
     np.testing.assert_allclose(found.by_stage.mean(axis=0), [0, 0, 0, 0, 0, 0, 100])
     assert (found.best_over_worst == 100).all()
-
-
-def test_dps_is_read_off_where_it_takes_the_time_of_ps():
-    def condition(particles, ps, dps):
-        ps, dps = np.array(ps), np.array(dps)
-        return conditions.Condition(particles, "as here", ps, ps, dps - ps, ps)
-
-    found = [condition(300, [20.0, 30], [40.0, 50]), condition(50, [5.0, 6], [10.0, 20])]
-    taken = {
-        50: {"PS": np.full(3, 1.0), "DPS": np.full(3, 2.0)},
-        300: {"PS": np.full(3, 6.0), "DPS": np.full(3, 8.0)},
-    }
-    share = np.log(6 / 2) / np.log(8 / 2)
-    expected = np.array([10.0, 20]) * (1 - share) + np.array([40.0, 50]) * share - [20, 30]
-    np.testing.assert_allclose(costs.dps_over_ps(taken, found), expected)
-    (figure,) = claims.at_equal_time(taken, found)["equal_time"]
-    np.testing.assert_allclose(figure.value, expected.mean())
-    # One N is no curve.
-    assert costs.dps_over_ps(taken, found[:1]) is None
-    assert claims.at_equal_time(taken, found[:1]) == {}
 
 
 def test_the_costs_of_all_methods_are_timed(monkeypatch):

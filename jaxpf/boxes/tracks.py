@@ -125,12 +125,12 @@ def dense(table: BoxTable, ids: Sequence[int], num_frames: int) -> np.ndarray:
     Raises:
         InputError: an id that occurs nowhere in the table.
     """
-    known = set(table.id.tolist())
+    available = set(table.id.tolist())
     for identity in ids:
-        if identity not in known:
+        if identity not in available:
             raise InputError(
                 f"id {identity} does not occur in {table.source}; its ids are "
-                f"{_listed(sorted(known))}"
+                f"{_listed(sorted(available))}"
             )
     boxes = np.full((num_frames, len(ids), 4), np.nan)
     for column, identity in enumerate(ids):

@@ -149,11 +149,11 @@ class ErrorQuantiles:
 
     def add(self, errors: np.ndarray) -> None:
         """Add ``errors [R, T, P]`` to the histogram; NaN is ignored."""
-        known = np.isfinite(errors)
-        logs = np.log(np.maximum(errors[known], self._FIRST) / self._FIRST) / self._STEP
+        finite = np.isfinite(errors)
+        logs = np.log(np.maximum(errors[finite], self._FIRST) / self._FIRST) / self._STEP
         bins = np.minimum(logs.astype(np.int64), self._BINS - 1)
         rows = np.arange(math.prod(self._shape[:2])).reshape(self._shape[:2])
-        places = np.broadcast_to(rows, errors.shape)[known] * self._BINS + bins
+        places = np.broadcast_to(rows, errors.shape)[finite] * self._BINS + bins
         np.add.at(self._counts.reshape(-1), places, 1)
 
     def quantiles(self, levels: Sequence[float]) -> np.ndarray:

@@ -67,7 +67,7 @@ class Plan:
     trackers: Mapping[str, Callable[[Any], Any]] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        known = filters.methods()
+        built_in = filters.methods()
         if self.methods is not None:
             for method in self.methods:
                 filters.filter_of(method)
@@ -95,10 +95,10 @@ class Plan:
                     f"a tracker cannot be called {name[:_LONGEST_NAME]!r}; give each a name of at "
                     f"most {_LONGEST_NAME} letters on one line."
                 )
-            if not name or name.lower() in known or names.count(name) > 1:
+            if not name or name.lower() in built_in or names.count(name) > 1:
                 raise InputError(
                     f"a tracker cannot be called {name!r}; give each a name of its own that is "
-                    f"none of {', '.join(known)}."
+                    f"none of {', '.join(built_in)}."
                 )
 
     def _keep(self, name: str, values: Iterable[Any]) -> None:

@@ -44,7 +44,7 @@ def test_an_evaluation_that_does_not_fit_is_refused_also_where_it_is_only_planne
 
 
 def test_a_demo_and_a_tuning_that_do_not_fit_are_refused(tmp_path):
-    tune = ("tune", "distracter", *SMALL, "--held-out", "1", "--train-scenes", "1")
+    tune = ("tune", "distracter", *SMALL, "--train-scenes", "1")
     for command in (("demo",), tune):
         sentence = refused(*command, "-n", "500000000", "-o", tmp_path / "o")
         assert "GB of memory, and this machine has" in sentence

@@ -279,7 +279,7 @@ def test_the_same_results_give_the_same_bytes(tmp_path):
         files = sorted(path for path in results.folder.rglob("*") if path.suffix in TEXT)
         written.append({path.name: path.read_bytes() for path in files})
     assert written[0] == written[1]
-    assert len(written[0]) == 6
+    assert len(written[0]) == 5
 
 
 TEXT = {".csv", ".md", ".tex", ".txt"}

@@ -83,17 +83,17 @@ def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
             f"the configuration '{path}' is not for {target.name}; leave '{target.name}' out "
             "before the video, or choose another configuration."
         )
-    known = {param.name: param for param in ctx.command.params if param.name != "config"}
+    accepted = {param.name: param for param in ctx.command.params if param.name != "config"}
     options = {}
     for key, value in table.items():
-        param = known.get(key.replace("-", "_"))
+        param = accepted.get(key.replace("-", "_"))
         if param is None:
             hint = getattr(ctx.command, "hint", lambda flag: "")(f"--{key.replace('_', '-')}")
             if hint:
                 raise InputError(f"the configuration '{path}' sets '{key}' in [{name}]: {hint}")
             raise InputError(
                 f"the configuration '{path}' sets '{key[:40]}' in [{name}], which is no option; "
-                f"the options are {', '.join(sorted(map(str, known)))}."
+                f"the options are {', '.join(sorted(map(str, accepted)))}."
             )
         suits, wanted = _suits(param, value)
         if not suits:

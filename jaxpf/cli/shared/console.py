@@ -72,10 +72,10 @@ def _terms(names: Iterable[str]) -> str:
     used: dict[str, str] = {}
     for name in names:
         word = name.partition(",")[0].partition(" (")[0]
-        known = (
+        terms = (
             term for term in _TERMS if word.lower().removeprefix("smith2004 ").startswith(term)
         )
-        term = next(known, None)
+        term = next(terms, None)
         if term and term not in used:
             used[term] = f"{word}: {_TERMS[term]}"
     if not used:

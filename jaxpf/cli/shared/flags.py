@@ -240,9 +240,9 @@ def filter_flags(
     for each in families:
         for name, declared in options_of(each.options).items():
             if sum(name in options_of(other.options) for other in families) > 1:
-                known = shared.setdefault(name, declared)
-                if declared.help not in known.help:
-                    shared[name] = dataclasses.replace(known, help=f"{known.help}  {declared.help}")
+                first = shared.setdefault(name, declared)
+                if declared.help not in first.help:
+                    shared[name] = dataclasses.replace(first, help=f"{first.help}  {declared.help}")
     method = shared["method"]
     shown = filters.methods() if family is None else family.methods
     names = f"{', '.join(shown)}."

@@ -72,8 +72,8 @@ def _points(
 ) -> None:
     value, lower, upper = values.T
     rows = np.arange(len(value)) + shift
-    known = np.isfinite(lower) & np.isfinite(upper)
-    axis.hlines(rows[known], lower[known], upper[known], color=colour, linewidth=1.3, zorder=2)
+    ends = np.isfinite(lower) & np.isfinite(upper)
+    axis.hlines(rows[ends], lower[ends], upper[ends], color=colour, linewidth=1.3, zorder=2)
     axis.plot(value, rows, marker, color=colour, markersize=4.2, label=name, zorder=3)
 
 

@@ -262,8 +262,8 @@ def cells_of(measure: Measure, values: np.ndarray, sign: str = "") -> list[str]:
     """
     values = values * (100 if measure.percent else 1)
     reach = (values[:, 2] - values[:, 1]) / 2
-    known = reach[np.isfinite(reach) & (reach > _ROUNDING)]
-    typical = float(np.median(known)) if len(known) else math.nan
+    widths = reach[np.isfinite(reach) & (reach > _ROUNDING)]
+    typical = float(np.median(widths)) if len(widths) else math.nan
     decimals = 1 if math.isnan(typical) else min(max(-math.floor(math.log10(typical / 3)), 0), 4)
 
     def number(value: float, sign: str = "") -> str:

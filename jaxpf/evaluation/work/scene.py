@@ -30,7 +30,7 @@ def remember_scene(scene: Any, digest: str) -> None:
 
 def remembered_scene(digest: str) -> Any:
     """The cached scene with this digest, or None."""
-    return next((scene for known, scene in list(_last_scene) if known == digest), None)
+    return next((scene for stored, scene in list(_last_scene) if stored == digest), None)
 
 
 #: The scene that this process used last, as (digest, scene).

@@ -93,7 +93,6 @@ def test_claims_follow_from_the_rates(wires):
         kept,
         none,
         none,
-        np.zeros(20),
         np.full((20, 2), np.nan),
     )
     bad = good._replace(kept=none, coalesced=kept)
@@ -127,7 +126,7 @@ def one_kept_one_lost():
     spread[1] = 50 + np.arange(frames)[:, None] ** 2
     ends = np.array([True, False]), np.zeros(2, bool), np.zeros(2, bool)
     outlines, ess = np.zeros((runs, frames, 2, 4, 2)), np.ones((runs, frames))
-    outcome = tracking.Outcome(outlines, ess, spread, *ends, np.zeros(2), right)
+    outcome = tracking.Outcome(outlines, ess, spread, *ends, right)
     return passing.Passing([case], {"PS": [outcome]}, {"PS": passing.Method("opaque", "ps", 9)})
 
 

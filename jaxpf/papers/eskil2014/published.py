@@ -45,8 +45,8 @@ SIGMA, SHAPE_SCALE = 0.1, 0.01
 
 #: Points of the fish near their true positions at the end, out of 12 (section 4.1).
 KEPT_PFFL, KEPT_PROPOSED = 7, 12
-#: Largest mean error of the skydiver relative to his length, and the bound on most errors.
-SKYDIVER_LARGEST, SKYDIVER_MOSTLY = 0.25, 0.2
+#: Bound on most errors of the skydiver relative to his length.
+SKYDIVER_MOSTLY = 0.2
 #: Frames after which PFFL's curve parts from the proposed method's (figures 7 and 10).
 PARTING = {"skydivers": 50, "face": 85}
 #: Frames of the fish before PFFL's points drift ("as early as frame 15"), and after its curve parts

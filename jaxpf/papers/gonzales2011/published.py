@@ -5,8 +5,8 @@ Figures 8 to 11 are curves without numbers; the captions and the text say which 
 
 #: Numbers of parts of the objects.
 PARTS = (3, 5, 7, 9, 11)
-#: Number of averaged runs in figures 8 to 11, and in table 1.
-RUNS, TIMED_RUNS = 50, 20
+#: Number of averaged runs in table 1.
+TIMED_RUNS = 20
 FRAMES = 300
 #: Lambda of the likelihood exp(-lambda d^2).
 SHARPNESS = 50.0

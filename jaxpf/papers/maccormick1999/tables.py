@@ -90,8 +90,8 @@ def passing_table(passing: Passing) -> Table:
         f"Labels are judged in the frames in which more than {100 * MUCH_HIDDEN:g} % of the "
         "farther outline is hidden.  Widening is the spread of the hidden contour at the height "
         "of the occlusion over that just before, narrowing that some frames after over that at the "
-        "height; both are of runs that keep both.  SIR, and all of walkers, is ordinary "
-        "Condensation.",
+        "height; both are of runs that keep both.  SIR, and every method for walkers, "
+        "is ordinary Condensation.",
     )
 
 

@@ -32,7 +32,6 @@ class Outcome(NamedTuple):
         kept: ``[R]`` bool, both contours end on their own targets.
         coalesced: ``[R]`` bool, both end on one target.
         swapped: ``[R]`` bool, each ends on the other's target.
-        log_evidence: ``[R]``, of all frames.
         in_front: ``[R, T]``, probability that the first target is in front; NaN without labels.
     """
 
@@ -42,7 +41,6 @@ class Outcome(NamedTuple):
     kept: np.ndarray
     coalesced: np.ndarray
     swapped: np.ndarray
-    log_evidence: np.ndarray
     in_front: np.ndarray
 
 
@@ -93,11 +91,11 @@ def track(case: Case, tracker: Partitioned, runs: int, seed: int) -> Outcome:
     keys = jax.random.split(jax.random.key(seed), runs)
     frames = jnp.asarray(case.frames)
     recorded = jaxpf.monte_carlo(tracker, keys, frames, _keep, batch_size=min(runs, _BATCH))
-    estimates, ess, spread, log_evidence, in_front = (np.asarray(each) for each in recorded)
+    estimates, ess, spread, in_front = (np.asarray(each) for each in recorded)
     outlines = np.asarray(tracker.likelihood.outline_points(jnp.asarray(estimates)))
     spread = np.sqrt((spread**2).sum(axis=-1))
     ends = judged(case, outlines)
-    return Outcome(outlines, ess, spread, *ends, log_evidence.sum(axis=1), in_front)
+    return Outcome(outlines, ess, spread, *ends, in_front)
 
 
 def judged(case: Case, outlines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -118,4 +116,4 @@ def judged(case: Case, outlines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
 def _keep(state: Any, summary: Any) -> Any:
     labels = summary.label_probabilities
     in_front = jnp.nan * summary.ess if labels is None else labels[0]
-    return summary.estimate, summary.ess, summary.spread, summary.log_evidence, in_front
+    return summary.estimate, summary.ess, summary.spread, in_front

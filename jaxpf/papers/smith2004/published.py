@@ -5,9 +5,6 @@ All are percentages.  A table maps a measure to the methods' cells, one for each
 
 #: Lambda of the likelihood exp(-lambda d^2), the rows of tables 1 and 2.
 SHARPNESS = (20.0, 30.0, 40.0, 50.0)
-#: N of the synthetic test; the real sequences use 200.
-PARTICLES = 300
-RUNS = 50
 
 Column = tuple[float, ...]
 

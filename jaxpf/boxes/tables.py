@@ -135,13 +135,21 @@ def parsed_lines(path: Path) -> Iterator[tuple[int, tuple[float, ...]]]:
         place = f"line {line} of '{path}'"
         if not columns:
             yield line, _parse_row(fields, header, first_pixel, place)
+            if len(fields) != len(rows[0][1]):
+                raise InputError(
+                    f"{place} has {len(fields)} columns and line {rows[0][0]} has "
+                    f"{len(rows[0][1])}; give every line the same columns (decimals with a point)"
+                )
         elif len(fields) != len(columns):
             raise InputError(f"{place} has {len(fields)} columns instead of {len(columns)}")
         else:
             row = dict(zip(columns, fields, strict=True))
             box = _parse_row([row[name] for name in HEADERS[0].split(",")], header, 0, place)
-            is_lost = row.get("lost") == "1"
-            yield line, (*box[:-1], 0.0 if is_lost else float(row.get("confidence") or 1))
+            lost, confidence = (
+                parse_number(row.get(name) or usual, f"{place}: {name} is", "give a number")
+                for name, usual in (("lost", "0"), ("confidence", "1"))
+            )
+            yield line, (*box[:-1], 0.0 if lost else confidence)
 
 
 def _parse_row(
@@ -192,7 +200,7 @@ def _parse_row(
         raise InputError(
             f"{place} has a box beyond {_FARTHEST:.0f} pixels; give x, y, w and h in pixels"
         )
-    if abs(occlusion) > _LARGEST_WHOLE or occlusion != int(occlusion):
+    if occlusion not in (-1, 0, 1, 2):
         raise InputError(f"{place} has the occ {occlusion:g}; give -1, 0, 1 or 2")
     x, y = x - first_pixel, y - first_pixel
     return frame - first, identity, x, y, width, height, occlusion, confidence

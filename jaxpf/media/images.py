@@ -109,6 +109,7 @@ def read_mask(path: Path) -> np.ndarray:
     if values.ndim == 2:
         levels = values.astype(int)
         is_soft = len(np.unique(levels)) > _SOFT and levels.max() > _MOST_VALUES
+        is_soft |= path.suffix.lower() in (".jpg", ".jpeg")
         return (2 * levels > levels.max()).astype(int) if is_soft and not is_indexed else levels
     if np.all(values == values[..., :1]):
         return values[..., 0].astype(int)

@@ -41,8 +41,8 @@ _STEPS_PER_LINE = 10
 class Scenes(SceneOptions):
     """Options that choose scenes."""
 
-    train_scenes: int = option(3, "Synthetic scenes to tune on.", least=1)
-    held_out: int = option(10, "Further synthetic scenes to compare on.", least=1)
+    train_scenes: int = option(3, "Synthetic scenes to tune on.", least=1, most=1000)
+    held_out: int = option(10, "Further synthetic scenes to compare on.", least=1, most=1000)
     frames: int | None = option(
         None,
         "Frames of a folder to tune on, the start frame included; by default half.  The "

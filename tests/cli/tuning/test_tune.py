@@ -129,6 +129,7 @@ def test_a_folder_is_divided_into_frames_to_learn_from_and_the_rest(tmp_path):
         (["--objective", "speed"], "--objective 'speed' is unknown"),
         (["--gradient", "all"], "--gradient 'all' is unknown"),
         (["--method", "pss"], "method 'pss' is unknown"),
+        (["--held-out", "9" * 20], "must be a whole number from 1 to 1000"),
         (["--steps", "0"], "--steps 0 must be a whole number of at least 1"),
         (["--compare-runs", "1"], "--compare-runs 1 must be a whole number of at least 2"),
         (["--frames", "3"], "--frames 3 divides a folder's frames"),

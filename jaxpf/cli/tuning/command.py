@@ -11,7 +11,7 @@ import click
 from jaxpf import filters
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import progress_bar
-from jaxpf.cli.shared.flags import as_typed, picked, refuse_others
+from jaxpf.cli.shared.flags import as_typed, picked, refuse_others, report_implied
 from jaxpf.cli.shared.scene_options import (
     SceneCommand,
     SceneOptions,
@@ -347,6 +347,7 @@ def _recipe(values: Mapping[str, Any], options: Options, scene: Any) -> tuple[An
     filter_ = filters.filter_of(method) if method else next(iter(filters.all_filters().values()))
     own = {n: v for n, v in values.items() if n not in options_of(Options)}
     refuse_others(own, target, filter_)
+    report_implied(own, target.resolved(target.options(), is_filmed(scene)))
     named = {
         text.partition("=")[0].partition("[")[0] for text in names_in(options.parameters or "")
     }

@@ -135,12 +135,21 @@ def parsed_lines(path: Path) -> Iterator[tuple[int, tuple[float, ...]]]:
         place = f"line {line} of '{path}'"
         if not columns:
             yield line, _parse_row(fields, header, first_pixel, place)
+            if len(fields) != len(rows[0][1]):
+                raise InputError(
+                    f"{place} has {len(fields)} columns and line {rows[0][0]} has "
+                    f"{len(rows[0][1])}; give every line the same columns (decimals with a point)"
+                )
         elif len(fields) != len(columns):
             raise InputError(f"{place} has {len(fields)} columns instead of {len(columns)}")
         else:
             row = dict(zip(columns, fields, strict=True))
             box = _parse_row([row[name] for name in HEADERS[0].split(",")], header, 0, place)
-            yield line, (*box[:-1], float(row.get("confidence") or row.get("lost") != "1"))
+            lost = parse_number(row.get("lost") or "0", f"{place}: lost is", "give 0 or 1")
+            confidence = parse_number(
+                row.get("confidence") or str(1 - lost), f"{place}: confidence is", "give a number"
+            )
+            yield line, (*box[:-1], confidence)
 
 
 def _parse_row(
@@ -191,7 +200,7 @@ def _parse_row(
         raise InputError(
             f"{place} has a box beyond {_FARTHEST:.0f} pixels; give x, y, w and h in pixels"
         )
-    if abs(occlusion) > _LARGEST_WHOLE or occlusion != int(occlusion):
+    if occlusion not in (-1, 0, 1, 2):
         raise InputError(f"{place} has the occ {occlusion:g}; give -1, 0, 1 or 2")
     x, y = x - first_pixel, y - first_pixel
     return frame - first, identity, x, y, width, height, occlusion, confidence

@@ -66,10 +66,18 @@ def read_tracks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
                 are_usual = all(map(str.__eq__, map(str, ids), fields))
                 columns[name] = np.array(ids if are_usual else fields)
             else:
-                columns[name] = np.array([float(field or "nan") for field in fields])
+                columns[name] = values = np.array([float(field or "nan") for field in fields])
+                is_wrong = np.isinf(values)
+                if name in ("frame", "time"):
+                    is_wrong |= np.isnan(values)
+                if name == "frame":
+                    is_wrong |= (values < 0) | (values % 1 != 0)
+                if is_wrong.any():
+                    raise ValueError
         except ValueError:
             if name != "id":
-                raise InputError(f"column {name} of '{path}' holds no numbers") from None
+                kind = "whole numbers from 0 on" if name == "frame" else "finite numbers"
+                raise InputError(f"column {name} of '{path}' holds other than {kind}") from None
             columns[name] = np.array(fields)
     columns["frame"] = columns["frame"].astype(int)
     return columns

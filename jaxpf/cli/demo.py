@@ -46,8 +46,8 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, particles: int 
 
     if not 0 <= seed < 2**20:
         raise InputError(f"--seed {seed} must be between 0 and {2**20 - 1}.")
-    if runs < 1:
-        raise InputError(f"--runs {runs} must be at least 1.")
+    if not 1 <= runs <= 100_000:
+        raise InputError(f"--runs {runs} must be between 1 and 100000.")
     count = (
         _PARTICLES.default if particles is None else _PARTICLES.checked(particles, "--particles")
     )

@@ -21,7 +21,7 @@ PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999"
 @click.argument("paper", type=click.Choice(PAPERS), metavar="PAPER")
 @click.option(
     "--scenes",
-    type=click.IntRange(1),
+    type=click.IntRange(1, 10_000),
     help="Number of scenes, the units of the intervals.  [default: the planned number]",
 )
 @click.option("--seed", default=0, show_default=True, help="Seed of the first scene.")

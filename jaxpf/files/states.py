@@ -81,6 +81,8 @@ def _content(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
         with np.load(path, allow_pickle=False) as file:
             content = {name: file[name] for name in file}
         number = int(content[_FORMAT_NAME])
+        if number == _FORMAT:
+            int(content[_TIME_NAME])
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise InputError(f"cannot read the state '{path}': {reason}; check the path.") from error

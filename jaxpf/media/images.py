@@ -42,7 +42,7 @@ def check_consecutive(folder: Path, names: Sequence[str]) -> str | None:
         names: of the files, in order.
 
     Returns:
-        A note if the numbers have a step other than 1, or a file has none.
+        A note if the numbers begin after 1 or have a step other than 1, or a file has none.
 
     Raises:
         InputError: the steps differ, so frames are missing or there twice.
@@ -76,9 +76,10 @@ def check_consecutive(folder: Path, names: Sequence[str]) -> str | None:
             "frame's number, so add the missing frames, or rename the files if these frames follow "
             "one another"
         )
-    if steps[0] == 1:
+    if steps[0] == 1 and numbers[0] in (0, 1):
         return None
-    return f"frames of '{folder}' are numbered in steps of {steps[0]}; they count as 0, 1, 2, ..."
+    way = f"from {numbers[0]} on" if steps[0] == 1 else f"in steps of {steps[0]}"
+    return f"frames of '{folder}' are numbered {way}; they count as 0, 1, 2, ..."
 
 
 def read_mask(path: Path) -> np.ndarray:
@@ -108,6 +109,7 @@ def read_mask(path: Path) -> np.ndarray:
     if values.ndim == 2:
         levels = values.astype(int)
         is_soft = len(np.unique(levels)) > _SOFT and levels.max() > _MOST_VALUES
+        is_soft |= path.suffix.lower() in (".jpg", ".jpeg")
         return (2 * levels > levels.max()).astype(int) if is_soft and not is_indexed else levels
     if np.all(values == values[..., :1]):
         return values[..., 0].astype(int)

@@ -30,6 +30,8 @@ _PALETTE = (
     (204, 121, 167),
     (0, 114, 178),
 )
+#: Number of colours before they repeat.
+NUM_COLOURS = 3 * len(_PALETTE)
 
 
 def object_colours(num_objects: int) -> np.ndarray:
@@ -43,7 +45,7 @@ def object_colours(num_objects: int) -> np.ndarray:
     """
     palette = np.asarray(_PALETTE, np.float64)
     rounds = (palette, palette + 0.55 * (255 - palette), 0.55 * palette)
-    colours = np.concatenate(rounds)[np.arange(num_objects) % (3 * len(palette))]
+    colours = np.concatenate(rounds)[np.arange(num_objects) % NUM_COLOURS]
     return np.round(colours).astype(np.uint8)
 
 

@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -19,7 +20,7 @@ class SizeWatch:
     def __init__(self, path: str | os.PathLike[str], start: int):
         """Watch a file from frame ``start``."""
         self._all = _coded_sizes(path)
-        self._sizes = itertools.islice(self._all, start, None)
+        self._sizes = itertools.islice(self._all, min(start, sys.maxsize), None)
         self._first: tuple[int, int] | None = None
 
     def change(self) -> str:

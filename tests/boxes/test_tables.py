@@ -39,6 +39,7 @@ def test_harmless_variations_read_the_same(boxes_file, text):
 
 
 HEADER = "frame,id,x,y,w,h,occ\n"
+TRACKS = "frame,time,id,x,y,w,h,confidence,lost\n"
 
 
 @pytest.mark.parametrize(
@@ -58,6 +59,10 @@ HEADER = "frame,id,x,y,w,h,occ\n"
         ("1,1.5,2,3,4,5\n", ["line 1", "id 1.5", "whole number"]),
         ("1,1,2,3,0,5\n", ["line 1", "zero size 0 x 5", "delete the line"]),
         ("1,1,2,3,4,-5\n", ["line 1", "negative size 4 x -5", "not a second corner"]),
+        ("1,1,2,5,3,4,5\n2,1,2,3,4,5\n", ["line 2", "6 columns and line 1 has 7", "a point"]),
+        (HEADER + "0,1,2,3,4,5,3\n", ["line 2", "occ 3", "-1, 0, 1 or 2"]),
+        (TRACKS + "0,0,1,2,3,4,5,high,0\n", ["line 2", "confidence is 'high'"]),
+        (TRACKS + "0,0,1,2,3,4,5,,no\n", ["line 2", "lost is 'no'"]),
         ("1,1,2,3,4,5\n1,1,2,3,4,6\n", ["line 2", "id 1", "of line 1", "keep one"]),
         ("0,1,2,3,4,5\n", ["line 1", "frame 0", "MOT files count frames from 1"]),
         (HEADER + "-1,1,2,3,4,5,0\n", ["line 2", "frame -1", "counts frames from 0"]),

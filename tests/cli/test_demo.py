@@ -44,7 +44,8 @@ def test_its_repetition_finds_the_same_results(demos):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["--runs", "0"], "--runs 0 must be at least 1"),
+        (["--runs", "0"], "--runs 0 must be between 1 and 100000"),
+        (["--runs", "9" * 20], "must be between 1 and 100000"),
         (["-n", "0"], "--particles 0 must be a whole number from 1"),
         (["--seed", "-1"], "--seed -1 must be between 0 and 1048575"),
     ],

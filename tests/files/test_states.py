@@ -66,9 +66,10 @@ def test_what_is_no_state_is_refused(tmp_path):
     np.savez(path, format=99)
     with pytest.raises(InputError, match="saved in format 99"):
         jaxpf.load(path, one())
-    np.savez(path, format=np.array([{}], object))
-    with pytest.raises(InputError, match="holds no state"):
-        jaxpf.load(path, one())
+    for damaged in ({"format": np.array([{}], object)}, {"format": 1}, {"format": 1, "time": "x"}):
+        np.savez(path, **damaged)
+        with pytest.raises(InputError, match="holds no state"):
+            jaxpf.load(path, one())
 
 
 @jaxpf.pytree_dataclass

@@ -100,7 +100,7 @@ def test_a_given_rate_replaces_that_of_the_container(tmp_path):
 
 def test_start_frames_outside_the_video_are_refused(tmp_path):
     source = open_frames(write_video(tmp_path / "walk.mp4", 5))
-    for start in (5, 99):
+    for start in (5, 99, 10**20):
         message = message_of(lambda start=start: next(source.frames(start)))
         assert f"start frame {start}" in message
         assert "has 5 frame(s)" in message
@@ -409,7 +409,7 @@ def test_numbers_are_checked_wherever_they_stand(tmp_path, names, sentence):
 
 def test_numbers_may_have_any_size(tmp_path):
     write_images(tmp_path, *(f"{10**30 + time}.png" for time in range(3)))
-    assert open_frames(tmp_path).note is None
+    assert "on; they count as 0, 1, 2, ..." in open_frames(tmp_path).note
 
 
 def test_an_image_without_a_number_among_numbered_ones_is_remarked(tmp_path):
@@ -417,9 +417,21 @@ def test_an_image_without_a_number_among_numbered_ones_is_remarked(tmp_path):
     assert "'cover.png' in folder" in open_frames(tmp_path).note
 
 
-def test_frames_in_equal_steps_are_taken_with_a_remark(tmp_path):
-    write_images(tmp_path, "0.png", "5.png", "10.png")
-    assert "in steps of 5" in open_frames(tmp_path).note
+@pytest.mark.parametrize(
+    ("numbers", "remark"),
+    [
+        ((0, 5, 10), "in steps of 5; they count as 0, 1, 2, ..."),
+        ((7, 8, 9), "numbered from 7 on; they count as 0, 1, 2, ..."),
+        ((0, 1, 2), None),
+        ((1, 2, 3), None),
+    ],
+)
+def test_frames_that_count_from_elsewhere_or_in_steps_are_taken_with_a_remark(
+    tmp_path, numbers, remark
+):
+    write_images(tmp_path, *(f"{number}.png" for number in numbers))
+    note = open_frames(tmp_path).note
+    assert note is None if remark is None else remark in note
 
 
 def test_12_bits_in_images_of_16_are_scaled_by_their_range(tmp_path):

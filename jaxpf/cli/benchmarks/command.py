@@ -18,8 +18,8 @@ def command(repeats: int) -> None:
     """
     from jaxpf.contract.errors import InputError
 
-    if repeats < 1:
-        raise InputError(f"--repeats {repeats} must be at least 1.")
+    if not 1 <= repeats <= 10_000:
+        raise InputError(f"--repeats {repeats} must be between 1 and 10000.")
     start_jax()
     from jaxpf.cli.benchmarks import measurements
 

@@ -11,10 +11,12 @@ from jaxpf.cli.evaluating.request import VARIED, Compared, Request, Work, plan_o
 from jaxpf.cli.evaluating.sequences import evaluate_each
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import progress_bar
+from jaxpf.cli.shared.flags import report_implied
 from jaxpf.cli.shared.scene_options import SceneCommand, SceneOptions
 from jaxpf.cli.shared.startup import start_jax, use_compile_cache
 from jaxpf.files.locking import LOCK, locked
 from jaxpf.running.memory import check_memory
+from jaxpf.targets.adapter import is_filmed
 
 _LESS_MEMORY = "ask for fewer particles, workers or frames, or a smaller --memory"
 
@@ -93,6 +95,8 @@ def _open(request: Request, plan: Any) -> _Opened:
         pool = local_pool(options.workers, devices, use_compile_cache)
     click.echo(f"Reading {request.scene}", err=True)
     opened = open_evaluation(plan, request.output)
+    target = opened.adapter.target
+    report_implied(request.grid, target.resolved(target.options(), is_filmed(opened.scene)))
     return _Opened(opened, devices, pool.workers if pool else 1, pool)
 
 

@@ -63,8 +63,8 @@ class Tracked:
 
     @property
     def ids(self) -> list[int]:
-        """``[P]``: the names if they are different whole numbers, else 1, 2, ..., P."""
-        if all(name.removeprefix("-").isdecimal() for name in self.names):
+        """``[P]``: the names if they are different exact whole numbers, else 1, 2, ..., P."""
+        if all(name.removeprefix("-").isdecimal() and len(name) < 16 for name in self.names):
             ids = [int(name) for name in self.names]
             if len(set(ids)) == len(ids):
                 return ids
@@ -104,15 +104,21 @@ def read_tracked(folder: Path) -> Tracked:
     numbers = np.arange(first, frames.max() + 1)
     rows = frames - first, np.array([names.index(name) for name in ids])
     confidence, lost = np.zeros((2, len(numbers), len(names)))
-    lost[rows], reported = table["lost"], table.get("confidence", np.nan)
-    confidence[rows] = np.where(np.isnan(reported), 1 - table["lost"], reported)
     outlines = folder / "outlines.csv"
-    if outlines.is_file():
-        lines = _read_outlines(outlines, names, numbers)
-    else:
-        shapes = _lines_of(table, target)
-        lines = np.full((len(numbers), len(names), *shapes.shape[1:]), np.nan)
-        lines[rows] = shapes
+    try:
+        lost[rows], reported = table["lost"], table.get("confidence", np.nan)
+        confidence[rows] = np.where(np.isnan(reported), 1 - table["lost"], reported)
+        if outlines.is_file():
+            lines = _read_outlines(outlines, names, numbers)
+        else:
+            shapes = _lines_of(table, target)
+            lines = np.full((len(numbers), len(names), *shapes.shape[1:]), np.nan)
+            lines[rows] = shapes
+    except KeyError as error:
+        raise InputError(
+            f"'{folder / 'tracks.csv'}' has no column {error}, which tracks of {target} have; "
+            "track again."
+        ) from None
     source = open_frames(video)
     tracked_frames, places = np.unique(frames, return_index=True)
     return Tracked(
@@ -143,16 +149,16 @@ def _lines_of(table: dict[str, np.ndarray], target: str) -> np.ndarray:
 
 
 def _read_outlines(path: Path, names: tuple[str, ...], numbers: np.ndarray) -> np.ndarray:
-    with report_os_errors("read", path), path.open(newline="", encoding="utf-8") as file:
-        rows = [row for row in csv.DictReader(file) if row["kind"] == "outline"]
     try:
+        with report_os_errors("read", path), path.open(newline="", encoding="utf-8") as file:
+            rows = [row for row in csv.DictReader(file) if row["kind"] == "outline"]
         length = 1 + max(int(row["point"]) for row in rows)
         lines = np.full((len(numbers), len(names), length, 2), np.nan)
         for row in rows:
             place = float(row["x"]), float(row["y"])
             time = int(row["frame"]) - numbers[0]
             lines[time, names.index(row["contour"]), int(row["point"])] = place
-    except (ValueError, TypeError, IndexError):
+    except (ValueError, TypeError, IndexError, KeyError, csv.Error):
         raise InputError(
             f"'{path}' is damaged, or does not belong to the tracks beside it; track again."
         ) from None

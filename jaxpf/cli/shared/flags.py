@@ -19,6 +19,7 @@ from jaxpf.cli.shared.speaking import GivenPath, Speaking
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, Option, counting, options_of, plain
 from jaxpf.targets import adapters
+from jaxpf.targets.appearance import COLOUR
 from jaxpf.targets.building import filled
 
 
@@ -345,4 +346,29 @@ def refuse_others(values: Mapping[str, Any], target: Any, filter_: Any) -> None:
                 f"{having[owners[0]][name].flag} works only for {' and '.join(owners)}, not for "
                 f"{chosen}, the default or the choice of --method; leave it out, or choose "
                 f"{owners[0]}."
+            )
+
+
+def report_implied(values: Mapping[str, Any], usual: Any) -> None:
+    """Report options, such as --sharpness, that change other options left at ``auto``.
+
+    Args:
+        values: values of flags.
+        usual: the target's options without them.
+    """
+    declared, given = options_of(type(usual)), given_in(values)
+    flags: dict[tuple[str, Any], list[str]] = {}
+    for name in given:
+        implied = declared[name].implies if name in declared else None
+        if implied and values.get(implied[0]) in (None, OPEN):
+            flags.setdefault(implied, []).append(declared[name].flag)
+    for (other, wanted), causes in flags.items():
+        default = getattr(usual, other, wanted)
+        if default != wanted:
+            sets = "sets" if len(causes) == 1 else "set"
+            without = ", which reports no confidence" if wanted == COLOUR else ""
+            click.echo(
+                f"Note: {' and '.join(causes)} {sets} {declared[other].flag} {wanted}{without}; "
+                f"the default is {default}.",
+                err=True,
             )

@@ -37,7 +37,10 @@ def _finish(recording: Recording, truth: Any) -> None:
     if recording.population is not None:
         names = [birth["id"] for birth in recording.population.births]
     verdicts = object_verdicts(table, names)
-    ess = float(np.median(diagnostics[:, 1]))
+    sizes = diagnostics[:, 1]
+    if recording.population is not None:
+        sizes = sizes[sizes > 0]  # 0 while there is no object
+    ess = float(np.median(sizes)) if len(sizes) else float("nan")
     content = _summary(recording, names, verdicts, table, None if np.isnan(ess) else ess)
     writing.write_text(output / "summary.json", json.dumps(content, indent=2) + "\n")
     num_particles = _num_particles(recording, diagnostics)

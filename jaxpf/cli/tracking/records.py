@@ -178,13 +178,14 @@ def changing_population(
         scene, tracker, key, frame, frames: see ``fixed_population``.
         births: detections and the rules of births and deaths.
     """
-    from jaxpf.media.overlay import object_colours
+    from jaxpf.media.overlay import NUM_COLOURS, object_colours
     from jaxpf.populations import follow
     from jaxpf.populations.lifetimes import EMPTY
 
     detections, named = by_frame(births, scene.start, scene.first)
     frames = itertools.chain([frame], frames)
     rules, centres, ids = births.rules, None, np.zeros(0, int)
+    palette = object_colours(NUM_COLOURS)
     for tracked in follow(tracker, key, frames, detections, named=named, rules=rules):
         slots = np.flatnonzero(tracked.ids != EMPTY)
         # Sizes at which a scale of 1 gives these boxes.
@@ -224,7 +225,7 @@ def changing_population(
             number=scene.first + tracked.time,
             frame=tracked.frame,
             start=start,
-            colours=object_colours(int(max(start.ids, default=0)) + 1)[start.ids],
+            colours=palette[start.ids % NUM_COLOURS],
             shapes=shapes,
             places=places,
             lost=lost,

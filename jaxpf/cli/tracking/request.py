@@ -8,13 +8,12 @@ from typing import Any
 import click
 
 from jaxpf import filters
-from jaxpf.cli.shared.flags import as_typed, given_in, picked, refuse_others
+from jaxpf.cli.shared.flags import as_typed, picked, refuse_others, report_implied
 from jaxpf.cli.tracking.births import Births, defaults_of, read_births
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, check_options, option, options_of
 from jaxpf.files.writing import check_output_file
 from jaxpf.targets.adapter import Adapter
-from jaxpf.targets.appearance import COLOUR
 from jaxpf.targets.building import filter_for
 from jaxpf.targets.target import Target
 
@@ -164,32 +163,12 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
     )
     # Objects that appear later are not in the start frame, so nothing can be learned from it.
     model = target.resolved(picked(values, target.options, of_target), is_filmed=births is None)
-    _report_implied(values, model, target.resolved(target.options(), is_filmed=births is None))
+    report_implied(values, target.resolved(target.options(), is_filmed=births is None))
     starts = {name: values[name] for name in adapter.start_flags}
     request = Request(values["video"], adapter, starts, run, model, filter_, filter_options, births)
     _check_uncertainty(request)
     _check_states(request)
     return request
-
-
-def _report_implied(values: Mapping[str, Any], model: Any, usual: Any) -> None:
-    """Report options, such as --sharpness, that change other options left at ``auto``."""
-    declared, given = options_of(type(model)), given_in(values)
-    flags: dict[tuple[str, Any], list[str]] = {}
-    for name in given:
-        implied = declared[name].implies if name in declared else None
-        if implied and values.get(implied[0]) in (None, OPEN):
-            flags.setdefault(implied, []).append(declared[name].flag)
-    for (other, wanted), causes in flags.items():
-        default = getattr(usual, other, wanted)
-        if default != wanted:
-            sets = "sets" if len(causes) == 1 else "set"
-            without = ", which reports no confidence" if wanted == COLOUR else ""
-            click.echo(
-                f"Note: {' and '.join(causes)} {sets} {declared[other].flag} {wanted}{without}; "
-                f"the default is {default}.",
-                err=True,
-            )
 
 
 def _check_uncertainty(request: Request) -> None:

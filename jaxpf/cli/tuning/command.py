@@ -12,7 +12,7 @@ import click
 from jaxpf import filters
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import progress_bar
-from jaxpf.cli.shared.flags import as_typed, picked, refuse_others
+from jaxpf.cli.shared.flags import as_typed, picked, refuse_others, report_implied
 from jaxpf.cli.shared.scene_options import (
     SceneCommand,
     SceneOptions,
@@ -42,7 +42,7 @@ _STEPS_PER_LINE = 10
 class Scenes(SceneOptions):
     """Options that choose scenes."""
 
-    train_scenes: int = option(3, "Synthetic scenes to tune on.", least=1)
+    train_scenes: int = option(3, "Synthetic scenes to tune on.", least=1, most=1000)
     frames: int | None = option(
         None,
         "Frames of a folder to tune on, the start frame included; by default half.",
@@ -346,6 +346,7 @@ def _recipe(values: Mapping[str, Any], options: Options, scene: Any) -> tuple[An
     filter_ = filters.filter_of(method) if method else next(iter(filters.all_filters().values()))
     own = {n: v for n, v in values.items() if n not in options_of(Options)}
     refuse_others(own, target, filter_)
+    report_implied(own, target.resolved(target.options(), is_filmed(scene)))
     named = {
         text.partition("=")[0].partition("[")[0] for text in names_in(options.parameters or "")
     }

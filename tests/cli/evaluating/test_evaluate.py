@@ -214,6 +214,25 @@ def test_a_dry_run_shows_the_plan_of_a_grid_and_writes_nothing(place, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("scene", "note"),
+    [
+        (
+            "two",
+            "Note: --sharpness sets --appearance colour, which reports no confidence; the default "
+            "is discriminative.\n",
+        ),
+        ("distracter", ""),
+    ],
+)
+def test_options_that_change_others_say_so_in_one_line(place, tmp_path, monkeypatch, scene, note):
+    monkeypatch.chdir(place)
+    options = [*(SMALL if scene == "distracter" else []), "--sharpness", "5", *COMMON[:6]]
+    outcome = jaxpf("evaluate", scene, *options, "--dry-run", "-o", tmp_path / "out")
+    assert outcome.code == 0, outcome.err
+    assert "".join(line for line in outcome.err.splitlines(True) if "Note" in line) == note
+
+
 def test_methods_with_numbers_of_particles_of_their_own_are_planned(tmp_path):
     """Where nobody says how many, a factored filter has another default, which is no option's."""
     outcome = jaxpf(

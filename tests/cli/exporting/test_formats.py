@@ -194,7 +194,13 @@ def outline(name):
 
 @pytest.mark.parametrize(
     ("names", "ids"),
-    [(("2", "arm"), [1, 2]), (("arm", "1"), [1, 2]), (("-1", "5"), [-1, 5]), (("01", "1"), [1, 2])],
+    [
+        (("2", "9" * 5000), [1, 2]),
+        (("2", "arm"), [1, 2]),
+        (("arm", "1"), [1, 2]),
+        (("-1", "5"), [-1, 5]),
+        (("01", "1"), [1, 2]),
+    ],
 )
 @pytest.mark.parametrize(("form", "name"), [("coco", "t.json"), ("mot", "t.txt")])
 def test_every_object_has_an_id_of_its_own(result, names, ids, form, name):
@@ -219,6 +225,33 @@ def test_names_that_start_with_0_keep_it(result):
     assert len(read_coco(exported(folder, "coco", "u.json"))) == 2
     (folder / "outlines.csv").write_text(OUTLINES + outline("01") + "0,02,outline,0,1\n")
     outcome = jaxpf("export", folder, "coco", folder / "v.json")
+    assert outcome.code == 2
+    assert "outlines.csv' is damaged" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("tracks", "sentence"),
+    [
+        ("frame,time,id,x,y,w,h\n0,0,1,5,5,8,4\n", "has no column 'lost', which tracks of boxes"),
+        ("frame,time,id,lost\n0,0,1,0\n", "has no column 'x', which tracks of boxes have"),
+        (f"{HEADER}\n0.5,0,1,5,5,8,4,0\n", "column frame of"),
+        (f"{HEADER}\n-1,0,1,5,5,8,4,0\n", "holds other than whole numbers from 0 on"),
+        (f"{HEADER}\n0,,1,5,5,8,4,0\n", "column time of"),
+        (f"{HEADER}\n0,0,1,inf,5,8,4,0\n", "holds other than finite numbers"),
+    ],
+)
+def test_damaged_tracks_are_refused(result, tracks, sentence):
+    folder = with_tracks(result, "boxes", tracks)
+    outcome = jaxpf("export", folder, "coco", folder / "t.json")
+    assert outcome.code == 2
+    assert sentence in outcome.err
+
+
+@pytest.mark.parametrize("outlines", [b"a,b\n1,2\n", b"\xff", b"", OUTLINES.encode()])
+def test_damaged_outlines_are_refused(result, outlines):
+    folder = result("boxes")
+    (folder / "outlines.csv").write_bytes(outlines)
+    outcome = jaxpf("export", folder, "coco", folder / "t.json")
     assert outcome.code == 2
     assert "outlines.csv' is damaged" in outcome.err
 

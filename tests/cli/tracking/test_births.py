@@ -8,6 +8,8 @@ from jaxpf.boxes import read_tracks
 from jaxpf.populations.detections import write_detections
 
 RULES = ("--birth-frames", "2", "--capacity", "3")
+#: An id that is no length of an array.
+LARGE = 9_000_000_000
 
 
 @pytest.fixture
@@ -50,13 +52,13 @@ def test_objects_start_by_detections_and_the_run_can_be_repeated(track, tmp_path
 def test_start_boxes_and_named_ones_keep_their_numbers_and_scores_judge_all(track, tmp_path, place):
     pytest.importorskip("trackeval")
     x, y, w, h = true_boxes(4)[1] + [1, 1, 0, 0]
-    (tmp_path / "later.txt").write_text(f"5,9,{x},{y},{w},{h}\n")
+    (tmp_path / "later.txt").write_text(f"5,{LARGE},{x},{y},{w},{h}\n")
     start = ("--box", "6,8,12,16", "--births", tmp_path / "later.txt", "--capacity", "2")
     outcome = track(*start, "--truth", place / "gt.csv")
     assert outcome.code == 0, outcome.err
     rows = rows_of(tmp_path / "out")
     assert rows[rows[:, 1] == 1][0, 0] == 0
-    assert rows[rows[:, 1] == 9][0, 0] == 4
+    assert rows[rows[:, 1] == LARGE][0, 0] == 4
     assert "HOTA" in outcome.out
     header, scores = (tmp_path / "out" / "metrics.csv").read_text().splitlines()
     scores = dict(zip(header.split(","), map(float, scores.split(",")), strict=True))

@@ -111,35 +111,35 @@ def test_reliability_and_area_of_confidence_by_hand(tmp_path):
 def test_regions_of_size_cover_sizes_as_often_as_normal_ones(tmp_path):
     """Scales of the start's 20 x 30 that err by the spread and the model's error together."""
     random = np.random.default_rng(0)
-    truth = np.broadcast_to(np.array([10.0, 10, 20, 30]), (500, 1, 4))
-    scale = np.exp(0.1 * random.standard_normal((8, 500, 1)))
-    boxes = np.broadcast_to(truth, (8, 500, 1, 4)).copy()
+    truth = np.broadcast_to(np.array([10.0, 10, 20, 30]), (200, 1, 4))
+    scale = np.exp(0.1 * random.standard_normal((8, 200, 1)))
+    boxes = np.broadcast_to(truth, (8, 200, 1, 4)).copy()
     boxes[..., 2:] *= scale[..., None]
     for particles, model, expected in (
         (0.1, 0.0, (0.5, 0.95)),
         (0.06, 0.08, (0.5, 0.95)),
         (0.05, 0.0, (0.264, 0.673)),
     ):
-        spread = np.broadcast_to([3.0, 3.0, 1.0], (8, 500, 1, 3)).copy()
+        spread = np.broadcast_to([3.0, 3.0, 1.0], (8, 200, 1, 3)).copy()
         spread[..., 2] = particles * scale
         runs = batch(boxes, spread=spread, model_error=(0, 0, model))
         made = make(tmp_path / f"{particles}", [(SIR, [runs])], truth)
         (summary,) = write_tables(made).summaries
         for percent, share in zip((50, 95), expected, strict=True):
             found = summary.estimates[f"size_coverage_{percent}"].value[0]
-            error = np.sqrt(share * (1 - share) / 4000)
+            error = np.sqrt(share * (1 - share) / 1600)
             assert abs(found - share) < 4.5 * error, (particles, percent, found)
 
 
 def test_regions_of_the_place_hold_the_error_of_the_model(tmp_path):
     """Places that err by 5 pixels, of which the particles show 3 and the model declares 4."""
     random = np.random.default_rng(1)
-    truth = np.broadcast_to(np.array([100.0, 100, 60, 60]), (500, 1, 4))
-    boxes = np.broadcast_to(truth, (8, 500, 1, 4)).copy()
-    boxes[..., :2] += 5 * random.standard_normal((8, 500, 1, 2))
+    truth = np.broadcast_to(np.array([100.0, 100, 60, 60]), (200, 1, 4))
+    boxes = np.broadcast_to(truth, (8, 200, 1, 4)).copy()
+    boxes[..., :2] += 5 * random.standard_normal((8, 200, 1, 2))
     runs = batch(boxes, spread=3.0, model_error=(4, 4, 0))
     (summary,) = write_tables(make(tmp_path / "made", [(SIR, [runs])], truth)).summaries
     for percent in (50, 95):
         share = percent / 100
-        error = np.sqrt(share * (1 - share) / 8000)
+        error = np.sqrt(share * (1 - share) / 3200)
         assert abs(summary.estimates[f"coverage_{percent}"].value[0] - share) < 4.5 * error

@@ -31,7 +31,8 @@ def test_the_size_of_batches_does_not_matter(whole, tmp_path):
     assert_equal_bits(content(together), content(whole))
 
 
-@pytest.mark.parametrize("runs", [pytest.param(7, marks=pytest.mark.slow), 31])
+@pytest.mark.slow
+@pytest.mark.parametrize("runs", [7, 31])
 def test_blocks_of_two_widths_are_the_same_together_and_apart(tmp_path, runs):
     plan = small_plan(runs=runs, methods=["dps"])
     together, apart = (

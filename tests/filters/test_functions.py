@@ -92,9 +92,9 @@ def assert_equal(one, other):
 def test_functions_filter_and_smooth_as_classes_do_bit_for_bit():
     functions = build(VALUES, transition_log_density=log_density)
     frames = np.where(np.arange(6) == 3, np.nan, FRAMES)
-    assert_equal(*(jaxpf.run(each, KEY, frames)[1] for each in (functions, by_classes())))
-    smoothed = [jaxpf.smooth(each, KEY, FRAMES).estimate for each in (functions, by_classes())]
-    assert_equal(*smoothed)
+    smoothed = [jaxpf.smooth(each, KEY, frames) for each in (functions, by_classes())]
+    assert_equal(*(each.summaries for each in smoothed))
+    assert_equal(*(each.estimate for each in smoothed))
 
 
 def test_the_state_may_have_any_shape():

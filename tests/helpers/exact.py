@@ -18,6 +18,8 @@ from jaxpf.likelihoods import CorrelatedGaussian, Gaussian, kalman, stacked_mode
 
 NUM_PARTICLES = 48
 RUNS = 20_000
+#: Of quick tests: ``test_mutations`` shows that fewer throw every known fault out.
+QUICK_RUNS = 6_000
 BATCH = 2_000
 #: About one in 150 000 per statistic, if the filter is right; seeds are fixed.
 LIMIT = 4.5
@@ -194,18 +196,27 @@ monte_carlo = jax.jit(
     static_argnames=("record", "batch_size"),
     compiler_options=COMPILER_OPTIONS,
 )
+#: For a kernel of one or two tests: two seconds less to compile, and a second more for 6000 runs.
+monte_carlo_once = jax.jit(
+    jaxpf.monte_carlo, static_argnames=("record", "batch_size"), compiler_options=QUICKLY
+)
 
 
-def record_runs(exact: Problem, ordering, *, seed=1, runs=RUNS, batch=BATCH, **settings):
+def record_runs(
+    exact: Problem, ordering, *, seed=1, runs=RUNS, batch=BATCH, run=monte_carlo, **settings
+):
     """``moments`` of many runs of a filter on a problem, leading axes ``[R, T]``."""
     tracker = exact.tracker(ordering, **settings)
     keys = jax.random.split(jax.random.key(seed), runs)
     seen = ~np.isnan(exact.frames).reshape(len(exact.frames), -1)
     # Frames that are missing as a whole say so themselves.
     observed = seen if (seen.any(1) > seen.all(1)).any() else None
-    return monte_carlo(
-        tracker, keys, exact.frames, record=moments, batch_size=batch, observed=observed
-    )
+    # Batch by batch: any number of runs is the same compiled kernel.
+    recorded = [
+        run(tracker, some, exact.frames, record=moments, batch_size=batch, observed=observed)
+        for some in keys.reshape(-1, batch)
+    ]
+    return jax.tree.map(lambda *parts: np.concatenate(parts), *recorded)
 
 
 def scores(exact: Problem, ordering, **settings) -> Scores:

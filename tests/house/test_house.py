@@ -56,7 +56,10 @@ def test_it_is_short(name):
     assert len(code) <= OWN[name][1]
 
 
-@pytest.mark.parametrize("name", OWN)
+@pytest.mark.parametrize(
+    "name",  # with a scheme of their own filters run many times below
+    [pytest.param(n, marks=pytest.mark.slow) if n == "own_resampling" else n for n in OWN],
+)
 def test_it_runs_many_times(name, scene):
     tracker = function_of(name)(scene)
     keys = jax.random.split(jax.random.key(0), 3)
@@ -94,7 +97,9 @@ def test_a_scheme_is_unbiased_within_components(sizes):
     assert not offspring[:, weights == 0].any()
 
 
-@pytest.mark.parametrize("kind", ["dps", "labelled", "within labels", "factored"])
+@pytest.mark.parametrize(
+    "kind", ["dps", "labelled", pytest.param("within labels", marks=pytest.mark.slow), "factored"]
+)
 def test_a_scheme_leaves_the_evidence_of_every_filter_unbiased(kind):
     frames = np.float32([[[0.3], [-1.0]], [[1.2], [-0.4]], [[0.1], [0.9]]])
     model = {

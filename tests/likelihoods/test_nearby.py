@@ -4,7 +4,6 @@ import dataclasses
 import functools
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from quick_compiling import quick
@@ -98,11 +97,13 @@ SIDE, HIDDEN, FRAMES = 12, 9, 16
 
 
 @pytree_dataclass
-class BlindToWholeFrames(DiscriminativeLikelihood):
-    """Sees nothing in a whole frame."""
+class Sighted(DiscriminativeLikelihood):
+    """Sees a whole frame times ``sight``: 0 sees nothing in it; data, so both are one program."""
+
+    sight: np.uint8 = np.uint8(1)
 
     def observe(self, frame):
-        return super().observe(jnp.zeros_like(frame))
+        return super().observe(frame * self.sight)
 
 
 @functools.cache
@@ -135,7 +136,8 @@ def trackers():
     assert windowed.windows is not None
     fields = {one.name: getattr(windowed, one.name) for one in dataclasses.fields(windowed)}
     whole = dataclasses.replace(windowed, windows=None)
-    return [tracker_of(one) for one in (windowed, whole, BlindToWholeFrames(**fields))]
+    seeing, blind = (Sighted(**fields, sight=np.uint8(sight)) for sight in (1, 0))
+    return [tracker_of(one) for one in (seeing, whole, blind)]
 
 
 def test_a_run_sees_whole_frames_only_when_an_object_is_lost():

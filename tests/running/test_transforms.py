@@ -160,7 +160,10 @@ def test_loops_in_python_say_that_they_cannot_be_traced(call, sentence):
         call()
 
 
-@pytest.mark.parametrize("function", ["run", "monte_carlo", "log_evidence"])
+@pytest.mark.parametrize(
+    "function",
+    ["run", *(pytest.param(f, marks=pytest.mark.slow) for f in ("monte_carlo", "log_evidence"))],
+)
 @pytest.mark.parametrize(
     "switch",
     [

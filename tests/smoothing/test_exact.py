@@ -146,7 +146,7 @@ def test_smoothing_follows_a_motion_that_changes_with_time(lag):
     """The same draws as of a plain walk, beside a path that is known."""
     key, drifting = jax.random.key(1), walking(Drifting(DRIFT))
     found = jaxpf.smooth(drifting, key, OBSERVED + PATH, lag=lag)
-    plain = jaxpf.smooth(walking(Shifted(np.float32(0))), key, OBSERVED, lag=lag)
+    plain = jaxpf.smooth(walking(Drifting(0 * DRIFT)), key, OBSERVED, lag=lag)
     np.testing.assert_allclose(found.estimate - PATH, plain.estimate, atol=1e-3)
     np.testing.assert_allclose(found.spread, plain.spread, atol=1e-3)
     states = jaxpf.run(drifting, key, OBSERVED + PATH, lambda state, summary: state)[1]

@@ -60,7 +60,7 @@ def test_shapes_and_the_filter_are_those_of_a_run():
 
 def test_trajectories_go_through_particles_of_their_frames():
     its, key = tracker(), jax.random.key(1)
-    found = jaxpf.smooth(its, key, FRAMES, 10, keep_trajectories=True)
+    found = jaxpf.smooth(its, key, FRAMES, 20, keep_trajectories=True)
     particles = jaxpf.run(its, key, FRAMES, lambda state, summary: state.substates)[1]
     for time in range(5):
         for part in range(2):

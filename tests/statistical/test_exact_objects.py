@@ -6,7 +6,7 @@ Every method against the Kalman filter, and whether it treats identical objects 
 import numpy as np
 import pytest
 import scipy.stats
-from exact import LIMIT, OBJECTS, WRONG, objects, record_runs, scores, scores_of
+from exact import LIMIT, OBJECTS, QUICK_RUNS, WRONG, objects, record_runs, scores, scores_of
 
 from jaxpf import ordering
 
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.statistical
     ],
 )
 def test_filter_of_independent_objects_is_unbiased(make):
-    assert scores(objects(), make()).worst < LIMIT
+    assert scores(objects(), make(), runs=QUICK_RUNS).worst < LIMIT
 
 
 def test_the_combinatorial_swap_is_unbiased_and_the_yardstick_notices_what_is_slightly_wrong():
@@ -43,12 +43,13 @@ def test_the_combinatorial_swap_is_unbiased_and_the_yardstick_notices_what_is_sl
 
 def test_literal_reassembly_is_biased_in_its_means():
     """The paper's rule throws the components' evidence away."""
-    literal = scores(objects(), ordering.dps(4, reassembly="literal"))
+    literal = scores(objects(), ordering.dps(4, reassembly="literal"), runs=QUICK_RUNS)
     assert np.abs(literal.means).max() > 2 * WRONG
 
 
 def test_sorted_swap_of_objects_is_biased_by_far():
-    assert scores(objects(), ordering.sps(OBJECTS, "sorted")).evidence > 3 * WRONG
+    found = scores(objects(), ordering.sps(OBJECTS, "sorted"), runs=QUICK_RUNS)
+    assert found.evidence > 3 * WRONG
 
 
 def p_values(order):

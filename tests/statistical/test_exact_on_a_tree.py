@@ -5,7 +5,7 @@ folder whole.  A scheme is another kernel: the quick part has one scheme for all
 """
 
 import pytest
-from exact import LIMIT, TREE, WRONG, problem, scores
+from exact import LIMIT, QUICK_RUNS, TREE, WRONG, problem, scores
 
 from jaxpf import ordering, resampling
 
@@ -26,7 +26,8 @@ ORDERINGS = {
 
 @pytest.mark.parametrize("name", ORDERINGS)
 def test_filter_on_a_part_tree_is_unbiased(name):
-    assert scores(problem(TREE), ORDERINGS[name], resampling=QUICK_SCHEME).worst < LIMIT
+    settings = {"resampling": QUICK_SCHEME, "runs": QUICK_RUNS}
+    assert scores(problem(TREE), ORDERINGS[name], **settings).worst < LIMIT
 
 
 @pytest.mark.slow
@@ -37,7 +38,8 @@ def test_filter_on_a_part_tree_is_unbiased_under_every_scheme(name, scheme):
 
 
 def test_sorted_swap_is_biased_in_its_evidence_by_far():
-    assert scores(problem(TREE), ordering.sps(TREE, "sorted")).evidence > 3 * WRONG
+    found = scores(problem(TREE), ordering.sps(TREE, "sorted"), runs=QUICK_RUNS)
+    assert found.evidence > 3 * WRONG
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from exact import COMPILER_OPTIONS, LIMIT, problem, scores
+from exact import COMPILER_OPTIONS, LIMIT, QUICK_RUNS, monte_carlo_once, problem, scores
 from kalman_gradients import Gradients, exact_gradient, scaled
 from labelled_targets import label_scores, mass_scores, mixture_score, recorded, targets
 
@@ -55,7 +55,8 @@ def test_the_gradient_of_the_evidence_is_unbiased(name, size, motion):
 
 def test_soft_resampling_is_unbiased():
     exact = problem((-1,), num_frames=4, missing=MISSING)
-    found = scores(exact, ordering.sir(1), num_particles=6, gradient=Soft(0.1))
+    settings = {"num_particles": 6, "gradient": Soft(0.1)}
+    found = scores(exact, ordering.sir(1), runs=QUICK_RUNS, run=monte_carlo_once, **settings)
     print(found)
     assert found.worst < LIMIT
 

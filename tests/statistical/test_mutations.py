@@ -35,7 +35,7 @@ from jaxpf.running import blocks
 
 pytestmark = pytest.mark.statistical
 
-#: Enough to throw every fault out; the exactness tests have four times as many.
+#: Enough to throw every fault out; the exactness tests have more.
 RUNS, BATCH = 5_000, 1_000
 
 
@@ -163,7 +163,13 @@ def test_kills_a_swap_that_leaves_the_lags_of_the_part_behind(monkeypatch):
     assert mutant_scores(objects(), ordering.sps(OBJECTS)).worst > WRONG
 
 
-@pytest.mark.parametrize("fault", ["transition", "partition", "mixture", "none"])
+@pytest.mark.parametrize(
+    "fault",
+    [
+        "transition",
+        *(pytest.param(f, marks=pytest.mark.slow) for f in ("partition", "mixture", "none")),
+    ],
+)
 def test_kills_faults_in_the_weights_of_a_proposal(fault, monkeypatch):
     """The transition left out; a density of the wrong partition; one of one component alone."""
     density, of_transition = contract.proposal_log_density_all, contract.log_density_all
@@ -188,6 +194,7 @@ def test_kills_faults_in_the_weights_of_a_proposal(fault, monkeypatch):
     assert worst < LIMIT if fault == "none" else worst > WRONG
 
 
+@pytest.mark.slow
 def test_the_kernel_without_a_mutation_passes_the_same_way(monkeypatch):
     mutate_weights(monkeypatch, lambda chosen, right, log_weights, components: right)
     assert mutant_scores(problem(TREE), ordering.ps([0, 1, 2])).worst < LIMIT

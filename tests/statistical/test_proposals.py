@@ -6,8 +6,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from exact import LIMIT, OBJECTS, TREE, monte_carlo, objects, problem, scores
+from exact import (
+    LIMIT,
+    OBJECTS,
+    QUICK_RUNS,
+    TREE,
+    monte_carlo_once,
+    objects,
+    problem,
+    record_runs,
+    scores,
+)
 from proposed import Bad, residual
+from quick_compiling import quick
 from unsuited_dynamics import Blind, Coupled
 
 import jaxpf
@@ -41,7 +52,7 @@ ON_A_TREE = {
 )
 def test_filter_on_a_part_tree_with_a_missing_frame_is_unbiased(name, method):
     exact = problem(TREE, num_frames=4, missing=(1,))
-    found = scores(exact, ON_A_TREE[method], proposal=PROPOSALS[name], runs=10_000)
+    found = scores(exact, ON_A_TREE[method], proposal=PROPOSALS[name], runs=QUICK_RUNS)
     assert found.worst < LIMIT
 
 
@@ -72,17 +83,16 @@ def test_joint_likelihood_is_unbiased(look_ahead):
 
 
 def test_optimal_proposal_pays_where_observations_are_precise():
-    exact = problem(TREE)
+    exact = problem(TREE, num_frames=4, missing=(1,))  # the kernel of the test above
     precise = dataclasses.replace(exact.likelihood, noise=0.1 * np.ones((3, 1, 1)))
-    keys = jax.random.split(jax.random.key(3), 500)
 
     def variance(**settings):
-        tracker = exact.tracker(ON_A_TREE["ps"], **settings)
-        tracker = dataclasses.replace(tracker, likelihood=precise)
-        found = monte_carlo(tracker, keys, exact.frames, record=lambda _, s: s.log_evidence)
-        return np.asarray(found).sum(axis=1).var()
+        recorded = record_runs(
+            exact._replace(likelihood=precise), ON_A_TREE["ps"], runs=2_000, **settings
+        )
+        return recorded[0].sum(axis=1).var()
 
-    assert variance() > 10 * variance(proposal=LocallyOptimal())
+    assert variance(run=monte_carlo_once) > 10 * variance(proposal=LocallyOptimal())
 
 
 def test_a_missing_frame_moves_by_the_dynamics():
@@ -96,6 +106,7 @@ def test_a_missing_frame_moves_by_the_dynamics():
     assert not np.asarray(made[1].log_evidence).any()
 
 
+@pytest.mark.slow
 def test_a_forecast_moves_by_the_dynamics():
     exact = problem(TREE)
     tracker = exact.tracker(ON_A_TREE["sps"], proposal=Bad())
@@ -112,6 +123,7 @@ def test_linearised_is_optimal_for_a_linear_gaussian_model():
     rng, partition = np.random.default_rng(0), jnp.array([0, 1, 2, 1])
     new, *past = jnp.asarray(rng.normal(size=(4, 1, 4)))
 
+    @quick
     def density(proposal):
         proposal = proposal.of_model(exact.dynamics, exact.likelihood)
         return proposal.log_density_all(jnp.asarray(exact.frames[0]), partition, new, *past)
@@ -150,7 +162,7 @@ def test_linearised_helps_where_observations_are_not_linear():
             num_particles=100,
             **settings,
         )
-        found = monte_carlo(tracker, keys, frames, record=lambda _, s: s.log_evidence)
+        found = monte_carlo_once(tracker, keys, frames, record=lambda _, s: s.log_evidence)
         return np.asarray(found).sum(axis=1)
 
     blind, proposed = log_evidence(), log_evidence(proposal=Mixture(Linearised(of_angle)))

@@ -10,8 +10,10 @@ import pytest
 from exact import (
     COMPILER_OPTIONS,
     LIMIT,
+    QUICK_RUNS,
     WRONG,
     Problem,
+    monte_carlo_once,
     problem,
     record_runs,
     scores,
@@ -25,6 +27,9 @@ from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian, kalman
 
 pytestmark = pytest.mark.statistical
+
+#: Every kernel here is of one test or two.
+QUICK = {"runs": QUICK_RUNS, "run": monte_carlo_once}
 
 #: How far a camera moved before each frame, and how long it took.
 SHIFTS = np.array([[4.0], [-3.0], [7.0]])
@@ -84,7 +89,7 @@ TIMED = {"camera": behind_a_camera, "uneven": unevenly_seen}
 @pytest.mark.parametrize("case", TIMED)
 def test_motion_that_changes_with_time_is_unbiased(case):
     exact = TIMED[case]()
-    assert scores(exact, ordering.ps([1, 0])).worst < LIMIT
+    assert scores(exact, ordering.ps([1, 0]), **QUICK).worst < LIMIT
 
 
 def test_a_frame_too_early_is_noticed():
@@ -92,7 +97,8 @@ def test_a_frame_too_early_is_noticed():
     late = dataclasses.replace(
         exact.dynamics, shifts=np.roll(SHIFTS, 1, axis=0) / 4 + SHIFTS * 3 / 4
     )
-    assert scores(exact._replace(dynamics=late), ordering.ps([1, 0])).worst > WRONG
+    wrong = exact._replace(dynamics=late)
+    assert scores(wrong, ordering.ps([1, 0]), **QUICK).worst > WRONG
 
 
 @pytest.mark.slow
@@ -182,7 +188,7 @@ def coupled() -> Problem:
     ],
 )
 def test_coupled_motion_is_unbiased(order, settings):
-    assert scores(coupled(), order, **settings).worst < LIMIT
+    assert scores(coupled(), order, **QUICK, **settings).worst < LIMIT
 
 
 def test_the_frame_before_is_that_of_the_same_particle():
@@ -196,7 +202,8 @@ def test_the_frame_before_is_that_of_the_same_particle():
             )
 
     exact = coupled()
-    recorded = record_runs(exact._replace(dynamics=Mixed(MATRIX)), ordering.ps([2, 0, 1]))
+    mixed = exact._replace(dynamics=Mixed(MATRIX))
+    recorded = record_runs(mixed, ordering.ps([2, 0, 1]), **QUICK)
     assert scores_of(recorded, exact).worst > WRONG
 
 

@@ -146,6 +146,7 @@ def ended_by_interrupt(output, arguments):
         process.stderr.close()
 
 
+@pytest.mark.slow  # beside the same of a request to end, in ``test_stops.py``
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_ctrl_c_leaves_valid_tracks_and_a_playable_video(whole_run, tmp_path):
     frames = (picture(number % LENGTH, noise=False) for number in range(1000))

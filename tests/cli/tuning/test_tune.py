@@ -120,7 +120,6 @@ def test_a_folder_is_tuned_on_its_first_frames(tmp_path):
         (["--objective", "speed"], "--objective 'speed' is unknown"),
         (["--gradient", "all"], "--gradient 'all' is unknown"),
         (["--method", "pss"], "method 'pss' is unknown"),
-        (["--held-out", "9" * 20], "must be a whole number from 1 to 1000"),
         (["--steps", "0"], "--steps 0 must be a whole number of at least 1"),
         (["--frames", "3"], "--frames 3 divides a folder's frames"),
         (["--labels", "5"], "--labels 5 does not work with --objective evidence"),

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick_compiling import quick
 
 from jaxpf import InputError
 from jaxpf.likelihoods import (
@@ -186,21 +187,24 @@ def test_what_a_line_shows_is_a_density_to_the_last_feature(boundaries):
 
     Also where more boundaries cross than features are kept.
     """
-    most, c, cells = 3, len(boundaries), 64
+    most, c, cells = 3, len(boundaries), 24
     clutter = np.array([0.2, 0.3, 0.2, 0.3])  # the last is three or more
     # Gauss's points: exact for what is smooth.
     points, shares = np.polynomial.legendre.leggauss(cells)
     places = np.stack(np.meshgrid(*[points * REACH] * most, indexing="ij")).reshape(most, -1)
     share = np.prod(np.meshgrid(*[shares / 2] * most, indexing="ij"), axis=0).ravel()
     with jax.enable_x64(True):
-        weights = line_weights(clutter, detection_probabilities(max(c, 1)), LENGTH)
+        nu = np.reshape(boundaries, (c, 1)) * np.ones_like(share)
+
+        @quick
+        def log_ratios_of(present):
+            weights = line_weights(clutter, detection_probabilities(max(c, 1)), LENGTH)
+            features = Features(places, present)
+            return log_ratio(weights, features, nu, np.ones(nu.shape, bool), SIGMA, REACH)
+
         total = 0.0
         for n in range(most + 1):
-            present = np.broadcast_to(np.arange(most)[:, None] < n, places.shape)
-            nu = np.reshape(boundaries, (c, 1)) * np.ones_like(share)
-            found = log_ratio(
-                weights, Features(places, present), nu, np.ones(nu.shape, bool), SIGMA, REACH
-            )
+            found = log_ratios_of(np.broadcast_to(np.arange(most)[:, None] < n, places.shape))
             total += clutter[n] * float(share @ np.broadcast_to(np.exp(found), share.shape))
     assert total == pytest.approx(1, abs=1e-9)
 

@@ -1,5 +1,7 @@
 """What the paper leaves open, varied: other endings of a frame, and gaps between orders."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,13 +26,21 @@ TRACKER = jaxpf.Partitioned(
 )
 
 
+KEY = jax.random.key(3)
+
+
+@functools.cache
+def start():
+    """The state before the frame, and the library's after it."""
+    state = jax.jit(TRACKER.init)(jax.random.key(0))
+    return state, jax.jit(TRACKER.step)(jax.random.split(KEY)[0], state, FRAME)[0]
+
+
 def ended(**how):
     """The library's state after a frame, the other one's, and its summary."""
-    key = jax.random.key(3)
-    state = TRACKER.init(jax.random.key(0))
-    here, _ = jax.jit(TRACKER.step)(jax.random.split(key)[0], state, FRAME)
+    state, here = start()
     tracker = conditions.OtherEnding(TRACKER, **how)
-    return here, *jax.jit(tracker.step)(key, state, FRAME)
+    return here, *jax.jit(tracker.step)(KEY, state, FRAME)
 
 
 def test_all_partitions_but_the_last_of_the_order_count_twice():

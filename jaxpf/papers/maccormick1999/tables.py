@@ -9,7 +9,12 @@ from jaxpf.papers.judging.comparison_table import Cell
 from jaxpf.papers.judging.estimates import mean_cell, ratio_of, share_cell
 from jaxpf.papers.maccormick1999 import published
 from jaxpf.papers.maccormick1999.measure import Measurement
-from jaxpf.papers.maccormick1999.passing import MUCH_HIDDEN, WIRE_PARTICLES, Passing
+from jaxpf.papers.maccormick1999.passing import (
+    INDEPENDENT,
+    MUCH_HIDDEN,
+    WIRE_PARTICLES,
+    Passing,
+)
 
 
 def tables(measured: Measurement) -> list[Table]:
@@ -82,7 +87,8 @@ def passing_table(passing: Passing) -> Table:
                         _ratio_cell(spread(name), 1.0)
                         for spread in (passing.widening, passing.narrowing)
                     ),
-                    mean_cell(passing.ess(name), 1),
+                    # Two trackers are resampled apart; their joint particles have equal weights.
+                    "-" if name == INDEPENDENT else mean_cell(passing.ess(name), 1),
                 ],
             )
             for name in methods

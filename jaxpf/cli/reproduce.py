@@ -85,7 +85,7 @@ def command(
     # Report mistakes before the folder is created.
     request = chosen.request(scenes, seed, quick, data, click.echo)
     executor = None
-    if dask:
+    if dask is not None:
         executor = click.get_current_context().with_resource(cluster(dask))
     output = output or Path(f"jaxpf-{paper}-quick" if quick else f"jaxpf-{paper}")
     resumes = checkpoints.can_resume(output, settings)

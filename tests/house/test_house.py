@@ -199,6 +199,7 @@ def test_one_is_tuned(scene):
     [
         ("missing.py:made", "missing.py"),
         ("own_filter.py", "another form than FILE.py:FUNCTION"),
+        ("own_filter.py:", "another form than FILE.py:FUNCTION"),
         ("own_filter.py:nothing", "has no function 'nothing'"),
         ("broken.py:fails", "ZeroDivisionError"),
         ("broken.py:wrong", "return a tracker with init and step, or boxes"),

@@ -74,7 +74,7 @@ def command(
     chosen = paper_of(paper)
     request = chosen.request(scenes, seed, quick, click.echo)
     executor = None
-    if dask:
+    if dask is not None:
         executor = click.get_current_context().with_resource(cluster(dask))
     output = output or Path(f"jaxpf-{paper}-quick" if quick else f"jaxpf-{paper}")
     resumes = checkpoints.can_resume(output, options)

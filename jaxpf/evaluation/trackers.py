@@ -57,7 +57,12 @@ def own_tracker(name: str, function: Any, scene: Any) -> Any:
     if hasattr(tracker, "init") and hasattr(tracker, "step"):
         return tracker
     if hasattr(tracker, "__array__"):
-        boxes = np.asarray(tracker, np.float64)
+        try:
+            boxes = np.asarray(tracker, np.float64)
+        except (ValueError, TypeError):
+            raise InputError(
+                f"the tracker {name!r} returned boxes that are no numbers; return [T, P, 4]."
+            ) from None
         if boxes.shape != scene.boxes.shape:
             raise InputError(
                 f"the tracker {name!r} returned boxes of shape {list(boxes.shape)}; the scene has "

@@ -10,8 +10,8 @@ from pathlib import Path
 from jaxpf.contract.errors import InputError
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
-#: Longest name, and the Unicode categories that would break a line of a table.
-_LONGEST_NAME, _LINE_BREAKS = 200, ("Cc", "Zl", "Zp")
+#: Longest name, and the Unicode categories that break a line of a table or cannot be encoded.
+_LONGEST_NAME, _UNFIT = 200, ("Cc", "Cs", "Zl", "Zp")
 
 
 def read_text(path: Path, what: str, expected: str) -> str:
@@ -73,10 +73,11 @@ def check_name(name: str, place: str) -> None:
         place: for messages, such as ``"line 3 of 'a.csv'"``.
 
     Raises:
-        InputError: it is blank or too long, or has a control character, such as a line break.
+        InputError: it is blank or too long, or has a line break, a control character or half a
+            surrogate pair.
     """
-    breaks = any(unicodedata.category(letter) in _LINE_BREAKS for letter in name)
-    if not name.strip() or len(name) > _LONGEST_NAME or breaks:
+    is_unfit = any(unicodedata.category(letter) in _UNFIT for letter in name)
+    if not name.strip() or len(name) > _LONGEST_NAME or is_unfit:
         raise InputError(
             f"{place} has the name {name[:40]!r}; give 1 to {_LONGEST_NAME} letters on one line"
         )

@@ -1,7 +1,9 @@
 """Matplotlib figures, drawn without a display."""
 
+import contextlib
 import os
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,8 +32,27 @@ def new_figure(
 
 def save_figure(figure: Any, path: str | os.PathLike[str], dpi: int = 120) -> None:
     """Write a figure as a PNG file, completely or not at all."""
-    with atomic_write(path, "wb") as file:
+    with atomic_write(path, "wb") as file, _names_as_they_are(figure):
         figure.savefig(file, dpi=dpi, format="png")
+
+
+@contextlib.contextmanager
+def _names_as_they_are(figure: Any) -> Iterator[None]:
+    """Save a figure whose titles and legends hold users' names: no formulas, no missing glyphs."""
+    for axis in figure.axes:
+        legends = [axis.get_legend(), *figure.legends]
+        texts = [text for each in legends if each is not None for text in each.get_texts()]
+        for text in (axis.title, *texts):
+            text.set_parse_math(False)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing", UserWarning)
+        yield
+
+
+def _legend_name(name: Any) -> str:
+    """An object's name in a legend; matplotlib hides names that start with an underscore."""
+    text = name if isinstance(name, str) else f"object {name}"
+    return f" {text}" if text.startswith("_") else text
 
 
 def colours(count: int) -> list[tuple[float, ...]]:
@@ -69,7 +90,7 @@ def trajectories(
         for name, colour in zip(shown, colours(len(shown)), strict=True):
             rows = names == name
             frame, value = table["frame"][rows], table[column][rows]
-            axis.plot(frame, value, color=colour, linewidth=1.2, label=name)
+            axis.plot(frame, value, color=colour, linewidth=1.2, label=_legend_name(name))
             if f"{column}_2.5" in table:
                 low, high = (table[f"{column}_{level}"][rows] for level in ("2.5", "97.5"))
                 axis.fill_between(frame, low, high, color=colour, alpha=0.25, linewidth=0)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.files.reading import parse_number, read_rows
+from jaxpf.files.reading import check_name, parse_number, read_rows
 from jaxpf.parts.target import Parts
 
 HEADER = "part,parent,x,y,w,h,angle"
@@ -40,6 +40,7 @@ def read_parts(path: str | os.PathLike[str]) -> Parts:
         name, parent = fields[:2]
         if not name:
             raise InputError(f"{place} has no part in column 1; give every part a name")
+        check_name(name, place)
         if name in lines:
             raise InputError(
                 f"{place} repeats the part '{name}' of line {lines[name]}; give it another name"

@@ -122,6 +122,10 @@ def test_a_users_function_that_fails_is_told_by_file_and_line(tmp_path, kind):
         ("demo", "-o", ""),
         ("evaluate", "", "--dry-run"),
         ("tune", ""),
+        ("evaluate", "distracter", "--dask", ""),
+        ("evaluate", "distracter", "--target", ""),
+        ("tune", "distracter", "--parameters", ""),
+        ("track", "clip.mp4", "--tracker", ""),
     ],
 )
 def test_an_empty_path_is_not_this_folder(arguments, tmp_path, monkeypatch):

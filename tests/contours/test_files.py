@@ -63,6 +63,7 @@ def test_a_contour_that_crosses_itself_is_accepted_and_said(tmp_path):
         ({"contours": {"leaf": 7}}, "no list of points"),
         ({"contours": {"": LEAF}}, "has the name ''; give 1 to 200 letters on one line"),
         ({"contours": {"two\nlines": LEAF}}, "on one line"),
+        ({"contours": {"\ud800": LEAF}}, "on one line"),
         ({"contours": {"x" * 201: LEAF}}, "give 1 to 200 letters"),
         ({"colour": "red"}, "unknown key 'colour'"),
     ],

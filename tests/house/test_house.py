@@ -204,14 +204,17 @@ def test_one_is_tuned(scene):
     [
         ("missing.py:made", "missing.py"),
         ("own_filter.py", "another form than FILE.py:FUNCTION"),
+        ("own_filter.py:", "another form than FILE.py:FUNCTION"),
         ("own_filter.py:nothing", "has no function 'nothing'"),
         ("broken.py:fails", "ZeroDivisionError"),
         ("broken.py:wrong", "return a tracker with init and step, or boxes"),
+        ("broken.py:text", "returned boxes that are no numbers"),
     ],
 )
 def test_a_tracker_that_cannot_be_had_is_refused(place, sentence, tmp_path):
     (tmp_path / "broken.py").write_text(
         "def fails(scene):\n    return 1 / 0\n\ndef wrong(scene):\n    return 'nothing'\n"
+        "import numpy\n\ndef text(scene):\n    return numpy.array(['x'])\n"
     )
     folder = HERE if place.startswith("own") else tmp_path
     outcome = command(

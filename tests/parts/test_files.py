@@ -61,6 +61,7 @@ def test_each_object_has_its_root(write):
         ("a,,1,1,2,-3,0\n", "a box of 2 x -3 pixels"),
         ("a,,1,1,2,2,0\na,,1,1,2,2,0\n", "line 3 of .* repeats the part 'a' of line 2"),
         (",,1,1,2,2,0\n", "line 2 of .* has no part in column 1"),
+        ("a\x07,,1,1,2,2,0\n", "has the name .* on one line"),
         ("a,,1,1,2,2\n", "line 2 of .* has 6 column.*expected 7: part,parent,x,y,w,h,angle"),
         ("a,,1,1,2,2,0,9\n", "has 8 column"),
         (

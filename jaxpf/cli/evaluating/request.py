@@ -237,6 +237,6 @@ def _own(text: str) -> tuple[str, str]:
     """Name and absolute path of a user-defined tracker; its name defaults to the function's."""
     name, equals, place = text.partition("=")
     if not equals:
-        name, place = text.rpartition(":")[2], text
+        name, place = text.rpartition(":")[2] or text, text
     path, colon, function = place.rpartition(":")
     return name, f"{Path(path).resolve()}:{function}" if colon else place

@@ -306,10 +306,13 @@ def picked(
     Raises:
         InputError: a value is out of range; the message names the flag.
     """
+    declared = {name: each for name, each in options_of(owner).items() if name in given_in(values)}
+    for name, each in declared.items():
+        if values[name] == "":  # as an unset variable of the shell is
+            raise InputError(f"{each.flag} is empty; give a value, or leave it out.")
     given = {
-        name: option.checked(_from_people(option, values[name]), option.flag)
-        for name, option in options_of(owner).items()
-        if name in given_in(values)
+        name: each.checked(_from_people(each, values[name]), each.flag)
+        for name, each in declared.items()
     }
     return filled(owner, given, defaults)
 

@@ -1,6 +1,9 @@
 """What a run says of each object at its end."""
 
+import warnings
+
 import numpy as np
+import pytest
 
 from jaxpf.cli.tracking.verdict import object_verdicts, sentences
 from jaxpf.media import plotting
@@ -78,3 +81,16 @@ def test_trajectories_shade_what_is_lost_and_have_a_panel_for_each_coordinate():
         assert (shade.get_x(), shade.get_width()) == (9.5, 5.0)
     assert len(figure.axes[0].collections) == 1  # the band
     assert len(figure.axes[2].collections) == 0  # no interval is known
+
+
+@pytest.mark.parametrize("name", ["$\\frac{$", "$x$", "\N{WOMAN}", "_a"])
+def test_names_are_drawn_as_they_are(name, tmp_path):
+    one = np.arange(3.0)
+    figure = plotting.diagnostics(one, one, one[:, None], one, [name], 9)
+    figure.axes[0].set_title(name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        plotting.save_figure(figure, tmp_path / "x.png")
+    (shown,) = figure.axes[1].get_legend().get_texts()
+    assert shown.get_text().strip() == name
+    assert not shown.get_parse_math()

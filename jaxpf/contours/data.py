@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from jaxpf.shapes.splines import CUBIC
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_number, numbers_in
+from jaxpf.shapes.splines import CUBIC, check_order
 
 if TYPE_CHECKING:
     from jaxpf.dynamics.gaussian import LinearGaussian
@@ -40,6 +42,15 @@ class Contours:
     degree: int = CUBIC
     width: float | None = None
     remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        points = numbers_in("points", self.points, "control points in pixels, [>= 1, K, 2]")
+        check_order(points.shape[1], self.degree)
+        if not np.isfinite(points).all():
+            raise InputError("points hold a number that is not finite; give pixels, [P, K, 2].")
+        if self.width is not None:
+            check_number("width", self.width, above=0)
+        object.__setattr__(self, "points", points)
 
 
 class Annotated(NamedTuple):
@@ -78,3 +89,18 @@ class Learned(NamedTuple):
             for values in [getattr(self.dynamics, name)]
         }
         return LinearGaussian(**repeated)
+
+
+def check_given(contours: Any, learned: Any = None) -> None:
+    """Refuse what are no start contours, or no learned model.
+
+    Raises:
+        InputError: names the type.
+    """
+    if not isinstance(contours, Contours):
+        raise InputError(
+            f"contours is {type(contours).__name__}: give jaxpf.contours.Contours, such as "
+            "Contours(names=(1, 2), points=points) with control points [P, K, 2]."
+        )
+    if learned is not None and not isinstance(learned, Learned):
+        raise InputError(f"learned is {type(learned).__name__}: give jaxpf.contours.Learned.")

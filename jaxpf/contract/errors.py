@@ -51,6 +51,19 @@ class InputError(ValueError):
         return "".join(show(x) if isinstance(x, Argument) else x for x in self.pieces)
 
 
+def check_names(names: Any, count: int) -> None:
+    """Refuse names that are not one for each of ``count`` objects.
+
+    Raises:
+        InputError: gives both numbers.
+    """
+    given = 0 if isinstance(names, str) or not hasattr(names, "__len__") else len(names)
+    if given != count:
+        raise InputError(
+            f"names={names!r:.60} must be one name for each of the {count} objects, in a list."
+        )
+
+
 def check_known(shown: str, value: Any, known: Collection[str]) -> None:
     """Refuse a name that is not in ``known``.
 
@@ -62,5 +75,5 @@ def check_known(shown: str, value: Any, known: Collection[str]) -> None:
     Raises:
         InputError: lists the valid names.
     """
-    if value not in known:
+    if not isinstance(value, str) or value not in known:
         raise InputError(f"{shown}{value!r} is unknown; choose one of {', '.join(known)}.")

@@ -18,13 +18,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Likelihood
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.likelihoods._checks import (
     INTERPOLATIONS,
     NORMS,
-    check_choice,
-    check_positive,
     check_window,
     check_window_sizes,
 )
@@ -227,7 +226,7 @@ def _build(references, sizes, sigma, window, norm, interpolation) -> PatchLikeli
 
 
 def _check(sigma, window, norm, interpolation) -> None:
-    check_positive("sigma", sigma)
+    check_number("sigma", sigma, above=0)
     check_window(window, "(21, 21)")
-    check_choice("norm", norm, NORMS)
-    check_choice("interpolation", interpolation, INTERPOLATIONS)
+    check_known("norm=", norm, NORMS)
+    check_known("interpolation=", interpolation, INTERPOLATIONS)

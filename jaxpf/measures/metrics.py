@@ -25,6 +25,7 @@ from jax.scipy.special import logsumexp
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array, check_together
 from jaxpf.measures.intervals import (
     Interval,
     as_float,
@@ -115,6 +116,9 @@ def corner_distances(estimate: ArrayLike, truth: ArrayLike) -> Array:
         ``[...]``, the sum over all 4 P corners, in pixels; NaN if any corner of either is not
         finite.
     """
+    for name, corners in (("estimate", estimate), ("truth", truth)):
+        check_array(name, corners, "corners in pixels, [..., P, 4, 2]")
+    check_together(estimate=estimate, truth=truth)
     apart = as_float(estimate) - as_float(truth)
     distance = jnp.hypot(apart[..., 0], apart[..., 1])
     total = jnp.sum(distance, axis=(-2, -1))
@@ -140,7 +144,7 @@ def success(estimate: ArrayLike, truth: ArrayLike) -> Array:
 
 def throughout(tracked: ArrayLike, present: ArrayLike) -> Array:
     """``success`` ``[..., P]`` from track state and presence, ``[..., T, P]`` bool each."""
-    tracked, present = jnp.asarray(tracked), jnp.asarray(present)
+    tracked, present = _of_frames(tracked, present)
     return jnp.all(tracked | ~present, axis=-2) & jnp.any(present, axis=-2)
 
 
@@ -157,7 +161,7 @@ def recovery(estimate: ArrayLike, truth: ArrayLike) -> Array:
 
 def in_the_end(tracked: ArrayLike, present: ArrayLike) -> Array:
     """``recovery`` ``[..., P]`` from track state and presence, ``[..., T, P]`` bool each."""
-    tracked, present = jnp.asarray(tracked), jnp.asarray(present)
+    tracked, present = _of_frames(tracked, present)
     frames = jnp.arange(present.shape[-2])[:, None]
     last = jnp.max(jnp.where(present, frames, -1), axis=-2, keepdims=True, initial=-1)
     return jnp.any(tracked & (frames == last), axis=-2)
@@ -239,6 +243,7 @@ def summarise(
         * ``precision_all``, ``recall_all``, ``overlap``: over all frames with truth;
         * ``centre_error``: in pixels, over frames with truth and a finite estimate.
     """
+    check_same_boxes(boxes_estimate, boxes_truth)
     estimate, truth = jnp.asarray(boxes_estimate), jnp.asarray(boxes_truth)
     if estimate.ndim != 4 or estimate.shape[1:] != truth.shape or truth.shape[-1] != 4:
         raise InputError(
@@ -293,6 +298,7 @@ def effective_dynamics(spread: ArrayLike, scale: ArrayLike) -> EffectiveDynamics
     Returns:
         ``[..., P, D]`` each; NaN in coordinates without process noise.
     """
+    check_together(spread=spread, scale=scale)
     spread, scale = as_float(spread), as_float(scale)
     has_noise = scale > 0
     ratio = jnp.where(has_noise, spread / jnp.where(has_noise, scale, 1), jnp.nan)
@@ -314,6 +320,8 @@ def pose_variance(spread: ArrayLike, sizes: ArrayLike) -> Array:
     Returns:
         ``[...]``; NaN if a spread is not finite.
     """
+    check_array("spread", spread, "of x, y, theta, [..., P, >= 3]")
+    check_array("sizes", sizes, "width and height in pixels, [P, 2]")
     spread, sizes = as_float(spread), as_float(sizes)
     radius = 0.5 * jnp.hypot(sizes[..., 0], sizes[..., 1])
     levers = jnp.stack([jnp.ones_like(radius), jnp.ones_like(radius), radius], axis=-1)
@@ -330,6 +338,7 @@ def resamplings_per_frame(resample_after: ArrayLike) -> Array:
     Returns:
         ``[...]`` int, including the resampling at the start of the frame.
     """
+    check_array("resample_after", resample_after, "truth values, [..., P]")
     return 1 + jnp.sum(jnp.asarray(resample_after), axis=-1)
 
 
@@ -344,6 +353,7 @@ def effective_sample_size(log_weights: ArrayLike) -> Array:
     Returns:
         ``[...]``, from 1 to N, or 0 if all weights are 0.
     """
+    check_array("log_weights", log_weights, "one for every particle, [..., >= 1]")
     log_weights = as_float(log_weights)
     log_weights = jnp.where(jnp.isfinite(log_weights), log_weights, -jnp.inf)
     largest = jnp.max(log_weights, axis=-1, keepdims=True)
@@ -362,6 +372,7 @@ def uniqueness(lineage: ArrayLike) -> Array:
     Returns:
         ``[..., P]``, from 1 / N to 1.
     """
+    check_array("lineage", lineage, "ids of particles, [..., P, >= 1]")
     ordered = jnp.sort(jnp.asarray(lineage), axis=-1)
     changes = jnp.sum(ordered[..., 1:] != ordered[..., :-1], axis=-1)
     return (1 + changes) / ordered.shape[-1]
@@ -372,10 +383,9 @@ def uniqueness(lineage: ArrayLike) -> Array:
 
 def check_same_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
     """Check that boxes ``[..., T, P, 4]`` have the truth's numbers of frames and objects."""
+    _check_boxes(estimate, truth)
     shapes = np.shape(estimate), np.shape(truth)
-    if any(shape[-1:] != (4,) or len(shape) < 3 for shape in shapes) or (
-        shapes[0][-3:] != shapes[1][-3:]
-    ):
+    if min(map(len, shapes)) < 3 or shapes[0][-3:] != shapes[1][-3:]:
         raise InputError(
             f"boxes of the shapes {list(shapes[0])} and {list(shapes[1])} cannot be compared; "
             "give [..., T, P, 4] of the same frames and objects"
@@ -384,16 +394,16 @@ def check_same_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
 
 def _check_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
     """Check that both arguments are boxes ``[..., 4]`` and that their shapes broadcast."""
-    shapes: tuple[tuple[int, ...], ...] = (np.shape(estimate), np.shape(truth))
-    try:
-        np.broadcast_shapes(*shapes)
-    except ValueError:
-        shapes = ()
-    if any(shape[-1:] != (4,) for shape in shapes) or not shapes:
-        raise InputError(
-            f"boxes of the shapes {list(np.shape(estimate))} and {list(np.shape(truth))} cannot be "
-            "compared; give [..., 4] and the same other axes"
-        )
+    for name, boxes in (("estimate", estimate), ("truth", truth)):
+        check_array(name, boxes, "boxes x, y, w, h, [..., 4]")
+    check_together(estimate=estimate, truth=truth)
+
+
+def _of_frames(tracked: ArrayLike, present: ArrayLike) -> tuple[Array, Array]:
+    for name, values in (("tracked", tracked), ("present", present)):
+        check_array(name, values, "truth values, [..., T, P]")
+    check_together(tracked=tracked, present=present)
+    return jnp.asarray(tracked, bool), jnp.asarray(present, bool)
 
 
 def _share_of_intersection(estimate: ArrayLike, truth: ArrayLike, whole: Array) -> Array:

@@ -7,9 +7,12 @@ from typing import Any
 import numpy as np
 
 from jaxpf.contract.names import PROBABLY_LOST
+from jaxpf.contract.numbers import check_array, check_whole
 from jaxpf.files.writing import atomic_write
 from jaxpf.media.overlay import object_colours
 
+#: Largest number of rows or columns of a figure.
+_MOST_AXES = 1000
 #: Approximate gamma of sRGB, and the weights of its primaries in the luminance (white is 1).
 _GAMMA = 2.2
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -24,6 +27,8 @@ def new_figure(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    check_whole("rows", rows, most=_MOST_AXES)
+    check_whole("columns", columns, most=_MOST_AXES)
     figure = Figure(layout="constrained", **options)
     FigureCanvasAgg(figure)
     return figure, figure.subplots(rows, columns, squeeze=False, sharex=share_x)
@@ -31,6 +36,7 @@ def new_figure(
 
 def save_figure(figure: Any, path: str | os.PathLike[str], dpi: int = 120) -> None:
     """Write a figure as a PNG file, completely or not at all."""
+    check_whole("dpi", dpi, most=10_000)
     with atomic_write(path, "wb") as file:
         figure.savefig(file, dpi=dpi, format="png")
 
@@ -66,6 +72,13 @@ def diagnostics(
         num_particles: N.
         confidence: ``[T, P]``, or None if the likelihood has none.
     """
+    shape = f"one for every frame, [{len(frames)}]"
+    of_objects = f"one for every frame and object, [{len(frames)}, {len(ids)}]"
+    check_array("ess", ess, shape)
+    check_array("log_evidence", log_evidence, shape)
+    check_array("uniqueness", uniqueness, of_objects)
+    if confidence is not None:
+        check_array("confidence", confidence, of_objects)
     has_evidence = not np.isnan(log_evidence).all()
     rows = 2 + (confidence is not None) + has_evidence
     figure, axes = new_figure(rows, 1, figsize=(9, 2 + 2 * rows), share_x=True)

@@ -12,7 +12,6 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.pytree import is_concrete
 
 #: Number of particles in a trial call, chosen to differ from other axes.
 _TRIED = 3
@@ -46,11 +45,16 @@ def check_run(tracker: Any, frames: Any) -> None:
 
 
 def check_pytree(tracker: Any) -> None:
-    """Refuse a tracker that contains an object that is not a pytree.
+    """Refuse what is no tracker, and a tracker that contains an object that is not a pytree.
 
     Raises:
         InputError: names the class and its place.
     """
+    if not hasattr(tracker, "init"):
+        raise InputError(
+            f"tracker is {tracker!r:.60}; give a tracker, such as jaxpf.Partitioned, or an object "
+            "with the methods init and step."
+        )
     for path, leaf in jax.tree_util.tree_leaves_with_path(tracker):
         if isinstance(leaf, np.ndarray | np.generic | jax.Array | int | float | complex):
             continue
@@ -59,18 +63,6 @@ def check_pytree(tracker: Any) -> None:
         if type(leaf).__name__ not in ("function", "method", "builtin_function_or_method"):
             remedy = "decorate the class with @jaxpf.pytree_dataclass, or give numbers"
         raise InputError(f"{place} is {_a(type(leaf).__name__)}, which is no pytree; {remedy}.")
-
-
-def check_whole(name: str, value: Any, least: int = 1) -> None:
-    """Refuse a ``value`` of the argument ``name`` that is not a whole number of at least ``least``.
-
-    A traced value passes.
-    """
-    if not is_concrete(value):
-        return
-    number = np.asarray(value)
-    if number.ndim or number.dtype.kind not in "iu" or number < least:
-        raise InputError(f"{name}={value!r} must be a whole number, at least {least}.")
 
 
 def check_frames(frames: Any) -> None:

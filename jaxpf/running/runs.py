@@ -11,8 +11,9 @@ from jax import lax
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_whole
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import check_frames, check_run, check_whole
+from jaxpf.running.checks import check_frames, check_run
 from jaxpf.running.chunks import come_one_by_one
 
 

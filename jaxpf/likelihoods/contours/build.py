@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.names import EXCLUSIONS
+from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.pytree import as_array
 from jaxpf.likelihoods.contours.clutter import check_clutter, learn_clutter, poisson_clutter
 from jaxpf.likelihoods.contours.edges import EdgeDetector
@@ -23,6 +24,8 @@ _KINDS: dict[str, tuple[type[IndependentContours], dict[str, str]]] = {
     "wires-literal": (ExclusiveContours, {"payment": "literal"}),
     "opaque-literal": (OpaqueContours, {"payment": "literal"}),
 }
+#: Largest number of lines on a contour.
+_MOST_LINES = 1000
 #: More boundaries on a line would make too many subsets to sum over.
 _MOST_CROSSINGS = 8
 
@@ -117,15 +120,13 @@ def contours(
 def _check(
     space, num_targets, exclusion, sigma, independence, width, num_lines, crossings, edges
 ) -> None:
-    if exclusion not in _KINDS:
-        raise InputError(f"exclusion {exclusion!r} is unknown; choose one of {list(EXCLUSIONS)}.")
-    for name, value in (("sigma", sigma), ("width", 1.0 if width is None else width)):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(f"{name} {value} must be a number of pixels above 0.")
-    if not 0 < independence <= 1:
-        raise InputError(f"independence {independence} must be above 0 and at most 1.")
-    if num_lines < 4:
-        raise InputError(f"num_lines {num_lines} must be 4 or more.")
+    check_known("exclusion=", exclusion, EXCLUSIONS)
+    check_number("sigma", sigma, above=0)
+    check_number("width", 1.0 if width is None else width, above=0)
+    check_number("independence", independence, above=0, most=1)
+    check_whole("num_lines", num_lines, 4, _MOST_LINES)
+    check_whole("num_targets", num_targets)
+    check_whole("crossings", crossings, edges)
     if edges == 2 and space.closed:
         raise InputError(
             f"width {width:g} is of wires with two edges, which are open contours, and these are "
@@ -141,10 +142,6 @@ def _check(
             )
     exclusive = issubclass(_KINDS[exclusion][0], ExclusiveContours)
     most = crossings * (num_targets if exclusive else 1)
-    if crossings < edges:
-        raise InputError(
-            f"crossings {crossings} must be {edges} or more, one for each edge of a contour."
-        )
     if most > _MOST_CROSSINGS:
         raise InputError(
             f"up to {most} boundaries could cross a line, {crossings} of each of {num_targets} "

@@ -8,9 +8,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import as_array
-from jaxpf.likelihoods._checks import INTERPOLATIONS, check_positive
+from jaxpf.likelihoods._checks import INTERPOLATIONS, check_window
 from jaxpf.likelihoods._integral import LANES
 from jaxpf.likelihoods._references import check_parts
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
@@ -225,12 +226,8 @@ def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_sha
             raise InputError(
                 f"feature {one!r} is unknown; choose of {', '.join(FEATURES)}, or give a function."
             )
-    check_positive("gain", gain)
-    check_positive("penalty", penalty)
+    check_number("gain", gain, above=0)
+    check_number("penalty", penalty, above=0)
     check_parts(bands)
-    if len(grid) != 2 or min(grid) < 1:
-        raise InputError(f"grid is {grid}: give the rows and columns of cells, at least 1 each.")
-    if interpolation not in INTERPOLATIONS:
-        raise InputError(
-            f"interpolation is {interpolation!r}: choose one of {', '.join(INTERPOLATIONS)}."
-        )
+    check_window(grid, "(4, 4)", "grid")
+    check_known("interpolation=", interpolation, INTERPOLATIONS)

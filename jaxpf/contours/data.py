@@ -89,18 +89,3 @@ class Learned(NamedTuple):
             for values in [getattr(self.dynamics, name)]
         }
         return LinearGaussian(**repeated)
-
-
-def check_given(contours: Any, learned: Any = None) -> None:
-    """Refuse what are no start contours, or no learned model.
-
-    Raises:
-        InputError: names the type.
-    """
-    if not isinstance(contours, Contours):
-        raise InputError(
-            f"contours is {type(contours).__name__}: give jaxpf.contours.Contours, such as "
-            "Contours(names=(1, 2), points=points) with control points [P, K, 2]."
-        )
-    if learned is not None and not isinstance(learned, Learned):
-        raise InputError(f"learned is {type(learned).__name__}: give jaxpf.contours.Learned.")

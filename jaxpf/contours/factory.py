@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contours.data import Contours, Learned, check_given
+from jaxpf.contours.data import Contours, Learned
 from jaxpf.contours.target import CONTOURS, contour_start, polylines, shapes_of
+from jaxpf.contract.errors import check_type
 from jaxpf.targets import building
 
 
@@ -38,7 +39,9 @@ def tracker(
     Raises:
         InputError: an unknown option or a value out of range; the message names it.
     """
-    check_given(contours, learned)
+    check_type("contours", contours, Contours)
+    if learned is not None:
+        check_type("learned", learned, Learned)
     given = {"method": method, "particles": particles, **options}
     start = contour_start(contours, learned)
     return building.make(CONTOURS, frame, start, given, likelihood=likelihood, ordering=ordering)

@@ -5,15 +5,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contours.data import DEFAULT_SCALE, Contours, check_given
-from jaxpf.contract.errors import InputError
+from jaxpf.contours.data import DEFAULT_SCALE, Contours
+from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.model import Model
-from jaxpf.contract.names import SHAPE_SPACES
 from jaxpf.contract.numbers import check_number, numbers_in
 from jaxpf.dynamics.gaussian import RandomWalk
 from jaxpf.dynamics.occlusion import WithOcclusion
 from jaxpf.shapes.depth import depth_orders
-from jaxpf.shapes.spaces import space_of
+from jaxpf.shapes.spaces import ShapeSpace, space_of
 
 
 def contours_model(
@@ -70,13 +69,11 @@ def start_space(start: Contours, space: Any = "similarity") -> Any:
     Raises:
         InputError: an unknown space, or one that does not match the contours.
     """
-    check_given(start)
+    check_type("start", start, Contours)
     if isinstance(space, str):
         return space_of(space, start.points, closed=start.closed, degree=start.degree)
     if not hasattr(space, "num_points"):
-        raise InputError(
-            f"space is {type(space).__name__}: give {', '.join(SHAPE_SPACES)}, or a shape space."
-        )
+        check_type("space", space, ShapeSpace, str)
     if space.num_points != start.points.shape[1] or space.closed != start.closed:
         kinds = ["closed" if closed else "open" for closed in (start.closed, space.closed)]
         raise InputError(

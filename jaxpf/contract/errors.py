@@ -64,6 +64,17 @@ def check_names(names: Any, count: int) -> None:
         )
 
 
+def check_type(name: str, value: Any, *kinds: type) -> None:
+    """Refuse a ``value`` of the argument ``name`` that is of none of these ``kinds``.
+
+    Raises:
+        InputError: names the type that was given, and those that are allowed.
+    """
+    if not isinstance(value, kinds):
+        wanted = " or ".join(kind.__name__ for kind in kinds)
+        raise InputError(f"{name} is {type(value).__name__}: give a {wanted} of jaxpf.")
+
+
 def check_known(shown: str, value: Any, known: Collection[str]) -> None:
     """Refuse a name that is not in ``known``.
 

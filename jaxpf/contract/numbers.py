@@ -38,7 +38,9 @@ def check_array(
         shape = np.shape(value)
         dtype = getattr(value, "dtype", None)
         kind = (np.asarray(value).dtype if dtype is None else dtype).kind
-    except (TypeError, ValueError):  # such as rows of different lengths
+    except (TypeError, ValueError):  # rows of different lengths, or a list of traced numbers
+        if _is_traced(value):
+            return
         shape, kind = (), "O"
     bracketed = re.search(r"\[(.*?)\]", wanted)
     axes = bracketed[1].split(", ") if bracketed else ["..."]
@@ -146,5 +148,7 @@ def _shown(value: Any) -> str:
 
 
 def _is_traced(value: Any) -> bool:
+    if isinstance(value, list | tuple):
+        return any(map(_is_traced, value))
     jax = sys.modules.get("jax")
     return jax is not None and isinstance(value, jax.core.Tracer)

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_array
+from jaxpf.contract.numbers import numbers_in
+from jaxpf.likelihoods.color import check_frame
 
 #: How the squared differences of a window are combined.
 NORMS = ("mean", "sum")
@@ -25,11 +26,21 @@ def check_window(window: Any, example: str, name: str = "window") -> None:
         )
 
 
-def check_window_sizes(sizes: np.ndarray, count: int, noun: str) -> None:
-    """Reject widths and heights ``[count, 2]`` below one pixel."""
-    check_array("sizes", sizes, f"width and height of every one of the {noun}, [{count}, 2]")
+def window_sizes(sizes: Any, count: int, noun: str) -> np.ndarray:
+    """Convert widths and heights ``[count, 2]``; refuse those below one pixel."""
+    sizes = numbers_in("sizes", sizes, f"width and height of all {noun}, [{count}, 2]")
+    sizes = sizes.astype(np.float32)
     for i, (width, height) in enumerate(sizes):
         if not (math.isfinite(width * height) and width >= 1 and height >= 1):
             raise InputError(
                 f"sizes[{i}] is {width:g} x {height:g} pixels: use at least 1 of each."
             )
+    return sizes
+
+
+def check_pictures(name: str, pictures: Any) -> None:
+    """Refuse what is no list of pictures, uint8 RGB ``[h, w, 3]``."""
+    if not hasattr(pictures, "__len__") or len(pictures) == 0:
+        raise InputError(f"{name}={pictures!r:.60} must be a list with a picture of every object.")
+    for i, picture in enumerate(pictures):
+        check_frame(picture, f"{name}[{i}]")

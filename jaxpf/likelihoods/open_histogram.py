@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from jaxpf.contract.errors import check_type
 from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.likelihoods._integral import LANES
 from jaxpf.likelihoods._references import box_histogram, check_parts, check_sizes
@@ -89,6 +90,7 @@ def with_object(
         InputError: there is no such place, or a band of the box has no pixel inside the frame.
     """
     check_frame(frame)
+    check_type("likelihood", likelihood, HistogramLikelihood)
     check_whole("place", place, 0, len(likelihood.references) - 1)
     box, parts = numbers_in("box", box, "x, y, w, h in pixels, [4]"), likelihood.references.shape[1]
     check_sizes(box[None, 2:], parts, "boxes")

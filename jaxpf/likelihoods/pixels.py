@@ -40,8 +40,9 @@ from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.likelihoods._checks import (
     INTERPOLATIONS,
+    check_pictures,
     check_window,
-    check_window_sizes,
+    window_sizes,
 )
 from jaxpf.likelihoods._windows import window_colours, words_of
 from jaxpf.likelihoods.color import check_frame
@@ -202,13 +203,9 @@ def pixels(
     Raises:
         InputError: an argument is out of range.
     """
-    if len(pictures) == 0:
-        raise InputError("pictures is empty: give one picture per target.")
-    for i, picture in enumerate(pictures):
-        check_frame(picture, f"pictures[{i}]")
+    check_pictures("pictures", pictures)
     extents = np.array([(len(picture[0]), len(picture)) for picture in pictures], np.float32)
-    sizes = extents if sizes is None else np.asarray(sizes, np.float32)
-    check_window_sizes(sizes, len(pictures), "targets")
+    sizes = window_sizes(extents if sizes is None else sizes, len(pictures), "targets")
     check_number("sigma", sigma, above=0)
     for name, value in (("min_slope", min_slope), ("size_term", size_term)):
         if value is not None:

@@ -28,7 +28,7 @@ from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.numbers import check_number, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
-from jaxpf.likelihoods._checks import NORMS, check_window
+from jaxpf.likelihoods._checks import NORMS, check_pictures, check_window
 from jaxpf.likelihoods.color import check_frame
 
 # Lower bound of the mean, of 255, by which a window is divided; as in ``patch``.
@@ -219,8 +219,7 @@ def windows_from_pictures(
     Raises:
         InputError: as :func:`windows`.
     """
-    if len(pictures) == 0:
-        raise InputError("pictures is empty: give one picture per point.")
+    check_pictures("pictures", pictures)
     seen = []
     for i, picture in enumerate(pictures):
         rows, columns = picture.shape[:2]
@@ -233,6 +232,7 @@ def windows_from_pictures(
 
 
 def _build(seen, sigma, window, norm, slip) -> WindowLikelihood:
+    check_number("slip", slip, least=0)
     means = seen.mean(axis=(1, 2), keepdims=True)
     return WindowLikelihood(
         sigma=as_array(sigma, float),

@@ -203,7 +203,7 @@ def check_level(level: ArrayLike) -> None:
     check_array("level", level, "above 0 and below 1, such as 0.95")
     levels = np.asarray(level)
     if not (levels.size and np.all((levels > 0) & (levels < 1))):
-        raise InputError(f"level={level} must be above 0 and below 1, such as 0.95.")
+        raise InputError(f"level={level!r} must be above 0 and below 1, such as 0.95.")
 
 
 def as_float(values: ArrayLike) -> Array:

@@ -383,9 +383,10 @@ def uniqueness(lineage: ArrayLike) -> Array:
 
 def check_same_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
     """Check that boxes ``[..., T, P, 4]`` have the truth's numbers of frames and objects."""
-    _check_boxes(estimate, truth)
+    for name, boxes in (("estimate", estimate), ("truth", truth)):
+        check_array(name, boxes, "boxes x, y, w, h, [..., T, P, 4]")
     shapes = np.shape(estimate), np.shape(truth)
-    if min(map(len, shapes)) < 3 or shapes[0][-3:] != shapes[1][-3:]:
+    if shapes[0][-3:] != shapes[1][-3:]:
         raise InputError(
             f"boxes of the shapes {list(shapes[0])} and {list(shapes[1])} cannot be compared; "
             "give [..., T, P, 4] of the same frames and objects"

@@ -20,7 +20,7 @@ import numpy as np
 from jaxpf import running
 from jaxpf.boxes import target as box_target
 from jaxpf.boxes.models import box_model, boxes_at
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.contract.options import chosen, options_of
@@ -82,6 +82,7 @@ def open_model(
     Raises:
         InputError: options that require a start frame, which an empty population lacks.
     """
+    check_type("options", options, box_target.Options)
     if DISCRIMINATIVE in options.appearance or RELATIVE in options.motion:
         raise InputError(
             "objects that come and go are known by colour and move by pixels, because there is "
@@ -151,14 +152,14 @@ def follow(
             object is not visible; in the second, a named object has no likelihood; there are more
             frames than detections; or an id is given twice.
     """
-    for name, value, kind in (("tracker", tracker, Labelled), ("rules", rules or Rules(), Rules)):
-        if not isinstance(value, kind):
-            raise InputError(f"{name} is {value!r:.60}; give a jaxpf {kind.__name__}.")
+    rules = Rules() if rules is None else rules
+    check_type("tracker", tracker, Labelled)
+    check_type("rules", rules, Rules)
     if detections is not None and not hasattr(detections, "__getitem__"):
         raise InputError(
             f"detections is {type(detections).__name__}; give a list of the boxes of every frame."
         )
-    key, rules = running.as_key(key), rules or Rules()
+    key = running.as_key(key)
     starts: dict[int, list[tuple[int, np.ndarray]]] = {}
     for entry in named:
         is_three = isinstance(entry, tuple | list) and len(entry) == 3

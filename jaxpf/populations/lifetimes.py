@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxpf.contract.numbers import check_array, check_whole
+from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.contract.options import check_options, option
 from jaxpf.measures import association
 from jaxpf.measures.association import pairwise_overlap
@@ -145,10 +145,11 @@ def advance(
         frame_shape: height and width of the frame.
         rules: see ``Rules``.
     """
-    check_array("boxes", boxes, f"x, y, w, h of every place, [{len(living.ids)}, 4]")
-    check_array("lost", lost, f"bool, [{len(living.ids)}]")
+    boxes = numbers_in("boxes", boxes, f"x, y, w, h of every place, [{len(living.ids)}, 4]")
+    lost = numbers_in("lost", lost, f"bool, [{len(living.ids)}]") > 0
     if detections is not None:
-        check_array("detections", detections, "x, y, w, h, [M, 4]")
+        detections = numbers_in("detections", detections, "x, y, w, h, [M, 4]")
+    check_array("frame_shape", frame_shape, "height and width of the frame, [>= 2]", least=1)
     unseen, deaths = _deaths(living, boxes, lost, detections, frame_shape, rules)
     ids, candidates, last_id = living.ids.copy(), living.candidates, living.last_id
     ids[[death.slot for death in deaths]] = EMPTY

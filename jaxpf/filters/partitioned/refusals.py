@@ -8,7 +8,7 @@ from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError, choice
 from jaxpf.contract.names import SWAPS
-from jaxpf.contract.numbers import TINY, check_array, check_whole
+from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.partitioned.labels import check_labels
 from jaxpf.gradients import check_gradients
@@ -18,10 +18,10 @@ def check_tracker(tracker: Any) -> None:
     """Refuse settings that cannot work or would be silently wrong."""
     check_whole("num_particles", tracker.num_particles)
     check_gradients(tracker)
-    for name, bound, least in (("tempering", "above 0", TINY), ("ess_threshold", "at least 0", 0)):
-        if getattr(tracker, name) is not None:
-            wanted = f"{bound} and at most 1; None is the default"
-            check_array(name, getattr(tracker, name), wanted, least, 1)
+    if tracker.tempering is not None:
+        check_number("tempering", tracker.tempering, above=0, most=1)
+    if tracker.ess_threshold is not None:
+        check_number("ess_threshold", tracker.ess_threshold, least=0, most=1)
     ordering, parents = tracker.ordering, tracker.parents
     if len(parents) != ordering.num_partitions:
         raise InputError(

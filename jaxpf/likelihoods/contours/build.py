@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.errors import InputError, check_known, check_type
 from jaxpf.contract.names import EXCLUSIONS
-from jaxpf.contract.numbers import check_number, check_whole
+from jaxpf.contract.numbers import check_array, check_number, check_whole
 from jaxpf.contract.pytree import as_array
 from jaxpf.likelihoods.contours.clutter import check_clutter, learn_clutter, poisson_clutter
 from jaxpf.likelihoods.contours.edges import EdgeDetector
@@ -75,6 +75,7 @@ def contours(
         InputError: an argument is out of range.
     """
     detector = EdgeDetector() if detector is None else detector
+    check_type("detector", detector, EdgeDetector)
     edges = 1 if width is None else 2
     crossings = edges if crossings is None else crossings
     _check(space, num_targets, exclusion, sigma, independence, width, num_lines, crossings, edges)
@@ -87,8 +88,10 @@ def contours(
         raise InputError("give either frames to learn clutter from, or the clutter itself.")
     if frames is not None:
         clutter = learn_clutter(frames, detector)
-    elif np.ndim(clutter) == 0:
-        clutter = poisson_clutter(float(clutter), detector.max_features)
+    else:
+        check_array("clutter", clutter, "the mean number of features, or b(n)")
+        if np.ndim(clutter) == 0:
+            clutter = poisson_clutter(float(clutter), detector.max_features)
     kind, payment = _KINDS[exclusion]
     together = crossings * (num_targets if issubclass(kind, ExclusiveContours) else 1)
     together += 0 if payment else edges
@@ -127,6 +130,8 @@ def _check(
     check_whole("num_lines", num_lines, 4, _MOST_LINES)
     check_whole("num_targets", num_targets)
     check_whole("crossings", crossings, edges)
+    if not hasattr(space, "num_templates"):
+        check_type("space", space, ShapeSpace)
     if edges == 2 and space.closed:
         raise InputError(
             f"width {width:g} is of wires with two edges, which are open contours, and these are "

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.numbers import check_array, check_number, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array
 from jaxpf.likelihoods.contours.edges import EdgeDetector, Lines
@@ -69,6 +69,7 @@ def learn_clutter(
     Raises:
         InputError: there are no frames, lines do not fit into them, or no line shows a feature.
     """
+    check_type("detector", detector, EdgeDetector)
     check_array("frames", frames, "uint8 RGB, [>= 1, H, W, 3]")
     check_whole("num_lines", num_lines)
     check_number("smoothing", smoothing, least=0)

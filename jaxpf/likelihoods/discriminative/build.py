@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import check_number
+from jaxpf.contract.numbers import check_array, check_number, numbers_in
 from jaxpf.contract.pytree import as_array
 from jaxpf.likelihoods._checks import INTERPOLATIONS, check_window
 from jaxpf.likelihoods._integral import LANES
@@ -80,7 +80,11 @@ def discriminative(
     """
     check_frame(frame)
     frame = jnp.asarray(frame)
-    boxes = np.asarray(boxes, np.float64)
+    boxes = numbers_in("boxes", boxes, "x, y, w, h in pixels of every object, [>= 1, 4]")
+    if background_frames is not None:
+        check_array("background_frames", background_frames, "uint8 RGB, [..., H, W, 3]")
+    if reach is not None:
+        check_number("reach", reach, above=0)
     _check(boxes, features, gain, bands, grid, penalty, interpolation, frame.shape)
     factors, level = np.unique(
         [factor_of(width, height) for width, height in boxes[:, 2:]], return_inverse=True
@@ -193,10 +197,6 @@ def _check_learned(residuals: np.ndarray) -> None:
 
 
 def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_shape) -> None:
-    if boxes.ndim != 2 or boxes.shape[1] != 4 or len(boxes) == 0:
-        raise InputError(
-            f"boxes has shape {list(boxes.shape)}: give one row (x, y, w, h) per object, [P, 4]."
-        )
     height, width = frame_shape[:2]
     for i, box in enumerate(boxes):
         if not np.all(np.isfinite(box)):
@@ -219,10 +219,10 @@ def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_sha
                 f"boxes[{i}] is {box.tolist()}: less than a quarter of it lies in the frame of "
                 f"{width} x {height} pixels; start where more of the object is seen."
             )
-    if not features:
+    if not isinstance(features, Sequence) or not features:
         raise InputError(f"features is empty: give at least one of {', '.join(FEATURES)}.")
     for one in features:
-        if isinstance(one, str) and one not in FEATURES:
+        if one not in FEATURES if isinstance(one, str) else not callable(one):
             raise InputError(
                 f"feature {one!r} is unknown; choose of {', '.join(FEATURES)}, or give a function."
             )

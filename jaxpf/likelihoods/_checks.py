@@ -22,7 +22,7 @@ def check_window(window: Any, example: str, name: str = "window") -> None:
     sides = window if isinstance(window, tuple | list) else ()
     if len(sides) != 2 or not all(isinstance(n, int) and 1 <= n <= _WIDEST for n in sides):
         raise InputError(
-            f"{name} is {window!r}: give columns and rows of a grid, such as {example}."
+            f"{name} is {window!r}: give the two sides of a grid, such as {example}."
         )
 
 

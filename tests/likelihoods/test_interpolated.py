@@ -316,8 +316,8 @@ def test_groups_of_boxes_stand_for_their_members():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"interpolation": "cubic"}, "interpolation is 'cubic'"),
-        ({"form": "odds"}, "form is 'odds'"),
+        ({"interpolation": "cubic"}, "interpolation=\'cubic\' is unknown; choose one of"),
+        ({"form": "odds"}, "form=\'odds\' is unknown; choose one of"),
         ({"form": "ratio"}, "there is no background_frames: "),
     ],
 )

@@ -367,5 +367,5 @@ def test_intervals_of_shares_stay_within_shares():
 @pytest.mark.parametrize("name", FRAME_MEASURES)
 @pytest.mark.parametrize("shape", [(2, 4), (3, 3), (4, 1)])
 def test_what_is_no_box_of_the_truth_is_refused(name, shape):
-    with pytest.raises(InputError, match="boxes x, y, w, h|do not go together"):
+    with pytest.raises(InputError, match=r"boxes x, y, w, h|do not go together"):
         getattr(measures, name)(np.ones(shape), np.ones((3, 4)))

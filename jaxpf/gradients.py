@@ -48,6 +48,7 @@ from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.names import MOTION_GRADIENTS
+from jaxpf.contract.numbers import TINY, check_array
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass
 from jaxpf.contract.state import ParticleState
 from jaxpf.resampling import transport, weighted
@@ -128,9 +129,7 @@ class Soft(Gradient):
     def check(self, tracker: Any) -> None:
         """See ``Gradient``."""
         super().check(tracker)
-        share = self.share if not is_concrete(self.share) else np.asarray(self.share)
-        if is_concrete(share) and not 0 < np.min(share) <= np.max(share) <= 1:
-            raise InputError(f"Soft's share {share} must be above 0 and at most 1.")
+        check_array("Soft's share", self.share, "above 0 and at most 1", TINY, 1)
 
 
 @pytree_dataclass
@@ -164,8 +163,7 @@ class Transport(Gradient):
         super().check(tracker)
         if importlib.util.find_spec("ott") is None:
             raise InputError(transport.MISSING)
-        if is_concrete(self.epsilon) and not np.all(np.asarray(self.epsilon) > 0):
-            raise InputError(f"Transport's epsilon {self.epsilon} must be above 0.")
+        check_array("Transport's epsilon", self.epsilon, "a finite number above 0", TINY)
         ordering = tracker.ordering
         exchanges = is_concrete(ordering) and np.asarray(ordering.exchanged).any()
         for used, what, remedy in (

@@ -19,7 +19,11 @@ import numpy as np
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.model import check_tree
 from jaxpf.contract.names import METHODS, REASSEMBLIES, SWAPS
+from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
+
+#: Largest number of partitions: the tables of an ordering hold its square.
+_MOST_PARTITIONS = 10_000
 
 
 @pytree_dataclass
@@ -72,7 +76,7 @@ class Ordering:
 
 def sir(num_partitions: int) -> Ordering:
     """SIR, or Condensation: no resampling inside the frame ("Non-PS" in smith2004)."""
-    _check_count(num_partitions)
+    check_whole("num_partitions", num_partitions, most=_MOST_PARTITIONS)
     return _ordering([range(num_partitions)], np.zeros(num_partitions, bool))
 
 
@@ -107,7 +111,7 @@ def dps(
     if orders is None:
         if num_partitions is None:
             raise InputError("dps() needs a number of partitions or a list of orders.")
-        _check_count(num_partitions)
+        check_whole("num_partitions", num_partitions, most=_MOST_PARTITIONS)
         base = list(range(num_partitions))
         orders = [base[shift:] + base[:shift] for shift in range(num_partitions)]
     orders = _listed(orders)
@@ -164,7 +168,7 @@ def sps(
     if parents is None:
         if num_partitions is None:
             raise InputError("sps() needs the part tree `parents` or a number of partitions.")
-        _check_count(num_partitions)
+        check_whole("num_partitions", num_partitions, most=_MOST_PARTITIONS)
         parents = [-1] * num_partitions
     check_known("swap=", swap, SWAPS)
     tree = check_tree(parents)
@@ -213,10 +217,11 @@ def named(
     check_known("method ", method, METHODS)
     if order is not None and method != "ps":
         raise InputError(f"an order was given, but method {method!r} has none; use method 'ps'.")
+    order = None if order is None else _entries(order)
     if order is not None and len(order) != len(tree):
         raise InputError(
-            f"order {list(order)} has {len(order)} entries for {len(tree)} objects; name every "
-            "object once."
+            f"order {order} has {len(order)} entries for {len(tree)} objects; name every object "
+            "once."
         )
     if method == "sps":
         # Keeps the exchange exact: roots with parts are not exchanged.
@@ -247,13 +252,6 @@ def tree_levels(tree: Sequence[int]) -> list[int]:
 
 def _all_but_last(num_partitions: int) -> np.ndarray:
     return np.arange(num_partitions) < num_partitions - 1
-
-
-def _check_count(num_partitions: int) -> None:
-    if isinstance(num_partitions, bool) or not isinstance(num_partitions, int | np.integer):
-        raise InputError(f"num_partitions={num_partitions!r} must be a whole number.")
-    if num_partitions < 1:
-        raise InputError(f"num_partitions={num_partitions} must be at least 1.")
 
 
 def _check_permutation(order: Sequence[int], num_partitions: int, component: int) -> list[int]:

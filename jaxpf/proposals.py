@@ -22,7 +22,8 @@ from jax import lax
 from jaxpf import contract
 from jaxpf.contract import Proposal, of_partition
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.pytree import is_concrete, pytree_dataclass
+from jaxpf.contract.numbers import check_number
+from jaxpf.contract.pytree import pytree_dataclass
 
 
 @pytree_dataclass
@@ -43,8 +44,7 @@ class Mixture(Proposal):
     dynamics: Any = None
 
     def __post_init__(self):
-        if is_concrete(self.share) and not 0 <= float(self.share) < 1:
-            raise InputError(f"Mixture's share {self.share} must be at least 0 and below 1.")
+        check_number("share", self.share, least=0, below=1)
 
     def of_model(self, dynamics, likelihood):
         """See ``jaxpf.contract.Proposal``."""

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from jaxpf.boxes.models import boxes_at
 from jaxpf.boxes.target import BOXES
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import numbers_in
+from jaxpf.contract.numbers import check_array, numbers_in
 from jaxpf.targets import building
 
 
@@ -65,13 +65,12 @@ def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
             "this tracker's dynamics do not know the sizes of the boxes; make it with "
             "jaxpf.boxes.tracker, or use jaxpf.shapes.boxes_from_substates(estimate, sizes)."
         )
+    check_array("estimate", estimate, f"u, v, a, [..., {len(sizes)}, >= 3]")
     return boxes_at(estimate, sizes)
 
 
 def _start(boxes: ArrayLike) -> Any:
-    array = numbers_in("boxes", boxes, "rows x, y, w, h in pixels")
-    if array.ndim != 2 or array.shape[1] != 4 or len(array) == 0:
-        raise InputError(f"boxes has shape {list(array.shape)}: give a row x, y, w, h for each.")
+    array = numbers_in("boxes", boxes, "x, y, w, h in pixels of every object, [>= 1, 4]")
     for number, box in enumerate(array):
         if not (np.isfinite(box).all() and (box[2:] > 0).all()):
             raise InputError(

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from jaxpf.shapes.splines import CUBIC
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_number, numbers_in
+from jaxpf.shapes.splines import CUBIC, check_order
 
 if TYPE_CHECKING:
     from jaxpf.dynamics.gaussian import LinearGaussian
@@ -40,6 +42,15 @@ class Contours:
     degree: int = CUBIC
     width: float | None = None
     remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        points = numbers_in("points", self.points, "control points in pixels, [>= 1, K, 2]")
+        check_order(points.shape[1], self.degree)
+        if not np.isfinite(points).all():
+            raise InputError("points hold a number that is not finite; give pixels, [P, K, 2].")
+        if self.width is not None:
+            check_number("width", self.width, above=0)
+        object.__setattr__(self, "points", points)
 
 
 class Annotated(NamedTuple):

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contours.data import Contours, Learned
 from jaxpf.contours.target import CONTOURS, contour_start, polylines, shapes_of
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import check_type
 from jaxpf.targets import building
 
 
@@ -39,11 +39,9 @@ def tracker(
     Raises:
         InputError: an unknown option or a value out of range; the message names it.
     """
-    if not isinstance(contours, Contours):
-        raise InputError(
-            f"contours is {type(contours).__name__}: give jaxpf.contours.Contours, such as "
-            "Contours(names=(1, 2), points=points) with control points [P, K, 2]."
-        )
+    check_type("contours", contours, Contours)
+    if learned is not None:
+        check_type("learned", learned, Learned)
     given = {"method": method, "particles": particles, **options}
     start = contour_start(contours, learned)
     return building.make(CONTOURS, frame, start, given, likelihood=likelihood, ordering=ordering)

@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contours.data import DEFAULT_SCALE, Contours
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.model import Model
-from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.numbers import check_number, numbers_in
 from jaxpf.dynamics.gaussian import RandomWalk
 from jaxpf.dynamics.occlusion import WithOcclusion
 from jaxpf.shapes.depth import depth_orders
-from jaxpf.shapes.spaces import space_of
+from jaxpf.shapes.spaces import ShapeSpace, space_of
 
 
 def contours_model(
@@ -50,8 +50,7 @@ def contours_model(
     )
     if flip is None:
         return model
-    if is_concrete(flip) and not 0 <= np.asarray(flip) <= 1:
-        raise InputError(f"flip {flip} must be a probability, 0 to 1.")
+    check_number("flip", flip, least=0, most=1)
     labels = len(depth_orders(len(start.points)))
     return model._replace(
         dynamics=WithOcclusion(dynamics, likelihood, flip),
@@ -70,8 +69,11 @@ def start_space(start: Contours, space: Any = "similarity") -> Any:
     Raises:
         InputError: an unknown space, or one that does not match the contours.
     """
+    check_type("start", start, Contours)
     if isinstance(space, str):
         return space_of(space, start.points, closed=start.closed, degree=start.degree)
+    if not hasattr(space, "num_points"):
+        check_type("space", space, ShapeSpace, str)
     if space.num_points != start.points.shape[1] or space.closed != start.closed:
         kinds = ["closed" if closed else "open" for closed in (start.closed, space.closed)]
         raise InputError(
@@ -83,7 +85,8 @@ def start_space(start: Contours, space: Any = "similarity") -> Any:
 
 def _noise(scale: ArrayLike, dimension: int) -> np.ndarray:
     """Expand and check the noise, ``[D]``."""
-    values = np.asarray(scale, np.float32)
+    values = numbers_in("scale", scale, "two numbers, or one for each coordinate, [D]")
+    values = values.astype(np.float32)
     if values.shape == (2,):
         values = np.concatenate([np.full(2, values[0]), np.full(dimension - 2, values[1])])
     if values.shape != (dimension,) or not np.isfinite(values).all() or (values < 0).any():

@@ -14,6 +14,7 @@ from jaxpf.contours.data import DEFAULT_SCALE, Contours, Learned
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.names import EXCLUSIONS, SHAPE_SPACES
+from jaxpf.contract.numbers import check_array
 from jaxpf.contract.options import check_options, option, plain
 from jaxpf.shapes.splines import basis, even_places, points_on
 from jaxpf.targets.target import Looks, Start, Target
@@ -284,6 +285,7 @@ def shapes_of(tracker: Any, estimate: Any) -> np.ndarray:
             "this tracker's likelihood does not define the shape space; give it an attribute "
             "`space`, such as jaxpf.shapes.space_of makes."
         )
+    check_array("estimate", estimate, f"coordinates, [..., P, {space.dimension}]")
     kind: dict[str, Any] = {"closed": space.closed, "degree": space.degree}
     matrix = basis(even_places(PIECES + 1, closed=False), space.num_points, **kind)
     lines = matrix @ np.asarray(space.control_points(np.asarray(estimate)), float)

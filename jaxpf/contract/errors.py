@@ -51,6 +51,30 @@ class InputError(ValueError):
         return "".join(show(x) if isinstance(x, Argument) else x for x in self.pieces)
 
 
+def check_names(names: Any, count: int) -> None:
+    """Refuse names that are not one for each of ``count`` objects.
+
+    Raises:
+        InputError: gives both numbers.
+    """
+    given = 0 if isinstance(names, str) or not hasattr(names, "__len__") else len(names)
+    if given != count:
+        raise InputError(
+            f"names={names!r:.60} must be one name for each of the {count} objects, in a list."
+        )
+
+
+def check_type(name: str, value: Any, *kinds: type) -> None:
+    """Refuse a ``value`` of the argument ``name`` that is of none of these ``kinds``.
+
+    Raises:
+        InputError: names the type that was given, and those that are allowed.
+    """
+    if not isinstance(value, kinds):
+        wanted = " or ".join(kind.__name__ for kind in kinds)
+        raise InputError(f"{name} is {type(value).__name__}: give a {wanted} of jaxpf.")
+
+
 def check_known(shown: str, value: Any, known: Collection[str]) -> None:
     """Refuse a name that is not in ``known``.
 
@@ -62,5 +86,5 @@ def check_known(shown: str, value: Any, known: Collection[str]) -> None:
     Raises:
         InputError: lists the valid names.
     """
-    if value not in known:
+    if not isinstance(value, str) or value not in known:
         raise InputError(f"{shown}{value!r} is unknown; choose one of {', '.join(known)}.")

@@ -1,22 +1,154 @@
-"""Numbers that a user gives.  Imports no JAX, which help texts must not load."""
+"""Checks of numbers, counts and arrays that a user gives.  Imports no JAX, so help loads none."""
 
+import re
+import sys
 from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError
+
+#: Largest count: indices are int32.
+MOST = 2**31 - 1
+#: Smallest number above 0 in single precision.
+TINY = float(np.finfo(np.float32).tiny)
+#: Kinds of arrays that do not hold real numbers: objects, texts, times, complex numbers.
+_NO_NUMBERS = "OSUTMmc"
+
+
+def check_array(
+    name: str, value: Any, wanted: str, least: float = -np.inf, most: float = np.inf
+) -> None:
+    """Refuse a value, traced or not, that is not an array of real numbers of the wanted shape.
+
+    With a bound, numbers that are not traced must be finite, too, and in the bounds.
+
+    Args:
+        name: of the argument.
+        value: of the argument.
+        wanted: what to give, with its shape in brackets, such as "x, y in pixels, [P, 2]" or
+            "[..., >= 3]": numbers are sizes, and names stand for any size.
+        least: smallest number.
+        most: largest number.
+
+    Raises:
+        InputError: names the shape, or the value if it has none, and what is ``wanted``.
+    """
+    try:
+        shape = np.shape(value)
+        dtype = getattr(value, "dtype", None)
+        kind = (np.asarray(value).dtype if dtype is None else dtype).kind
+    except (TypeError, ValueError):  # rows of different lengths, or a list of traced numbers
+        if _is_traced(value):
+            return
+        shape, kind = (), "O"
+    bracketed = re.search(r"\[(.*?)\]", wanted)
+    axes = bracketed[1].split(", ") if bracketed else ["..."]
+    axes = [] if axes == [""] else axes
+    ends = shape
+    if axes[:1] == ["..."]:
+        axes = axes[1:]
+        ends = shape[max(len(shape) - len(axes), 0) :]
+    fits = len(ends) == len(axes) and all(map(_is_size, axes, ends))
+    if not fits or kind in _NO_NUMBERS:
+        is_array = shape and kind not in _NO_NUMBERS
+        given = f" has shape {list(shape)}; give" if is_array else f"={_shown(value)} must be"
+        raise InputError(f"{name}{given} {wanted}.")
+    if np.isfinite([least, most]).any() and not _is_traced(value):
+        numbers = np.asarray(value).astype(float)
+        if not (np.isfinite(numbers) & (numbers >= least) & (numbers <= most)).all():
+            raise InputError(f"{name}={_shown(value)} must be {wanted}.")
+
+
+def coordinates_in(name: str, value: Any) -> tuple[int, ...]:
+    """Convert indices of coordinates to a tuple; refuse what is not a list of whole numbers."""
+    wanted = "whole numbers, the coordinates of a substate counted from 0, [n]"
+    numbers = numbers_in(name, value, wanted)
+    if (numbers != np.round(numbers)).any():
+        raise InputError(f"{name}={_shown(value)} must be {wanted}.")
+    return tuple(int(number) for number in numbers)
 
 
 def numbers_in(name: str, value: Any, wanted: str) -> np.ndarray:
     """Convert the concrete ``value`` of the argument ``name`` to float64.
 
     Raises:
-        InputError: it does not hold real numbers; the message says what is ``wanted``.
+        InputError: it does not hold real numbers of the ``wanted`` shape, see ``check_array``.
     """
+    check_array(name, value, wanted)
+    return np.asarray(value).astype(float)
+
+
+def check_whole(name: str, value: Any, least: int = 1, most: int = MOST) -> None:
+    """Refuse a ``value`` of the argument ``name`` that is not a whole number in these bounds.
+
+    A traced value passes.
+    """
+    if _is_traced(value):
+        return
     try:
-        numbers = np.asarray(value)
-        if numbers.dtype.kind in "biuf" or "float" in numbers.dtype.name:
-            return numbers.astype(float)
-    except (TypeError, ValueError):
-        pass  # such as rows of different lengths
-    raise InputError(f"{name}={value!r:.60} must be {wanted}.")
+        number = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        number = np.asarray(None)
+    if number.ndim or number.dtype.kind not in "iu" or not least <= number <= most:
+        shown = Argument(name, _shown(value))
+        raise InputError(shown, f" must be a whole number from {least} to {most}.")
+
+
+def check_number(
+    name: str,
+    value: Any,
+    *,
+    above: float = -np.inf,
+    least: float = -np.inf,
+    below: float = np.inf,
+    most: float = np.inf,
+) -> None:
+    """Refuse a ``value`` of the argument ``name`` that is not one finite number in these bounds.
+
+    A traced value passes.
+    """
+    if _is_traced(value):
+        return
+    bounds = (("above", above), ("at least", least), ("below", below), ("at most", most))
+    limits = [f"{word} {bound:g}" for word, bound in bounds if np.isfinite(bound)]
+    wanted = f"one finite number {' and '.join(limits)}".strip()
+    number = numbers_in(name, value, wanted)
+    is_one = number.ndim == 0 and np.isfinite(number)
+    if not (is_one and above < number < below and least <= number <= most):
+        raise InputError(f"{name}={_shown(value)} must be {wanted}.")
+
+
+def check_together(**arrays: Any) -> None:
+    """Refuse arrays, by the names of their arguments, whose shapes do not broadcast.
+
+    Raises:
+        InputError: see ``check_array``, or names the shapes.
+    """
+    for name, values in arrays.items():
+        check_array(name, values, "numbers of one shape")
+    shapes = {name: np.shape(values) for name, values in arrays.items()}
+    try:
+        np.broadcast_shapes(*shapes.values())
+    except ValueError:
+        given = " and ".join(f"{name} {list(shape)}" for name, shape in shapes.items())
+        raise InputError(
+            f"the shapes of {given} do not go together; give arrays of one shape, or axes of 1."
+        ) from None
+
+
+def _is_size(axis: str, size: int) -> bool:
+    if axis.startswith(">= "):
+        return size >= int(axis[3:])
+    return not axis.isdigit() or size == int(axis)
+
+
+def _shown(value: Any) -> str:
+    return " ".join(repr(value).split())[:60]
+
+
+def _is_traced(value: Any) -> bool:
+    if isinstance(value, list | tuple):
+        return any(map(_is_traced, value))
+    jax = sys.modules.get("jax")
+    return jax is not None and isinstance(value, jax.core.Tracer)

@@ -10,7 +10,12 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract import DynamicsWithDensity, DynamicsWithPrediction, of_partition
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array, coordinates_in
 from jaxpf.contract.pytree import pytree_dataclass, static_field
+
+#: How messages describe a scale.
+SCALE = "finite standard deviations from 0, one for all, or one per coordinate"
 
 
 @pytree_dataclass
@@ -23,6 +28,9 @@ class RandomWalk(DynamicsWithDensity, DynamicsWithPrediction):
     """
 
     scale: ArrayLike
+
+    def __post_init__(self):
+        check_array("scale", self.scale, SCALE, least=0)
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[D, N]``."""
@@ -52,6 +60,10 @@ class AR2(DynamicsWithDensity, DynamicsWithPrediction):
 
     scale: ArrayLike
     momentum: ArrayLike = 0.5
+
+    def __post_init__(self):
+        check_array("scale", self.scale, SCALE, least=0)
+        check_array("momentum", self.momentum, "finite numbers", least=-1e6)
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[D, N]``."""
@@ -88,6 +100,15 @@ class FirstOrder(DynamicsWithDensity, DynamicsWithPrediction):
     position: tuple[int, ...] = static_field(default=(0, 1))
     speed: tuple[int, ...] = static_field(default=(2, 3))
 
+    def __post_init__(self):
+        check_array("scale", self.scale, SCALE, least=0)
+        for name in ("position", "speed"):
+            object.__setattr__(self, name, coordinates_in(name, getattr(self, name)))
+        if len(self.position) != len(self.speed):
+            raise InputError(
+                f"position={self.position} and speed={self.speed} must name as many coordinates."
+            )
+
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[D, N]``."""
         noise = jax.random.normal(key, current.shape, current.dtype)
@@ -123,6 +144,13 @@ class LinearGaussian(DynamicsWithDensity, DynamicsWithPrediction):
     lag: ArrayLike | None = None
     coupling: ArrayLike | None = None
     offset: ArrayLike | None = None
+
+    def __post_init__(self):
+        for name in ("transition", "noise", "lag", "coupling"):
+            if getattr(self, name) is not None or name in ("transition", "noise"):
+                check_array(name, getattr(self, name), "one matrix for each partition, [P, D, D]")
+        if self.offset is not None:
+            check_array("offset", self.offset, "one row for each partition, [P, D]")
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[D, N]``."""
@@ -169,6 +197,10 @@ class IndependentGaussian:
 
     #: Partitions are drawn independently, so roots may be exchanged (``sps``).
     independent = True
+
+    def __post_init__(self):
+        check_array("mean", self.mean, "one row for each partition, [P, D]")
+        check_array("scale", self.scale, SCALE, least=0)
 
     def __call__(self, key):
         """Draw all partitions, ``[P, D]``."""

@@ -18,6 +18,8 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract import DynamicsWithDensity
+from jaxpf.contract.model import check_tree
+from jaxpf.contract.numbers import check_array, numbers_in
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.dynamics.gaussian import log_normal
 from jaxpf.lowering.columns import ready_to_mix
@@ -57,6 +59,14 @@ class RelativeToParent(DynamicsWithDensity):
     walks_alone: Any = None
     joint_scale: Any = None
     parents: tuple[int, ...] = static_field(default=(-1,))
+
+    def __post_init__(self):
+        object.__setattr__(self, "parents", check_tree(self.parents))
+        for name in ("scale", "joint_scale", "memory"):
+            if getattr(self, name) is not None or name != "joint_scale":
+                check_array(name, getattr(self, name), "finite numbers from 0", least=0)
+        for name in ("parent_anchor", "part_anchor"):
+            check_array(name, getattr(self, name), f"x, y in pixels, [{len(self.parents)}, 2]")
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[6, N]``."""
@@ -123,6 +133,10 @@ class UniformAround:
     #: Parts are drawn independently, so roots may be exchanged (``sps``).
     independent = True
 
+    def __post_init__(self):
+        check_array("poses", self.poses, "x, y, theta of every part, [P, 3]")
+        check_array("reach", self.reach, "finite numbers from 0", least=0)
+
     def __call__(self, key):
         """Draw all parts, ``[P, 3]``."""
         poses = jnp.asarray(self.poses)
@@ -177,6 +191,7 @@ def substates_at(dynamics: RelativeToParent, poses: ArrayLike, shift: ArrayLike 
         shift: ``[P, 3]``, added to the pose of a root or of a part that walks alone, and to the
             joint of any other part; child parts follow.
     """
+    check_array("poses", poses, f"x, y, theta of every part, [{len(dynamics.parents)}, 3]")
     poses = jnp.asarray(poses)
     shift = jnp.broadcast_to(jnp.asarray(shift, poses.dtype), poses.shape)
     anchors = [jnp.asarray(x, poses.dtype) for x in (dynamics.parent_anchor, dynamics.part_anchor)]
@@ -214,7 +229,9 @@ def joints_between(
     Returns:
         ``parent_anchor`` and ``part_anchor``, ``[P, 2]`` each; zeros for a root.
     """
-    poses, sizes = np.asarray(poses, float), np.asarray(sizes, float)
+    count = len(check_tree(parents))
+    poses = numbers_in("poses", poses, f"x, y, theta of every part, [{count}, 3]")
+    sizes = numbers_in("sizes", sizes, f"width and height of every part, [{count}, 2]")
     parent_anchor, part_anchor = np.zeros(sizes.shape), np.zeros(sizes.shape)
     for part, parent in enumerate(parents):
         if parent < 0:

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.names import COEFFICIENTS
+from jaxpf.contract.numbers import check_number, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array
 from jaxpf.dynamics.gaussian import LinearGaussian
 
@@ -45,21 +46,16 @@ def fit(
     Raises:
         InputError: an argument is out of range, or there are too few frames to fit.
     """
-    if order not in (1, 2):
-        raise InputError(f"order {order} must be 1 or 2.")
-    if coefficients not in COEFFICIENTS:
-        raise InputError(
-            f"coefficients {coefficients!r} are unknown; choose one of {', '.join(COEFFICIENTS)}."
-        )
+    check_whole("order", order, 1, 2)
+    check_known("coefficients=", coefficients, COEFFICIENTS)
     if momentum is not None:
         if (order, coefficients) != (2, "steps"):
             raise InputError(
-                f"momentum {momentum:g} is of order 2 with coefficients 'steps', and order {order} "
+                f"momentum {momentum} is of order 2 with coefficients 'steps', and order {order} "
                 f"with {coefficients!r} was asked for; leave it out."
             )
-        if not 0 <= momentum <= 1:
-            raise InputError(f"momentum {momentum:g} must be 0 to 1.")
-    pieces = [np.asarray(piece, float) for piece in _as_list(tracks)]
+        check_number("momentum", momentum, least=0, most=1)
+    pieces = [numbers_in("tracks", piece, "numbers, [T, P, D]") for piece in _as_list(tracks)]
     if not pieces or any(
         piece.ndim != 3 or piece.shape[1:] != pieces[0].shape[1:] for piece in pieces
     ):
@@ -84,8 +80,11 @@ def fit(
 def _as_list(tracks) -> list:
     if isinstance(tracks, np.ndarray) or hasattr(tracks, "ndim"):
         return [tracks]
-    tracks = list(tracks)
-    return tracks if tracks and np.ndim(tracks[0]) == 3 else [np.asarray(tracks, float)]
+    try:
+        is_one = np.ndim(tracks) == 3
+    except ValueError:  # tracks of different lengths
+        is_one = False
+    return [tracks] if is_one or not isinstance(tracks, list | tuple) else list(tracks)
 
 
 def _triples(track: np.ndarray, order: int) -> np.ndarray:

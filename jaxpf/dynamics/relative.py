@@ -9,8 +9,12 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract import DynamicsWithDensity, DynamicsWithPrediction, of_partition
+from jaxpf.contract.numbers import check_array
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.dynamics.gaussian import AR2
+
+#: How messages describe sizes.
+SIZES = "width and height in pixels, [P, 2]"
 
 
 @pytree_dataclass
@@ -23,6 +27,11 @@ class PixelMotion(AR2):
     """
 
     sizes: ArrayLike | None = None
+
+    def __post_init__(self):
+        super().__post_init__()
+        if self.sizes is not None:
+            check_array("sizes", self.sizes, SIZES)
 
 
 @pytree_dataclass
@@ -53,6 +62,12 @@ class RelativeMotion(DynamicsWithDensity, DynamicsWithPrediction):
     momentum: ArrayLike = 0.3
     long: ArrayLike = 0.4
     pull: ArrayLike = 0.02
+
+    def __post_init__(self):
+        check_array("sizes", self.sizes, SIZES)
+        check_array("steps", self.steps, "three finite numbers from 0, [..., 3]", least=0)
+        for name in ("momentum", "long", "pull"):
+            check_array(name, getattr(self, name), "from 0 to 1", least=0, most=1)
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[D, N]``."""

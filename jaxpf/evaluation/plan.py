@@ -14,13 +14,16 @@ from typing import Any
 from jaxpf import filters
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.names import GIVEN, ORDERS, SWAPS
+from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.options import Option, check_distinct, counting, options_of
 from jaxpf.filters.filter import Filter
 from jaxpf.targets import DEFAULT, adapters, find_adapter
 from jaxpf.targets.target import Target
 
-#: Exclusive limit on runs per configuration; planning more batches would take minutes.
-_MOST_RUNS = 10**6 + 1
+#: Largest number of runs per configuration; planning more batches would take minutes.
+_MOST_RUNS = 10**6
+#: Largest limit on memory.
+_MOST_BYTES = 2**60
 #: Longest tracker name that fits in tables and file names, in letters.
 _LONGEST_NAME = 100
 
@@ -86,8 +89,8 @@ class Plan:
                     f"methods {', '.join(self.methods)}; leave them out, or name it."
                 )
         object.__setattr__(self, "grid", self._checked_grid())
-        for name, least, bound in (("runs", 1, _MOST_RUNS), ("seed", 0, 2**32)):
-            self._check_whole(name, least, bound)
+        for name, least, most in (("runs", 1, _MOST_RUNS), ("seed", 0, 2**32 - 1)):
+            check_whole(name, getattr(self, name), least, most)
         names = [*self.tracks, *self.trackers]
         for name in names:
             if not name.isprintable() or len(name) > _LONGEST_NAME:
@@ -103,14 +106,6 @@ class Plan:
 
     def _keep(self, name: str, values: Iterable[Any]) -> None:
         object.__setattr__(self, name, check_distinct(name, values))
-
-    def _check_whole(self, name: str, least: int, bound: int) -> None:
-        value = getattr(self, name)
-        whole = isinstance(value, int) and not isinstance(value, bool)
-        if not whole or not least <= value < bound:
-            raise InputError(
-                Argument(name, value), f" must be a whole number from {least} to {bound - 1}."
-            )
 
     def targets(self) -> list[Target]:
         """Targets whose options apply, the default first, because error messages refer to it."""
@@ -205,8 +200,8 @@ class Limits:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            if value is not None and value < 1:
-                raise InputError(Argument(field.name, value), " must be at least 1.")
+            if value is not None or field.default is not None:
+                check_whole(field.name, value, most=_MOST_BYTES)
 
 
 DEFAULT_LIMITS = Limits()

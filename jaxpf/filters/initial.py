@@ -1,4 +1,4 @@
-"""Checks of the initial state and of numbers of particles, for every filter."""
+"""Checks of the initial state, for every filter."""
 
 from typing import Any
 
@@ -7,11 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.pytree import as_array, is_concrete
-
-#: Maximum number of particles; their indices are int32.
-_MOST = 2**31 - 1
 
 
 def checked_initial(initial: Any, may_be_empty: bool = False) -> Any:
@@ -33,35 +29,6 @@ def as_floats(values: jax.Array) -> jax.Array:
     if jnp.issubdtype(values.dtype, jnp.floating):
         return values
     return values.astype(jnp.result_type(float))
-
-
-def check_count(name: str, value: Any, least: int = 1) -> None:
-    """Refuse a ``value`` of the argument ``name`` that is not a whole number of 32 bits."""
-    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not is_whole or not least <= value <= _MOST:
-        raise InputError(
-            f"{name}={value!r} must be a whole number, at least {least} and at most {_MOST}."
-        )
-
-
-def check_number(name: str, value: Any, most: float = np.inf) -> None:
-    """Refuse a concrete ``value`` that is not one finite number above 0, ``most`` at most."""
-    if not is_concrete(value):
-        return
-    limit = "" if np.isinf(most) else f" and at most {most:g}"
-    wanted = f"one finite number above 0{limit}"
-    number = numbers_in(name, value, wanted)
-    if number.ndim or not (np.isfinite(number) and 0 < number <= most):
-        raise InputError(f"{name}={value!r:.60} must be {wanted}.")
-
-
-def check_coordinates(name: str, value: Any) -> tuple[int, ...]:
-    """Convert indices of coordinates to a tuple; refuse what is not a list of whole numbers."""
-    wanted = "a list of whole numbers, coordinates of a substate counted from 0"
-    numbers = numbers_in(name, value, wanted)
-    if numbers.ndim != 1 or (numbers != np.round(numbers)).any():
-        raise InputError(f"{name}={value!r:.60} must be {wanted}.")
-    return tuple(int(number) for number in numbers)
 
 
 def _check(initial: Any, may_be_empty: bool) -> None:

@@ -27,7 +27,8 @@ from jax import lax
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.lost import LOST_BELOW
-from jaxpf.contract.pytree import is_concrete, pytree_dataclass, static_field
+from jaxpf.contract.numbers import check_array
+from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.lowering.prefix import running_sum
 
 #: Approximate number of cells of the grid.
@@ -61,6 +62,7 @@ class Relocation:
 
 def relocation_in(frame_shape: tuple[int, int], epsilon: Any) -> Relocation:
     """Relocation in a frame ``(height, width)``, on about 800 roughly square cells."""
+    check_array("frame_shape", frame_shape, "height and width of a frame, [2]", least=1)
     height, width = frame_shape
     rows = max(round(np.sqrt(_CELLS * height / width)), 1)
     extent = np.array([width, height], np.float32)
@@ -88,11 +90,8 @@ def check_relocation(tracker: Any) -> None:
         if used:
             raise InputError(f"relocation does not work with {what}; leave one of them out.")
     for name, least, most in (("epsilon", 0, 1), ("extent", 1, np.inf)):
-        value = getattr(relocation, name)
-        if is_concrete(value) and not np.all(
-            (np.asarray(value) >= least) & (np.asarray(value) <= most)
-        ):
-            raise InputError(f"relocation's {name} {value} must be from {least} to {most}.")
+        wanted = f"from {least} to {most}"
+        check_array(f"relocation's {name}", getattr(relocation, name), wanted, least, most)
 
 
 class Jumps(NamedTuple):

@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
-from jaxpf.likelihoods._checks import INTERPOLATIONS, check_choice, check_positive
+from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.numbers import check_number, check_whole
+from jaxpf.likelihoods._checks import INTERPOLATIONS
 from jaxpf.likelihoods._sampled import LEVEL_LANES
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.distance_law import FORMS
@@ -56,8 +57,7 @@ def patch_histogram(patch, parts, place):
 
 
 def check_parts(parts):
-    if isinstance(parts, bool) or not isinstance(parts, int | np.integer) or parts < 1:
-        raise InputError(f"parts is {parts!r}: use a whole number of horizontal bands, 1 or more.")
+    check_whole("parts", parts)
 
 
 def check_sizes(sizes, parts, name):
@@ -78,17 +78,18 @@ def check_settings(
     background_frames,
 ):  # fmt: skip
     """Reject invalid settings of a histogram likelihood."""
-    check_positive("sharpness", sharpness)
-    check_choice("method", method, ("auto", *METHODS))
-    check_choice("interpolation", interpolation, INTERPOLATIONS)
-    check_choice("form", form, FORMS)
+    check_number("sharpness", sharpness, above=0)
+    check_known("method=", method, ("auto", *METHODS))
+    check_known("interpolation=", interpolation, INTERPOLATIONS)
+    check_known("form=", form, FORMS)
     if form == "ratio" and background_frames is None:
         raise InputError(
             "form is 'ratio', but there is no background_frames: give frames that show what "
             "the background looks like."
         )
-    if num_particles is not None and num_particles < 1:
-        raise InputError(f"num_particles is {num_particles}: it must be at least 1.")
+    if num_particles is not None:
+        check_whole("num_particles", num_particles)
+    check_whole("samples", samples)
     if samples < num_parts:
         raise InputError(
             f"samples is {samples}, which leaves a part without samples: use {num_parts} or more."

@@ -49,6 +49,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array, check_whole
 
 FORMS = ("exponential", "density", "ratio")
 
@@ -116,8 +117,8 @@ def learn_background(likelihood: Any, frames: Any, *, num_boxes: int = 100_000) 
     Raises:
         InputError: an argument is out of range, or an object is larger than the frame.
     """
-    if num_boxes < 1:
-        raise InputError(f"num_boxes is {num_boxes}: it must be at least 1.")
+    check_whole("num_boxes", num_boxes)
+    check_array("frames", frames, "uint8 RGB, [..., H, W, 3]")
     frames = np.asarray(frames)
     frames = frames[None] if frames.ndim == 3 else frames
     observations = [likelihood.observe(jnp.asarray(frame)) for frame in frames]

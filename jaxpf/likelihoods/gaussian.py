@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Likelihood, of_partition
+from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.pytree import pytree_dataclass
 
 
@@ -110,11 +111,17 @@ def kalman(
         Log evidence increments ``[T]``, filtered means ``[T, S]`` and covariances
         ``[T, S, S]``.
     """
-    transition, observation = np.asarray(transition, float), np.asarray(observation, float)
-    mean, covariance = np.asarray(mean, float), np.asarray(covariance, float)
-    noise_covariance = np.asarray(noise_covariance, float)
+    mean = numbers_in("mean", mean, "[S]")
+    square = f"[{len(mean)}, {len(mean)}]"
+    transition = numbers_in("transition", transition, square)
+    process_covariance = numbers_in("process_covariance", process_covariance, square)
+    covariance = numbers_in("covariance", covariance, square)
+    observation = numbers_in("observation", observation, f"[E, {len(mean)}]")
+    count = len(observation)
+    noise_covariance = numbers_in("noise_covariance", noise_covariance, f"[{count}, {count}]")
+    frames = numbers_in("frames", frames, f"[T, {count}]")
     log_evidence, means, covariances = [], [], []
-    for frame in np.asarray(frames, float):
+    for frame in frames:
         mean = transition @ mean
         covariance = transition @ covariance @ transition.T + process_covariance
         seen = ~np.isnan(frame)

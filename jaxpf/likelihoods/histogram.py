@@ -22,6 +22,7 @@ import numpy as np
 
 from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.likelihoods._integral import (
     LANES,
@@ -251,11 +252,7 @@ def histogram(
         InputError: an argument is out of range.
     """
     check_frame(frame)
-    boxes = np.asarray(boxes, np.float64)
-    if boxes.ndim != 2 or boxes.shape[1] != 4 or len(boxes) == 0:
-        raise InputError(
-            f"boxes has shape {list(boxes.shape)}: give one row (x, y, w, h) per object, [P, 4]."
-        )
+    boxes = numbers_in("boxes", boxes, "x, y, w, h in pixels of every object, [>= 1, 4]")
     check_parts(parts)
     check_sizes(boxes[:, 2:], parts, "boxes")
     bins = np.asarray(hsv_bins(frame))
@@ -308,19 +305,15 @@ def histogram_from_patches(
         InputError: an argument is out of range.
     """
     check_parts(parts)
-    if len(patches) == 0:
+    check_array("frame_shape", frame_shape, "height and width of a frame, [>= 2]", least=1)
+    if not isinstance(patches, Sequence) or not patches:
         raise InputError("patches is empty: give one picture per object.")
     learned = np.array(
         [patch_histogram(patch, parts, f"patches[{i}]") for i, patch in enumerate(patches)]
     )
     if sizes is None:
         sizes = [(patch.shape[1], patch.shape[0]) for patch in patches]
-    sizes = np.asarray(sizes, np.float64)
-    if sizes.shape != (len(patches), 2):
-        raise InputError(
-            f"sizes has shape {list(sizes.shape)}: give (width, height) for each of the "
-            f"{len(patches)} patches."
-        )
+    sizes = numbers_in("sizes", sizes, f"width and height of every patch, [{len(patches)}, 2]")
     check_sizes(sizes, parts, "sizes")
     return _build(
         learned, sizes, sharpness, method, num_particles, samples, frame_shape,

@@ -12,11 +12,15 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import check_type
+from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.likelihoods._integral import LANES
-from jaxpf.likelihoods._references import box_histogram, check_sizes
+from jaxpf.likelihoods._references import box_histogram, check_parts, check_sizes
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
+
+#: Largest number of objects at once.
+_MOST_OBJECTS = 4096
 
 
 def open_histogram(
@@ -45,6 +49,9 @@ def open_histogram(
     Raises:
         InputError: an argument is out of range.
     """
+    check_whole("capacity", capacity, most=_MOST_OBJECTS)
+    check_array("typical_size", typical_size, "width and height in pixels, [2]", least=1)
+    check_parts(parts)
     # A picture that contains every bin determines the shapes of the arrays.
     colours = np.stack(np.meshgrid(*[np.arange(0, 256, 15)] * 3), axis=-1).reshape(1, -1, 3)
     picture = np.repeat(colours.astype(np.uint8), parts, axis=0)
@@ -83,12 +90,9 @@ def with_object(
         InputError: there is no such place, or a band of the box has no pixel inside the frame.
     """
     check_frame(frame)
-    if not 0 <= place < len(likelihood.references):
-        raise InputError(
-            f"place is {place}, and the likelihood has {len(likelihood.references)} places; count "
-            "them from 0."
-        )
-    box, parts = np.asarray(box, np.float64), likelihood.references.shape[1]
+    check_type("likelihood", likelihood, HistogramLikelihood)
+    check_whole("place", place, 0, len(likelihood.references) - 1)
+    box, parts = numbers_in("box", box, "x, y, w, h in pixels, [4]"), likelihood.references.shape[1]
     check_sizes(box[None, 2:], parts, "boxes")
     learned = np.zeros(likelihood.references.shape[1:])
     learned[:, :NUM_BINS] = np.sqrt(box_histogram(np.asarray(_bins(frame)), box, parts, "boxes[0]"))

@@ -18,15 +18,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Likelihood
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.numbers import check_number, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.likelihoods._checks import (
     INTERPOLATIONS,
     NORMS,
-    check_choice,
-    check_positive,
+    check_pictures,
     check_window,
-    check_window_sizes,
+    window_sizes,
 )
 from jaxpf.likelihoods._windows import window_colours, words_of
 from jaxpf.likelihoods.color import check_frame
@@ -144,15 +144,11 @@ def patch(
         InputError: an argument is out of range, or a window is black.
     """
     check_frame(frame)
-    poses, sizes = np.asarray(poses, np.float32), np.asarray(sizes, np.float32)
-    if poses.ndim != 2 or poses.shape[1] != 3 or len(poses) == 0:
-        raise InputError(
-            f"poses has shape {list(poses.shape)}: give one row (x, y, theta) per object, [P, 3]."
-        )
+    poses = numbers_in("poses", poses, "x, y, theta of every object, [>= 1, 3]").astype(np.float32)
     if not np.isfinite(poses).all():
         raise InputError(f"poses is {poses.tolist()}: every number must be finite.")
     _check(sigma, window, norm, interpolation)
-    check_window_sizes(sizes, len(poses), "objects")
+    sizes = window_sizes(sizes, len(poses), "objects")
     u, v, theta = jnp.asarray(poses).T
     width, height = jnp.asarray(sizes).T
     words = words_of(jnp.asarray(frame))
@@ -187,8 +183,7 @@ def patch_from_pictures(
     Raises:
         InputError: an argument is out of range, or a picture is black.
     """
-    if len(pictures) == 0:
-        raise InputError("pictures is empty: give one picture per object.")
+    check_pictures("pictures", pictures)
     settings: dict[str, Any] = {
         "sigma": sigma,
         "window": window,
@@ -196,11 +191,8 @@ def patch_from_pictures(
         "interpolation": interpolation,
     }
     _check(**settings)
-    for i, picture in enumerate(pictures):
-        check_frame(picture, f"pictures[{i}]")
     extents = np.array([(len(picture[0]), len(picture)) for picture in pictures], np.float32)
-    sizes = extents if sizes is None else np.asarray(sizes, np.float32)
-    check_window_sizes(sizes, len(pictures), "objects")
+    sizes = window_sizes(extents if sizes is None else sizes, len(pictures), "objects")
     references = []
     for i, (picture, extent) in enumerate(zip(pictures, extents, strict=True)):
         middle = [(*(extent / 2), 0.0)]
@@ -227,7 +219,7 @@ def _build(references, sizes, sigma, window, norm, interpolation) -> PatchLikeli
 
 
 def _check(sigma, window, norm, interpolation) -> None:
-    check_positive("sigma", sigma)
+    check_number("sigma", sigma, above=0)
     check_window(window, "(21, 21)")
-    check_choice("norm", norm, NORMS)
-    check_choice("interpolation", interpolation, INTERPOLATIONS)
+    check_known("norm=", norm, NORMS)
+    check_known("interpolation=", interpolation, INTERPOLATIONS)

@@ -35,14 +35,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Likelihood, of_partition
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.likelihoods._checks import (
     INTERPOLATIONS,
-    check_choice,
-    check_positive,
+    check_pictures,
     check_window,
-    check_window_sizes,
+    window_sizes,
 )
 from jaxpf.likelihoods._windows import window_colours, words_of
 from jaxpf.likelihoods.color import check_frame
@@ -203,22 +203,18 @@ def pixels(
     Raises:
         InputError: an argument is out of range.
     """
-    if len(pictures) == 0:
-        raise InputError("pictures is empty: give one picture per target.")
-    for i, picture in enumerate(pictures):
-        check_frame(picture, f"pictures[{i}]")
+    check_pictures("pictures", pictures)
     extents = np.array([(len(picture[0]), len(picture)) for picture in pictures], np.float32)
-    sizes = extents if sizes is None else np.asarray(sizes, np.float32)
-    check_window_sizes(sizes, len(pictures), "targets")
-    check_positive("sigma", sigma)
+    sizes = window_sizes(extents if sizes is None else sizes, len(pictures), "targets")
+    check_number("sigma", sigma, above=0)
     for name, value in (("min_slope", min_slope), ("size_term", size_term)):
-        if value is not None and not (math.isfinite(value) and value >= 0):
-            raise InputError(f"{name} is {value}: it must be at least 0 and finite, or None.")
+        if value is not None:
+            check_number(name, value, least=0)
     check_window(window, "(8, 12)")
-    check_choice("pool", pool, POOLS)
-    check_choice("size", size, SIZES)
-    check_choice("colour", colour, COLOURS)
-    check_choice("interpolation", interpolation, INTERPOLATIONS)
+    check_known("pool=", pool, POOLS)
+    check_known("size=", size, SIZES)
+    check_known("colour=", colour, COLOURS)
+    check_known("interpolation=", interpolation, INTERPOLATIONS)
     channels = 3 if colour == "colour" else 1
     references = []
     for picture, extent in zip(pictures, extents, strict=True):

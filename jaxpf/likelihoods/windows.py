@@ -25,9 +25,10 @@ import numpy as np
 from jax import lax
 
 from jaxpf.contract import Likelihood
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.numbers import check_number, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
-from jaxpf.likelihoods._checks import NORMS, check_choice, check_positive
+from jaxpf.likelihoods._checks import NORMS, check_pictures, check_window
 from jaxpf.likelihoods.color import check_frame
 
 # Lower bound of the mean, of 255, by which a window is divided; as in ``patch``.
@@ -172,14 +173,14 @@ def windows(
             black or larger than the frame.
     """
     check_frame(frame)
-    check_positive("sigma", sigma)
-    check_choice("norm", norm, NORMS)
-    if len(window) != 2 or not all(isinstance(n, int) and n >= 1 and n % 2 for n in window):
+    check_number("sigma", sigma, above=0)
+    check_known("norm=", norm, NORMS)
+    check_window(window, "(21, 21)")
+    if not all(n % 2 for n in window):
         raise InputError(f"window is {window!r}: give two odd numbers of pixels, such as (21, 21).")
     _check_fits(frame, window)
-    points = np.asarray(points, np.float32)
-    if points.ndim != 2 or points.shape[1] != 2 or len(points) == 0:
-        raise InputError(f"points has shape {list(points.shape)}: give a row (x, y) per point.")
+    points = numbers_in("points", points, "x, y in pixels of every point, [>= 1, 2]")
+    points = points.astype(np.float32)
     height, width = frame.shape[:2]
     for i, (x, y) in enumerate(points):
         if not (0 <= x < width and 0 <= y < height):
@@ -223,8 +224,7 @@ def windows_from_pictures(
     Raises:
         InputError: as :func:`windows`.
     """
-    if len(pictures) == 0:
-        raise InputError("pictures is empty: give one picture per point.")
+    check_pictures("pictures", pictures)
     seen = []
     for i, picture in enumerate(pictures):
         rows, columns = picture.shape[:2]
@@ -237,6 +237,7 @@ def windows_from_pictures(
 
 
 def _build(seen, sigma, window, norm, slip) -> WindowLikelihood:
+    check_number("slip", slip, least=0)
     means = seen.mean(axis=(1, 2), keepdims=True)
     return WindowLikelihood(
         sigma=as_array(sigma, float),

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array
 
 
 class Rules(NamedTuple):
@@ -114,10 +114,8 @@ def pairwise_overlap(one: ArrayLike, other: ArrayLike) -> np.ndarray:
         InputError: boxes of another length than 4.
     """
     for boxes in (one, other):
-        if np.size(boxes) and np.shape(boxes)[-1:] != (4,):
-            raise InputError(
-                f"boxes have the shape {list(np.shape(boxes))}; give x, y, w, h [P, 4]."
-            )
+        if not isinstance(boxes, list) or boxes:  # an empty list is no boxes
+            check_array("boxes", boxes, "x, y, w, h, [..., 4]")
     one = _proper_or_empty(one)[:, None]
     other = _proper_or_empty(other)[None, :]
     start = np.maximum(one[..., :2], other[..., :2])

@@ -9,6 +9,8 @@ truth in 49, 75 and 90.5 % of the frames, and the normal regions in 52, 78 and 9
 import numpy as np
 from numpy.typing import ArrayLike
 
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array, check_together, check_whole, numbers_in
 from jaxpf.measures.intervals import Interval, share_interval, student_quantile
 
 #: Number of bins in ``confidence_counts``.
@@ -73,7 +75,15 @@ def confidence_counts(confidence: ArrayLike, on_object: ArrayLike) -> np.ndarray
     Returns:
         int ``[R, 2, 100]``: frames off and on their object, in equal bins of confidence.
     """
-    confidence, on_object = np.asarray(confidence, float), np.asarray(on_object, float)
+    check_together(confidence=confidence, on_object=on_object)
+    confidence, on_object = np.broadcast_arrays(
+        numbers_in("confidence", confidence, "numbers from 0 to 1"),
+        np.asarray(on_object, float),
+    )
+    if ((confidence < 0) | (confidence > 1)).any() or not np.isin(
+        on_object[~np.isnan(on_object)], (0, 1)
+    ).all():
+        raise InputError("confidence must be from 0 to 1, and on_object 0 or 1, or NaN.")
     counts = np.zeros((len(confidence), 2, CONFIDENCE_BINS), np.int64)
     run = np.indices(confidence.shape)[0]
     known = np.isfinite(confidence) & np.isfinite(on_object)
@@ -91,6 +101,9 @@ class Reliability:
     """
 
     def __init__(self, bins: int = 5):
+        check_whole("bins", bins, most=CONFIDENCE_BINS)
+        if CONFIDENCE_BINS % bins:
+            raise InputError(f"bins={bins} must divide {CONFIDENCE_BINS}, such as 5 or 10.")
         self.bins = bins
         self.counts = np.zeros((2, CONFIDENCE_BINS), np.int64)
         # Of each bin and of all: runs, frames n, frames on their object k, and n n, n k, k k.
@@ -98,6 +111,8 @@ class Reliability:
 
     def add(self, counts: np.ndarray) -> None:
         """Add the ``counts [R, 2, 100]`` of R runs."""
+        check_array("counts", counts, f"counts of every run, [R, 2, {CONFIDENCE_BINS}]")
+        counts = np.asarray(counts)
         self.counts += counts.sum(axis=0)
         by_bin = counts.reshape(len(counts), 2, self.bins, -1).sum(axis=-1)
         by_bin = np.concatenate([by_bin, by_bin.sum(axis=-1, keepdims=True)], axis=-1)
@@ -146,6 +161,7 @@ class Reliability:
 
 
 def _standard(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
+    check_together(offset=offset, spread=spread)
     offset, spread = np.asarray(offset, float), np.asarray(spread, float)
     known = np.isfinite(offset) & np.isfinite(spread) & (spread > 0)
     return np.where(known, offset / np.where(known, spread, 1), np.nan)

@@ -11,6 +11,7 @@ from jax.scipy.special import ndtri
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array, check_together, numbers_in
 from jaxpf.contract.pytree import is_concrete
 
 
@@ -45,6 +46,7 @@ def wilson_interval(successes: ArrayLike, trials: ArrayLike, level: ArrayLike = 
     Returns:
         ``[...]`` each.
     """
+    check_together(successes=successes, trials=trials)
     successes, trials = jnp.broadcast_arrays(as_float(successes), as_float(trials))
     z = _quantile(level)
     any_trials = trials > 0
@@ -124,8 +126,9 @@ def mean_interval(
         The shape of ``values`` without the axis.  The mean of no runs is NaN; the error and the
         interval are NaN with fewer than two runs.
     """
-    values = as_float(values)
-    mass = jnp.broadcast_to(1.0 if weights is None else as_float(weights), values.shape)
+    weights = 1.0 if weights is None else weights
+    check_together(values=values, weights=weights)
+    values, mass = jnp.broadcast_arrays(as_float(values), as_float(weights))
     counts = jnp.isfinite(values) & (mass > 0)
     mass = jnp.where(counts, mass, 0)
     total = jnp.sum(mass, axis, keepdims=True)
@@ -152,7 +155,7 @@ def student_interval(values: ArrayLike, level: float = 0.95) -> Interval:
         Scalars.  The mean of no units is NaN; the error and the interval are NaN with fewer than
         two units.
     """
-    known = np.asarray(values, float)
+    known = numbers_in("values", values, "numbers, [n]")
     known = known[np.isfinite(known)]
     count = len(known)
     mean = known.mean() if count else np.float64(np.nan)
@@ -169,9 +172,10 @@ def within(interval: Interval, least: float, most: float) -> Interval:
 
 def masked_mean(values: ArrayLike, mask: ArrayLike, axis: int | Sequence[int]) -> Array:
     """Mean of the finite values where ``mask`` is true; NaN if there are none."""
+    check_together(values=values, mask=mask)
     values = as_float(values)
     axis = axis if isinstance(axis, int) else tuple(axis)
-    counts = jnp.isfinite(values) & mask
+    counts = jnp.isfinite(values) & jnp.asarray(mask, bool)
     total = jnp.sum(jnp.where(counts, values, 0), axis)
     number = jnp.sum(counts, axis)
     return jnp.where(number > 0, total / jnp.maximum(number, 1), jnp.nan)
@@ -182,6 +186,7 @@ def student_quantile(freedom: float, level: float = 0.95) -> float:
     from scipy.special import stdtrit
 
     check_level(level)
+    check_array("freedom", freedom, "the degrees of freedom, []")
     return float(stdtrit(max(freedom, 1), 0.5 + level / 2))
 
 
@@ -195,12 +200,13 @@ def check_level(level: ArrayLike) -> None:
     """Refuse a confidence that is not above 0 and below 1."""
     if not is_concrete(level):
         return
+    check_array("level", level, "above 0 and below 1, such as 0.95")
     levels = np.asarray(level)
-    if levels.dtype.kind not in "iuf" or not np.all((levels > 0) & (levels < 1)):
-        raise InputError(f"level={level} must be above 0 and below 1, such as 0.95.")
+    if not (levels.size and np.all((levels > 0) & (levels < 1))):
+        raise InputError(f"level={level!r} must be above 0 and below 1, such as 0.95.")
 
 
 def as_float(values: ArrayLike) -> Array:
     """Convert to a float array; integers and bools become the default float."""
-    values = jnp.asarray(values)
+    values = jnp.asarray(float(values) if isinstance(values, int) else values)
     return values.astype(jnp.result_type(values.dtype, jnp.float32))

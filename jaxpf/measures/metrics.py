@@ -24,6 +24,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array, check_together
 from jaxpf.measures.intervals import (
     Interval,
     masked_mean,
@@ -107,7 +108,7 @@ def success(estimate: ArrayLike, truth: ArrayLike) -> Array:
 
 def throughout(tracked: ArrayLike, present: ArrayLike) -> Array:
     """``success`` ``[..., P]`` from track state and presence, ``[..., T, P]`` bool each."""
-    tracked, present = jnp.asarray(tracked), jnp.asarray(present)
+    tracked, present = _of_frames(tracked, present)
     return jnp.all(tracked | ~present, axis=-2) & jnp.any(present, axis=-2)
 
 
@@ -124,7 +125,7 @@ def recovery(estimate: ArrayLike, truth: ArrayLike) -> Array:
 
 def in_the_end(tracked: ArrayLike, present: ArrayLike) -> Array:
     """``recovery`` ``[..., P]`` from track state and presence, ``[..., T, P]`` bool each."""
-    tracked, present = jnp.asarray(tracked), jnp.asarray(present)
+    tracked, present = _of_frames(tracked, present)
     frames = jnp.arange(present.shape[-2])[:, None]
     last = jnp.max(jnp.where(present, frames, -1), axis=-2, keepdims=True, initial=-1)
     return jnp.any(tracked & (frames == last), axis=-2)
@@ -206,6 +207,7 @@ def summarise(
         * ``precision_all``, ``recall_all``, ``overlap``: over all frames with truth;
         * ``centre_error``: in pixels, over frames with truth and a finite estimate.
     """
+    check_same_boxes(boxes_estimate, boxes_truth)
     estimate, truth = jnp.asarray(boxes_estimate), jnp.asarray(boxes_truth)
     if estimate.ndim != 4 or estimate.shape[1:] != truth.shape or truth.shape[-1] != 4:
         raise InputError(
@@ -248,10 +250,10 @@ def _summarise(estimate: Array, truth: Array, level: ArrayLike) -> dict[str, Int
 
 def check_same_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
     """Check that boxes ``[..., T, P, 4]`` have the truth's numbers of frames and objects."""
+    for name, boxes in (("estimate", estimate), ("truth", truth)):
+        check_array(name, boxes, "boxes x, y, w, h, [..., T, P, 4]")
     shapes = np.shape(estimate), np.shape(truth)
-    if any(shape[-1:] != (4,) or len(shape) < 3 for shape in shapes) or (
-        shapes[0][-3:] != shapes[1][-3:]
-    ):
+    if shapes[0][-3:] != shapes[1][-3:]:
         raise InputError(
             f"boxes of the shapes {list(shapes[0])} and {list(shapes[1])} cannot be compared; "
             "give [..., T, P, 4] of the same frames and objects"
@@ -260,16 +262,16 @@ def check_same_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
 
 def _check_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
     """Check that both arguments are boxes ``[..., 4]`` and that their shapes broadcast."""
-    shapes: tuple[tuple[int, ...], ...] = (np.shape(estimate), np.shape(truth))
-    try:
-        np.broadcast_shapes(*shapes)
-    except ValueError:
-        shapes = ()
-    if any(shape[-1:] != (4,) for shape in shapes) or not shapes:
-        raise InputError(
-            f"boxes of the shapes {list(np.shape(estimate))} and {list(np.shape(truth))} cannot be "
-            "compared; give [..., 4] and the same other axes"
-        )
+    for name, boxes in (("estimate", estimate), ("truth", truth)):
+        check_array(name, boxes, "boxes x, y, w, h, [..., 4]")
+    check_together(estimate=estimate, truth=truth)
+
+
+def _of_frames(tracked: ArrayLike, present: ArrayLike) -> tuple[Array, Array]:
+    for name, values in (("tracked", tracked), ("present", present)):
+        check_array(name, values, "truth values, [..., T, P]")
+    check_together(tracked=tracked, present=present)
+    return jnp.asarray(tracked, bool), jnp.asarray(present, bool)
 
 
 def _share_of_intersection(estimate: ArrayLike, truth: ArrayLike, whole: Array) -> Array:

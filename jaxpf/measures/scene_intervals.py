@@ -13,6 +13,8 @@ import math
 import numpy as np
 from jax.typing import ArrayLike
 
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import numbers_in
 from jaxpf.measures.intervals import Interval, check_level, newcombe_ends
 
 #: Number of Bayesian bootstrap draws, and the factor on the excess of the longer tail.
@@ -38,7 +40,11 @@ def scene_interval(
         InputError: the level is not above 0 and below 1.
     """
     check_level(level)
-    values = np.asarray(values, float)
+    values = numbers_in("values", values, "one value per scene, [S]")
+    if bounds is not None:
+        low, high = numbers_in("bounds", bounds, "the smallest and the largest value, [2]")
+        if not low < high:
+            raise InputError(f"bounds={bounds} must be a smaller number and a larger one.")
     values = values[np.isfinite(values)]
     count = len(values)
     if count < 2:
@@ -71,7 +77,8 @@ def paired_rates_interval(first: ArrayLike, second: ArrayLike, level: float = 0.
     Returns:
         Scalars; the ends are NaN with fewer than two scenes.
     """
-    first, second = np.asarray(first, float), np.asarray(second, float)
+    first = numbers_in("first", first, "one rate per scene, [S]")
+    second = numbers_in("second", second, f"one rate per scene, [{len(first)}]")
     if len(first) < 2:
         return scene_interval(first - second)
     both = [scene_interval(rates, level, (0.0, 1.0)) for rates in (first, second)]

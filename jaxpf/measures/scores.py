@@ -16,6 +16,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import numbers_in
 from jaxpf.measures.association import pairwise_overlap
 from jaxpf.measures.intervals import masked_mean
 from jaxpf.measures.metrics import centre_error, check_same_boxes, has_truth, overlap
@@ -66,12 +67,9 @@ def tracking_scores(estimate: ArrayLike, truth: ArrayLike) -> dict[str, float]:
     Raises:
         InputError: TrackEval is not installed, or the shapes do not match.
     """
-    estimate, truth = np.asarray(estimate, np.float64), np.asarray(truth, np.float64)
-    if estimate.ndim != 3 or truth.ndim != 3 or estimate.shape[::2] != truth.shape[::2]:
-        raise InputError(
-            f"boxes of the shapes {list(estimate.shape)} and {list(truth.shape)} cannot be "
-            "compared; give [T, P, 4] and [T, Q, 4] of the same T frames"
-        )
+    truth = numbers_in("truth", truth, "boxes x, y, w, h, [T, Q, 4]")
+    wanted = f"boxes x, y, w, h in the frames of the truth, [{len(truth)}, P, 4]"
+    estimate = numbers_in("estimate", estimate, wanted)
     metrics = import_trackeval().metrics
     data = _trackeval_data(estimate, truth)
     quiet = {"PRINT_CONFIG": False}

@@ -11,9 +11,12 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_names
+from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.media.labels import DARK, Label, draw_labels, font_scale, line_thickness, tag, tag_size
 
+#: Largest number of objects with colours.
+_MOST_OBJECTS = 10**6
 #: Opacity of faint lines.
 _FAINT = 0.5
 #: Fractional bits of OpenCV's coordinates.
@@ -43,6 +46,7 @@ def object_colours(num_objects: int) -> np.ndarray:
     Returns:
         uint8 RGB [num_objects, 3].
     """
+    check_whole("num_objects", num_objects, 0, _MOST_OBJECTS)
     palette = np.asarray(_PALETTE, np.float64)
     rounds = (palette, palette + 0.55 * (255 - palette), 0.55 * palette)
     colours = np.concatenate(rounds)[np.arange(num_objects) % NUM_COLOURS]
@@ -67,10 +71,8 @@ def draw_boxes(
         lost: see ``draw_outlines``.
         doubtful: see ``draw_outlines``.
     """
-    boxes = np.asarray(boxes, float)
-    if boxes.size and boxes.shape[-1:] != (4,):
-        raise InputError(f"boxes has shape {list(boxes.shape)}; give x, y, w, h, [P, 4].")
-    x, y, w, h = boxes.reshape(-1, 4).T
+    boxes = np.zeros((0, 4)) if hasattr(boxes, "__len__") and len(boxes) == 0 else boxes
+    x, y, w, h = numbers_in("boxes", boxes, "x, y, w, h, [..., 4]").reshape(-1, 4).T
     # Along the first and last row and column of pixels that a box covers.
     left, top = np.round(x) + 0.5, np.round(y) + 0.5
     right = np.maximum(np.round(x + w) - 0.5, left)
@@ -100,7 +102,7 @@ def draw_outlines(
         lost: bool [P]; a lost object is dashed and faint, and its label says "lost".
         doubtful: bool [P]; a doubtful object is dashed, and its label has a question mark.
     """
-    lines = np.asarray(lines, float)
+    lines = numbers_in("lines", lines, "points of outlines, [P, V, 2]")
     return _draw_outlines(frame, lines, names, colours, lost, doubtful, cv2.LINE_AA)
 
 
@@ -113,11 +115,15 @@ def _draw_outlines(
     doubtful: ArrayLike | None,
     kind: int,
 ) -> np.ndarray:
-    _check_frame(frame)
+    check_frame(frame)
+    check_names(names, len(lines))
     picture, nobody = np.ascontiguousarray(frame).copy(), np.zeros(len(lines), bool)
-    lost = nobody if lost is None else np.asarray(lost, bool)
-    doubtful = nobody if doubtful is None else np.asarray(doubtful, bool) & ~lost
-    shades = _shades(len(lines), colours)
+    lost, doubtful = (
+        nobody if marks is None else numbers_in(name, marks, f"bool, [{len(lines)}]") > 0
+        for name, marks in (("lost", lost), ("doubtful", doubtful))
+    )
+    doubtful = doubtful & ~lost
+    shades = shades_of(len(lines), colours)
     # Clip, because OpenCV's integers overflow far outside.
     size, shown = np.array(frame.shape[1::-1]), np.isfinite(lines).all(axis=(1, 2))
     lines = np.clip(lines, -size, 2 * size)
@@ -138,15 +144,17 @@ def _draw_outlines(
     return picture
 
 
-def _check_frame(frame: Any) -> None:
-    if getattr(frame, "dtype", None) != np.uint8 or frame.shape[2:] != (3,):
-        form = f"{getattr(frame, 'dtype', type(frame).__name__)} {list(np.shape(frame))}"
-        raise InputError(f"the frame is {form}; give a picture of uint8 RGB [H, W, 3].")
+def check_frame(frame: Any) -> None:
+    """Refuse what is no picture of uint8 RGB ``[H, W, 3]``."""
+    check_array("frame", frame, "a picture of uint8 RGB, [>= 1, >= 1, 3]")
+    if getattr(frame, "dtype", None) != np.uint8:
+        raise InputError(f"frame is of {np.asarray(frame).dtype}; give a picture of uint8 RGB.")
 
 
-def _shades(count: int, colours: np.ndarray | None) -> list[tuple[int, int, int]]:
+def shades_of(count: int, colours: np.ndarray | None) -> list[tuple[int, int, int]]:
     """Colours as OpenCV takes them."""
-    colours = object_colours(count) if colours is None else np.asarray(colours)
+    colours = object_colours(count) if colours is None else colours
+    check_array("colours", colours, f"uint8 RGB, [{count}, 3]", least=0, most=255)
     return [(int(red), int(green), int(blue)) for red, green, blue in colours]
 
 
@@ -189,9 +197,10 @@ def draw_particles(
         max_per_object: maximum number of particles to draw, evenly spaced in the particle index,
             so that the picture does not depend on chance.
     """
-    _check_frame(frame)
+    check_frame(frame)
     frame = frame.copy()
-    centres = np.asarray(centres, np.float64)
+    centres = numbers_in("centres", centres, "x, y in pixels, [P, N, 2]")
+    check_whole("max_per_object", max_per_object, 0)
     radius = line_thickness(frame)
     num_particles = centres.shape[1]
     chosen = np.unique(
@@ -200,7 +209,7 @@ def draw_particles(
     dot = _dot(radius)
     height, width = frame.shape[:2]
     pixels = frame.reshape(-1, 3)
-    for points, colour in zip(centres[:, chosen], _shades(len(centres), colours), strict=True):
+    for points, colour in zip(centres[:, chosen], shades_of(len(centres), colours), strict=True):
         # Only points near the frame: integers would overflow far outside.
         near = (points > -radius) & (points < (width + radius, height + radius))
         columns, rows = np.floor(points[near.all(axis=-1)]).astype(int).T[..., None] + dot
@@ -227,9 +236,12 @@ def draw_spreads(
         spreads: standard deviations of x and of y in pixels [P, 2].
         colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
     """
-    _check_frame(frame)
+    check_frame(frame)
+    centres = numbers_in("centres", centres, "x, y in pixels, [P, 2]")
+    wanted = f"standard deviations of x and y in pixels, [{len(centres)}, 2]"
+    spreads = numbers_in("spreads", spreads, wanted)
     shown, size = frame.copy(), np.array(frame.shape[1::-1])
-    shades = _shades(len(centres), colours)
+    shades = shades_of(len(centres), colours)
     for centre, spread, colour in zip(centres, spreads, shades, strict=True):
         if not np.isfinite([*centre, *spread]).all() or (np.abs(centre) > 4 * size).any():
             continue
@@ -253,14 +265,13 @@ def draw_pixel_grid(frame: np.ndarray, step: int | None = None) -> np.ndarray:
     Returns:
         uint8 RGB [k H, k W, 3], enlarged by k.
     """
-    _check_frame(frame)
+    check_frame(frame)
     height, width = frame.shape[:2]
     enlargement = 1 if max(width, height) >= 480 else -(-640 // max(width, height))
     if step is None:
         nice = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
         step = next((value for value in nice if max(width, height) / value <= 13), nice[-1])
-    if step < 1:
-        raise ValueError(f"the step of the grid is at least one pixel, not {step}")
+    check_whole("step", step)
     size = (width * enlargement, height * enlargement)
     picture = cv2.resize(frame, size, interpolation=cv2.INTER_NEAREST)
     line, scale = line_thickness(picture), font_scale(picture)

@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from jaxpf.contract.numbers import check_whole
 from jaxpf.files.writing import atomic_write
 from jaxpf.media.overlay import object_colours
 
+#: Largest number of rows or columns of a figure.
+_MOST_AXES = 1000
 #: Approximate gamma of sRGB, and the weights of its primaries in the luminance (white is 1).
 _GAMMA = 2.2
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -25,6 +28,8 @@ def new_figure(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    check_whole("rows", rows, most=_MOST_AXES)
+    check_whole("columns", columns, most=_MOST_AXES)
     figure = Figure(layout="constrained", **options)
     FigureCanvasAgg(figure)
     return figure, figure.subplots(rows, columns, squeeze=False, sharex=share_x)
@@ -32,6 +37,7 @@ def new_figure(
 
 def save_figure(figure: Any, path: str | os.PathLike[str], dpi: int = 120) -> None:
     """Write a figure as a PNG file, completely or not at all."""
+    check_whole("dpi", dpi, most=10_000)
     with atomic_write(path, "wb") as file, _names_as_they_are(figure):
         figure.savefig(file, dpi=dpi, format="png")
 

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from jaxpf.contract.numbers import check_array
 from jaxpf.parts.target import PARTS, Parts
 from jaxpf.targets import building
 
@@ -46,4 +47,5 @@ def tracker(
 
 def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to poses x, y (pixels), theta (radians) ``[..., P, 3]``."""
+    check_array("estimate", estimate, "x, y, theta, [..., P, >= 3]")
     return np.asarray(estimate)[..., :3]

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.errors import InputError, check_known, check_names
 from jaxpf.contract.model import Model, check_tree
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass
@@ -24,6 +24,7 @@ from jaxpf.dynamics.joints import (
     joints_between,
     substates_at,
 )
+from jaxpf.likelihoods.color import check_frame
 from jaxpf.likelihoods.wrapped import WrappedLikelihood
 
 DYNAMICS = ("relative", "absolute")
@@ -90,7 +91,8 @@ def with_log_odds(likelihood: Any, frame: Any, poses: ArrayLike, sizes: ArrayLik
         poses: x, y (pixels) and theta (radians) in it, ``[P, 3]``.
         sizes: width and height, pixels, ``[P, 2]``.
     """
-    poses, sizes = np.asarray(poses, np.float32), np.asarray(sizes, np.float32)
+    check_frame(frame)
+    poses, sizes = check_parts(poses, sizes, (-1,) * len(poses))
     across, down = ((np.arange(_PLACES) + 0.5) / _PLACES * side for side in frame.shape[1::-1])
     places = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2).astype(np.float32)
     partition = np.repeat(np.arange(len(poses)), len(places))
@@ -173,9 +175,11 @@ def cut_pictures(frame: Any, poses: ArrayLike, sizes: ArrayLike) -> list[np.ndar
     Returns:
         P pictures, uint8 RGB ``[h, w, 3]``, sampled from the nearest pixels of the frame.
     """
-    frame = np.asarray(frame)
+    check_frame(frame)
+    poses = numbers_in("poses", poses, "x, y, theta of every part, [P, 3]")
+    sizes = numbers_in("sizes", sizes, f"width and height of every part, [{len(poses)}, 2]")
     pictures = []
-    for (x, y, theta), size in zip(np.asarray(poses), np.asarray(sizes), strict=True):
+    for (x, y, theta), size in zip(poses, sizes, strict=True):
         width, height = np.maximum(np.rint(size).astype(int), 1)
         across = ((np.arange(width) + 0.5) / width - 0.5) * size[0]
         down = ((np.arange(height) + 0.5) / height - 0.5)[:, None] * size[1]
@@ -200,14 +204,12 @@ def check_parts(
     Raises:
         InputError: a wrong shape, a non-finite pose, or a part without area.
     """
-    poses = numbers_in("poses", poses, "rows x, y, theta").astype(np.float32)
-    sizes = numbers_in("sizes", sizes, "rows of width and height").astype(np.float32)
-    for name, array, wanted in (("poses", poses, 3), ("sizes", sizes, 2)):
-        if array.shape != (len(tree), wanted):
-            raise InputError(
-                f"{name} has shape {list(array.shape)}; give [{len(tree)}, {wanted}], one row for "
-                "every part of the tree."
-            )
+    count = len(check_tree(tree))
+    poses = numbers_in("poses", poses, f"x, y, theta of every part, [{count}, 3]")
+    sizes = numbers_in("sizes", sizes, f"width and height of every part, [{count}, 2]")
+    poses, sizes = poses.astype(np.float32), sizes.astype(np.float32)
+    if names is not None:
+        check_names(names, count)
     for part, (pose, (width, height)) in enumerate(zip(poses, sizes, strict=True)):
         label = str(part) if names is None else repr(names[part])
         if not np.isfinite(pose).all():

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import Argument, InputError
-from jaxpf.contract.model import Model
+from jaxpf.contract.errors import Argument, InputError, check_type
+from jaxpf.contract.model import Model, check_tree
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import check_options, option
 from jaxpf.targets.appearance import (
@@ -103,12 +103,11 @@ class PartTarget(Target):
 
     def start(self, given: Parts, names: Any = None) -> Start:
         """See ``Target``."""
-        if not isinstance(given, Parts):
-            raise InputError(f"parts is {type(given).__name__}: give jaxpf.parts.Parts.")
+        check_type("parts", given, Parts)
         poses = numbers_in("poses", given.poses, "numbers x, y, theta of every part, [P, 3]")
         sizes = numbers_in("sizes", given.sizes, "numbers width, height of every part, [P, 2]")
         ids = np.array(given.names if names is None else names)
-        return Start(ids, poses, sizes, tuple(given.parents))
+        return Start(ids, poses, sizes, check_tree(given.parents))
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
         """See ``Target``; patches of the start frame get log odds."""

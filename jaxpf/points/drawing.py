@@ -6,8 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
+from jaxpf.contract.errors import check_names
+from jaxpf.contract.numbers import check_array, check_number, numbers_in
 from jaxpf.media.labels import DARK, Label, draw_labels_beside
-from jaxpf.media.overlay import object_colours
+from jaxpf.media.overlay import check_frame, shades_of
 
 _SHIFT = 3  # fractional bits of OpenCV coordinates
 
@@ -35,11 +37,18 @@ def draw_points(
         names: [P], written beside the points, or in a corner where points are too dense.
         radius: of a point, pixels; by default larger in larger frames.
     """
+    check_frame(frame)
     picture = np.ascontiguousarray(frame).copy()
-    places = np.asarray(places, float)
-    chosen = object_colours(len(places)) if colours is None else np.asarray(colours)
-    shades = [(int(red), int(green), int(blue)) for red, green, blue in chosen]
-    hollow = np.zeros(len(places), bool) if hidden is None else np.asarray(hidden, bool)
+    places = numbers_in("places", places, "x, y in pixels, [P, 2]")
+    count = len(places)
+    for name, lines in (("trails", trails), ("particles", particles)):
+        if lines is not None:
+            check_array(name, lines, f"x, y in pixels, [K, {count}, 2]")
+    shades = shades_of(count, colours)
+    hidden = np.zeros(count) if hidden is None else hidden
+    hollow = numbers_in("hidden", hidden, f"bool, [{count}]") > 0
+    if radius is not None:
+        check_number("radius", radius, above=0)
     radius = max(4.0, min(picture.shape[:2]) / 120) if radius is None else radius
     line = max(1, round(radius / 4))
     # Trails and particles first, so that they hide no point.
@@ -62,6 +71,7 @@ def draw_points(
         cv2.circle(picture, at, size, DARK, 3 * line, cv2.LINE_AA, _SHIFT)
         cv2.circle(picture, at, size, colour, line if hollow[point] else -1, cv2.LINE_AA, _SHIFT)
     if names is not None:
+        check_names(names, count)
         reach = radius + 2 * line + 1  # with the rim
         labels = [
             Label.around(f"{name}", place - reach, place + reach, colour)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.numbers import numbers_in
+from jaxpf.contract.numbers import check_array
 from jaxpf.points.target import POINTS
 from jaxpf.targets import building
 
@@ -37,7 +37,7 @@ def tracker(
         InputError: an unknown option or a value out of range, a point outside the frame, two points
             at the same position, or a single point with eskil's drift; the message says which.
     """
-    start = POINTS.start(numbers_in("points", points, "rows x, y in pixels"))
+    start = POINTS.start(points)
     given = {"method": method, "particles": particles, **options}
     own = {"likelihood": likelihood, "ordering": ordering}
     return building.make(POINTS, frame, start, given, **own)
@@ -45,4 +45,5 @@ def tracker(
 
 def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to points x, y in pixels, ``[..., P, 2]``."""
+    check_array("estimate", estimate, "x, y, [..., P, >= 2]")
     return np.asarray(estimate)[..., :2]

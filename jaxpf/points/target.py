@@ -11,6 +11,7 @@ import numpy as np
 
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
+from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import check_options, option
 from jaxpf.targets.target import Looks, Start, Target
 
@@ -81,9 +82,7 @@ class PointTarget(Target):
 
     def start(self, given: Any, names: Any = None) -> Start:
         """See ``Target``: x and y ``[P, 2]``, pixels; default names are numbers from 0."""
-        places = np.asarray(given, np.float64)
-        if places.ndim != 2 or places.shape[1] != 2:
-            raise InputError(f"points has shape {list(places.shape)}: give a row (x, y) per point.")
+        places = numbers_in("points", given, "x, y in pixels of every point, [>= 1, 2]")
         ids = np.asarray(range(len(places)) if names is None else names, str)
         return Start(ids, places, np.full_like(places, _SIDE), (-1,) * len(places))
 

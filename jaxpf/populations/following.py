@@ -20,14 +20,15 @@ import numpy as np
 from jaxpf import running
 from jaxpf.boxes import target as box_target
 from jaxpf.boxes.models import box_model, boxes_at
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.model import Model
-from jaxpf.contract.numbers import numbers_in
+from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.contract.options import chosen, options_of
 from jaxpf.filters.labelled import options as labelled
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.filters.labelled.tracker import Labelled
+from jaxpf.likelihoods.color import check_frame
 from jaxpf.likelihoods.detected import Detected
 from jaxpf.likelihoods.open_histogram import open_histogram, with_object
 from jaxpf.measures import association
@@ -81,13 +82,14 @@ def open_model(
     Raises:
         InputError: options that require a start frame, which an empty population lacks.
     """
+    check_type("options", options, box_target.Options)
     if DISCRIMINATIVE in options.appearance or RELATIVE in options.motion:
         raise InputError(
             "objects that come and go are known by colour and move by pixels, because there is "
             "no start frame to learn from; leave out --appearance and --motion."
         )
-    if capacity < 1:
-        raise InputError(f"capacity={capacity} must be at least 1.")
+    check_whole("capacity", capacity, most=lifetimes.MOST_AT_ONCE)
+    check_array("frame_shape", frame_shape, "height and width of a frame, [>= 2]", least=1)
     height, width = frame_shape[:2]
     histograms = open_histogram(
         capacity,
@@ -150,18 +152,21 @@ def follow(
             object is not visible; in the second, a named object has no likelihood; there are more
             frames than detections; or an id is given twice.
     """
-    rules = rules or Rules()
+    rules = Rules() if rules is None else rules
+    check_type("tracker", tracker, Labelled)
+    check_type("rules", rules, Rules)
+    if detections is not None and not hasattr(detections, "__getitem__"):
+        raise InputError(
+            f"detections is {type(detections).__name__}; give a list of the boxes of every frame."
+        )
+    key = running.as_key(key)
     starts: dict[int, list[tuple[int, np.ndarray]]] = {}
     for entry in named:
-        if len(entry) != 3 or not all(isinstance(x, int | np.integer) for x in entry[:2]):
+        is_three = isinstance(entry, tuple | list) and len(entry) == 3
+        if not is_three or not all(isinstance(x, int | np.integer) for x in entry[:2]):
             raise InputError(f"named holds {entry!r:.60}; give (time, id, box), time and id whole.")
         time, identity, given = entry
-        box = numbers_in(f"the box of object {identity}", given, "x, y, width and height")
-        if box.shape != (4,):
-            raise InputError(
-                f"the box of object {identity} has shape {list(box.shape)}; give x, y, width and "
-                "height."
-            )
+        box = numbers_in(f"the box of object {identity}", given, "x, y, width and height, [4]")
         starts.setdefault(time, []).append((identity, box))
     ids = [identity for _, identity, _ in named]
     if len(set(ids)) < len(ids) or min(ids, default=0) < 0:
@@ -177,6 +182,7 @@ def follow(
             tracker, likelihood=Detected(tracker.likelihood, nothing, nothing)
         )
     for time, frame in enumerate(frames):
+        check_frame(frame)
         detected = _of_frame(detections, time)
         if time > 0:
             tracker = _with_detections(tracker, boxes, detected, rules)
@@ -211,12 +217,10 @@ def _of_frame(detections: Sequence[np.ndarray | None] | None, time: int) -> np.n
         ) from None
     if given is None:
         return None
-    wanted = "boxes [M, 4] of x, y, width and height"
-    boxes = numbers_in(f"detections[{time}]", given, wanted)
-    if boxes.size == 0 or boxes.shape == (4,):
-        return boxes.reshape(-1, 4)
-    if boxes.ndim != 2 or boxes.shape[1] != 4:
-        raise InputError(f"detections[{time}] has shape {list(boxes.shape)}; give {wanted}.")
+    if hasattr(given, "__len__") and len(given) == 0:
+        return np.zeros((0, 4))
+    boxes = np.atleast_2d(numbers_in(f"detections[{time}]", given, "x, y, w, h, [..., 4]"))
+    check_array(f"detections[{time}]", boxes, "boxes x, y, width and height, [M, 4]")
     return boxes
 
 

@@ -10,12 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.contract.options import check_options, option
 from jaxpf.measures import association
 from jaxpf.measures.association import pairwise_overlap
 
 #: The id of an empty slot, and of an object without an id.
 EMPTY = -1
+#: Largest number of objects at once.
+MOST_AT_ONCE = 4096
 #: Maximum number of consecutive frames without a detection that a birth candidate survives.
 _MOST_MISSED = 2
 #: Birth candidates with a larger overlap are duplicates of one object.
@@ -27,7 +30,7 @@ class Rules:
     """Options of births and deaths; see the help of each."""
 
     capacity: int = option(
-        16, "With --births: maximum number of objects at once.", least=1, most=4096
+        16, "With --births: maximum number of objects at once.", least=1, most=MOST_AT_ONCE
     )
     birth_frames: int = option(
         3, "With --births: a new object starts after this number of detections.", least=1
@@ -114,6 +117,8 @@ class Changes(NamedTuple):
 
 def nobody(capacity: int, last_id: int = 0) -> Living:
     """Return the state before the first frame; ids up to ``last_id`` are reserved."""
+    check_whole("capacity", capacity, most=MOST_AT_ONCE)
+    check_whole("last_id", last_id, 0)
     return Living(
         np.full(capacity, EMPTY), np.zeros(capacity, int), association.no_tracks(), last_id
     )
@@ -140,6 +145,11 @@ def advance(
         frame_shape: height and width of the frame.
         rules: see ``Rules``.
     """
+    boxes = numbers_in("boxes", boxes, f"x, y, w, h of every place, [{len(living.ids)}, 4]")
+    lost = numbers_in("lost", lost, f"bool, [{len(living.ids)}]") > 0
+    if detections is not None:
+        detections = numbers_in("detections", detections, "x, y, w, h, [M, 4]")
+    check_array("frame_shape", frame_shape, "height and width of the frame, [>= 2]", least=1)
     unseen, deaths = _deaths(living, boxes, lost, detections, frame_shape, rules)
     ids, candidates, last_id = living.ids.copy(), living.candidates, living.last_id
     ids[[death.slot for death in deaths]] = EMPTY

@@ -12,6 +12,7 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_whole
 from jaxpf.running import (
     as_keys,
     frame_step,
@@ -21,7 +22,7 @@ from jaxpf.running import (
     summary_only,
     together,
 )
-from jaxpf.running.checks import check_frames, check_run, check_whole
+from jaxpf.running.checks import check_frames, check_run
 from jaxpf.running.chunks import come_one_by_one, in_chunks
 
 #: Block widths for many and for few runs.  A block of 5 costs up to a third more per run than one

@@ -12,10 +12,16 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.pytree import is_concrete
 
 #: Number of particles in a trial call, chosen to differ from other axes.
 _TRIED = 3
+#: Parts of a tracker, and methods of which each has at least one.
+_METHODS = (
+    ("dynamics", ("propagate", "propagate_all", "at_frame")),
+    ("likelihood", ("log_prob", "log_prob_all")),
+    ("likelihood", ("observe",)),
+    ("proposal", ("propose", "propose_all", "of_model")),
+)
 
 
 def check_run(tracker: Any, frames: Any) -> None:
@@ -33,6 +39,11 @@ def check_run(tracker: Any, frames: Any) -> None:
     check_frames(frames)
     if not all(hasattr(tracker, name) for name in ("dynamics", "likelihood", "initial")):
         return
+    for name, methods in _METHODS:
+        part = getattr(tracker, name, None)
+        wanted = part is not None or name != "proposal"
+        if wanted and not any(hasattr(part, method) for method in methods):
+            raise InputError(f"{name} is {part!r:.60}, without a method {methods[0]}; write one.")
     leaves, structure = jax.tree.flatten(tracker)
     first = jax.tree.map(
         lambda x: jax.ShapeDtypeStruct(np.shape(x)[1:], jnp.result_type(x)), frames
@@ -46,11 +57,16 @@ def check_run(tracker: Any, frames: Any) -> None:
 
 
 def check_pytree(tracker: Any) -> None:
-    """Refuse a tracker that contains an object that is not a pytree.
+    """Refuse what is no tracker, and a tracker that contains an object that is not a pytree.
 
     Raises:
         InputError: names the class and its place.
     """
+    if not hasattr(tracker, "init"):
+        raise InputError(
+            f"tracker is {tracker!r:.60}; give a tracker, such as jaxpf.Partitioned, or an object "
+            "with the methods init and step."
+        )
     for path, leaf in jax.tree_util.tree_leaves_with_path(tracker):
         if isinstance(leaf, np.ndarray | np.generic | jax.Array | int | float | complex):
             continue
@@ -59,18 +75,6 @@ def check_pytree(tracker: Any) -> None:
         if type(leaf).__name__ not in ("function", "method", "builtin_function_or_method"):
             remedy = "decorate the class with @jaxpf.pytree_dataclass, or give numbers"
         raise InputError(f"{place} is {_a(type(leaf).__name__)}, which is no pytree; {remedy}.")
-
-
-def check_whole(name: str, value: Any, least: int = 1) -> None:
-    """Refuse a ``value`` of the argument ``name`` that is not a whole number of at least ``least``.
-
-    A traced value passes.
-    """
-    if not is_concrete(value):
-        return
-    number = np.asarray(value)
-    if number.ndim or number.dtype.kind not in "iu" or number < least:
-        raise InputError(f"{name}={value!r} must be a whole number, at least {least}.")
 
 
 def check_frames(frames: Any) -> None:
@@ -116,6 +120,21 @@ def _check_methods(
     many = jax.ShapeDtypeStruct((size, _TRIED), kind)
     places = jax.ShapeDtypeStruct((_TRIED,), jnp.int32)
 
+    def tried(part: Any, method: Any, *arguments: Any) -> Any:
+        """Shapes that a method returns; errors of a class of ours come from shapes of arrays."""
+        try:
+            return jax.eval_shape(method, *arguments)
+        except InputError:
+            raise
+        except (IndexError, TypeError, ValueError) as error:
+            if not type(part).__module__.startswith("jaxpf."):
+                raise
+            reason = str(error).partition("\n")[0].rstrip(".")
+            raise InputError(
+                f"{type(part).__name__} does not fit {num_partitions} partitions of {size} "
+                f"coordinates, or the frames ({reason}); check the shapes of its arrays."
+            ) from error
+
     motion = jax.eval_shape(lambda filter_: contract.first_motion(filter_.dynamics), tracker)
     coupled = contract.is_coupled(motion)
     base = contract.CoupledDynamics if coupled else contract.Dynamics
@@ -126,14 +145,16 @@ def _check_methods(
 
     dynamics = type(tracker.dynamics).__name__
     if _defines(tracker.dynamics, base, "propagate_all"):
-        moved = jax.eval_shape(
+        moved = tried(
+            tracker.dynamics,
             lambda filter_, *x: contract.at_frame(filter_, 0).dynamics.propagate_all(*x),
             *(tracker, key, places, many, many, many),
             *others(many),
         )
         _check(moved, many.shape, f"{dynamics}.propagate_all", "the moved substates [D, N]")
     elif _defines(tracker.dynamics, base, "propagate"):
-        moved = jax.eval_shape(
+        moved = tried(
+            tracker.dynamics,
             lambda filter_, *x: contract.at_frame(filter_, 0).dynamics.propagate(*x),
             *(tracker, key, place, substate, substate, substate),
             *others(substate),
@@ -141,17 +162,23 @@ def _check_methods(
         _check(moved, substate.shape, f"{dynamics}.propagate", "the moved substate [D]")
 
     likelihood = type(tracker.likelihood).__name__
-    seen = jax.eval_shape(
-        lambda filter_, frame: contract.observed_apart(filter_)[0](frame), tracker, frame
+    seen = tried(
+        tracker.likelihood,
+        lambda filter_, frame: contract.observed_apart(filter_)[0](frame),
+        *(tracker, frame),
     )
     if _defines(tracker.likelihood, contract.Likelihood, "log_prob_all"):
-        weighed = jax.eval_shape(
-            lambda filter_, *x: filter_.likelihood.log_prob_all(*x), tracker, seen, places, many
+        weighed = tried(
+            tracker.likelihood,
+            lambda filter_, *x: filter_.likelihood.log_prob_all(*x),
+            *(tracker, seen, places, many),
         )
         _check(weighed, (_TRIED,), f"{likelihood}.log_prob_all", "one number for each, [N]")
     elif _defines(tracker.likelihood, contract.Likelihood, "log_prob"):
-        weighed = jax.eval_shape(
-            lambda filter_, *x: filter_.likelihood.log_prob(*x), tracker, seen, place, substate
+        weighed = tried(
+            tracker.likelihood,
+            lambda filter_, *x: filter_.likelihood.log_prob(*x),
+            *(tracker, seen, place, substate),
         )
         _check(weighed, (), f"{likelihood}.log_prob", "a single number")
 

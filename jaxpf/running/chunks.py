@@ -8,6 +8,7 @@ import jax
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_whole
 
 #: Default size of a chunk's frames, bytes.
 CHUNK_BYTES = 64 * 2**20
@@ -56,8 +57,8 @@ def in_chunks(frames: Any, length: int | None, multiple: int) -> Iterator[tuple[
     Raises:
         InputError: no frame, or a frame that differs in shape from the first; ``length`` below 1.
     """
-    if length is not None and length < 1:
-        raise InputError(f"frames_per_chunk={length} must be at least 1.")
+    if length is not None:
+        check_whole("frames_per_chunk", length)
     if come_one_by_one(frames):
         yield from _gathered(frames, length, multiple)
         return

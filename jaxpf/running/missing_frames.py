@@ -25,6 +25,7 @@ from jax import lax
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass
 from jaxpf.running.chunks import come_one_by_one
 
@@ -228,6 +229,7 @@ def marked(tracker: Any, frames: Any, observed: Any = None) -> tuple[Any, Any]:
     if come_one_by_one(frames):
         return WithGaps(tracker), _pairs(frames, observed)
     total, parts = len(jax.tree.leaves(frames)[0]), getattr(tracker, "num_partitions", None)
+    check_array("observed", observed, "one bool for every frame")
     shape = np.shape(observed)
     if shape != (total,) and shape != (total, parts):
         of_parts = "" if parts is None else f", or which partitions, [{total}, {parts}]"

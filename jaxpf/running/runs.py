@@ -11,8 +11,9 @@ from jax import lax
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_whole
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import check_frames, check_run, check_whole
+from jaxpf.running.checks import check_frames, check_run
 from jaxpf.running.chunks import come_one_by_one
 
 
@@ -68,8 +69,10 @@ def run(
     check_frames(frames)
     num_frames(frames)
     check_run(tracker, frames)
+    key = as_key(key)
+    check_resumed(tracker, key, state, record)
     tracker, frames = missing_frames.marked(tracker, frames, observed)
-    return run_compiled(tracker, as_key(key), frames, record, state, time)
+    return run_compiled(tracker, key, frames, record, state, time)
 
 
 def forecast(
@@ -103,9 +106,11 @@ def forecast(
     check_whole("steps", steps)
     check_whole("time", time, 0)
     missing_frames.check_gaps(tracker)
+    key = as_key(key)
+    check_resumed(tracker, key, state, record)
     nothing = np.zeros(steps, bool)
     blind = missing_frames.WithoutFrames(tracker)
-    return run_compiled(blind, as_key(key), (nothing, nothing), record, state, time)
+    return run_compiled(blind, key, (nothing, nothing), record, state, time)
 
 
 def frame_key(key: jax.Array, time: Any) -> jax.Array:
@@ -116,6 +121,27 @@ def frame_key(key: jax.Array, time: Any) -> jax.Array:
 def init(tracker: Any, key: jax.Array) -> Any:
     """Return a run's initial state, as in ``run``."""
     return tracker.init(jax.random.fold_in(key, 0))
+
+
+def check_resumed(tracker: Any, key: jax.Array, state: Any, record: Any) -> None:
+    """Refuse a state that is not one of the tracker, and what cannot record.
+
+    Raises:
+        InputError: names the argument.
+    """
+    if not callable(record):
+        raise InputError(f"record={record!r:.60} must be a function of (state, summary).")
+    if state is None:
+        return
+    kinds = [
+        (jax.tree.structure(one), [np.shape(leaf) for leaf in jax.tree.leaves(one)])
+        for one in (state, jax.eval_shape(init, tracker, key))
+    ]
+    if kinds[0] != kinds[1]:
+        raise InputError(
+            f"state={state!r:.60} is no state of this tracker; give one that a run of the same "
+            "tracker returned, or None to start."
+        )
 
 
 def as_key(key: Any) -> jax.Array:

@@ -7,9 +7,9 @@ import jax
 import numpy as np
 
 from jaxpf import running
+from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import check_not_traced
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import check_whole
 from jaxpf.running.chunks import come_one_by_one
 
 

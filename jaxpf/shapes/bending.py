@@ -10,6 +10,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.shapes.spaces import check_contours
 from jaxpf.shapes.splines import CUBIC
@@ -54,6 +55,7 @@ class BendingSpace:
 
     def control_points(self, substates):
         """Control points ``[..., P, K, 2]`` of substates ``[..., P, D]``, in pixels."""
+        check_array("substates", substates, f"coordinates, [..., P, {self.dimension}]")
         substates = jnp.asarray(substates)
         angles = substates[..., 2:] @ jnp.asarray(self.bends, substates.dtype)
         sides = jnp.stack([jnp.cos(angles), jnp.sin(angles)], axis=-1)
@@ -75,7 +77,7 @@ class BendingSpace:
                 With leading axes, as in a track ``[T, P, K, 2]``, angles are unwrapped along the
                 first, so rotations do not jump by a full turn.
         """
-        control = np.asarray(control, float)
+        control = numbers_in("control", control, f"x, y, [..., P, {self.num_points}, 2]")
         angles = _directions(control)
         middle = angles.mean(axis=-1)
         if control.ndim > 3:
@@ -104,15 +106,9 @@ def bending_space(examples: ArrayLike, dimension: int, *, degree: int = CUBIC) -
         InputError: there are no examples, neighbouring control points coincide, or the dimension
             is out of range.
     """
-    if np.size(examples) == 0:
-        raise InputError("a bending space needs examples, and none was given.")
     examples = check_contours(examples, degree)
     num_sides = examples.shape[1] - 1
-    if not _RIGID <= dimension <= num_sides + 2:
-        raise InputError(
-            f"dimension {dimension} must be {_RIGID} (a rigid body) to {num_sides + 2} (the "
-            "direction of every side)."
-        )
+    check_whole("dimension", dimension, _RIGID, num_sides + 2)  # the direction of every side
     lengths = np.linalg.norm(np.diff(examples, axis=1), axis=-1)
     if (lengths <= 0).any():
         example = int(np.argwhere(lengths <= 0)[0, 0])

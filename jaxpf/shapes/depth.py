@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array, check_whole
 
 #: Particles are divided among the orders: 24 for four targets, 120 for five.
 MOST_OPAQUE = 4
@@ -24,6 +25,7 @@ def depth_orders(num_targets: int) -> tuple[tuple[int, ...], ...]:
     Raises:
         InputError: fewer than two targets, or more than ``MOST_OPAQUE``.
     """
+    check_whole("num_targets", num_targets)
     if not 2 <= num_targets <= MOST_OPAQUE:
         raise InputError(
             f"{num_targets} opaque target(s): particles divide among all orders in which targets "
@@ -61,9 +63,10 @@ def in_front(label_probabilities: ArrayLike) -> np.ndarray:
     Raises:
         InputError: the last axis is not P! for P from 2 to ``MOST_OPAQUE``.
     """
+    check_array("label_probabilities", label_probabilities, "probabilities, [..., L]")
     probabilities = np.asarray(label_probabilities)
     counts = {factorial(count): count for count in range(2, MOST_OPAQUE + 1)}
-    labels = probabilities.shape[-1] if probabilities.ndim else 0
+    labels = probabilities.shape[-1]
     if labels not in counts:
         raise InputError(
             f"label_probabilities has shape {probabilities.shape}; its last axis holds one "

@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.names import ANNOTATIONS
+from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.shapes.spaces import ShapeSpace, key_frame_space
-from jaxpf.shapes.splines import fit_spline, resampled
+from jaxpf.shapes.splines import check_order, fit_spline, resampled
 
 #: Points per control point when examples are compared.
 _FINENESS = 16
@@ -48,6 +49,7 @@ def learn_shape_space(
         InputError: the kind is unknown, there are too few examples, or a mask is empty.
     """
     check_known("kind ", kind, ANNOTATIONS)
+    check_order(num_points)
     closed = kind != "centrelines"
     lines = (
         [outline_of(mask, k) for k, mask in enumerate(examples)] if kind == "masks" else examples
@@ -74,7 +76,8 @@ def varied(examples: ArrayLike, turns: int) -> np.ndarray:
     Returns:
         ``[4 * turns * S, K, 2]``.
     """
-    examples = np.asarray(examples, float)
+    examples = numbers_in("examples", examples, "control points (x, y), [S, K, 2]")
+    check_whole("turns", turns)
     both = np.concatenate([examples, examples[:, ::-1]])
     every = np.concatenate([both, both * (-1, 1)])
     middles = every.mean(axis=1, keepdims=True)
@@ -95,8 +98,9 @@ def outline_of(mask: Any, number: int = 0) -> np.ndarray:
     """
     import cv2
 
+    check_array(f"mask {number}", mask, "a picture that is not 0 on the target, [H, W]")
     marked = (np.asarray(mask) != 0).astype(np.uint8)
-    if marked.ndim != 2 or not marked.any():
+    if not marked.any():
         raise InputError(
             f"mask {number} of shape {list(marked.shape)} marks nothing; give a picture [H, W] "
             "that is not 0 on the target."

@@ -16,6 +16,7 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.names import SHAPE_SPACES
+from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.shapes.splines import CUBIC, check_order
 
@@ -53,8 +54,14 @@ class ShapeSpace:
         """P if each target has its own template; 1 if all share one."""
         return np.shape(self.template)[0]
 
+    @property
+    def _count(self) -> str:
+        """P in messages, which is any number if all targets share a template."""
+        return f"{self.num_templates}" if self.num_templates > 1 else "P"
+
     def control_points(self, substates):
         """Control points ``[..., P, K, 2]`` of substates ``[..., P, D]``, in pixels."""
+        check_array("substates", substates, f"[..., {self._count}, {self.dimension}]")
         substates = jnp.asarray(substates)
         template = jnp.asarray(self.template, substates.dtype)
         modes = jnp.asarray(self.modes, substates.dtype)
@@ -93,7 +100,7 @@ class ShapeSpace:
         Args:
             control: ``[..., P, K, 2]``, pixels.
         """
-        control = np.asarray(control, float)
+        control = numbers_in("control", control, f"[..., {self._count}, {self.num_points}, 2]")
         template, modes = np.asarray(self.template, float), np.asarray(self.modes, float)
         num_targets, length = control.shape[-3], control.shape[-2] * 2
         rest = (control - template).reshape(*control.shape[:-2], length)
@@ -141,14 +148,9 @@ def key_frame_space(
     Raises:
         InputError: there are no key frames, or too few for the dimension.
     """
-    if np.size(examples) == 0:
-        raise InputError("a shape space of key frames needs key frames, and none was given.")
     examples = check_contours(examples, degree)
     length = examples.shape[1] * 2
-    if not 2 <= dimension <= length:
-        raise InputError(
-            f"dimension {dimension} must be 2 (shifts alone) to {length} (every control point)."
-        )
+    check_whole("dimension", dimension, 2, length)  # shifts alone; every control point
     if len(examples) < dimension:
         raise InputError(
             f"{len(examples)} key frame(s) are fewer than the {dimension} dimensions asked for; "
@@ -168,12 +170,9 @@ def check_contours(contours: ArrayLike, degree: int = CUBIC) -> np.ndarray:
     Raises:
         InputError: the shape is wrong, a number is not finite, or there are too few points.
     """
-    contours = np.asarray(contours, float)
-    if contours.ndim != 3 or contours.shape[2] != 2 or len(contours) == 0:
-        raise InputError(
-            f"contours have shape {list(contours.shape)}; give control points (x, y) for every "
-            "target, [P, K, 2]."
-        )
+    contours = numbers_in(
+        "contours", contours, "control points (x, y) of every target, [>= 1, K, 2]"
+    )
     check_order(contours.shape[1], degree)
     if not np.isfinite(contours).all():
         target = int(np.argwhere(~np.isfinite(contours))[0, 0])

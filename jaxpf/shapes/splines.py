@@ -10,8 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_whole, numbers_in
 
 CUBIC = 3
+#: Largest degree of a spline, and largest number of points.
+_MOST_DEGREE, _MOST_PLACES = 20, 10**6
 
 
 def basis(
@@ -32,7 +35,8 @@ def basis(
     from scipy.interpolate import BSpline  # slow to import (a third of a second)
 
     check_order(num_points, degree)
-    places = np.atleast_1d(np.asarray(places, float))
+    check_whole("derivative", derivative, 0, degree)
+    places = np.atleast_1d(numbers_in("places", places, "numbers from 0 to 1"))
     if closed:
         knots = np.arange(-degree, num_points + degree + 1, dtype=float)
         spans, at = num_points, (places % 1.0) * num_points
@@ -54,12 +58,13 @@ def basis(
 
 def even_places(count: int, *, closed: bool) -> np.ndarray:
     """``[count]`` evenly spaced places; those of an open spline include both ends."""
+    check_whole("count", count, 0, _MOST_PLACES)
     return np.linspace(0.0, 1.0, count, endpoint=not closed)
 
 
 def points_on(control: ArrayLike, count: int, *, closed: bool, degree: int = CUBIC) -> np.ndarray:
     """``count`` points ``[..., count, 2]`` along splines with control points ``[..., K, 2]``."""
-    control = np.asarray(control, float)
+    control = numbers_in("control", control, "control points (x, y), [..., K, 2]")
     places = even_places(count, closed=closed)
     return basis(places, control.shape[-2], closed=closed, degree=degree) @ control
 
@@ -91,11 +96,9 @@ def resampled(points: ArrayLike, count: int, *, closed: bool) -> np.ndarray:
     Raises:
         InputError: points are not finite, or all coincide.
     """
-    points = np.asarray(points, float)
-    if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
-        raise InputError(
-            f"a polyline of shape {list(points.shape)} must be finite points (x, y), [S, 2]."
-        )
+    points = numbers_in("points", points, "finite points (x, y), [S, 2]")
+    if not np.isfinite(points).all():
+        raise InputError("points of a polyline are not finite; give finite (x, y), [S, 2].")
     if closed:
         points = np.concatenate([points, points[:1]])
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -108,7 +111,7 @@ def resampled(points: ArrayLike, count: int, *, closed: bool) -> np.ndarray:
 
 def crosses_itself(points: ArrayLike, *, closed: bool) -> bool:
     """Whether two non-adjacent sides of a polyline ``[S, 2]`` intersect."""
-    points = np.asarray(points, float)
+    points = numbers_in("points", points, "points (x, y), [S, 2]")
     ends = np.roll(points, -1, axis=0) if closed else points[1:]
     starts = points[: len(ends)]
     sides = ends - starts
@@ -130,8 +133,8 @@ def check_order(num_points: int, degree: int = CUBIC) -> None:
     Raises:
         InputError: there are fewer than ``degree + 1``.
     """
-    if not isinstance(degree, int | np.integer) or degree < 1:
-        raise InputError(f"degree {degree} is no spline's; use 1 for straight sides or 3.")
+    check_whole("degree", degree, most=_MOST_DEGREE)
+    check_whole("num_points", num_points, 0, _MOST_PLACES)
     if num_points < degree + 1:
         raise InputError(
             f"{num_points} control point(s) are fewer than the {degree + 1} that a spline of "

@@ -6,7 +6,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import check_not_traced
 from jaxpf.smoothing.backward import History
 from jaxpf.smoothing.groups import check_smoothing, looks_back
@@ -41,8 +41,10 @@ class LookBack:
             InputError: a tracker that cannot be smoothed; a lag below 1; not enough memory.
         """
         check_smoothing(tracker)
-        if lag is not None and lag < 1:
-            raise InputError(f"lag={lag} must be at least 1 frame.")
+        for name, value in (("lag", lag), ("num_frames", num_frames)):
+            if value is not None:
+                check_whole(name, value)
+        check_whole("first", first, 0)
         self._tracker, self._key, self._lag = tracker, backward_key(key), lag
         kept = num_frames if lag is None else 2 * lag
         if kept is not None:

@@ -12,9 +12,10 @@ from jax import lax
 
 from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import check_not_traced, pytree_dataclass
 from jaxpf.running import memory, missing_frames
-from jaxpf.running.checks import check_frames, check_run, check_whole
+from jaxpf.running.checks import check_frames, check_run
 from jaxpf.running.chunks import come_one_by_one
 from jaxpf.smoothing.backward import History, Pass, SeenMoves, backward
 from jaxpf.smoothing.groups import check_smoothing, looks_back, sees_previous, together

@@ -23,8 +23,8 @@ from jax.flatten_util import ravel_pytree
 
 from jaxpf import running
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete
-from jaxpf.filters.initial import check_count
 from jaxpf.running import missing_frames
 from jaxpf.running.checks import check_run
 from jaxpf.tuning.objectives import keep_log_evidence
@@ -84,7 +84,7 @@ def pmmh(
     counts = {"num_draws": num_draws, "num_warmup": num_warmup, "num_chains": num_chains}
     counts |= {"blocks": blocks, "num_particles": 1 if num_particles is None else num_particles}
     for name, value in counts.items():
-        check_count(name, value)
+        check_whole(name, value)
     if not all(jnp.issubdtype(jnp.result_type(x), jnp.floating) for x in jax.tree.leaves(initial)):
         raise InputError(f"initial={initial!r} must hold floats alone; write 1.0 for 1.")
     initial = jax.tree.map(lambda x: jnp.asarray(x, float), initial)

@@ -134,7 +134,7 @@ def test_what_cannot_be_tracked_is_refused(wires, options, message):
 
 
 def test_contours_are_no_bare_points(wires):
-    with pytest.raises(InputError, match=r"contours is ndarray: give jaxpf.contours.Contours"):
+    with pytest.raises(InputError, match=r"contours is ndarray: give a Contours of jaxpf"):
         jaxpf.contours.tracker(wires[0].frames[0], wires[1].points)
 
 

@@ -73,7 +73,7 @@ def test_a_given_momentum_leaves_the_noise_to_be_learned():
 @pytest.mark.parametrize(
     ("given", "match"),
     [
-        ({"momentum": 1.5}, "momentum 1.5 must be 0 to 1"),
+        ({"momentum": 1.5}, "momentum=1.5 must be one finite number at least 0 and at most 1"),
         ({"momentum": 0.9, "order": 1}, "order 1 with 'steps'"),
         ({"momentum": 0.9, "coefficients": "own"}, "order 2 with 'own'"),
     ],
@@ -107,9 +107,9 @@ def test_what_is_learned_moves_particles():
 def test_too_little_is_refused():
     with pytest.raises(InputError, match="3 steps of target 0 are too few"):
         fit(simulate(TRUTH, 5), 2, coefficients="all")
-    with pytest.raises(InputError, match="order 3"):
+    with pytest.raises(InputError, match="order = 3 must be a whole number from 1 to 2"):
         fit(simulate(TRUTH, 50), 3)
-    with pytest.raises(InputError, match="coefficients 'some'"):
+    with pytest.raises(InputError, match="coefficients='some'"):
         fit(simulate(TRUTH, 50), coefficients="some")
-    with pytest.raises(InputError, match="tracks have the shapes"):
+    with pytest.raises(InputError, match=r"tracks ha(ve the shapes|s shape)"):
         fit(np.zeros((5, 2)))

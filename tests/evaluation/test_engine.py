@@ -173,7 +173,7 @@ def test_a_single_frame_is_refused(tmp_path):
 
 @pytest.mark.parametrize("name", ["memory", "workers", "runs_per_batch", "devices"])
 def test_limits_below_one_are_refused(name):
-    with pytest.raises(InputError, match=f"{name} = 0 must be at least 1"):
+    with pytest.raises(InputError, match=f"{name} = 0 must be a whole number from 1"):
         Limits(**{name: 0})
 
 

@@ -158,7 +158,7 @@ def test_cancelled_work_is_done_again():
 
 @pytest.mark.parametrize(("workers", "devices"), [(0, None), (1, 0)])
 def test_pools_of_nothing_are_refused(workers, devices):
-    with pytest.raises(InputError, match="= 0 must be at least 1"):
+    with pytest.raises(InputError, match="= 0 must be a whole number from 1"):
         local_pool(workers, devices)
 
 

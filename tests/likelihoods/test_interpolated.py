@@ -316,8 +316,8 @@ def test_groups_of_boxes_stand_for_their_members():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"interpolation": "cubic"}, "interpolation is 'cubic'"),
-        ({"form": "odds"}, "form is 'odds'"),
+        ({"interpolation": "cubic"}, "interpolation='cubic' is unknown; choose one of"),
+        ({"form": "odds"}, "form='odds' is unknown; choose one of"),
         ({"form": "ratio"}, "there is no background_frames: "),
     ],
 )
@@ -340,5 +340,5 @@ def test_a_background_needs_boxes_that_fit():
     likelihood = histogram(picture(), BOXES)
     with pytest.raises(InputError, match="larger than the frame of 10 x 10"):
         jax.eval_shape(lambda: learn_background(likelihood, picture()[:10, :10]))
-    with pytest.raises(InputError, match="num_boxes is 0"):
+    with pytest.raises(InputError, match="num_boxes = 0"):
         learn_background(likelihood, picture(), num_boxes=0)

@@ -187,14 +187,14 @@ def test_what_is_no_box_has_no_likelihood():
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        ({"sigma": 0.0}, "sigma is 0.0"),
-        ({"pool": "sum"}, "choose one of 'mean', 'product'"),
-        ({"size": "area"}, "choose one of 'sides', 'scale'"),
-        ({"colour": "hsv"}, "choose one of 'colour', 'grey'"),
-        ({"window": (0, 3)}, "columns and rows"),
-        ({"min_slope": -1.0}, "min_slope is -1.0"),
-        ({"size_term": math.inf}, "size_term is inf"),
-        ({"sizes": [[3, 3]]}, "for each of the 2"),
+        ({"sigma": 0.0}, "sigma=0.0 must be one finite number"),
+        ({"pool": "sum"}, "choose one of mean, product"),
+        ({"size": "area"}, "choose one of sides, scale"),
+        ({"colour": "hsv"}, "choose one of colour, grey"),
+        ({"window": (0, 3)}, "two sides of a grid"),
+        ({"min_slope": -1.0}, "min_slope=-1.0 must be one finite number"),
+        ({"size_term": math.inf}, "size_term=inf must be one finite number"),
+        ({"sizes": [[3, 3]]}, r"sizes has shape .*\[2, 2\]"),
         ({"sizes": [[3, 3], [0, 3]]}, "sizes\\[1\\] is 0 x 3"),
     ],
 )

@@ -349,7 +349,7 @@ def test_measures_of_no_frames_find_nothing():
 @pytest.mark.parametrize("measure", [measures.success, measures.recovery])
 @pytest.mark.parametrize("shape", [(5, 2, 4), (5, 1, 4), (4, 3, 4), (3, 4)])
 def test_boxes_of_other_frames_or_objects_are_refused(measure, shape):
-    with pytest.raises(InputError, match="same frames and objects"):
+    with pytest.raises(InputError, match=r"same frames and objects|\[..., T, P, 4\]"):
         measure(np.ones(shape), np.ones((5, 3, 4)))
 
 
@@ -366,5 +366,5 @@ def test_intervals_of_shares_stay_within_shares():
 @pytest.mark.parametrize("name", FRAME_MEASURES)
 @pytest.mark.parametrize("shape", [(2, 4), (3, 3), (4, 1)])
 def test_what_is_no_box_of_the_truth_is_refused(name, shape):
-    with pytest.raises(InputError, match="cannot be compared"):
+    with pytest.raises(InputError, match=r"boxes x, y, w, h|do not go together"):
         getattr(measures, name)(np.ones(shape), np.ones((3, 4)))

@@ -112,7 +112,7 @@ def test_the_order_of_scenes_does_not_matter_much_and_repeats_are_equal():
 @pytest.mark.parametrize("level", [-1, 0, 1, 95, math.nan, "x", None])
 def test_a_level_that_is_no_probability_is_refused(level):
     for interval in (student_interval, scene_interval):
-        with pytest.raises(InputError, match=f"level={level} must be above 0 and below 1"):
+        with pytest.raises(InputError, match=f"level={level!r} must be above 0 and below 1"):
             interval([1.0, 2.0, 3.0], level)
-    with pytest.raises(InputError, match=f"level={level} must be above 0 and below 1"):
+    with pytest.raises(InputError, match=f"level={level!r} must be above 0 and below 1"):
         paired_rates_interval([0.5, 1.0], [0.2, 0.3], level)

@@ -141,7 +141,7 @@ def test_grid_lines_lie_at_the_coordinates_that_they_name():
     assert (
         np.delete(row, [v + d for v in range(100, 640, 100) for d in (-2, -1, 0, 1)]) == 128
     ).all()
-    with pytest.raises(ValueError, match="at least one pixel"):
+    with pytest.raises(jaxpf.InputError, match="step = 0 must be a whole number from 1"):
         draw_pixel_grid(grey(), step=0)
 
 
@@ -183,9 +183,9 @@ def test_rectangles_that_are_not_finite_or_far_away_do_no_harm():
 @pytest.mark.parametrize(
     ("frame", "boxes", "message"),
     [
-        (grey() / 255.0, np.ones((1, 4)), "the frame is float64 .* uint8 RGB"),
-        (grey()[..., 0], np.ones((1, 4)), "the frame is uint8 .* uint8 RGB"),
-        ("a.png", np.ones((1, 4)), "the frame is str"),
+        (grey() / 255.0, np.ones((1, 4)), "frame is of float64; give a picture of uint8 RGB"),
+        (grey()[..., 0], np.ones((1, 4)), r"frame has shape \[\d+, \d+\]; give .* uint8 RGB"),
+        ("a.png", np.ones((1, 4)), "frame='a.png' must be a picture"),
         (grey(), np.ones((4, 5)), r"boxes has shape \[4, 5\]; give"),
     ],
 )

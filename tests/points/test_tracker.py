@@ -58,7 +58,7 @@ def test_every_filter_doubts_a_point_that_disappears(method):
         (PLACES, {"speed": 3}, "there is no option 'speed'"),
         (PLACES, {"diffusion": -1.0}, "diffusion = -1 must be"),
         (PLACES, {"window_size": 199}, "the window is 199 x 199 pixels and the frame 156 x 120"),
-        (PLACES[0], {}, "give a row"),
+        (PLACES[0], {}, r"points has shape \[2\]; give x, y"),
         (PLACES[:1], {"method": "eskil"}, "two partitions or more"),
         (PLACES[[0, 0]], {"method": "pffl"}, "points 0 and 1 are both at"),
         (PLACES + 100, {}, "outside the frame"),

@@ -174,7 +174,7 @@ def test_a_number_of_particles_is_a_whole_number(number):
         lambda: jaxpf.Labelled(Drift(), Near(), np.zeros((2, 2)), num_particles=number),
         lambda: jaxpf.PFFL(Drift(), Near(), np.zeros((2, 2)), num_particles=number),
     ):
-        with pytest.raises(InputError, match=f"num_particles={number!r} must be a whole number"):
+        with pytest.raises(InputError, match=f"num_particles = {number!r} must be a whole number"):
             make()
 
 

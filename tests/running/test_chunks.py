@@ -120,7 +120,11 @@ def test_a_chunk_holds_as_much_as_it_may_and_all_hold_nearly_the_same():
     [
         (lambda: iter(()), {}, r"frames has no frame; give at least one\."),
         (lambda: iter([FRAMES[0], FRAMES[1, :2]]), {}, r"frame 1 is float32 \[2, 2\], the first"),
-        (lambda: FRAMES, {"frames_per_chunk": 0}, r"frames_per_chunk=0 must be at least 1"),
+        (
+            lambda: FRAMES,
+            {"frames_per_chunk": 0},
+            r"frames_per_chunk = 0 must be a whole number from 1",
+        ),
     ],
 )
 def test_frames_that_make_no_sequence_are_refused(frames, given, sentence):

@@ -161,7 +161,7 @@ def test_a_forecast_has_the_moments_of_the_dynamics():
 
 def test_what_has_no_forecast_is_refused():
     its = partitioned(ordering.ps([0, 1, 2]))
-    with pytest.raises(InputError, match="steps=0 must be a whole number, at least 1"):
+    with pytest.raises(InputError, match="steps = 0 must be a whole number from 1"):
         jaxpf.forecast(its, KEY, its.init(KEY), 0, time=0)
     with pytest.raises(TypeError, match="time"):  # frame 0's noise would be used again
         jaxpf.forecast(its, KEY, its.init(KEY), 4)

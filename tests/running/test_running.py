@@ -252,7 +252,7 @@ def test_keys_that_are_not_one_per_run_are_refused():
 
 def test_an_empty_batch_is_refused():
     keys = jax.random.split(jax.random.key(0), 2)
-    with pytest.raises(InputError, match="batch_size=0 must be a whole number, at least 1"):
+    with pytest.raises(InputError, match="batch_size = 0 must be a whole number from 1"):
         jaxpf.monte_carlo(tracker(), keys, FRAMES, batch_size=0)
 
 

@@ -89,9 +89,9 @@ def test_few_examples_leave_the_turn_alone():
 @pytest.mark.parametrize(
     ("examples", "dimension", "match"),
     [
-        (np.zeros((0, 9, 2)), 5, "none was given"),
-        (bodies(3), 2, r"dimension 2 must be 3 \(a rigid body\) to 10"),
-        (bodies(3), 11, "dimension 11 must be"),
+        (np.zeros((0, 9, 2)), 5, r"contours has shape \[0, 9, 2\]; give"),
+        (bodies(3), 2, "dimension = 2 must be a whole number from 3 to 10"),
+        (bodies(3), 11, "dimension = 11 must be"),
         (np.concatenate([bodies(2), np.ones((1, 9, 2))]), 5, "points of example 2 coincide"),
         (np.full((1, 9, 2), np.nan), 5, "not finite"),
     ],

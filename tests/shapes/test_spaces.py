@@ -75,9 +75,9 @@ def test_key_frames_span_what_they_vary_in():
 @pytest.mark.parametrize(
     ("examples", "dimension", "message"),
     [
-        (np.zeros((0, 8, 2)), 4, "none was given"),
+        (np.zeros((0, 8, 2)), 4, r"contours has shape \[0, 8, 2\]; give"),
         (np.ones((3, 8, 2)), 4, "3 key frame"),
-        (np.ones((30, 8, 2)), 1, "dimension 1"),
+        (np.ones((30, 8, 2)), 1, "dimension = 1 must be"),
     ],
 )
 def test_a_space_without_enough_key_frames_is_refused(examples, dimension, message):

@@ -170,9 +170,9 @@ def test_the_draws_are_an_arviz_tree(posterior):
     [
         ({"initial": {"a": 2.0, "s": 1.0}}, "the prior excludes the start"),
         ({"initial": {"a": 0, "s": 1}}, "must hold floats alone"),
-        ({"num_draws": 0}, "num_draws=0 must be a whole number, at least 1"),
-        ({"num_chains": 2.5}, "num_chains=2.5 must be a whole number, at least 1"),
-        ({"num_particles": 0}, "num_particles=0 must be a whole number, at least 1"),
+        ({"num_draws": 0}, "num_draws = 0 must be a whole number from 1"),
+        ({"num_chains": 2.5}, "num_chains = 2.5 must be a whole number from 1"),
+        ({"num_particles": 0}, "num_particles = 0 must be a whole number from 1"),
         (
             {"log_prior": lambda p: jnp.zeros(2)},
             r"log_prior returns \[0\. 0\.\]; return one number",
@@ -182,7 +182,7 @@ def test_the_draws_are_an_arviz_tree(posterior):
             {"build": lambda p: jaxpf.filters.SideBySide(build(p))},
             "build returns a SideBySide, whose num_particles cannot be set",
         ),
-        ({"blocks": 0}, "blocks=0 must be a whole number, at least 1"),
+        ({"blocks": 0}, "blocks = 0 must be a whole number from 1"),
     ],
 )
 def test_what_cannot_be_sampled_is_refused(changes, words):

@@ -12,7 +12,8 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from typing import Any, NamedTuple
 
-from jaxpf.contract.errors import Argument, InputError
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_whole
 
 #: Times that a piece of work is repeated after a worker's death.
 RETRIES = 3
@@ -124,11 +125,10 @@ def local_pool(
         devices: host devices per process; by default the workers share the cores equally.
         prepare: picklable function that is called first in every process.
     """
+    check_whole("workers", workers)
     if devices is None:
-        devices = max(1, num_cores() // max(workers, 1))
-    for name, value in (("workers", workers), ("devices", devices)):
-        if value < 1:
-            raise InputError(Argument(name, value), " must be at least 1.")
+        devices = max(1, num_cores() // workers)
+    check_whole("devices", devices)
     start = functools.partial(
         ProcessPoolExecutor,
         max_workers=workers,

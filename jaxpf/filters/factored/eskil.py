@@ -15,13 +15,12 @@ import jax.numpy as jnp
 from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_known, choice
 from jaxpf.contract.names import DRIFTS, SHAPES
-from jaxpf.contract.numbers import numbers_in
+from jaxpf.contract.numbers import check_number, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array, is_concrete, pytree_dataclass, static_field
 from jaxpf.contract.state import Summary
 from jaxpf.filters import confidence
 from jaxpf.filters.factored import cloud, drift, shape
 from jaxpf.filters.factored.cloud import FactoredState
-from jaxpf.filters.initial import check_count, check_number
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
 
@@ -171,13 +170,13 @@ def _log_ratio(dynamics, new, diffused, lagged):
 
 
 def _check(tracker: Eskil) -> None:
-    check_count("num_particles", tracker.num_particles)
-    check_count("upsampling", tracker.upsampling)
+    check_whole("num_particles", tracker.num_particles)
+    check_whole("upsampling", tracker.upsampling)
     cloud.check_factors(tracker.dynamics, tracker.likelihood)
     check_known("drift=", tracker.drift, DRIFTS)
     check_known("shape=", tracker.shape, SHAPES)
-    check_count("memory", tracker.memory, least=2)
-    check_number("shape_scale", tracker.shape_scale)
+    check_whole("memory", tracker.memory, least=2)
+    check_number("shape_scale", tracker.shape_scale, above=0)
     if tracker.drift != "none" and tracker.num_partitions < 2:
         raise InputError(
             choice("drift", tracker.drift),

@@ -14,12 +14,12 @@ import jax.numpy as jnp
 from jaxpf.contract import Tracker
 from jaxpf.contract.errors import check_known
 from jaxpf.contract.names import FORMS
+from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.state import Summary
 from jaxpf.filters import confidence
 from jaxpf.filters.factored import cloud
 from jaxpf.filters.factored.cloud import FactoredState
-from jaxpf.filters.initial import check_count, check_number
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
 
@@ -62,11 +62,11 @@ class PFFL(Tracker):
     def __post_init__(self):
         object.__setattr__(self, "initial", cloud.checked_initial(self.initial))
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
-        check_count("num_particles", self.num_particles)
-        check_count("upsampling", self.upsampling)
+        check_whole("num_particles", self.num_particles)
+        check_whole("upsampling", self.upsampling)
         cloud.check_factors(self.dynamics, self.likelihood)
         check_known("form=", self.form, FORMS)
-        check_number("safety", self.safety, most=1)
+        check_number("safety", self.safety, above=0, most=1)
 
     @property
     def num_partitions(self) -> int:

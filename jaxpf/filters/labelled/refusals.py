@@ -7,9 +7,8 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import numbers_in
+from jaxpf.contract.numbers import check_whole, numbers_in
 from jaxpf.contract.pytree import is_concrete
-from jaxpf.filters.initial import check_count
 from jaxpf.filters.labelled.choices import FEEDBACKS, POPULATIONS, SCOPES, WEIGHTS
 from jaxpf.filters.relocation import check_relocation
 from jaxpf.gradients import check_gradients
@@ -17,7 +16,7 @@ from jaxpf.gradients import check_gradients
 
 def check_tracker(tracker: Any) -> None:
     """Refuse settings that cannot work or would be silently wrong."""
-    check_count("num_particles", tracker.num_particles)
+    check_whole("num_particles", tracker.num_particles)
     for name, known in (
         ("scope", SCOPES),
         ("weights", WEIGHTS),

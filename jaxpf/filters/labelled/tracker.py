@@ -10,9 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Tracker
+from jaxpf.contract.numbers import coordinates_in
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.filters import confidence
-from jaxpf.filters.initial import as_floats, check_coordinates, checked_initial
+from jaxpf.filters.initial import as_floats, checked_initial
 from jaxpf.filters.labelled import by_label, kernel, population
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_tracker
@@ -90,7 +91,7 @@ class Labelled(Tracker):
             object.__setattr__(self, "num_targets", initial.shape[0])
         for name in ("position", "speed"):
             value = getattr(self, name)
-            value = value if value is None else check_coordinates(name, value)
+            value = value if value is None else coordinates_in(name, value)
             object.__setattr__(self, name, value)
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
         check_tracker(self)

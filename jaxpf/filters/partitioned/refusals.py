@@ -8,24 +8,20 @@ from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError, choice
 from jaxpf.contract.names import SWAPS
+from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.pytree import is_concrete
-from jaxpf.filters.initial import check_count
 from jaxpf.filters.partitioned.labels import check_labels
 from jaxpf.gradients import check_gradients
 
 
 def check_tracker(tracker: Any) -> None:
     """Refuse settings that cannot work or would be silently wrong."""
-    check_count("num_particles", tracker.num_particles)
+    check_whole("num_particles", tracker.num_particles)
     check_gradients(tracker)
-    for name, least in (("tempering", "above 0"), ("ess_threshold", "at least 0")):
-        value = getattr(tracker, name)
-        if value is None or not is_concrete(value):
-            continue
-        if np.any(np.asarray(value) > 1) or not np.all(
-            np.asarray(value) >= 0 if name == "ess_threshold" else np.asarray(value) > 0
-        ):
-            raise InputError(f"{name}={value} must be {least} and at most 1; None is the default.")
+    if tracker.tempering is not None:
+        check_number("tempering", tracker.tempering, above=0, most=1)
+    if tracker.ess_threshold is not None:
+        check_number("ess_threshold", tracker.ess_threshold, least=0, most=1)
     ordering, parents = tracker.ordering, tracker.parents
     if len(parents) != ordering.num_partitions:
         raise InputError(

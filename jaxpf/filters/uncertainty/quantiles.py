@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array
 
 
 def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndarray:
@@ -23,9 +23,10 @@ def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndar
     Raises:
         InputError: no level, or one outside of 0 to 1.
     """
+    check_array("levels", levels, "a list of numbers from 0 to 1, [>= 1]", least=0, most=1)
     shares = np.asarray(levels, float)
-    if shares.ndim != 1 or not len(shares) or not np.all((shares >= 0) & (shares <= 1)):
-        raise InputError(f"levels={levels!r} must be a list of numbers from 0 to 1.")
+    check_array("values", values, "coordinates of the particles, [N, P, C]")
+    check_array("log_weights", log_weights, f"of the particles, [..., {np.shape(values)[0]}]")
     values = np.moveaxis(np.asarray(values), 0, -1)
     if not values.shape[-1]:
         return np.full((len(shares), *values.shape[:-1]), np.nan)
@@ -34,7 +35,7 @@ def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndar
     weights = np.where(np.isnan(values), 0.0, weights)
     order = np.argsort(values, axis=-1)
     reached = np.cumsum(np.take_along_axis(weights, order, axis=-1), axis=-1)
-    below = [np.sum(reached < level * reached[..., -1:], axis=-1) for level in levels]
+    below = [np.sum(reached < level * reached[..., -1:], axis=-1) for level in shares]
     places = np.minimum(below, values.shape[-1] - 1)
     chosen = np.take_along_axis(np.take_along_axis(values, order, -1)[None], places[..., None], -1)
     return np.where(reached[..., -1] > 0, chosen[..., 0], np.nan)

@@ -13,10 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.state import Summary
-from jaxpf.filters.initial import check_count
 from jaxpf.filters.uncertainty.error_bars import ErrorBars
 
 
@@ -72,11 +71,7 @@ class SideBySide(contract.Tracker):
     num_runs: int = static_field(default=2)
 
     def __post_init__(self):
-        check_count("num_runs", self.num_runs)
-        if self.num_runs < 2:
-            raise InputError(
-                f"num_runs={self.num_runs} says nothing of how much runs differ; give at least 2."
-            )
+        check_whole("num_runs", self.num_runs, 2)  # one run does not show how much runs differ
 
     @property
     def num_partitions(self) -> int:

@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_known, check_type
 from jaxpf.contract.names import EXCLUSIONS
+from jaxpf.contract.numbers import check_array, check_number, check_whole
 from jaxpf.contract.pytree import as_array
 from jaxpf.likelihoods.contours.clutter import check_clutter, learn_clutter, poisson_clutter
 from jaxpf.likelihoods.contours.edges import EdgeDetector
@@ -23,6 +24,8 @@ _KINDS: dict[str, tuple[type[IndependentContours], dict[str, str]]] = {
     "wires-literal": (ExclusiveContours, {"payment": "literal"}),
     "opaque-literal": (OpaqueContours, {"payment": "literal"}),
 }
+#: Largest number of lines on a contour.
+_MOST_LINES = 1000
 #: More boundaries on a line would make too many subsets to sum over.
 _MOST_CROSSINGS = 8
 
@@ -72,6 +75,7 @@ def contours(
         InputError: an argument is out of range.
     """
     detector = EdgeDetector() if detector is None else detector
+    check_type("detector", detector, EdgeDetector)
     edges = 1 if width is None else 2
     crossings = edges if crossings is None else crossings
     _check(space, num_targets, exclusion, sigma, independence, width, num_lines, crossings, edges)
@@ -84,8 +88,10 @@ def contours(
         raise InputError("give either frames to learn clutter from, or the clutter itself.")
     if frames is not None:
         clutter = learn_clutter(frames, detector)
-    elif np.ndim(clutter) == 0:
-        clutter = poisson_clutter(float(clutter), detector.max_features)
+    else:
+        check_array("clutter", clutter, "the mean number of features, or b(n)")
+        if np.ndim(clutter) == 0:
+            clutter = poisson_clutter(float(clutter), detector.max_features)
     kind, payment = _KINDS[exclusion]
     together = crossings * (num_targets if issubclass(kind, ExclusiveContours) else 1)
     together += 0 if payment else edges
@@ -117,15 +123,15 @@ def contours(
 def _check(
     space, num_targets, exclusion, sigma, independence, width, num_lines, crossings, edges
 ) -> None:
-    if exclusion not in _KINDS:
-        raise InputError(f"exclusion {exclusion!r} is unknown; choose one of {list(EXCLUSIONS)}.")
-    for name, value in (("sigma", sigma), ("width", 1.0 if width is None else width)):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(f"{name} {value} must be a number of pixels above 0.")
-    if not 0 < independence <= 1:
-        raise InputError(f"independence {independence} must be above 0 and at most 1.")
-    if num_lines < 4:
-        raise InputError(f"num_lines {num_lines} must be 4 or more.")
+    check_known("exclusion=", exclusion, EXCLUSIONS)
+    check_number("sigma", sigma, above=0)
+    check_number("width", 1.0 if width is None else width, above=0)
+    check_number("independence", independence, above=0, most=1)
+    check_whole("num_lines", num_lines, 4, _MOST_LINES)
+    check_whole("num_targets", num_targets)
+    check_whole("crossings", crossings, edges)
+    if not hasattr(space, "num_templates"):
+        check_type("space", space, ShapeSpace)
     if edges == 2 and space.closed:
         raise InputError(
             f"width {width:g} is of wires with two edges, which are open contours, and these are "
@@ -141,10 +147,6 @@ def _check(
             )
     exclusive = issubclass(_KINDS[exclusion][0], ExclusiveContours)
     most = crossings * (num_targets if exclusive else 1)
-    if crossings < edges:
-        raise InputError(
-            f"crossings {crossings} must be {edges} or more, one for each edge of a contour."
-        )
     if most > _MOST_CROSSINGS:
         raise InputError(
             f"up to {most} boundaries could cross a line, {crossings} of each of {num_targets} "

@@ -12,10 +12,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_type
+from jaxpf.contract.numbers import check_array, check_number, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array
 from jaxpf.likelihoods.contours.edges import EdgeDetector, Lines
 
+#: Largest number of features on a line: more do not fit on the longest line.
+_MOST_FEATURES = 127
 #: Weight of the geometric distribution, in lines, added to the counts.
 SMOOTHING = 5.0
 
@@ -33,8 +36,8 @@ def poisson_clutter(mean: float, max_features: int) -> jax.Array:
     Raises:
         InputError: the mean is not above 0.
     """
-    if not (np.isfinite(mean) and mean > 0):
-        raise InputError(f"clutter of mean {mean} features per line must be a number above 0.")
+    check_number("clutter", mean, above=0)
+    check_whole("max_features", max_features, most=_MOST_FEATURES)
     counts = np.arange(max_features + 1)
     log_factorial = np.concatenate([[0.0], np.cumsum(np.log(counts[1:]))])
     law = np.exp(counts * np.log(mean) - mean - log_factorial)
@@ -66,11 +69,12 @@ def learn_clutter(
     Raises:
         InputError: there are no frames, lines do not fit into them, or no line shows a feature.
     """
+    check_type("detector", detector, EdgeDetector)
+    check_array("frames", frames, "uint8 RGB, [>= 1, H, W, 3]")
+    check_whole("num_lines", num_lines)
+    check_number("smoothing", smoothing, least=0)
+    check_whole("seed", seed, 0)
     frames = np.asarray(frames)
-    if frames.ndim != 4 or len(frames) == 0:
-        raise InputError(
-            f"clutter is learned from frames [T, H, W, 3], not from {list(frames.shape)}."
-        )
     height, width = frames.shape[1:3]
     if min(height, width) <= detector.length:
         raise InputError(
@@ -108,7 +112,8 @@ def lost_tail(clutter: Any, num_boundaries: int = 0) -> float:
         clutter: b(n), ``[n_max + 1]``.
         num_boundaries: detected boundaries on the line, each with a feature of its own.
     """
-    kept = np.asarray(clutter, float)
+    kept = numbers_in("clutter", clutter, "b(n) for every number of features, [N]")
+    check_whole("num_boundaries", num_boundaries, 0, len(kept))
     return float(1 - kept[: len(kept) - num_boundaries].sum())
 
 
@@ -118,7 +123,7 @@ def check_clutter(clutter: Any, max_features: int) -> jax.Array:
     Raises:
         InputError: the length is wrong, or numbers are not above 0 or sum to more than one.
     """
-    values = np.asarray(clutter, float)
+    values = numbers_in("clutter", clutter, "b(n) for every number of features, [N]")
     if values.shape != (max_features + 1,):
         raise InputError(
             f"clutter has shape {list(values.shape)}; give b(n) for n = 0 to {max_features}, the "

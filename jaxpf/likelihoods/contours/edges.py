@@ -14,6 +14,7 @@ import numpy as np
 from jax import lax
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.likelihoods.color import check_frame
 
@@ -71,19 +72,21 @@ class EdgeDetector:
     smoothing: float = static_field(default=1.0)
 
     def __post_init__(self):
-        if self.length % 2 == 0 or not 3 <= self.length <= LONGEST_LINE:
+        check_whole("length", self.length, 3, LONGEST_LINE)
+        check_whole("max_features", self.max_features)
+        if self.length % 2 == 0:
             raise InputError(
                 f"length {self.length} of the measurement lines must be an odd number of pixels, 3 "
                 f"to {LONGEST_LINE}."
             )
-        if not 1 <= self.max_features <= self.length // 2 + 1:
+        if self.max_features > self.length // 2 + 1:
             raise InputError(
                 f"max_features {self.max_features} must be 1 to {self.length // 2 + 1} on lines of "
                 f"{self.length} pixels, as two features are two pixels apart at least; give fewer, "
                 "or longer lines (--line-length)."
             )
-        if not 0 <= self.smoothing <= 20:
-            raise InputError(f"smoothing {self.smoothing} must be 0 to 20 pixels.")
+        check_number("smoothing", self.smoothing, least=0, most=20)
+        check_number("threshold", self.threshold, least=0)
 
     @property
     def reach(self) -> float:

@@ -25,6 +25,7 @@ from jax import lax
 from jax.scipy.special import ndtr
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_whole, numbers_in
 from jaxpf.likelihoods.contours.edges import Features
 
 #: ``q_kc`` of maccormick1999, section 2.
@@ -35,6 +36,8 @@ SIGMA = 7.0
 #: Number of boundaries whose subsets are unrolled, which runs faster.  The subsets of further ones
 #: are array axes, since unrolling them would take the compiler minutes.
 _WRITTEN_OUT = 3
+#: Largest number of boundaries on a line.
+_MOST_BOUNDARIES = 100
 
 
 def detection_probabilities(most: int) -> np.ndarray:
@@ -43,6 +46,7 @@ def detection_probabilities(most: int) -> np.ndarray:
     The paper gives c = 1 and 2.  For more, the detection probability of a line is a Beta variable
     shared by its boundaries (beta-binomial), with parameters that reproduce the paper's c = 2.
     """
+    check_whole("most", most, 0, _MOST_BOUNDARIES)
     table = np.zeros((most + 1, most + 1))
     table[0, 0] = 1.0
     for c, given in ((1, ONE_BOUNDARY), (2, TWO_BOUNDARIES)):
@@ -63,7 +67,7 @@ def check_detection(table) -> np.ndarray:
     Raises:
         InputError: the table is not square, has negative numbers, or a row does not sum to one.
     """
-    table = np.asarray(table, float)
+    table = numbers_in("detection", table, "probabilities that k of c are detected, [C, C]")
     square = table.ndim == 2 and table.shape[0] == table.shape[1] >= 2
     if not square or (table < 0).any() or not np.allclose(table.sum(axis=1), 1, atol=1e-6):
         raise InputError(

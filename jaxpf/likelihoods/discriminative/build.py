@@ -8,9 +8,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.numbers import check_array, check_number, numbers_in
 from jaxpf.contract.pytree import as_array
-from jaxpf.likelihoods._checks import INTERPOLATIONS, check_positive
+from jaxpf.likelihoods._checks import INTERPOLATIONS, check_window
 from jaxpf.likelihoods._integral import LANES
 from jaxpf.likelihoods._references import check_parts
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
@@ -74,7 +75,11 @@ def discriminative(
     """
     check_frame(frame)
     frame = jnp.asarray(frame)
-    boxes = np.asarray(boxes, np.float64)
+    boxes = numbers_in("boxes", boxes, "x, y, w, h in pixels of every object, [>= 1, 4]")
+    if background_frames is not None:
+        check_array("background_frames", background_frames, "uint8 RGB, [..., H, W, 3]")
+    if reach is not None:
+        check_number("reach", reach, above=0)
     _check(boxes, features, gain, bands, grid, penalty, interpolation, frame.shape)
     factors, level = np.unique(
         [factor_of(width, height) for width, height in boxes[:, 2:]], return_inverse=True
@@ -189,10 +194,6 @@ def _check_learned(residuals: np.ndarray) -> None:
 
 
 def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_shape) -> None:
-    if boxes.ndim != 2 or boxes.shape[1] != 4 or len(boxes) == 0:
-        raise InputError(
-            f"boxes has shape {list(boxes.shape)}: give one row (x, y, w, h) per object, [P, 4]."
-        )
     height, width = frame_shape[:2]
     for i, box in enumerate(boxes):
         if not np.all(np.isfinite(box)):
@@ -215,20 +216,16 @@ def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_sha
                 f"boxes[{i}] is {box.tolist()}: less than a quarter of it lies in the frame of "
                 f"{width} x {height} pixels; start where more of the object is seen."
             )
-    if not features:
+    if not isinstance(features, Sequence) or not features:
         raise InputError(f"features is empty: give at least one of {', '.join(FEATURES)}.")
     for feature in features:
-        if isinstance(feature, str) and feature not in FEATURES:
+        if feature not in FEATURES if isinstance(feature, str) else not callable(feature):
             raise InputError(
                 f"feature {feature!r} is unknown; choose of {', '.join(FEATURES)}, or give a "
                 "function."
             )
-    check_positive("gain", gain)
-    check_positive("penalty", penalty)
+    check_number("gain", gain, above=0)
+    check_number("penalty", penalty, above=0)
     check_parts(bands)
-    if len(grid) != 2 or min(grid) < 1:
-        raise InputError(f"grid is {grid}: give the rows and columns of cells, at least 1 each.")
-    if interpolation not in INTERPOLATIONS:
-        raise InputError(
-            f"interpolation is {interpolation!r}: choose one of {', '.join(INTERPOLATIONS)}."
-        )
+    check_window(grid, "(4, 4)", "grid")
+    check_known("interpolation=", interpolation, INTERPOLATIONS)

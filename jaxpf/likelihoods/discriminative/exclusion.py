@@ -22,6 +22,7 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf.contract.errors import check_type
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
 from jaxpf.shapes.rectangles import area, intersection_area
@@ -66,5 +67,6 @@ class ExclusiveAppearance(DiscriminativeLikelihood):
 
 def excluding(likelihood: DiscriminativeLikelihood) -> ExclusiveAppearance:
     """The same learned appearance, of objects that exclude each other."""
+    check_type("likelihood", likelihood, DiscriminativeLikelihood)
     fields = dataclasses.fields(likelihood)
     return ExclusiveAppearance(**{field.name: getattr(likelihood, field.name) for field in fields})

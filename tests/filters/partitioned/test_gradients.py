@@ -215,9 +215,9 @@ class Unknown:
         ),
         (
             {"gradient": Transport(epsilon=0.0), "ordering": ordering.sir(P)},
-            "Transport's epsilon 0.0 must be above 0",
+            "Transport's epsilon=0.0 must be a finite number above 0",
         ),
-        ({"gradient": Soft(share=1.5)}, "Soft's share 1.5 must be above 0 and at most 1"),
+        ({"gradient": Soft(share=1.5)}, "Soft's share=1.5 must be above 0 and at most 1"),
     ],
 )
 def test_what_cannot_work_is_refused_in_one_sentence(settings, what):

@@ -112,9 +112,12 @@ def test_check_tree_returns_plain_ints():
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
-        (lambda: ordering.sir(0), r"num_partitions=0 must be at least 1"),
-        (lambda: ordering.dps(-2), r"num_partitions=-2 must be at least 1"),
-        (lambda: ordering.sps(num_partitions=0), r"num_partitions=0 must be at least 1"),
+        (lambda: ordering.sir(0), r"num_partitions = 0 must be a whole number from 1"),
+        (lambda: ordering.dps(-2), r"num_partitions = -2 must be a whole number from 1"),
+        (
+            lambda: ordering.sps(num_partitions=0),
+            r"num_partitions = 0 must be a whole number from 1",
+        ),
         (lambda: ordering.ps([0, 0, 1]), r"order \[0, 0, 1\] of component 0 is not a permutation"),
         (lambda: ordering.ps([1, 2, 3]), r"order \[1, 2, 3\] .* permutation of 0\.\.2"),
         (lambda: ordering.ps([]), r"order \[\] of component 0"),

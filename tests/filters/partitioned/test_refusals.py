@@ -67,7 +67,7 @@ def joint_sampler(key):
         (
             lambda: ordering.sir(3),
             {"num_particles": 0},
-            r"num_particles=0 must be a whole",
+            r"num_particles = 0 must be a whole",
         ),
         (
             lambda: ordering.ps([1, 0, 2]),

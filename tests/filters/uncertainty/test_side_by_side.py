@@ -162,7 +162,7 @@ def test_quantiles_without_any_weight_are_unknown():
 
 
 def test_one_run_says_nothing_of_how_much_runs_differ():
-    with pytest.raises(InputError, match=r"num_runs=1 .* at least 2"):
+    with pytest.raises(InputError, match=r"num_runs = 1 .* from 2"):
         SideBySide(one(), 1)
 
 

@@ -1,6 +1,7 @@
 """The map in ``jaxpf/__init__`` is true: imports run downwards, and none in a circle."""
 
 import ast
+import functools
 import graphlib
 import re
 from pathlib import Path
@@ -34,10 +35,12 @@ def imported(node):
         yield from imported(child)
 
 
-IMPORTS = {
-    name: set(imported(ast.parse(path.read_text()))) - {name, "jaxpf"}
-    for name, path in MODULES.items()
-}
+@functools.cache
+def imports():
+    return {
+        name: set(imported(ast.parse(path.read_text()))) - {name, "jaxpf"}
+        for name, path in MODULES.items()
+    }
 
 
 def room_of(module):
@@ -52,7 +55,7 @@ def test_every_room_stands_on_the_map():
 def test_imports_run_downwards():
     upwards = {
         (one, other)
-        for one, others in IMPORTS.items()
+        for one, others in imports().items()
         for other in others
         if {room_of(one), room_of(other)} <= LEVELS.keys()
         and LEVELS[room_of(other)] < LEVELS[room_of(one)]
@@ -61,4 +64,4 @@ def test_imports_run_downwards():
 
 
 def test_no_modules_import_each_other_in_a_circle():
-    graphlib.TopologicalSorter(IMPORTS).prepare()
+    graphlib.TopologicalSorter(imports()).prepare()

@@ -28,7 +28,7 @@ def one(num_particles=20, num_objects=2):
 @pytest.fixture(scope="module")
 def whole():
     """States and summaries of a run."""
-    return jaxpf.run(one(), jax.random.key(1), FRAMES, lambda *both: both)[1]
+    return jax.device_get(jaxpf.run(one(), jax.random.key(1), FRAMES, lambda *both: both)[1])
 
 
 @pytest.fixture(scope="module")

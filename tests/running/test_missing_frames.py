@@ -100,7 +100,9 @@ def test_what_is_said_of_a_frame_is_what_it_shows(name):
     np.testing.assert_array_equal(told.estimate, shown.estimate)
 
 
-@pytest.mark.parametrize("name", ["sir", "error-bars", "pffl"])
+@pytest.mark.parametrize(
+    "name", ["sir", pytest.param("error-bars", marks=pytest.mark.slow), "pffl"]
+)
 def test_a_partition_may_be_missing_alone(name):
     """As if there were no likelihood of it; NaN in its place gets nowhere."""
     seen = np.ones((5, 3), bool)
@@ -132,7 +134,7 @@ def test_a_joint_likelihood_may_say_what_a_missing_partition_means():
 @pytest.mark.parametrize("name", ["sir", "labelled"])
 def test_a_forecast_is_a_run_over_frames_that_are_missing(name):
     its, frames = TRACKERS[name], GAPS[:4]
-    states, expected = jaxpf.run(its, KEY, frames, lambda *both: both)[1]
+    states, expected = jax.device_get(jaxpf.run(its, KEY, frames, lambda *both: both)[1])
     state = jax.tree.map(lambda x: x[1], states)  # two frames were tracked
     _, ahead = jaxpf.forecast(its, KEY, state, 2, time=2)
     np.testing.assert_allclose(ahead.estimate, expected.estimate[2:], atol=1e-5)

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import jaxpf
 from jaxpf.papers.judging.claims import CONTRADICTED, OPEN, SUPPORTED, judge_all
 from jaxpf.papers.maccormick1999 import (
     claims,
@@ -53,6 +54,24 @@ def test_each_likelihood_has_its_own_noise_and_the_printed_one_that_of_its_rule(
     for exclusion, factor in (*factors.items(), ("wires-literal", factors["wires"])):
         noise = tracking.tracker_of(wires, exclusion, 10).dynamics.noise
         np.testing.assert_allclose(noise, factor * learned, rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_of_two_trackers_neither_depends_on_the_other(wires):
+    """Another start of the second target moves the first only where one filter tracks both."""
+    moved = wires._replace(start=wires.start + np.float32([[0], [9]]))
+
+    def first_of(case, method):
+        tracker = tracking.tracker_of(case, "none", 20, method)
+        _, summary = jaxpf.run(tracker, jax.random.key(0), wires.frames[:3])
+        return np.asarray(summary.estimate)[:, 0]
+
+    shifts = {
+        method: np.abs(first_of(wires, method) - first_of(moved, method)).max()
+        for method in ("independent", "sir")
+    }
+    assert shifts["independent"] < 1e-3  # rounding of weights, pixels
+    assert shifts["sir"] > 0.1
 
 
 def test_leaves_move_as_other_leaves_did_with_the_noise_that_was_chosen():

@@ -48,14 +48,9 @@ def blocks(seed, shape=(HEIGHT, WIDTH), side=5):
 FRAME = blocks(0)
 
 
-def darkness(picture):
-    """A user's own map: how dark a pixel is, and how red."""
-    return jnp.stack([1 - picture.mean(axis=-1), picture[..., 0]], axis=-1)
-
-
 @pytest.fixture(scope="module")
 def learned():
-    return discriminative(FRAME, BOXES, features=["colour", "gradients", darkness])
+    return discriminative(FRAME, BOXES, features=["colour", "gradients", "hues"])
 
 
 def substates_of(boxes):
@@ -68,7 +63,7 @@ def substates_of(boxes):
 
 
 def numpy_features(frame, box, factor, bins_kept, lookup):
-    """Colours [2, 110] and cells [4, 4, 8] and [4, 4, 2] of one box, by OpenCV and loops."""
+    """Colours [2, 110] and cells [2, 4, 4, 8] of one box, by OpenCV and loops."""
     padded = cv2.copyMakeBorder(
         frame, 0, -HEIGHT % factor, 0, -WIDTH % factor, cv2.BORDER_REPLICATE
     )
@@ -85,8 +80,14 @@ def numpy_features(frame, box, factor, bins_kept, lookup):
     for direction in range(8):
         away = np.abs((turns - direction + 4) % 8 - 4)
         votes[..., direction] = np.hypot(across, down) ** 0.5 * np.maximum(1 - away, 0)
-    small = small / 255
-    own = np.stack([1 - small.mean(axis=-1), small[..., 0]], axis=-1)
+    # OpenCV's hue is in degrees; without chroma it is 0, and counts for nothing.
+    hue, saturation, value = cv2.split(cv2.cvtColor(small / 255, cv2.COLOR_RGB2HSV))
+    shares = np.zeros((*grey.shape, 8))
+    for k in range(4):
+        away = np.abs((hue / 90 - k + 2) % 4 - 2)
+        shares[..., k] = np.maximum(1 - away, 0) * saturation * value
+        near = np.maximum(1 - np.abs(3 * value - k), 0)
+        shares[..., 4 + k] = near * (1 - saturation * value)
     x, y, w, h = np.asarray(box) / factor
 
     def inside(picture, top, bottom, left, right):
@@ -100,12 +101,12 @@ def numpy_features(frame, box, factor, bins_kept, lookup):
         counts = np.bincount(inside(bins, top, bottom, x, x + w).ravel(), minlength=110)
         sides = np.floor(np.array([[x, x + w], [top, bottom]]) + 0.5)
         colours[band] = np.sqrt(counts / np.diff(sides).prod() / 2)
-    cells = np.zeros((4, 4, 8)), np.zeros((4, 4, 2))
+    cells = np.zeros((2, 4, 4, 8))
     for k, i, j in np.ndindex(2, 4, 4):
-        picture = (votes, own)[k]
+        picture = (votes, shares)[k]
         sides = y + h * i / 4, y + h * (i + 1) / 4, x + w * j / 4, x + w * (j + 1) / 4
         mean = inside(picture, *sides).sum(axis=(0, 1)) / (w * h / 16)
-        cells[k][i, j] = np.sqrt(mean / (mean.sum() + 0.03)) / 4
+        cells[k, i, j] = np.sqrt(mean / (mean.sum() + 0.03)) / 4
     return colours, cells
 
 
@@ -312,6 +313,11 @@ def test_boxes_that_are_none_have_no_likelihood(learned):
     assert np.isneginf(log_probs[:2]).all()
     assert np.isnan(log_probs[2])
     assert np.isfinite(log_probs[3])
+
+
+def darkness(picture):
+    """A user's own map: how dark a pixel is, and how red."""
+    return jnp.stack([1 - picture.mean(axis=-1), picture[..., 0]], axis=-1)
 
 
 @pytest.mark.slow

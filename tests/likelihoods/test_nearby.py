@@ -37,7 +37,7 @@ FRAME = texture(0, HEIGHT, WIDTH)
 
 @pytest.fixture(scope="module")
 def learned():
-    likelihood = discriminative(FRAME, BOXES)
+    likelihood = discriminative(FRAME, BOXES, features=["colour", "gradients", "hues"])
     return dataclasses.replace(likelihood, windows=SHAPE)
 
 

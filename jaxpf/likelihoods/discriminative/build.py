@@ -17,12 +17,15 @@ from jaxpf.likelihoods._references import check_parts
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.discriminative.levels import factor_of, shrunk
 from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood, grid_places
-from jaxpf.likelihoods.discriminative.maps import gradients
+from jaxpf.likelihoods.discriminative.maps import gradients, hues
 from jaxpf.likelihoods.discriminative.nearby import window_shape
 from jaxpf.likelihoods.discriminative.training import RIDGE, trained, training_boxes
 
 #: Built-in features; users may add functions.
-FEATURES = ("colour", "gradients")
+FEATURES = ("colour", "gradients", "hues")
+#: The default features.
+USUAL_FEATURES = ("colour", "gradients")
+_MAPS: dict[str, Callable] = {"gradients": gradients, "hues": hues}
 #: Number of an object's most frequent colour bins that are used.
 NUM_COLOURS = 36
 #: An object that covers more of the frame than this has no background to learn from.
@@ -35,7 +38,7 @@ def discriminative(
     frame,
     boxes,
     *,
-    features: Sequence[str | Callable] = FEATURES,
+    features: Sequence[str | Callable] = USUAL_FEATURES,
     gain: float = 1.0,
     bands: int = 2,
     grid: tuple[int, int] = (4, 4),
@@ -52,6 +55,8 @@ def discriminative(
         features: names from ``FEATURES``, and your own functions.  A function takes a picture,
             float [h, w, 3] of red, green and blue from 0 to 1, and returns maps [h, w, C] from 0
             to 1 that describe each pixel's neighbourhood; they are summed in cells like gradients.
+            ``"hues"`` adds where on the object its colours are: better if the object fills its
+            box, worse if the box shows much background.
         gain: trust in the scores.  Neighbouring cells see the same pixels, so with a large gain
             the particles' spread is too small.  On ten annotated clips of animals and people (80
             frames, 4 runs, PS, 300 particles), in frames in which the object is followed, the 95 %
@@ -85,7 +90,7 @@ def discriminative(
         [factor_of(width, height) for width, height in boxes[:, 2:]], return_inverse=True
     )
     maps: tuple[Any, ...] = tuple(
-        gradients if feature == "gradients" else feature
+        _MAPS[feature] if isinstance(feature, str) else feature
         for feature in features
         if feature != "colour"
     )

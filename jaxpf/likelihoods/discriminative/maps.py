@@ -29,3 +29,32 @@ def gradients(picture: jax.Array) -> jax.Array:
     away = (turn[..., None] - jnp.arange(ORIENTATIONS) + ORIENTATIONS / 2) % ORIENTATIONS
     share = jnp.maximum(1 - jnp.abs(away - ORIENTATIONS / 2), 0)
     return jnp.sqrt(length)[..., None] * share
+
+
+def hues(picture: jax.Array) -> jax.Array:
+    """Colour of a pixel: shares of four hues, weighted by chroma, and of four greys.
+
+    Hue and chroma are those of HSV (Smith 1978).  Chroma is shared between the two nearest of
+    four hues a quarter turn apart, the first of them red; the rest, 1 - chroma, between the two
+    nearest of four brightnesses, 0, 1/3, 2/3 and 1.  The eight shares of a pixel add up to 1.
+
+    Args:
+        picture: float [h, w, 3], red, green, blue, 0 to 1.
+
+    Returns:
+        [h, w, 8], 0 to 1.
+    """
+    red, green, blue = jnp.moveaxis(picture, -1, 0)
+    value = jnp.max(picture, axis=-1)
+    chroma = value - jnp.min(picture, axis=-1)
+    unit = jnp.where(chroma > 0, chroma, 1.0)
+    sixths = jnp.where(
+        value == red,
+        (green - blue) / unit,
+        jnp.where(value == green, 2 + (blue - red) / unit, 4 + (red - green) / unit),
+    )
+    away = jnp.abs((sixths[..., None] * (4 / 6) - jnp.arange(4) + 2) % 4 - 2)
+    apart = jnp.abs(value[..., None] * 3 - jnp.arange(4))
+    coloured = jnp.maximum(1 - away, 0) * chroma[..., None]
+    grey = jnp.maximum(1 - apart, 0) * (1 - chroma)[..., None]
+    return jnp.concatenate([coloured, grey], axis=-1)

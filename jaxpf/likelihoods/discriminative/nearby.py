@@ -23,7 +23,7 @@ import numpy as np
 
 from jaxpf.likelihoods.discriminative.cells import Boxes, least_sum, line_at, whole_values
 from jaxpf.likelihoods.discriminative.levels import shrunk_part, size_of
-from jaxpf.likelihoods.discriminative.maps import gradients
+from jaxpf.likelihoods.discriminative.maps import gradients, hues
 
 if TYPE_CHECKING:
     from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
@@ -32,8 +32,9 @@ if TYPE_CHECKING:
 PLACES = 12
 #: An object that grows by more than this needs whole frames.
 _GROWTH = 1.5
-#: Pixels next to a box on which its colours and gradients depend.
+#: Pixels next to a box on which its features depend, with the maps of which this is known.
 _MARGIN = 1
+_MAPS = (gradients, hues)
 #: Windows must cost at most this share of the whole frame: they compile the step twice.
 _LARGEST_SHARE = 0.5
 #: Cost of a pixel of a tile, relative to one with a table.
@@ -93,9 +94,7 @@ def window_shape(likelihood: "DiscriminativeLikelihood", reach: float) -> Window
         likelihood: with all its levels.
         reach: distance from a box to its window's edge, in square roots of the object's area.
     """
-    if likelihood.interpolation != "nearest" or any(
-        each is not gradients for each in likelihood.maps
-    ):
+    if likelihood.interpolation != "nearest" or any(of not in _MAPS for of in likelihood.maps):
         return None
     factors = np.array(likelihood.factors)[np.asarray(likelihood.level)]
     sizes = _GROWTH * np.asarray(likelihood.sizes) / factors[:, None]

@@ -166,6 +166,7 @@ def test_windows_that_save_little_are_not_used():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("compiled_quickly")
 def test_runs_under_vmap_equal_single_runs():
     frames, windowed = scene()[0][1:4], trackers()[0]
     keys = jax.random.split(jax.random.key(0), 2)

@@ -138,6 +138,7 @@ def test_the_number_of_particles_makes_the_variance_of_the_evidence_about_one():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("compiled_quickly")
 def test_fewer_particles_serve_in_blocks():
     """Most noise is common to both ends of a move."""
     assert chosen_number(10) < chosen_number(1)

@@ -98,17 +98,18 @@ def test_run_toml_repeats_the_evaluation(whole, tmp_path, short_report):
 
 def test_more_runs_continue_and_the_report_follows(whole, short_report):
     _, output = whole
-    more = jaxpf("evaluate", "distracter", *SMALL, *COMMON, "--runs", "6", "-o", output)
+    # As many as before: blocks of one width, one compiled kernel.
+    more = jaxpf("evaluate", "distracter", *SMALL, *COMMON, "--runs", "8", "-o", output)
     assert more.code == 0, more.err
-    assert "6 runs to do" in more.out
+    assert "12 runs to do" in more.out
     assert [Results.open(output).finished(c) for c in Results.open(output).configurations] == [
-        6
+        8
     ] * 3
     with open(output / "results.csv", newline="") as file:
-        assert len(list(csv.DictReader(file))) == 3 * 6 * 2
+        assert len(list(csv.DictReader(file))) == 3 * 8 * 2
     fewer = jaxpf("evaluate", "distracter", *SMALL, *COMMON, "-o", output)
     assert fewer.code == 2
-    assert "was begun with runs = 6, now 4" in fewer.err
+    assert "was begun with runs = 8, now 4" in fewer.err
 
 
 def test_a_recorded_sequence_with_another_trackers_results(

@@ -72,7 +72,7 @@ def check_type(name: str, value: Any, *kinds: type) -> None:
     """
     if not isinstance(value, kinds):
         wanted = " or ".join(kind.__name__ for kind in kinds)
-        raise InputError(f"{name} is {type(value).__name__}: give a {wanted} of jaxpf.")
+        raise InputError(f"{name} is {type(value).__name__}: give a {wanted}.")
 
 
 def check_known(shown: str, value: Any, known: Collection[str]) -> None:

@@ -53,7 +53,7 @@ def check_array(
     if not fits or kind in _NO_NUMBERS:
         is_array = shape and kind not in _NO_NUMBERS
         given = f" has shape {list(shape)}; give" if is_array else f"={_shown(value)} must be"
-        raise InputError(f"{name}{given} {wanted}.")
+        raise InputError(f"{name}{given} {wanted.replace('[>= 1', '[N')}.")
     if np.isfinite([least, most]).any() and not _is_traced(value):
         numbers = np.asarray(value).astype(float)
         if not (np.isfinite(numbers) & (numbers >= least) & (numbers <= most)).all():

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from jaxpf import filters
-from jaxpf.contract.errors import Argument, InputError
+from jaxpf.contract.errors import Argument, InputError, check_type
 from jaxpf.contract.names import GIVEN, ORDERS, SWAPS
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.options import Option, check_distinct, counting, options_of
@@ -70,6 +70,8 @@ class Plan:
     trackers: Mapping[str, Callable[[Any], Any]] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        for name in ("grid", "tracks", "trackers"):
+            check_type(name, getattr(self, name), Mapping)
         built_in = filters.methods()
         if self.methods is not None:
             for method in self.methods:
@@ -218,7 +220,7 @@ def _allowed(options: Sequence[Option], value: Any) -> Any:
 def _order(value: Any) -> Any:
     if value in ORDERS:
         return value
-    entries = () if isinstance(value, str) else tuple(value)
+    entries = tuple(value) if isinstance(value, Sequence) and not isinstance(value, str) else ()
     if not entries or not all(isinstance(entry, int) for entry in entries):
         raise InputError(
             Argument("orders", repr(value), ": "),

@@ -71,7 +71,8 @@ def draw_boxes(
         lost: see ``draw_outlines``.
         doubtful: see ``draw_outlines``.
     """
-    boxes = np.zeros((0, 4)) if hasattr(boxes, "__len__") and len(boxes) == 0 else boxes
+    if isinstance(boxes, list | tuple | np.ndarray) and len(boxes) == 0:
+        boxes = np.zeros((0, 4))
     x, y, w, h = numbers_in("boxes", boxes, "x, y, w, h, [..., 4]").reshape(-1, 4).T
     # Along the first and last row and column of pixels that a box covers.
     left, top = np.round(x) + 0.5, np.round(y) + 0.5
@@ -151,7 +152,7 @@ def check_frame(frame: Any) -> None:
         raise InputError(f"frame is of {np.asarray(frame).dtype}; give a picture of uint8 RGB.")
 
 
-def shades_of(count: int, colours: np.ndarray | None) -> list[tuple[int, int, int]]:
+def shades_of(count: int, colours: Any) -> list[tuple[int, int, int]]:
     """Colours as OpenCV takes them."""
     colours = object_colours(count) if colours is None else colours
     check_array("colours", colours, f"uint8 RGB, [{count}, 3]", least=0, most=255)

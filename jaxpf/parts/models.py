@@ -92,6 +92,7 @@ def with_log_odds(likelihood: Any, frame: Any, poses: ArrayLike, sizes: ArrayLik
         sizes: width and height, pixels, ``[P, 2]``.
     """
     check_frame(frame)
+    poses = numbers_in("poses", poses, "x, y, theta of every part, [P, 3]")
     poses, sizes = check_parts(poses, sizes, (-1,) * len(poses))
     across, down = ((np.arange(_PLACES) + 0.5) / _PLACES * side for side in frame.shape[1::-1])
     places = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2).astype(np.float32)

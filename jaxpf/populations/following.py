@@ -219,7 +219,8 @@ def _of_frame(detections: Sequence[np.ndarray | None] | None, time: int) -> np.n
         return None
     if hasattr(given, "__len__") and len(given) == 0:
         return np.zeros((0, 4))
-    boxes = np.atleast_2d(numbers_in(f"detections[{time}]", given, "x, y, w, h, [..., 4]"))
+    wanted = "boxes x, y, width and height, [..., 4]"
+    boxes = np.atleast_2d(numbers_in(f"detections[{time}]", given, wanted))
     check_array(f"detections[{time}]", boxes, "boxes x, y, width and height, [M, 4]")
     return boxes
 

@@ -133,14 +133,11 @@ def check_resumed(tracker: Any, key: jax.Array, state: Any, record: Any) -> None
         raise InputError(f"record={record!r:.60} must be a function of (state, summary).")
     if state is None:
         return
-    kinds = [
-        (jax.tree.structure(one), [np.shape(leaf) for leaf in jax.tree.leaves(one)])
-        for one in (state, jax.eval_shape(init, tracker, key))
-    ]
-    if kinds[0] != kinds[1]:
+    given: Any = jax.tree.structure(state)
+    if given != jax.tree.structure(jax.eval_shape(init, tracker, key)):
         raise InputError(
-            f"state={state!r:.60} is no state of this tracker; give one that a run of the same "
-            "tracker returned, or None to start."
+            f"state is {type(state).__name__}, no state of this tracker; give one that a run of "
+            "the same tracker returned, or None to start."
         )
 
 

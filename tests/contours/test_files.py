@@ -51,7 +51,7 @@ def test_a_contour_that_crosses_itself_is_accepted_and_said(tmp_path):
         ({"closed": "yes"}, '"closed" is "yes"'),
         ({"closed": None}, '"closed" is null'),
         ({"degree": 2.5}, '"degree" is 2.5'),
-        ({"degree": 0}, "degree 0"),
+        ({"degree": 0}, "degree = 0 must be"),
         ({"width": 12}, "open contours only"),
         ({"width": -1, "closed": False}, '"width" is -1'),
         ({"contours": {}}, "holds no contours"),

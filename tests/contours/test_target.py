@@ -134,8 +134,12 @@ def test_what_cannot_be_tracked_is_refused(wires, options, message):
 
 
 def test_contours_are_no_bare_points(wires):
-    with pytest.raises(InputError, match=r"contours is ndarray: give a Contours of jaxpf"):
+    with pytest.raises(InputError, match=r"contours is ndarray: give a Contours"):
         jaxpf.contours.tracker(wires[0].frames[0], wires[1].points)
+    with pytest.raises(InputError, match=r"points has shape \[8, 2\]; give control points"):
+        jaxpf.contours.Contours(("a",), np.ones((8, 2)))
+    with pytest.raises(InputError, match="space is int: give a ShapeSpace or str"):
+        jaxpf.contours.start_space(wires[1], 3)
 
 
 def test_scenes_tell_where_contours_start_and_how_well_they_are_found(tmp_path, wires, tracked):

@@ -257,11 +257,11 @@ GOOD = [[10, 10, 16, 16]]
         (lambda: histogram(noise(), GOOD, method="fast"), "auto, integral, sampled"),
         (
             lambda: histogram(noise(), GOOD, sharpness=0.0),
-            "sharpness=0.0 must be one finite number",
+            "sharpness=0.0 must be one",
         ),
         (
             lambda: histogram(noise(), GOOD, sharpness=np.inf),
-            "sharpness=inf must be one finite number",
+            "sharpness=inf must be one",
         ),
         (lambda: histogram(noise(), GOOD, parts=0), "parts = 0"),
         (lambda: histogram(noise(), GOOD, parts=20), "20 of height"),

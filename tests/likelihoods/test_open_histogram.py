@@ -42,7 +42,7 @@ def test_a_box_that_cannot_be_seen_is_refused():
         with_object(places, 0, FRAME, [10, 70, 8, 8])
     with pytest.raises(jaxpf.InputError, match="at least 1 pixel"):
         with_object(places, 0, FRAME, [10, 10, 0.5, 8])
-    with pytest.raises(jaxpf.InputError, match="place is 2, and the likelihood has 2 places"):
+    with pytest.raises(jaxpf.InputError, match="place = 2 must be a whole number from 0 to 1"):
         with_object(places, 2, FRAME, [10, 10, 8, 8])
 
 

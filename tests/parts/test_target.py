@@ -145,7 +145,12 @@ def test_every_mistake_has_one_clear_sentence(call, words):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ("x", "parts is str: give a Parts of jaxpf"),
+        (
+            jaxpf.parts.Parts(None, (-1,), np.ones((1, 3)), np.ones((1, 2))),
+            "names=None must be one",
+        ),
+        (jaxpf.parts.Parts(("a",), 3, np.ones((1, 3)), np.ones((1, 2))), "parents 3 is no list"),
+        ("x", "parts is str: give a Parts"),
         (jaxpf.parts.Parts(("a",), (-1,), "x", np.ones((1, 2))), "poses='x' must be numbers"),
         (jaxpf.parts.Parts(("a",), (-1,), np.ones((1, 3)), None), "sizes=None must be numbers"),
     ],

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError, ordering
+from jaxpf import InputError, dynamics, measures, media, ordering, populations, shapes
 from jaxpf.running.checks import check_run
 
 FRAMES = np.zeros((3, 2, 2), np.float32)
@@ -190,6 +190,29 @@ def test_a_number_of_particles_is_a_whole_number(number):
         (lambda: jaxpf.run(tracker(), jax.random.key(0), "abc"), "frames hold a str; give arrays"),
         (lambda: tracker(initial=np.zeros((2, 2), bool)), "initial holds truth values"),
         (lambda: ordering.sps([1, 0, None]), r"parents \[1, 0, None\] is no list of whole numbers"),
+        (lambda: ordering.named("ps", [-1, -1], order=3), "order 3 is not a list of whole numbers"),
+        (lambda: ordering.sir(10**12), "num_partitions = 1000000000000 must be .* to 10000"),
+        (lambda: jaxpf.run(None, KEYS[0], FRAMES), "tracker is None; give a tracker"),
+        (lambda: jaxpf.run(tracker(likelihood=3.0), KEYS[0], FRAMES), "likelihood is 3.0, without"),
+        (lambda: jaxpf.run(tracker(), KEYS[0], FRAMES, record=3), "record=3 must be a function"),
+        (lambda: jaxpf.run(tracker(), KEYS[0], FRAMES, state=3), "state is int, no state of this"),
+        (
+            lambda: jaxpf.run(tracker(), KEYS[0], FRAMES, observed=[[1], []]),
+            "observed=.* must be one",
+        ),
+        (
+            lambda: jaxpf.run(tracker(dynamics.RandomWalk(np.ones(3))), KEYS[0], FRAMES),
+            "RandomWalk does not fit 2 partitions of 2 coordinates",
+        ),
+        (lambda: dynamics.RandomWalk("wide"), "scale='wide' must be finite standard deviations"),
+        (lambda: dynamics.RandomWalk([1, -1]), r"scale=\[1, -1\] must be finite"),
+        (lambda: shapes.even_places(10**12, closed=True), "count = 1000000000000 must be a whole"),
+        (lambda: shapes.area(np.ones((2, 3))), r"boxes has shape \[2, 3\]; give x, y, w, h"),
+        (lambda: measures.scene_interval([1, 2], bounds=3), "bounds=3 must be the smallest"),
+        (lambda: measures.crps([1, 2], [1, 2, 3]), r"offset \[2\] and spread \[3\] do not go"),
+        (lambda: media.object_colours("a"), "num_objects = 'a' must be a whole number"),
+        (lambda: populations.open_box_tracker(3), "frame_shape=3 must be height and width"),
+        (lambda: next(populations.follow(3, KEYS[0], FRAMES)), "tracker is int: give a Labelled"),
     ],
 )
 def test_what_is_of_another_kind_is_told_in_one_sentence(call, sentence):

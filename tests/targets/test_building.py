@@ -99,10 +99,10 @@ def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatc
     [
         (lambda: jaxpf.boxes.tracker(FRAME, BOXES, particels=9), "did you mean particles"),
         (lambda: jaxpf.boxes.tracker(FRAME, BOXES, diffusion=9), "no option 'diffusion' of boxes"),
-        (lambda: jaxpf.boxes.tracker(FRAME, [[1, 2, 3]]), r"shape \[1, 3\]: give a row x, y, w, h"),
+        (lambda: jaxpf.boxes.tracker(FRAME, [[1, 2, 3]]), r"shape \[1, 3\]; give x, y, w, h"),
         (lambda: jaxpf.boxes.tracker(FRAME, [[1, 2, 3, 0]]), "a positive width and height"),
-        (lambda: jaxpf.boxes.tracker(FRAME, [["left"] * 4]), "must be rows x, y, w, h in pixels"),
-        (lambda: jaxpf.points.tracker(FRAME, [["a", "b"]]), "must be rows x, y in pixels"),
+        (lambda: jaxpf.boxes.tracker(FRAME, [["left"] * 4]), "must be x, y, w, h in pixels"),
+        (lambda: jaxpf.points.tracker(FRAME, [["a", "b"]]), "must be x, y in pixels"),
         (lambda: jaxpf.points.tracker(FRAME, [[9, 9]], likelihood=3), "with the methods observe"),
         (lambda: jaxpf.boxes.tracker(FRAME / 255, BOXES), "uint8 RGB"),
         (lambda: jaxpf.boxes.tracker(None, BOXES), "or a likelihood of your own"),

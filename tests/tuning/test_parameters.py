@@ -75,6 +75,7 @@ def test_bounds_are_written_beside_the_path():
         ("dynamics.scale[1]", r"outside dynamics.scale, whose shape is \[1\]"),
         ("dynamics", "dynamics is a group of parameters"),
         ("tempering", "tempering is not set"),
+        (3, "text is int: give a str"),
         ("dynamics.scale=2:5", "starts at 1, but must lie between 2 and 5"),
         ("dynamics.scale=5:2", "the first must be the smaller"),
         ("dynamics.scale=5", "must have the form PATH or PATH=LOW:HIGH"),

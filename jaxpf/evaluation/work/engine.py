@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_type
 from jaxpf.evaluation.plan import DEFAULT_LIMITS, Limits, Plan
 from jaxpf.evaluation.results import Configuration, Results
 from jaxpf.evaluation.work.batches import Batch, survey, write_batch
@@ -181,6 +181,7 @@ def open_evaluation(plan: Plan, folder: str | os.PathLike[str]) -> Opened:
     Raises:
         InputError: see ``evaluate``.
     """
+    check_type("plan", plan, Plan)
     stored = stored_settings(plan, Path(folder))
     scene = open_scene(plan.scene)
     check_scene(scene)

@@ -168,5 +168,5 @@ def test_one_run_says_nothing_of_how_much_runs_differ():
 
 @pytest.mark.parametrize("levels", [[], 0.5, [0.5, 1.5], [-0.1], [np.nan]])
 def test_levels_that_are_no_shares_are_refused(levels):
-    with pytest.raises(InputError, match="must be a list of numbers from 0 to 1"):
+    with pytest.raises(InputError, match="a list of numbers from 0 to 1"):
         quantiles(np.ones((3, 1, 1)), np.log(np.ones(3) / 3), levels)

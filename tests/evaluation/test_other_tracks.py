@@ -138,7 +138,7 @@ def test_overlaps_of_pairs_are_worked_out_by_hand():
     expected[0] = 4 / 12, 1, 0, 0.5
     np.testing.assert_array_equal(pairwise_overlap(one, other), expected)
     assert pairwise_overlap(one, np.zeros((0, 4))).shape == (3, 0)
-    with pytest.raises(InputError, match=r"boxes have the shape \[4, 3\]; give x, y, w, h"):
+    with pytest.raises(InputError, match=r"boxes has shape \[4, 3\]; give x, y, w, h"):
         pairwise_overlap(one, np.ones((4, 3)))
 
 

@@ -82,6 +82,7 @@ def test_when_nobody_comes_the_reason_is_said(track, tmp_path):
     outcome = track("--births", tmp_path / "det.txt", *RULES)
     assert outcome.code == 0, outcome.err
     assert "0 objects came" in outcome.out
+    assert "effective sample size" not in outcome.out
     assert "must be detected 2 times, and" in outcome.err
     assert "has detections in 1 of the frames from 0 on; lower --birth-frames" in outcome.err
 

@@ -51,7 +51,8 @@ class Run:
     smooth: bool = option(
         False,
         "Also write smoothed.csv: the tracks given all frames, computed when the clip ends.  Paths "
-        "become smoother; errors do not become smaller, so on film its intervals are too narrow.",
+        "become smoother.  On film errors last for many frames, and hardly become smaller, so its "
+        "spreads are at least those of the filter.",
     )
     smooth_lag: int | None = option(
         None,

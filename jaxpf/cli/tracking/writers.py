@@ -19,6 +19,10 @@ _TRAIL = 20
 _CONFIRMED_AFTER = 5
 #: Number of normal draws from which smoothed coordinates get their intervals.
 _DRAWS = 400
+#: Smallest smoothed spread, as a share of the filtered one.  Errors on film last for many frames,
+#: which the model takes for independent, so later frames teach less than it computes (see
+#: "Smoothing of boxes" in docs/defaults.md).
+_LEAST_SPREAD = 1.0
 
 
 class Writer(Protocol):
@@ -128,7 +132,10 @@ class Overlay:
 
 
 class Smoothed:
-    """Writes smoothed.csv: the tracks given all frames, or the frames up to a lag."""
+    """Writes smoothed.csv: the tracks given all frames, or the frames up to a lag.
+
+    Spreads are those of the smoother, but at least ``_LEAST_SPREAD`` of the filtered ones.
+    """
 
     def __init__(self, output: Path, scene: Scene, look_back: Any, stack: contextlib.ExitStack):
         table = TrackTable(output / "smoothed.csv", scene.adapter, scene.shown_at)
@@ -137,6 +144,7 @@ class Smoothed:
         self._write_outlines = stack.enter_context(outlines)
         self._scene, self._look_back = scene, look_back
         self._before: Any = None
+        self._filtered: collections.deque[np.ndarray] = collections.deque()
 
     def write(self, record: Record) -> None:
         """See ``Writer``."""
@@ -146,6 +154,7 @@ class Smoothed:
             if self._write_outlines is not None:
                 self._write_outlines(record.number, record.shapes)
             return
+        self._filtered.append(record.summary.spread)
         self._append(self._look_back.add(self._scene.cloud(record.state)))
 
     def finish(self) -> None:
@@ -162,12 +171,13 @@ class Smoothed:
         scene, start = self._scene, self._scene.start
         for frame in frames:
             shapes = scene.shapes(start, frame.estimate)
+            spread = np.maximum(frame.spread, _LEAST_SPREAD * self._filtered.popleft())
             places, self._before = places_of(
                 scene.adapter,
                 start,
                 lambda substates: scene.shapes(start, substates),
                 shapes,
-                _NormalDraws(frame.estimate, frame.spread),
+                _NormalDraws(frame.estimate, spread),
                 slice(None),
                 scene.fps,
                 self._before,

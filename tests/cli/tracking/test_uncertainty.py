@@ -5,6 +5,7 @@ import pytest
 from small_video import BOXES, summary_of
 
 from jaxpf.boxes import read_tracks
+from jaxpf.cli.tracking import writers
 
 
 def test_a_run_reports_no_monte_carlo_error_unless_requested(whole_run):
@@ -71,8 +72,24 @@ def test_smoothed_tracks_stand_beside_the_others_whole_and_with_a_lag(track, tmp
         assert np.abs(smoothed - boxes).max() < 5
         # Nothing more becomes known of the last frame alone.
         assert np.all(np.any(smoothed != boxes, axis=0)[2:-2])
-        widths = [t["x_97.5"][2:-2] - t["x_2.5"][2:-2] for t in (table, filtered)]
-        assert 0 < widths[0].mean() < widths[1].mean()
+
+
+@pytest.mark.slow
+def test_smoothed_intervals_are_no_narrower_than_filtered_ones(track, tmp_path, monkeypatch):
+    def mean_width(name):
+        table = read_tracks(tmp_path / "out" / name)
+        return np.mean(table["x_97.5"][2:-2] - table["x_2.5"][2:-2])
+
+    smoothed = []
+    for share in (0.0, writers._LEAST_SPREAD):
+        monkeypatch.setattr(writers, "_LEAST_SPREAD", share)
+        outcome = track(*BOXES, "--smooth", "--no-overlay", "--overwrite")
+        assert outcome.code == 0, outcome.err
+        smoothed.append(mean_width("smoothed.csv"))
+    filtered = mean_width("tracks.csv")
+    # Those of the smoother itself are narrower.
+    assert smoothed[0] < filtered
+    assert smoothed[1] > smoothed[0] + 0.8 * (filtered - smoothed[0])
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 This needs several numbers of particles and measured speeds (``--speed``).
 """
 
-import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -37,19 +36,6 @@ def times_of(speeds: Sequence[float]) -> np.ndarray:
     The running maximum removes timing noise: more particles cannot take less time.
     """
     return np.maximum.accumulate([1 / speed for speed in speeds] or [0.0])
-
-
-def between(times: Sequence[float] | np.ndarray, seconds: float) -> tuple[int, float] | None:
-    """Locate ``seconds`` between two consecutive entries of the ascending ``times``.
-
-    Returns:
-        Index of the lower entry and the relative position in log time, from 0 to 1; None if the
-        times do not bracket ``seconds``.
-    """
-    for place, (low, high) in enumerate(itertools.pairwise(times)):
-        if low <= seconds <= high and low < high:
-            return place, float(np.log(seconds / low) / np.log(high / low))
-    return None
 
 
 def _number(summary: Summary) -> Any:

@@ -287,7 +287,8 @@ def _measure_frames(
 def _compiled_measures(
     target: Target, parents: tuple[int, ...], shapes: Array, truth: Array, sizes: Array
 ) -> dict[str, Array]:
-    start: Any = Start(np.zeros(0), np.zeros(0), sizes, parents)  # type: ignore[arg-type]
+    names = np.arange(len(parents))
+    start: Any = Start(names, np.zeros(0), sizes, parents)  # type: ignore[arg-type]
     measures = target.measures(start, shapes, truth)
     shape = shapes.shape[:-1]
     offset = jnp.full((*shape, 2), jnp.nan)

@@ -1,4 +1,3 @@
-from .bending import BendingSpace as BendingSpace, bending_space as bending_space
 from .depth import depth_orders as depth_orders, in_front as in_front
 from .learning import (
     learn_shape_space as learn_shape_space,

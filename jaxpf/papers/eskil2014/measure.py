@@ -41,5 +41,5 @@ def measure(request: Request) -> Measurement:
         outcomes[scene] = measure_scenes(scene, scale, chosen, filters, report=report, **shorter)
     report("Table 3: frames per second")
     repeats = _QUICK_REPEATS if quick else _REPEATS
-    rates = part("speed", lambda: speed.measure(names, repeats, with_spot=not quick))
+    rates = part("speed", lambda: speed.measure(names, repeats))
     return Measurement(outcomes, rates)

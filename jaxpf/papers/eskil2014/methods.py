@@ -10,7 +10,7 @@ import jaxpf.points
 from jaxpf.dynamics.gaussian import AR2
 from jaxpf.papers.eskil2014.published import PFFL_PARTICLES, SHAPE_SCALE, SIGMA
 
-PROPOSED, PFFL, SPOT, FLOW = "eskil2014", "PFFL", "SPOT", "Lucas-Kanade"
+PROPOSED, PFFL, FLOW = "eskil2014", "PFFL", "Lucas-Kanade"
 PRINTED, WITH_DRIFT = "eskil2014 as printed", "PFFL with drift"
 #: Share of the last displacement that a particle of "PFFL with drift" repeats; not published.
 MOMENTUM = 0.25

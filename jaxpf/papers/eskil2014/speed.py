@@ -1,4 +1,4 @@
-"""Frames per second of the three systems that the paper compares (table 3)."""
+"""Frames per second of two of the three systems that the paper compares (table 3)."""
 
 import time
 from collections.abc import Sequence
@@ -9,17 +9,16 @@ import numpy as np
 
 import scenes
 from jaxpf import running
-from jaxpf.measures.timing import interleaved, seconds_of
+from jaxpf.measures.timing import interleaved
 from jaxpf.papers.eskil2014 import methods, published
-from jaxpf.papers.eskil2014.spot import spot
 
-#: Number of frames for timing filters, and for timing SPOT.
-FRAMES, SPOT_FRAMES = 40, 4
+#: Number of frames for timing.
+FRAMES = 40
 
 Rates = dict[str, dict[str, np.ndarray]]
 
 
-def measure(names: Sequence[str], repeats: int, with_spot: bool = True) -> Rates:
+def measure(names: Sequence[str], repeats: int) -> Rates:
     """Sequence -> method -> frames per second ``[repeats]``, in processor time.
 
     One run at a time, without decoding.
@@ -27,7 +26,6 @@ def measure(names: Sequence[str], repeats: int, with_spot: bool = True) -> Rates
     Args:
         names: names of the paper's sequences.
         repeats: timings per method, interleaved.
-        with_spot: also time SPOT.
     """
     rates = {}
     key = jax.random.key(0)
@@ -44,18 +42,4 @@ def measure(names: Sequence[str], repeats: int, with_spot: bool = True) -> Rates
         }
         seconds = interleaved(candidates, repeats, time.process_time)
         rates[name] = {method: FRAMES / spent for method, spent in seconds.items()}
-        if with_spot:
-            rates[name][methods.SPOT] = _spot_rates(
-                scene.frames[: SPOT_FRAMES + 1], points, repeats
-            )
     return rates
-
-
-def _spot_rates(frames: np.ndarray, points: np.ndarray, repeats: int) -> np.ndarray:
-    spot(frames[:1], points)  # fills OpenCV's caches
-    # Processor time: on a busy machine, differences of wall-clock times are meaningless.
-    spent = [
-        seconds_of(lambda: spot(frames, points)) - seconds_of(lambda: spot(frames[:1], points))
-        for _ in range(repeats)
-    ]
-    return (len(frames) - 1) / np.array(spent)

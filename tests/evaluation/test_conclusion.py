@@ -78,7 +78,7 @@ def test_a_best_among_equals_is_rarely_claimed(tmp_path):
             store = tmp_path / f"{repetition} {number}"
             store.mkdir()
             collected.append(collect(results, configuration, store))
-        sentence = conclude(summarise(results, collected), collected).sentence
+        sentence = conclude(results, summarise(results, collected), collected).sentence
         claims += "follows best" in sentence.replace("No configuration f", "")
     assert claims / repetitions < 0.05 + 4.5 * np.sqrt(0.05 * 0.95 / repetitions)
 

@@ -44,7 +44,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 #: Linux gives a process 65 530 memory maps by default; a program that does not get one crashes.
-_MOST_MAPS = 45_000
+_MOST_MAPS = 30_000
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -44,6 +44,8 @@ class Mixture(Proposal):
     dynamics: Any = None
 
     def __post_init__(self):
+        if not any(hasattr(self.proposal, x) for x in ("propose", "propose_all", "of_model")):
+            raise InputError(f"proposal is {self.proposal!r:.60}, without a method propose.")
         check_number("share", self.share, least=0, below=1)
 
     def of_model(self, dynamics, likelihood):

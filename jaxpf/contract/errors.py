@@ -75,6 +75,19 @@ def check_type(name: str, value: Any, *kinds: type) -> None:
         raise InputError(f"{name} is {type(value).__name__}: give a {wanted}.")
 
 
+def check_tracker(tracker: Any) -> None:
+    """Refuse what has no method ``init``, and so is no tracker.
+
+    Raises:
+        InputError: shows what was given.
+    """
+    if not hasattr(tracker, "init"):
+        raise InputError(
+            f"tracker is {tracker!r:.60}; give a tracker, such as jaxpf.Partitioned, or an object "
+            "with the methods init and step."
+        )
+
+
 def check_known(shown: str, value: Any, known: Collection[str]) -> None:
     """Refuse a name that is not in ``known``.
 

@@ -12,6 +12,8 @@ from jaxpf.contract.errors import Argument, InputError
 MOST = 2**31 - 1
 #: Smallest number above 0 in single precision.
 TINY = float(np.finfo(np.float32).tiny)
+#: Lower bound of an array that need only be finite.
+FINITE = -float(np.finfo(np.float64).max)
 #: Kinds of arrays that do not hold real numbers: objects, texts, times, complex numbers.
 _NO_NUMBERS = "OSUTMmc"
 
@@ -54,6 +56,8 @@ def check_array(
         is_array = shape and kind not in _NO_NUMBERS
         given = f" has shape {list(shape)}; give" if is_array else f"={_shown(value)} must be"
         raise InputError(f"{name}{given} {wanted.replace('[>= 1', '[N')}.")
+    if isinstance(value, int) and abs(value) > MOST:
+        raise InputError(f"{name}={_shown(value)} is too large; write it as {float(value):g}.")
     if np.isfinite([least, most]).any() and not _is_traced(value):
         numbers = np.asarray(value).astype(float)
         if not (np.isfinite(numbers) & (numbers >= least) & (numbers <= most)).all():

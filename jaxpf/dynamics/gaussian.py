@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract import DynamicsWithDensity, DynamicsWithPrediction, of_partition
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_array, coordinates_in
+from jaxpf.contract.numbers import FINITE, check_array, check_together, coordinates_in
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 
 #: How messages describe a scale.
@@ -63,7 +63,7 @@ class AR2(DynamicsWithDensity, DynamicsWithPrediction):
 
     def __post_init__(self):
         check_array("scale", self.scale, SCALE, least=0)
-        check_array("momentum", self.momentum, "finite numbers", least=-1e6)
+        check_array("momentum", self.momentum, "finite numbers", least=FINITE)
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[D, N]``."""
@@ -146,11 +146,16 @@ class LinearGaussian(DynamicsWithDensity, DynamicsWithPrediction):
     offset: ArrayLike | None = None
 
     def __post_init__(self):
+        wanted = "one finite matrix for each partition"
+        check_array("transition", self.transition, f"{wanted}, [P, D, D]", least=FINITE)
+        count, size, _ = np.shape(self.transition)
         for name in ("transition", "noise", "lag", "coupling"):
-            if getattr(self, name) is not None or name in ("transition", "noise"):
-                check_array(name, getattr(self, name), "one matrix for each partition, [P, D, D]")
+            if getattr(self, name) is not None or name == "noise":
+                shape = f"[{count}, {size}, {size}]"
+                check_array(name, getattr(self, name), f"{wanted}, {shape}", least=FINITE)
         if self.offset is not None:
-            check_array("offset", self.offset, "one row for each partition, [P, D]")
+            wanted = f"one finite row for each partition, [{count}, {size}]"
+            check_array("offset", self.offset, wanted, least=FINITE)
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[D, N]``."""
@@ -199,8 +204,9 @@ class IndependentGaussian:
     independent = True
 
     def __post_init__(self):
-        check_array("mean", self.mean, "one row for each partition, [P, D]")
+        check_array("mean", self.mean, "one finite row for each partition, [P, D]", least=FINITE)
         check_array("scale", self.scale, SCALE, least=0)
+        check_together(mean=self.mean, scale=self.scale)
 
     def __call__(self, key):
         """Draw all partitions, ``[P, D]``."""

@@ -23,6 +23,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf import contract
+from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.shapes.depth import depth_orders, neighbours_exchanged
 
@@ -47,6 +48,9 @@ class WithOcclusion(contract.Dynamics):
     dynamics: Any
     shapes: Any
     flip: Any = FLIP
+
+    def __post_init__(self):
+        check_number("flip", self.flip, least=0, most=1)
 
     @property
     def coupled(self):

@@ -14,7 +14,7 @@ from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.dynamics.gaussian import AR2
 
 #: How messages describe sizes.
-SIZES = "width and height in pixels, [P, 2]"
+SIZES = "width and height in pixels from 0, [P, 2]"
 
 
 @pytree_dataclass
@@ -31,7 +31,7 @@ class PixelMotion(AR2):
     def __post_init__(self):
         super().__post_init__()
         if self.sizes is not None:
-            check_array("sizes", self.sizes, SIZES)
+            check_array("sizes", self.sizes, SIZES, least=0)
 
 
 @pytree_dataclass
@@ -64,7 +64,7 @@ class RelativeMotion(DynamicsWithDensity, DynamicsWithPrediction):
     pull: ArrayLike = 0.02
 
     def __post_init__(self):
-        check_array("sizes", self.sizes, SIZES)
+        check_array("sizes", self.sizes, SIZES, least=0)
         check_array("steps", self.steps, "three finite numbers from 0, [..., 3]", least=0)
         for name in ("momentum", "long", "pull"):
             check_array(name, getattr(self, name), "from 0 to 1", least=0, most=1)

@@ -7,7 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_tracker
+from jaxpf.contract.numbers import check_whole
 from jaxpf.files.writing import atomic_write
 
 #: Version of the file format; other versions are refused.
@@ -29,6 +30,9 @@ def save(path: str | os.PathLike[str], state: Any, time: int = 0) -> None:
     Raises:
         InputError: the file cannot be written.
     """
+    check_whole("time", time, 0)
+    if not _leaves(state):
+        raise InputError(f"state is {state!r:.60}, without arrays; give one that a run returned.")
     arrays = {_STATE + place: _plain(leaf) for place, leaf in _leaves(state)}
     about = {_FORMAT_NAME: np.array(_FORMAT), _TIME_NAME: np.array(time)}
     with atomic_write(path, "wb") as file:
@@ -46,6 +50,7 @@ def load(path: str | os.PathLike[str], tracker: Any) -> Any:
         InputError: the file cannot be read, or its state belongs to another filter or to another
             number of particles or objects.
     """
+    check_tracker(tracker)
     wanted = jax.eval_shape(tracker.init, jax.random.key(0))
     content = _content(path)
     names = {name for name in content if name.startswith(_STATE)}

@@ -89,8 +89,11 @@ def check_relocation(tracker: Any) -> None:
     ):
         if used:
             raise InputError(f"relocation does not work with {what}; leave one of them out.")
-    for name, least, most in (("epsilon", 0, 1), ("extent", 1, np.inf)):
-        wanted = f"from {least} to {most}"
+    for name, wanted, least, most in (
+        ("epsilon", "from 0 to 1", 0, 1),
+        ("extent", "width and height in pixels, [2]", 1, np.inf),
+        ("grid", "rows and columns of cells, from 1 to 1000, [2]", 1, 1000),
+    ):
         check_array(f"relocation's {name}", getattr(relocation, name), wanted, least, most)
 
 

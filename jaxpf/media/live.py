@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_whole
 from jaxpf.media.frame_source import FrameSource
 from jaxpf.media.images import to_rgb
 from jaxpf.media.quiet import quiet_opencv
@@ -32,6 +33,7 @@ _LOOK = 0.2
 def live_address(source: str | os.PathLike[str] | int) -> str | int | None:
     """Return a camera's index, or the address of a stream, device or pipe; None for other paths."""
     if isinstance(source, int):
+        check_whole("path", source, 0)  # OpenCV crashes at -1
         return source
     text = os.fspath(source)
     if _URL.match(text):

@@ -241,6 +241,8 @@ def draw_spreads(
     centres = numbers_in("centres", centres, "x, y in pixels, [P, 2]")
     wanted = f"standard deviations of x and y in pixels, [{len(centres)}, 2]"
     spreads = numbers_in("spreads", spreads, wanted)
+    if (spreads < 0).any():
+        raise InputError(f"spreads hold {np.nanmin(spreads):g}; give {wanted}.")
     shown, size = frame.copy(), np.array(frame.shape[1::-1])
     shades = shades_of(len(centres), colours)
     for centre, spread, colour in zip(centres, spreads, shades, strict=True):

@@ -6,12 +6,13 @@ Frames are uint8 RGB arrays [H, W, 3].  See :mod:`jaxpf.media.live` for live sou
 import math
 import os
 from collections.abc import Generator
+from numbers import Real
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_type
 from jaxpf.media.frame_source import DEFAULT_FPS, FrameSource
 from jaxpf.media.images import (
     IMAGE_SUFFIXES,
@@ -62,6 +63,8 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
         raise InputError("no video is named; give its path, or . for the images in this folder")
     address = live_address(path)
     path = Path(f"{path}")
+    if fps is not None:
+        check_type("fps", fps, Real)
     if fps is not None and not (math.isfinite(fps) and fps > 0):
         raise InputError(f"fps {fps} for '{path}' is not a positive number; give one such as 25")
     if address is not None:

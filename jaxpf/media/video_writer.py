@@ -5,13 +5,15 @@ import os
 import queue
 import threading
 from fractions import Fraction
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_type
+from jaxpf.contract.numbers import check_whole
 from jaxpf.files.writing import report_os_errors, temporary_sibling
 
 #: Codecs and their file name suffixes.
@@ -35,6 +37,8 @@ _ENCODERS = {
 _WAITING = 8
 # Lowest frame rate; containers cannot store much longer frame durations.
 _SLOWEST = 0.0001
+# Largest width and height, pixels; that of the codecs.
+_LARGEST = 2**16 - 1
 # ITU-T H.273: BT.601 with values from 16 to 235, as OpenCV's conversion produces.
 _BT601, _LIMITED = 6, 1
 
@@ -73,12 +77,13 @@ class VideoWriter:
         codecs = {suffix: codec for codec, suffix in SUFFIXES.items()}
         if self.path.suffix.lower() not in codecs:
             raise InputError(f"video '{path}' must end in .mp4 or .webm; rename the output")
+        check_type("fps", fps, Real)
         if not (math.isfinite(fps) and _SLOWEST <= fps <= 1000):
             raise InputError(
                 f"fps {fps} for '{path}' is not between {_SLOWEST} and 1000; give one like 25"
             )
-        if width < 1 or height < 1:
-            raise ValueError(f"frames of {width}x{height} pixels cannot be written")
+        for name, size in (("width", width), ("height", height)):
+            check_whole(name, size, most=_LARGEST)
         self.codec = codecs[self.path.suffix.lower()]
         self.num_frames = 0
         self._shape = (height, width, 3)
@@ -138,14 +143,17 @@ class VideoWriter:
         """Append one frame, uint8 RGB [height, width, 3]; the caller may change it afterwards.
 
         Raises:
-            InputError: an earlier frame could not be encoded or written.
-            ValueError: the frame has another shape or type, or the video is closed.
+            InputError: an earlier frame could not be encoded or written, or the frame has another
+                shape or type.
+            ValueError: the video is closed.
         """
         if self._closed:
             raise ValueError(f"video '{self.path}' is closed; write every frame before")
+        frame = np.asarray(frame)
         if frame.shape != self._shape or frame.dtype != np.uint8:
-            raise ValueError(
-                f"expected a uint8 frame of shape {self._shape}, got {frame.dtype} {frame.shape}"
+            raise InputError(
+                f"expected a uint8 frame of shape {self._shape}, got {frame.dtype} {frame.shape}; "
+                "give frames of the size with which the video was opened."
             )
         self._report()
         if any(self._padding):

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_tracker
 
 #: Number of particles in a trial call, chosen to differ from other axes.
 _TRIED = 3
@@ -62,11 +62,7 @@ def check_pytree(tracker: Any) -> None:
     Raises:
         InputError: names the class and its place.
     """
-    if not hasattr(tracker, "init"):
-        raise InputError(
-            f"tracker is {tracker!r:.60}; give a tracker, such as jaxpf.Partitioned, or an object "
-            "with the methods init and step."
-        )
+    check_tracker(tracker)
     for path, leaf in jax.tree_util.tree_leaves_with_path(tracker):
         if isinstance(leaf, np.ndarray | np.generic | jax.Array | int | float | complex):
             continue

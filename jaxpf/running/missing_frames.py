@@ -227,7 +227,7 @@ def marked(tracker: Any, frames: Any, observed: Any = None) -> tuple[Any, Any]:
         return WithGaps(tracker), (frames, seen)
     check_gaps(tracker)
     if come_one_by_one(frames):
-        return WithGaps(tracker), _pairs(frames, observed)
+        return WithGaps(tracker), _pairs(tracker, frames, observed)
     total, parts = len(jax.tree.leaves(frames)[0]), getattr(tracker, "num_partitions", None)
     check_array("observed", observed, "one bool for every frame")
     shape = np.shape(observed)
@@ -253,18 +253,25 @@ def marked_one_by_one(tracker: Any, frames: Any, observed: Any = None) -> Iterat
     """Yield each frame, the tracker for it, and the frame in that tracker's format."""
     if observed is not None:
         check_gaps(tracker)
-        for frame, seen in _pairs(frames, observed):
+        for frame, seen in _pairs(tracker, frames, observed):
             yield frame, WithGaps(tracker), (frame, seen)
         return
-    for frame in frames:
+    for number, frame in enumerate(frames):
+        if frame is None:
+            raise InputError(
+                f"frame {number} is None, as an unreadable file gives; give arrays."
+            )
         marked_tracker = marked(tracker, jax.tree.map(lambda x: np.asarray(x)[None], frame))[0]
         yield frame, marked_tracker, frame if marked_tracker is tracker else (frame, False)
 
 
-def _pairs(frames: Any, observed: Any) -> Iterator[Any]:
+def _pairs(tracker: Any, frames: Any, observed: Any) -> Iterator[Any]:
+    shapes = (), (getattr(tracker, "num_partitions", None),)
     for frame, seen in itertools.zip_longest(frames, observed):
-        if frame is None or seen is None:
-            raise InputError("observed and frames differ in length; give one bool per frame.")
+        if frame is None or seen is None or np.shape(seen) not in shapes:
+            raise InputError(
+                "observed must be one bool for each frame, or one for each of its partitions."
+            )
         yield frame, _as_bool(seen)
 
 

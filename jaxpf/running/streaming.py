@@ -10,7 +10,9 @@ from jaxpf import running
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import check_not_traced
 from jaxpf.running import missing_frames
+from jaxpf.running.checks import check_pytree
 from jaxpf.running.chunks import come_one_by_one
+from jaxpf.running.runs import check_resumed
 
 
 class TrackedFrame(NamedTuple):
@@ -52,6 +54,8 @@ def stream(
     """
     key = running.as_key(key)
     check_whole("time", time, 0)
+    check_pytree(tracker)
+    check_resumed(tracker, key, state, running.summary_only)
     if state is None:
         state = jax.jit(running.init)(tracker, key)
     whole = () if come_one_by_one(frames) else frames

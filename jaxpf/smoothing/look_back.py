@@ -6,6 +6,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from jaxpf import running
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import check_not_traced
 from jaxpf.smoothing.backward import History
@@ -45,7 +46,8 @@ class LookBack:
             if value is not None:
                 check_whole(name, value)
         check_whole("first", first, 0)
-        self._tracker, self._key, self._lag = tracker, backward_key(key), lag
+        self._tracker, self._lag = tracker, lag
+        self._key = backward_key(running.as_key(key))
         kept = num_frames if lag is None else 2 * lag
         if kept is not None:
             check_length(tracker, kept, tracker.num_particles)

@@ -161,6 +161,7 @@ def stream(
     key = running.as_key(key)
     if not come_one_by_one(frames):
         check_frames(frames)
+        running.num_frames(frames)
     drawn = _checked_number(tracker, num_trajectories)
     check_length(tracker, 2 * lag, drawn)
     start, broken = 0, 0

@@ -32,10 +32,12 @@ from jax.typing import ArrayLike
 
 from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.partitioned.selection import ANCESTORS
 from jaxpf.measures import metrics
 from jaxpf.measures.outlines import overlap as overlap_of_outlines
+from jaxpf.running.checks import check_run
 from jaxpf.shapes.rectangles import boxes_from_substates, is_proper
 
 
@@ -130,6 +132,7 @@ def overlap_loss(
         checkpoint: see above.
     """
     truth = _truth("truth_boxes", truth_boxes, tracker, frames, at_least=4)
+    check_array("sizes", sizes, f"width and height in pixels, [{tracker.num_partitions}, 2]")
     _check_labelled("truth_boxes", truth)
     labelled = is_proper(truth)
     # Dummy boxes replace missing ones, since 0/0 would put NaN into the gradient.
@@ -157,6 +160,9 @@ def outline_loss(
         outlines: estimates ``[..., P, D]`` -> corners ``[..., P, V, 2]``.
         checkpoint: see above.
     """
+    check_run(tracker, frames)
+    corners = f"[{running.num_frames(frames)}, {tracker.num_partitions}, >= 3, 2]"
+    check_array("truth", truth, f"corners in pixels, {corners}")
     truth = jnp.asarray(truth)
     _check_labelled("truth", truth.reshape(*truth.shape[:2], -1))
     labelled = jnp.all(jnp.isfinite(truth), axis=(-2, -1))
@@ -197,11 +203,13 @@ def _record(
 
     All runs advance together, so each frame is observed once for all of them.
     """
+    check_run(tracker, frames)
     num_frames = running.num_frames(frames)
     keys = running.as_keys(keys)
-    if checkpoint is not True and checkpoint is not False and checkpoint < 1:
+    is_count = isinstance(checkpoint, int | np.integer) and checkpoint >= 1
+    if checkpoint is not False and not is_count:
         raise InputError(
-            f"checkpoint={checkpoint} must be True, False, or a number of frames of at least 1."
+            f"checkpoint={checkpoint!r:.60} must be True, False, or a number of frames from 1."
         )
     frame_step = running.frame_step(
         contract.observed_apart(tracker)[0], running.together(tracker, keys), record
@@ -236,6 +244,8 @@ def _record(
 
 def _truth(name: str, truth: ArrayLike, tracker: Any, frames: Any, at_least: int) -> jax.Array:
     """Labels as floats, with a checked shape."""
+    check_run(tracker, frames)
+    check_array(name, truth, "numbers for every frame and object")
     truth = jnp.asarray(truth)
     expected = (running.num_frames(frames), tracker.num_partitions)
     if truth.ndim != 3 or truth.shape[:2] != expected or truth.shape[2] < at_least:

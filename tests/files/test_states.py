@@ -68,6 +68,12 @@ def test_what_is_no_state_is_refused(tmp_path):
             jaxpf.load(path, one())
     with pytest.raises(InputError, match="check the path"):
         jaxpf.load(tmp_path / "none.npz", one())
+    with pytest.raises(InputError, match="tracker is None; give a tracker"):
+        jaxpf.load(path, None)
+    with pytest.raises(InputError, match="state is None, without arrays"):
+        jaxpf.save(path, None)
+    with pytest.raises(InputError, match="time = -1 must be a whole number from 0"):
+        jaxpf.save(path, jnp.zeros(2), time=-1)
     np.savez(path, format=99)
     with pytest.raises(InputError, match="saved in format 99"):
         jaxpf.load(path, one())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError, dynamics, measures, media, ordering, populations, shapes
+from jaxpf import InputError, dynamics, measures, media, ordering, populations, shapes, smoothing
 from jaxpf.running.checks import check_run
 
 FRAMES = np.zeros((3, 2, 2), np.float32)
@@ -199,6 +199,27 @@ def test_a_number_of_particles_is_a_whole_number(number):
         (
             lambda: jaxpf.run(tracker(), KEYS[0], FRAMES, observed=[[1], []]),
             "observed=.* must be one",
+        ),
+        (lambda: next(jaxpf.stream(None, KEYS[0], FRAMES)), "tracker is None; give a tracker"),
+        (lambda: next(jaxpf.stream(tracker(), KEYS[0], FRAMES, state=3)), "state is int, no state"),
+        (lambda: next(jaxpf.stream(tracker(), KEYS[0], [None])), "frame 0 is None, as an unreadable"),
+        (
+            lambda: next(jaxpf.stream(tracker(), KEYS[0], FRAMES, observed=np.ones((3, 5)))),
+            "observed must be one bool for each frame",
+        ),
+        (
+            lambda: next(smoothing.stream(tracker(dynamics.RandomWalk(1.0)), KEYS[0], None, lag=1)),
+            "frames have leading axes",
+        ),
+        (lambda: smoothing.LookBack(tracker(dynamics.RandomWalk(1.0)), 0), "key is 0; give a rand"),
+        (lambda: dynamics.WithOcclusion(Drift(), None, flip=2), "flip=2 must be one finite number"),
+        (lambda: media.open_frames(-1), "path = -1 must be a whole number from 0"),
+        (lambda: media.open_frames(".", fps="a"), "fps is str: give a Real"),
+        (lambda: media.VideoWriter("a.mp4", None, 48, 25), "width = None must be a whole number"),
+        (lambda: media.VideoWriter("a.mp4", 64, 48, None), "fps is NoneType: give a Real"),
+        (
+            lambda: media.draw_spreads(np.zeros((9, 9, 3), np.uint8), [[1, 2]], [[-1, 2]]),
+            "spreads hold -1; give standard deviations",
         ),
         (
             lambda: jaxpf.run(tracker(dynamics.RandomWalk(np.ones(3))), KEYS[0], FRAMES),

@@ -161,6 +161,18 @@ def test_overlap_loss_skips_what_is_not_labelled(summaries):
         (lambda: tuning.log_evidence(tracker(), KEYS, FRAMES[:0]), "at least one frame"),
         (lambda: tuning.log_evidence(tracker(), KEYS[:0], FRAMES), "one key per run"),
         (lambda: tuning.log_evidence(tracker(), KEYS, FRAMES, checkpoint=0), "checkpoint=0"),
+        (lambda: tuning.log_evidence(tracker(), KEYS, FRAMES, checkpoint=None), "checkpoint=None"),
+        (lambda: tuning.log_evidence(None, KEYS, FRAMES), "tracker is None"),
+        (lambda: tuning.crps(None, KEYS, FRAMES, np.zeros((T, 1, 2))), "tracker is None"),
+        (lambda: tuning.crps(tracker(), KEYS, FRAMES, [[1, 2], [3]]), "truth=.* must be numbers"),
+        (
+            lambda: tuning.outline_loss(tracker(), KEYS, FRAMES, np.zeros((T, 1, 2)), len),
+            r"truth has shape \[7, 1, 2\]; give corners",
+        ),
+        (
+            lambda: tuning.overlap_loss(tracker(), KEYS, FRAMES, np.zeros((T, 1, 4)), [1, 2]),
+            r"sizes has shape \[2\]; give width and height",
+        ),
         (
             lambda: tuning.position_error(tracker(), KEYS, FRAMES, np.zeros((T, 2, 2))),
             r"truth has shape \(7, 2, 2\); with 7 frames of 1 objects",

@@ -15,8 +15,8 @@ import jax.numpy as jnp
 from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_known, choice
 from jaxpf.contract.names import DRIFTS, SHAPES
-from jaxpf.contract.numbers import check_number, check_whole, numbers_in
-from jaxpf.contract.pytree import as_array, is_concrete, pytree_dataclass, static_field
+from jaxpf.contract.numbers import FINITE, check_array, check_number, check_whole
+from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.contract.state import Summary
 from jaxpf.filters import confidence
 from jaxpf.filters.factored import cloud, drift, shape
@@ -85,8 +85,7 @@ class Eskil(contract.Tracker):
         object.__setattr__(self, "initial", initial)
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
         if self.reference is not None:
-            if is_concrete(self.reference):
-                numbers_in("reference", self.reference, "positions, [P, 2]")
+            check_array("reference", self.reference, "finite positions, [P, 2]", least=FINITE)
             object.__setattr__(self, "reference", as_array(self.reference, float))
         elif not callable(initial):
             object.__setattr__(self, "reference", initial[:, :2])

@@ -21,6 +21,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array, check_whole
 from jaxpf.filters.labelled import by_label, kernel
 from jaxpf.filters.labelled.state import LabelledState
 
@@ -106,7 +107,9 @@ def first_state(tracker: Any) -> LabelledState:
 
 def homes(alive: jax.Array, num_particles: int) -> jax.Array:
     """Assign the living labels to the N slots in turn: ``[N]`` int32."""
-    living_first = jnp.argsort(~alive).astype(jnp.int32)
+    check_array("alive", alive, "truth values, [>= 1]")
+    check_whole("num_particles", num_particles)
+    living_first = jnp.argsort(~jnp.asarray(alive, bool)).astype(jnp.int32)
     number = jnp.maximum(jnp.sum(alive), 1)
     return living_first[jnp.arange(num_particles, dtype=jnp.int32) % number]
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array
 from jaxpf.contract.pytree import is_concrete
 
 if TYPE_CHECKING:
@@ -59,10 +60,7 @@ def check_labels(tracker: "Partitioned") -> None:
                 "probabilities of each label, or define log_joint as well."
             )
         return
-    if np.ndim(given) != 1 or np.shape(given)[0] == 0:
-        raise InputError(
-            f"initial_label has shape {np.shape(given)}; give the probability of each label, [L]."
-        )
+    check_array("initial_label", given, "the probability of each label, [>= 1]")
     if is_concrete(given):
         values = np.asarray(given)
         if not (values >= 0).all() or not np.isclose(values.sum(), 1, atol=1e-4):

@@ -44,6 +44,7 @@ from jax import lax
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass, static_field
 from jaxpf.contract.state import ParticleState, Summary
 from jaxpf.filters.partitioned.tracker import Partitioned
@@ -136,8 +137,8 @@ class WithErrorBars(contract.Tracker):
                 is_concrete(tracker.ordering) and np.asarray(tracker.ordering.exchanged).any()
             )
             object.__setattr__(self, "by_partition", bool(exchanged))
-        if self.lag is not None and self.lag < 0:
-            raise InputError(f"lag={self.lag} must be at least 0; None looks back to the start.")
+        if self.lag is not None:
+            check_whole("lag", self.lag, 0)
         if self.stages and (self.lag is None or self.by_partition):
             raise InputError(
                 "stages=True needs a lag, such as the number of frames, and an ordering that "

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
+from jaxpf.contract.errors import check_tracker
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.state import Summary
@@ -71,6 +72,7 @@ class SideBySide(contract.Tracker):
     num_runs: int = static_field(default=2)
 
     def __post_init__(self):
+        check_tracker(self.tracker)
         check_whole("num_runs", self.num_runs, 2)  # one run does not show how much runs differ
 
     @property

@@ -150,7 +150,7 @@ def test_the_stage_of_the_sharpest_likelihood_makes_most_of_the_error(order):
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
-        (lambda: WithErrorBars(tracker(), lag=-1), "lag=-1"),
+        (lambda: WithErrorBars(tracker(), lag=-1), "lag = -1"),
         (lambda: WithErrorBars(tracker(), stages=True), "stages=True needs a lag"),
         (
             lambda: WithErrorBars(tracker(ordering.sps([-1, -1, -1])), lag=3, stages=True),

@@ -258,9 +258,7 @@ def marked_one_by_one(tracker: Any, frames: Any, observed: Any = None) -> Iterat
         return
     for number, frame in enumerate(frames):
         if frame is None:
-            raise InputError(
-                f"frame {number} is None, as an unreadable file gives; give arrays."
-            )
+            raise InputError(f"frame {number} is None, as an unreadable file gives; give arrays.")
         marked_tracker = marked(tracker, jax.tree.map(lambda x: np.asarray(x)[None], frame))[0]
         yield frame, marked_tracker, frame if marked_tracker is tracker else (frame, False)
 

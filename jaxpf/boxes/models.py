@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
+from jaxpf.contract.numbers import check_array
 from jaxpf.contract.options import plain
 
 #: Noise of centre (pixels) and scale per frame: wide enough for walking people in video.
@@ -31,7 +32,9 @@ def box_model(likelihood: Any, boxes: ArrayLike, scale: ArrayLike = DEFAULT_SCAL
     """
     from jaxpf.dynamics.relative import PixelMotion
 
+    check_array("boxes", boxes, "x, y, w, h in pixels, [..., 4]")
     boxes = np.asarray(boxes, np.float32).reshape(-1, 4)
+    check_array("scale", scale, "three numbers from 0, [..., 3]")
     scale = np.asarray(scale, np.float32)
     if scale.shape[-1:] != (3,) or not np.all(np.isfinite(scale)) or np.any(scale < 0):
         raise InputError(
@@ -63,7 +66,9 @@ def relative_box_model(
     """
     from jaxpf.dynamics.relative import RelativeMotion
 
+    check_array("boxes", boxes, "x, y, w, h in pixels, [..., 4]")
     boxes = np.asarray(boxes, np.float32).reshape(-1, 4)
+    check_array("steps", steps, "three numbers from 0, [..., 3]")
     steps = np.asarray(steps, np.float32)
     if steps.shape[-1:] != (3,) or not np.all(np.isfinite(steps)) or np.any(steps < 0):
         raise InputError(
@@ -89,6 +94,9 @@ def relative_steps(values: Sequence[float] | None, count: int) -> np.ndarray:
     """
     if values is None:
         values = LONE_STEPS if count == 1 else DEFAULT_STEPS
+    check_array("relative_scale", values, "three numbers from 0, or three for every object", 0)
+    if np.size(values) % 3:
+        raise InputError(f"relative_scale {plain(values)} must be three numbers for each object.")
     steps = np.reshape(values, (-1, 3))
     if len(steps) not in (1, count):
         raise InputError(
@@ -120,7 +128,9 @@ def usual_noise(steps: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """
     from jaxpf.dynamics.relative import RelativeMotion
 
-    usual, far, of_size = steps.T
+    check_array("steps", steps, "three numbers from 0, [..., 3]", least=0)
+    check_array("sizes", sizes, "width and height in pixels, [P, 2]", least=0)
+    usual, far, of_size = np.asarray(steps).T
     long, side = RelativeMotion.long, np.sqrt(np.prod(sizes, axis=1))
     step = np.mean(side * np.sqrt((1 - long) * usual**2 + long * far**2))
     return np.array([step, step, of_size.mean()])

@@ -67,7 +67,7 @@ def read_boxes(path: str | os.PathLike[str], empty_boxes: str = "error") -> BoxT
         InputError: a line is invalid; the message names it and a remedy.
     """
     if empty_boxes not in ("error", "absent"):
-        raise ValueError(f"empty_boxes is 'error' or 'absent', not {empty_boxes!r}")
+        raise InputError(f"empty_boxes={empty_boxes!r:.60} must be 'error' or 'absent'.")
     path = Path(path)
     rows: list[tuple[float, ...]] = []
     line_of: dict[tuple[int, int], int] = {}

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.boxes.tables import BoxTable, read_boxes
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_names, check_type
+from jaxpf.contract.numbers import FINITE, check_array, check_number, check_whole, numbers_in
 from jaxpf.files.reading import parse_number, read_text
 from jaxpf.files.writing import write_text
 
@@ -99,6 +100,8 @@ def start_boxes(
     Raises:
         InputError: no box in that frame, an unknown id, or an id requested twice.
     """
+    check_type("table", table, BoxTable)
+    check_whole("frame", frame, 0)
     rows = np.flatnonzero(table.frame == frame)
     if len(rows) == 0:
         available = np.unique(table.frame)
@@ -108,10 +111,12 @@ def start_boxes(
             else "give a file that holds boxes"
         )
         raise InputError(f"{table.source} has no box in frame {frame}; {remedy}")
+    if ids is not None:
+        check_array("ids", ids, "the ids of the objects, [N]")
     row_of = {int(table.id[row]): row for row in rows}
     if ids is None:
         ids = list(row_of)
-    elif len(ids) == 0:
+    elif np.size(ids) == 0:
         raise InputError(f"no ids were asked for; choose among {_listed(sorted(row_of))}")
     for index, identity in enumerate(ids):
         if identity not in row_of:
@@ -133,6 +138,8 @@ def dense(table: BoxTable, ids: Sequence[int], num_frames: int) -> np.ndarray:
     Raises:
         InputError: an id that occurs nowhere in the table.
     """
+    check_type("table", table, BoxTable)
+    check_whole("num_frames", num_frames, 0)
     available = set(table.id.tolist())
     for identity in ids:
         if identity not in available:
@@ -153,6 +160,7 @@ def parse_box(text: str) -> np.ndarray:
     Raises:
         InputError: not four finite numbers, or no positive width and height.
     """
+    check_type("text", text, str)
     remedy = "write x,y,w,h in pixels, such as 120,80,40,90"
     fields = text.split(",")
     if len(fields) != 4:
@@ -180,7 +188,11 @@ def check_boxes(
     Raises:
         InputError: a box that is not finite, has no area, or lies outside the frame.
     """
-    boxes = np.asarray(boxes, np.float64).reshape(-1, 4)
+    boxes = numbers_in("boxes", boxes, "x, y, w, h in pixels, [..., 4]").reshape(-1, 4)
+    if names is not None:
+        check_names(names, len(boxes))
+    for name, side in (("width", width), ("height", height)):
+        check_number(name, side, above=0)
     for index, (x, y, w, h) in enumerate(boxes):
         name = f"box {index + 1}" if names is None else f"the box of {names[index]}"
         shown = f"{name} ({x:g},{y:g},{w:g},{h:g})"
@@ -211,10 +223,13 @@ def write_mot(
             non-finite rows are omitted.
         confidence: [K]; 1 tracked (the default), 0 lost.
     """
-    frames = np.asarray(frames)
-    confidence = np.ones(len(frames)) if confidence is None else np.asarray(confidence)
-    boxes = np.asarray(boxes).reshape(-1, 4)
-    write_text(path, _rows(frames, np.asarray(ids), boxes, confidence))
+    check_array("frames", frames, "the frame of every row, from 0, [K]", least=0)
+    each = f"[{len(frames)}]"
+    check_array("ids", ids, f"the id of every row, {each}", least=FINITE)
+    boxes = numbers_in("boxes", boxes, f"x, y, w, h of every row, [{len(frames)}, 4]")
+    confidence = np.ones(len(frames)) if confidence is None else confidence
+    check_array("confidence", confidence, f"the confidence of every row, {each}")
+    write_text(path, _rows(np.asarray(frames), np.asarray(ids), boxes, np.asarray(confidence)))
 
 
 def _rows(frames: np.ndarray, ids: np.ndarray, boxes: np.ndarray, confidence: np.ndarray) -> str:
@@ -261,7 +276,10 @@ def detections(
         raise InputError(
             "detections need supervision, which is missing; pip install 'jaxpf[formats]'."
         ) from None
-    boxes = np.asarray(boxes, float)
+    boxes = numbers_in("boxes", boxes, "x, y, w, h in pixels, [P, 4]")
+    for name, values in (("ids", ids), ("confidence", confidence)):
+        if values is not None:
+            check_array(name, values, f"one for each box, [{len(boxes)}]", least=FINITE)
     there = np.isfinite(boxes).all(axis=-1)
     ids = np.arange(1, len(boxes) + 1) if ids is None else np.asarray(ids, int)
     return supervision.Detections(

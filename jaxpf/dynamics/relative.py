@@ -31,7 +31,7 @@ class PixelMotion(AR2):
     def __post_init__(self):
         super().__post_init__()
         if self.sizes is not None:
-            check_array("sizes", self.sizes, SIZES, least=0)
+            check_array("sizes", self.sizes, SIZES)  # NaN in places kept for newcomers
 
 
 @pytree_dataclass

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.boxes.tracks import BoxTable, dense, read_boxes
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_type
+from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.measures.association import pairwise_overlap
 
 # Overlap with the truth at which the MOTChallenge counts a box as a match.
@@ -34,7 +35,7 @@ def read_tracks(
         InputError: the file cannot be read, has no boxes in these frames, or matches no object.
     """
     table = read_boxes(path, empty_boxes="absent")
-    truth = np.asarray(truth, np.float64)
+    truth = numbers_in("truth", truth, "boxes x, y, w, h, [T, P, 4]")
     matched = match_tracks(table, truth, ids, start_frame)
     followed = [column for column, identity in enumerate(matched) if identity is not None]
     identities = [identity for identity in matched if identity is not None]
@@ -68,7 +69,10 @@ def match_tracks(
     Raises:
         InputError: the T frames hold no box, or no box matches an object.
     """
-    truth = np.asarray(truth, np.float64)
+    check_type("table", table, BoxTable)
+    truth = numbers_in("truth", truth, "boxes x, y, w, h, [T, P, 4]")
+    check_array("ids", ids, f"one for each object, [{truth.shape[1]}]")
+    check_whole("start_frame", start_frame, 0)
     last_frame = start_frame + len(truth) - 1
     frames = table.frame[(table.frame >= start_frame) & (table.frame <= last_frame)]
     if len(frames) == 0:

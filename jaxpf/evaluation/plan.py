@@ -95,6 +95,7 @@ class Plan:
             check_whole(name, getattr(self, name), least, most)
         names = [*self.tracks, *self.trackers]
         for name in names:
+            check_type("the name of a tracker", name, str)
             if not name.isprintable() or len(name) > _LONGEST_NAME:
                 raise InputError(
                     f"a tracker cannot be called {name[:_LONGEST_NAME]!r}; give each a name of at "

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_known, check_names
 from jaxpf.contract.model import Model, check_tree
-from jaxpf.contract.numbers import numbers_in
+from jaxpf.contract.numbers import FINITE, check_array, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass
 from jaxpf.dynamics.gaussian import RandomWalk
 from jaxpf.dynamics.joints import (
@@ -152,6 +152,8 @@ def parts_model(
         moves = RandomWalk(scale=scale)
         initial = UniformAround(poses, reach) if reach.any() else poses
     else:
+        if anchors is not None and np.shape(anchors) != (2, len(tree), 2):
+            raise InputError(f"anchors={anchors!r:.60} must be two arrays [{len(tree)}, 2].")
         parent_anchor, part_anchor = anchors or joints_between(poses, sizes, tree)
         moves = RelativeToParent(
             scale=scale,
@@ -177,8 +179,10 @@ def cut_pictures(frame: Any, poses: ArrayLike, sizes: ArrayLike) -> list[np.ndar
         P pictures, uint8 RGB ``[h, w, 3]``, sampled from the nearest pixels of the frame.
     """
     check_frame(frame)
-    poses = numbers_in("poses", poses, "x, y, theta of every part, [P, 3]")
-    sizes = numbers_in("sizes", sizes, f"width and height of every part, [{len(poses)}, 2]")
+    check_array("poses", poses, "finite x, y, theta of every part, [P, 3]", least=FINITE)
+    wanted = f"width and height of every part, [{len(poses)}, 2]"
+    check_array("sizes", sizes, wanted, least=0)
+    poses, sizes = np.asarray(poses, float), np.asarray(sizes, float)
     pictures = []
     for (x, y, theta), size in zip(poses, sizes, strict=True):
         width, height = np.maximum(np.rint(size).astype(int), 1)

@@ -34,6 +34,8 @@ from jaxpf.tuning.posterior import Posterior
 _ACCEPTANCE = 0.2
 #: Initial step of the random walk, relative to the parameters.
 _FIRST_STEP = 0.1
+#: Largest count of draws, chains, particles and blocks.
+_MOST = 10**7
 #: Number of pilot runs that estimate the variance of the log evidence.
 _PILOT_RUNS = 64
 
@@ -84,7 +86,10 @@ def pmmh(
     counts = {"num_draws": num_draws, "num_warmup": num_warmup, "num_chains": num_chains}
     counts |= {"blocks": blocks, "num_particles": 1 if num_particles is None else num_particles}
     for name, value in counts.items():
-        check_whole(name, value)
+        check_whole(name, value, most=_MOST)
+    for name, function in (("build", build), ("log_prior", log_prior)):
+        if not callable(function):
+            raise InputError(f"{name}={function!r:.60} must be a function of the parameters.")
     if not all(jnp.issubdtype(jnp.result_type(x), jnp.floating) for x in jax.tree.leaves(initial)):
         raise InputError(f"initial={initial!r} must hold floats alone; write 1.0 for 1.")
     initial = jax.tree.map(lambda x: jnp.asarray(x, float), initial)

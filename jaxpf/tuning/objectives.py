@@ -37,7 +37,7 @@ from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.partitioned.selection import ANCESTORS
 from jaxpf.measures import metrics
 from jaxpf.measures.outlines import overlap as overlap_of_outlines
-from jaxpf.running.checks import check_run
+from jaxpf.running.checks import check_frames, check_run
 from jaxpf.shapes.rectangles import boxes_from_substates, is_proper
 
 
@@ -160,8 +160,9 @@ def outline_loss(
         outlines: estimates ``[..., P, D]`` -> corners ``[..., P, V, 2]``.
         checkpoint: see above.
     """
-    check_run(tracker, frames)
-    corners = f"[{running.num_frames(frames)}, {tracker.num_partitions}, >= 3, 2]"
+    if not callable(outlines):
+        raise InputError(f"outlines={outlines!r:.60} must be a function of the estimates.")
+    corners = f"[{_checked_length(tracker, frames)}, {tracker.num_partitions}, >= 3, 2]"
     check_array("truth", truth, f"corners in pixels, {corners}")
     truth = jnp.asarray(truth)
     _check_labelled("truth", truth.reshape(*truth.shape[:2], -1))
@@ -203,8 +204,7 @@ def _record(
 
     All runs advance together, so each frame is observed once for all of them.
     """
-    check_run(tracker, frames)
-    num_frames = running.num_frames(frames)
+    num_frames = _checked_length(tracker, frames)
     keys = running.as_keys(keys)
     is_count = isinstance(checkpoint, int | np.integer) and checkpoint >= 1
     if checkpoint is not False and not is_count:
@@ -242,12 +242,19 @@ def _record(
     return jax.tree.map(lambda x, y: jnp.concatenate([x, y]), recorded, last)
 
 
+def _checked_length(tracker: Any, frames: Any) -> int:
+    """Number of frames, of which the tracker's methods take each."""
+    check_frames(frames)
+    length = running.num_frames(frames)
+    check_run(tracker, frames)
+    return length
+
+
 def _truth(name: str, truth: ArrayLike, tracker: Any, frames: Any, at_least: int) -> jax.Array:
     """Labels as floats, with a checked shape."""
-    check_run(tracker, frames)
+    expected = (_checked_length(tracker, frames), tracker.num_partitions)
     check_array(name, truth, "numbers for every frame and object")
     truth = jnp.asarray(truth)
-    expected = (running.num_frames(frames), tracker.num_partitions)
     if truth.ndim != 3 or truth.shape[:2] != expected or truth.shape[2] < at_least:
         raise InputError(
             f"{name} has shape {truth.shape}; with {expected[0]} frames of {expected[1]} objects "

@@ -5,12 +5,15 @@ import pytest
 from box_files import GT, message_of
 
 from jaxpf.boxes import (
+    box_model,
     check_boxes,
     dense,
     detections,
     parse_box,
     read_boxes,
+    relative_steps,
     start_boxes,
+    usual_noise,
     write_mot,
 )
 
@@ -107,6 +110,38 @@ def test_unusable_boxes_are_refused(box, expected):
     assert message.startswith("box 2 (")
     assert expected in message
     assert "the box of id 7 (" in message_of(check_boxes, [box], 640, 480, ["id 7"])
+
+
+@pytest.mark.parametrize(
+    ("call", "arguments", "expected"),
+    [
+        (check_boxes, ([[1, 2, 3]], 640, 480), "boxes has shape [1, 3]; give x, y, w, h"),
+        (check_boxes, ([[1, 2, 3, 4]], None, 480), "width=None must be one finite number above 0"),
+        (check_boxes, ([[1, 2, 3, 4]], 640, 480, "ab"), "names='ab' must be one name for each"),
+        (start_boxes, (None, 0), "table is NoneType: give a BoxTable"),
+        (dense, ([], [1], 5), "table is list: give a BoxTable"),
+        (parse_box, (None,), "text is NoneType: give a str"),
+        (write_mot, ("a.txt", 1, 1, [1, 2, 3, 4]), "frames=1 must be the frame of every row"),
+        (write_mot, ("a.txt", [1, 2], [1], np.ones((2, 4))), "ids has shape [1]; give the id"),
+        (write_mot, ("a.txt", [1, 2], [1, 2], np.ones((1, 4))), "boxes has shape [1, 4]; give"),
+        (box_model, (None, [1, 2, 3]), "boxes has shape [3]; give x, y, w, h in pixels"),
+        (usual_noise, (None, [[1, 2]]), "steps=None must be three numbers from 0"),
+        (relative_steps, ([1, 2], 1), "relative_scale 1,2 must be three numbers for each object"),
+        (read_boxes, ("a.txt", "x"), "empty_boxes='x' must be 'error' or 'absent'"),
+    ],
+)
+def test_what_is_no_array_or_table_is_refused(call, arguments, expected):
+    assert expected in message_of(call, *arguments)
+
+
+def test_a_table_for_no_number_of_frames_is_refused(boxes_file):
+    table = read_boxes(boxes_file(GT))
+    for count in (-1, 10**12, 2.5):
+        assert f"num_frames = {count} must be a whole number" in message_of(
+            dense, table, [1], count
+        )
+    assert "frame = 0.5 must be a whole number" in message_of(start_boxes, table, 0.5)
+    assert "ids=3 must be the ids" in message_of(start_boxes, table, 0, 3)
 
 
 # Writing

@@ -131,6 +131,22 @@ def test_a_file_of_another_scene_is_refused(tmp_path, truth):
     assert "no file of boxes" in complaint_of(tmp_path / "nowhere.csv", truth, IDS, START)
 
 
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"table": None}, "table is NoneType: give a BoxTable"),
+        ({"truth": 3}, "truth=3 must be boxes"),
+        ({"ids": [1]}, r"ids has shape \[1\]; give one for each object"),
+        ({"start_frame": 1.5}, "start_frame = 1.5 must be a whole number from 0"),
+    ],
+)
+def test_what_is_no_table_or_truth_is_refused(tmp_path, truth, changes, words):
+    table = read_boxes(write(tmp_path / "t.csv", truth, IDS, START))
+    given = {"table": table, "truth": truth, "ids": IDS, "start_frame": START}
+    with pytest.raises(InputError, match=words):
+        match_tracks(**given | changes)
+
+
 def test_overlaps_of_pairs_are_worked_out_by_hand():
     one = [[0, 0, 4, 2], [0, 0, 0, 5], [np.nan, 0, 1, 1]]
     other = [[2, 0, 4, 2], [0, 0, 4, 2], [4, 0, 4, 2], [1, 0, 2, 2]]

@@ -10,7 +10,7 @@ import scenes
 from jaxpf import InputError
 from jaxpf.likelihoods import histogram_from_patches
 from jaxpf.ordering import SWAPS, named
-from jaxpf.parts import OfFixedSize, parts_model, with_log_odds
+from jaxpf.parts import OfFixedSize, cut_pictures, parts_model, with_log_odds
 from jaxpf.shapes import corners_from_poses
 
 TREE = (-1, 0, 0, 1, 2)
@@ -129,6 +129,11 @@ def build(likelihood=None, poses=POSES, sizes=SIZES, tree=TREE, ordering=None, *
         (lambda: build(sizes=SIZES * [1, 0]), "part 0 measures 1 x 0 pixels, which is no area"),
         (lambda: build(poses=POSES + np.nan), "the pose of part 0 is .*finite"),
         (lambda: build(poses=POSES[:4]), r"poses has shape \[4, 3\]; give .* \[5, 3\]"),
+        (
+            lambda: cut_pictures(np.zeros((9, 9, 3), np.uint8), POSES + np.nan, SIZES),
+            "poses=.* must be finite x, y, theta",
+        ),
+        (lambda: build(anchors=3), "anchors=3 must be two arrays"),
         (lambda: build(sizes="big"), "sizes='big' must be width and height"),
         (lambda: build(reach="far"), "reach='far' must be numbers"),
         (lambda: build(scale=(1, 1)), "scale .* must be three finite numbers"),

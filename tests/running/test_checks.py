@@ -6,7 +6,18 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError, dynamics, measures, media, ordering, populations, shapes, smoothing
+from jaxpf import (
+    InputError,
+    dynamics,
+    filters,
+    measures,
+    media,
+    ordering,
+    populations,
+    proposals,
+    shapes,
+    smoothing,
+)
 from jaxpf.running.checks import check_run
 
 FRAMES = np.zeros((3, 2, 2), np.float32)
@@ -213,6 +224,43 @@ def test_a_number_of_particles_is_a_whole_number(number):
         ),
         (lambda: smoothing.LookBack(tracker(dynamics.RandomWalk(1.0)), 0), "key is 0; give a rand"),
         (lambda: dynamics.WithOcclusion(Drift(), None, flip=2), "flip=2 must be one finite number"),
+        (
+            lambda: dynamics.RandomWalk(10**12),
+            "scale=1000000000000 is too large; write it as 1e+12",
+        ),
+        (
+            lambda: dynamics.LinearGaussian(np.ones((2, 2, 2)), np.ones((2, 2, 1))),
+            r"noise has shape \[2, 2, 1\]; give one finite matrix for each partition, \[2, 2, 2\]",
+        ),
+        (
+            lambda: dynamics.LinearGaussian(np.full((2, 2, 2), np.nan), np.ones((2, 2, 2))),
+            "transition=.* must be one finite matrix",
+        ),
+        (
+            lambda: dynamics.IndependentGaussian(np.ones((2, 2)), np.ones(3)),
+            r"mean \[2, 2\] and scale \[3\] do not go together",
+        ),
+        (
+            lambda: dynamics.UniformAround(np.ones((2, 3)), np.ones(2)),
+            r"poses \[2, 3\] and reach \[2\] do not go together",
+        ),
+        (
+            lambda: dynamics.UniformJoints(3, np.ones((2, 3)), 1.0),
+            "dynamics is int: give a RelativeToParent",
+        ),
+        (
+            lambda: dynamics.joints_between(np.ones((2, 3)), [[1, 1], [1, -1]], (-1, 0)),
+            "sizes=.* must be width and height",
+        ),
+        (lambda: filters.SideBySide(3), "tracker is 3; give a tracker"),
+        (lambda: filters.WithErrorBars(tracker(), lag=1.5), "lag = 1.5 must be a whole number"),
+        (lambda: filters.homes([True], -1), "num_particles = -1 must be a whole number"),
+        (
+            lambda: jaxpf.Eskil(Drift(), Near(), np.eye(2), reference=np.full((2, 2), np.nan)),
+            "reference=.* must be finite positions",
+        ),
+        (lambda: proposals.Mixture(3), "proposal is 3, without a method propose"),
+        (lambda: tracker(initial_label=[[1], []]), "initial_label=.* must be the probability"),
         (lambda: media.open_frames(-1), "path = -1 must be a whole number from 0"),
         (lambda: media.open_frames(".", fps="a"), "fps is str: give a Real"),
         (lambda: media.VideoWriter("a.mp4", None, 48, 25), "width = None must be a whole number"),

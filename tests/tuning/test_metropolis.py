@@ -171,6 +171,7 @@ def test_the_draws_are_an_arviz_tree(posterior):
     [
         ({"initial": {"a": 2.0, "s": 1.0}}, "the prior excludes the start"),
         ({"initial": {"a": 0, "s": 1}}, "must hold floats alone"),
+        ({"num_draws": 10**9}, "num_draws = 1000000000 must be a whole number from 1 to 10000000"),
         ({"num_draws": 0}, "num_draws = 0 must be a whole number from 1"),
         ({"num_chains": 2.5}, "num_chains = 2.5 must be a whole number from 1"),
         ({"num_particles": 0}, "num_particles = 0 must be a whole number from 1"),

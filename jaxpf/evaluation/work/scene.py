@@ -9,8 +9,15 @@ from jaxpf.contract.errors import InputError
 
 
 def open_scene(scene: Any) -> Any:
-    """Return the plan's scene, calling it if it is a function."""
-    return scene() if callable(scene) else scene
+    """Return the plan's scene, calling it if it is a function.
+
+    Raises:
+        InputError: it is no scene.
+    """
+    opened = scene() if callable(scene) else scene
+    if not hasattr(opened, "frames") or not hasattr(opened, "boxes"):
+        raise InputError(f"scene is {opened!r:.60}; give what scenes.open_scene returns.")
+    return opened
 
 
 def scene_digest(scene: Any) -> str:

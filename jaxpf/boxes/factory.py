@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.boxes.models import boxes_at
 from jaxpf.boxes.target import BOXES
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_tracker
 from jaxpf.contract.numbers import check_array, numbers_in
 from jaxpf.targets import building
 
@@ -59,6 +59,7 @@ def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     Raises:
         InputError: the tracker's dynamics do not know the sizes.
     """
+    check_tracker(tracker)
     sizes = getattr(tracker.dynamics, "sizes", None)
     if sizes is None:
         raise InputError(

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array
 from jaxpf.files.reading import parse_number, read_rows
 
 HEADERS = ("frame,id,x,y,w,h", "frame,id,x,y,w,h,occ")
@@ -41,6 +42,12 @@ class BoxTable:
     occlusion: np.ndarray
     confidence: np.ndarray
     source: str = "the table"
+
+    def __post_init__(self) -> None:
+        check_array("frame", self.frame, "the frame of every row, from 0, [K]")
+        for name in ("id", "occlusion", "confidence"):
+            check_array(name, getattr(self, name), f"one for every row, [{len(self.frame)}]")
+        check_array("box", self.box, f"x, y, w, h of every row, [{len(self.frame)}, 4]")
 
     def __len__(self) -> int:
         return len(self.frame)

@@ -224,12 +224,12 @@ def write_mot(
         confidence: [K]; 1 tracked (the default), 0 lost.
     """
     check_array("frames", frames, "the frame of every row, from 0, [K]", least=0)
-    each = f"[{len(frames)}]"
-    check_array("ids", ids, f"the id of every row, {each}", least=FINITE)
-    boxes = numbers_in("boxes", boxes, f"x, y, w, h of every row, [{len(frames)}, 4]")
+    frames = np.asarray(frames)
     confidence = np.ones(len(frames)) if confidence is None else confidence
-    check_array("confidence", confidence, f"the confidence of every row, {each}")
-    write_text(path, _rows(np.asarray(frames), np.asarray(ids), boxes, np.asarray(confidence)))
+    check_array("ids", ids, f"the id of every row, [{len(frames)}]", least=FINITE)
+    check_array("confidence", confidence, f"the confidence of every row, [{len(frames)}]")
+    boxes = numbers_in("boxes", boxes, f"x, y, w, h of every row, [{len(frames)}, 4]")
+    write_text(path, _rows(frames, np.asarray(ids), boxes, np.asarray(confidence)))
 
 
 def _rows(frames: np.ndarray, ids: np.ndarray, boxes: np.ndarray, confidence: np.ndarray) -> str:

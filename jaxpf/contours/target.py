@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.contours.data import DEFAULT_SCALE, Contours, Learned
-from jaxpf.contract.errors import Argument, InputError
+from jaxpf.contract.errors import Argument, InputError, check_tracker
 from jaxpf.contract.model import Model
 from jaxpf.contract.names import EXCLUSIONS, SHAPE_SPACES
 from jaxpf.contract.numbers import check_array
@@ -279,6 +279,7 @@ def shapes_of(tracker: Any, estimate: Any) -> np.ndarray:
     Raises:
         InputError: a user-defined likelihood without a shape space.
     """
+    check_tracker(tracker)
     space = getattr(tracker.likelihood, "space", None)
     if space is None:
         raise InputError(

@@ -93,6 +93,11 @@ class Plan:
         object.__setattr__(self, "grid", self._checked_grid())
         for name, least, most in (("runs", 1, _MOST_RUNS), ("seed", 0, 2**32 - 1)):
             check_whole(name, getattr(self, name), least, most)
+        for name, path in self.tracks.items():
+            check_type(f"tracks[{name!r:.60}]", path, str, os.PathLike)
+        for name, function in self.trackers.items():
+            if not callable(function):
+                raise InputError(f"trackers[{name!r:.60}] must be a function of the scene.")
         names = [*self.tracks, *self.trackers]
         for name in names:
             check_type("the name of a tracker", name, str)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.options import chosen
 from jaxpf.evaluation.work.batches import Batch, batch_files, read_batch, read_runs
 from jaxpf.files.store import SETTINGS, Store
@@ -181,6 +181,7 @@ class Results:
 
     def noise_scale(self, configuration: Configuration) -> np.ndarray:
         """``[3]``: process noise of the first three coordinates; NaN where unknown."""
+        check_type("configuration", configuration, Configuration)
         if configuration.kind != BUILT_IN:
             return np.full(3, np.nan)
         options = chosen(self.target.options, configuration.parameters)
@@ -201,6 +202,7 @@ class Results:
             yield read_batch(path)
 
     def _index(self, configuration: Configuration) -> int:
+        check_type("configuration", configuration, Configuration)
         configurations = self.configurations
         if configuration not in configurations:
             raise InputError(

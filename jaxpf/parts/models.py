@@ -152,8 +152,8 @@ def parts_model(
         moves = RandomWalk(scale=scale)
         initial = UniformAround(poses, reach) if reach.any() else poses
     else:
-        if anchors is not None and np.shape(anchors) != (2, len(tree), 2):
-            raise InputError(f"anchors={anchors!r:.60} must be two arrays [{len(tree)}, 2].")
+        if anchors is not None:
+            check_array("anchors", anchors, f"two joints of every part, [2, {len(tree)}, 2]")
         parent_anchor, part_anchor = anchors or joints_between(poses, sizes, tree)
         moves = RelativeToParent(
             scale=scale,
@@ -180,9 +180,10 @@ def cut_pictures(frame: Any, poses: ArrayLike, sizes: ArrayLike) -> list[np.ndar
     """
     check_frame(frame)
     check_array("poses", poses, "finite x, y, theta of every part, [P, 3]", least=FINITE)
+    poses = np.asarray(poses, float)
     wanted = f"width and height of every part, [{len(poses)}, 2]"
     check_array("sizes", sizes, wanted, least=0)
-    poses, sizes = np.asarray(poses, float), np.asarray(sizes, float)
+    sizes = np.asarray(sizes, float)
     pictures = []
     for (x, y, theta), size in zip(poses, sizes, strict=True):
         width, height = np.maximum(np.rint(size).astype(int), 1)

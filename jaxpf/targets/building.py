@@ -13,6 +13,7 @@ import numpy as np
 
 from jaxpf import filters
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array
 from jaxpf.contract.options import implied, options_of
 from jaxpf.filters.filter import Filter
 from jaxpf.targets.target import Looks, Start, Target
@@ -137,6 +138,10 @@ def make(
         del defaults["method"]
     options = filled(filter_.options, values, defaults)
     model = target.resolved(filled(target.options, values), is_filmed=True)
+    if patches is not None:
+        from jaxpf.likelihoods._checks import check_pictures
+
+        check_pictures("patches", patches)
     if likelihood is None:
         frame = _checked(frame)
         looks = looks_of_frame(frame, options.particles, patches)
@@ -165,12 +170,11 @@ def _check_names(values: Mapping[str, Any], target: Target, filter_: Filter) -> 
 
 def _checked(frame: Any) -> np.ndarray:
     """The start frame as an array, checked to be uint8 RGB."""
+    wanted = "the frame in which tracking starts, uint8 RGB [H, W, 3], or a likelihood of your own"
+    check_array("frame", frame, wanted)
     frame = np.asarray(frame)
-    if frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype != np.uint8:
-        raise InputError(
-            f"frame is {frame.dtype} {list(frame.shape)}; give the frame in which tracking starts, "
-            "uint8 RGB [H, W, 3], or a likelihood of your own."
-        )
+    if frame.shape[2] != 3 or frame.dtype != np.uint8:
+        raise InputError(f"frame is {frame.dtype} {list(frame.shape)}; give {wanted}.")
     return frame
 
 

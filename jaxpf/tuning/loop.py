@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_type
 from jaxpf.tuning import checkpoint
 from jaxpf.tuning.parameters import Parameter, check_apart, parameter, read
 from jaxpf.tuning.problem import TrainingSequence, check_objective, free_loss, observed
@@ -63,8 +63,16 @@ def tune(
     Raises:
         Diverged: the loss is not finite.  The last finite values are kept, also in ``folder``.
     """
-    settings = settings or Settings()
+    settings = Settings() if settings is None else settings
+    check_type("settings", settings, Settings)
+    check_type("sequences", sequences, TrainingSequence, Iterable)
     sequences = [sequences] if isinstance(sequences, TrainingSequence) else list(sequences)
+    for number, sequence in enumerate(sequences):
+        check_type(f"sequences[{number}]", sequence, TrainingSequence)
+    if folder is not None:
+        check_type("folder", folder, str, os.PathLike)
+    if progress is not None and not callable(progress):
+        raise InputError(f"progress={progress!r:.60} must be a function of the descent.")
     check_objective(objective, sequences)
     wanted = [each if isinstance(each, Parameter) else parameter(each) for each in parameters]
     if not wanted:

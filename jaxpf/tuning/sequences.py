@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxpf.contract.errors import Argument, InputError
+from jaxpf.contract.errors import Argument, InputError, check_type
 from jaxpf.contract.options import chosen, options_of
 from jaxpf.gradients import named
 from jaxpf.targets import building, find_adapter
@@ -37,6 +37,7 @@ class Recipe:
 
     def __post_init__(self) -> None:
         of = self.of
+        check_type("values", self.values, Mapping)
         values = {**of.defaults, **self.values}
         filter_ = building.filter_for(of, values.get("method"))
         declared = options_of(of.options, filter_.options)

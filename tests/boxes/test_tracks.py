@@ -5,6 +5,7 @@ import pytest
 from box_files import GT, message_of
 
 from jaxpf.boxes import (
+    BoxTable,
     box_model,
     check_boxes,
     dense,
@@ -118,6 +119,8 @@ def test_unusable_boxes_are_refused(box, expected):
         (check_boxes, ([[1, 2, 3]], 640, 480), "boxes has shape [1, 3]; give x, y, w, h"),
         (check_boxes, ([[1, 2, 3, 4]], None, 480), "width=None must be one finite number above 0"),
         (check_boxes, ([[1, 2, 3, 4]], 640, 480, "ab"), "names='ab' must be one name for each"),
+        (BoxTable, ([0], [1, 2], np.ones((1, 4)), [0], [1]), "id has shape [2]; give one for"),
+        (BoxTable, ([0], [1], np.ones((1, 3)), [0], [1]), "box has shape [1, 3]; give x, y, w"),
         (start_boxes, (None, 0), "table is NoneType: give a BoxTable"),
         (dense, ([], [1], 5), "table is list: give a BoxTable"),
         (parse_box, (None,), "text is NoneType: give a str"),

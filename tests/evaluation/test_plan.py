@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxpf import InputError
-from jaxpf.evaluation import Plan
+from jaxpf.evaluation import Plan, evaluate
 from jaxpf.evaluation.configurations import complete, configurations
 from jaxpf.evaluation.work.fingerprint import describe_plan
 from jaxpf.files.store import differences
@@ -131,6 +131,9 @@ def test_auto_is_decided_once_and_merges_with_what_it_stands_for():
         ({"target": "ghosts"}, "target 'ghosts' is unknown; choose one of"),
         ({"grid": 3}, "grid is int: give a Mapping"),
         ({"tracks": None}, "tracks is NoneType: give a Mapping"),
+        ({"tracks": {"a": 3}}, "tracks['a'] is int: give a str or PathLike"),
+        ({"tracks": {3: "a.csv"}}, "the name of a tracker is int: give a str"),
+        ({"trackers": {"a": 3}}, "trackers['a'] must be a function of the scene"),
         ({"orders": [3]}, "orders: 3 is no order"),
         ({"runs": 0}, "runs = 0 must be a whole number from 1 to 1000000"),
         ({"runs": 10**8}, "runs = 100000000 must be a whole number from 1 to 1000000"),
@@ -175,6 +178,23 @@ def test_a_value_that_no_target_allows_is_refused(grid, sentence):
     assert sentence in str(error.value)
     with pytest.raises(InputError):
         Plan(SCENE, grid=grid, target="boxes")
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"plan": 3}, "plan is int: give a Plan"),
+        ({"limits": None}, "limits is NoneType: give a Limits"),
+        ({"retries": -1}, "retries = -1 must be a whole number from 0"),
+        ({"executor": 3}, "executor=3 must be a function"),
+        ({"progress": "a"}, "progress='a' must be a function"),
+        ({"plan": Plan(3)}, "scene is 3; give what scenes.open_scene returns"),
+    ],
+)
+def test_what_cannot_be_evaluated_is_refused(tmp_path, given, words):
+    with pytest.raises(InputError) as error:
+        evaluate(**{"plan": Plan(SCENE), "folder": tmp_path} | given)
+    assert words in str(error.value)
 
 
 def test_an_option_of_another_target_is_refused_once_the_target_is_known():

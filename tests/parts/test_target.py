@@ -133,7 +133,7 @@ def build(likelihood=None, poses=POSES, sizes=SIZES, tree=TREE, ordering=None, *
             lambda: cut_pictures(np.zeros((9, 9, 3), np.uint8), POSES + np.nan, SIZES),
             "poses=.* must be finite x, y, theta",
         ),
-        (lambda: build(anchors=3), "anchors=3 must be two arrays"),
+        (lambda: build(anchors=3), "anchors=3 must be two joints"),
         (lambda: build(sizes="big"), "sizes='big' must be width and height"),
         (lambda: build(reach="far"), "reach='far' must be numbers"),
         (lambda: build(scale=(1, 1)), "scale .* must be three finite numbers"),

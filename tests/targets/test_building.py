@@ -106,6 +106,10 @@ def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatc
         (lambda: jaxpf.points.tracker(FRAME, [[9, 9]], likelihood=3), "with the methods observe"),
         (lambda: jaxpf.boxes.tracker(FRAME / 255, BOXES), "uint8 RGB"),
         (lambda: jaxpf.boxes.tracker(None, BOXES), "or a likelihood of your own"),
+        (lambda: jaxpf.boxes.tracker([[1], []], BOXES), "frame=.* must be the frame in which"),
+        (lambda: jaxpf.boxes.tracker(FRAME, BOXES, patches="a"), "patches.0. "),
+        (lambda: jaxpf.boxes.tracker(FRAME, BOXES, patches=3), "patches=3 must be a list"),
+        (lambda: jaxpf.boxes.shapes(None, BOXES), "tracker is None; give a tracker"),
         (lambda: jaxpf.boxes.tracker(FRAME, BOXES, particles=0), "particles = 0 must be"),
         (lambda: jaxpf.boxes.tracker(FRAME, BOXES, method="best"), "method 'best' is unknown"),
         (

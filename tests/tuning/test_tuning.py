@@ -28,6 +28,21 @@ def test_objectives_need_what_they_are_about():
         tune([], SCALE)
 
 
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"sequences": "a"}, r"sequences\[0\] is str: give a TrainingSequence"),
+        ({"sequences": None}, "sequences is NoneType: give a TrainingSequence or Iterable"),
+        ({"settings": 3}, "settings is int: give a Settings"),
+        ({"folder": 3}, "folder is int: give a str or PathLike"),
+        ({"progress": 3}, "progress=3 must be a function"),
+    ],
+)
+def test_what_is_no_sequence_setting_or_function_is_refused(given, words):
+    with pytest.raises(InputError, match=words):
+        tune(**{"sequences": made_sequence(), "parameters": SCALE} | given)
+
+
 def test_an_evidence_that_is_not_normalised_is_refused():
     frame = np.random.default_rng(0).integers(0, 256, (40, 40, 3), dtype=np.uint8)
     plain = dataclasses.replace(tracker(), likelihood=histogram(frame, [[5, 5, 12, 12]]))

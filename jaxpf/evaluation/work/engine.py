@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_type
+from jaxpf.contract.numbers import check_whole
 from jaxpf.evaluation.plan import DEFAULT_LIMITS, Limits, Plan
 from jaxpf.evaluation.results import Configuration, Results
 from jaxpf.evaluation.work.batches import Batch, survey, write_batch
@@ -143,6 +144,10 @@ def evaluate(
             an object is absent in its first frame; an argument is out of range; the disk is full;
             workers died too often.
     """
+    check_whole("retries", retries, 0)
+    for name, value in (("executor", executor), ("progress", progress)):
+        if not (value is None or callable(value) or isinstance(value, Executor)):
+            raise InputError(f"{name}={value!r:.60} must be a function; see evaluate.")
     prepared = prepare(plan, folder, limits)
     return carry_out(prepared, executor=executor, progress=progress, retries=retries)
 
@@ -171,6 +176,7 @@ def prepare(
     plan: Plan, folder: str | os.PathLike[str], limits: Limits = DEFAULT_LIMITS
 ) -> Prepared:
     """Determine the missing work without writing; arguments and errors as for ``evaluate``."""
+    check_type("limits", limits, Limits)
     opened = open_evaluation(plan, folder)
     return divide_work(opened, settle(opened), limits)
 

@@ -257,7 +257,7 @@ def test_a_number_of_particles_is_a_whole_number(number):
         (lambda: filters.homes([True], -1), "num_particles = -1 must be a whole number"),
         (
             lambda: jaxpf.Eskil(Drift(), Near(), np.eye(2), reference=np.full((2, 2), np.nan)),
-            "reference=.* must be finite positions",
+            "reference=.* must be positions, finite",
         ),
         (lambda: proposals.Mixture(3), "proposal is 3, without a method propose"),
         (lambda: tracker(initial_label=[[1], []]), "initial_label=.* must be the probability"),

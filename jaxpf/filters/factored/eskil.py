@@ -85,7 +85,7 @@ class Eskil(contract.Tracker):
         object.__setattr__(self, "initial", initial)
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
         if self.reference is not None:
-            check_array("reference", self.reference, "finite positions, [P, 2]", least=FINITE)
+            check_array("reference", self.reference, "positions, finite, [P, 2]", least=FINITE)
             object.__setattr__(self, "reference", as_array(self.reference, float))
         elif not callable(initial):
             object.__setattr__(self, "reference", initial[:, :2])

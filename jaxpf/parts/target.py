@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import Argument, InputError, check_names, check_type
+from jaxpf.contract.errors import Argument, InputError, check_type
 from jaxpf.contract.model import Model, check_tree
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import check_options, option
@@ -106,9 +106,7 @@ class PartTarget(Target):
         check_type("parts", given, Parts)
         poses = numbers_in("poses", given.poses, "numbers x, y, theta of every part, [P, 3]")
         sizes = numbers_in("sizes", given.sizes, "numbers width, height of every part, [P, 2]")
-        names = given.names if names is None else names
-        check_names(names, len(poses))
-        ids = np.array(names)
+        ids = np.array(given.names if names is None else names)
         return Start(ids, poses, sizes, check_tree(given.parents))
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:

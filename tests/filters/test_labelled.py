@@ -287,7 +287,7 @@ def test_the_evidence_has_a_gradient(motion):
         ),
         ({"regularise": (0.0, 1.0)}, "two rates above 0"),
         ({"regularise": "fast"}, "regularise='fast' must be two rates"),
-        ({"position": 3}, "position=3 must be a list of whole numbers"),
+        ({"position": 3}, "position=3 must be whole numbers"),
         ({"reseed": (1.0, 1.0, 1.0, 1.0, 1.0)}, "one for each coordinate"),
         ({"reseed": "wide"}, "reseed='wide' must be finite standard deviations"),
         ({"feedback": "estimate", "speed": (2, 3)}, "name coordinate 3"),

@@ -160,8 +160,8 @@ def test_roots_that_stay_can_be_smoothed():
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({"num_trajectories": 0}, "num_trajectories=0"),
-        ({"lag": 0}, "lag=0"),
+        ({"num_trajectories": 0}, "num_trajectories = 0"),
+        ({"lag": 0}, "lag = 0"),
         ({"lag": 2, "keep_trajectories": True}, "leave out one of the two"),
     ],
 )
@@ -235,5 +235,5 @@ def test_what_has_no_conditional_sweep_is_refused(changes, sentence):
 def test_a_reference_of_another_clip_is_refused():
     with pytest.raises(InputError, match=r"\[5, 2, 1\] instead of \[6, 2, 1\]"):
         smoothing.particle_gibbs(kept(), jax.random.key(0), FRAMES, 2, np.zeros((5, 2, 1)))
-    with pytest.raises(InputError, match="num_sweeps=0"):
+    with pytest.raises(InputError, match="num_sweeps = 0"):
         smoothing.particle_gibbs(kept(), jax.random.key(0), FRAMES, 0)

@@ -55,10 +55,9 @@ def _names_as_they_are(figure: Any) -> Iterator[None]:
         yield
 
 
-def _legend_name(name: Any) -> str:
+def _legend_name(name: str) -> str:
     """An object's name in a legend; matplotlib hides names that start with an underscore."""
-    text = name if isinstance(name, str) else f"object {name}"
-    return f" {text}" if text.startswith("_") else text
+    return f" {name}" if name.startswith("_") else name
 
 
 def colours(count: int) -> list[tuple[float, ...]]:

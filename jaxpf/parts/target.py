@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import Argument, InputError, check_type
+from jaxpf.contract.errors import Argument, InputError, check_names, check_type
 from jaxpf.contract.model import Model, check_tree
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import check_options, option
@@ -106,8 +106,9 @@ class PartTarget(Target):
         check_type("parts", given, Parts)
         poses = numbers_in("poses", given.poses, "numbers x, y, theta of every part, [P, 3]")
         sizes = numbers_in("sizes", given.sizes, "numbers width, height of every part, [P, 2]")
-        ids = np.array(given.names if names is None else names)
-        return Start(ids, poses, sizes, check_tree(given.parents))
+        names, parents = given.names if names is None else names, check_tree(given.parents)
+        check_names(names, len(parents))
+        return Start(np.array(names), poses, sizes, parents)
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
         """See ``Target``; patches of the start frame get log odds."""

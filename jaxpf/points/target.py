@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import Argument, InputError
+from jaxpf.contract.errors import Argument, InputError, check_names
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import check_options, option
@@ -83,7 +83,9 @@ class PointTarget(Target):
     def start(self, given: Any, names: Any = None) -> Start:
         """See ``Target``: x and y ``[P, 2]``, pixels; default names are numbers from 0."""
         places = numbers_in("points", given, "x, y in pixels of every point, [>= 1, 2]")
-        ids = np.asarray(range(len(places)) if names is None else names, str)
+        names = range(len(places)) if names is None else names
+        check_names(names, len(places))
+        ids = np.asarray(names, str)
         return Start(ids, places, np.full_like(places, _SIDE), (-1,) * len(places))
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:

@@ -118,7 +118,7 @@ class Changes(NamedTuple):
 def nobody(capacity: int, last_id: int = 0) -> Living:
     """Return the state before the first frame; ids up to ``last_id`` are reserved."""
     check_whole("capacity", capacity, most=MOST_AT_ONCE)
-    check_whole("last_id", last_id, 0)
+    check_whole("last_id", last_id, 0, most=2**63 - 1)  # as files may hold
     return Living(
         np.full(capacity, EMPTY), np.zeros(capacity, int), association.no_tracks(), last_id
     )

@@ -42,9 +42,8 @@ class LookBack:
             InputError: a tracker that cannot be smoothed; a lag below 1; not enough memory.
         """
         check_smoothing(tracker)
-        for name, value in (("lag", lag), ("num_frames", num_frames)):
-            if value is not None:
-                check_whole(name, value)
+        if lag is not None:
+            check_whole("lag", lag)
         check_whole("first", first, 0)
         self._tracker, self._lag = tracker, lag
         self._key = backward_key(running.as_key(key))

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError, check_names
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
 
 
@@ -34,9 +34,6 @@ class Start:
     sizes: np.ndarray
     parents: tuple[int, ...]
     remarks: tuple[str, ...] = dataclasses.field(default=(), kw_only=True)
-
-    def __post_init__(self) -> None:
-        check_names(self.ids.tolist() if self.ids.ndim else None, len(self.parents))
 
     @property
     def num_partitions(self) -> int:

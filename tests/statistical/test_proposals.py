@@ -191,5 +191,7 @@ def test_what_no_proposal_goes_with_is_refused(settings, message):
             proposal=LocallyOptimal(),
             **options,
         )
-    with pytest.raises(InputError, match=r"share 1\.0 must be at least 0 and below 1"):
+    with pytest.raises(
+        InputError, match=r"share=1\.0 must be one finite number at least 0 and below 1"
+    ):
         Mixture(Bad(), 1.0)

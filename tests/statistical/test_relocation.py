@@ -236,7 +236,7 @@ class Sure:
         ({"dynamics": Coupled()}, "Coupled moves a partition by all the others"),
         ({"parents": (-1, 0)}, "relocation does not work with a part tree"),
         ({"gradient": jaxpf.gradients.Soft()}, "relocation does not work with gradient Soft"),
-        ({"relocation": Relocation(1.5, np.ones(2))}, "epsilon 1.5 must be from 0 to 1"),
+        ({"relocation": Relocation(1.5, np.ones(2))}, "epsilon=1.5 must be from 0 to 1"),
     ],
 )
 def test_where_it_cannot_work_it_is_refused(settings, message):

@@ -85,12 +85,11 @@ def test_trajectories_shade_what_is_lost_and_have_a_panel_for_each_coordinate():
 
 @pytest.mark.parametrize("name", ["$\\frac{$", "$x$", "\N{WOMAN}", "_a"])
 def test_names_are_drawn_as_they_are(name, tmp_path):
-    one = np.arange(3.0)
-    figure = plotting.diagnostics(one, one, one[:, None], one, [name], 9)
+    figure = plotting.trajectories(table() | {"id": np.full(30, name)}, ["x"], {})
     figure.axes[0].set_title(name)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         plotting.save_figure(figure, tmp_path / "x.png")
-    (shown,) = figure.axes[1].get_legend().get_texts()
+    (shown,) = figure.axes[0].get_legend().get_texts()
     assert shown.get_text().strip() == name
     assert not shown.get_parse_math()

@@ -4,6 +4,8 @@
 per particle; ``propagate`` is derived from it.
 """
 
+from typing import ClassVar
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -27,6 +29,7 @@ class RandomWalk(DynamicsWithDensity, DynamicsWithPrediction):
             in the substate's units.
     """
 
+    by_partition: ClassVar[tuple[str, ...]] = ("scale",)
     scale: ArrayLike
 
     def __post_init__(self):
@@ -58,6 +61,7 @@ class AR2(DynamicsWithDensity, DynamicsWithPrediction):
         momentum: share of the last displacement that is repeated.
     """
 
+    by_partition: ClassVar[tuple[str, ...]] = ("scale",)
     scale: ArrayLike
     momentum: ArrayLike = 0.5
 
@@ -96,6 +100,7 @@ class FirstOrder(DynamicsWithDensity, DynamicsWithPrediction):
         speed: static, indices of the speed coordinates, per frame.
     """
 
+    by_partition: ClassVar[tuple[str, ...]] = ("scale",)
     scale: ArrayLike
     position: tuple[int, ...] = static_field(default=(0, 1))
     speed: tuple[int, ...] = static_field(default=(2, 3))
@@ -139,6 +144,7 @@ class LinearGaussian(DynamicsWithDensity, DynamicsWithPrediction):
         offset: b, ``[P, D]``, or None.
     """
 
+    by_partition: ClassVar[tuple[str, ...]] = ("transition", "noise", "lag", "coupling", "offset")
     transition: ArrayLike
     noise: ArrayLike
     lag: ArrayLike | None = None

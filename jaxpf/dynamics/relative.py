@@ -3,6 +3,8 @@
 Relative motion is heavy-tailed: a fraction of the steps is long.
 """
 
+from typing import ClassVar
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -26,6 +28,7 @@ class PixelMotion(AR2):
             them; code that converts estimates to boxes does.
     """
 
+    by_partition: ClassVar[tuple[str, ...]] = ("scale", "sizes")
     sizes: ArrayLike | None = None
 
     def __post_init__(self):
@@ -57,6 +60,7 @@ class RelativeMotion(DynamicsWithDensity, DynamicsWithPrediction):
         pull: rate per frame at which log a decays towards the start size, ``[]`` or ``[P]``.
     """
 
+    by_partition: ClassVar[tuple[str, ...]] = ("sizes", "steps")
     sizes: ArrayLike
     steps: ArrayLike
     momentum: ArrayLike = 0.3

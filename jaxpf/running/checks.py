@@ -140,6 +140,13 @@ def _check_methods(
         return [whole] if coupled else []
 
     dynamics = type(tracker.dynamics).__name__
+    for name in getattr(tracker.dynamics, "by_partition", ()):  # of several rows, one for each
+        rows: Any = getattr(getattr(tracker.dynamics, name), "shape", ())
+        if len(rows) > 1 and rows[0] not in (1, num_partitions):
+            raise InputError(
+                f"{dynamics}.{name} has shape {list(rows)}, but there are {num_partitions} "
+                "partitions; give a row for each, or one for all."
+            )
     if _defines(tracker.dynamics, base, "propagate_all"):
         moved = tried(
             tracker.dynamics,

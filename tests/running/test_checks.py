@@ -273,6 +273,10 @@ def test_a_number_of_particles_is_a_whole_number(number):
             lambda: jaxpf.run(tracker(dynamics.RandomWalk(np.ones(3))), KEYS[0], FRAMES),
             "RandomWalk does not fit 2 partitions of 2 coordinates",
         ),
+        (
+            lambda: jaxpf.run(tracker(dynamics.RandomWalk(np.ones((3, 2)))), KEYS[0], FRAMES),
+            r"RandomWalk.scale has shape \[3, 2\], but there are 2 partitions",
+        ),
         (lambda: dynamics.RandomWalk("wide"), "scale='wide' must be finite standard deviations"),
         (lambda: dynamics.RandomWalk([1, -1]), r"scale=\[1, -1\] must be finite"),
         (lambda: shapes.even_places(10**12, closed=True), "count = 1000000000000 must be a whole"),

@@ -141,7 +141,11 @@ def test_labels_are_carried_through_other_selections(name, options):
 def test_labels_that_cannot_work_are_refused():
     with pytest.raises(InputError, match="needs labels"):
         jaxpf.Partitioned(Steps(), Tables(), ORDERINGS["ps"], np.zeros((2, 1), np.float32))
-    for given, message in (((0.5, 0.6), "1 together"), ((-0.5, 1.5), "at least 0"), (0.5, "probability of each")):
+    for given, message in (
+        ((0.5, 0.6), "1 together"),
+        ((-0.5, 1.5), "at least 0"),
+        (0.5, "probability of each"),
+    ):
         with pytest.raises(InputError, match=message):
             jaxpf.Partitioned(
                 Steps(), Tables(), ORDERINGS["ps"], np.zeros((2, 1), np.float32), np.array(given)

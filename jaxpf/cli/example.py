@@ -98,7 +98,7 @@ def _write_points(folder: Path, scene: Any) -> None:
         for frame, (places, seen) in enumerate(zip(points, scene.extras["visible"], strict=True))
         for point in np.flatnonzero(np.isfinite(places).all(axis=-1))
     )
-    _table(folder / "truth.csv", "frame,point,x,y,lost", rows)
+    _table(folder / "truth.csv", "frame,point,x,y,hidden", rows)
 
 
 def _write_contours(folder: Path, scene: Any) -> None:

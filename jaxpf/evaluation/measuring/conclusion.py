@@ -17,6 +17,7 @@ from jaxpf.evaluation.measuring.measures import by_name
 from jaxpf.evaluation.measuring.summary import (
     Runs,
     Summary,
+    common_runs,
     configuration_name,
     named_values,
     run_values,
@@ -106,10 +107,8 @@ def _difference(
         ours = _repeated(ours, theirs.runs)
     if second.configuration.is_imported:
         theirs = _repeated(theirs, ours.runs)
-    _, left, right = np.intersect1d(ours.runs, theirs.runs, return_indices=True)
-    difference = mean_difference(
-        *(ours.values[left], ours.weights[left]), *(theirs.values[right], theirs.weights[right])
-    )
+    ours, theirs = common_runs(ours, theirs)
+    difference = mean_difference(ours.values, ours.weights, theirs.values, theirs.weights)
     value, error, runs = difference.value[-1], difference.standard_error[-1], difference.runs[-1]
     if not np.isfinite(error):
         return float(value), -np.inf, np.inf

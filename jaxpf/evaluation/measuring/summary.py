@@ -154,6 +154,15 @@ def run_values(entry: Collected, measure: Measure) -> Runs:
     return Runs(entry.runs, values, weights)
 
 
+def common_runs(ours: Runs, theirs: Runs) -> tuple[Runs, Runs]:
+    """Both at the runs that they share."""
+    runs, left, right = np.intersect1d(ours.runs, theirs.runs, return_indices=True)
+    return (
+        Runs(runs, ours.values[left], ours.weights[left]),
+        Runs(runs, theirs.values[right], theirs.weights[right]),
+    )
+
+
 def _estimate(entry: Collected, measure: Measure, given: Runs) -> Estimate:
     if measure.is_rate:
         estimate = rate(given.values)
@@ -165,12 +174,10 @@ def _estimate(entry: Collected, measure: Measure, given: Runs) -> Estimate:
 
 
 def _difference(entry: Collected, measure: Measure, given: Runs, other: Runs) -> Difference:
-    _, ours, theirs = np.intersect1d(given.runs, other.runs, return_indices=True)
+    given, other = common_runs(given, other)
     if measure.is_rate:
-        return rate_difference(given.values[ours], other.values[theirs])
-    difference = mean_difference(
-        *(given.values[ours], given.weights[ours]), *(other.values[theirs], other.weights[theirs])
-    )
+        return rate_difference(given.values, other.values)
+    difference = mean_difference(given.values, given.weights, other.values, other.weights)
     if measure in SCORES:
         difference = Difference(*_of_all_objects(difference, entry.num_objects))
     return difference

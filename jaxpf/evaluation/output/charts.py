@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.evaluation.measuring.measures import CURVES, DISTANCE
+from jaxpf.evaluation.measuring.measures import CURVES, DISTANCE, by_name
 from jaxpf.evaluation.measuring.summary import Summary
+from jaxpf.evaluation.output.layout import heading, triples
 from jaxpf.media.plotting import new_figure
 
 #: Okabe and Ito (2008): the colours visible on white, most distinct first.
@@ -60,6 +61,52 @@ def error_over_time(first_frame: int, summaries: Sequence[Summary]) -> Any:
     return figure
 
 
+def against_time(lines: Mapping[str, Sequence[Summary]]) -> Any:
+    """Draw success area and centre error against time per frame.
+
+    Args:
+        lines: result of ``lines_over_particles``.
+    """
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    figure, axes = _axes(len(lines), 2)
+    for axis, name in zip(axes, ("success_area", "centre_error"), strict=True):
+        measure = by_name(name)
+        for label, line in lines.items():
+            values = triples([summary.estimates[name] for summary in line], -1)
+            value, lower, upper = values.T * (100 if measure.percent else 1)
+            times = [1000 / speed_of(summary) for summary in line]
+            _error_bars(axis, times, value, [value - lower, upper - value], label)
+        axis.set(xscale="log", xlabel="ms a frame", ylabel=heading(measure))
+        axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.xaxis.set_minor_locator(NullLocator())
+    _legend_below(axes[0])
+    return figure
+
+
+def lines_over_particles(summaries: Sequence[Summary]) -> dict[str, list[Summary]]:
+    """Group timed configurations that differ in the number of particles alone.
+
+    Each group, keyed by the common name, is sorted by that number and has at least two entries.
+    """
+
+    def number(summary: Summary) -> Any:
+        return summary.configuration.parameters["particles"]
+
+    lines: dict[str, list[Summary]] = {}
+    for summary in summaries:
+        if np.isfinite(speed_of(summary)) and "particles" in summary.configuration.parameters:
+            name = summary.name.replace(f", particles {number(summary)}", "")
+            lines.setdefault(name, []).append(summary)
+    return {name: sorted(line, key=number) for name, line in lines.items() if len(line) > 1}
+
+
+def speed_of(summary: Summary) -> float:
+    """Frames per second of a configuration; NaN if not measured."""
+    return float(summary.estimates["frames_per_second"].value[-1])
+
+
 def calibration(summaries: Sequence[Summary]) -> Any:
     """Draw coverage of central regions of x and y against their probability."""
     figure, (axis,) = _axes(len(summaries))
@@ -82,8 +129,7 @@ def confidence(summaries: Sequence[Summary]) -> Any:
         value, _, lower, upper = (100 * x[:bins] for x in summary.collected.confidence.shares())
         places = middles + 1.5 * (number - (len(summaries) - 1) / 2)
         reach = np.nan_to_num([value - lower, upper - value])
-        style = {"label": _wrapped(summary.name), "marker": "o", "markersize": 3.5, "capsize": 2}
-        axis.errorbar(places, value, reach, **style)
+        _error_bars(axis, places, value, reach, summary.name)
     _finish_diagonal(axis, "confidence (%)", "boxes on their object (%)")
     return figure
 
@@ -92,6 +138,11 @@ def _axes(lines: int, columns: int = 1) -> tuple[Any, Any]:
     """A figure with axes side by side and room for a legend of so many lines below each."""
     figure, axes = new_figure(1, columns, figsize=(4.6 * columns, 3.9 + 0.17 * lines))
     return figure, axes[0]
+
+
+def _error_bars(axis: Any, x: Any, values: Any, reach: Any, name: str) -> None:
+    """Draw values with bars that reach as far below and above, ``[2, ...]``."""
+    axis.errorbar(x, values, reach, label=_wrapped(name), marker="o", markersize=3.5, capsize=2)
 
 
 def _finish_diagonal(axis: Any, xlabel: str, ylabel: str) -> None:

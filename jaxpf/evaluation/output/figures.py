@@ -134,3 +134,12 @@ def _drawn(results: Results, overview: Overview) -> Iterator[tuple[str, str, str
             "confidence is honest, below it too high. Bars: 95 % intervals over runs." + shown,
             charts.confidence(confident),
         )
+    if lines := charts.lines_over_particles(summaries):
+        yield (
+            "against-time",
+            "Accuracy against time",
+            "Lines join numbers of particles. Time: of one run alone on this machine, from a "
+            "frame in memory to its estimate. Bars: 95 % intervals over runs. Of two methods, the "
+            "higher on the left, or the lower on the right, is better at equal time.",
+            charts.against_time(lines),
+        )

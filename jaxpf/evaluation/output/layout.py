@@ -47,7 +47,7 @@ CALIBRATION = tuple(
     )
 )
 #: A half-width below this is rounding error from equal values.
-_ROUNDING = 1e-6
+_ROUNDING = 1e-4
 #: Characters that Markdown would read as markup.
 _SPECIAL = "\\`*_{}<>|#"
 #: Differences with a Holm-adjusted p below this are marked.

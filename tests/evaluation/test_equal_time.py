@@ -1,0 +1,55 @@
+"""Curves over measured times."""
+
+import json
+
+import numpy as np
+import pytest
+from made_results import PARAMETERS, batch, make, walks
+
+from jaxpf.evaluation import Configuration
+from jaxpf.evaluation.measuring.measures import by_name
+from jaxpf.evaluation.output import charts
+from jaxpf.evaluation.output.tables import write_tables
+from jaxpf.evaluation.work.results import SPEEDS
+
+#: Particles and frames per second: PS takes 10 and 40 ms, SPS 20 and 100.
+TIMED = [
+    ("PS", "21", 100, 100.0),
+    ("PS", "21", 400, 25.0),
+    ("SPS", "", 100, 50.0),
+    ("SPS", "", 400, 10.0),
+]
+
+
+@pytest.fixture
+def evaluated(tmp_path):
+    truth, boxes = walks(seed=3, runs=6, frames=8, objects=2)
+    rng = np.random.default_rng(4)
+    configurations = [
+        (
+            Configuration(method, order, {**PARAMETERS, "particles": number}),
+            [batch(truth + rng.normal(size=boxes.shape) * (0.2 + 40 / number))],
+        )
+        for method, order, number, _ in TIMED
+    ]
+    results = make(tmp_path / "results", configurations, truth)
+    (results.folder / SPEEDS).write_text(json.dumps([speed for *_, speed in TIMED]))
+    return results
+
+
+def test_curves_join_numbers_of_particles(evaluated):
+    summaries = write_tables(evaluated).summaries
+    lines = charts.lines_over_particles(summaries)
+    assert list(lines) == ["PS 21", "SPS"]
+    figure = charts.against_time(lines)
+    for axis, measure in zip(figure.axes, ("success_area", "centre_error"), strict=True):
+        assert by_name(measure).title in axis.get_ylabel()
+        assert len(axis.containers) == 2
+        line, *_ = axis.containers[0].lines
+        np.testing.assert_allclose(np.asarray(line.get_xdata(), float), [10, 40])
+
+
+def test_without_speeds_there_are_no_curves(evaluated):
+    (evaluated.folder / SPEEDS).unlink()
+    tables = write_tables(evaluated)
+    assert charts.lines_over_particles(tables.summaries) == {}

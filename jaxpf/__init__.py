@@ -9,7 +9,8 @@ above; a test holds this.
     The papers' tables and figures repeated: one folder per paper, all alike, and ``judging/``.
 ``evaluation/``
     Many runs of many methods compared, with intervals; ``work/`` runs them and resumes,
-    ``output/`` writes tables, figures and the report, ``baselines/`` holds other trackers.
+    ``measuring/`` measures and concludes, ``output/`` writes tables, figures and the report,
+    ``baselines/`` holds other trackers.
 ``tuning/``
     Parameters found by gradient descent, or drawn from their posterior.
 ``populations/``

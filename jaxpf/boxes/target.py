@@ -18,7 +18,6 @@ from jaxpf.boxes.models import (
     reach_of,
     relative_box_model,
     relative_steps,
-    usual_noise,
 )
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
@@ -164,13 +163,6 @@ class BoxTarget(Target):
             return options
         method = self.likelihood(options, start, looks).method
         return dataclasses.replace(options, likelihood=method)
-
-    def noise(self, options: Options, start: Start) -> np.ndarray:
-        """See ``Target``."""
-        if options.motion == RELATIVE:
-            steps = relative_steps(options.relative_scale, len(start.shapes))
-            return usual_noise(steps, start.sizes)
-        return np.array(options.scale)
 
     def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
         """See ``Target``."""

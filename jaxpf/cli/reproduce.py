@@ -57,7 +57,7 @@ def command(
 
     PAPER is one of smith2004, gonzales2011, rowe2005, eskil2014, maccormick1999.
     """
-    from jaxpf.cli.evaluating.cluster import cluster
+    from jaxpf.cli.shared.cluster import cluster
     from jaxpf.contract.errors import InputError
     from jaxpf.files.writing import prepare_output_folder
 

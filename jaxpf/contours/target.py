@@ -218,11 +218,6 @@ class ContourTarget(Target):
             flip=(_FLIP if options.flip is None else options.flip) if options.hides else None,
         )
 
-    def noise(self, options: Options, start: Start) -> np.ndarray:
-        """See ``Target``."""
-        shift = DEFAULT_SCALE[0] if options.shift_noise is None else options.shift_noise
-        return np.array([shift, shift, np.nan])
-
     @property
     def has_places(self) -> bool:
         """See ``Target``: every shape space begins with the shift of the centre."""

@@ -1,6 +1,4 @@
-from .other_tracks import match_tracks as match_tracks, read_tracks as read_tracks
 from .plan import Limits as Limits, Plan as Plan
-from .results import Configuration as Configuration, Results as Results
 from .work.batches import Batch as Batch
 from .work.engine import (
     Opened as Opened,
@@ -15,3 +13,5 @@ from .work.engine import (
     settle as settle,
 )
 from .work.execution import Pool as Pool, local_pool as local_pool
+from .work.other_tracks import match_tracks as match_tracks, read_tracks as read_tracks
+from .work.results import Configuration as Configuration, Results as Results

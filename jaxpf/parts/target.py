@@ -170,12 +170,6 @@ class PartTarget(Target):
             return options
         return dataclasses.replace(options, likelihood="sampled")
 
-    def noise(self, options: Options, start: Start) -> np.ndarray:
-        """See ``Target``; NaN for relative parts, because joints have no noise in x, y."""
-        if options.dynamics == "absolute":
-            return _DEGREES * options.scale
-        return np.full(3, np.nan)
-
     def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
         """See ``Target``."""
         return np.asarray(estimate)[..., :3]

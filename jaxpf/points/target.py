@@ -114,10 +114,6 @@ class PointTarget(Target):
             parents=start.parents,
         )
 
-    def noise(self, options: Options, start: Start) -> np.ndarray:
-        """See ``Target``."""
-        return np.array([options.diffusion, options.diffusion, np.nan])
-
     def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
         """See ``Target``."""
         return np.asarray(estimate)[..., :2]

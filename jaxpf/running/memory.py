@@ -1,4 +1,4 @@
-"""Check available memory before starting."""
+"""The machine: its cores, and whether work fits in its memory, checked before starting."""
 
 import contextlib
 import math
@@ -54,6 +54,13 @@ def needed_by(tracker: Any, runs: int = 1, kept_frames: int = 1) -> float:
     method = getattr(getattr(likelihood, "likelihood", likelihood), "method", None)
     step = _FROM_SAMPLES if method == "sampled" else _FROM_TABLES
     return _BASE + runs * size * (step + kept_frames)
+
+
+def num_cores() -> int:
+    """Number of processor cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def machine_memory() -> int | None:

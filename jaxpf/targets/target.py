@@ -145,10 +145,6 @@ class Target(abc.ABC):
         """The options with every "auto" replaced by its choice, to be stored with the results."""
         return options
 
-    def noise(self, options: Any, start: Start) -> np.ndarray:
-        """``[3]``: process noise of the first coordinates, NaN where it is not a single value."""
-        return np.full(3, np.nan)
-
     @abc.abstractmethod
     def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
         """Shapes ``[..., P, S]`` of a tracker's estimates ``[..., P, D]``."""

@@ -28,8 +28,8 @@ def place(tmp_path_factory):
 def short_report(monkeypatch):
     """A report has tests of its own, and takes seconds."""
 
-    def write(results, tables):
-        (results.folder / "report.html").write_text(f"{len(tables.summaries)} configurations")
+    def write(results, overview):
+        (results.folder / "report.html").write_text(f"{len(overview.summaries)} configurations")
 
     monkeypatch.setattr(report, "write_report", write)
 

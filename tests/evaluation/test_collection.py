@@ -2,40 +2,27 @@
 
 import csv
 import math
-import tracemalloc
 
 import jax
 import numpy as np
 import pytest
 from made_results import SIR, batch, make, walks
 
-from jaxpf.evaluation import collection
-from jaxpf.evaluation.collection import ErrorQuantiles
+from jaxpf.evaluation.measuring.collection import QUANTILES, error_quantiles
 from jaxpf.evaluation.output.tables import write_tables
 from jaxpf.measures import mean_interval
 
 
-def test_quantiles_are_within_a_hundredth():
-    random = np.random.default_rng(4)
-    errors = random.lognormal(1, 1.5, (400, 3, 2))
+def test_quantiles_are_those_of_runs_and_objects_in_every_frame():
+    errors = np.random.default_rng(4).lognormal(1, 1.5, (400, 3, 2))
     errors[:, 0, 0] = math.nan
     errors[5, 1, 1] = math.nan
-    counted = ErrorQuantiles(300, 2)
-    many = np.tile(errors, (1, 100, 1))
-    counted.add(many[:150])
-    counted.add(many[150:])
-    levels = (0.05, 0.25, 0.5, 0.75, 0.95)
-    got = counted.quantiles(levels)
-    np.testing.assert_array_equal(got, np.tile(got[:, :3], (1, 100, 1)))
-    assert np.isnan(got[:, 0, 0]).all()
-    for place, values in ((0, errors[:, :, 0]), (1, errors[:, :, 1])):
-        for frame in (1, 2):
-            known = values[:, frame][np.isfinite(values[:, frame])]
-            exact = np.quantile(known, levels, method="inverted_cdf")
-            np.testing.assert_allclose(got[:, frame, place], exact, rtol=0.0101)
-    pooled = errors[:, 2].reshape(-1)
-    exact = np.quantile(pooled, levels, method="inverted_cdf")
-    np.testing.assert_allclose(got[:, 2, 2], exact, rtol=0.0101)
+    errors[:, 2] = math.nan
+    quantiles = error_quantiles(errors)
+    np.testing.assert_allclose(quantiles[:, 0], np.quantile(errors[:, 0, 1], QUANTILES))
+    pooled = errors[:, 1][np.isfinite(errors[:, 1])]
+    np.testing.assert_allclose(quantiles[:, 1], np.quantile(pooled, QUANTILES))
+    assert np.isnan(quantiles[:, 2]).all()
 
 
 def test_curves_are_means_over_runs(tmp_path):
@@ -44,7 +31,10 @@ def test_curves_are_means_over_runs(tmp_path):
     truth, boxes = walks(seed=8, runs=30, frames=6, objects=2)
     results = make(tmp_path / "results", [(SIR, [batch(boxes[:20]), batch(boxes[20:], 20)])], truth)
     (summary,) = write_tables(results).summaries
-    for found, curve in ((summary.success, success_curve), (summary.precision, precision_curve)):
+    for found, curve in (
+        (summary.collected.success, success_curve),
+        (summary.collected.precision, precision_curve),
+    ):
         curves = jax.jit(curve)(np.float32(boxes), truth)
         wanted = jax.jit(mean_interval)(curves)
         np.testing.assert_allclose(found.value[:2], wanted.value, atol=1e-6)
@@ -57,28 +47,7 @@ def test_curves_are_means_over_runs(tmp_path):
         rows = [row for row in csv.DictReader(file) if row["object"] == "all"]
     assert [row["curve"] for row in rows] == ["success"] * 21 + ["precision"] * 51
     (at_20,) = (row for row in rows if (row["curve"], row["threshold"]) == ("precision", "20"))
-    assert float(at_20["value"]) == pytest.approx(np.mean(summary.precision.value[2, 20]))
-
-
-@pytest.mark.slow
-def test_memory_does_not_grow_with_the_runs(tmp_path, monkeypatch):
-    """10 000 runs, a hundred at a time: their arrays take 4.4 MB, their rows 5 MB."""
-    monkeypatch.setattr(collection, "SCORED_RUNS", 1)
-    truth, boxes = walks(seed=10, runs=100, frames=6, objects=2)
-    peaks = []
-    write_tables(make(tmp_path / "first", [(SIR, [batch(boxes)])], truth))  # compiles
-    for count in (10, 100):
-        parts = [batch(boxes, first) for first in range(0, 100 * count, 100)]
-        results = make(tmp_path / f"{count}", [(SIR, parts)], truth)
-        del parts
-        tracemalloc.start()
-        made = write_tables(results)
-        peaks.append(tracemalloc.get_traced_memory()[1] / 1e6)
-        tracemalloc.stop()
-        assert made.summaries[0].runs == 100 * count
-    with open(tmp_path / "100" / "results.csv", encoding="utf-8") as file:
-        assert sum(1 for _ in file) == 20_001
-    assert peaks[1] - peaks[0] < 1.5, peaks
+    assert float(at_20["value"]) == pytest.approx(np.mean(summary.collected.precision.value[2, 20]))
 
 
 def test_reliability_and_area_of_confidence_by_hand(tmp_path):
@@ -94,12 +63,12 @@ def test_reliability_and_area_of_confidence_by_hand(tmp_path):
     results = make(tmp_path / "results", [(SIR, [batch(boxes, confidence=confidence)])], truth)
     made = write_tables(results)
     (summary,) = made.summaries
-    assert summary.confidence.frames.tolist() == [0, 10, 0, 0, 10, 20]
+    assert summary.collected.confidence.frames.tolist() == [0, 10, 0, 0, 10, 20]
     np.testing.assert_allclose(
-        summary.confidence.shares().value, [math.nan, 0.2, math.nan, math.nan, 0.8, 0.5]
+        summary.collected.confidence.shares().value, [math.nan, 0.2, math.nan, math.nan, 0.8, 0.5]
     )
     # Pairs of a frame on and one off its object: 8 x 8 apart, 8 x 2 and 2 x 8 level, 2 x 2 wrong.
-    assert summary.confidence.area() == pytest.approx((64 + 32 / 2) / 100)
+    assert summary.collected.confidence.area() == pytest.approx((64 + 32 / 2) / 100)
     line = made.remarks[-1]
     assert "0.2 to 0.4: 20 %, 0.8 to 1.0: 80 %; area under the curve 80 %" in line
     with open(tmp_path / "results" / "summary.csv", newline="") as file:

@@ -5,10 +5,9 @@ import pytest
 from made_results import DPS, OTHER, PS, SIR, batch, imported, make, walks
 
 from jaxpf.evaluation import Configuration
-from jaxpf.evaluation.collection import collect
-from jaxpf.evaluation.conclusion import conclude
-from jaxpf.evaluation.output.tables import MOST_PRINTED, printed_tables, write_tables
-from jaxpf.evaluation.summary import summarise
+from jaxpf.evaluation.measuring.overview import measure_results
+from jaxpf.evaluation.output.layout import MOST_PRINTED
+from jaxpf.evaluation.output.tables import printed_tables, write_tables
 
 
 def conclusion(folder, **shrunk):
@@ -73,12 +72,8 @@ def test_a_best_among_equals_is_rarely_claimed(tmp_path):
             (Configuration("SIR", f"{i}"), [batch(walks(100 * repetition + i, 12, 3, 1)[1])])
             for i in range(6)
         ]
-        results, collected = make(tmp_path / f"{repetition}", batches, truth), []
-        for number, configuration in enumerate(results.configurations):
-            store = tmp_path / f"{repetition} {number}"
-            store.mkdir()
-            collected.append(collect(results, configuration, store))
-        sentence = conclude(results, summarise(results, collected), collected).sentence
+        results = make(tmp_path / f"{repetition}", batches, truth)
+        sentence = measure_results(results).conclusion.sentence
         claims += "follows best" in sentence.replace("No configuration f", "")
     assert claims / repetitions < 0.05 + 4.5 * np.sqrt(0.05 * 0.95 / repetitions)
 

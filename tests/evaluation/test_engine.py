@@ -37,7 +37,6 @@ def test_results_tell_everything_about_the_evaluation(whole):
     np.testing.assert_array_equal(results.truth, scene.boxes[1:])
     assert results.settings["versions"]["jaxpf"] == jaxpf.__version__
     for configuration in results.configurations:
-        np.testing.assert_allclose(results.noise_scale(configuration), [1, 1, 0.001])
         assert results.finished(configuration) == TWICE
         first, second = results.batches(configuration)
         np.testing.assert_array_equal(first.runs, np.arange(RUNS))
@@ -143,7 +142,6 @@ def test_imported_tracks_enter_as_one_run(whole, tmp_path):
     np.testing.assert_array_equal(np.argwhere(batch.without_likelihood), [[0, 3, 1]])
     for name in ("uniqueness", "spread", "ess", "log_evidence"):
         assert np.all(np.isnan(getattr(batch, name)))
-    assert np.all(np.isnan(results.noise_scale(theirs)))
     assert finished(plan, tmp_path / "out") is not None
     more = evaluate(small_plan(tracks={"theirs": path}, runs=TWICE), tmp_path / "out")
     assert more.finished(theirs) == 1

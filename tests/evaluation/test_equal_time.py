@@ -7,11 +7,10 @@ import pytest
 from made_results import PARAMETERS, batch, make, walks
 
 from jaxpf.evaluation import Configuration
-from jaxpf.evaluation.equal_time import curves, times_of
-from jaxpf.evaluation.measures import by_name
+from jaxpf.evaluation.measuring.measures import by_name
 from jaxpf.evaluation.output import charts
 from jaxpf.evaluation.output.tables import write_tables
-from jaxpf.evaluation.speed import NAME
+from jaxpf.evaluation.work.results import SPEEDS
 
 #: Particles and frames per second: PS takes 10 and 40 ms, SPS 20 and 100.
 TIMED = [
@@ -34,20 +33,15 @@ def evaluated(tmp_path):
         for method, order, number, _ in TIMED
     ]
     results = make(tmp_path / "results", configurations, truth)
-    (results.folder / NAME).write_text(json.dumps([speed for *_, speed in TIMED]))
+    (results.folder / SPEEDS).write_text(json.dumps([speed for *_, speed in TIMED]))
     return results
-
-
-def test_more_particles_never_take_less_time():
-    # As if 400 particles were faster than 100.
-    np.testing.assert_allclose(times_of([25.0, 100.0]), [0.04, 0.04])
 
 
 def test_curves_join_numbers_of_particles(evaluated):
     summaries = write_tables(evaluated).summaries
-    lines = curves(summaries)
+    lines = charts.lines_over_particles(summaries)
     assert list(lines) == ["PS 21", "SPS"]
-    figure = charts.against_time(summaries, 2)
+    figure = charts.against_time(lines)
     for axis, measure in zip(figure.axes, ("success_area", "centre_error"), strict=True):
         assert by_name(measure).title in axis.get_ylabel()
         assert len(axis.containers) == 2
@@ -56,6 +50,6 @@ def test_curves_join_numbers_of_particles(evaluated):
 
 
 def test_without_speeds_there_are_no_curves(evaluated):
-    (evaluated.folder / NAME).unlink()
+    (evaluated.folder / SPEEDS).unlink()
     tables = write_tables(evaluated)
-    assert curves(tables.summaries) == {}
+    assert charts.lines_over_particles(tables.summaries) == {}

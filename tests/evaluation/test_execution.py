@@ -24,7 +24,8 @@ from worker_functions import (
 
 from jaxpf import InputError
 from jaxpf.evaluation import Pool, local_pool
-from jaxpf.evaluation.work.execution import in_turn, num_cores
+from jaxpf.evaluation.work.execution import in_turn
+from jaxpf.running.memory import num_cores
 
 PIECES = list(range(12))
 

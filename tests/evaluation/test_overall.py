@@ -92,8 +92,8 @@ def test_curves_are_means_over_sequences_with_their_intervals(tmp_path, monkeypa
         drawn.update(curves)
         return right(methods, curves)
 
-    right = charts.curves_over_sequences
-    monkeypatch.setattr(charts, "curves_over_sequences", keep)
+    right = charts.accuracy_curves
+    monkeypatch.setattr(charts, "accuracy_curves", keep)
     row = ["SIR", "", "2.0", "all", "overlap", 9, 0.5]
     write(tmp_path, "one", [row, ["PS", *row[1:]]])
     write(tmp_path, "two", [row], lambda threshold: 1 - threshold**2)
@@ -101,10 +101,10 @@ def test_curves_are_means_over_sequences_with_their_intervals(tmp_path, monkeypa
     at_half = [0.5, 0.75]
     low, _ = stats.t.interval(0.95, 1, np.mean(at_half), stats.sem(at_half))
     assert low < 0  # less than a share can be
-    np.testing.assert_allclose(drawn["SIR", "success"][10], (2, np.mean(at_half), 0, 1))
-    np.testing.assert_allclose(drawn["SIR", "precision"][25, 1], 1 - np.mean(at_half))
-    assert drawn["PS", "success"][10, 0] == 1
-    assert np.isnan(drawn["PS", "success"][10, 2:]).all()
+    np.testing.assert_allclose(drawn["SIR", "success"][:, 10], (np.mean(at_half), 0, 1))
+    np.testing.assert_allclose(drawn["SIR", "precision"][0, 25], 1 - np.mean(at_half))
+    assert drawn["PS", "success"][0, 10] == 0.5
+    assert np.isnan(drawn["PS", "success"][1:, 10]).all()
 
 
 def test_intervals_of_shares_stay_between_0_and_100_percent(tmp_path):

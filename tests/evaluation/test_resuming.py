@@ -28,6 +28,7 @@ from jaxpf import InputError
 from jaxpf.evaluation import Results, evaluate, finished, prepare
 from jaxpf.evaluation.work import batches, folder
 from jaxpf.files import writing as files
+from jaxpf.files.locking import locked
 
 
 def test_more_runs_are_added_to_those_there_are(whole, part):
@@ -70,7 +71,7 @@ def test_a_damaged_batch_is_found_and_done_again(whole, part, harm):
             kept = {name: arrays[name] for name in arrays}
         np.savez(path, **(kept | {"shapes": kept["shapes"][:, :-1]}))
     prepared = prepare(small_plan(), part)
-    assert (prepared.damaged, prepared.missing_runs) == ([path], RUNS)
+    assert (prepared.settled.damaged, prepared.missing_runs) == ([path], RUNS)
     assert finished(small_plan(), part) is None
     results = evaluate(small_plan(), part)
     assert finished(small_plan(), part) is not None
@@ -189,7 +190,7 @@ def test_batches_without_settings_are_refused(part):
 
 def test_two_processes_cannot_evaluate_into_one_folder(part):
     with (
-        folder.locked(part),
+        locked(part, "evaluating"),
         pytest.raises(InputError, match="another process is evaluating into"),
     ):
         evaluate(small_plan(runs=TWICE), part)
@@ -197,9 +198,9 @@ def test_two_processes_cannot_evaluate_into_one_folder(part):
 
 
 def test_errors_while_the_folder_is_locked_are_not_mistaken_for_its_own(tmp_path):
-    with pytest.raises(FileNotFoundError, match="elsewhere"), folder.locked(tmp_path):
+    with pytest.raises(FileNotFoundError, match="elsewhere"), locked(tmp_path, "evaluating"):
         raise FileNotFoundError("elsewhere")
-    with folder.locked(tmp_path):  # it was given back
+    with locked(tmp_path, "evaluating"):  # it was given back
         pass
 
 

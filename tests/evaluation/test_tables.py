@@ -12,10 +12,11 @@ from small_evaluation import small_scene
 from two_objects import BOXES, FAR, NAN, TRUE, TRUTH, found, numbers, rows_of
 
 from jaxpf import InputError, measures as metrics
-from jaxpf.evaluation import Configuration, Plan, Results, collection
+from jaxpf.evaluation import Configuration, Plan, Results
+from jaxpf.evaluation.measuring import collection
+from jaxpf.evaluation.measuring.summary import configuration_name
 from jaxpf.evaluation.output import tables
 from jaxpf.evaluation.output.tables import write_tables
-from jaxpf.evaluation.summary import configuration_name
 from jaxpf.evaluation.work.settings import new_settings
 from jaxpf.measures import wilson_interval
 from jaxpf.targets import find_adapter
@@ -67,10 +68,6 @@ def test_every_run_and_object_has_a_row(by_hand):
         ("located_frames", [2, 1, 2, 1, 2, 0, 2, 1]),
         ("centre_error", [2.5, 0, 25, 50, 25, math.nan, 25, 0]),
         ("uniqueness", [*6 * [0.5], math.nan, math.nan]),
-        # spread over noise (2, 4, .5), in the first batch (1, 8, .5), in the second 2 throughout
-        ("effective_dynamics_u", [0.5, 0.5, 0.5, 0.5, 1, 1, math.nan, math.nan]),
-        ("effective_dynamics_v", [2, 2, 2, 2, 0.5, 0.5, math.nan, math.nan]),
-        ("effective_dynamics_a", [1, 1, 1, 1, 4, 4, math.nan, math.nan]),
         # Offsets: of the first run (0, 0) and (5, 0), of the others none where they are followed;
         # spreads (1, 8) and (2, 2).
         ("coverage_50", [0.75, 1, 1, math.nan, 1, math.nan, math.nan, math.nan]),
@@ -229,7 +226,7 @@ def test_markdown_holds_the_summary(by_hand):
 
 
 def test_shown_decimals_follow_the_width_of_the_intervals():
-    from jaxpf.evaluation.measures import by_name
+    from jaxpf.evaluation.measuring.measures import by_name
     from jaxpf.evaluation.output.layout import cells_of
 
     measure = by_name("centre_error")
@@ -261,8 +258,7 @@ def test_scores_of_the_benchmarks_are_means_over_runs(by_hand):
 
 def test_without_trackeval_the_scores_are_left_out(tmp_path, monkeypatch):
     monkeypatch.setattr(collection, "has_scores", lambda: False)
-    monkeypatch.setattr(tables, "has_scores", lambda: False)
-    monkeypatch.setattr("jaxpf.evaluation.summary.has_scores", lambda: False)
+    monkeypatch.setattr("jaxpf.evaluation.measuring.overview.has_scores", lambda: False)
     results = make(tmp_path / "results", [(SIR, [batch(BOXES)])], TRUTH)
     made = write_tables(results)
     assert any("--no-deps trackeval" in remark for remark in made.remarks)
@@ -290,7 +286,6 @@ def test_a_full_disk_loses_nothing(tmp_path, monkeypatch):
     results = make(tmp_path / "results", [(SIR, [batch(boxes)])], truth)
     write_tables(results)
     before = (results.folder / "results.csv").read_bytes()
-    (results.folder / ".tables-of-a-killed-process").mkdir()
 
     def full(file):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

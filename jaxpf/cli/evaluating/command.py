@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import click
 
-from jaxpf.cli.evaluating.request import VARIED, Compared, Request, Work, plan_of, request_of
+from jaxpf.cli.evaluating.output import FINISHED, print_again, print_results, show_plan
+from jaxpf.cli.evaluating.request import VARIED, Compared, Request, Work, parse
 from jaxpf.cli.evaluating.sequences import evaluate_each
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import progress_bar
@@ -22,25 +23,28 @@ _LESS_MEMORY = "ask for fewer particles, workers or frames, or a smaller --memor
 
 
 class _Opened(NamedTuple):
-    """The opened scene, see ``jaxpf.evaluation.Opened``, and where its runs are computed.
+    """The opened scene, and where its runs are computed.
 
     Attributes:
-        evaluation: the opened scene.
+        evaluation: the opened scene, see ``jaxpf.evaluation.Opened``.
         devices: host devices per process.
-        workers: number of processes.
         pool: processes or Dask workers; None for this process.
     """
 
     evaluation: Any
     devices: int
-    workers: int
     pool: Any
+
+    @property
+    def workers(self) -> int:
+        """Number of processes."""
+        return self.pool.workers if self.pool else 1
 
 
 def _command(**values: Any) -> None:
     from scenes.sequences import sequences_in
 
-    request = request_of(values)
+    request = parse(values)
     if sequences := sequences_in(request.scene):
         evaluate_each(request, sequences, _evaluate)
     else:
@@ -49,55 +53,50 @@ def _command(**values: Any) -> None:
 
 def _evaluate(request: Request) -> None:
     """Evaluate one scene."""
-    plan = plan_of(request)
-    if _is_finished(request, plan):
+    if _is_finished(request):
         return
-    opened = _open(request, plan)
-    settled = _settle(opened)
-    prepared = _build(request, opened, settled)
+    opened = _open(request)
+    prepared = _build(request, opened, _settle(opened))
     if not request.options.dry_run:
-        results = _run(request, opened, prepared)
-        _finish(request, results)
+        _finish(request, _run(request, opened, prepared))
 
 
-def _is_finished(request: Request, plan: Any) -> bool:
+def _is_finished(request: Request) -> bool:
     """Whether nothing is left to do; if so, print the results again."""
-    from jaxpf.cli.evaluating.output import print_again
     from jaxpf.evaluation import finished
 
     if (request.output / LOCK).exists():  # fail early: planning takes minutes
         with locked(request.output, "evaluating"):
             pass
-    if finished(plan, request.output) is None:
+    if finished(request.plan, request.output) is None:
         return False
     if request.options.dry_run:
         click.echo(f"{request.output}/: finished, nothing left to do")
         return True
-    return not request.options.speed and print_again(request.output, plan.runs)
+    return not request.options.speed and print_again(request.output, request.plan.runs)
 
 
-def _open(request: Request, plan: Any) -> _Opened:
+def _open(request: Request) -> _Opened:
     """Start JAX, connect to workers, and open the scene.
 
     Raises:
         InputError: no scheduler answers, or the scene cannot be opened.
     """
-    from jaxpf.cli.evaluating.cluster import cluster
     from jaxpf.evaluation import local_pool, open_evaluation
-    from jaxpf.evaluation.work.execution import num_cores
 
     options, pool = request.options, None
-    devices = options.devices or max(1, num_cores() // options.workers)
-    start_jax(devices)
+    devices = start_jax(options.devices, options.workers)
     if options.dask:
+        from jaxpf.cli.shared.cluster import cluster
+
         pool = click.get_current_context().with_resource(cluster(options.dask, options.devices))
     elif options.workers > 1:
         pool = local_pool(options.workers, devices, use_compile_cache)
     click.echo(f"Reading {request.scene}", err=True)
-    opened = open_evaluation(plan, request.output)
+    opened = open_evaluation(request.plan, request.output)
     target = opened.adapter.target
     report_implied(request.grid, target.resolved(target.options(), is_filmed(opened.scene)))
-    return _Opened(opened, devices, pool.workers if pool else 1, pool)
+    return _Opened(opened, devices, pool)
 
 
 def _settle(opened: _Opened) -> Any:
@@ -113,7 +112,6 @@ def _build(request: Request, opened: _Opened, settled: Any) -> Any:
     Raises:
         InputError: the work does not fit in memory.
     """
-    from jaxpf.cli.evaluating.output import show_plan
     from jaxpf.evaluation import Limits, divide_work
 
     options = request.options
@@ -132,14 +130,13 @@ def _run(request: Request, opened: _Opened, prepared: Any) -> Any:
 
     An interruption keeps the finished runs and says how to resume.
     """
-    from jaxpf.cli.evaluating.output import FINISHED
     from jaxpf.evaluation import carry_out
-    from jaxpf.evaluation.speed import keep_speeds, measure_speeds
+    from jaxpf.evaluation.work.speed import keep_speeds, measure_speeds
 
-    (prepared.folder / FINISHED).unlink(missing_ok=True)  # it describes fewer runs
+    (request.output / FINISHED).unlink(missing_ok=True)  # it describes fewer runs
     try:
         with progress_bar("runs") as bar:
-            name = prepared.settings["scene"]["name"]
+            name = opened.evaluation.scene.name
             task = bar.add_task(f"{name}: compiling", total=prepared.missing_runs)
 
             def progress(runs: int) -> None:
@@ -148,7 +145,7 @@ def _run(request: Request, opened: _Opened, prepared: Any) -> Any:
             results = carry_out(prepared, executor=opened.pool, progress=progress)
     except KeyboardInterrupt:
         click.echo(
-            f"Finished runs are kept in '{prepared.folder}'; the same command continues.", err=True
+            f"Finished runs are kept in '{request.output}'; the same command continues.", err=True
         )
         raise
     if prepared.import_seconds:
@@ -158,20 +155,19 @@ def _run(request: Request, opened: _Opened, prepared: Any) -> Any:
         def announce(label: str) -> None:
             click.echo(f"Timing one run alone: {label}", err=True)
 
-        measure_speeds(results, prepared.plan.trackers, announce)
+        measure_speeds(results, request.plan.trackers, announce)
     return results
 
 
 def _finish(request: Request, results: Any) -> None:
     """Write tables, report and the file that repeats the evaluation; then print the results."""
-    from jaxpf.cli.evaluating.output import print_results
     from jaxpf.evaluation.output.report import write_report
     from jaxpf.evaluation.output.tables import write_tables
 
     write_config(results.folder / "run.toml", "evaluate", request.table())
-    tables = write_tables(results)
-    write_report(results, tables)
-    print_results(results, tables)
+    overview = write_tables(results)
+    write_report(results, overview)
+    print_results(results, overview)
 
 
 command = SceneCommand(

@@ -8,9 +8,7 @@ import click
 
 from jaxpf.cli.shared.console import print_table
 from jaxpf.contract.options import chosen, counting, plain
-from jaxpf.evaluation.results import OWN
 from jaxpf.files.writing import write_text
-from jaxpf.targets import find_adapter
 
 #: The printed output of a finished evaluation; written last, after tables and report.
 FINISHED = "finished.json"
@@ -27,19 +25,21 @@ _WRITTEN = (
 
 def show_plan(prepared: Any, workers: int, devices: int) -> None:
     """Print what is compared, and its cost."""
-    scene = prepared.settings["scene"]
-    count = len(scene["object_ids"])
+    from jaxpf.evaluation.work.results import OWN
+
+    settled, scene = prepared.settled, prepared.settled.settings["scene"]
+    count, frames = len(scene["object_ids"]), len(prepared.opened.truth)
     click.echo(
-        f"{scene['name']}: {count} object{'s' if count != 1 else ''}, {len(prepared.truth)} frames "
+        f"{scene['name']}: {count} object{'s' if count != 1 else ''}, {frames} frames "
         f"after the start frame {scene['start_frame']}, {scene['width']} x {scene['height']} pixels"
     )
     columns, rows, common_to_all = _plan_table(prepared)
     print_table("Plan", columns, rows)
     if common_to_all:
         click.echo(", ".join(f"{name} {value}" for name, value in common_to_all.items()))
-    if prepared.damaged:
-        click.echo(f"{len(prepared.damaged)} damaged file(s) will be made again.")
-    has_own = any(each.kind == OWN for each in prepared.configurations)
+    if settled.damaged:
+        click.echo(f"{len(settled.damaged)} damaged file(s) will be made again.")
+    has_own = any(each.kind == OWN for each in settled.configurations)
     place = f"on {devices} device{'s' if devices > 1 else ''}"
     if workers > 1:
         place = f"in each of {workers} processes {place}"
@@ -52,10 +52,10 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
 
 def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, str]]:
     """A row per method, and the parameters that all configurations share."""
-    of = find_adapter(prepared.settings["scene"]["target"]).target
+    of, settled = prepared.opened.adapter.target, prepared.settled
     by_method: dict[str, list[int]] = {}
     values: dict[str, dict[str, None]] = {}
-    for index, configuration in enumerate(prepared.configurations):
+    for index, configuration in enumerate(settled.configurations):
         by_method.setdefault(configuration.method, []).append(index)
         counts = counting(chosen(of.options, configuration.parameters))
         for name, value in configuration.parameters.items():
@@ -64,18 +64,18 @@ def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, st
     varied = [name for name, texts in values.items() if len(texts) > 1]
     rows = []
     for method, indices in by_method.items():
-        group = [prepared.configurations[index] for index in indices]
+        group = [settled.configurations[index] for index in indices]
         orderings = " ".join(dict.fromkeys(c.ordering for c in group))
         cells = [" ".join(values[name]) if name in group[0].parameters else "" for name in varied]
-        runs = 1 if group[0].is_imported else prepared.plan.runs
-        done = sum(prepared.done[index] for index in indices)
+        runs = 1 if group[0].is_imported else prepared.opened.plan.runs
+        done = sum(int(settled.done[index].sum()) for index in indices)
         rows.append([method, orderings, *cells, f"{len(group)} x {runs}", str(done)])
     common_to_all = {name: next(iter(values[name])) for name in values if name not in varied}
     common_to_all = {n: value for n, value in common_to_all.items() if value != plain(None)}
     return ["method", "ordering", *varied, "runs", "done"], rows, common_to_all
 
 
-def print_results(results: Any, tables: Any) -> None:
+def print_results(results: Any, overview: Any) -> None:
     """Print the summary and store it for ``print_again``."""
     from jaxpf.evaluation.output.tables import printed_tables
 
@@ -83,10 +83,10 @@ def print_results(results: Any, tables: Any) -> None:
         "runs": results.runs,
         "tables": [
             {"title": table.title, "columns": table.columns, "rows": table.texts()}
-            for table in printed_tables(results, tables)
+            for table in printed_tables(results, overview)
         ],
-        "remarks": list(tables.remarks),
-        "conclusion": tables.conclusion.sentence,
+        "remarks": list(overview.remarks),
+        "conclusion": overview.conclusion.sentence,
     }
     write_text(results.folder / FINISHED, json.dumps(printed))
     _print(results.folder, printed)

@@ -118,11 +118,13 @@ class Request:
         scene: scene name or absolute path.
         options: values of ``Options``, with absolute file paths.
         grid: given options of targets and filters -> value on the command line.
+        plan: the library's plan of it, ``jaxpf.evaluation.Plan``.
     """
 
     scene: str
     options: Options
     grid: Mapping[str, Any]
+    plan: Any
 
     @property
     def output(self) -> Path:
@@ -132,53 +134,56 @@ class Request:
     @property
     def varied(self) -> list[str]:
         """Options of the grid that have several values."""
-        return [name for name, value in self.grid.items() if len(_values(value)) > 1]
+        return [name for name, values in self.plan.grid.items() if len(values) > 1]
 
     def table(self) -> dict[str, Any]:
         """Contents of ``run.toml``, in command-line notation."""
         kept = {n: v for n, v in as_typed(self.options).items() if n not in _NOT_REPEATED}
         return {"scene": self.scene, **kept, **self.grid}
 
+    def of_sequence(self, folder: Path, target: str | None, frames: int | None) -> "Request":
+        """The same request for one of several sequences, into a folder of its own."""
+        options = dataclasses.replace(
+            self.options, target=target, frames=frames, output=self.output / folder.name
+        )
+        scene = functools.partial(self.plan.scene, source=str(folder), num_frames=frames)
+        plan = dataclasses.replace(self.plan, scene=scene, target=target)
+        return dataclasses.replace(self, scene=str(folder), options=options, plan=plan)
 
-def request_of(values: Mapping[str, Any]) -> Request:
+
+def parse(values: Mapping[str, Any]) -> Request:
     """Parse the values of all flags.
 
     Raises:
-        InputError: a value is out of range.
+        InputError: a value is out of range, or a name occurs twice.
     """
+    from jaxpf.evaluation.baselines.rivals import available
+
     options = picked(values, Options)
     tracks = (pair("--tracks", text, lambda path: Path(path).resolve()) for text in options.tracks)
     named = [name for text in options.baseline for name in names_in(text)]
-    if _ALL in named:
-        from jaxpf.evaluation.baselines.rivals import available
-
-        named = available()
     options = dataclasses.replace(
         options,
         tracks=tuple(f"{name}={path}" for name, path in tracks),
         tracker=tuple(f"{name}={place}" for name, place in map(_own, options.tracker)),
-        baseline=tuple(dict.fromkeys(named)),
+        baseline=tuple(dict.fromkeys(available() if _ALL in named else named)),
     )
     owners: list[Any] = [adapter.target for adapter in adapters().values()]
     owners += filters.all_filters().values()
     declared = options_of(*(owner.options for owner in owners))
     given = given_in(values)
     grid = {name: given[name] for name in declared if name in given and name not in VARIED}
-    return Request(resolved_scene(values["scene"]), options, grid)
+    scene = resolved_scene(values["scene"])
+    return Request(scene, options, grid, _plan(scene, options, grid))
 
 
-def plan_of(request: Request) -> Any:
-    """The library's plan of the request.
-
-    Raises:
-        InputError: a name occurs twice, or the plan is invalid.
-    """
+def _plan(scene: str, options: Options, grid: Mapping[str, Any]) -> Any:
+    """The library's plan of a request."""
     from jaxpf.cli.tracking.user_tracker import OwnTracker
     from jaxpf.evaluation import Plan
     from jaxpf.evaluation.baselines.rivals import baselines
     from jaxpf.evaluation.opening import load_scene
 
-    options = request.options
     tracks = dict(pair("--tracks", text, str) for text in options.tracks)
     trackers = dict(pair("--tracker", text, OwnTracker) for text in options.tracker)
     for flag, named, typed in (
@@ -193,7 +198,7 @@ def plan_of(request: Request) -> Any:
     return Plan(
         scene=functools.partial(
             load_scene,
-            source=request.scene,
+            source=scene,
             seed=options.scene_seed,
             ids=None if options.ids is None else list(options.ids),
             start_frame=options.start_frame,
@@ -203,7 +208,7 @@ def plan_of(request: Request) -> Any:
         methods=None if options.methods is None else names_in(options.methods),
         orders=[_order(text) for text in options.orders],
         swaps=names_in(options.swaps),
-        grid={name: _values(value) for name, value in request.grid.items()},
+        grid={name: _values(value) for name, value in grid.items()},
         target=options.target,
         runs=options.runs,
         seed=options.seed,

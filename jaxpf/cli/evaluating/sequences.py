@@ -1,6 +1,5 @@
 """``jaxpf evaluate`` on several sequences: one evaluation per sequence, and an overall table."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -42,8 +41,7 @@ def evaluate_each(
         )
     for number, (folder, frames) in enumerate(chosen.items(), start=1):
         click.echo(f"\n{folder.name} ({number} of {len(chosen)})")
-        own = dataclasses.replace(options, target=kind, frames=frames, output=output / folder.name)
-        evaluate(dataclasses.replace(request, scene=str(folder), options=own))
+        evaluate(request.of_sequence(folder, kind, frames))
     if options.dry_run:
         return
     from jaxpf.evaluation.output.overall import FILES, UNITS, write_overall

@@ -4,19 +4,26 @@ import contextlib
 import os
 from pathlib import Path
 
+from jaxpf.running.memory import num_cores
 
-def start_jax(devices: int | None = None) -> None:
-    """Set up JAX before its first use: one host device per core, and the compile cache.
 
-    ``devices`` is the number of devices; by default all cores available to this process.
+def start_jax(devices: int | None = None, processes: int = 1) -> int:
+    """Set up JAX before its first use: its number of host devices, and the compile cache.
+
+    Args:
+        devices: number of devices; by default the processes share all available cores equally.
+        processes: number of processes that compute.
+
+    Returns:
+        The number of devices.
     """
     import jax
 
-    from jaxpf.evaluation.work.execution import num_cores
-
+    devices = devices or max(1, num_cores() // processes)
     with contextlib.suppress(RuntimeError):  # a calling program already uses JAX
-        jax.config.update("jax_num_cpu_devices", devices or num_cores())
+        jax.config.update("jax_num_cpu_devices", devices)
     use_compile_cache()
+    return devices
 
 
 def use_compile_cache() -> None:

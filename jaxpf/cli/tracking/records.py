@@ -96,7 +96,7 @@ class Scene:
 
     def shapes(self, start: Start, estimate: Any) -> np.ndarray:
         """Shapes ``[..., P, S]`` of estimates or particles ``[..., P, D]``."""
-        from jaxpf.evaluation.trackers import shapes_of
+        from jaxpf.evaluation.work.trackers import shapes_of
 
         return np.asarray(shapes_of(self.tracker, self.adapter.target, start, estimate), float)
 

@@ -61,10 +61,10 @@ def own_tracker_of(place: str, scene: scenes.Scene) -> Any:
     """Build the tracker of a scene with a user-defined function.
 
     Raises:
-        InputError: see ``OwnTracker`` and ``jaxpf.evaluation.trackers.own_tracker``; also if the
-            function returns boxes, which is useless for a video without ground truth.
+        InputError: see ``OwnTracker`` and ``jaxpf.evaluation.work.trackers.own_tracker``; also if
+            the function returns boxes, which is useless for a video without ground truth.
     """
-    from jaxpf.evaluation.trackers import own_tracker
+    from jaxpf.evaluation.work.trackers import own_tracker
 
     tracker = own_tracker(place, OwnTracker(place), scene)
     if hasattr(tracker, "init"):

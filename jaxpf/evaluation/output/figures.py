@@ -1,14 +1,14 @@
 """Writes an evaluation's figures, with captions, as PNG and PDF reproducible byte for byte."""
 
+import base64
 import os
-from collections.abc import Callable
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jaxpf.evaluation.equal_time import curves
+from jaxpf.evaluation.measuring.overview import Overview
 from jaxpf.evaluation.output import charts
-from jaxpf.evaluation.output.tables import Tables
-from jaxpf.evaluation.results import Results
+from jaxpf.evaluation.work.results import Results
 from jaxpf.files.writing import atomic_write, report_os_errors
 
 _STYLE: dict[Any, Any] = {
@@ -17,6 +17,8 @@ _STYLE: dict[Any, Any] = {
     "axes.titlesize": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
     "pdf.fonttype": 42,  # embed TrueType fonts, which publishers require
 }
 
@@ -29,22 +31,22 @@ class Figure(NamedTuple):
         title: of the figure.
         caption: how to read it and how its intervals are computed.
         png: path of the PNG file.
+        size: width and height in inches.
     """
 
     name: str
     title: str
     caption: str
     png: Path
+    size: tuple[float, float]
+
+    @property
+    def data(self) -> str:
+        """The PNG file as text, for a page that needs no other file."""
+        return base64.b64encode(self.png.read_bytes()).decode("ascii")
 
 
-class _Plan(NamedTuple):
-    name: str
-    title: str
-    caption: str
-    draw: Callable[[], Any]
-
-
-def write_figures(results: Results, tables: Tables) -> list[Figure]:
+def write_figures(results: Results, overview: Overview) -> list[Figure]:
     """Write all figures into the folder ``figures`` of the evaluation.
 
     Raises:
@@ -53,22 +55,23 @@ def write_figures(results: Results, tables: Tables) -> list[Figure]:
     folder = results.folder / "figures"
     with report_os_errors("create the folder", folder):
         folder.mkdir(exist_ok=True)
-    if not tables.summaries:
-        return []
     written = []
     with in_style():
-        for plan in _plans(results, tables):
-            path = folder / f"{plan.name}.png"
-            save(plan.draw(), path)
-            written.append(Figure(plan.name, plan.title, plan.caption, path))
+        for name, title, caption, drawn in _drawn(results, overview):
+            path = folder / f"{name}.png"
+            save(drawn, path)
+            written.append(Figure(name, title, caption, path, tuple(drawn.get_size_inches())))
     return written
 
 
 def in_style() -> Any:
     """Context manager with the style for drawing and saving figures."""
     from matplotlib import rc_context
+    from matplotlib.rcsetup import cycler
 
-    return rc_context(_STYLE)
+    # Seven colours, then the same colours dashed.
+    styles = cycler(linestyle=("-", "--")) * cycler(color=charts.COLOURS)
+    return rc_context({**_STYLE, "axes.prop_cycle": styles})
 
 
 def save(figure: Any, png: str | os.PathLike[str]) -> None:
@@ -83,73 +86,60 @@ def save(figure: Any, png: str | os.PathLike[str]) -> None:
         figure.savefig(file, format="pdf", metadata=metadata)
 
 
-def _plans(results: Results, tables: Tables) -> list[_Plan]:
-    """The figures that these results allow; curves show the best configurations only."""
-    summaries, ids = tables.summaries, results.object_ids
-    best = tables.best_first(charts.MOST_LINES)
-    calibrated = [summary for summary in best if summary.transforms.any()]
-    confident = [summary for summary in best if summary.confidence.frames[-1]]
-    of_many = f" Of {len(ids)} objects, those recovered least."
+def _drawn(results: Results, overview: Overview) -> Iterator[tuple[str, str, str, Any]]:
+    """Yield name, title, caption and drawing of each figure of the best configurations."""
+    summaries, best = overview.summaries, overview.ranked[: charts.MOST_LINES]
+    calibrated = [summary for summary in best if summary.collected.transforms.any()]
+    confident = [summary for summary in best if summary.collected.confidence.frames[-1]]
     shown = f" The best {len(best)} of {len(summaries)} configurations."
     shown = shown if len(best) < len(summaries) else ""
-    plans = [
-        _Plan(
-            "overlaps",
-            "Success",
-            "Dots: share of the frames whose overlap with the truth exceeds .5, and the mean of "
-            "that share over all thresholds (wu2013). Bars: 95 % intervals over runs."
-            + (of_many if len(ids) > charts.MOST_OBJECTS else ""),
-            lambda: charts.overlaps(ids, summaries),
-        ),
-        _Plan(
-            "success-curves",
-            "Success curves",
-            "Share of the frames whose overlap with the truth exceeds a threshold (wu2013), "
-            "without the start frame. Bands: 95 % normal intervals over runs. In brackets: the "
-            "area under the curve." + shown,
-            lambda: charts.success_curves(best),
-        ),
-        _Plan(
-            "error-over-time",
-            "Centre error over time",
-            "Line: median over runs and objects. Dark band: the middle half. Pale band: from 5 to "
-            "95 %. These are quantiles, not intervals; frames without truth or estimate do not "
-            "count." + shown,
-            lambda: charts.error_over_time(results.start_frame + 1, best),
-        ),
-    ]
+    if not best:
+        return
+    curves = {
+        (summary.name, name): [each[-1] for each in getattr(summary.collected, name)]
+        for summary in best
+        for name in charts.CURVES
+    }
+    yield (
+        "success-curves",
+        "Success and precision curves",
+        "Share of the frames whose overlap with the truth exceeds a threshold, and of those whose "
+        "centre error is at most a threshold (wu2013), without the start frame. Bands: 95 % "
+        "normal intervals over runs. In brackets: the area under the success curve, and the "
+        "precision within 20 pixels." + shown,
+        charts.accuracy_curves([summary.name for summary in best], curves),
+    )
+    yield (
+        "error-over-time",
+        "Centre error over time",
+        "Line: median over runs and objects. Dark band: the middle half. Pale band: from 5 to "
+        "95 %. These are quantiles, not intervals; frames without truth or estimate do not count."
+        + shown,
+        charts.error_over_time(results.start_frame + 1, best),
+    )
     if calibrated:
-        plans.append(
-            _Plan(
-                "calibration",
-                "Calibration",
-                "How often the central region of a given probability holds the truth: x and y of "
-                "all objects, in frames in which the object is followed. On the dotted line "
-                "spreads are honest, below it they are too narrow." + shown,
-                lambda: charts.calibration(calibrated),
-            )
+        yield (
+            "calibration",
+            "Calibration",
+            "How often the central region of a given probability holds the truth: x and y of all "
+            "objects, in frames in which the object is followed. On the dotted line spreads are "
+            "honest, below it they are too narrow." + shown,
+            charts.calibration(calibrated),
         )
     if confident:
-        plans.append(
-            _Plan(
-                "confidence",
-                "Reliability of confidence",
-                "Share of the boxes on their object, in five bins of confidence. On the dotted "
-                "line confidence is honest, below it too high. Bars: 95 % intervals over runs."
-                + shown,
-                lambda: charts.confidence(confident),
-            )
+        yield (
+            "confidence",
+            "Reliability of confidence",
+            "Share of the boxes on their object, in five bins of confidence. On the dotted line "
+            "confidence is honest, below it too high. Bars: 95 % intervals over runs." + shown,
+            charts.confidence(confident),
         )
-    if curves(summaries):
-        plans.append(
-            _Plan(
-                "against-time",
-                "Accuracy against time",
-                "Lines join numbers of particles. Time: of one run alone on this machine, from a "
-                "frame in memory to its estimate. Bars: 95 % intervals over runs. Of two "
-                "methods, the higher on the left, or the lower on the right, is better at equal "
-                "time.",
-                lambda: charts.against_time(summaries, len(ids)),
-            )
+    if lines := charts.lines_over_particles(summaries):
+        yield (
+            "against-time",
+            "Accuracy against time",
+            "Lines join numbers of particles. Time: of one run alone on this machine, from a "
+            "frame in memory to its estimate. Bars: 95 % intervals over runs. Of two methods, the "
+            "higher on the left, or the lower on the right, is better at equal time.",
+            charts.against_time(lines),
         )
-    return plans

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from jaxpf.evaluation.measures import (
+from jaxpf.evaluation.measuring.measures import (
     COMPARED,
     ON_OBJECT,
     REGIONS,
@@ -14,23 +14,27 @@ from jaxpf.evaluation.measures import (
     Measure,
     by_name,
 )
-from jaxpf.evaluation.summary import Summary
+from jaxpf.evaluation.measuring.summary import Summary
 from jaxpf.files.tables import Rows, Table, escaped, markdown_table
 from jaxpf.measures.estimates import Difference, Estimate
-from jaxpf.measures.intervals import Interval
 
 #: Measures in the tables; ``summary.csv`` has all measures.
 HEADLINE = tuple(
     by_name(name)
     for name in (
         *("success_half", "success_area", "success", "recovered", "precision", "recall"),
-        *("overlap", "centre_error", "corner_error", "uniqueness"),
+        *("overlap", "centre_error", "corner_error", "uniqueness", "frames_per_second"),
     )
 )
+#: Most configurations in the tables of the terminal and the report.
+MOST_PRINTED = 10
 #: Measures that fit in a terminal of 120 columns.
 PRINTED = tuple(
     by_name(name)
-    for name in ("success_half", "success_area", "overlap", "coverage_95", "size_coverage_95")
+    for name in (
+        *("success_half", "success_area", "overlap", "coverage_95", "size_coverage_95"),
+        "frames_per_second",
+    )
 )
 #: Measures of the spread's calibration.  The log score is only in ``summary.csv``: one frame with
 #: identical particles outweighs all others.
@@ -42,10 +46,8 @@ CALIBRATION = tuple(
         "crps",
     )
 )
-#: Share of boxes on their object, in the table of confidence.
-ON_ITS_OBJECT = Measure("on_object", "on its object", weight="frames", percent=True)
 #: A half-width below this is rounding error from equal values.
-_ROUNDING = 1e-6
+_ROUNDING = 1e-4
 #: Characters that Markdown would read as markup.
 _SPECIAL = "\\`*_{}<>|#"
 #: Differences with a Holm-adjusted p below this are marked.
@@ -89,98 +91,61 @@ NOTES = (
 def estimate_tables(
     object_ids: Sequence[int],
     summaries: Sequence[Summary],
-    places: Iterable[int],
     measures: Sequence[Measure] = HEADLINE,
+    about: str = "",
 ) -> list[Table]:
-    """Rates and means, one table per object.
+    """Rates and means: a table of all objects, then one per object.
 
     Args:
         object_ids: ids of the P objects.
         summaries: of the configurations.
-        places: indices of objects; P stands for all objects.
-        measures: in the columns.
+        measures: in the columns; those without a value are left out.
+        about: what the tables are about, for their titles.
     """
     tables = []
-    for place in _distinct(object_ids, places) if summaries else ():
-        title = object_name(object_ids, place)
-        table = _estimates("estimates", title, summaries, place, measures)
-        if place == len(object_ids) or len(object_ids) == 1:
-            _add_speed(table, summaries)
+    for place in _places(object_ids) if summaries else ():
+        rows: Rows = [(summary.name, []) for summary in summaries]
+        table = Table("estimates", f"{about}{object_name(object_ids, place)}", ["method"], rows)
+        if len({summary.runs for summary in summaries}) > 1:
+            table.add("runs", [f"{summary.runs}" for summary in summaries])
+        for measure in measures:
+            values = triples([summary.estimates[measure.name] for summary in summaries], place)
+            if are_known(values):
+                table.add(heading(measure), cells_of(measure, values))
         tables.append(table)
     return tables
 
 
-def score_tables(summaries: Sequence[Summary], num_objects: int) -> list[Table]:
+def score_tables(object_ids: Sequence[int], summaries: Sequence[Summary]) -> list[Table]:
     """One table of standard scores over all objects; no table without TrackEval."""
     if not any(SCORES[0].name in summary.estimates for summary in summaries):
         return []
-    title = "standard scores, all objects"
-    return [_estimates("scores", title, summaries, num_objects, SCORES)]
+    return estimate_tables(object_ids, summaries, SCORES, "standard scores, ")[:1]
 
 
-def calibration_tables(
-    object_ids: Sequence[int], summaries: Sequence[Summary], places: Iterable[int]
-) -> list[Table]:
-    """Calibration, one table per object; no tables if no filter has spreads of x and y."""
-    calibrated = [s for s in summaries if s.transforms.any()]
-    return [
-        _estimates(
-            "calibration",
-            f"calibration, {object_name(object_ids, place)}",
-            calibrated,
-            place,
-            CALIBRATION,
-        )
-        for place in _distinct(object_ids, places)
-        if calibrated
-    ]
+def calibration_tables(object_ids: Sequence[int], summaries: Sequence[Summary]) -> list[Table]:
+    """Calibration; no tables if no filter has spreads of x and y."""
+    calibrated = [s for s in summaries if s.collected.transforms.any()]
+    return estimate_tables(object_ids, calibrated, CALIBRATION, "calibration, ")
 
 
-def reliability_tables(summaries: Sequence[Summary]) -> list[Table]:
-    """Share of boxes on their object by confidence, all objects; no table without confidence."""
-    confident = [summary for summary in summaries if summary.confidence.frames[-1]]
-    if not confident:
-        return []
-    title = "reliability of confidence, all objects"
-    table = Table("reliability", title, ["method"], _labelled(confident))
-    bins = confident[0].confidence.bins
-    for place in range(bins):
-        shares = triples([summary.confidence.shares() for summary in confident], place)
-        frames = [f"{summary.confidence.frames[place]}" for summary in confident]
-        cells = zip(cells_of(ON_ITS_OBJECT, shares), frames, strict=True)
-        column = f"{place / bins:.1f} to {(place + 1) / bins:.1f} (%, frames)"
-        table.add(column, [f"{text}, {number}" for text, number in cells])
-    areas = np.array([summary.confidence.area() for summary in confident])
-    if np.isfinite(areas).any():
-        texts = [f"{100 * area:.1f}" if np.isfinite(area) else "-" for area in areas]
-        table.add("area under the curve (%)", texts)
-    return [table]
-
-
-def reliability_line(summary: Summary) -> str:
-    """Reliability of confidence of one configuration in a sentence; "" without confidence."""
-    if not summary.confidence.frames[-1]:
-        return ""
-    value, bins = summary.confidence.shares().value, summary.confidence.bins
-    shares = [
-        f"{place / bins:.1f} to {(place + 1) / bins:.1f}: {100 * value[place]:.0f} %"
-        for place in range(bins)
-        if np.isfinite(value[place])
-    ]
-    area = summary.confidence.area()
-    area_text = f"; area under the curve {100 * area:.0f} %" if np.isfinite(area) else ""
-    return f"Confidence of {summary.name} (boxes on their object): {', '.join(shares)}{area_text}."
-
-
-def difference_tables(
-    object_ids: Sequence[int], summaries: Sequence[Summary], places: Iterable[int]
-) -> list[Table]:
-    """Paired differences, one table per object; arguments as for ``estimate_tables``."""
-    return [
-        _differences(object_name(object_ids, place), summaries, place)
-        for place in _distinct(object_ids, places)
-        if any(summary.reference is not None for summary in summaries)
-    ]
+def difference_tables(object_ids: Sequence[int], summaries: Sequence[Summary]) -> list[Table]:
+    """Paired differences from the references: a table of all objects, then one per object."""
+    compared = [summary for summary in summaries if summary.reference is not None]
+    tables = []
+    for place in _places(object_ids) if compared else ():
+        title = f"{object_name(object_ids, place)}: differences on common seeds"
+        table = Table("differences", title, ["method"], [(each.name, []) for each in compared])
+        table.add("compared with", [summaries[each.reference or 0].name for each in compared])
+        for measure in COMPARED:
+            values = triples([each.differences[measure.name] for each in compared], place)
+            if are_known(values):
+                p = [each.adjusted[measure.name][place] for each in compared]
+                texts = zip(cells_of(measure, values, sign="+"), p, strict=True)
+                starred = (f"{text} *" if p < SIGNIFICANT else text for text, p in texts)
+                table.add(heading(measure).replace("(%)", "(points)"), starred)
+        tables.append(table)
+    return tables
 
 
 def object_name(object_ids: Sequence[int], place: int) -> str:
@@ -188,52 +153,13 @@ def object_name(object_ids: Sequence[int], place: int) -> str:
     return "all objects" if place == len(object_ids) else f"object {object_ids[place]}"
 
 
-def _distinct(object_ids: Sequence[int], places: Iterable[int]) -> list[int]:
-    """Remove duplicate places; with one object, "all objects" is that object."""
-    return list(dict.fromkeys(0 if len(object_ids) == 1 else place for place in places))
+def _places(object_ids: Sequence[int]) -> list[int]:
+    """Indices of all objects (P) and of each; with one object, "all objects" is that object."""
+    count = len(object_ids)
+    return [0] if count == 1 else [count, *range(count)]
 
 
-def _labelled(summaries: Sequence[Summary]) -> Rows:
-    """Rows without cells."""
-    return [(summary.name, []) for summary in summaries]
-
-
-def _estimates(
-    name: str, title: str, summaries: Sequence[Summary], place: int, measures: Sequence[Measure]
-) -> Table:
-    table = Table(name, title, ["method"], _labelled(summaries))
-    if len({summary.runs for summary in summaries}) > 1:
-        table.add("runs", [f"{summary.runs}" for summary in summaries])
-    for measure in measures:
-        values = triples([summary.estimates[measure.name] for summary in summaries], place)
-        if are_known(values):
-            table.add(heading(measure), cells_of(measure, values))
-    return table
-
-
-def _add_speed(table: Table, summaries: Sequence[Summary]) -> None:
-    speeds = np.array([summary.frames_per_second for summary in summaries])
-    if np.isfinite(speeds).any():
-        texts = (f"{x:.{1 if x < 99.5 else 0}f}" if np.isfinite(x) else "-" for x in speeds)
-        table.add("frames/s", texts)
-
-
-def _differences(title: str, summaries: Sequence[Summary], place: int) -> Table:
-    compared = [summary for summary in summaries if summary.reference is not None]
-    title = f"{title}: differences on common seeds"
-    table = Table("differences", title, ["method"], _labelled(compared))
-    table.add("compared with", [summaries[s.reference or 0].name for s in compared])
-    for measure in COMPARED:
-        values = triples([summary.differences[measure.name] for summary in compared], place)
-        if are_known(values):
-            p = [summary.adjusted[measure.name][place] for summary in compared]
-            texts = zip(cells_of(measure, values, sign="+"), p, strict=True)
-            starred = (f"{text} *" if p < SIGNIFICANT else text for text, p in texts)
-            table.add(difference_heading(measure), starred)
-    return table
-
-
-def triples(estimates: Sequence[Estimate | Difference | Interval], place: int) -> np.ndarray:
+def triples(estimates: Sequence[Estimate | Difference], place: int) -> np.ndarray:
     """Value and interval ends ``[C, 3]`` of the object at ``place`` in C configurations."""
     return np.array([[x[place] for x in (e.value, e.lower, e.upper)] for e in estimates])
 
@@ -247,11 +173,6 @@ def heading(measure: Measure) -> str:
     """Title and unit of a measure."""
     unit = "%" if measure.percent else measure.unit
     return f"{measure.title} ({unit})" if unit else measure.title
-
-
-def difference_heading(measure: Measure) -> str:
-    """As ``heading``, but differences of percentages are in percentage points."""
-    return heading(measure).replace("(%)", "(points)")
 
 
 def cells_of(measure: Measure, values: np.ndarray, sign: str = "") -> list[str]:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxpf.evaluation.measures import CURVES, FIGURES, MEASURES, SCORES, by_name
+from jaxpf.evaluation.measuring.measures import CURVES, FIGURES, MEASURES, SCORES, by_name
 from jaxpf.evaluation.output.layout import (
     ABOUT_CALIBRATION,
     ABOUT_CONFIDENCE,
@@ -133,7 +133,7 @@ def _range_of(measure: str, of_difference: bool = False) -> tuple[float, float]:
     """Smallest and largest possible value of a measure; a share is from 0 to 1."""
     if measure == "frames_per_second" and not of_difference:
         return 0, np.inf
-    if not by_name(measure).percent or measure.startswith("effective_dynamics"):
+    if not by_name(measure).percent:
         return -np.inf, np.inf
     if measure == "MOTA":  # unbounded below: each false alarm lowers it
         return -np.inf, np.inf if of_difference else 1
@@ -176,15 +176,15 @@ def _draw(
                 over_sequences(
                     np.array([each[method][curve, t] for each in each_curve if method in each]),
                     (0, 1),
-                )
+                )[1:]
                 for t in thresholds.tolist()
             ]
-        )
+        ).T
         for curve, thresholds in CURVES.items()
         for method in methods
     }
     with in_style():
-        save(charts.curves_over_sequences(methods, curves), folder / "overall.png")
+        save(charts.accuracy_curves(methods, curves), folder / "overall.png")
 
 
 def _table(

@@ -1,4 +1,4 @@
-"""Writes the tables of an evaluation: all runs, summaries over runs, and tracks of chosen runs.
+"""Writes the tables of an evaluation: all runs, summaries over runs, curves and differences.
 
 ``write_tables`` writes into the evaluation's folder
 
@@ -13,181 +13,85 @@ Undefined fields, such as the precision of an object that was never tracked, are
 """
 
 import dataclasses
-import itertools
-import shutil
-import tempfile
-from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
-from typing import IO, Any
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
-from jaxpf import filters
 from jaxpf.contract.options import plain
-from jaxpf.evaluation.collection import SCORED_RUNS, Collected, Curve, collect, has_scores
-from jaxpf.evaluation.conclusion import Conclusion, conclude
-from jaxpf.evaluation.measures import COLUMNS, CURVES
+from jaxpf.evaluation.measuring.collection import Curve
+from jaxpf.evaluation.measuring.measures import COLUMNS, CURVES
+from jaxpf.evaluation.measuring.overview import Overview, measure_results
+from jaxpf.evaluation.measuring.summary import Summary
 from jaxpf.evaluation.output.layout import (
+    MOST_PRINTED,
     PRINTED,
     calibration_tables,
     difference_tables,
     estimate_tables,
-    reliability_line,
-    reliability_tables,
     score_tables,
     to_markdown,
 )
-from jaxpf.evaluation.results import BUILT_IN, Configuration, Results
-from jaxpf.evaluation.summary import Summary, configuration_name, summarise
-from jaxpf.evaluation.work.batches import Batch
+from jaxpf.evaluation.work.results import Configuration, Results
 from jaxpf.files.tables import Table
-from jaxpf.files.writing import atomic_write, csv_text, report_os_errors, write_text
+from jaxpf.files.writing import atomic_write, csv_text, write_text
 
-#: Remark for scenes with a single object.
-ONE_OBJECT = (
-    "One object: there is nothing to order, so all orderings coincide (SIR, PS, DPS, SPS) and one "
-    "is run unless methods are named."
-)
 _KEYS = ("scene", "method", "ordering")
-#: Most configurations in the terminal's table.
-MOST_PRINTED = 10
-_ENOUGH = 20  # runs; there the normal quantile is 6 % below Student's
-_NUMBERS = ",".join(["%.7g"] * len(COLUMNS))
 
 
-@dataclasses.dataclass(frozen=True)
-class Tables:
-    """Result of ``write_tables``.
-
-    Attributes:
-        summaries: of every configuration with finished runs.
-        remarks: sentences about missing results and caveats.
-        conclusion: which configuration is best.
-    """
-
-    summaries: list[Summary]
-    remarks: list[str]
-    conclusion: Conclusion
-
-    def best_first(self, most: int = MOST_PRINTED) -> list[Summary]:
-        """The first ``most`` configurations, best first and those without a value last."""
-        ranking = self.conclusion.ranking
-        rest = [index for index in range(len(self.summaries)) if index not in ranking]
-        return [self.summaries[index] for index in [*ranking, *rest][:most]]
-
-
-def write_tables(results: Results) -> Tables:
-    """Write all tables of an evaluation, finished or not; memory does not grow with the runs.
+def write_tables(results: Results) -> Overview:
+    """Measure the runs of an evaluation, finished or not, and write all tables.
 
     Raises:
         InputError: a file cannot be written; a batch is damaged.
     """
-    configurations = results.configurations
-    with report_os_errors("write into", results.folder):
-        for leaving in results.folder.glob(".tables-*"):  # from a killed process
-            shutil.rmtree(leaving, ignore_errors=True)
-        scratch = tempfile.TemporaryDirectory(dir=results.folder, prefix=".tables-")
-    with scratch as store, atomic_write(results.folder / "results.csv") as file:
-        writer = _RowWriter(file, results)
-        collected: list[Collected] = []
-        for index, configuration in enumerate(configurations):
-            folder = Path(store) / f"{index}"
-            folder.mkdir()
-            rows = writer.for_configuration(configuration)
-            if (entry := collect(results, configuration, folder, rows)) is not None:
-                collected.append(entry)
-        summaries = summarise(results, collected)
-        conclusion = conclude(results, summaries, collected)
-    remarks = _remarks(results, summaries)
+    overview = measure_results(results)
+    summaries, ids = overview.summaries, results.object_ids
+    with atomic_write(results.folder / "results.csv") as file:
+        for rows_of_run in _run_rows(results, summaries):
+            file.write(csv_text(rows_of_run))
     for name, rows in (
         ("summary", _summary_rows(results, summaries)),
         ("curves", _curve_rows(results, summaries)),
         ("differences", _difference_rows(results, summaries)),
     ):
         write_text(results.folder / f"{name}.csv", csv_text(rows))
-    ids = results.object_ids
-    places = [len(ids), *range(len(ids))]
     everything = [
-        *estimate_tables(ids, summaries, places),
-        *score_tables(summaries, len(ids)),
-        *calibration_tables(ids, summaries, places),
-        *reliability_tables(summaries),
-        *difference_tables(ids, summaries, places),
+        *estimate_tables(ids, summaries),
+        *score_tables(ids, summaries),
+        *calibration_tables(ids, summaries),
+        *difference_tables(ids, summaries),
     ]
-    tables = Tables(summaries, remarks, conclusion)
-    confident = (summary for summary in tables.best_first() if summary.confidence.frames[-1])
-    remarks += [reliability_line(summary) for summary in itertools.islice(confident, 1)]
     title = f"{results.scene_name}, {results.runs} runs"
-    lines = [conclusion.sentence, *remarks]
+    lines = [overview.conclusion.sentence, *overview.remarks]
     write_text(results.folder / "summary.md", to_markdown(title, everything, lines))
-    return tables
+    return overview
 
 
-def printed_tables(results: Results, tables: Tables) -> list[Table]:
+def printed_tables(results: Results, overview: Overview) -> list[Table]:
     """The table for the terminal: all objects, the best configurations."""
-    summaries, best = tables.summaries, tables.best_first()
-    printed = estimate_tables(results.object_ids, best, [len(results.object_ids)], PRINTED)
+    summaries, best = overview.summaries, overview.ranked[:MOST_PRINTED]
+    printed = estimate_tables(results.object_ids, best, PRINTED)[:1]
     if len(best) < len(summaries):
         title = f"all objects: the best {len(best)} of {len(summaries)} configurations"
         printed = [dataclasses.replace(table, title=title) for table in printed]
     return printed
 
 
-class _RowWriter:
-    """Writes the rows of ``results.csv`` batch by batch."""
-
-    def __init__(self, file: IO[str], results: Results):
-        self._file, self._results = file, results
-        header = [*_KEYS, *_parameters(results), "seed", "run", "object", *COLUMNS]
-        file.write(csv_text([header]))
-
-    def for_configuration(self, configuration: Configuration) -> Any:
-        results, file = self._results, self._file
-        prefix = csv_text([_keys(results, configuration)]).rstrip("\n")
-        ids = results.object_ids
-
-        def write(batch: Batch, columns: np.ndarray) -> None:
-            lines = []
-            runs = zip(batch.seeds.tolist(), batch.runs.tolist(), columns.tolist(), strict=True)
-            for seed, run, objects in runs:
-                for identity, values in zip(ids, objects, strict=True):
-                    numbers = (_NUMBERS % tuple(values)).replace("nan", "")
-                    lines.append(f"{prefix},{seed},{run},{identity},{numbers}\n")
-            file.write("".join(lines))
-
-        return write
+def _run_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[list[Any]]]:
+    """Yield the rows of one run of one configuration at a time; the header comes first."""
+    yield [[*_KEYS, *_parameters(results), "seed", "run", "object", *COLUMNS]]
+    for summary in summaries:
+        keys = [*_keys(results, summary.configuration), results.seed]
+        for run, objects in zip(summary.collected.runs, summary.collected.columns, strict=True):
+            yield [
+                [*keys, run, identity, *("" if math.isnan(x) else f"{x:.7g}" for x in values)]
+                for identity, values in zip(results.object_ids, objects.tolist(), strict=True)
+            ]
 
 
-def _remarks(results: Results, summaries: Sequence[Summary]) -> list[str]:
-    remarks = []
-    finished = {summary.name: summary.runs for summary in summaries}
-    for configuration in results.configurations:
-        name = configuration_name(results, configuration)
-        runs = finished.get(name, 0)
-        if configuration.is_imported:
-            remarks.append(f"{name}: one track, the same for every seed; without intervals.")
-        elif runs < results.runs:
-            remarks.append(f"{name}: {runs} of {results.runs} runs are finished.")
-    ours = [c for c in results.configurations if c.kind == BUILT_IN]
-    ordered = any(filters.filter_of(c.method.lower()).by_default for c in ours)
-    if len(results.object_ids) == 1 and ordered:
-        remarks.append(ONE_OBJECT)
-    fewest = min((s.runs for s in summaries if not s.configuration.is_imported), default=_ENOUGH)
-    if fewest < _ENOUGH:
-        remarks.append(
-            f"With fewer than {_ENOUGH} runs the normal intervals of means are too narrow; those "
-            "of rates and of differences are not."
-        )
-    if not has_scores():
-        remarks.append(
-            "HOTA, MOTA and IDF1 are left out; pip install --no-deps trackeval adds them."
-        )
-    elif any(summary.runs > SCORED_RUNS for summary in summaries):
-        remarks.append(f"HOTA, MOTA and IDF1 are of the first {SCORED_RUNS} runs.")
-    return remarks
-
-
-def _summary_rows(results: Results, summaries: Iterable[Summary]) -> Iterator[list[Any]]:
+def _summary_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[Any]]:
     fields = ("runs", "value", "standard_error", "lower", "upper")
     yield [*_KEYS, *_parameters(results), "object", "measure", *fields]
     for summary in summaries:
@@ -196,25 +100,20 @@ def _summary_rows(results: Results, summaries: Iterable[Summary]) -> Iterator[li
             for place, identity in _known(results, estimate.value):
                 numbers = [_number(getattr(estimate, field)[place]) for field in fields]
                 yield [*keys, identity, measure, *numbers]
-        confidence, shares = summary.confidence, summary.confidence.shares()
+        confidence = summary.collected.confidence
+        shares = confidence.shares()
         for place in range(confidence.bins):
             if confidence.frames[place]:
                 numbers = [_number(x[place]) for x in (confidence.runs, *shares)]
                 yield [*keys, "all", f"on_object_{place}", *numbers]
-        for measure, value in (
-            ("confidence_area", confidence.area()),
-            ("frames_per_second", summary.frames_per_second),
-        ):
-            if np.isfinite(value):
-                yield [*keys, "all", measure, 1, _number(value), "", "", ""]
 
 
-def _curve_rows(results: Results, summaries: Iterable[Summary]) -> Iterator[list[Any]]:
+def _curve_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[Any]]:
     yield [*_KEYS, *_parameters(results), "object", "curve", "threshold", *Curve._fields]
     for summary in summaries:
         keys = _keys(results, summary.configuration)
         for name, thresholds in CURVES.items():
-            curve = getattr(summary, name)
+            curve = getattr(summary.collected, name)
             for place, identity in _known(results, curve.value[:, 0]):
                 for number, threshold in enumerate(thresholds):
                     ends = [_number(each[place, number]) for each in curve]

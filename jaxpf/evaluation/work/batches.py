@@ -73,16 +73,6 @@ def read_batch(path: Path) -> Batch:
         return Batch(**{field.name: content[field.name] for field in dataclasses.fields(Batch)})
 
 
-def read_runs(path: Path) -> np.ndarray:
-    """Read only the run numbers ``[R]`` of a batch.
-
-    Raises:
-        InputError: the file is damaged.
-    """
-    with Store(path.parent, _REMEDY).opened(path.stem) as content:
-        return content["runs"]
-
-
 def batch_files(folder: str | os.PathLike[str], configuration: int) -> list[Path]:
     """Paths of a configuration's batch files, in the order of their runs."""
     paths = (Path(folder) / FOLDER).glob(f"{configuration:04d}-*.npz")

@@ -1,6 +1,5 @@
 """Executes an evaluation: runs the missing batches and stores each one."""
 
-import dataclasses
 import functools
 import os
 import time
@@ -14,11 +13,11 @@ import numpy as np
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.numbers import check_whole
 from jaxpf.evaluation.plan import DEFAULT_LIMITS, Limits, Plan
-from jaxpf.evaluation.results import Configuration, Results
 from jaxpf.evaluation.work.batches import Batch, survey, write_batch
 from jaxpf.evaluation.work.execution import RETRIES, Factory, Pool, in_turn
 from jaxpf.evaluation.work.fingerprint import fingerprint
-from jaxpf.evaluation.work.folder import locked, remove_leavings, stored_settings, write_settings
+from jaxpf.evaluation.work.folder import remove_leavings, stored_settings, write_settings
+from jaxpf.evaluation.work.results import Configuration, Results
 from jaxpf.evaluation.work.scene import (
     check_scene,
     object_ids,
@@ -27,10 +26,11 @@ from jaxpf.evaluation.work.scene import (
     remembered_scene,
     start_frame,
 )
+from jaxpf.files.locking import locked
 from jaxpf.files.writing import report_os_errors
 from jaxpf.targets import adapter_of_scene
 from jaxpf.targets.adapter import Adapter
-from jaxpf.targets.target import Start, Target
+from jaxpf.targets.target import Start
 
 if TYPE_CHECKING:
     from jaxpf.evaluation.work.worker import Work
@@ -74,37 +74,24 @@ class Settled(NamedTuple):
     damaged: list[Path]
 
 
-@dataclasses.dataclass(frozen=True)
-class Prepared:
+class Prepared(NamedTuple):
     """An evaluation that is ready to run.
 
     Attributes:
-        plan: the requested plan.
-        folder: for the results.
-        settings: for ``settings.json``.
-        truth: ``[T, P, S]`` in the frames after the start frame.
-        start: state of the objects in the start frame.
-        configurations: all configurations.
-        done: number of runs on disk, per configuration.
+        opened: the plan with its scene.
+        settled: its configurations and finished runs.
         work: missing batches.
         imports: missing imported tracks, as (index of the configuration, batch).
         import_seconds: seconds to make the tracks in ``imports`` that were computed here, by
             index.
-        damaged: damaged batch files; their runs count as missing.
         memory: estimated bytes per worker process.
     """
 
-    plan: Plan
-    folder: Path
-    settings: dict[str, Any]
-    truth: np.ndarray
-    start: Start
-    configurations: list[Configuration]
-    done: list[int]
+    opened: Opened
+    settled: Settled
     work: list["Work"]
     imports: list[tuple[int, Batch]]
     import_seconds: dict[int, float]
-    damaged: list[Path]
     memory: int
 
     @property
@@ -204,15 +191,13 @@ def settle(opened: Opened) -> Settled:
     """
     from jaxpf.evaluation.work.settings import check_continues, new_settings
 
-    plan, scene = opened.plan, opened.scene
-    if opened.stored is None:
+    plan, scene, settings = opened.plan, opened.scene, opened.stored
+    if settings is None:
         settings = new_settings(plan, scene, opened.adapter.target, opened.start)
-        configurations = [Configuration.from_json(entry) for entry in settings["configurations"]]
-        done = [np.zeros(1 if c.is_imported else plan.runs, bool) for c in configurations]
-        return Settled(settings, configurations, done, [])
-    check_continues(opened.stored, scene, opened.folder)
-    about_scene = {**opened.stored["scene"], "files": fingerprint(plan.scene)}
-    settings = {**opened.stored, "runs": plan.runs, "scene": about_scene}
+    else:
+        check_continues(settings, scene, opened.folder)
+        about_scene = {**settings["scene"], "files": fingerprint(plan.scene)}
+        settings = {**settings, "runs": plan.runs, "scene": about_scene}
     results = Results(opened.folder, settings, opened.truth, opened.start)
     return Settled(settings, results.configurations, *_surveyed(results, plan.runs))
 
@@ -225,26 +210,24 @@ def divide_work(opened: Opened, settled: Settled, limits: Limits = DEFAULT_LIMIT
     """
     from jaxpf.evaluation.work.schedule import batches
 
-    plan, scene, configurations = opened.plan, opened.scene, settled.configurations
     digest = settled.settings["scene"]["digest"]
-    remember_scene(scene, digest)
+    remember_scene(opened.scene, digest)
     work, memory = batches(
-        plan, scene, opened.adapter, digest, configurations, settled.done, limits
+        opened.plan,
+        opened.scene,
+        opened.adapter,
+        digest,
+        settled.configurations,
+        settled.done,
+        limits,
     )
-    target = opened.adapter.target
-    imports = list(_missing_imports(plan, scene, target, configurations, settled.done))
+    imports = list(_missing_imports(opened, settled))
     return Prepared(
-        plan=plan,
-        folder=opened.folder,
-        settings=settled.settings,
-        truth=opened.truth,
-        start=opened.start,
-        configurations=configurations,
-        done=[int(runs.sum()) for runs in settled.done],
+        opened=opened,
+        settled=settled,
         work=work,
         imports=[(index, batch) for index, batch, _ in imports],
         import_seconds={index: seconds for index, _, seconds in imports if seconds is not None},
-        damaged=settled.damaged,
         memory=memory,
     )
 
@@ -259,13 +242,14 @@ def carry_out(
     """Run what ``prepare`` found missing; arguments and errors as for ``evaluate``."""
     from jaxpf.evaluation.work.worker import run_batch
 
-    folder = prepared.folder
-    with locked(folder):
+    opened, settled = prepared.opened, prepared.settled
+    folder = opened.folder
+    with locked(folder, "evaluating"):
         remove_leavings(folder)
-        for path in prepared.damaged:
+        for path in settled.damaged:
             with report_os_errors("replace", path):
                 path.unlink(missing_ok=True)
-        write_settings(folder, prepared.settings, prepared.truth, prepared.start)
+        write_settings(folder, settled.settings, opened.truth, opened.start)
         for index, batch in prepared.imports:
             write_batch(folder, index, batch)
             if progress is not None:
@@ -274,8 +258,8 @@ def carry_out(
             write_batch(folder, work.index, batch)
             if progress is not None:
                 progress(work.num_runs)
-    digest = prepared.settings["scene"]["digest"]
-    return Results.open(folder, functools.partial(_remembered, digest, prepared.plan.scene))
+    digest = settled.settings["scene"]["digest"]
+    return Results.open(folder, functools.partial(_remembered, digest, opened.plan.scene))
 
 
 def _remembered(digest: str, scene: Any) -> Any:
@@ -295,19 +279,14 @@ def _surveyed(results: Results, num_runs: int) -> tuple[list[np.ndarray], list[P
     return done, damaged
 
 
-def _missing_imports(
-    plan: Plan,
-    scene: Any,
-    target: Target,
-    configurations: list[Configuration],
-    done: list[np.ndarray],
-) -> Iterator[tuple[int, Batch, float | None]]:
+def _missing_imports(opened: Opened, settled: Settled) -> Iterator[tuple[int, Batch, float | None]]:
     """Yield (index, batch, seconds or None) for imported tracks that are not on disk."""
-    from jaxpf.evaluation.trackers import own_tracker
+    from jaxpf.evaluation.work.trackers import own_tracker
     from jaxpf.evaluation.work.worker import imported_batch
 
-    for index, configuration in enumerate(configurations):
-        if not configuration.is_imported or done[index].all():
+    plan, scene, target = opened.plan, opened.scene, opened.adapter.target
+    for index, configuration in enumerate(settled.configurations):
+        if not configuration.is_imported or settled.done[index].all():
             continue
         name = configuration.method
         if not target.has_boxes:
@@ -324,7 +303,7 @@ def _missing_imports(
             if hasattr(function, "seconds"):  # a baseline caches its boxes, so ask it
                 seconds = function.seconds(scene)
         else:
-            from jaxpf.evaluation.other_tracks import read_tracks
+            from jaxpf.evaluation.work.other_tracks import read_tracks
 
             boxes = read_tracks(
                 plan.tracks[name], scene.boxes, object_ids(scene), start_frame(scene)

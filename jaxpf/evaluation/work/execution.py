@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
+from jaxpf.running.memory import num_cores
 
 #: Times that a piece of work is repeated after a worker's death.
 RETRIES = 3
@@ -137,13 +138,6 @@ def local_pool(
         initargs=(devices, prepare),
     )
     return Pool(start, workers)
-
-
-def num_cores() -> int:
-    """Number of processor cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _start_worker(devices: int, prepare: Callable[[], None] | None) -> None:

@@ -1,6 +1,5 @@
 """Manages an evaluation's folder: its settings, and whether a plan may resume it."""
 
-import contextlib
 import os
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,9 @@ from jaxpf import __version__
 from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.configurations import complete
 from jaxpf.evaluation.plan import Plan
-from jaxpf.evaluation.results import TRUTH, read_settings
 from jaxpf.evaluation.work.batches import FOLDER
 from jaxpf.evaluation.work.fingerprint import describe_plan
-from jaxpf.files import locking
+from jaxpf.evaluation.work.results import TRUTH, read_settings
 from jaxpf.files.locking import LOCK
 from jaxpf.files.store import SETTINGS, Store, differences
 from jaxpf.files.writing import PARTIAL, report_os_errors
@@ -89,11 +87,6 @@ def remove_leavings(folder: Path) -> None:
     """Remove partial files of a killed process."""
     for place in (folder, folder / FOLDER):
         Store(place).remove_leavings()
-
-
-def locked(folder: Path) -> contextlib.AbstractContextManager[None]:
-    """Lock the folder against other evaluating processes; see ``jaxpf.files.locking``."""
-    return locking.locked(folder, "evaluating")
 
 
 def _check_empty(folder: Path) -> None:

@@ -9,10 +9,10 @@ import numpy as np
 
 from jaxpf.contract import model_error
 from jaxpf.contract.errors import InputError
-from jaxpf.evaluation.results import BUILT_IN, Configuration
-from jaxpf.evaluation.trackers import shapes_of, tracker_of
 from jaxpf.evaluation.work.batches import Batch
+from jaxpf.evaluation.work.results import BUILT_IN, Configuration
 from jaxpf.evaluation.work.scene import open_scene, remember_scene, remembered_scene, scene_digest
+from jaxpf.evaluation.work.trackers import shapes_of, tracker_of
 from jaxpf.running.blocks import Blocks, run_blocks
 from jaxpf.targets import find_adapter
 

@@ -7,11 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxpf.contract.options import plain
-from jaxpf.evaluation.collection import Collected, Curve, has_scores
-from jaxpf.evaluation.measures import MEASURES, SCORES, Measure
-from jaxpf.evaluation.results import Configuration, Results
-from jaxpf.evaluation.speed import read_speeds
-from jaxpf.measures.calibration import Reliability
+from jaxpf.evaluation.measuring.collection import Collected
+from jaxpf.evaluation.measuring.measures import FIGURES, MEASURES, SCORES, Measure
+from jaxpf.evaluation.work.results import Configuration, Results
 from jaxpf.measures.estimates import (
     Difference,
     Estimate,
@@ -37,78 +35,69 @@ class Summary:
     """Summary of the runs of one configuration.
 
     Attributes:
-        configuration: that was run.
+        collected: measures of its runs.
         name: of the configuration, with the parameters that vary.
-        runs: number of finished runs.
         estimates: by measure; ``[P + 1]``, all objects last.
         reference: index of the summary that this one is compared with, or None.
         differences: from the reference, by measure.
         adjusted: Holm-adjusted p of each difference, ``[P + 1]``, by measure; the family is all
             comparisons of one measure and object.
-        quantiles: of the centre error, ``[5, T, P + 1]``.
-        success: success curves.
-        precision: precision curves.
-        transforms: counts of probability integral transforms in equal bins, see ``Collected``.
-        confidence: its reliability, over all objects and frames with truth.
-        frames_per_second: of a single run; NaN if not measured, see ``speed``.
     """
 
-    configuration: Configuration
+    collected: Collected
     name: str
-    runs: int
     estimates: dict[str, Estimate]
     reference: int | None
     differences: dict[str, Difference]
     adjusted: dict[str, np.ndarray]
-    quantiles: np.ndarray
-    success: Curve
-    precision: Curve
-    transforms: np.ndarray
-    confidence: Reliability
-    frames_per_second: float
+
+    @property
+    def configuration(self) -> Configuration:
+        """The configuration that was run."""
+        return self.collected.configuration
+
+    @property
+    def runs(self) -> int:
+        """Number of finished runs."""
+        return len(self.collected.runs)
 
 
 def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]:
     """Summarise the collected measures of each configuration, in the same order."""
     references = _references(collected)
-    estimates: list[dict[str, Estimate]] = [{} for _ in collected]
-    differences: list[dict[str, Difference]] = [{} for _ in collected]
-    adjusted: list[dict[str, np.ndarray]] = [{} for _ in collected]
-    scored = has_scores() and any(len(entry.scores) for entry in collected)
-    for measure in (*MEASURES, *(SCORES if scored else ())):
-        for index, entry in enumerate(collected):
-            values = run_values(entry, measure)
-            estimates[index][measure.name] = _estimate(entry, measure, values)
-            if (reference := references[index]) is not None:
-                other = run_values(collected[reference], measure)
-                differences[index][measure.name] = _difference(entry, measure, values, other)
-        compared = [index for index in range(len(collected)) if references[index] is not None]
-        if compared:
-            p = np.stack([differences[index][measure.name].p for index in compared])
-            family = np.stack([holm(column) for column in p.T], axis=1)
-            for index, row in zip(compared, family, strict=True):
-                adjusted[index][measure.name] = row
-    every = results.configurations
-    speeds = read_speeds(results.folder, len(every))
-    speeds = [speeds[every.index(entry.configuration)] for entry in collected]
-    return [
+    scored = any(len(entry.scores) for entry in collected)
+    speeds = dict(zip(map(repr, results.configurations), results.speeds, strict=True))
+    summaries = [
         Summary(
-            configuration=entry.configuration,
+            collected=entry,
             name=configuration_name(results, entry.configuration),
-            runs=len(entry.runs),
-            estimates=estimates[index],
-            reference=references[index],
-            differences=differences[index],
-            adjusted=adjusted[index],
-            quantiles=entry.quantiles,
-            success=entry.success,
-            precision=entry.precision,
-            transforms=entry.transforms,
-            confidence=entry.confidence,
-            frames_per_second=speeds[index],
+            estimates={},
+            reference=reference,
+            differences={},
+            adjusted={},
         )
-        for index, entry in enumerate(collected)
+        for entry, reference in zip(collected, references, strict=True)
     ]
+    compared = [summary for summary in summaries if summary.reference is not None]
+    for measure in (*MEASURES, *(SCORES if scored else ())):
+        values = [run_values(entry, measure) for entry in collected]
+        for summary, given in zip(summaries, values, strict=True):
+            summary.estimates[measure.name] = _estimate(summary.collected, measure, given)
+            if summary.reference is not None:
+                difference = _difference(
+                    summary.collected, measure, given, values[summary.reference]
+                )
+                summary.differences[measure.name] = difference
+        if compared:
+            p = np.stack([summary.differences[measure.name].p for summary in compared])
+            family = np.stack([holm(column) for column in p.T], axis=1)
+            for summary, row in zip(compared, family, strict=True):
+                summary.adjusted[measure.name] = row
+    for summary in summaries:
+        confidence, speed = summary.collected.confidence, speeds[repr(summary.configuration)]
+        for figure, value in zip(FIGURES, (confidence.area(), speed), strict=True):
+            summary.estimates[figure.name] = _figure(value, summary.collected.num_objects)
+    return summaries
 
 
 def configuration_name(
@@ -165,6 +154,15 @@ def run_values(entry: Collected, measure: Measure) -> Runs:
     return Runs(entry.runs, values, weights)
 
 
+def common_runs(ours: Runs, theirs: Runs) -> tuple[Runs, Runs]:
+    """Both at the runs that they share."""
+    runs, left, right = np.intersect1d(ours.runs, theirs.runs, return_indices=True)
+    return (
+        Runs(runs, ours.values[left], ours.weights[left]),
+        Runs(runs, theirs.values[right], theirs.weights[right]),
+    )
+
+
 def _estimate(entry: Collected, measure: Measure, given: Runs) -> Estimate:
     if measure.is_rate:
         estimate = rate(given.values)
@@ -176,15 +174,21 @@ def _estimate(entry: Collected, measure: Measure, given: Runs) -> Estimate:
 
 
 def _difference(entry: Collected, measure: Measure, given: Runs, other: Runs) -> Difference:
-    _, ours, theirs = np.intersect1d(given.runs, other.runs, return_indices=True)
+    given, other = common_runs(given, other)
     if measure.is_rate:
-        return rate_difference(given.values[ours], other.values[theirs])
-    difference = mean_difference(
-        *(given.values[ours], given.weights[ours]), *(other.values[theirs], other.weights[theirs])
-    )
+        return rate_difference(given.values, other.values)
+    difference = mean_difference(given.values, given.weights, other.values, other.weights)
     if measure in SCORES:
         difference = Difference(*_of_all_objects(difference, entry.num_objects))
     return difference
+
+
+def _figure(value: float, num_objects: int) -> Estimate:
+    """A single figure of all objects, without an interval."""
+    unknown = np.array([np.nan])
+    known = np.array([float(np.isfinite(value))])
+    estimate = (np.array([value]), unknown, unknown, unknown, known)
+    return Estimate(*_of_all_objects(estimate, num_objects))
 
 
 def _of_all_objects(estimate: Sequence[np.ndarray], num_objects: int) -> list[np.ndarray]:

@@ -3,31 +3,18 @@
 Speeds are stored apart from the results, because only the results are reproducible.
 """
 
-import contextlib
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jaxpf.evaluation.results import Results
+from jaxpf.evaluation.work.results import SPEEDS, Results
 from jaxpf.files.writing import write_text
 
-NAME = "speed.json"
 #: Timing of a run stops after this many frames or about this many seconds.
 _FRAMES, _SECONDS = 60, 3.0
-
-
-def read_speeds(folder: Path, count: int) -> list[float]:
-    """Frames per second of each configuration; NaN if not measured."""
-    kept: Any = []
-    with contextlib.suppress(OSError, ValueError, RecursionError):
-        kept = json.loads((folder / NAME).read_text(encoding="utf-8"))
-    kept = kept if isinstance(kept, list) else []
-    speeds = [float(x) if isinstance(x, int | float) and x > 0 else np.nan for x in kept[:count]]
-    return speeds + [np.nan] * (count - len(speeds))
 
 
 def keep_speeds(results: Results, seconds: Mapping[int, float]) -> None:
@@ -37,7 +24,7 @@ def keep_speeds(results: Results, seconds: Mapping[int, float]) -> None:
         results: of the evaluation.
         seconds: for the whole clip, keyed by the configuration's index.
     """
-    speeds = read_speeds(results.folder, len(results.configurations))
+    speeds = results.speeds
     for index, took in seconds.items():
         speeds[index] = len(results.truth) / max(took, 1e-9)
     _write(results, speeds)
@@ -61,11 +48,11 @@ def measure_speeds(
     """
     import jax
 
-    from jaxpf.evaluation.trackers import tracker_of
     from jaxpf.evaluation.work.schedule import shape_of
+    from jaxpf.evaluation.work.trackers import tracker_of
 
     configurations = results.configurations
-    speeds = read_speeds(results.folder, len(configurations))
+    speeds = results.speeds
     measured: dict[Any, float] = {}
     for index, configuration in enumerate(configurations):
         if configuration.is_imported or np.isfinite(speeds[index]):
@@ -83,7 +70,7 @@ def measure_speeds(
 
 def _write(results: Results, speeds: Sequence[float]) -> None:
     rounded = [round(x, 4) if np.isfinite(x) else None for x in speeds]
-    write_text(results.folder / NAME, json.dumps(rounded))
+    write_text(results.folder / SPEEDS, json.dumps(rounded))
 
 
 def _frames_per_second(tracker: Any, key: Any, frames: Sequence[np.ndarray]) -> float:

@@ -13,10 +13,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
-from jaxpf.evaluation.collection import Collected
-from jaxpf.evaluation.measures import by_name
-from jaxpf.evaluation.results import Configuration, Results
-from jaxpf.evaluation.summary import Runs, Summary, configuration_name, named_values, run_values
+from jaxpf.evaluation.measuring.measures import by_name
+from jaxpf.evaluation.measuring.summary import (
+    Runs,
+    Summary,
+    common_runs,
+    configuration_name,
+    named_values,
+    run_values,
+)
+from jaxpf.evaluation.work.results import Configuration, Results
 from jaxpf.measures.estimates import LEVEL, mean_difference
 
 #: The measure that ranks configurations.
@@ -36,9 +42,7 @@ class Conclusion(NamedTuple):
     ranking: list[int]
 
 
-def conclude(
-    results: Results, summaries: Sequence[Summary], collected: Sequence[Collected]
-) -> Conclusion:
+def conclude(results: Results, summaries: Sequence[Summary]) -> Conclusion:
     """Rank the configurations and state which ones differ from the best."""
     areas = [summary.estimates[RANKED_BY.name].value[-1] for summary in summaries]
     ranking = [index for index in np.argsort(areas)[::-1].tolist() if np.isfinite(areas[index])]
@@ -56,7 +60,7 @@ def conclude(
         return Conclusion(f"{names[best]}: success area {_share(areas[best])}.", ranking)
     pairs = len(list(itertools.combinations(ranking, 2)))
     intervals = {
-        other: _difference(summaries, collected, best, other, LEVEL, pairs) for other in others
+        other: _difference(summaries[best], summaries[other], LEVEL, pairs) for other in others
     }
     worse = [other for other in others if intervals[other][1] > 0]
     tied = [other for other in others if other not in worse]
@@ -90,29 +94,21 @@ def _agree(ours: Configuration, other: Configuration, names: Sequence[str]) -> b
 
 
 def _difference(
-    summaries: Sequence[Summary],
-    collected: Sequence[Collected],
-    first: int,
-    second: int,
-    level: float,
-    pairs: int,
+    first: Summary, second: Summary, level: float, pairs: int
 ) -> tuple[float, float, float]:
     """First minus second, with the ends of an interval Bonferroni-corrected for ``pairs``."""
-    ours, theirs = (run_values(collected[index], RANKED_BY) for index in (first, second))
-    imported = [summaries[index].configuration.is_imported for index in (first, second)]
-    if all(imported):
-        areas = (summaries[i].estimates[RANKED_BY.name].value[-1] for i in (first, second))
-        value = float(next(areas) - next(areas))
+    ours, theirs = (run_values(each.collected, RANKED_BY) for each in (first, second))
+    if first.configuration.is_imported and second.configuration.is_imported:
+        ends = (each.estimates[RANKED_BY.name].value[-1] for each in (first, second))
+        value = float(next(ends) - next(ends))
         return value, value, value
     # Imported tracks are the same for every seed, so repeat them for each run.
-    if imported[0]:
+    if first.configuration.is_imported:
         ours = _repeated(ours, theirs.runs)
-    if imported[1]:
+    if second.configuration.is_imported:
         theirs = _repeated(theirs, ours.runs)
-    _, left, right = np.intersect1d(ours.runs, theirs.runs, return_indices=True)
-    difference = mean_difference(
-        *(ours.values[left], ours.weights[left]), *(theirs.values[right], theirs.weights[right])
-    )
+    ours, theirs = common_runs(ours, theirs)
+    difference = mean_difference(ours.values, ours.weights, theirs.values, theirs.weights)
     value, error, runs = difference.value[-1], difference.standard_error[-1], difference.runs[-1]
     if not np.isfinite(error):
         return float(value), -np.inf, np.inf

@@ -1,6 +1,9 @@
 """Reads the results of an evaluation, finished or not."""
 
+import contextlib
 import dataclasses
+import json
+import math
 import os
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -9,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_type
-from jaxpf.contract.options import chosen
-from jaxpf.evaluation.work.batches import Batch, batch_files, read_batch, read_runs
+from jaxpf.evaluation.work.batches import Batch, batch_files, read_batch
 from jaxpf.files.store import SETTINGS, Store
 from jaxpf.targets import find_adapter
 from jaxpf.targets.adapter import Adapter
@@ -18,6 +20,8 @@ from jaxpf.targets.target import Start, Target
 
 #: Name of the stored file with the ground truth.
 TRUTH = "truth"
+#: Name of the file with speeds, apart from the results because only those are reproducible.
+SPEEDS = "speed.json"
 _REMEDY = "evaluate into another folder"
 _KEYS = {"versions", "asked", "runs", "float64", "scene", "configurations"}
 #: Kinds of configurations.
@@ -179,18 +183,19 @@ class Results:
         asked = self.settings["asked"].get("grid", {})
         return tuple(name for name in self.varied if len(asked.get(name, ())) > 1)
 
-    def noise_scale(self, configuration: Configuration) -> np.ndarray:
-        """``[3]``: process noise of the first three coordinates; NaN where unknown."""
-        check_type("configuration", configuration, Configuration)
-        if configuration.kind != BUILT_IN:
-            return np.full(3, np.nan)
-        options = chosen(self.target.options, configuration.parameters)
-        return self.target.noise(options, self.start)
+    @property
+    def speeds(self) -> list[float]:
+        """Frames per second of each configuration; NaN where not measured, see ``speed``."""
+        kept: Any = None
+        with contextlib.suppress(OSError, ValueError, RecursionError):
+            kept = json.loads((self.folder / SPEEDS).read_text(encoding="utf-8"))
+        count = len(self.settings["configurations"])
+        kept = [*(kept if isinstance(kept, list) else []), *[None] * count][:count]
+        return [float(x) if isinstance(x, int | float) and x > 0 else math.nan for x in kept]
 
     def finished(self, configuration: Configuration) -> int:
         """Number of runs of a configuration on disk."""
-        paths = batch_files(self.folder, self._index(configuration))
-        return sum(len(read_runs(path)) for path in paths)
+        return sum(map(len, self.batches(configuration)))
 
     def batches(self, configuration: Configuration) -> Iterator[Batch]:
         """Yield the finished runs of a configuration in order.

@@ -15,9 +15,6 @@ from jaxpf.measures import calibration, metrics
 from jaxpf.measures.scores import CENTRE_THRESHOLDS, OVERLAP_THRESHOLDS
 from jaxpf.targets.target import Start, Target
 
-#: Names of the coordinates in the columns for the particle spread.
-COORDINATES = ("u", "v", "a")
-
 #: Probabilities, in percent, of the regions whose coverage of the truth is measured.
 REGIONS = (50, 80, 95)
 #: The same for the size of boxes.
@@ -89,10 +86,6 @@ MEASURES = (
     Measure("corner_error", "corner distance", weight="located_frames", unit="pixels"),
     Measure("uniqueness", "uniqueness", percent=True),
     *(
-        Measure(f"effective_dynamics_{name}", f"effective dynamics in {name}", percent=True)
-        for name in COORDINATES
-    ),
-    *(
         Measure(f"coverage_{p}", f"truth in the {p} % region", weight=TRACKED_FRAMES, percent=True)
         for p in REGIONS
     ),
@@ -157,7 +150,6 @@ class Measured(NamedTuple):
 def measure_batch(
     batch: Batch,
     truth: np.ndarray,
-    noise_scale: np.ndarray,
     target: Target,
     start: Start,
     has_places: bool = False,
@@ -167,7 +159,6 @@ def measure_batch(
     Args:
         batch: R runs.
         truth: ``[T, P, S]`` shapes, NaN where an object is absent.
-        noise_scale: ``[3]``, standard deviation of the process noise; NaN where unknown.
         target: type of the objects.
         start: initial state of the objects.
         has_places: whether the first two spreads are those of the centre's x and y, in pixels,
@@ -181,15 +172,11 @@ def measure_batch(
     ]
     measure = functools.partial(_measure_frames, truth=truth, width=width)
     measure = functools.partial(measure, target=target, start=start)
-    measured = [
-        _measure_piece(piece, noise_scale, measure(piece.shapes), has_places) for piece in pieces
-    ]
+    measured = [_measure_piece(piece, measure(piece.shapes), has_places) for piece in pieces]
     return Measured(*(np.concatenate(parts) for parts in zip(*measured, strict=True)))
 
 
-def _measure_piece(
-    batch: Batch, noise_scale: np.ndarray, frames: dict[str, np.ndarray], has_places: bool
-) -> Measured:
+def _measure_piece(batch: Batch, frames: dict[str, np.ndarray], has_places: bool) -> Measured:
     present = frames["present"] > 0
     tracked, error = frames["tracked"] > 0, frames["centre_error"]
     # The last axis is OTB's thresholds; the mean is over frames.
@@ -240,11 +227,6 @@ def _measure_piece(
         values[f"coverage_{percent}"] = _mean_of_places(_inside(smallest, percent))
     for percent in SIZE_REGIONS:
         values[f"size_coverage_{percent}"] = _mean(_inside(size_smallest, percent))
-    for place, name in enumerate(COORDINATES):
-        ratio = np.full(batch.uniqueness.shape, np.nan)
-        if place < len(noise_scale) and noise_scale[place] > 0:
-            ratio = batch.spread[..., place] / np.float64(noise_scale[place])
-        values[f"effective_dynamics_{name}"] = _mean(ratio)
     shape = batch.shapes.shape[0], batch.shapes.shape[2]
     columns = np.stack([np.broadcast_to(values[name], shape) for name in COLUMNS], axis=-1)
     transforms = transforms.astype(np.float32)

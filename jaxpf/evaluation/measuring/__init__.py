@@ -1,0 +1,1 @@
+"""Measures the finished runs of an evaluation, summarises them, and states the conclusion."""

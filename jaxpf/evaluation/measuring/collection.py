@@ -1,0 +1,137 @@
+"""Measures the finished runs of one configuration: values per run, curves, quantiles and counts."""
+
+import importlib.util
+import warnings
+from statistics import NormalDist
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxpf.evaluation.measuring.measures import COLUMNS, FRAMES, SCORES, measure_batch
+from jaxpf.evaluation.work.results import BUILT_IN, Configuration, Results
+from jaxpf.measures.calibration import Reliability
+from jaxpf.measures.estimates import LEVEL
+from jaxpf.measures.scores import tracking_scores
+
+#: Quantiles of the centre error in the figure over time.
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+#: Runs per configuration with standard scores, which take about 10 ms per 20 frames.
+SCORED_RUNS = 100
+#: Bins of probability integral transforms; the regions of 5, 10, ... % end on bin edges.
+BINS = 40
+
+
+class Curve(NamedTuple):
+    """Success or precision curves with intervals, ``[P + 1, K]`` each; all objects come last."""
+
+    value: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+
+class Collected(NamedTuple):
+    """Measures of the R finished runs of one configuration.
+
+    Attributes:
+        configuration: that was run.
+        runs: ``[R]`` numbers of the finished runs.
+        columns: ``[R, P, K]``, one for each of ``COLUMNS``.
+        quantiles: of the centre error over runs and objects, ``[len(QUANTILES), T]``.
+        success: curve at the K ``OVERLAP_THRESHOLDS``.
+        precision: curve at the K ``CENTRE_THRESHOLDS``.
+        transforms: counts of probability integral transforms in ``BINS`` equal bins, over x and
+            y, all objects, and the frames in which they are tracked.
+        confidence: its reliability, over all objects and frames with truth.
+        scores: of the first ``SCORED_RUNS`` runs, ``[R, len(SCORES)]``; no rows if TrackEval is
+            not installed.
+    """
+
+    configuration: Configuration
+    runs: np.ndarray
+    columns: np.ndarray
+    quantiles: np.ndarray
+    success: Curve
+    precision: Curve
+    transforms: np.ndarray
+    confidence: Reliability
+    scores: np.ndarray
+
+    @property
+    def num_objects(self) -> int:
+        """Number of objects, P."""
+        return self.columns.shape[1]
+
+    def column(self, name: str) -> np.ndarray:
+        """Values ``[R, P]`` of the column with a given name."""
+        return self.columns[:, :, COLUMNS.index(name)]
+
+
+def collect(results: Results, configuration: Configuration) -> Collected | None:
+    """Measure the finished runs of one configuration; None if there are none.
+
+    Batches are read one after another.  The columns stay in memory, some 300 bytes per run and
+    object; while a configuration is collected, so do its curves and the errors of every frame,
+    some 3000 bytes and 12 more per frame.
+    """
+    truth, target = results.truth, results.target
+    # The coordinates of a user-defined tracker are unknown.
+    has_places = configuration.kind == BUILT_IN and target.has_places
+    is_scored = target.has_boxes and has_scores()
+    runs: list[np.ndarray] = []
+    pieces: list[tuple[np.ndarray, ...]] = []
+    scores: list[list[float]] = []
+    transforms, confidence = np.zeros(BINS, np.int64), Reliability()
+    for batch in results.batches(configuration):
+        piece = measure_batch(batch, truth, target, results.start, has_places)
+        transforms += np.histogram(piece.transforms, BINS, (0, 1))[0]
+        confidence.add(piece.confidence)
+        runs.append(batch.runs)
+        pieces.append((piece.columns, piece.centre_error, piece.success, piece.precision))
+        for boxes in batch.shapes[: SCORED_RUNS - len(scores)] if is_scored else ():
+            values = tracking_scores(boxes, truth)
+            scores.append([values[measure.name] for measure in SCORES])
+    if not runs:
+        return None
+    columns, errors, success, precision = map(np.concatenate, zip(*pieces, strict=True))
+    frames = columns[:, :, COLUMNS.index(FRAMES), None]
+    return Collected(
+        configuration=configuration,
+        runs=np.concatenate(runs),
+        columns=columns,
+        quantiles=error_quantiles(errors),
+        success=_curve(success, frames),
+        precision=_curve(precision, frames),
+        transforms=transforms,
+        confidence=confidence,
+        scores=np.array(scores).reshape(-1, len(SCORES)),
+    )
+
+
+def error_quantiles(errors: np.ndarray) -> np.ndarray:
+    """``QUANTILES`` over runs and objects of errors ``[R, T, P]``, for every frame.
+
+    NaN is ignored; a frame without an error has NaN.
+    """
+    by_frame = errors.swapaxes(0, 1).reshape(errors.shape[1], -1)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "All-NaN slice", RuntimeWarning)
+        return np.nanquantile(by_frame, QUANTILES, axis=1)
+
+
+def _curve(curves: np.ndarray, frames: np.ndarray) -> Curve:
+    """Mean of curves ``[R, P, K]`` over runs, with normal intervals; objects weigh by frames."""
+    curves = curves.astype(np.float64)  # NaN for an object that never has truth
+    total = np.maximum(np.sum(frames, axis=1, keepdims=True), 1)
+    pooled = np.sum(frames * np.nan_to_num(curves), axis=1, keepdims=True) / total
+    curves = np.concatenate([curves, pooled], axis=1)
+    value = curves.mean(axis=0)
+    error = np.full_like(value, np.nan)
+    if len(curves) > 1:
+        error = curves.std(axis=0, ddof=1) / np.sqrt(len(curves))
+    reach = NormalDist().inv_cdf((1 + LEVEL) / 2) * error
+    return Curve(value, value - reach, value + reach)
+
+
+def has_scores() -> bool:
+    """Whether TrackEval, which computes the standard scores, is installed."""
+    return importlib.util.find_spec("trackeval") is not None

@@ -30,7 +30,6 @@ from jaxpf.contract.numbers import check_number, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.likelihoods._checks import NORMS, check_pictures, check_window
 from jaxpf.likelihoods.color import check_frame
-from jaxpf.likelihoods.neighbours import Neighbours, nearest_others
 
 # Lower bound of the mean, of 255, by which a window is divided; as in ``patch``.
 _DARKEST_MEAN = 1.0
@@ -38,6 +37,8 @@ _DARKEST_MEAN = 1.0
 _ODDS = -1.4, -1.2, -1.0
 #: The same for a single point.
 _ODDS_ALONE = -1.1, -1.4
+#: Number of neighbours whose strain is measured, and strain that counts as none.
+_NEIGHBOURS, _STIFF = 3, 0.05
 #: Share of the other places that match better than e; smallest d; most places per side of the grid.
 _BEST, _CLOSEST, _PLACES = 0.05, 1e-4, 48
 
@@ -60,8 +61,9 @@ class WindowLikelihood(Likelihood):
             surfaces turn and skin slides; the ``model_error`` of x and y.
         elsewhere: [P], e of the log odds; None if the surroundings are unknown, and then there are
             no log odds.
-        neighbours: the nearest other points at the start, distances at least a window; None for a
-            single point.
+        places: [P, 2], the points at the start.
+        neighbours: int [P, K], the nearest other points at the start; None for a single point.
+        lengths: [P, K], their distances at the start, at least a window; None likewise.
     """
 
     sigma: Any
@@ -70,7 +72,9 @@ class WindowLikelihood(Likelihood):
     norm: str = static_field(default="mean")
     slip: Any = 0.0
     elsewhere: Any = None
-    neighbours: Neighbours | None = None
+    places: Any = None
+    neighbours: Any = None
+    lengths: Any = None
 
     #: ``log_prob`` is constant within a pixel.
     state_gradient = False
@@ -115,14 +119,23 @@ class WindowLikelihood(Likelihood):
         squares, finite = self._squares(observation, partition, substates)
         distance = jnp.maximum(jnp.mean(squares, axis=(1, 2)), _CLOSEST)
         match = jnp.log(distance) - jnp.log(jnp.asarray(self.elsewhere, distance.dtype))[partition]
-        if self.neighbours is None or len(partition) != len(self.neighbours.places):
+        if self.neighbours is None or len(partition) != len(self.places):
             constant, of_match = _ODDS_ALONE
             log_odds = constant + of_match * match
         else:
             constant, of_match, of_strain = _ODDS
-            strain = self.neighbours.log_strain(partition, substates[:2].T)
-            log_odds = constant + of_match * match + of_strain * strain
+            strain = self._strain(partition, substates[:2].T)
+            log_odds = constant + of_match * match + of_strain * jnp.log(strain + _STIFF)
         return jnp.where(finite, log_odds, jnp.nan)
+
+    def _strain(self, partition, points):
+        """Median strain [P] between each point and its neighbours; points [P, 2]."""
+        moved = jnp.zeros_like(points).at[partition].set(points)
+        moved -= jnp.asarray(self.places, points.dtype)
+        apart = moved[:, None] - moved[jnp.asarray(self.neighbours)]
+        strain = jnp.sqrt(jnp.sum(apart**2, axis=-1)) / jnp.asarray(self.lengths, points.dtype)
+        ordered, count = jnp.sort(strain, axis=1), strain.shape[1]  # jnp.median is slower
+        return (ordered[:, (count - 1) // 2] + ordered[:, count // 2])[partition] / 2
 
     def _squares(self, observation, partition, substates):
         """Squared differences [N, rows, columns * 3], and whether u and v are finite."""
@@ -185,13 +198,16 @@ def windows(
                 "divided by it: move the point or enlarge the window."
             )
     learned = _build(seen, sigma, size, norm, slip)
+    neighbours, lengths = _neighbours(points, size)
     elsewhere = _matches_elsewhere(np.asarray(frame), points, np.asarray(learned.references), size)
     if elsewhere is None:
         return learned
     return dataclasses.replace(
         learned,
         elsewhere=as_array(elsewhere, float),
-        neighbours=nearest_others(points, max(size)),
+        places=as_array(points, float),
+        neighbours=neighbours,
+        lengths=lengths,
     )
 
 
@@ -251,6 +267,17 @@ def _matches_elsewhere(frame, points, references, window):
         return None
     distances = np.where(other, squares / references.shape[1], np.nan)
     return np.maximum(np.nanquantile(distances, _BEST, axis=1), _CLOSEST)
+
+
+def _neighbours(points, window):
+    """The nearest other points, int [P, K], and their distances; None for a single point."""
+    if len(points) == 1:
+        return None, None
+    apart = np.linalg.norm(points[:, None] - points, axis=-1)
+    np.fill_diagonal(apart, np.inf)
+    nearest = np.argsort(apart, axis=1)[:, : min(_NEIGHBOURS, len(points) - 1)]
+    lengths = np.maximum(np.take_along_axis(apart, nearest, axis=1), max(window))
+    return jnp.asarray(nearest, jnp.int32), as_array(lengths, float)
 
 
 def _windows(frame, u, v, window):

@@ -25,8 +25,6 @@ from jaxpf.dynamics.joints import (
     substates_at,
 )
 from jaxpf.likelihoods.color import check_frame
-from jaxpf.likelihoods.histogram import HistogramLikelihood
-from jaxpf.likelihoods.neighbours import Neighbours, nearest_others
 from jaxpf.likelihoods.wrapped import WrappedLikelihood
 
 DYNAMICS = ("relative", "absolute")
@@ -37,10 +35,8 @@ DEFAULT_SCALE = (3.0, 3.0, 0.06)
 DEFAULT_JOINT_SCALE = (0.5, 0.5, 0.08)
 
 
-#: Of the log odds of histograms: constant, and factors of log(d / e) and log(s + .05).
-_ODDS = -2.9, -1.2, -1.1
-#: Of the log odds of patches: constant and factor of log(d / e).
-_ODDS_OF_PATCHES = -1.4, -4.4
+#: Constant and factor of log(d / e) in the log odds.
+_ODDS = -1.4, -4.4
 #: Share of the other places that match better than e; smallest d; places per side of the grid.
 _BEST, _CLOSEST, _PLACES = 0.05, 1e-3, 20
 
@@ -49,28 +45,23 @@ _BEST, _CLOSEST, _PLACES = 0.05, 1e-3, 20
 class OfFixedSize(WrappedLikelihood):
     """Evaluates a likelihood of (u, v, scale, theta) at (x, y, 1, theta) of a part's substate.
 
-    With d the distance between a part and its reference at the estimate (the squared distance of
-    histograms, the negative log-likelihood of patches), e the 5 % quantile of d at other places of
-    the start frame, at the same angle, and s the median strain to the three parts that were nearest
-    at the start (``jaxpf.likelihoods.neighbours``), the log odds that the part is there are::
+    With d the negative log-likelihood at a part's estimate and e the 5 % quantile of d at other
+    places of the start frame, at the same angle, the log odds that the part is there are::
 
-        histograms:  log odds = -2.9 - 1.2 log(d / e) - 1.1 log(s + .05)
-        patches:     log odds = -1.4 - 4.4 log(d / e)
+        log odds = -1.4 - 4.4 log(d / e)
 
-    Fitted by logistic regression: of histograms to "within one width of the bone" on two clips, a
-    walking bear and a head with two hands (see "Parts" in docs/defaults.md); of patches to "within
-    21 pixels of the label" on eight limbs of the bear.
+    Fitted by logistic regression to "within 21 pixels of the label", with patches, on eight limbs
+    of one clip, a walking bear.  Matches of histograms do not separate lost parts from others
+    (area under the curve .58), so they get no log odds.
 
     Attributes:
         likelihood: such as ``jaxpf.likelihoods.histogram(..., method="sampled")``.
         elsewhere: e, ``[P]``, see ``with_log_odds``; without it, log odds are those of
             ``likelihood``, if it defines any.
-        neighbours: of histograms, the nearest other parts at the start.
     """
 
     likelihood: Any
     elsewhere: Any = None
-    neighbours: Neighbours | None = None
 
     def translated(self, substates):
         """Convert substates ``[D, ...]`` to (u, v, scale, theta), ``[4, ...]``."""
@@ -79,41 +70,23 @@ class OfFixedSize(WrappedLikelihood):
 
     @property
     def log_odds_all(self):
-        """Function of (observation, partition ``[N]``, substates ``[D, N]``): log odds ``[N]``.
-
-        Of histograms, N is the number of all parts.
-        """
+        """Function of (observation, partition ``[N]``, substates ``[D, N]``): log odds ``[N]``."""
         if self.elsewhere is None:
             return super().log_odds_all
 
         def log_odds_all(observation, partition, substates):
-            distance = jnp.maximum(self.distance_all(observation, partition, substates), _CLOSEST)
-            match = jnp.log(distance / jnp.asarray(self.elsewhere)[partition])
-            if self.neighbours is None:
-                constant, of_match = _ODDS_OF_PATCHES
-                return constant + of_match * match
-            constant, of_match, of_strain = _ODDS
-            strain = self.neighbours.log_strain(partition, substates[:2].T)
-            return constant + of_match * match + of_strain * strain
+            distance = jnp.maximum(-self.log_prob_all(observation, partition, substates), _CLOSEST)
+            constant, factor = _ODDS
+            return constant + factor * jnp.log(distance / jnp.asarray(self.elsewhere)[partition])
 
         return log_odds_all
 
-    def distance_all(self, observation, partition, substates):
-        """d of the log odds, ``[N]``, of substates ``[D, N]``."""
-        if isinstance(self.likelihood, HistogramLikelihood):
-            boxes = self.translated(substates)
-            return self.likelihood.squared_distance_all(observation, partition, boxes)[0]
-        return -self.log_prob_all(observation, partition, substates)
-
 
 def with_log_odds(likelihood: Any, frame: Any, poses: ArrayLike, sizes: ArrayLike) -> OfFixedSize:
-    """The likelihood of parts with log odds.
-
-    There are none if the frame shows parts alone, or for a single part known by its histogram,
-    which has no neighbours.
+    """The likelihood of parts with log odds; without them if the frame shows parts alone.
 
     Args:
-        likelihood: histograms or patches, of substates (u, v, scale, theta).
+        likelihood: patches, of substates (u, v, scale, theta).
         frame: uint8 RGB ``[H, W, 3]``, the start frame.
         poses: x, y (pixels) and theta (radians) in it, ``[P, 3]``.
         sizes: width and height, pixels, ``[P, 2]``.
@@ -126,19 +99,14 @@ def with_log_odds(likelihood: Any, frame: Any, poses: ArrayLike, sizes: ArrayLik
     partition = np.repeat(np.arange(len(poses)), len(places))
     substates = np.concatenate([np.tile(places, (len(poses), 1)), poses[partition, 2:]], axis=1)
     part = OfFixedSize(likelihood)
-    measure = jax.jit(lambda frame: part.distance_all(part.observe(frame), partition, substates.T))
-    distance = np.asarray(measure(jnp.asarray(frame))).reshape(len(poses), -1)
+    measure = jax.jit(lambda frame: part.log_prob_all(part.observe(frame), partition, substates.T))
+    distance = -np.asarray(measure(jnp.asarray(frame))).reshape(len(poses), -1)
     apart = np.linalg.norm(places - poses[:, None, :2], axis=-1)
     other = apart > sizes.max(axis=1)[:, None] / 2
-    neighbours = None
-    if isinstance(likelihood, HistogramLikelihood):
-        neighbours = nearest_others(poses[:, :2], sizes.min(axis=1)[:, None])
-        if neighbours is None:
-            return part
     if not other.any(axis=1).all():
         return part
     elsewhere = np.nanquantile(np.where(other, distance, np.nan), _BEST, axis=1)
-    return OfFixedSize(likelihood, as_array(np.maximum(elsewhere, _CLOSEST), float), neighbours)
+    return OfFixedSize(likelihood, as_array(np.maximum(elsewhere, _CLOSEST), float))
 
 
 def parts_model(

@@ -111,13 +111,20 @@ class PartTarget(Target):
         return Start(np.array(names), poses, sizes, parents)
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
-        """See ``Target``; parts learned from the start frame get log odds."""
+        """See ``Target``; patches of the start frame get log odds."""
+        from jaxpf.likelihoods import patch, patch_from_pictures
         from jaxpf.parts.models import with_log_odds
 
-        learn = self._patch if options.likelihood == "patch" else self._histogram
-        learned = learn(options, start, looks)
-        if looks.frame is None:
-            return learned
+        if options.likelihood != "patch":
+            return self._histogram(options, start, looks)
+        settings: dict[str, Any] = {
+            "sigma": 1 / math.sqrt(options.sharpness),
+            "window": _PATCH_WINDOW,
+        }
+        with naming([f"part '{name}'" for name in start.ids]):
+            if looks.frame is None:
+                return patch_from_pictures(looks.patches, start.sizes, **settings)
+            learned = patch(looks.frame, start.shapes, start.sizes, **settings)
         return with_log_odds(learned, looks.frame, start.shapes, start.sizes)
 
     def training_likelihood(self, options: Options, start: Start, looks: Looks, frames: Any) -> Any:
@@ -138,18 +145,6 @@ class PartTarget(Target):
             scale=_DEGREES * options.scale,
             joint_scale=_DEGREES * options.joint_scale,
         )
-
-    def _patch(self, options: Options, start: Start, looks: Looks) -> Any:
-        from jaxpf.likelihoods import patch, patch_from_pictures
-
-        settings: dict[str, Any] = {
-            "sigma": 1 / math.sqrt(options.sharpness),
-            "window": _PATCH_WINDOW,
-        }
-        with naming([f"part '{name}'" for name in start.ids]):
-            if looks.frame is None:
-                return patch_from_pictures(looks.patches, start.sizes, **settings)
-            return patch(looks.frame, start.shapes, start.sizes, **settings)
 
     def _histogram(self, options: Options, start: Start, looks: Looks, **settings: Any) -> Any:
         from jaxpf.likelihoods import histogram_from_patches

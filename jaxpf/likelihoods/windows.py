@@ -286,30 +286,26 @@ def _windows(frame, u, v, window):
     columns, rows = window
     left = jnp.floor(u).astype(jnp.int32) - columns // 2
     top = jnp.floor(v).astype(jnp.int32) - rows // 2
-    inside = (left >= 0) & (left <= width - columns) & (top >= 0) & (top <= height - rows)
+    # The nearest blocks inside the frame, and how far each is from its window.
+    column, row = jnp.clip(left, 0, width - columns), jnp.clip(top, 0, height - rows)
+    across, down = left - column, top - row
 
-    def blocks():
-        def block(y, x):
-            return lax.dynamic_slice(frame, (y, x, 0), (rows, columns, 3))
+    def block(row, column):
+        return lax.dynamic_slice(frame, (row, column, 0), (rows, columns, 3))
 
-        return jax.vmap(block)(top, left)
+    def shifted(block, down, across):
+        i, j = down + jnp.arange(rows), across + jnp.arange(columns)
+        shown = ((i >= 0) & (i < rows))[:, None] & ((j >= 0) & (j < columns))
+        block = block[jnp.clip(i, 0, rows - 1)][:, jnp.clip(j, 0, columns - 1)]
+        return jnp.where(shown[..., None], block, 0)
 
-    def pixels():
-        row = top[:, None] + jnp.arange(rows)
-        column = left[:, None] + jnp.arange(columns)
-        shown = ((row >= 0) & (row < height))[:, :, None] & ((column >= 0) & (column < width))[
-            :, None
-        ]
-        row, column = jnp.clip(row, 0, height - 1), jnp.clip(column, 0, width - 1)
-        seen = frame[row[:, :, None], column[:, None, :]]
-        return jnp.where(shown[..., None], seen, 0)
-
-    # Whole blocks cost half as much as pixels with a bounds check each.  A loop of at most one
-    # iteration, because under ``vmap`` a branch would compute both sides.
+    # Most windows are blocks, which cost half as much as pixels with a bounds check each.  A loop
+    # of at most one iteration, because under ``vmap`` a branch would compute both sides; it must
+    # not use the frame, which a loop would copy.
     _, seen = lax.while_loop(
         lambda carry: carry[0],
-        lambda carry: (jnp.array(False), pixels()),
-        (~jnp.all(inside), blocks()),
+        lambda carry: (jnp.array(False), jax.vmap(shifted)(carry[1], down, across)),
+        (jnp.any((across != 0) | (down != 0)), jax.vmap(block)(row, column)),
     )
     return seen.reshape(len(seen), rows, columns * 3)
 

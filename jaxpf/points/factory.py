@@ -31,7 +31,8 @@ def tracker(
         likelihood: a user-defined likelihood of substates (u, v).
         ordering: from ``jaxpf.ordering``, instead of a method.
         options: named and explained as the flags of ``jaxpf track``: ``diffusion``, ``momentum``,
-            ``sigma``, ``window_size``, ``slip``, ...
+            ``sigma``, ``window_size``, ``slip`` (8 pixels, as on joints of filmed animals; give 0
+            for drawn scenes), ...
 
     Raises:
         InputError: an unknown option or a value out of range, a point outside the frame, two points

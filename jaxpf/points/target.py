@@ -17,6 +17,8 @@ from jaxpf.targets.target import Looks, Start, Target
 
 #: Side in pixels of the square that represents a point where an area is needed.
 _SIDE = 21.0
+#: Slip on film, pixels ("Points" in docs/defaults.md).
+_SLIP = 8.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,10 +55,12 @@ class Options:
         most=999,
         common=True,
     )
-    slip: float = option(
-        8.0,
+    slip: float | None = option(
+        None,
         "Of points, standard deviation in pixels of a point around the window that matches best; "
-        "widens the intervals.  0 for drawn scenes.",
+        "widens the intervals.  By default 8, as on joints of filmed animals; 0 in synthetic "
+        "scenes.",
+        kind=float,
         least=0,
     )
     norm: str = option(
@@ -87,6 +91,18 @@ class PointTarget(Target):
         check_names(names, len(places))
         ids = np.asarray(names, str)
         return Start(ids, places, np.full_like(places, _SIDE), (-1,) * len(places))
+
+    def resolved(
+        self, options: Options, is_filmed: bool, num_objects: int | None = None
+    ) -> Options:
+        """See ``Target``: drawn points do not slip."""
+        if options.slip is not None:
+            return options
+        return dataclasses.replace(options, slip=_SLIP if is_filmed else 0.0)
+
+    def settled(self, options: Options, start: Start, looks: Looks) -> Options:
+        """See ``Target``."""
+        return self.resolved(options, looks.is_filmed)
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
         """See ``Target``: the patches if they have the window's size, else windows of the frame."""

@@ -44,6 +44,14 @@ def test_a_lost_box_is_dashed_and_faint_and_a_doubtful_one_dashed():
     np.testing.assert_array_equal(both[74], lost)
 
 
+def test_the_label_of_a_doubtful_box_has_a_question_mark():
+    boxes, yes = np.array([[20.0, 30, 60, 45]]), np.array([True])
+    label = slice(0, 26)  # above the box
+    doubtful = draw_boxes(grey(), boxes, ["a"], doubtful=yes)[label]
+    np.testing.assert_array_equal(doubtful, draw_boxes(grey(), boxes, ["a ?"])[label])
+    assert changed(doubtful, draw_boxes(grey(), boxes, ["a"])[label]).any()
+
+
 @pytest.mark.parametrize("box", [[np.nan] * 4, [1, 2, np.inf, 4]])
 def test_a_box_that_is_not_finite_is_skipped(box):
     frame = grey()

@@ -11,6 +11,8 @@ import pytest
 import jaxpf
 import scenes
 from jaxpf.cli.tracking.track_table import places_of
+from jaxpf.evaluation import Configuration
+from jaxpf.evaluation.trackers import built_in_tracker
 from jaxpf.points import draw_points
 from jaxpf.points.adapter import ADAPTER as POINT_FILES
 from jaxpf.points.target import POINTS, Options
@@ -146,8 +148,9 @@ def test_the_target_starts_from_a_scene():
     scene = scenes.make("face", seed=0, num_frames=2, frame_width=640, frame_height=400)
     assert POINT_FILES.fits_scene(scene)
     start = POINT_FILES.scene_start(scene)
+    options = Options(window_size=21, slip=0)
     learned = [
-        POINTS.likelihood(Options(window_size=21), start, Looks(frame, patches, (400, 640), 10))
+        POINTS.likelihood(options, start, Looks(frame, patches, (400, 640), 10))
         for frame, patches in ((scene.frames[0], None), (None, scene.patches))
     ]
     references = [np.asarray(likelihood.references) for likelihood in learned]
@@ -160,14 +163,35 @@ def test_the_target_starts_from_a_scene():
 def test_windows_of_scenes_have_the_size_that_was_asked_for():
     scene = scenes.make("face", seed=0, num_frames=2, frame_width=640, frame_height=400)
     start, looks = POINT_FILES.scene_start(scene), looks_of_scene(scene, 10)
-    assert POINTS.likelihood(Options(window_size=31), start, looks).window == (31, 31)
-    assert POINTS.likelihood(Options(), start, looks).window == (13, 13)
+    for side in (31, 13):
+        options = Options(window_size=side, slip=0)
+        assert POINTS.likelihood(options, start, looks).window == (side, side)
 
 
 def test_points_of_a_stored_evaluation_which_knows_numbers_are_drawn():
     start = Start(np.array([1, 2]), PLACES[:2], np.full((2, 2), 21.0), (-1, -1))
     marks = Marks(np.full((2, 3), 255, np.uint8), np.zeros(2, bool))
-    assert (POINT_FILES.draw(PICTURE, start, PLACES[:2], marks) != PICTURE).any()
+    drawn = POINT_FILES.draw(PICTURE, start, PLACES[:2], marks)
+    assert (drawn != PICTURE).any()
+    doubtful = POINT_FILES.draw(
+        PICTURE, start, PLACES[:2], marks._replace(doubtful=np.array([True, False]))
+    )
+    named = draw_points(PICTURE, PLACES[:2], colours=marks.colours, names=["1 ?", "2"])
+    np.testing.assert_array_equal(doubtful, named)
+    assert (doubtful != drawn).any()
+
+
+def test_points_slip_on_film_and_not_in_drawn_scenes():
+    """The slip was measured on joints of filmed animals; asking for another value wins."""
+    scene = scenes.make("face", seed=0, num_frames=2, frame_width=640, frame_height=400)
+    filmed = dataclasses.replace(scene, extras=dict(scene.extras) | {"source": "folder"})
+    for values in ({}, {"slip": 3.0}):
+        slips = []
+        for each in (scene, filmed):
+            given = Configuration("pffl", parameters={"method": "pffl", **values})
+            slips.append(float(built_in_tracker(each, POINT_FILES, given).likelihood.slip))
+        assert slips == ([3.0, 3.0] if values else [0.0, 8.0])
+    assert jaxpf.points.tracker(PICTURE, PLACES).likelihood.slip == 8
 
 
 def test_intervals_in_tracks_are_widened_by_the_slip():

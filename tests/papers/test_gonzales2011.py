@@ -1,16 +1,13 @@
 """gonzales2011 repeated: what is measured, and how it becomes tables, claims and figures."""
 
-import re
 from contextlib import suppress
-from functools import partial
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from jaxpf.papers import gonzales2011
 from jaxpf.papers.checkpoints import keeping
-from jaxpf.papers.gonzales2011 import claims, figures, published, scenes, tables, times
+from jaxpf.papers.gonzales2011 import claims, figures, published, scenes, tables
 from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, RUNS_PER_SCENE, Outcome
 from jaxpf.papers.judging.claims import CONTRADICTED, OPEN, SUPPORTED, judge_all
 from jaxpf.papers.judging.comparison_table import Comparison, write
@@ -155,93 +152,14 @@ def test_two_methods_that_lose_as_much_by_turns_are_equal():
     assert tables.gain(ours, ours[::-1]).value == pytest.approx(0)
 
 
-def fake_times():
-    rng = np.random.default_rng(1)
-    found = {}
-    for parts in published.PARTS:
-        for particles in published.TABLE_1_PARTICLES:
-            base = 1e-3 * parts * particles * (1 + 0.001 * rng.normal(size=5))
-            found[parts, particles] = {
-                "PS": base,
-                "SPS sorted": 1.3 * base * (1 + 1e-7 * rng.normal()),
-                "SPS combinatorial": 1.01 * base * (1 + 1e-7 * rng.normal()),
-            }
-    return found
-
-
-def test_times_stand_beside_the_published_ones():
-    seconds, nanoseconds, ratios = tables.time_tables(fake_times())
-    assert [len(table.rows) for table in (seconds, nanoseconds, ratios)] == [15, 15, 10]
-    label, cells = seconds.rows[-3]
-    assert label == "11 parts, PS"
-    assert cells[-1].published == 26.37
-    # 26.37 s over 11 parts, 200 particles and 300 frames: about 41 microseconds, the known figure.
-    assert 39_000 < nanoseconds.rows[-3][1][-1].published < 42_000
-    label, cells = ratios.rows[0]
-    assert label == "3 parts, SPS sorted / PS"
-    np.testing.assert_allclose(cells[0].published, 0.56 / 0.54)
-    np.testing.assert_allclose(cells[0].measured.value, 1.3, rtol=1e-6)
-
-
-def test_methods_are_timed_in_turn_for_every_cell(monkeypatch):
-    """By a clock that goes on while a method works, by its place times the size of the cell."""
-    clock, worked = [0.0], []
-
-    def compiled(num_parts, num_particles, num_frames, num_runs):
-        def work(method, seconds):
-            worked.append(method)
-            clock[0] += seconds
-
-        return {
-            method: partial(work, method, float(k * num_parts * num_particles))
-            for k, method in enumerate(times.METHODS, 1)
-        }
-
-    monkeypatch.setattr(times, "_compiled", compiled)
-    monkeypatch.setattr(times, "time", SimpleNamespace(process_time=lambda: clock[0]))
-    found = times.measure_times((3, 5), (10, 20), num_frames=3, repeats=3, num_runs=5)
-    assert list(found) == [(3, 10), (3, 20), (5, 10), (5, 20)]
-    of_sizes = [
-        cell[method] / (k * parts * particles)
-        for (parts, particles), cell in found.items()
-        for k, method in enumerate(times.METHODS, 1)
-    ]
-    np.testing.assert_allclose(of_sizes, of_sizes[0][0])
-    # After a warm-up of each, to and fro.
-    names = list(times.METHODS)
-    assert worked[:12] == [*names, *names, *names[::-1], *names]
-
-
-# A second transcription of the paper's table 1, line by line.
-TABLE_1 = """3 0.54 0.88 1.58 2.99 2.82 3.45 6.80 | 0.56 0.91 1.61 2.33 2.84 3.50 6.92
-5 0.71 1.26 2.33 3.34 4.43 5.43 11.62 | 0.74 1.32 2.42 3.43 4.51 5.60 12.05
-7 0.95 1.72 3.21 4.7 6.22 7.86 17.10 | 1.00 1.76 3.28 4.84 6.46 7.99 17.73
-9 1.21 2.18 4.12 6.16 8.12 10.35 22.06 | 1.25 2.23 4.25 6.32 8.40 10.59 22.77
-11 1.41 2.61 4.99 7.38 10.02 12.69 26.37 | 1.46 2.77 5.11 7.61 10.33 13.01 27.18"""
-
-
-def test_table_1_is_the_papers():
-    for line in TABLE_1.splitlines():
-        parts, ps, sps = re.match(r"(\d+) (.*) \| (.*)", line).groups()
-        assert list(published.TABLE_1[int(parts)]["PS"]) == [float(x) for x in ps.split()]
-        assert list(published.TABLE_1[int(parts)]["SPS"]) == [float(x) for x in sps.split()]
-    slip_parts, method, particles = published.SLIP
-    assert (
-        published.TABLE_1[slip_parts][method][published.TABLE_1_PARTICLES.index(particles)] == 2.99
-    )
-
-
 def test_everything_is_written(tmp_path):
     outcomes = everything(fake_outcome({"SPS sorted": 8.0}))
     comparison = Comparison(
         paper="gonzales2011",
         title="a test",
-        tables=[
-            *tables.error_tables(outcomes),
-            *tables.time_tables(fake_times()),
-        ],
+        tables=tables.tables(outcomes),
         claims=judge_all("gonzales2011", claims.of_curves(outcomes, "absolute", "sorted")),
-        figures=figures.curves(outcomes),
+        figures=figures.figures(outcomes),
         notes=gonzales2011.NOTES,
     )
     written = write(comparison, tmp_path)

@@ -1,7 +1,6 @@
 """eskil2014 repeated: factored particles with dependent and constrained dynamics.
 
-The three sequences on synthetic scenes modelled on them, with ablations, common baselines, and
-frames per second.
+The three sequences on synthetic scenes modelled on them, with ablations and common baselines.
 """
 
 from jaxpf.papers.eskil2014 import claims, figures, measure, methods, tables

@@ -7,7 +7,6 @@ import numpy as np
 
 from jaxpf.measures import points as measures
 from jaxpf.papers.eskil2014 import methods, published
-from jaxpf.papers.eskil2014.measure import Measurement
 from jaxpf.papers.eskil2014.scenes import Outcome
 from jaxpf.papers.eskil2014.tables import NEAR, by_scene, found_again, kept
 from jaxpf.papers.judging.claims import Quantity
@@ -18,13 +17,8 @@ Quantities = dict[str, list[Quantity]]
 _OPEN = range(5, 11)
 
 
-def quantities(measured: Measurement) -> Quantities:
+def quantities(outcomes: Mapping[str, Outcome]) -> Quantities:
     """Key of a claim -> its figures; sequences that were not run are omitted."""
-    return of_scenes(measured.outcomes)
-
-
-def of_scenes(outcomes: Mapping[str, Outcome]) -> Quantities:
-    """Figures of the three sequences."""
     figures: dict[str, Quantity] = {}
     for scene, measure in {"fish": _fish, "skydivers": _skydivers, "face": _face}.items():
         if scene in outcomes:

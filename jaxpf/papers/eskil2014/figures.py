@@ -1,4 +1,4 @@
-"""Figure 1, and figures 3 to 10: errors over time."""
+"""Figures 3 to 10: errors over time."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,7 +7,6 @@ import numpy as np
 
 from jaxpf.media import plotting
 from jaxpf.papers.eskil2014 import methods
-from jaxpf.papers.eskil2014.measure import Measurement
 from jaxpf.papers.eskil2014.scenes import Outcome
 
 _SHOWN = {
@@ -19,14 +18,9 @@ _NUMBERS = {"fish": (3, 4), "skydivers": (6, 7), "face": (9, 10)}
 _COMPARED = (methods.PROPOSED, methods.PFFL, methods.FLOW, "PS", "SPS")
 
 
-def figures(measured: Measurement) -> dict[str, Any]:
-    """File-name stem -> figure."""
-    return curves(measured.outcomes)
-
-
-def curves(outcomes: Mapping[str, Outcome]) -> dict[str, Any]:
-    """Figures 1, 3, 6, 9 (errors of single points) and 4, 7, 10 (mean errors) of the paper."""
-    drawn: dict[str, Any] = {"figure_1": _potential()}
+def figures(outcomes: Mapping[str, Outcome]) -> dict[str, Any]:
+    """Figures 3, 6, 9 (errors of single points) and 4, 7, 10 (mean errors) of the paper."""
+    drawn = {}
     for scene, outcome in outcomes.items():
         single, mean = _NUMBERS[scene]
         proposed = outcome.errors[methods.PROPOSED].mean(axis=(0, 1))
@@ -55,26 +49,4 @@ def _curves(series: Mapping[str, np.ndarray], title: str, yscale: str = "linear"
     axis.set_title(title, fontsize=10)
     axis.legend(fontsize=8, ncols=2)
     axis.grid(alpha=0.3)
-    return figure
-
-
-def _potential() -> Any:
-    """Figure 1: the shape function of one point of the fish, over the image plane."""
-    from jaxpf.filters.factored.shape import log_shape, reference_distances
-    from scenes.fish import POINTS
-
-    places = np.array(list(POINTS.values()), np.float32)
-    point = list(POINTS).index("nose")
-    x, y = np.meshgrid(np.linspace(-120, 180, 301), np.linspace(-80, 80, 161))
-    plane = np.stack([x.ravel(), y.ravel()]).astype(np.float32)
-    everywhere = np.broadcast_to(plane[:, None], (2, len(places), x.size))
-    value = np.asarray(
-        log_shape(everywhere, places.T, reference_distances(places), 0.2, "relative")
-    )[point]
-    figure, ((axes,),) = plotting.new_figure(figsize=(6, 4.5))
-    image = axes.imshow(np.exp(value).reshape(x.shape), extent=(-120, 180, 80, -80), cmap="gray")
-    axes.plot(*places.T, ".", color="tab:orange")
-    axes.plot(*places[point], "o", color="tab:red", fillstyle="none")
-    axes.set_title("The shape function of the nose, scale .2 (the paper's figure 1)", fontsize=10)
-    figure.colorbar(image, ax=axes)
     return figure

@@ -14,16 +14,12 @@ class Sequence(NamedTuple):
         scene: our synthetic substitute.
         frames: its number of frames.
         scale: sigma_t, pixels of the paper's film.
-        proposed: frames per second of the proposed method, table 3.
-        pffl: frames per second of PFFL.
         size: width of our film divided by the width of the paper's.
     """
 
     scene: str
     frames: int
     scale: float
-    proposed: float
-    pffl: float
     size: float = 1.0
 
     @property
@@ -33,9 +29,9 @@ class Sequence(NamedTuple):
 
 
 SEQUENCES = {
-    "platty": Sequence("fish", 110, 10.0, 3.01, 3.79, size=0.5),
-    "skydiving": Sequence("skydivers", 300, 5.0, 3.89, 4.47),
-    "face": Sequence("face", 127, 5.0, 2.34, 3.39),
+    "platty": Sequence("fish", 110, 10.0, size=0.5),
+    "skydiving": Sequence("skydivers", 300, 5.0),
+    "face": Sequence("face", 127, 5.0),
 }
 #: M of the proposed method and of PFFL; sigma_o, sigma_p.
 PARTICLES, PFFL_PARTICLES = 10, 50

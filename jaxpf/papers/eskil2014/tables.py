@@ -1,16 +1,15 @@
-"""Errors on scenes, and frames per second."""
+"""Errors on scenes."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from jaxpf.files.tables import Rows, Table
 from jaxpf.measures import points as measures
-from jaxpf.papers.eskil2014 import methods, published, speed
-from jaxpf.papers.eskil2014.measure import Measurement
+from jaxpf.papers.eskil2014 import methods, published
 from jaxpf.papers.eskil2014.scenes import Outcome
-from jaxpf.papers.judging.comparison_table import Cell
-from jaxpf.papers.judging.estimates import mean_cell, only
+from jaxpf.papers.judging.estimates import mean_cell
 
 #: A point counts as kept or recovered within this distance, relative to the body's length.
 NEAR = 0.1
@@ -20,12 +19,9 @@ WITHIN = 30
 _STAYS = 10
 
 
-def tables(measured: Measurement) -> list[Table]:
-    """All tables, in display order."""
-    return [
-        *map(scene_table, measured.outcomes.values()),
-        speed_table(measured.rates),
-    ]
+def tables(outcomes: Mapping[str, Outcome]) -> list[Table]:
+    """A table for each kind of scene."""
+    return [scene_table(outcome) for outcome in outcomes.values()]
 
 
 def by_scene(outcome: Outcome, method: str, measure: Any) -> np.ndarray:
@@ -103,31 +99,4 @@ def scene_table(outcome: Outcome) -> Table:
         f"{scenes} scenes.  A point is kept if its median distance in the last 10 frames is at "
         f"most {NEAR:g} of the body's length, and recovered if it comes that near within "
         f"{WITHIN} frames of its return, and stays.",
-    )
-
-
-def speed_table(rates: speed.Rates) -> Table:
-    """Table 3: published and measured."""
-    rows: Rows = []
-    for name, by_method in rates.items():
-        sequence = published.SEQUENCES[name]
-        cells = [
-            Cell(figure, only(by_method[method].max()), 2)
-            for method, figure in (
-                (methods.PROPOSED, sequence.proposed),
-                (methods.PFFL, sequence.pffl),
-            )
-        ]
-        rows.append((f"{name} ({sequence.scene})", cells))
-    repeats = len(next(iter(rates.values()))[methods.PROPOSED])
-    return Table(
-        "frames_per_second",
-        "Table 3: frames per second, published | measured",
-        ["", methods.PROPOSED, methods.PFFL],
-        rows,
-        f"M = {published.PARTICLES} and {published.PFFL_PARTICLES} particles per point; the "
-        "published figures are of MATLAB on a core of 2.2 GHz.  Ours, this machine, by the time "
-        f"of its processor: the fastest of {repeats} timings over {speed.FRAMES} frames, on the "
-        "scenes' own pictures, of which the fish's, 960 x 540, are half as wide and high as the "
-        "film's.",
     )

@@ -12,7 +12,6 @@ import numpy as np
 
 from jaxpf.measures import particle_sets
 from jaxpf.ordering import named
-from jaxpf.papers.gonzales2011.measure import Measurement
 from jaxpf.papers.gonzales2011.published import (
     FIGURE_8_PARTICLES,
     FIGURE_8_PARTS,
@@ -31,11 +30,11 @@ Quantities = dict[str, list[Quantity]]
 _JUDGED = (("absolute", "sorted"), ("absolute", "combinatorial"), ("relative", "combinatorial"))
 
 
-def quantities(measured: Measurement) -> Quantities:
+def quantities(outcomes: Outcomes) -> Quantities:
     """Key of a claim -> its figures; claims without a measured cell are omitted."""
     figures: Quantities = {"resamplings": resamplings(), "unaltered": [computed(sorted_evidence())]}
     for dynamics, swap in _JUDGED:
-        figures |= of_curves(measured.outcomes, dynamics, swap)
+        figures |= of_curves(outcomes, dynamics, swap)
     return figures
 
 

@@ -6,16 +6,10 @@ from typing import Any
 import numpy as np
 
 from jaxpf.media import plotting
-from jaxpf.papers.gonzales2011.measure import Measurement
 from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, Outcomes
 
 
-def figures(measured: Measurement) -> dict[str, Any]:
-    """File-name stem -> figure."""
-    return curves(measured.outcomes)
-
-
-def curves(outcomes: Outcomes) -> dict[str, Any]:
+def figures(outcomes: Outcomes) -> dict[str, Any]:
     """Curves over time, as in the paper: one column per panel, one row per dynamics."""
     smooth = [key for key in outcomes if key[0] == "smooth"]
     drawn = {}

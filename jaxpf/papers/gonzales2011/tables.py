@@ -1,31 +1,12 @@
-"""Figures 8 to 11 as tables, table 1, and our settings."""
+"""Figures 8 to 11 as tables."""
 
 import numpy as np
 
 from jaxpf.files.tables import Rows, Table
-from jaxpf.measures.timing import median_interval
-from jaxpf.papers.gonzales2011 import times
-from jaxpf.papers.gonzales2011.measure import Measurement
-from jaxpf.papers.gonzales2011.published import (
-    FRAMES,
-    SLIP,
-    TABLE_1,
-    TABLE_1_PARTICLES,
-    TIMED_RUNS,
-)
 from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, Outcomes
-from jaxpf.papers.gonzales2011.times import Times
-from jaxpf.papers.judging.claims import Measured, Quantity
+from jaxpf.papers.judging.claims import Quantity
 from jaxpf.papers.judging.comparison_table import Cell
 from jaxpf.papers.judging.estimates import mean_cell, ratio_of
-
-
-def tables(measured: Measurement) -> list[Table]:
-    """All tables, in display order."""
-    return [
-        *error_tables(measured.outcomes),
-        *time_tables(measured.times),
-    ]
 
 
 def by_scene(values: np.ndarray) -> np.ndarray:
@@ -52,7 +33,7 @@ def gain(ours: np.ndarray, base: np.ndarray, what: str = "") -> Quantity:
     return ratio._replace(value=100 * (1 - ratio.value), interval=interval, what=what)
 
 
-def error_tables(outcomes: Outcomes) -> list[Table]:
+def tables(outcomes: Outcomes) -> list[Table]:
     """Errors and variances of every cell, and the reduction of SPS relative to PS."""
     tables = []
     for dynamics in DYNAMICS:
@@ -94,82 +75,3 @@ def error_tables(outcomes: Outcomes) -> list[Table]:
             ),
         ]
     return tables
-
-
-def time_tables(timed: Times) -> list[Table]:
-    """Seconds, nanoseconds and ratios, published and measured."""
-    parts, particles = (sorted({key[k] for key in timed}) for k in (0, 1))
-    columns = ["", *(f"N = {n}" for n in particles)]
-    seconds: Rows = []
-    cost: Rows = []
-    ratios: Rows = []
-    for p in parts:
-        for method in times.METHODS:
-            label, cells = f"{p} parts, {method}", [(p, n) for n in particles]
-            seconds.append((label, [_time_cell(timed, method, cell, 1, 3) for cell in cells]))
-            units = [1e9 / (p * n * FRAMES) for n in particles]
-            cost.append(
-                (
-                    label,
-                    [
-                        _time_cell(timed, method, cell, unit, 0)
-                        for cell, unit in zip(cells, units, strict=True)
-                    ],
-                )
-            )
-            if method != "PS":
-                row = [
-                    Cell(
-                        _quotient(_published(method, cell), _published("PS", cell)),
-                        Measured(*median_interval(timed[cell][method] / timed[cell]["PS"])),
-                        digits=3,
-                    )
-                    for cell in cells
-                ]
-                ratios.append((f"{label} / PS", row))
-    shared = (
-        f"Ours: CPU seconds, median and 95 % interval of interleaved repeats; absolute dynamics, "
-        f"{TIMED_RUNS} runs batched on one device, compilation excluded."
-    )
-    return [
-        Table(
-            "table_1_seconds",
-            "Table 1: seconds for one run of 300 frames",
-            columns,
-            seconds,
-            f"{shared}  The published {SLIP[1]} at {SLIP[0]} parts and N = {SLIP[2]}, 2.99 s, is "
-            "probably a slip for 2.29.",
-        ),
-        Table(
-            "table_1_nanoseconds",
-            "The same per particle, part and frame, in nanoseconds",
-            columns,
-            cost,
-        ),
-        Table(
-            "table_1_ratios",
-            "Table 1: time of SPS over time of PS",
-            columns,
-            ratios,
-            "Median of the interleaved pairs.  Published, SPS adds 1227 ns per particle and part "
-            "at 11 parts and N = 200 to PS's 40 microseconds; see the nanoseconds for ours.",
-        ),
-    ]
-
-
-def _time_cell(timed: Times, method: str, cell: tuple[int, int], unit: float, digits: int) -> Cell:
-    published = _published(method, cell)
-    ours = Measured(*(unit * x for x in median_interval(timed[cell][method])))
-    return Cell(None if published is None else unit * published, ours, digits)
-
-
-def _published(method: str, cell: tuple[int, int]) -> float | None:
-    """Seconds in table 1 for (parts, particles), or None."""
-    if cell[0] not in TABLE_1 or cell[1] not in TABLE_1_PARTICLES:
-        return None
-    row = TABLE_1[cell[0]]["PS" if method == "PS" else "SPS"]
-    return row[TABLE_1_PARTICLES.index(cell[1])]
-
-
-def _quotient(upper: float | None, lower: float | None) -> float | None:
-    return None if upper is None or lower is None else upper / lower

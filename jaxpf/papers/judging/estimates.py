@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.measures.scene_intervals import paired_rates_interval, scene_interval
-from jaxpf.papers.judging.claims import Measured, Quantity
+from jaxpf.papers.judging.claims import Quantity
 from jaxpf.papers.judging.comparison_table import Cell
 
 
@@ -83,8 +83,3 @@ def rate_cell(rates: Any, published: float | None = None) -> Cell:
 def share_cell(trials: Any, published: float | None = None) -> Cell:
     """The percentage of successful trials ``[S, trials]`` bool, with the published value."""
     return Cell(published, share_of(trials).measured())
-
-
-def only(value: float) -> Measured:
-    """A value without an interval."""
-    return Measured(float(value), math.nan, math.nan)

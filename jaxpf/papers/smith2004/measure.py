@@ -3,9 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from jaxpf.papers.checkpoints import part
 from jaxpf.papers.paper import Request
-from jaxpf.papers.smith2004 import costs
 from jaxpf.papers.smith2004.conditions import ENDINGS, PARTICLES, Condition, measure_conditions
 from jaxpf.papers.smith2004.scenes import Outcome, measure as measure_scenes
 
@@ -18,12 +16,10 @@ class Measurement(NamedTuple):
     Attributes:
         outcome: runs on the paper's scene.
         conditions: conditions under which the order of objects may matter more.
-        costs: costs of every method.
     """
 
     outcome: Outcome
     conditions: Sequence[Condition]
-    costs: costs.Costs
 
 
 def measure(request: Request) -> Measurement:
@@ -37,6 +33,4 @@ def measure(request: Request) -> Measurement:
     particles = (_FEW,) if quick else PARTICLES
     endings = _QUICK_ENDINGS if quick else tuple(ENDINGS)
     conditions = measure_conditions(seeds, particles, endings, report)
-    report("Processor time of the methods")
-    spent = part("costs", lambda: costs.measure(particles))
-    return Measurement(outcome, conditions, {n: spent[str(n)] for n in particles})
+    return Measurement(outcome, conditions)

@@ -5,11 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from jaxpf.files.tables import Rows, Table
-from jaxpf.measures.timing import median_interval
-from jaxpf.papers.judging.claims import Measured
 from jaxpf.papers.judging.comparison_table import Cell
 from jaxpf.papers.judging.estimates import mean_cell, rate_cell
-from jaxpf.papers.smith2004 import costs
 from jaxpf.papers.smith2004.conditions import Condition
 from jaxpf.papers.smith2004.measure import Measurement
 from jaxpf.papers.smith2004.orders import shuffled_orders
@@ -30,7 +27,6 @@ def tables(measured: Measurement) -> list[Table]:
         *table_2(measured.outcome),
         uniqueness_table(measured.outcome),
         conditions_table(measured.conditions),
-        cost_table(measured.costs),
     ]
 
 
@@ -184,22 +180,4 @@ def conditions_table(conditions: Sequence[Condition]) -> Table:
         "last but one, last: PS that comes to object 1 so.  Drawn twice: by the weights at the "
         "end of a frame and at the start of the next, as figure 1 has it.  Counted twice: stages "
         "are resampled by, and not divided out of the last weights.",
-    )
-
-
-def cost_table(measured: costs.Costs) -> Table:
-    """Processor time of every method, and its ratio to that of PS."""
-    rows: Rows = []
-    for number, by_method in measured.items():
-        for method, seconds in by_method.items():
-            spent = Measured(*(1e3 * each for each in median_interval(seconds)))
-            ratio = Measured(*median_interval(seconds / by_method["PS"]))
-            rows.append((f"N = {number}, {method}", [Cell(None, spent, 2), Cell(None, ratio, 2)]))
-    return Table(
-        "costs",
-        "Beyond the paper: processor time of a frame",
-        ["", "milliseconds", "this / PS"],
-        rows,
-        f"Median and 95 % interval of {costs.REPEATS} interleaved timings of {costs.RUNS} runs "
-        "together, on one device.  Where the ratio is 1, equal N is equal time.",
     )

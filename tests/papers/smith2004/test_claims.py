@@ -6,7 +6,7 @@ from smith2004_outcomes import outcome_of
 from jaxpf.papers.judging.claims import CONTRADICTED, OPEN, SUPPORTED, judge_all
 from jaxpf.papers.smith2004 import scenes, tables
 from jaxpf.papers.smith2004.claims import of_scenes
-from jaxpf.papers.smith2004.figures import figure_4, figure_recovery
+from jaxpf.papers.smith2004.figures import figure_4
 
 
 def verdicts(outcome):
@@ -70,4 +70,3 @@ def test_uniqueness_is_read_by_stage():
 def test_figures_are_drawn():
     outcome = outcome_of({"Non-PS": 0.02, "PS": 0.2, "DPS": 0.4, "SPS": 0.7})
     assert len(figure_4(outcome).axes) == 15
-    assert len(figure_recovery(outcome).axes) == 3

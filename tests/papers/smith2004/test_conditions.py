@@ -10,9 +10,9 @@ from smith2004_outcomes import outcome_of
 import jaxpf
 from jaxpf.dynamics import LinearGaussian
 from jaxpf.likelihoods import Gaussian
-from jaxpf.papers.smith2004 import conditions, costs, tables
+from jaxpf.papers.smith2004 import conditions
 from jaxpf.papers.smith2004.orders import best_and_worst
-from jaxpf.papers.smith2004.scenes import METHODS, all_orderings
+from jaxpf.papers.smith2004.scenes import all_orderings
 
 ONE = jnp.ones((3, 1, 1))
 FRAME = jnp.array([[0.5], [-1.0], [2.0]])
@@ -88,16 +88,3 @@ def test_orders_are_told_by_the_stage_of_object_1(monkeypatch):
     (found,) = conditions.measure_conditions([0], [300], ["as here"])
     np.testing.assert_allclose(found.by_stage.mean(axis=0), [0, 0, 0, 0, 0, 0, 100])
     assert (found.best_over_worst == 100).all()
-
-
-def test_the_costs_of_all_methods_are_timed(monkeypatch):
-    monkeypatch.setattr(costs, "FRAMES", 1)
-    monkeypatch.setattr(costs, "RUNS", 2)
-    monkeypatch.setattr(costs, "REPEATS", 2)
-    found = costs.measure([20])
-    assert set(found["20"]) == set(METHODS)
-    assert all(seconds.shape == (2,) and (seconds > 0).all() for seconds in found["20"].values())
-    table = tables.cost_table({20: found["20"]})
-    assert [label for label, _ in table.rows] == [f"N = 20, {method}" for method in METHODS]
-    (ratio,) = [cells[1].measured.value for label, cells in table.rows if label.endswith(" PS")]
-    assert ratio == 1

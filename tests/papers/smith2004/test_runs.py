@@ -94,7 +94,7 @@ def test_the_command_prints_and_writes_the_comparison(tmp_path, capsys):
     for words in ("Table 1, objects 2-7: success", "Table 2, object 1: recovery", "of 13 hold"):
         assert words in printed
     assert "hold" in printed
-    assert {"figure_4.png", "recovery.png", "verdicts.csv", "run.toml", "smith2004.md"} <= {
+    assert {"figure_4.png", "verdicts.csv", "run.toml", "smith2004.md"} <= {
         path.name for path in output.iterdir()
     }
     with open(output / "table_1_precision.csv", newline="") as file:

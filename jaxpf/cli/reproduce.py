@@ -24,7 +24,13 @@ PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999"
     type=click.IntRange(1, 10_000),
     help="Number of scenes, the units of the intervals.  [default: the planned number]",
 )
-@click.option("--seed", default=0, show_default=True, help="Seed of the first scene.")
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**20 - 1),
+    default=0,
+    show_default=True,
+    help="Seed of the first scene.",
+)
 @click.option("--quick", is_flag=True, help="Measure a much smaller version, as a preview.")
 @click.option(
     "--output",
@@ -58,11 +64,8 @@ def command(
     PAPER is one of smith2004, gonzales2011, rowe2005, eskil2014, maccormick1999.
     """
     from jaxpf.cli.evaluating.cluster import cluster
-    from jaxpf.contract.errors import InputError
     from jaxpf.files.writing import prepare_output_folder
 
-    if not 0 <= seed < 2**20:
-        raise InputError(f"--seed {seed} must be between 0 and {2**20 - 1}.")
     options = {"paper": paper, "scenes": scenes, "seed": seed, "quick": quick}
     start_jax()
     from jaxpf.papers import checkpoints

@@ -62,7 +62,7 @@ class FrameSource:
         """
         if start < 0:
             raise InputError(
-                f"start frame {start} of '{self.path}' is negative; frames count from 0"
+                f"frame {start} of '{self.path}' is negative; frames count from 0"
             )
         if self.num_frames is not None and start >= self.num_frames:
             raise self._past_the_end(start, self.num_frames)
@@ -83,6 +83,6 @@ class FrameSource:
 
     def _past_the_end(self, start: int, count: int) -> InputError:
         return InputError(
-            f"start frame {start} is past the end of '{self.path}', which has {count} frame(s); "
+            f"frame {start} is past the end of '{self.path}', which has {count} frame(s); "
             f"choose one from 0 to {count - 1}"
         )

@@ -31,18 +31,17 @@ def frame_with_boxes(
 
 
 def box_tracker(
-    likelihood: Any, boxes: np.ndarray, ordering: Any, num_particles: int, **settings: Any
+    likelihood: Any, boxes: np.ndarray, ordering: Any, num_particles: int
 ) -> jaxpf.Partitioned:
     """A tracker of boxes ``[P, 4]`` that move by ``BOX_SCALE``."""
     return jaxpf.Partitioned(
         **box_model(likelihood, boxes, BOX_SCALE)._asdict(),
         ordering=ordering,
         num_particles=num_particles,
-        **settings,
     )
 
 
-def line_tracker(num_particles: int, **settings: Any) -> jaxpf.Partitioned:
+def line_tracker(num_particles: int) -> jaxpf.Partitioned:
     """``x_t = .9 x_{t-1} + n``, observed with unit noise."""
     unit = jnp.ones((1, 1, 1))
     return jaxpf.Partitioned(
@@ -51,5 +50,4 @@ def line_tracker(num_particles: int, **settings: Any) -> jaxpf.Partitioned:
         initial=jnp.zeros((1, 1)),
         ordering=orderings.sir(1),
         num_particles=num_particles,
-        **settings,
     )

@@ -19,10 +19,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_quickly")]
     [
         (measurements.generic, (20, 3), ["", "<= 1.5", "<= 2"]),
         (measurements.histograms, (2, 20), ["", "", ">= 100"]),
-        (measurements.appearance, (1, 20, 2), ["", "<= 2"] * 2),
         (measurements.frame_sizes, (((90, 120), (240, 320)), 2), ["", "<= 2"]),
-        (measurements.gradients, (30, 6, 2), ["", "<= 4"] * 2),
-        (measurements.labelled, (70, 2, 2), ["", "<= 1.5"]),
     ],
 )
 def test_every_case_is_timed_against_its_baseline(make, sizes, goals):
@@ -38,13 +35,14 @@ def test_every_case_is_timed_against_its_baseline(make, sizes, goals):
             assert ratio[0] == 1
 
 
-def test_a_ratio_is_of_one_unit():
+def test_a_ratio_is_of_one_unit(monkeypatch):
     cases = [
         measurements.Case("usual", lambda: None, 10),
         measurements.Case("this", lambda: None, 100, "usual"),
     ]
     clock = iter(np.cumsum([0, 1.0] * 20))
-    measured = measurements.Section("", cases, lambda: float(next(clock))).measure(3)
+    monkeypatch.setattr(measurements.time, "perf_counter", lambda: float(next(clock)))
+    measured = measurements.Section("", cases).measure(3)
     assert measured[1][0] == pytest.approx(1e7)
     assert measured[1][1][0] == pytest.approx(0.1)
 

@@ -61,9 +61,7 @@ class FrameSource:
             InputError: ``start`` is negative or past the end, or a frame is unusable.
         """
         if start < 0:
-            raise InputError(
-                f"frame {start} of '{self.path}' is negative; frames count from 0"
-            )
+            raise InputError(f"frame {start} of '{self.path}' is negative; frames count from 0")
         if self.num_frames is not None and start >= self.num_frames:
             raise self._past_the_end(start, self.num_frames)
         return self._frames(start)

@@ -1,4 +1,4 @@
-"""Writes playable video in a background thread: H.264 in MP4, or VP9 in WebM."""
+"""Writes playable video in a background thread: H.264 in MP4."""
 
 import math
 import os
@@ -16,37 +16,23 @@ from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.numbers import check_whole
 from jaxpf.files.writing import report_os_errors, temporary_sibling
 
-#: Codecs and their file name suffixes.
-SUFFIXES = {"h264": ".mp4", "vp9": ".webm"}
-
-# FFmpeg's encoder, its options, and the container's.  With these presets a 640x480 frame takes 2
-# to 4 ms on one core; "crf" fixes the quality whatever the file size.
-_ENCODERS = {
-    "h264": (
-        "libx264",
-        {"preset": "superfast", "crf": "22"},
-        {"movflags": "+faststart"},  # the index comes first: browsers play while loading
-    ),
-    "vp9": (
-        "libvpx-vp9",
-        {"deadline": "realtime", "cpu-used": "8", "crf": "30", "b": "0", "row-mt": "1"},
-        {},
-    ),
-}
+# With this preset a 640x480 frame takes 2 to 4 ms on one core; "crf" fixes the quality whatever the
+# file size.
+_ENCODER, _SETTINGS = "libx264", {"preset": "superfast", "crf": "22"}
+# The index comes first: browsers play while loading.
+_CONTAINER = {"movflags": "+faststart"}
 # Maximum queue for the encoder: absorbs its uneven pace, needs little memory.
 _WAITING = 8
 # Lowest frame rate; containers cannot store much longer frame durations.
 _SLOWEST = 0.0001
-# Largest width and height, pixels; that of the codecs.
+# Largest width and height, pixels; that of H.264.
 _LARGEST = 2**16 - 1
 # ITU-T H.273: BT.601 with values from 16 to 235, as OpenCV's conversion produces.
 _BT601, _LIMITED = 6, 1
 
 
 class VideoWriter:
-    """Writes frames to a ``.mp4`` file (H.264) or a ``.webm`` file (VP9), by the file's suffix.
-
-    Every browser and player supports H.264; every browser supports VP9, which is patent-free.
+    """Writes frames to a ``.mp4`` file (H.264), which every browser and player supports.
 
     Use it as a context manager.  A thread encodes the frames; if it falls behind, ``write``
     waits.  The video is written under a temporary name in the same folder and renamed on close,
@@ -55,7 +41,6 @@ class VideoWriter:
 
     Attributes:
         path: the final name.
-        codec: one of ``SUFFIXES``.
         num_frames: number of frames written.
     """
 
@@ -63,10 +48,9 @@ class VideoWriter:
         """Open the video.
 
         Args:
-            path: ends in ``.mp4`` or ``.webm``; its folder must exist; an existing file is
-                replaced.
+            path: ends in ``.mp4``; its folder must exist; an existing file is replaced.
             width: of the frames, pixels.  Odd sizes are padded to even ones by repeating the
-                last column or row, because these codecs require even sizes.
+                last column or row, because the codec requires even sizes.
             height: of the frames, pixels.
             fps: frames per second.
 
@@ -74,9 +58,8 @@ class VideoWriter:
             InputError: the name, rate or folder is unusable, or the codec is missing.
         """
         self.path = Path(path)
-        codecs = {suffix: codec for codec, suffix in SUFFIXES.items()}
-        if self.path.suffix.lower() not in codecs:
-            raise InputError(f"video '{path}' must end in .mp4 or .webm; rename the output")
+        if self.path.suffix.lower() != ".mp4":
+            raise InputError(f"video '{path}' must end in .mp4; rename the output")
         check_type("fps", fps, Real)
         if not (math.isfinite(fps) and _SLOWEST <= fps <= 1000):
             raise InputError(
@@ -84,7 +67,6 @@ class VideoWriter:
             )
         for name, size in (("width", width), ("height", height)):
             check_whole(name, size, most=_LARGEST)
-        self.codec = codecs[self.path.suffix.lower()]
         self.num_frames = 0
         self._shape = (height, width, 3)
         self._padding = (height % 2, width % 2)
@@ -114,28 +96,26 @@ class VideoWriter:
             raise InputError(
                 f"cannot write video '{self.path}': PyAV is missing; pip install 'jaxpf[cli]'"
             ) from None
-        encoder, options, of_container = _ENCODERS[self.codec]
-        other = next(name for name in SUFFIXES if name != self.codec)
         try:
-            av.codec.Codec(encoder, "w")
-            container = av.open(str(self._temporary.absolute()), "w", options=of_container)
-            stream: Any = container.add_stream(encoder, rate=rate)
+            av.codec.Codec(_ENCODER, "w")
+            container = av.open(str(self._temporary.absolute()), "w", options=_CONTAINER)
+            stream: Any = container.add_stream(_ENCODER, rate=rate)
             stream.height, stream.width = np.add(self._shape[:2], self._padding).tolist()
-            stream.options = options
+            stream.options = _SETTINGS
             stream.pix_fmt = "yuv420p"
             context = stream.codec_context
             context.colorspace, context.color_range = _BT601, _LIMITED
             context.open()
         except av.codec.codec.UnknownCodecError:
             raise InputError(
-                f"cannot write video '{self.path}': the encoder of {self.codec} ({encoder}) is "
-                f"missing here; choose the codec {other}, or install av from PyPI"
+                f"cannot write video '{self.path}': the encoder {_ENCODER} is missing here; "
+                "install av from PyPI"
             ) from None
         except av.FFmpegError as error:
             raise InputError(
-                f"cannot write video '{self.path}': the encoder of {self.codec} refuses frames of "
-                f"{self._shape[1]}x{self._shape[0]} pixels ({str(error.strerror).lower()}); choose "
-                f"the codec {other}"
+                f"cannot write video '{self.path}': the encoder {_ENCODER} refuses frames of "
+                f"{self._shape[1]}x{self._shape[0]} pixels ({str(error.strerror).lower()}); give "
+                "frames of another size"
             ) from None
         return container, stream
 

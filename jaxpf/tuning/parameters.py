@@ -183,7 +183,9 @@ def replace(tracker: Any, values: Mapping[str, Any]) -> Any:
 
 
 def check_apart(wanted: Sequence[Parameter]) -> None:
-    """Refuse parameters that are named twice, or an array together with one of its entries."""
+    """Refuse no parameters, the same one twice, or an array together with one of its entries."""
+    if not wanted:
+        raise InputError("no parameter was named; name at least one, such as likelihood.sharpness.")
     for place, parameter in enumerate(wanted):
         for other in wanted[:place]:
             shorter = min(len(parameter.index), len(other.index))

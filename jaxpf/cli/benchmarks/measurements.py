@@ -1,7 +1,6 @@
 """Sections of ``jaxpf bench``; each lists cases to time and their baselines."""
 
 import dataclasses
-import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -51,7 +50,7 @@ class Section(NamedTuple):
         Ratios are medians of interleaved pairs with a 95 % interval; 1 without a baseline.
         """
         runs = {case.what: case.run for case in self.cases}
-        seconds = interleaved(runs, repeats, time.perf_counter)
+        seconds = interleaved(runs, repeats)
         each = {case.what: 1e9 * seconds[case.what] / case.units for case in self.cases}
         return [
             (

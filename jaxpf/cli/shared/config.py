@@ -145,11 +145,7 @@ def _shown(value: Any) -> str:
 
 
 def write_config(path: Path, command: str, options: dict[str, Any]) -> None:
-    """Write the TOML file that repeats a run; options that are None are omitted.
-
-    Raises:
-        InputError: it cannot be written, or a file's name is not UTF-8.
-    """
+    """Write the TOML file that repeats a run; options that are None are omitted."""
     import tomli_w
 
     kept = {key: _plain(value) for key, value in options.items() if value is not None}

@@ -45,12 +45,7 @@ class Births(NamedTuple):
 
 
 def read_births(options: Mapping[str, Any]) -> Births | None:
-    """Read the file of ``--births`` and its rules; None without ``--births``.
-
-    Raises:
-        InputError: the file cannot be read, a rule is given without the file, or ground truth is
-            given without TrackEval.
-    """
+    """Read the file of ``--births`` and its rules; None without ``--births``."""
     rules = options_of(Rules)
     if options.get("births") is None:
         for name, rule in rules.items():
@@ -59,10 +54,6 @@ def read_births(options: Mapping[str, Any]) -> Births | None:
                     f"{rule.flag} works only with --births; add it, or leave {rule.flag} out."
                 )
         return None
-    if options["tracker"]:
-        raise InputError(
-            "--births works only with the built-in filters; leave it or --tracker out."
-        )
     births = Births(read_detections(options["births"]), picked(options, Rules))
     if not len(births.table):
         raise InputError(f"{births.table.source} holds no boxes; leave --births out.")
@@ -96,12 +87,7 @@ def defaults_of(births: Births | None) -> tuple[dict, Mapping[str, Any]]:
 
 
 def check_births(births: Births, start: Start, number: int, source: Any) -> None:
-    """Check detections and start boxes against the video.
-
-    Raises:
-        InputError: a detection is in a frame that the video lacks or outside the image, an object
-            starts before the start frame or twice, or there are more start boxes than places.
-    """
+    """Check detections and start boxes against the video."""
     table, capacity = births.table, births.rules.capacity
     if not source.is_live and table.frame.max() >= (
         source.num_frames or source.frames_expected or 0

@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from jaxpf.cli.tracking.records import Record, Scene
-from jaxpf.cli.tracking.track_table import TrackTable, centres_of, places_of
+from jaxpf.cli.tracking.track_table import TrackTable
 from jaxpf.files.writing import LineWriter
 from jaxpf.targets.adapter import Marks
 
@@ -149,7 +149,7 @@ class Smoothed:
     def write(self, record: Record) -> None:
         """See ``Writer``."""
         if record.summary is None:
-            self._before = centres_of(self._scene.adapter, record.start, record.shapes)
+            self._before = self._scene.places(record.start, record.shapes)[1]
             self._table.write(record.number, record.start.ids, record.places)
             if self._write_outlines is not None:
                 self._write_outlines(record.number, record.shapes)
@@ -172,17 +172,8 @@ class Smoothed:
         for frame in frames:
             shapes = scene.shapes(start, frame.estimate)
             spread = np.maximum(frame.spread, _LEAST_SPREAD * self._filtered.popleft())
-            places, self._before = places_of(
-                scene.adapter,
-                start,
-                lambda substates: scene.shapes(start, substates),
-                shapes,
-                _NormalDraws(frame.estimate, spread),
-                slice(None),
-                scene.fps,
-                self._before,
-                scene.model_error,
-            )
+            draws = _NormalDraws(frame.estimate, spread)
+            places, self._before = scene.places(start, shapes, draws, self._before)
             number = scene.first + 1 + frame.time
             self._table.write(number, start.ids, places)
             if self._write_outlines is not None:

@@ -65,9 +65,6 @@ class LiveSource(FrameSource):
         Args:
             address: see ``live_address``.
             fps: see ``jaxpf.media.open_frames``.
-
-        Raises:
-            InputError: the source does not open, or sends no picture.
         """
         shown, name = _names(address)
         super().__init__(shown, name, fps)

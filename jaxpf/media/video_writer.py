@@ -1,9 +1,7 @@
-"""Writes playable video in a background thread: H.264 in MP4."""
+"""Writes playable video: H.264 in MP4."""
 
 import math
 import os
-import queue
-import threading
 from fractions import Fraction
 from numbers import Real
 from pathlib import Path
@@ -21,8 +19,6 @@ from jaxpf.files.writing import report_os_errors, temporary_sibling
 _ENCODER, _SETTINGS = "libx264", {"preset": "superfast", "crf": "22"}
 # The index comes first: browsers play while loading.
 _CONTAINER = {"movflags": "+faststart"}
-# Maximum queue for the encoder: absorbs its uneven pace, needs little memory.
-_WAITING = 8
 # Lowest frame rate; containers cannot store much longer frame durations.
 _SLOWEST = 0.0001
 # Largest width and height, pixels; that of H.264.
@@ -34,10 +30,9 @@ _BT601, _LIMITED = 6, 1
 class VideoWriter:
     """Writes frames to a ``.mp4`` file (H.264), which every browser and player supports.
 
-    Use it as a context manager.  A thread encodes the frames; if it falls behind, ``write``
-    waits.  The video is written under a temporary name in the same folder and renamed on close,
-    even if Ctrl-C or an error ends the block: the frames written up to then form a playable
-    video.  If there are no frames, or encoding fails, no file is left.
+    Use it as a context manager.  The video is written under a temporary name in the same folder and
+    renamed on close, even if Ctrl-C or an error ends the block: the frames written up to then form
+    a playable video.  If there are no frames, or encoding fails, no file is left.
 
     Attributes:
         path: the final name.
@@ -72,7 +67,7 @@ class VideoWriter:
         self._padding = (height % 2, width % 2)
         self._temporary = temporary_sibling(self.path)
         self._error: Exception | None = None
-        self._closed, self._is_empty = False, True
+        self._closed = False
         with report_os_errors("write", self.path):
             self._temporary.touch()
         try:
@@ -80,14 +75,6 @@ class VideoWriter:
         except BaseException:
             self._temporary.unlink(missing_ok=True)
             raise
-        # Simple queues, because an interrupt at any point must not leave a queue's lock held.
-        self._frames: queue.SimpleQueue[np.ndarray | None] = queue.SimpleQueue()
-        self._places: queue.SimpleQueue[None] = queue.SimpleQueue()
-        for _ in range(_WAITING):
-            self._places.put(None)
-        # A daemon thread, so that an unclosed writer cannot keep the program from ending.
-        self._thread = threading.Thread(target=self._encode_all, daemon=True)
-        self._thread.start()
 
     def _open(self, rate: Fraction) -> tuple[Any, Any]:
         try:
@@ -123,8 +110,7 @@ class VideoWriter:
         """Append one frame, uint8 RGB [height, width, 3]; the caller may change it afterwards.
 
         Raises:
-            InputError: an earlier frame could not be encoded or written, or the frame has another
-                shape or type.
+            InputError: a frame could not be encoded or written, or has another shape or type.
             ValueError: the video is closed.
         """
         if self._closed:
@@ -135,13 +121,12 @@ class VideoWriter:
                 f"expected a uint8 frame of shape {self._shape}, got {frame.dtype} {frame.shape}; "
                 "give frames of the size with which the video was opened."
             )
-        self._report()
         if any(self._padding):
             bottom, right = self._padding
             frame = cv2.copyMakeBorder(frame, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
-        self._places.get()
-        # Here rather than in the thread: it takes 0.1 ms and also copies the frame.
-        self._frames.put(cv2.cvtColor(frame, cv2.COLOR_RGB2YUV_I420))
+        if self._error is None:
+            self._attempt(self._encode, cv2.cvtColor(frame, cv2.COLOR_RGB2YUV_I420))
+        self._report()
         self.num_frames += 1
 
     def close(self) -> None:
@@ -154,20 +139,15 @@ class VideoWriter:
             return
         self._closed = True
         try:
-            self._finish()
-        except KeyboardInterrupt:  # Ctrl-C again, while the encoder empties its queue
-            self._finish()
-            raise
-        finally:
+            if self._error is None and self.num_frames:
+                self._attempt(self._encode, None)
+        finally:  # also after Ctrl-C while the encoder empties its queue
+            self._attempt(self._container.close)
             self._give_name()
         self._report()
 
-    def _finish(self) -> None:
-        self._frames.put(None)
-        self._thread.join()
-
     def _give_name(self) -> None:
-        if self._error is not None or self._is_empty:
+        if self._error is not None or not self.num_frames:
             self._temporary.unlink(missing_ok=True)
             return
         with report_os_errors("write", self.path):
@@ -180,22 +160,11 @@ class VideoWriter:
                 f"cannot write video '{self.path}': {reason}; check the free disk space"
             ) from self._error
 
-    def _encode_all(self) -> None:
-        """Run the thread; after an error only empty the queue, so that ``write`` cannot hang."""
-        while (picture := self._frames.get()) is not None:
-            self._places.put(None)
-            if self._error is None:
-                self._attempt(self._encode, picture)
-        if self._error is None and not self._is_empty:
-            self._attempt(self._encode, None)
-        self._attempt(self._container.close)
-
     def _encode(self, picture: np.ndarray | None) -> None:
         """Encode a picture, or flush the encoder if it is None."""
         import av
 
         frame = None if picture is None else av.VideoFrame.from_ndarray(picture, "yuv420p")
-        self._is_empty = False
         self._container.mux(self._stream.encode(frame))
 
     def _attempt(self, action: Any, *arguments: Any) -> None:

@@ -8,16 +8,20 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
 
 import jaxpf
 from jaxpf import ordering as orderings
-from jaxpf.cli.benchmarks import problems, rivals
+from jaxpf.boxes.models import box_model
+from jaxpf.cli.benchmarks import rivals
 from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.dynamics.gaussian import LinearGaussian
+from jaxpf.likelihoods.gaussian import Gaussian
 from jaxpf.likelihoods.histogram import histogram
 from jaxpf.measures.timing import interleaved, median_interval
 
 RUNS, PARTICLES, OBJECTS = 50, 300, 7
+#: Noise of x, y (pixels) and of the scale.
+_BOX_SCALE = (2, 2, 0.001)
 
 
 class Case(NamedTuple):
@@ -61,36 +65,9 @@ class Section(NamedTuple):
         ]
 
 
-def histograms(num_runs: int = RUNS, num_particles: int = PARTICLES) -> Section:
-    """Integral and sampled histograms against the usual OpenCV loop."""
-    frame, boxes = problems.frame_with_boxes(OBJECTS)
-    centres = jnp.asarray([(x + w / 2, y + h / 2, 1.0) for x, y, w, h in boxes], jnp.float32)
-    noise = np.random.default_rng(2).normal(size=(num_runs, 3, num_particles))
-    offsets = jnp.asarray(noise * [[4], [4], [0.02]], jnp.float32)
-    cases = []
-    for method in ("integral", "sampled"):
-        likelihood = histogram(frame, boxes, method=method)
-
-        @jax.jit
-        def stages(observation: Any, likelihood: Any = likelihood) -> Any:
-            # As in the filter: one stage after another, so that memory is reused.
-            def stage(j, total):
-                partition = jnp.full(num_particles, j, jnp.int32)
-                every = jax.vmap(likelihood.log_prob_all, in_axes=(None, None, 0))
-                return total + every(observation, partition, centres[j][:, None] + offsets)
-
-            return lax.fori_loop(0, OBJECTS, stage, jnp.zeros((num_runs, num_particles)))
-
-        run = partial(stages, jax.jit(likelihood.observe)(frame))
-        cases.append(Case(f"histogram, {method}", run, num_runs * num_particles * OBJECTS))
-    loop = rivals.opencv_loop(frame, boxes[0])
-    cases.append(Case("OpenCV, a loop in Python", loop, rivals.LOOPED, cases[0].what, ">= 100"))
-    return Section("Histogram likelihood, the frame's table excluded", cases)
-
-
 def kernel(num_frames: int = 24) -> Section:
     """Every ordering against PS, and the usual OpenCV loop against DPS, on all devices."""
-    frame, boxes = problems.frame_with_boxes(OBJECTS)
+    frame, boxes = _frame_with_boxes(OBJECTS)
     frames = jnp.stack([jnp.asarray(frame)] * num_frames)
     likelihood = histogram(frame, boxes, method="integral")
     chosen = {
@@ -101,7 +78,8 @@ def kernel(num_frames: int = 24) -> Section:
     }
     cases = []
     for name, (order, goal) in chosen.items():
-        tracker = problems.box_tracker(likelihood, boxes, order, PARTICLES)
+        model = box_model(likelihood, boxes, _BOX_SCALE)._asdict()
+        tracker = jaxpf.Partitioned(**model, ordering=order, num_particles=PARTICLES)
         cases.append(_case(f"whole kernel, {name}", tracker, frames, "whole kernel, PS", goal))
     loop = rivals.opencv_loop(frame, boxes[0])
     name = "OpenCV, one likelihood alone"
@@ -128,7 +106,7 @@ def frame_sizes(
     names = [f"{width}x{height}: a frame" for height, width in shapes]
     cases: list[Case] = []
     for name, shape in zip(names, shapes, strict=True):
-        frame, boxes = problems.frame_with_boxes(3, *shape, size=(32, 32))
+        frame, boxes = _frame_with_boxes(3, *shape, size=(32, 32))
         frames = jnp.stack([jnp.asarray(frame)] * num_frames)
         tracker = jaxpf.boxes.tracker(frame, boxes)
         run = partial(jaxpf.run, tracker, jax.random.key(0), frames, _record)
@@ -157,13 +135,23 @@ class _UserLikelihood:
 
 
 def generic(num_particles: int = 1000, num_frames: int = 50) -> Section:
-    """The generic kernel, with built-in and user-written models, against a minimal filter."""
+    """The generic kernel, with built-in and user-written models, against a minimal filter.
+
+    The model is ``x_t = .9 x_{t-1} + n``, observed with unit noise.
+    """
     noise = np.random.default_rng(0).normal(size=(num_frames, 1, 1))
     frames, keys = jnp.asarray(noise, jnp.float32), _keys()
     minimal = jax.jit(
         jax.vmap(lambda key: rivals.minimal_filter(key, frames[:, 0, 0], num_particles))
     )
-    built_in = problems.line_tracker(num_particles)
+    unit = jnp.ones((1, 1, 1))
+    built_in = jaxpf.Partitioned(
+        dynamics=LinearGaussian(transition=0.9 * unit, noise=unit),
+        likelihood=Gaussian(noise=unit),
+        initial=jnp.zeros((1, 1)),
+        ordering=orderings.sir(1),
+        num_particles=num_particles,
+    )
     own = dataclasses.replace(built_in, dynamics=_UserDynamics(), likelihood=_UserLikelihood())
     name = "filter written by hand"
     cases = [
@@ -174,8 +162,23 @@ def generic(num_particles: int = 1000, num_frames: int = 50) -> Section:
     return Section("1-D model, 50 runs, 1000 particles", cases)
 
 
+def _frame_with_boxes(
+    count: int, height: int = 288, width: int = 360, size: tuple[int, int] = (32, 42)
+) -> tuple[np.ndarray, np.ndarray]:
+    """A frame of noise with objects of a dozen colours each on its diagonal; their boxes."""
+    rng = np.random.default_rng(0)
+    frame = rng.integers(0, 256, (height, width, 3), dtype=np.uint8)
+    w, h = size
+    step = np.array([width - w - 20, height - h - 30]) // count
+    boxes = np.array([(20 + i * step[0], 30 + i * step[1], w, h) for i in range(count)])
+    for x, y, _, _ in boxes:
+        colours = rng.integers(0, 256, (12, 3))
+        frame[y : y + h, x : x + w] = colours[rng.integers(0, 12, (h, w))]
+    return frame, boxes.astype(float)
+
+
 #: Sections in the order of measurement.
-SECTIONS = (histograms, kernel, frame_sizes, generic)
+SECTIONS = (kernel, frame_sizes, generic)
 
 
 def _keys() -> jax.Array:

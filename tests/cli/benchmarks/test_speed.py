@@ -19,7 +19,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_quickly")]
     ("make", "sizes", "goals"),
     [
         (measurements.generic, (20, 3), ["", "<= 1.5", "<= 2"]),
-        (measurements.histograms, (2, 20), ["", "", ">= 100"]),
+        (measurements.kernel, (2,), ["", "", "", "<= 1.10", ">= 24"]),
         (measurements.frame_sizes, (((90, 120), (240, 320)), 2), ["", "<= 2"]),
     ],
 )

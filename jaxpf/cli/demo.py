@@ -8,9 +8,10 @@ from typing import Any
 import click
 import numpy as np
 
+from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.console import print_table
 from jaxpf.cli.shared.flags import declared_flags, picked
-from jaxpf.cli.shared.speaking import GivenPath, Speaking
+from jaxpf.cli.shared.plain import PlainCommand
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.contract.options import options_of
 from jaxpf.filters.partitioned.options import Options
@@ -21,30 +22,11 @@ _SHOWN = "DPS"
 _PARTICLES = {"particles": options_of(Options)["particles"]}
 
 
-@click.command("demo", cls=Speaking, params=declared_flags(_PARTICLES, "Options"))
-@click.option(
-    "--runs",
-    type=click.IntRange(1, 100_000),
-    default=50,
-    show_default=True,
-    help="Independent runs per method.",
-)
-@click.option(
-    "--seed",
-    type=click.IntRange(0, 2**20 - 1),
-    default=100,
-    show_default=True,
-    help="Seed of the scene and of the runs.",
-)
-@click.option(
-    "--output",
-    "-o",
-    type=GivenPath(),
-    default=Path("jaxpf-demo"),
-    show_default=True,
-    help="Folder for the results.",
-)
-@click.option("--overwrite", is_flag=True, help="Replace files in an existing folder.")
+@click.command("demo", cls=PlainCommand, params=declared_flags(_PARTICLES, "Options"))
+@plain.whole("--runs", default=50, least=1, most=100_000, help="Independent runs per method.")
+@plain.whole("--seed", default=100, most=2**20 - 1, help="Seed of the scene and of the runs.")
+@plain.output("Folder for the results.", "jaxpf-demo")
+@plain.overwrite
 def command(runs: int, seed: int, output: Path, overwrite: bool, particles: int | None) -> None:
     """Compare SIR, PS, DPS and SPS on a synthetic scene, and write a video.
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import click
 
-from jaxpf.cli.shared.speaking import GivenPath, Speaking
+from jaxpf.cli.shared.plain import GivenPath, PlainCommand, overwrite
 
 _SEED = 1
 
@@ -20,10 +20,10 @@ class _Example(NamedTuple):
     commands: tuple[str, ...]
 
 
-@click.command("example", cls=Speaking)
+@click.command("example", cls=PlainCommand)
 @click.argument("kind", type=click.Choice(["boxes", "parts", "points", "contours", "births"]))
 @click.argument("folder", type=GivenPath())
-@click.option("--overwrite", is_flag=True, help="Replace files in an existing folder.")
+@overwrite
 def command(kind: str, folder: Path, overwrite: bool) -> None:
     """Write a short synthetic clip to FOLDER, with start positions and ground truth.
 

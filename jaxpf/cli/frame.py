@@ -4,30 +4,21 @@ from pathlib import Path
 
 import click
 
-from jaxpf.cli.shared.speaking import GivenPath, Speaking
+from jaxpf.cli.shared import plain
+from jaxpf.cli.shared.plain import PlainCommand
 
 
-@click.command("frame", cls=Speaking)
+@click.command("frame", cls=PlainCommand)
 @click.argument("video")
-@click.option(
-    "--number",
-    "-n",
-    type=click.IntRange(0),
-    default=0,
-    show_default=True,
-    help="Frame, counting from 0.",
-)
-@click.option(
+@plain.whole("--number", "-n", default=0, most=2**31 - 1, help="Frame, counting from 0.")
+@plain.whole(
     "--step",
-    type=click.IntRange(1),
+    default=None,
+    least=1,
+    most=10_000,
     help="Pixels between grid lines.  [default: by the picture's size]",
 )
-@click.option(
-    "--output",
-    "-o",
-    type=GivenPath(),
-    help="PNG file to write.  [default: NAME-frame-NUMBER.png]",
-)
+@plain.output("PNG file to write.  [default: NAME-frame-NUMBER.png]")
 def command(video: str, number: int, step: int | None, output: Path | None) -> None:
     """Save one frame of VIDEO with a pixel grid, to read boxes, points and contours off.
 

@@ -3,18 +3,12 @@
 import click
 
 from jaxpf.cli.shared.console import print_table
-from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.cli.shared.plain import PlainCommand, whole
 from jaxpf.cli.shared.startup import start_jax
 
 
-@click.command("bench", cls=Speaking)
-@click.option(
-    "--repeats",
-    type=click.IntRange(1, 10_000),
-    default=15,
-    show_default=True,
-    help="Number of interleaved repeats.",
-)
+@click.command("bench", cls=PlainCommand)
+@whole("--repeats", default=15, least=1, most=10_000, help="Number of interleaved repeats.")
 def command(repeats: int) -> None:
     """Measure speed on this machine, each figure beside its baseline.
 

@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from jaxpf import filters
-from jaxpf.cli.shared.speaking import GivenPath, Speaking
+from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, Option, counting, options_of, plain
 from jaxpf.targets import adapters
@@ -71,7 +71,7 @@ class Flag(click.Option):
         return record[0], first.removesuffix(".") + (default or ".")
 
 
-class Command(Speaking):
+class Command(PlainCommand):
     """A command with help in sections, see ``Flag``.
 
     ``--help`` explains each common option in a sentence and lists the names of the rest;

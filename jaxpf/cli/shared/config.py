@@ -102,7 +102,7 @@ def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
             param.type_cast_value(ctx, value)
         except click.BadParameter as error:
             raise InputError(
-                f"the configuration '{path}' sets '{key}' in [{name}]: {error.message}"
+                f"the configuration '{path}' sets '{key}' in [{name}]: {error.message:.200}"
             ) from None
         options[str(param.name)] = value
     return options

@@ -38,6 +38,13 @@ class Births(NamedTuple):
         return bool((self.table.id == DETECTED).any())
 
     @property
+    def counted(self) -> np.ndarray:
+        """Which rows are detections whose confidence allows a birth, bool ``[M]``."""
+        least = self.rules.birth_confidence
+        confident = self.table.confidence >= (-np.inf if least is None else least)
+        return confident & (self.table.id == DETECTED)
+
+    @property
     def typical_size(self) -> tuple[float, float]:
         """Width and height of a typical object, pixels."""
         width, height = np.median(self.table.box[:, 2:], axis=0)
@@ -67,9 +74,9 @@ def read_births(options: Mapping[str, Any]) -> Births | None:
 
 def _check_confidence(births: Births) -> None:
     """Refuse a --birth-confidence that excludes every detection."""
-    least = births.rules.birth_confidence
     confidences = births.table.confidence[births.table.id == DETECTED]
-    if least is not None and len(confidences) and confidences.max() < least:
+    least = births.rules.birth_confidence
+    if least is not None and births.watched and not births.counted.any():
         raise InputError(
             f"--birth-confidence {plain(least)} leaves out every detection of "
             f"{births.table.source}, whose confidences are from {confidences.min():g} to "
@@ -128,16 +135,15 @@ def by_frame(
     births: Births, start: Start, number: int
 ) -> tuple["Detections | None", list[tuple[int, int, np.ndarray]]]:
     """Detections from the start frame on, and the objects with ids; see ``follow``."""
-    table, least = births.table, births.rules.birth_confidence
+    table = births.table
     named = [(0, int(name), box) for name, box in zip(start.ids, start.shapes, strict=True)]
     rows = zip(table.frame - number, table.id, table.box, strict=True)
     named += [(int(time), int(name), box) for time, name, box in rows if name != DETECTED]
     if not births.watched:
         return None, named
-    detected = table.id == DETECTED
-    every = births.rules.detect_every or detection_step(table.frame[detected])
-    counts = detected & (table.confidence >= (-np.inf if least is None else least))
-    first = int(table.frame[detected].min()) - number
+    frames, counts = table.frame[table.id == DETECTED], births.counted
+    every = births.rules.detect_every or detection_step(frames)
+    first = int(frames.min()) - number
     return Detections(table.frame[counts] - number, table.box[counts], first, every), named
 
 
@@ -159,9 +165,7 @@ def _outside(boxes: np.ndarray, width: int, height: int) -> np.ndarray:
 def nobody_came(births: Births, start: int) -> str:
     """Explain from the detections why no object started."""
     table, rules = births.table, births.rules
-    least = -np.inf if rules.birth_confidence is None else rules.birth_confidence
-    counts = (table.id == DETECTED) & (table.confidence >= least) & (table.frame >= start)
-    frames = np.unique(table.frame[counts])
+    frames = np.unique(table.frame[births.counted & (table.frame >= start)])
     if len(frames) < rules.birth_frames:
         return (
             f"no object started: it must be detected {rules.birth_frames} times, and "

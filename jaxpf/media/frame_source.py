@@ -3,12 +3,21 @@
 from collections.abc import Generator
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from jaxpf.contract.errors import InputError
 
 #: Frames per second if the source does not specify it.
 DEFAULT_FPS = 25.0
+
+
+def announced(capture: cv2.VideoCapture) -> tuple[float | None, int | None]:
+    """Frames per second and number of frames according to the container; None where unlikely."""
+    fps, count = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
+    # Above 1000 it is the container's clock rate, not a frame rate.
+    has_fps, has_count = 0 < fps <= 1000, 1 <= count < 1e9
+    return fps if has_fps else None, int(count) if has_count else None
 
 
 class FrameSource:

@@ -1,32 +1,11 @@
 """The command line.  The module of a command is imported only when it runs."""
 
-import _signal  # type: ignore[import-not-found]  # signal takes several milliseconds
+import contextlib
+import errno
+import importlib
 import os
 import sys
-
-
-def _end_at_once(*_: object) -> None:
-    """Handle Ctrl-C while modules are imported, when nothing needs to be written."""
-    os.write(2, b"Interrupted.\n")
-    os._exit(130)
-
-
-# Before the other imports, which take most of the start.  Ctrl-C while Python itself starts, before
-# this line, ends in Python's own traceback.  Other programs that import this module keep theirs.
-_is_program = os.path.basename("".join(sys.argv[:1])) in ("jaxpf", "jaxpf.exe")
-_is_module = getattr(sys.modules["__main__"], "__package__", None) in ("jaxpf", "jaxpf.cli")
-if (
-    (_is_program or _is_module)
-    and _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler
-    and "multiprocessing" not in sys.modules  # as in a worker, which prints nothing
-):
-    _signal.signal(_signal.SIGINT, _end_at_once)
-
-import contextlib  # noqa: E402
-import errno  # noqa: E402
-import importlib  # noqa: E402
-import signal  # noqa: E402
-from typing import Any  # noqa: E402
+from typing import Any, NoReturn
 
 try:
     import click
@@ -93,22 +72,18 @@ def group() -> None:
 
 def main(arguments: list[str] | None = None) -> Any:
     """Run the command line; a user error prints one sentence and exits with code 2."""
-    InputError: Any = ()  # placeholder if interrupted before the import
-    try:
-        from jaxpf.contract.errors import InputError
+    from jaxpf.contract.errors import InputError
 
+    try:
         if arguments is None:
             from jaxpf.cli.shared.stopping import heed_ctrl_c
 
-            if signal.getsignal(signal.SIGINT) is _end_at_once:
-                signal.signal(signal.SIGINT, signal.default_int_handler)
             heed_ctrl_c()
         outcome = group.main(arguments, prog_name="jaxpf", standalone_mode=False)
         sys.stdout.flush()
         return outcome
     except InputError as error:
-        click.echo(f"Error: {_cut(str(error), _LONGEST_MESSAGE)}", err=True)
-        sys.exit(2)
+        _refuse(_cut(str(error), _LONGEST_MESSAGE))
     except click.ClickException as error:
         error.show()
         sys.exit(error.exit_code)
@@ -122,27 +97,22 @@ def main(arguments: list[str] | None = None) -> Any:
         sys.stderr.close()
         sys.exit(0)
     except OSError as error:
-        if error.filename is None:
-            if error.errno not in _NOT_WRITTEN:
-                raise
-            _discard_output()
-            reason = (error.strerror or str(error)).lower()
-            click.echo(
-                f"Error: cannot write the output: {reason}; free some space, or write elsewhere.",
-                err=True,
-            )
-            sys.exit(2)
         reason = (error.strerror or str(error)).lower()
-        click.echo(f"Error: cannot use {_cut(str(error.filename))!r}: {reason}.", err=True)
-        sys.exit(2)
+        if error.filename is not None:
+            _refuse(f"cannot use {_cut(str(error.filename))!r}: {reason}.")
+        if error.errno not in _NOT_WRITTEN:
+            raise
+        _discard_output()
+        _refuse(f"cannot write the output: {reason}; free some space, or write elsewhere.")
     except (MemoryError, RuntimeError) as error:
         if not (isinstance(error, MemoryError) or "RESOURCE_EXHAUSTED" in str(error)):
             raise
-        click.echo(
-            "Error: there is not enough memory; ask for fewer particles, or for smaller frames.",
-            err=True,
-        )
-        sys.exit(2)
+        _refuse("there is not enough memory; ask for fewer particles, or for smaller frames.")
+
+
+def _refuse(sentence: str) -> NoReturn:
+    click.echo(f"Error: {sentence}", err=True)
+    sys.exit(2)
 
 
 #: Errors of writing to a full or broken disk, or beyond a quota.

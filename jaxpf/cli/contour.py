@@ -4,7 +4,8 @@ from pathlib import Path
 
 import click
 
-from jaxpf.cli.shared.speaking import GivenPath, Speaking
+from jaxpf.cli.shared import plain
+from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.cli.shared.startup import use_compile_cache
 from jaxpf.contract.names import ANNOTATIONS, COEFFICIENTS
 
@@ -14,7 +15,7 @@ def command() -> None:
     """Learn what contours look like and how they move."""
 
 
-@command.command("learn", cls=Speaking)
+@command.command("learn", cls=PlainCommand)
 @click.argument("folder", type=GivenPath())
 @click.option(
     "--kind",
@@ -34,19 +35,17 @@ def command() -> None:
     "--dimension", "-d", default=8, show_default=True, help="Dimensions of the shape space."
 )
 @click.option("--points", default=12, show_default=True, help="Control points of a contour.")
-@click.option(
+@plain.whole(
     "--turns",
-    type=click.IntRange(0, 360),
     default=0,
-    show_default=True,
+    most=360,
     help="Of centrelines, also learn copies rotated to N directions, mirrored and reversed; for "
     "bodies that lie in any direction and bend to either side.",
 )
-@click.option(
+@plain.whole(
     "--order",
-    type=click.IntRange(0, 2),
     default=2,
-    show_default=True,
+    most=2,
     help="Number of past frames that the dynamics use; 0 learns no dynamics.",
 )
 @click.option(
@@ -57,14 +56,7 @@ def command() -> None:
     help="What a coordinate's motion depends on: its own last steps, its own past with a mean to "
     "which it returns, or the past of all coordinates.",
 )
-@click.option(
-    "--output",
-    "-o",
-    type=GivenPath(),
-    default=Path("learned.json"),
-    show_default=True,
-    help="File for `jaxpf track --learned`.",
-)
+@plain.output("File for `jaxpf track --learned`.", "learned.json")
 def learn(
     folder: Path,
     kind: str | None,

@@ -8,9 +8,10 @@ from typing import Any
 import click
 import numpy as np
 
+from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.console import print_table
-from jaxpf.cli.shared.flags import declared_flags
-from jaxpf.cli.shared.speaking import GivenPath, Speaking
+from jaxpf.cli.shared.flags import declared_flags, picked
+from jaxpf.cli.shared.plain import PlainCommand
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.contract.options import options_of
 from jaxpf.filters.partitioned.options import Options
@@ -18,39 +19,25 @@ from jaxpf.running.memory import check_memory, needed_by
 
 #: Method shown in the video.
 _SHOWN = "DPS"
-_PARTICLES = options_of(Options)["particles"]
+_PARTICLES = {"particles": options_of(Options)["particles"]}
 
 
-@click.command("demo", cls=Speaking, params=declared_flags({"particles": _PARTICLES}, "Options"))
-@click.option("--runs", default=50, show_default=True, help="Independent runs per method.")
-@click.option("--seed", default=100, show_default=True, help="Seed of the scene and of the runs.")
-@click.option(
-    "--output",
-    "-o",
-    type=GivenPath(),
-    default=Path("jaxpf-demo"),
-    show_default=True,
-    help="Folder for the results.",
-)
-@click.option("--overwrite", is_flag=True, help="Replace files in an existing folder.")
+@click.command("demo", cls=PlainCommand, params=declared_flags(_PARTICLES, "Options"))
+@plain.whole("--runs", default=50, least=1, most=100_000, help="Independent runs per method.")
+@plain.whole("--seed", default=100, most=2**20 - 1, help="Seed of the scene and of the runs.")
+@plain.output("Folder for the results.", "jaxpf-demo")
+@plain.overwrite
 def command(runs: int, seed: int, output: Path, overwrite: bool, particles: int | None) -> None:
-    """Compare SIR, PS, DPS and SPS on a synthetic scene, and write a video and plots.
+    """Compare SIR, PS, DPS and SPS on a synthetic scene, and write a video.
 
     Seven objects wander over noise.  A distracter that looks like object 1 appears on top of it in
     frame 3, leads the tracker away and vanishes in frame 9 (Smith & Gatica-Perez 2004).  How often
     does each method find object 1 again?  The video shows a run of DPS, the default of `jaxpf
     track`.  All methods start from the same boxes with the same seeds; intervals are at 95 %.
     """
-    from jaxpf.contract.errors import InputError
     from jaxpf.files.writing import prepare_output_folder
 
-    if not 0 <= seed < 2**20:
-        raise InputError(f"--seed {seed} must be between 0 and {2**20 - 1}.")
-    if not 1 <= runs <= 100_000:
-        raise InputError(f"--runs {runs} must be between 1 and 100000.")
-    count = (
-        _PARTICLES.default if particles is None else _PARTICLES.checked(particles, "--particles")
-    )
+    count = picked({"particles": particles}, Options).particles
     start_jax()
     import scenes
     from jaxpf import ordering
@@ -84,15 +71,12 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, particles: int 
         )
         began = time.perf_counter()
     print_table("smith2004's synthetic test", *_table(results))
-    _plot(results, output / "demo.png")
     _overlay(scene, trackers[_SHOWN], seeds, output / "overlay.mp4")
     click.echo(
         "This scene is made to separate the methods by a single distracter; results vary with "
         "--seed.  `jaxpf evaluate` compares the methods on a clip of your own."
     )
-    click.echo(
-        f"{output}/: overlay.mp4 (a run of {_SHOWN}, the default of `jaxpf track`) and demo.png"
-    )
+    click.echo(f"{output}/: overlay.mp4 (a run of {_SHOWN}, the default of `jaxpf track`)")
 
 
 def _percent(interval: Any, index: Any) -> str:
@@ -122,28 +106,6 @@ def _table(results: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
             ]
         )
     return columns, rows
-
-
-def _plot(results: dict[str, Any], path: Path) -> None:
-    from jaxpf.media import plotting
-
-    figure, axes = plotting.new_figure(1, 2, figsize=(11, 4))
-    recovery = {}
-    for name, result in results.items():
-        rate = result.measures["recovery_rate"]
-        value, low, high = (100 * float(x[0]) for x in (rate.value, rate.lower, rate.upper))
-        recovery[name] = (value, low, high)
-    plotting.bars_with_intervals(axes[0, 0], recovery, "object 1 recovered (% of runs)")
-    for (name, result), colour in zip(results.items(), plotting.colours(len(results)), strict=True):
-        unique = 100 * result.summary.uniqueness.mean(axis=(0, 1))
-        objects = np.arange(1, len(unique) + 1)
-        axes[0, 1].plot(objects, unique, "o-", color=colour, label=name)
-    axes[0, 1].set(
-        xlabel="object (PS treats 1 first)", ylabel="distinct particles (%)", yscale="log"
-    )
-    axes[0, 1].grid(alpha=0.3)
-    axes[0, 1].legend()
-    plotting.save_figure(figure, path)
 
 
 def _overlay(scene: Any, tracker: Any, seeds: list[int], path: Path) -> None:

@@ -7,23 +7,23 @@ from typing import Any, NamedTuple
 
 import click
 
-from jaxpf.cli.shared.speaking import GivenPath, Speaking
+from jaxpf.cli.shared.plain import GivenPath, PlainCommand, overwrite
 
 _SEED = 1
 
 
 class _Example(NamedTuple):
-    """Contents of an example: the clip, its files, and the commands to run."""
+    """Contents of an example: the clip, its files, and how to track it."""
 
     scene: Callable[[Any], Any]
     write: Callable[[Path, Any], None]
-    commands: tuple[str, ...]
+    track: str
 
 
-@click.command("example", cls=Speaking)
+@click.command("example", cls=PlainCommand)
 @click.argument("kind", type=click.Choice(["boxes", "parts", "points", "contours", "births"]))
 @click.argument("folder", type=GivenPath())
-@click.option("--overwrite", is_flag=True, help="Replace files in an existing folder.")
+@overwrite
 def command(kind: str, folder: Path, overwrite: bool) -> None:
     """Write a short synthetic clip to FOLDER, with start positions and ground truth.
 
@@ -44,8 +44,10 @@ def command(kind: str, folder: Path, overwrite: bool) -> None:
     example.write(folder, scene)
     names = ", ".join(sorted(path.name for path in folder.iterdir()))
     click.echo(f"{folder}/: {names}; {scene.num_frames} frames of {width}x{height} pixels.  Try:")
-    for line in example.commands:
-        click.echo(f"  jaxpf {line.format(folder=shlex.quote(str(folder)))}")
+    place = shlex.quote(str(folder))
+    if kind == "boxes":
+        click.echo(f"  jaxpf frame {place}/clip.mp4 -o {place}/frame.png")
+    click.echo(f"  jaxpf {example.track.format(place)} -o {place}/tracks")
 
 
 def _write_boxes(folder: Path, scene: Any) -> None:
@@ -116,41 +118,33 @@ def _write_contours(folder: Path, scene: Any) -> None:
     _table(folder / "centrelines.csv", "frame,id,k,x,y", rows)
 
 
-_BOXES = "track {folder}/clip.mp4 --boxes {folder}/start.csv --truth {folder}/truth.csv"
-_BIRTHS = "track {folder}/clip.mp4 --births {folder}/det.txt --truth {folder}/truth.csv"
 _EXAMPLES = {
     "boxes": _Example(
         lambda scenes: scenes.street_scene(seed=_SEED),
         _write_boxes,
-        (
-            "frame {folder}/clip.mp4 -o {folder}/frame.png",
-            _BOXES + " -o {folder}/tracks",
-        ),
+        "track {0}/clip.mp4 --boxes {0}/start.csv --truth {0}/truth.csv",
     ),
     "parts": _Example(
         lambda scenes: scenes.puppet_scene(seed=_SEED),
         _write_parts,
-        ("track parts {folder}/clip.mp4 --parts-file {folder}/parts.csv -o {folder}/tracks",),
+        "track parts {0}/clip.mp4 --parts-file {0}/parts.csv",
     ),
     "points": _Example(
         lambda scenes: scenes.make(
             "fish", seed=_SEED, num_frames=60, frame_width=640, frame_height=360
         ),
         _write_points,
-        ("track points {folder}/clip.mp4 --points {folder}/points.csv -o {folder}/tracks",),
+        "track points {0}/clip.mp4 --points {0}/points.csv",
     ),
     "contours": _Example(
         lambda scenes: scenes.make("wires", seed=_SEED, clutter=20.0, clutter_grain=5.0),
         _write_contours,
-        (
-            "track contours {folder}/clip.mp4 --contours {folder}/wires.json --sigma 3"
-            " -o {folder}/tracks",
-        ),
+        "track contours {0}/clip.mp4 --contours {0}/wires.json --sigma 3",
     ),
     "births": _Example(
         lambda scenes: scenes.street_scene(120, seed=_SEED, come_and_go=True),
         _write_births,
-        (_BIRTHS + " -o {folder}/tracks",),
+        "track {0}/clip.mp4 --births {0}/det.txt --truth {0}/truth.csv",
     ),
 }
 

@@ -4,25 +4,21 @@ from pathlib import Path
 
 import click
 
-from jaxpf.cli.shared.speaking import GivenPath, Speaking
+from jaxpf.cli.shared import plain
+from jaxpf.cli.shared.plain import PlainCommand
 
 
-@click.command("frame", cls=Speaking)
+@click.command("frame", cls=PlainCommand)
 @click.argument("video")
-@click.option("--number", "-n", default=0, show_default=True, help="Frame, counting from 0.")
-@click.option(
+@plain.whole("--number", "-n", default=0, most=2**31 - 1, help="Frame, counting from 0.")
+@plain.whole(
     "--step",
-    type=int,
     default=None,
+    least=1,
+    most=10_000,
     help="Pixels between grid lines.  [default: by the picture's size]",
 )
-@click.option(
-    "--output",
-    "-o",
-    type=GivenPath(),
-    default=None,
-    help="PNG file to write.  [default: NAME-frame-NUMBER.png]",
-)
+@plain.output("PNG file to write.  [default: NAME-frame-NUMBER.png]")
 def command(video: str, number: int, step: int | None, output: Path | None) -> None:
     """Save one frame of VIDEO with a pixel grid, to read boxes, points and contours off.
 
@@ -36,10 +32,6 @@ def command(video: str, number: int, step: int | None, output: Path | None) -> N
     from jaxpf.media.overlay import draw_pixel_grid
     from jaxpf.media.video import open_frames
 
-    if number < 0:
-        raise InputError(f"--number {number} must be at least 0: frames count from 0.")
-    if step is not None and step < 1:
-        raise InputError(f"--step {step} must be at least 1 pixel.")
     if output is not None and output.suffix.lower() != ".png":
         raise InputError(f"output '{output}' must end in .png; rename it.")
     source = open_frames(video)
@@ -49,12 +41,7 @@ def command(video: str, number: int, step: int | None, output: Path | None) -> N
             f"output '{output}' would lie among the frames of '{source.path}'; choose another "
             "--output."
         )
-    try:
-        frame = next(source.frames(number))
-    except InputError as error:
-        # The library would call it the start frame.
-        raise InputError(str(error).removeprefix("start ")) from None
-    picture = draw_pixel_grid(frame, step)
+    picture = draw_pixel_grid(next(source.frames(number)), step)
     done, encoded = cv2.imencode(".png", picture[..., ::-1])
     if not done:
         raise RuntimeError("OpenCV could not encode a PNG image")

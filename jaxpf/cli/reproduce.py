@@ -8,30 +8,29 @@ from typing import Any
 
 import click
 
+from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.config import config_option, write_config
 from jaxpf.cli.shared.console import print_table
-from jaxpf.cli.shared.speaking import GivenPath, Speaking
+from jaxpf.cli.shared.plain import PlainCommand
 from jaxpf.cli.shared.startup import start_jax
 
 #: Copy of ``jaxpf.papers.paper.PAPERS``, which avoids its import.
 PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")
 
 
-@click.command("reproduce", cls=Speaking)
+@click.command("reproduce", cls=PlainCommand)
 @click.argument("paper", type=click.Choice(PAPERS), metavar="PAPER")
-@click.option(
+@plain.whole(
     "--scenes",
-    type=click.IntRange(1, 10_000),
+    default=None,
+    least=1,
+    most=10_000,
     help="Number of scenes, the units of the intervals.  [default: the planned number]",
 )
-@click.option("--seed", default=0, show_default=True, help="Seed of the first scene.")
+@plain.whole("--seed", default=0, most=2**20 - 1, help="Seed of the first scene.")
 @click.option("--quick", is_flag=True, help="Measure a much smaller version, as a preview.")
-@click.option(
-    "--output",
-    "-o",
-    type=GivenPath(),
-    help="Folder for tables, figures and report.  [default: jaxpf-PAPER, "
-    "with --quick jaxpf-PAPER-quick]",
+@plain.output(
+    "Folder for tables, figures and report.  [default: jaxpf-PAPER, with --quick jaxpf-PAPER-quick]"
 )
 @click.option("--overwrite", is_flag=True, help="Accept an output folder that is not empty.")
 @click.option(
@@ -58,11 +57,8 @@ def command(
     PAPER is one of smith2004, gonzales2011, rowe2005, eskil2014, maccormick1999.
     """
     from jaxpf.cli.shared.cluster import cluster
-    from jaxpf.contract.errors import InputError
     from jaxpf.files.writing import prepare_output_folder
 
-    if not 0 <= seed < 2**20:
-        raise InputError(f"--seed {seed} must be between 0 and {2**20 - 1}.")
     options = {"paper": paper, "scenes": scenes, "seed": seed, "quick": quick}
     start_jax()
     from jaxpf.papers import checkpoints

@@ -5,10 +5,10 @@ import textwrap
 import click
 
 from jaxpf.cli.reproduce import PAPERS
-from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.cli.shared.plain import PlainCommand
 
 
-@click.command("verdicts", cls=Speaking)
+@click.command("verdicts", cls=PlainCommand)
 @click.argument("papers", nargs=-1, type=click.Choice(PAPERS), metavar="[PAPER]...")
 @click.option(
     "--details",

@@ -6,6 +6,7 @@ evaluation grids and error messages are derived from the fields.
 
 import dataclasses
 import math
+import sys
 import typing
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -134,7 +135,7 @@ class Option:
             return isinstance(value, self.kind)
         if isinstance(value, bool) or not isinstance(value, int | float):
             return False
-        if not math.isfinite(value) or (self.kind is int and value != int(value)):
+        if not abs(value) <= sys.float_info.max or (self.kind is int and value != int(value)):
             return False
         return value > self.above and self.least <= value <= self.most
 

@@ -24,9 +24,6 @@ def locked(folder: Path, doing: str, *, keep: bool = True) -> Iterator[None]:
         folder: created if missing.
         doing: what the other process does, for messages, such as "evaluating".
         keep: leave the lock's file behind for the next process.
-
-    Raises:
-        InputError: another process holds the lock, or the folder cannot be written.
     """
     from filelock import FileLock, Timeout
 

@@ -21,9 +21,6 @@ def read_text(path: Path, what: str, expected: str) -> str:
         path: the file.
         what: the kind of content, for messages, such as ``"boxes"``.
         expected: what to give instead, for messages.
-
-    Raises:
-        InputError: the file is missing, unreadable or not text.
     """
     if path.is_dir():
         raise InputError(f"'{path}' is a folder; give a file of {what}: {expected}")
@@ -50,9 +47,6 @@ def parse_number(field: str, place: str, remedy: str) -> float:
         field: its text, such as ``"1"``, ``"1.0"`` or ``"1e2"``.
         place: where the field is and what it holds, for messages: ``"line 3 of 'a.csv' has x"``.
         remedy: what to give instead, for messages.
-
-    Raises:
-        InputError: not a finite number; the message points out a decimal comma.
     """
     try:
         value = math.nan if "_" in field else float(field)  # only Python accepts 1_000
@@ -71,10 +65,6 @@ def check_name(name: str, place: str) -> None:
     Args:
         name: of an object.
         place: for messages, such as ``"line 3 of 'a.csv'"``.
-
-    Raises:
-        InputError: it is blank or too long, or has a line break, a control character or half a
-            surrogate pair.
     """
     is_unfit = any(unicodedata.category(letter) in _UNFIT for letter in name)
     if not name.strip() or len(name) > _LONGEST_NAME or is_unfit:
@@ -87,9 +77,6 @@ def read_rows(path: Path, what: str, expected: str) -> list[tuple[int, list[str]
     """Read a table; return line number and stripped fields of every non-blank line.
 
     The separator is a comma, unless the first line contains semicolons or tabs.
-
-    Raises:
-        InputError: as for ``read_text``, or a line is not valid CSV.
     """
     lines = read_text(path, what, expected).splitlines()
     first = next((line.strip() for line in lines if line.strip()), "")

@@ -64,9 +64,6 @@ class Store:
             name: valid as a file name.
             arrays: by name.
             about: metadata, JSON-serialisable.
-
-        Raises:
-            InputError: the file cannot be written, for example because the disk is full.
         """
         said = {} if about is None else {_ABOUT: np.array(json.dumps(about))}
         with atomic_write(self.path(name), "wb") as file:

@@ -76,9 +76,6 @@ def atomic_write(
         path: the file to write or replace; its folder must exist.
         mode: ``"w"`` or ``"wb"``.
         encoding: of text; ignored with ``"wb"``.
-
-    Raises:
-        InputError: the file cannot be written (no such folder, no permission, disk full).
     """
     if mode not in ("w", "wb"):
         raise ValueError(f"mode is 'w' or 'wb', not {mode!r}")
@@ -133,11 +130,7 @@ class LineWriter:
         self.write_lines(csv_text(rows))
 
     def write_lines(self, text: str) -> None:
-        """Append lines, all of them or none.
-
-        Raises:
-            InputError: the disk is full or the file cannot be written.
-        """
+        """Append lines, all of them or none."""
         data = text.encode("utf-8")
         with report_os_errors("write", self.path):
             try:
@@ -162,19 +155,20 @@ class LineWriter:
 
 
 def check_output_file(path: str | os.PathLike[str], flag: str = "--output") -> None:
-    """Check before the work whether a file can be written; ``flag`` names it in messages.
-
-    Raises:
-        InputError: the path is a folder, device or pipe, or its folder is missing or read-only.
-    """
+    """Check before the work whether a file can be written; ``flag`` names it in messages."""
     path = Path(path)
     if path.exists() and not path.is_file():
         what = "a folder" if path.is_dir() else "a device or a pipe"
         raise InputError(f"output file '{path}' is {what}; choose another {flag}")
-    probe = temporary_sibling(path)
     with report_os_errors("write", path):
-        probe.touch()
-        probe.unlink()
+        _probe(path)
+
+
+def _probe(path: Path) -> None:
+    """Write a file beside ``path``, and remove it."""
+    probe = temporary_sibling(path)
+    probe.touch()
+    probe.unlink()
 
 
 def _is_left_over(name: str) -> bool:
@@ -190,18 +184,13 @@ def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False)
     Args:
         path: the folder; missing parents are created.
         overwrite: accept a folder that is not empty.
-
-    Raises:
-        InputError: the path is a file, or the folder is not empty or cannot be written.
     """
     path = Path(path)
     with report_os_errors("create the output folder", path):
-        is_file = path.exists() and not path.is_dir()
-    if is_file:
-        raise InputError(
-            f"output folder '{path}' is a file; choose another folder or remove the file"
-        )
-    with report_os_errors("create the output folder", path):
+        if path.exists() and not path.is_dir():
+            raise InputError(
+                f"output folder '{path}' is a file; choose another folder or remove the file"
+            )
         path.mkdir(parents=True, exist_ok=True)
         names = sorted(entry.name for entry in path.iterdir())
         first = next((name for name in names if not _is_left_over(name)), None)
@@ -213,7 +202,5 @@ def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False)
     # Test now rather than after an hour of tracking; permission bits miss read-only mounts and
     # quotas.
     with report_os_errors("write into the output folder", path):
-        probe = path / f".write-test.{os.getpid()}"
-        probe.touch()
-        probe.unlink()
+        _probe(path / ".write-test")
     return path

@@ -13,4 +13,4 @@ from .plotting import (
     save_figure as save_figure,
 )
 from .video import open_frames as open_frames
-from .video_writer import SUFFIXES as SUFFIXES, VideoWriter as VideoWriter
+from .video_writer import VideoWriter as VideoWriter

@@ -3,12 +3,21 @@
 from collections.abc import Generator
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from jaxpf.contract.errors import InputError
 
 #: Frames per second if the source does not specify it.
 DEFAULT_FPS = 25.0
+
+
+def announced(capture: cv2.VideoCapture) -> tuple[float | None, int | None]:
+    """Frames per second and number of frames according to the container; None where unlikely."""
+    fps, count = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
+    # Above 1000 it is the container's clock rate, not a frame rate.
+    has_fps, has_count = 0 < fps <= 1000, 1 <= count < 1e9
+    return fps if has_fps else None, int(count) if has_count else None
 
 
 class FrameSource:
@@ -61,9 +70,7 @@ class FrameSource:
             InputError: ``start`` is negative or past the end, or a frame is unusable.
         """
         if start < 0:
-            raise InputError(
-                f"start frame {start} of '{self.path}' is negative; frames count from 0"
-            )
+            raise InputError(f"frame {start} of '{self.path}' is negative; frames count from 0")
         if self.num_frames is not None and start >= self.num_frames:
             raise self._past_the_end(start, self.num_frames)
         return self._frames(start)
@@ -83,6 +90,6 @@ class FrameSource:
 
     def _past_the_end(self, start: int, count: int) -> InputError:
         return InputError(
-            f"start frame {start} is past the end of '{self.path}', which has {count} frame(s); "
+            f"frame {start} is past the end of '{self.path}', which has {count} frame(s); "
             f"choose one from 0 to {count - 1}"
         )

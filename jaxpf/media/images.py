@@ -43,9 +43,6 @@ def check_consecutive(folder: Path, names: Sequence[str]) -> str | None:
 
     Returns:
         A note if the numbers begin after 1 or have a step other than 1, or a file has none.
-
-    Raises:
-        InputError: the steps differ, so frames are missing or there twice.
     """
     given = frame_numbers(names)
     numbers = [number for number in given if number is not None]
@@ -88,10 +85,6 @@ def read_mask(path: Path) -> np.ndarray:
     A pixel's number is its palette index or grey level.  A grey mask with soft edges, such as a
     JPEG's, marks one object where it is brighter than half its maximum; a colour mask marks one
     object in any colour.
-
-    Raises:
-        InputError: Pillow is missing, the file is not a picture, or it holds several colours,
-            which do not number objects.
     """
     try:
         from PIL import Image, UnidentifiedImageError
@@ -178,9 +171,6 @@ def read_image(path: Path, most: int = 65535) -> np.ndarray:
     Args:
         path: the file.
         most: value of white in a 16-bit image, see ``full_range``.
-
-    Raises:
-        InputError: the image cannot be read or decoded, or its depth is not 8 or 16 bits.
     """
     try:
         data = path.read_bytes()

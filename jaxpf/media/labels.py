@@ -1,6 +1,6 @@
 """Writes names of objects on frames: readable, no wider than their objects, and apart."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import cv2
@@ -42,21 +42,15 @@ def draw_labels(frame: np.ndarray, labels: Sequence[Label]) -> None:
     A tag is placed above, below or inside its object.  Names of objects too small for legible
     letters are listed in the upper left corner instead.
     """
-    taken: list[_Rectangle] = []
-    listed: list[Label] = []
-    for label in labels:
+
+    def places(label: Label) -> tuple[float, list[tuple[int, int]], bool]:
         full = tag_size(frame, label.text, font_scale(frame))[0]
         scale = font_scale(frame) * min(1.0, (label.right - label.left) / full)
-        if scale < _SMALLEST_FONT:
-            listed.append(label)
-            continue
-        wide, high = tag_size(frame, label.text, scale)
+        high = tag_size(frame, label.text, scale)[1]
         corners = [(label.left, y) for y in (label.top - high, label.bottom, label.top)]
-        places = [_moved_inside(frame, (x, y, wide, high)) for x, y in corners]
-        place = next((place for place in places if not _meets(place, taken)), places[0])
-        taken.append(place)
-        tag(frame, label.text, *place[:2], label.colour, scale)
-    _list(frame, listed)
+        return scale, corners, True
+
+    _draw(frame, labels, [], places)
 
 
 def draw_labels_beside(frame: np.ndarray, labels: Sequence[Label]) -> None:
@@ -68,19 +62,39 @@ def draw_labels_beside(frame: np.ndarray, labels: Sequence[Label]) -> None:
     taken = [
         (each.left, each.top, each.right - each.left, each.bottom - each.top) for each in labels
     ]
-    listed: list[Label] = []
-    for label in labels:
+
+    def places(label: Label) -> tuple[float, list[tuple[int, int]], bool]:
         wide, high = tag_size(frame, label.text, scale)
         corners = [
             (x, y)
             for x in (label.right, label.left - wide)
             for y in (label.top - high, label.bottom, (label.top + label.bottom - high) // 2)
         ]
-        places = [_moved_inside(frame, (x, y, wide, high)) for x, y in corners]
-        place = next((place for place in places if not _meets(place, taken)), None)
-        if place is None:
+        return scale, corners, False
+
+    _draw(frame, labels, taken, places)
+
+
+def _draw(
+    frame: np.ndarray,
+    labels: Sequence[Label],
+    taken: list[_Rectangle],
+    places_of: Callable[[Label], tuple[float, list[tuple[int, int]], bool]],
+) -> None:
+    """Draw each tag at its first corner that is free, and list those without a place.
+
+    ``places_of`` gives a tag's font scale, its corners, and whether it may cover another tag.
+    """
+    listed: list[Label] = []
+    for label in labels:
+        scale, corners, may_cover = places_of(label)
+        size = tag_size(frame, label.text, scale)
+        places = [_moved_inside(frame, (*corner, *size)) for corner in corners]
+        free = [place for place in places if not _meets(place, taken)]
+        if scale < _SMALLEST_FONT or not (free or may_cover):
             listed.append(label)
             continue
+        place = (free or places)[0]
         taken.append(place)
         tag(frame, label.text, *place[:2], label.colour, scale)
     _list(frame, listed)

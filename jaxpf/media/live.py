@@ -1,7 +1,6 @@
 """Live frames of cameras, streams and pipes, read once, in a separate thread."""
 
 import collections
-import math
 import os
 import re
 import threading
@@ -16,7 +15,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
-from jaxpf.media.frame_source import FrameSource
+from jaxpf.media.frame_source import FrameSource, announced
 from jaxpf.media.images import to_rgb
 from jaxpf.media.quiet import quiet_opencv
 
@@ -65,9 +64,6 @@ class LiveSource(FrameSource):
         Args:
             address: see ``live_address``.
             fps: see ``jaxpf.media.open_frames``.
-
-        Raises:
-            InputError: the source does not open, or sends no picture.
         """
         shown, name = _names(address)
         super().__init__(shown, name, fps)
@@ -174,13 +170,9 @@ class LiveSource(FrameSource):
                 self._news.notify_all()
 
     def _describe(self, capture: Any) -> None:
-        fps = capture.get(cv2.CAP_PROP_FPS)
-        # Above 1000 it is the container's clock rate, not a frame rate.
-        if self._fps_given is None and math.isfinite(fps) and 0 < fps <= 1000:
-            self.fps = fps
-        count = capture.get(cv2.CAP_PROP_FRAME_COUNT)
-        if not self.is_camera and math.isfinite(count) and 1 <= count < 1e9:
-            self.frames_expected = int(count)
+        rate, count = announced(capture)
+        self.fps = self._fps_given or rate or self.fps
+        self.frames_expected = None if self.is_camera else count
 
     def _read_frames(self, capture: Any) -> None:
         while not self._closed:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_type
-from jaxpf.media.frame_source import DEFAULT_FPS, FrameSource
+from jaxpf.media.frame_source import DEFAULT_FPS, FrameSource, announced
 from jaxpf.media.images import (
     IMAGE_SUFFIXES,
     check_consecutive,
@@ -101,12 +101,11 @@ class _VideoFile(FrameSource):
 
     def __init__(self, path: Path, fps: float | None, beginning: bytes):
         super().__init__(path, path.stem, fps)
-        capture, frame = self._open(), None
+        capture, frame, rate = self._open(), None, None
         try:
             with quiet_opencv():
                 if capture.isOpened():
-                    announced_count = capture.get(cv2.CAP_PROP_FRAME_COUNT)
-                    announced_fps = capture.get(cv2.CAP_PROP_FPS)
+                    rate, self.frames_expected = announced(capture)
                     frame = capture.read()[1]
         finally:
             capture.release()
@@ -114,15 +113,10 @@ class _VideoFile(FrameSource):
             raise _undecodable(path, beginning)
         # From a decoded frame, because rotation can swap the header's width and height.
         self.height, self.width = frame.shape[:2]
-        # Above 1000 it is the container's clock rate, not a frame rate.
-        fps_known = math.isfinite(announced_fps) and 0 < announced_fps <= 1000
-        if fps is None and fps_known:
-            self.fps = announced_fps
+        self._announced_fps = rate or DEFAULT_FPS
+        self.fps = fps or self._announced_fps
         self._has_timestamps = fps is None
         self._seconds: list[float] = []  # timestamps of the frames read in the latest pass
-        self._announced_fps = announced_fps if fps_known else DEFAULT_FPS
-        if math.isfinite(announced_count) and 1 <= announced_count < 1e9:
-            self.frames_expected = int(announced_count)
 
     def _open(self) -> cv2.VideoCapture:
         with quiet_opencv():

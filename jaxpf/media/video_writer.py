@@ -1,9 +1,7 @@
-"""Writes playable video in a background thread: H.264 in MP4, or VP9 in WebM."""
+"""Writes playable video: H.264 in MP4."""
 
 import math
 import os
-import queue
-import threading
 from fractions import Fraction
 from numbers import Real
 from pathlib import Path
@@ -16,46 +14,28 @@ from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.numbers import check_whole
 from jaxpf.files.writing import report_os_errors, temporary_sibling
 
-#: Codecs and their file name suffixes.
-SUFFIXES = {"h264": ".mp4", "vp9": ".webm"}
-
-# FFmpeg's encoder, its options, and the container's.  With these presets a 640x480 frame takes 2
-# to 4 ms on one core; "crf" fixes the quality whatever the file size.
-_ENCODERS = {
-    "h264": (
-        "libx264",
-        {"preset": "superfast", "crf": "22"},
-        {"movflags": "+faststart"},  # the index comes first: browsers play while loading
-    ),
-    "vp9": (
-        "libvpx-vp9",
-        {"deadline": "realtime", "cpu-used": "8", "crf": "30", "b": "0", "row-mt": "1"},
-        {},
-    ),
-}
-# Maximum queue for the encoder: absorbs its uneven pace, needs little memory.
-_WAITING = 8
+# With this preset a 640x480 frame takes 2 to 4 ms on one core; "crf" fixes the quality whatever the
+# file size.
+_ENCODER, _SETTINGS = "libx264", {"preset": "superfast", "crf": "22"}
+# The index comes first: browsers play while loading.
+_CONTAINER = {"movflags": "+faststart"}
 # Lowest frame rate; containers cannot store much longer frame durations.
 _SLOWEST = 0.0001
-# Largest width and height, pixels; that of the codecs.
+# Largest width and height, pixels; that of H.264.
 _LARGEST = 2**16 - 1
 # ITU-T H.273: BT.601 with values from 16 to 235, as OpenCV's conversion produces.
 _BT601, _LIMITED = 6, 1
 
 
 class VideoWriter:
-    """Writes frames to a ``.mp4`` file (H.264) or a ``.webm`` file (VP9), by the file's suffix.
+    """Writes frames to a ``.mp4`` file (H.264), which every browser and player supports.
 
-    Every browser and player supports H.264; every browser supports VP9, which is patent-free.
-
-    Use it as a context manager.  A thread encodes the frames; if it falls behind, ``write``
-    waits.  The video is written under a temporary name in the same folder and renamed on close,
-    even if Ctrl-C or an error ends the block: the frames written up to then form a playable
-    video.  If there are no frames, or encoding fails, no file is left.
+    Use it as a context manager.  The video is written under a temporary name in the same folder and
+    renamed on close, even if Ctrl-C or an error ends the block: the frames written up to then form
+    a playable video.  If there are no frames, or encoding fails, no file is left.
 
     Attributes:
         path: the final name.
-        codec: one of ``SUFFIXES``.
         num_frames: number of frames written.
     """
 
@@ -63,10 +43,9 @@ class VideoWriter:
         """Open the video.
 
         Args:
-            path: ends in ``.mp4`` or ``.webm``; its folder must exist; an existing file is
-                replaced.
+            path: ends in ``.mp4``; its folder must exist; an existing file is replaced.
             width: of the frames, pixels.  Odd sizes are padded to even ones by repeating the
-                last column or row, because these codecs require even sizes.
+                last column or row, because the codec requires even sizes.
             height: of the frames, pixels.
             fps: frames per second.
 
@@ -74,9 +53,8 @@ class VideoWriter:
             InputError: the name, rate or folder is unusable, or the codec is missing.
         """
         self.path = Path(path)
-        codecs = {suffix: codec for codec, suffix in SUFFIXES.items()}
-        if self.path.suffix.lower() not in codecs:
-            raise InputError(f"video '{path}' must end in .mp4 or .webm; rename the output")
+        if self.path.suffix.lower() != ".mp4":
+            raise InputError(f"video '{path}' must end in .mp4; rename the output")
         check_type("fps", fps, Real)
         if not (math.isfinite(fps) and _SLOWEST <= fps <= 1000):
             raise InputError(
@@ -84,13 +62,12 @@ class VideoWriter:
             )
         for name, size in (("width", width), ("height", height)):
             check_whole(name, size, most=_LARGEST)
-        self.codec = codecs[self.path.suffix.lower()]
         self.num_frames = 0
         self._shape = (height, width, 3)
         self._padding = (height % 2, width % 2)
         self._temporary = temporary_sibling(self.path)
         self._error: Exception | None = None
-        self._closed, self._is_empty = False, True
+        self._closed = False
         with report_os_errors("write", self.path):
             self._temporary.touch()
         try:
@@ -98,14 +75,6 @@ class VideoWriter:
         except BaseException:
             self._temporary.unlink(missing_ok=True)
             raise
-        # Simple queues, because an interrupt at any point must not leave a queue's lock held.
-        self._frames: queue.SimpleQueue[np.ndarray | None] = queue.SimpleQueue()
-        self._places: queue.SimpleQueue[None] = queue.SimpleQueue()
-        for _ in range(_WAITING):
-            self._places.put(None)
-        # A daemon thread, so that an unclosed writer cannot keep the program from ending.
-        self._thread = threading.Thread(target=self._encode_all, daemon=True)
-        self._thread.start()
 
     def _open(self, rate: Fraction) -> tuple[Any, Any]:
         try:
@@ -114,28 +83,26 @@ class VideoWriter:
             raise InputError(
                 f"cannot write video '{self.path}': PyAV is missing; pip install 'jaxpf[cli]'"
             ) from None
-        encoder, options, of_container = _ENCODERS[self.codec]
-        other = next(name for name in SUFFIXES if name != self.codec)
         try:
-            av.codec.Codec(encoder, "w")
-            container = av.open(str(self._temporary.absolute()), "w", options=of_container)
-            stream: Any = container.add_stream(encoder, rate=rate)
+            av.codec.Codec(_ENCODER, "w")
+            container = av.open(str(self._temporary.absolute()), "w", options=_CONTAINER)
+            stream: Any = container.add_stream(_ENCODER, rate=rate)
             stream.height, stream.width = np.add(self._shape[:2], self._padding).tolist()
-            stream.options = options
+            stream.options = _SETTINGS
             stream.pix_fmt = "yuv420p"
             context = stream.codec_context
             context.colorspace, context.color_range = _BT601, _LIMITED
             context.open()
         except av.codec.codec.UnknownCodecError:
             raise InputError(
-                f"cannot write video '{self.path}': the encoder of {self.codec} ({encoder}) is "
-                f"missing here; choose the codec {other}, or install av from PyPI"
+                f"cannot write video '{self.path}': the encoder {_ENCODER} is missing here; "
+                "install av from PyPI"
             ) from None
         except av.FFmpegError as error:
             raise InputError(
-                f"cannot write video '{self.path}': the encoder of {self.codec} refuses frames of "
-                f"{self._shape[1]}x{self._shape[0]} pixels ({str(error.strerror).lower()}); choose "
-                f"the codec {other}"
+                f"cannot write video '{self.path}': the encoder {_ENCODER} refuses frames of "
+                f"{self._shape[1]}x{self._shape[0]} pixels ({str(error.strerror).lower()}); give "
+                "frames of another size"
             ) from None
         return container, stream
 
@@ -143,8 +110,7 @@ class VideoWriter:
         """Append one frame, uint8 RGB [height, width, 3]; the caller may change it afterwards.
 
         Raises:
-            InputError: an earlier frame could not be encoded or written, or the frame has another
-                shape or type.
+            InputError: a frame could not be encoded or written, or has another shape or type.
             ValueError: the video is closed.
         """
         if self._closed:
@@ -155,13 +121,12 @@ class VideoWriter:
                 f"expected a uint8 frame of shape {self._shape}, got {frame.dtype} {frame.shape}; "
                 "give frames of the size with which the video was opened."
             )
-        self._report()
         if any(self._padding):
             bottom, right = self._padding
             frame = cv2.copyMakeBorder(frame, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
-        self._places.get()
-        # Here rather than in the thread: it takes 0.1 ms and also copies the frame.
-        self._frames.put(cv2.cvtColor(frame, cv2.COLOR_RGB2YUV_I420))
+        if self._error is None:
+            self._attempt(self._encode, cv2.cvtColor(frame, cv2.COLOR_RGB2YUV_I420))
+        self._report()
         self.num_frames += 1
 
     def close(self) -> None:
@@ -174,20 +139,15 @@ class VideoWriter:
             return
         self._closed = True
         try:
-            self._finish()
-        except KeyboardInterrupt:  # Ctrl-C again, while the encoder empties its queue
-            self._finish()
-            raise
-        finally:
+            if self._error is None and self.num_frames:
+                self._attempt(self._encode, None)
+        finally:  # also after Ctrl-C while the encoder empties its queue
+            self._attempt(self._container.close)
             self._give_name()
         self._report()
 
-    def _finish(self) -> None:
-        self._frames.put(None)
-        self._thread.join()
-
     def _give_name(self) -> None:
-        if self._error is not None or self._is_empty:
+        if self._error is not None or not self.num_frames:
             self._temporary.unlink(missing_ok=True)
             return
         with report_os_errors("write", self.path):
@@ -200,22 +160,11 @@ class VideoWriter:
                 f"cannot write video '{self.path}': {reason}; check the free disk space"
             ) from self._error
 
-    def _encode_all(self) -> None:
-        """Run the thread; after an error only empty the queue, so that ``write`` cannot hang."""
-        while (picture := self._frames.get()) is not None:
-            self._places.put(None)
-            if self._error is None:
-                self._attempt(self._encode, picture)
-        if self._error is None and not self._is_empty:
-            self._attempt(self._encode, None)
-        self._attempt(self._container.close)
-
     def _encode(self, picture: np.ndarray | None) -> None:
         """Encode a picture, or flush the encoder if it is None."""
         import av
 
         frame = None if picture is None else av.VideoFrame.from_ndarray(picture, "yuv420p")
-        self._is_empty = False
         self._container.mux(self._stream.encode(frame))
 
     def _attempt(self, action: Any, *arguments: Any) -> None:

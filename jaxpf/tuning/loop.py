@@ -75,8 +75,6 @@ def tune(
         raise InputError(f"progress={progress!r:.60} must be a function of the descent.")
     check_objective(objective, sequences)
     wanted = [each if isinstance(each, Parameter) else parameter(each) for each in parameters]
-    if not wanted:
-        raise InputError("no parameter was named; name at least one, such as likelihood.sharpness.")
     check_apart(wanted)
     start = {each.path: read(sequences[0].tracker, each) for each in wanted}
     for sequence in sequences:

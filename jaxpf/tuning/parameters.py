@@ -183,7 +183,9 @@ def replace(tracker: Any, values: Mapping[str, Any]) -> Any:
 
 
 def check_apart(wanted: Sequence[Parameter]) -> None:
-    """Refuse parameters that are named twice, or an array together with one of its entries."""
+    """Refuse no parameters, the same one twice, or an array together with one of its entries."""
+    if not wanted:
+        raise InputError("no parameter was named; name at least one, such as likelihood.sharpness.")
     for place, parameter in enumerate(wanted):
         for other in wanted[:place]:
             shorter = min(len(parameter.index), len(other.index))
@@ -211,21 +213,7 @@ def _is_tunable(name: str, leaf: Any) -> bool:
 
 def _why_not(tracker: Any, name: str, leaf: Any) -> str:
     choices = f"choose among {', '.join(names(tracker))}."
-    if leaf is not None and name.partition(".")[0] in _NO_PARAMETERS:
-        return f"the parameter {name} belongs to the ordering, which is not tuned; {choices}"
-    if leaf is not None:
+    if leaf is not None and name.partition(".")[0] not in _NO_PARAMETERS:
         kind = jnp.result_type(leaf)
         return f"the parameter {name} holds {kind}, which has no gradient; {choices}"
-    node = tracker
-    for part in name.split("."):
-        if not hasattr(node, part):
-            return f"the tracker has no parameter {name}; {choices}"
-        node = getattr(node, part)
-    if node is None:
-        return f"the parameter {name} is not set in this tracker; {choices}"
-    if isinstance(node, bool | int | str | tuple) or not jax.tree.leaves(node):
-        shown = getattr(node, "name", node)  # for example of a resampling scheme
-        return (
-            f"the parameter {name} is a fixed setting ({shown!r}), not a number to tune; {choices}"
-        )
-    return f"{name} is a group of parameters or no parameter; {choices}"
+    return f"the tracker has no parameter {name} to tune; {choices}"

@@ -65,20 +65,17 @@ class Recipe:
         tuned = with_tuned(chosen(self.of.options, self.values), values, self.target)
         return dataclasses.replace(self, values={**self.values, **_as_values(tuned)})
 
-    def tracker(self, start: Start, looks: Looks, training_frames: Any = None) -> Any:
-        """The tracker of ``jaxpf evaluate``; with ``training_frames``, a differentiable one.
+    def tracker(self, start: Start, looks: Looks, training_frames: Any) -> Any:
+        """The tracker of ``jaxpf evaluate``, made differentiable.
 
         ``training_frames``, ``[n, H, W, 3]``, show the background that normalises its likelihood.
         """
         of = self.of
         filter_ = building.filter_for(of, self.values["method"])
-        options = chosen(of.options, self.values)
-        filter_options = chosen(filter_.options, self.values)
-        if training_frames is None:
-            return building.build(of, options, filter_, filter_options, start, looks)
-        options = of.resolved(options, looks.is_filmed)
+        options = of.resolved(chosen(of.options, self.values), looks.is_filmed)
         likelihood = of.training_likelihood(options, start, looks, training_frames)
-        return filter_.tracker(of.model(options, start, likelihood), filter_options)
+        model = of.model(options, start, likelihood)
+        return filter_.tracker(model, chosen(filter_.options, self.values))
 
 
 def training_sequence(

@@ -26,7 +26,6 @@ def test_it_prints_a_table_and_writes_its_files(demos):
     assert re.search(r"SIR.*%.*\[\d+, \d+\]", text)
     for method in ("SIR", "PS", "DPS", "SPS"):
         assert re.search(rf"│ {method} +│ +\d+ % \[\d+, \d+\] │", text)
-    assert (folder / "demo.png").stat().st_size > 10_000
     video = cv2.VideoCapture(str(folder / "overlay.mp4"))
     scene = scenes.make("distracter", seed=100)
     frames = 0
@@ -44,10 +43,10 @@ def test_its_repetition_finds_the_same_results(demos):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["--runs", "0"], "--runs 0 must be between 1 and 100000"),
-        (["--runs", "9" * 20], "must be between 1 and 100000"),
+        (["--runs", "0"], "Invalid value for '--runs': 0 is not in the range 1<=x<=100000"),
+        (["--runs", "9" * 20], "is not in the range 1<=x<=100000"),
         (["-n", "0"], "--particles 0 must be a whole number from 1"),
-        (["--seed", "-1"], "--seed -1 must be between 0 and 1048575"),
+        (["--seed", "-1"], "Invalid value for '--seed': -1 is not in the range 0<=x<=1048575"),
     ],
 )
 def test_bad_options_are_refused(arguments, sentence, tmp_path):

@@ -1,10 +1,8 @@
 """How the command line ends where its output cannot be written, or where it is interrupted."""
 
 import os
-import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -38,28 +36,14 @@ def interrupted_at(module, program, then="raise"):
     return subprocess.run([sys.executable, "-c", before + program], capture_output=True)
 
 
-@pytest.mark.parametrize(
-    "module", ["typing", "click", "jaxpf.cli.shared.stopping", "jax._src.core"]
-)
-def test_ctrl_c_while_modules_are_imported_prints_no_traceback(module):
+def test_ctrl_c_while_jax_is_imported_prints_no_traceback():
     program = (
-        "sys.modules.pop('typing', None)\n"
-        "sys.argv = ['jaxpf', 'bench', '--repeats', '1']\n"
-        "from jaxpf.cli import main\nmain()\n"
+        "sys.argv = ['jaxpf', 'bench', '--repeats', '1']\nfrom jaxpf.cli import main\nmain()\n"
     )
-    ended = interrupted_at(module, program, then="sys.exit('crashed, as JAX may')")
+    ended = interrupted_at("jax._src.core", program, then="sys.exit('crashed, as JAX may')")
     assert (ended.returncode, ended.stderr) == (130, b"Interrupted.\n")
 
 
 def test_another_program_that_imports_the_command_line_keeps_its_ctrl_c():
     program = "try:\n    import jaxpf.cli\nexcept KeyboardInterrupt:\n    print('mine')\n"
     assert interrupted_at("click", program).stdout == b"mine\n"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("delay", [0.1, 0.15, 0.2, 0.25, 0.3])
-def test_ctrl_c_early_prints_no_traceback(delay):
-    process = subprocess.Popen([*COMMAND, "verdicts"], stdout=-1, stderr=-1)
-    time.sleep(delay)
-    process.send_signal(signal.SIGINT)
-    assert b"jaxpf/cli" not in process.communicate()[1]

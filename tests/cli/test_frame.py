@@ -75,10 +75,10 @@ def test_an_earlier_picture_is_replaced(images, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("-n", "-1"), "--number -1 must be at least 0"),
+        (("-n", "-1"), "Invalid value for '--number' / '-n': -1 is not in the range 0<=x<="),
         (("-n", "3"), "Error: frame 3 is past the end"),
         (("-n", "x"), "Invalid value for '--number'"),
-        (("--step", "0"), "--step 0 must be at least 1 pixel"),
+        (("--step", "0"), "Invalid value for '--step': 0 is not in the range 1<=x<="),
         (("-o", "frame.jpg"), "output 'frame.jpg' must end in .png"),
         (("-o", "no/such/frame.png"), "cannot write 'no/such/frame.png': no such file"),
     ],

@@ -69,9 +69,9 @@ def test_a_folder_whose_name_is_too_long_is_refused(command):
     [
         ("[evaluate]\nruns = " + "[" * 20_000, "is nested too deeply"),
         ("[evaluate]\nruns = " + "9" * 5000, "is not valid TOML: Exceeds the limit"),
-        ("[evaluate]\nruns = " + "9" * 400, "to a number beyond 9007199254740992"),
-        ('[evaluate]\noutput = "a\\u0000b"', "give a text in quotes"),
-        ("[evaluate]\nruns = '" + "y" * 5000 + "'", "yyy...; give a whole number"),
+        ("[evaluate]\nruns = " + "9" * 400, "9999 must be a whole number"),
+        ('[evaluate]\noutput = "a\\u0000b"', "holds a NUL"),
+        ("[evaluate]\nruns = '" + "y" * 5000 + "'", "[evaluate]: 'yyyy"),
     ],
 )
 def test_a_hostile_configuration_is_refused(tmp_path, text, said):

@@ -64,7 +64,6 @@ def test_lines_of_plots_show_on_white_paper():
 def test_the_demo_tells_each_methods_own_time(tmp_path, monkeypatch):
     clock = iter([100.0, 101.0, 101.5, 103.5, 104.0, 108.0, 109.0, 117.0, 120.0])
     monkeypatch.setattr(demo, "time", types.SimpleNamespace(perf_counter=lambda: next(clock)))
-    monkeypatch.setattr(demo, "_plot", lambda *_: None)
     monkeypatch.setattr(demo, "_overlay", lambda *_: None)
     outcome = jaxpf("demo", "--runs", 2, "-n", 20, "-o", tmp_path / "demo")
     assert outcome.code == 0, outcome.err

@@ -12,7 +12,7 @@ import jaxpf
 import scenes
 from jaxpf.cli.tracking.track_table import places_of
 from jaxpf.evaluation import Configuration
-from jaxpf.evaluation.trackers import built_in_tracker
+from jaxpf.evaluation.work.trackers import built_in_tracker
 from jaxpf.points import draw_points
 from jaxpf.points.adapter import ADAPTER as POINT_FILES
 from jaxpf.points.target import POINTS, Options

@@ -3,12 +3,12 @@
 import click
 
 from jaxpf.cli.shared.console import print_table
-from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.cli.shared.plain import PlainCommand, whole
 from jaxpf.cli.shared.startup import start_jax
 
 
-@click.command("bench", cls=Speaking)
-@click.option("--repeats", default=15, show_default=True, help="Number of interleaved repeats.")
+@click.command("bench", cls=PlainCommand)
+@whole("--repeats", default=15, least=1, most=10_000, help="Number of interleaved repeats.")
 def command(repeats: int) -> None:
     """Measure speed on this machine, each figure beside its baseline.
 
@@ -16,10 +16,6 @@ def command(repeats: int) -> None:
     includes the histogram table.  Ratios to the baseline's time are medians of interleaved pairs
     with 95 % intervals.  On a shared machine trust them more than the nanoseconds.
     """
-    from jaxpf.contract.errors import InputError
-
-    if not 1 <= repeats <= 10_000:
-        raise InputError(f"--repeats {repeats} must be between 1 and 10000.")
     start_jax()
     from jaxpf.cli.benchmarks import measurements
 

@@ -39,7 +39,7 @@ def opencv_loop(frame: np.ndarray, box: np.ndarray) -> Callable[[], None]:
 
 
 def minimal_filter(key: jax.Array, frames: jax.Array, num_particles: int) -> Any:
-    """A bootstrap filter written by hand for ``problems.line_tracker``."""
+    """A bootstrap filter written by hand for the model of ``measurements.generic``."""
 
     def step(carry, item):
         x, log_weights = carry

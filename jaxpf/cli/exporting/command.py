@@ -4,11 +4,11 @@ from pathlib import Path
 
 import click
 
-from jaxpf.cli.shared.speaking import GivenPath, Speaking
+from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.contract.errors import InputError
 
 
-@click.command("export", cls=Speaking)
+@click.command("export", cls=PlainCommand)
 @click.argument("folder", type=GivenPath())
 @click.argument("form", metavar="FORMAT", type=click.Choice(["coco", "cvat", "mot"]))
 @click.argument("output", metavar="FILE", type=GivenPath())

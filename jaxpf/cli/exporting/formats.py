@@ -83,11 +83,7 @@ class Tracked:
 
 
 def read_tracked(folder: Path) -> Tracked:
-    """Read the results of ``jaxpf track``.
-
-    Raises:
-        InputError: a file is missing or invalid, or the video no longer exists.
-    """
+    """Read the results of ``jaxpf track``."""
     text = read_text(folder / "summary.json", "results", "a folder that `jaxpf track` wrote")
     try:
         parameters = json.loads(text)["parameters"]
@@ -236,11 +232,7 @@ def _skeletons(tracked: Tracked) -> Iterator[dict[str, Any]]:
 
 
 def write_cvat(path: Path, tracked: Tracked) -> None:
-    """Write CVAT's "MOT 1.1" archive.
-
-    Raises:
-        InputError: the target is points, which have no box, or the file cannot be written.
-    """
+    """Write CVAT's "MOT 1.1" archive."""
     if tracked.target == "points":
         raise InputError("CVAT's MOT archive holds boxes, and points have none; choose coco.")
     boxes = tracked.boxes
@@ -254,11 +246,7 @@ def write_cvat(path: Path, tracked: Tracked) -> None:
 
 
 def write_motchallenge(path: Path, tracked: Tracked) -> None:
-    """Write MOT lines ``frame,id,x,y,w,h,confidence,-1,-1,-1``; frames and x, y count from 1.
-
-    Raises:
-        InputError: the target is points, which have no box, or the file cannot be written.
-    """
+    """Write MOT lines ``frame,id,x,y,w,h,confidence,-1,-1,-1``; frames and x, y count from 1."""
     if tracked.target == "points":
         raise InputError("MOT files hold boxes, and points have none; choose coco.")
     times, objects = tracked.places.T

@@ -12,9 +12,6 @@ from jaxpf.contract.errors import InputError
 from jaxpf.files.writing import atomic_write
 from jaxpf.targets import find_adapter
 
-#: Beyond this, floats do not represent every whole number.
-_LARGEST_WHOLE = 2**53
-
 
 def _load(ctx: click.Context, param: click.Parameter, path: str | None) -> str | None:
     if path is not None:
@@ -95,61 +92,31 @@ def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
                 f"the configuration '{path}' sets '{key[:40]}' in [{name}], which is no option; "
                 f"the options are {', '.join(sorted(map(str, accepted)))}."
             )
-        suits, wanted = _suits(param, value)
-        if not suits:
+        several = isinstance(param, click.Option) and param.multiple
+        keeps_list = isinstance(value, list) and (several or isinstance(param.type, NumberList))
+        value = [*map(_as_typed, value)] if keeps_list else _as_typed(value)
+        value = [value] if several and isinstance(value, str) else value
+        try:
+            if "\0" in str(value):
+                raise click.BadParameter(f"{value!r:.80} holds a NUL.")
+            param.type_cast_value(ctx, value)
+        except click.BadParameter as error:
             raise InputError(
-                f"the configuration '{path}' sets '{key}' in [{name}] to {_shown(value)}; give "
-                f"{wanted}."
-            )
-        if isinstance(param, click.Option) and param.multiple:
-            value = [item if isinstance(item, str) else ",".join(map(str, item)) for item in value]
+                f"the configuration '{path}' sets '{key}' in [{name}]: {error.message:.200}"
+            ) from None
         options[str(param.name)] = value
     return options
 
 
-def _suits(param: click.Parameter, value: Any) -> tuple[bool, str]:
-    """Whether a TOML value has the option's type without conversion, and the type in words."""
-    kind = param.type
-    if isinstance(param, click.Option) and param.multiple:
-        suits = isinstance(value, list) and all(
-            isinstance(item, str) or _are_numbers(item, float) for item in value
-        )
-        return suits, "a list such as [[120, 80, 40, 90], [300, 85, 42, 88]]"
-    if isinstance(kind, NumberList):
-        return isinstance(value, str) or _are_numbers(value, kind.kind), f"a list of {kind.name}"
-    if isinstance(kind, click.types.BoolParamType):
-        return isinstance(value, bool), "true or false"
-    if isinstance(kind, click.types.IntParamType):
-        return _are_numbers([value], int), "a whole number"
-    if isinstance(kind, click.types.FloatParamType):
-        return _are_numbers([value], float), "a number"
-    return isinstance(value, str) and "\0" not in value, "a text in quotes"
-
-
-def _are_numbers(values: Any, kind: type) -> bool:
-    allowed = int if kind is int else int | float
-    return isinstance(values, list) and all(
-        isinstance(value, allowed)
-        and not isinstance(value, bool)
-        and (isinstance(value, float) or abs(value) < _LARGEST_WHOLE)
-        for value in values
-    )
-
-
-def _shown(value: Any) -> str:
-    """A value in TOML notation, shortened for a message."""
-    if isinstance(value, int) and abs(value) >= _LARGEST_WHOLE:
-        return f"a number beyond {_LARGEST_WHOLE}"
-    text = str(value).lower() if isinstance(value, bool) else repr(value)
-    return text if len(text) <= 80 else f"{text[:80]}..."
+def _as_typed(value: Any) -> str:
+    """A TOML value as it is typed on the command line."""
+    if isinstance(value, list):
+        return ",".join(map(_as_typed, value))
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def write_config(path: Path, command: str, options: dict[str, Any]) -> None:
-    """Write the TOML file that repeats a run; options that are None are omitted.
-
-    Raises:
-        InputError: it cannot be written, or a file's name is not UTF-8.
-    """
+    """Write the TOML file that repeats a run; options that are None are omitted."""
     import tomli_w
 
     kept = {key: _plain(value) for key, value in options.items() if value is not None}

@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from jaxpf import filters
-from jaxpf.cli.shared.speaking import GivenPath, Speaking
+from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, Option, counting, options_of, plain
 from jaxpf.targets import adapters
@@ -71,7 +71,7 @@ class Flag(click.Option):
         return record[0], first.removesuffix(".") + (default or ".")
 
 
-class Command(Speaking):
+class Command(PlainCommand):
     """A command with help in sections, see ``Flag``.
 
     ``--help`` explains each common option in a sentence and lists the names of the rest;
@@ -301,19 +301,13 @@ def as_typed(options: Any) -> dict[str, Any]:
 def picked(
     values: Mapping[str, Any], owner: type, defaults: Mapping[str, Any] | None = None
 ) -> Any:
-    """Build an instance of an option class from flags; missing ones keep their defaults.
-
-    Raises:
-        InputError: a value is out of range; the message names the flag.
-    """
-    declared = {name: each for name, each in options_of(owner).items() if name in given_in(values)}
-    for name, each in declared.items():
-        if values[name] == "":  # as an unset variable of the shell is
+    """Build an instance of an option class from flags; missing ones keep their defaults."""
+    given = {}
+    for name, each in options_of(owner).items():
+        if values.get(name) == "":  # as an unset variable of the shell is
             raise InputError(f"{each.flag} is empty; give a value, or leave it out.")
-    given = {
-        name: each.checked(_from_people(each, values[name]), each.flag)
-        for name, each in declared.items()
-    }
+        if values.get(name) not in (None, ()):
+            given[name] = _from_people(each, values[name])
     return filled(owner, given, defaults)
 
 
@@ -333,9 +327,6 @@ def refuse_others(values: Mapping[str, Any], target: Any, filter_: Any) -> None:
         values: values of flags.
         target: the target.
         filter_: the filter that tracks it.
-
-    Raises:
-        InputError: names the option and where it works.
     """
     own = options_of(target.options, filter_.options)
     every: dict[str, Any] = {name: owner.target for name, owner in adapters().items()}

@@ -159,11 +159,7 @@ def names_in(text: str) -> list[str]:
 
 
 def pair(option: str, text: str, convert: Callable[[str], Any]) -> tuple[str, Any]:
-    """Parse ``NAME=VALUE``.
-
-    Raises:
-        InputError: the text has another form.
-    """
+    """Parse ``NAME=VALUE``."""
     name, equals, value = text.partition("=")
     if not (equals and name.strip() and value.strip()):
         raise InputError(f"{option} {text!r} must have the form NAME=VALUE.")
@@ -171,11 +167,7 @@ def pair(option: str, text: str, convert: Callable[[str], Any]) -> tuple[str, An
 
 
 def scene_parameters(texts: Sequence[str]) -> dict[str, Any]:
-    """Parse the parameters of ``--set``; a value is a number, true, false, none, or text.
-
-    Raises:
-        InputError: an entry is not NAME=VALUE.
-    """
+    """Parse the parameters of ``--set``; a value is a number, true, false, none, or text."""
     return dict(pair("--set", text, _value) for text in texts)
 
 

@@ -38,15 +38,15 @@ def report_truth(output: Path, ids: Sequence[Any], first: int, truth: Any, which
     }
     for measure in ("overlap", "tracked", "precision", "recall", "centre_error"):
         columns[measure] = np.asarray(measures[measure].value)
+    values = list(zip(shared, *columns.values(), strict=True))
     rows = [
-        [f"object {name}", f"{columns['frames'][k]:.0f}"]
-        + [f"{columns[c][k]:.3f}" for c in list(columns)[1:]]
-        for k, name in enumerate(shared)
+        [f"object {name}", f"{count:.0f}", *(f"{value:.3f}" for value in rest)]
+        for name, count, *rest in values
     ]
     title = ", ".join(filter(None, ["Against the truth", which]))
     console.print_table(title, ["", *columns], rows)
     names = [name.replace(" at .5", "_half").replace(" ", "_") for name in columns]
-    lines = [[name, *(f"{c[k]:.6g}" for c in columns.values())] for k, name in enumerate(shared)]
+    lines = [[name, *(f"{value:.6g}" for value in row)] for name, *row in values]
     path = output / f"{which + '_' if which else ''}metrics.csv"
     write_text(path, csv_text([["id", *names], *lines]))
 

@@ -38,6 +38,13 @@ class Births(NamedTuple):
         return bool((self.table.id == DETECTED).any())
 
     @property
+    def counted(self) -> np.ndarray:
+        """Which rows are detections whose confidence allows a birth, bool ``[M]``."""
+        least = self.rules.birth_confidence
+        confident = self.table.confidence >= (-np.inf if least is None else least)
+        return confident & (self.table.id == DETECTED)
+
+    @property
     def typical_size(self) -> tuple[float, float]:
         """Width and height of a typical object, pixels."""
         width, height = np.median(self.table.box[:, 2:], axis=0)
@@ -45,12 +52,7 @@ class Births(NamedTuple):
 
 
 def read_births(options: Mapping[str, Any]) -> Births | None:
-    """Read the file of ``--births`` and its rules; None without ``--births``.
-
-    Raises:
-        InputError: the file cannot be read, a rule is given without the file, or ground truth is
-            given without TrackEval.
-    """
+    """Read the file of ``--births`` and its rules; None without ``--births``."""
     rules = options_of(Rules)
     if options.get("births") is None:
         for name, rule in rules.items():
@@ -59,10 +61,6 @@ def read_births(options: Mapping[str, Any]) -> Births | None:
                     f"{rule.flag} works only with --births; add it, or leave {rule.flag} out."
                 )
         return None
-    if options["tracker"]:
-        raise InputError(
-            "--births works only with the built-in filters; leave it or --tracker out."
-        )
     births = Births(read_detections(options["births"]), picked(options, Rules))
     if not len(births.table):
         raise InputError(f"{births.table.source} holds no boxes; leave --births out.")
@@ -76,9 +74,9 @@ def read_births(options: Mapping[str, Any]) -> Births | None:
 
 def _check_confidence(births: Births) -> None:
     """Refuse a --birth-confidence that excludes every detection."""
-    least = births.rules.birth_confidence
     confidences = births.table.confidence[births.table.id == DETECTED]
-    if least is not None and len(confidences) and confidences.max() < least:
+    least = births.rules.birth_confidence
+    if least is not None and births.watched and not births.counted.any():
         raise InputError(
             f"--birth-confidence {plain(least)} leaves out every detection of "
             f"{births.table.source}, whose confidences are from {confidences.min():g} to "
@@ -96,12 +94,7 @@ def defaults_of(births: Births | None) -> tuple[dict, Mapping[str, Any]]:
 
 
 def check_births(births: Births, start: Start, number: int, source: Any) -> None:
-    """Check detections and start boxes against the video.
-
-    Raises:
-        InputError: a detection is in a frame that the video lacks or outside the image, an object
-            starts before the start frame or twice, or there are more start boxes than places.
-    """
+    """Check detections and start boxes against the video."""
     table, capacity = births.table, births.rules.capacity
     if not source.is_live and table.frame.max() >= (
         source.num_frames or source.frames_expected or 0
@@ -142,16 +135,15 @@ def by_frame(
     births: Births, start: Start, number: int
 ) -> tuple["Detections | None", list[tuple[int, int, np.ndarray]]]:
     """Detections from the start frame on, and the objects with ids; see ``follow``."""
-    table, least = births.table, births.rules.birth_confidence
+    table = births.table
     named = [(0, int(name), box) for name, box in zip(start.ids, start.shapes, strict=True)]
     rows = zip(table.frame - number, table.id, table.box, strict=True)
     named += [(int(time), int(name), box) for time, name, box in rows if name != DETECTED]
     if not births.watched:
         return None, named
-    detected = table.id == DETECTED
-    every = births.rules.detect_every or detection_step(table.frame[detected])
-    counts = detected & (table.confidence >= (-np.inf if least is None else least))
-    first = int(table.frame[detected].min()) - number
+    frames, counts = table.frame[table.id == DETECTED], births.counted
+    every = births.rules.detect_every or detection_step(frames)
+    first = int(frames.min()) - number
     return Detections(table.frame[counts] - number, table.box[counts], first, every), named
 
 
@@ -173,9 +165,7 @@ def _outside(boxes: np.ndarray, width: int, height: int) -> np.ndarray:
 def nobody_came(births: Births, start: int) -> str:
     """Explain from the detections why no object started."""
     table, rules = births.table, births.rules
-    least = -np.inf if rules.birth_confidence is None else rules.birth_confidence
-    counts = (table.id == DETECTED) & (table.confidence >= least) & (table.frame >= start)
-    frames = np.unique(table.frame[counts])
+    frames = np.unique(table.frame[births.counted & (table.frame >= start)])
     if len(frames) < rules.birth_frames:
         return (
             f"no object started: it must be detected {rules.birth_frames} times, and "

@@ -40,23 +40,19 @@ def _finish(recording: Recording, truth: Any) -> None:
     sizes = diagnostics[:, 1]
     if recording.population is not None:
         sizes = sizes[sizes > 0]  # 0 while there is no object
-    ess = float(np.median(sizes)) if len(sizes) else float("nan")
-    content = _summary(recording, names, verdicts, table, None if np.isnan(ess) else ess)
+    ess = float(np.median(sizes)) if len(sizes) and not np.isnan(sizes).any() else None
+    content = _summary(recording, names, verdicts, table, ess)
     writing.write_text(output / "summary.json", json.dumps(content, indent=2) + "\n")
-    num_particles = _num_particles(recording, diagnostics)
     lost = {name: about["lost"] for name, about in verdicts.items()}
     adapter = recording.request.adapter
     columns = [name for name in adapter.columns if name not in adapter.fixed_columns]
     figure = plotting.trajectories(table, columns, lost)
     plotting.save_figure(figure, output / "trajectories.png")
-    _tell(recording, verdicts, content, None if np.isnan(ess) else ess, num_particles)
+    num_particles = getattr(recording.tracker, "num_particles", 0)
+    num_particles = int(num_particles or np.nanmax(diagnostics[:, 1], initial=1))
+    _tell(recording, verdicts, content, ess, num_particles)
     if truth is not None:
         _report_truth(recording, truth, names)
-
-
-def _num_particles(recording: Recording, diagnostics: np.ndarray) -> int:
-    count = getattr(recording.tracker, "num_particles", 0)
-    return int(count or np.nanmax(diagnostics[:, 1], initial=1))
 
 
 def _summary(
@@ -69,13 +65,7 @@ def _summary(
     counts, source = recording.counts, recording.opened.source
     population, stopped = recording.population, recording.stopped
     first, rest = recording.seconds
-    kept: dict[str, Any] = {}
-    if population is not None:
-        kept = {
-            "births": population.births,
-            "deaths": population.deaths,
-            "refused": population.refused,
-        }
+    kept = {} if population is None else vars(population)
     return {
         "parameters": {
             name: str(value) if isinstance(value, Path) else value

@@ -20,11 +20,7 @@ _ATTEMPTS = 3
 
 
 def check_live(request: "Request", source: Any) -> None:
-    """Refuse options that a camera's frames cannot support.
-
-    Raises:
-        InputError: names the option.
-    """
+    """Refuse options that a camera's frames cannot support."""
     if source.is_live and request.run.resume is not None:
         raise InputError(
             f"--resume goes on in a video that begins as it did, and '{source.path}' is live; "
@@ -65,9 +61,6 @@ def start_when_compiled(
         frame: the earlier frame.
         frames: frames of the camera.
         source: the camera.
-
-    Raises:
-        InputError: the camera delivers no frame.
     """
     import jax
 

@@ -51,7 +51,6 @@ class Recording:
     Attributes:
         request: the request.
         opened, built: results of the previous steps.
-        table: contents of run.toml.
         tracker: the tracker that ran.
         counts: numbers of frames and failures.
         population: births and deaths; None for a fixed population.
@@ -62,7 +61,6 @@ class Recording:
     request: Request
     opened: Any
     built: Any
-    table: dict[str, Any]
     tracker: Any
     counts: Counts
     population: Population | None
@@ -75,6 +73,11 @@ class Recording:
         return self.opened.output
 
     @property
+    def table(self) -> dict[str, Any]:
+        """Contents of run.toml."""
+        return self.request.table(self.opened.source.path)
+
+    @property
     def is_kept(self) -> bool:
         """Whether there are results to keep."""
         return self.stopped is None or self.counts.tracked > 0
@@ -84,14 +87,12 @@ def record_run(
     request: Request,
     opened: Any,
     built: Any,
-    table: dict[str, Any],
     restart: Callable[[], tuple[Any, np.ndarray]] | None,
 ) -> Recording:
     """Track every frame and pass it to the writers.
 
     Args:
         request, opened, built: results of the previous steps.
-        table: contents of run.toml.
         restart: for a camera, returns the tracker and the start frame after compilation.
     """
     births = request.births
@@ -99,7 +100,6 @@ def record_run(
         request=request,
         opened=opened,
         built=built,
-        table=table,
         tracker=built.tracker,
         counts=Counts(opened.start.ids if births is None else ()),
         population=None if births is None else Population(),
@@ -107,7 +107,7 @@ def record_run(
     with locked(opened.output, "tracking", keep=False):
         try:
             remove_outputs(opened.output)
-            write_config(opened.output / "run.toml", "track", table)
+            write_config(opened.output / "run.toml", "track", recording.table)
             first = opened.first
             if restart is not None:
                 recording.tracker, first = restart()

@@ -1,6 +1,7 @@
 """Per-frame records, shared by fixed and changing populations."""
 
 import dataclasses
+import functools
 import itertools
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -8,10 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxpf.cli.tracking.births import Births, by_frame
-from jaxpf.cli.tracking.track_table import Places, centres_of, mean_centres, places_of
+from jaxpf.cli.tracking.track_table import Places, places_of
 from jaxpf.contract.lost import judge
 from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.target import Start
+
+#: All partitions.
+_ALL = slice(None)
 
 
 class Record(NamedTuple):
@@ -46,7 +50,7 @@ class Record(NamedTuple):
     without_likelihood: Any = None
     summary: Any = None
     state: Any = None
-    slots: Any = slice(None)
+    slots: Any = _ALL
     changes: Any = None
 
 
@@ -100,6 +104,14 @@ class Scene:
 
         return np.asarray(shapes_of(self.tracker, self.adapter.target, start, estimate), float)
 
+    def places(
+        self, start: Start, shapes: Any, state: Any = None, before: Any = None, slots: Any = _ALL
+    ) -> tuple[Places, np.ndarray]:
+        """See ``places_of``."""
+        error, fps = self.model_error, self.fps
+        to_shapes = functools.partial(self.shapes, start)
+        return places_of(self.adapter, start, to_shapes, shapes, state, slots, fps, before, error)
+
 
 def fixed_population(
     scene: Scene, tracker: Any, key: Any, frame: Any, frames: Any, before: tuple[Any, int]
@@ -120,16 +132,13 @@ def fixed_population(
     start, (state, time) = scene.start, before
     colours, nobody = object_colours(len(start.ids)), np.zeros(len(start.ids), bool)
 
-    def to_shapes(substates: Any) -> np.ndarray:
-        return scene.shapes(start, substates)
-
-    if time:
-        cloud = None if scene.has_own_boxes else scene.cloud(state)
-        centres = mean_centres(scene.adapter, start, to_shapes, cloud)
-    else:
-        values = scene.adapter.column_values(start, start.shapes)
-        yield Record(scene.first, frame, start, colours, start.shapes, Places(values), nobody)
-        centres = centres_of(scene.adapter, start, start.shapes)
+    cloud = scene.cloud(state) if time and not scene.has_own_boxes else None
+    places, centres = scene.places(start, start.shapes, cloud)
+    if not time:
+        places = Places(places.values)
+        yield Record(scene.first, frame, start, colours, start.shapes, places, nobody)
+    elif not hasattr(cloud, "substates"):
+        centres = np.full_like(centres, np.nan)
     for tracked in stream(tracker, key, frames, state=state, time=time):
         summary = tracked.summary
         if tracked.time == 0:
@@ -139,17 +148,7 @@ def fixed_population(
         hopeless = nobody if getattr(summary, "lost", None) is None else summary.lost
         confidence, lost = judge(outside, hopeless, getattr(summary, "confidence", None))
         cloud = None if scene.has_own_boxes else scene.cloud(tracked.state)
-        places, centres = places_of(
-            scene.adapter,
-            start,
-            to_shapes,
-            shapes,
-            cloud,
-            slice(None),
-            scene.fps,
-            centres,
-            scene.model_error,
-        )
+        places, centres = scene.places(start, shapes, cloud, centres)
         variance = getattr(summary, "estimate_variance", None)
         if variance is not None and scene.adapter.target.has_places:
             places = places._replace(error=np.sqrt(variance)[:, :2])
@@ -199,17 +198,8 @@ def changing_population(
         start = dataclasses.replace(all_, ids=tracked.ids[slots], sizes=all_.sizes[slots])
         if centres is not None:
             centres = np.where((tracked.ids == ids)[:, None], centres, np.nan)
-        places, centres = places_of(
-            scene.adapter,
-            all_,
-            lambda substates, start=all_: scene.shapes(start, substates),
-            tracked.boxes,
-            None if tracked.summary is None else tracked.state,
-            slots,
-            scene.fps,
-            centres,
-            scene.model_error,
-        )
+        state = None if tracked.summary is None else tracked.state
+        places, centres = scene.places(all_, tracked.boxes, state, centres, slots)
         if tracked.summary is None:
             places = Places(places.values)
         ids = tracked.ids

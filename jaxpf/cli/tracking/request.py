@@ -146,11 +146,7 @@ class Request:
 
 
 def request_of(ctx: click.Context, adapter: Adapter) -> Request:
-    """Build the request from the command line and a configuration file.
-
-    Raises:
-        InputError: a value is out of range, or options exclude each other.
-    """
+    """Build the request from the command line and a configuration file."""
     values, target = _given(ctx, adapter), adapter.target
     run = picked(values, Run)
     births = read_births(values)
@@ -167,57 +163,44 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
     report_implied(values, target.resolved(target.options(), is_filmed=births is None))
     starts = {name: values[name] for name in adapter.start_flags}
     request = Request(values["video"], adapter, starts, run, model, filter_, filter_options, births)
-    _check_uncertainty(request)
-    _check_states(request)
+    _check_together(request)
+    if run.save_state is not None:
+        check_output_file(run.save_state, "--save-state")
     return request
 
 
-def _check_uncertainty(request: Request) -> None:
-    """Refuse errors and smoothing where undefined or requested twice.
-
-    Raises:
-        InputError: gives the reason.
-    """
-    asked = {"--runs": request.run.runs, "--error-bars": request.run.error_bars}
-    asked = {flag: value for flag, value in asked.items() if value is not None}
-    if len(asked) > 1:
-        raise InputError(
-            "--runs and --error-bars both estimate the Monte-Carlo error; use one of them."
-        )
-    smoothed = {"--smooth": request.run.smooth, "--smooth-lag": request.run.smooth_lag}
-    smoothed = {flag: value for flag, value in smoothed.items() if value}
-    if smoothed and request.run.runs is not None:
-        raise InputError(
-            f"{next(iter(smoothed))} smooths a single run, and --runs makes several; leave one of "
-            "them out."
-        )
-    for flag in [*asked, *smoothed]:
-        if request.births is not None:
-            raise InputError(
-                f"{flag} needs a fixed population, and --births changes it; leave one of them out."
-            )
-        if request.run.tracker and flag in asked:
-            raise InputError(
-                f"{flag} works only with the built-in filters; leave it out, or wrap your tracker "
-                f"{request.run.tracker} in jaxpf.filters.SideBySide."
-            )
+_ERRORS, _LEAVE = ("runs", "error_bars"), "leave one of them out."
+#: Options, another one that they exclude, and why.
+_EXCLUSIONS = (
+    (("births",), "tracker", "works only with the built-in filters; leave it or --tracker out."),
+    (("runs",), "error_bars", "estimates the same as --error-bars; use one of them."),
+    (("smooth", "smooth_lag"), "runs", f"smooths a single run, and --runs makes several; {_LEAVE}"),
+    (
+        (*_ERRORS, "smooth", "smooth_lag"),
+        "births",
+        f"needs a fixed population, and --births changes it; {_LEAVE}",
+    ),
+    (
+        ("save_state", "resume"),
+        "births",
+        f"keeps a filter's state, which does not hold the births of --births; {_LEAVE}",
+    ),
+    (
+        _ERRORS,
+        "tracker",
+        "works only with the built-in filters; leave it out, or wrap your tracker in "
+        "jaxpf.filters.SideBySide.",
+    ),
+)
 
 
-def _check_states(request: Request) -> None:
-    """Refuse to save a state that the filter does not hold.
-
-    Raises:
-        InputError: gives the reason.
-    """
-    run = request.run
-    for flag, value in (("--save-state", run.save_state), ("--resume", run.resume)):
-        if value is not None and request.births is not None:
-            raise InputError(
-                f"{flag} keeps a filter's state, which does not hold the births of --births; leave "
-                "one of them out."
-            )
-    if run.save_state is not None:
-        check_output_file(run.save_state, "--save-state")
+def _check_together(request: Request) -> None:
+    """Refuse options that exclude each other."""
+    values = vars(request.run) | {"births": request.births}
+    for names, other, why in _EXCLUSIONS:
+        for name in names:
+            if values[name] not in (None, False) and values[other] is not None:
+                raise InputError(f"--{name.replace('_', '-')} {why}")
 
 
 def _given(ctx: click.Context, adapter: Adapter) -> dict[str, Any]:
@@ -229,15 +212,12 @@ def _given(ctx: click.Context, adapter: Adapter) -> dict[str, Any]:
     left_out: set[str] = set()
     if (typed & set(adapter.start_flags)) - set(_ADDS_TO_START):
         left_out |= set(adapter.start_flags)
+    families = [family.options for family in filters.all_filters().values()]
     if "method" in typed:
-        filter_ = filters.filter_of(values["method"])
-        left_out |= set(_of_filters()) - set(options_of(filter_.options))
-    if "method" in typed and values["method"] != "ps":
-        left_out.add("order")
-    for owner in (
-        adapter.target.options,
-        *(family.options for family in filters.all_filters().values()),
-    ):
+        chosen = filters.filter_of(values["method"])
+        left_out |= set(options_of(*families)) - set(options_of(chosen.options))
+        left_out |= set() if values["method"] == "ps" else {"order"}
+    for owner in (adapter.target.options, *families):
         for name, option_ in options_of(owner).items():
             other, wanted = option_.implies or ("", "")
             if other in typed and values[other] not in (wanted, OPEN):
@@ -245,20 +225,16 @@ def _given(ctx: click.Context, adapter: Adapter) -> dict[str, Any]:
     return {n: None if n in left_out & written else value for n, value in values.items()}
 
 
-def _of_filters() -> dict[str, Any]:
-    return options_of(*(filter_.options for filter_ in filters.all_filters().values()))
-
-
 def _filter_of(values: Mapping[str, Any], target: Target, opens: bool) -> tuple[Any, str | None]:
     """The filter that --method or --births selects, and the name of the method."""
-    families = list(filters.all_filters().values())
+    able_families = [family for family in filters.all_filters().values() if family.opens]
     method = values["method"]
     if opens and not method:
-        return next(family for family in families if family.opens), None
+        return able_families[0], None
+    chosen = filter_for(target, method)
     method = method or target.defaults.get("method")
-    chosen = filters.filter_of(method) if method else families[0]
     if opens and not chosen.opens:
-        able = [name for family in families if family.opens for name in family.methods]
+        able = [name for family in able_families for name in family.methods]
         raise InputError(
             f"--births does not work with --method {method}, whose population is fixed; use "
             f"--method {', '.join(able)}."

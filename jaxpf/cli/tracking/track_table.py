@@ -185,15 +185,6 @@ def _widened(
     return np.concatenate([around(values[:, :2], interval[..., :2], place), rest], axis=-1)
 
 
-def mean_centres(adapter: Any, start: Any, to_shapes: Any, state: Any) -> np.ndarray | None:
-    """Particle mean centres ``[P, 2]`` of a state, see ``places_of``; None without particles."""
-    if not hasattr(state, "substates"):
-        return None
-    kept, weights = _kept(state)
-    particles = adapter.column_values(start, to_shapes(np.asarray(state.substates)[kept]))
-    return _mean(_centres(adapter, particles), weights)
-
-
 def _kept(state: Any) -> tuple[np.ndarray, np.ndarray]:
     """Indices of the particles to sort, and their log-weights ``[N]`` or ``[P, N]``."""
     count, num_partitions = state.substates.shape[:2]
@@ -217,8 +208,3 @@ def _centres(adapter: Any, values: np.ndarray) -> np.ndarray:
     """x and y of the centre: ``[..., 2]``."""
     corner = values[..., :2]
     return corner + values[..., 2:4] / 2 if adapter.target.has_boxes else corner
-
-
-def centres_of(adapter: Any, start: Any, shapes: np.ndarray) -> np.ndarray:
-    """x and y of the centres of shapes ``[P, S]``: ``[P, 2]``."""
-    return _centres(adapter, adapter.column_values(start, shapes))

@@ -20,11 +20,7 @@ class OwnTracker:
     """
 
     def __init__(self, place: str):
-        """Read the file.
-
-        Raises:
-            InputError: the file does not exist.
-        """
+        """Read the file."""
         path, colon, self.function = place.rpartition(":")
         if not colon or not path.endswith(".py") or not self.function.isidentifier():
             raise InputError(
@@ -58,12 +54,7 @@ class OwnTracker:
 
 
 def own_tracker_of(place: str, scene: scenes.Scene) -> Any:
-    """Build the tracker of a scene with a user-defined function.
-
-    Raises:
-        InputError: see ``OwnTracker`` and ``jaxpf.evaluation.work.trackers.own_tracker``; also if
-            the function returns boxes, which is useless for a video without ground truth.
-    """
+    """Build the tracker of a scene with a user-defined function."""
     from jaxpf.evaluation.work.trackers import own_tracker
 
     tracker = own_tracker(place, OwnTracker(place), scene)

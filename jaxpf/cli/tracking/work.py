@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import functools
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from jaxpf.cli.shared.startup import use_compile_cache
 from jaxpf.cli.tracking import births as births_of
 from jaxpf.cli.tracking.finishing import finish
 from jaxpf.cli.tracking.live import check_live, start_when_compiled, used_to_the_light
-from jaxpf.cli.tracking.recorder import Recording, nothing_follows, record_run
+from jaxpf.cli.tracking.recorder import OUTPUTS, nothing_follows, record_run
 from jaxpf.cli.tracking.request import Request
 from jaxpf.contract.errors import InputError
 from jaxpf.files import writing
@@ -64,16 +63,29 @@ class Built:
 
 
 def track(request: Request) -> None:
-    """Track, and write everything into the output folder.
+    """Track, and write each frame into the output folder at once.
 
-    Raises:
-        InputError: the request cannot be tracked; raised before anything is written if possible.
+    After an interruption or an error the tracked frames are kept, and ``finish`` reports them; a
+    run without any tracked frame leaves no files.
     """
     opened = open_input(request)
     use_compile_cache()
     built = build_tracker(request, opened)
-    outcome = run(request, opened, built)
-    finish(outcome, opened.truth)
+    existed = opened.output.is_dir()
+    writing.prepare_output_folder(opened.output, request.run.overwrite)
+
+    def restart() -> tuple[Any, np.ndarray]:
+        # Objects may have moved during compilation: start at a later frame.
+        def make(frame: np.ndarray) -> Any:
+            return tracker_at(frame, request, opened)
+
+        return start_when_compiled(make, built.tracker, opened.first, opened.frames, opened.source)
+
+    recording = record_run(request, opened, built, restart if opened.source.is_camera else None)
+    if not recording.is_kept and not existed:
+        with contextlib.suppress(OSError):
+            opened.output.rmdir()
+    finish(recording, opened.truth)
 
 
 def open_input(request: Request) -> Opened:
@@ -113,12 +125,7 @@ def _after(frame: np.ndarray, frames: Generator[np.ndarray]) -> Generator[np.nda
 
 
 def build_tracker(request: Request, opened: Opened) -> Built:
-    """Build the tracker, and read the state from which it resumes.
-
-    Raises:
-        InputError: memory is insufficient, the filter cannot be smoothed, or the state does not
-        fit.
-    """
+    """Build the tracker, and read the state from which it resumes."""
     from jaxpf import smoothing
 
     tracker = tracker_at(opened.first, request, opened)
@@ -158,33 +165,6 @@ def tracker_at(frame: np.ndarray, request: Request, opened: Opened) -> Any:
 
         return WithErrorBars(tracker, request.run.error_bars)
     return tracker
-
-
-def run(request: Request, opened: Opened, built: Built) -> Recording:
-    """Track the frames and write each one immediately.
-
-    After an interruption or an error the tracked frames are kept, and ``finish`` reports them; a
-    run without any tracked frame leaves no files.
-    """
-    existed = opened.output.is_dir()
-    writing.prepare_output_folder(opened.output, request.run.overwrite)
-    table = request.table(opened.source.path)
-    remake = None
-    if opened.source.is_camera:
-        # Objects may have moved during compilation: start at a later frame.
-        remake = functools.partial(_restart, request, opened, built)
-    recording = record_run(request, opened, built, table, remake)
-    if not recording.is_kept and not existed:
-        with contextlib.suppress(OSError):
-            opened.output.rmdir()
-    return recording
-
-
-def _restart(request: Request, opened: Opened, built: Built) -> tuple[Any, np.ndarray]:
-    def make(frame: np.ndarray) -> Any:
-        return tracker_at(frame, request, opened)
-
-    return start_when_compiled(make, built.tracker, opened.first, opened.frames, opened.source)
 
 
 def _state_before(request: Request, tracker: Any) -> tuple[Any, int]:
@@ -233,8 +213,6 @@ def _read_truth(request: Request, start: Start) -> Any:
 
 def _check_output(output: Path, video: Path) -> None:
     """Refuse to write into the folder of frames, or over the video, that the run reads."""
-    from jaxpf.cli.tracking.recorder import OUTPUTS
-
     folder, video = output.resolve(), video.resolve()
     if folder == video or (folder == video.parent and video.name in OUTPUTS):
         raise InputError(

@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from jaxpf.cli.tracking.records import Record, Scene
-from jaxpf.cli.tracking.track_table import TrackTable, centres_of, places_of
+from jaxpf.cli.tracking.track_table import TrackTable
 from jaxpf.files.writing import LineWriter
 from jaxpf.targets.adapter import Marks
 
@@ -25,6 +25,11 @@ _DRAWS = 400
 _LEAST_SPREAD = 1.0
 
 
+#: Files of ``Tracks`` and of ``Smoothed``: tracks and outlines.
+_TRACKS = "tracks.csv", "outlines.csv"
+_SMOOTHED = "smoothed.csv", "smoothed_outlines.csv"
+
+
 class Writer(Protocol):
     """Receives the records of a run in order."""
 
@@ -35,20 +40,26 @@ class Writer(Protocol):
 class Tracks:
     """Writes tracks.csv, and outlines.csv for targets with outlines."""
 
-    def __init__(self, output: Path, scene: Scene, stack: contextlib.ExitStack):
-        self._table = stack.enter_context(
-            TrackTable(output / "tracks.csv", scene.adapter, scene.shown_at)
-        )
-        outlines = scene.adapter.outline_file(output / "outlines.csv", scene.start)
-        self._write_outlines = stack.enter_context(outlines)
+    def __init__(
+        self, output: Path, scene: Scene, stack: contextlib.ExitStack, names: Any = _TRACKS
+    ):
+        tracks, outlines = (output / name for name in names)
+        self._table = stack.enter_context(TrackTable(tracks, scene.adapter, scene.shown_at))
+        outline_file = scene.adapter.outline_file(outlines, scene.start)
+        self._write_outlines = stack.enter_context(outline_file)
 
     def write(self, record: Record) -> None:
         """See ``Writer``."""
-        self._table.write(
-            record.number, record.start.ids, record.places, record.lost, record.confidence
-        )
+        ids, lost, confidence = record.start.ids, record.lost, record.confidence
+        self.append(record.number, ids, record.shapes, record.places, lost, confidence)
+
+    def append(
+        self, number: int, ids: Any, shapes: Any, places: Any, lost: Any = None, sure: Any = None
+    ) -> None:
+        """Write a frame; ``sure`` is the confidence, see ``TrackTable.write``."""
+        self._table.write(number, ids, places, lost, sure)
         if self._write_outlines is not None:
-            self._write_outlines(record.number, record.shapes)
+            self._write_outlines(number, shapes)
 
 
 class Diagnostics:
@@ -138,10 +149,7 @@ class Smoothed:
     """
 
     def __init__(self, output: Path, scene: Scene, look_back: Any, stack: contextlib.ExitStack):
-        table = TrackTable(output / "smoothed.csv", scene.adapter, scene.shown_at)
-        self._table = stack.enter_context(table)
-        outlines = scene.adapter.outline_file(output / "smoothed_outlines.csv", scene.start)
-        self._write_outlines = stack.enter_context(outlines)
+        self._tracks = Tracks(output, scene, stack, _SMOOTHED)
         self._scene, self._look_back = scene, look_back
         self._before: Any = None
         self._filtered: collections.deque[np.ndarray] = collections.deque()
@@ -149,10 +157,8 @@ class Smoothed:
     def write(self, record: Record) -> None:
         """See ``Writer``."""
         if record.summary is None:
-            self._before = centres_of(self._scene.adapter, record.start, record.shapes)
-            self._table.write(record.number, record.start.ids, record.places)
-            if self._write_outlines is not None:
-                self._write_outlines(record.number, record.shapes)
+            self._before = self._scene.places(record.start, record.shapes)[1]
+            self._tracks.append(record.number, record.start.ids, record.shapes, record.places)
             return
         self._filtered.append(record.summary.spread)
         self._append(self._look_back.add(self._scene.cloud(record.state)))
@@ -172,21 +178,9 @@ class Smoothed:
         for frame in frames:
             shapes = scene.shapes(start, frame.estimate)
             spread = np.maximum(frame.spread, _LEAST_SPREAD * self._filtered.popleft())
-            places, self._before = places_of(
-                scene.adapter,
-                start,
-                lambda substates: scene.shapes(start, substates),
-                shapes,
-                _NormalDraws(frame.estimate, spread),
-                slice(None),
-                scene.fps,
-                self._before,
-                scene.model_error,
-            )
-            number = scene.first + 1 + frame.time
-            self._table.write(number, start.ids, places)
-            if self._write_outlines is not None:
-                self._write_outlines(number, shapes)
+            draws = _NormalDraws(frame.estimate, spread)
+            places, self._before = scene.places(start, shapes, draws, self._before)
+            self._tracks.append(scene.first + 1 + frame.time, start.ids, shapes, places)
 
 
 class _NormalDraws:

@@ -2,14 +2,12 @@
 
 import dataclasses
 import shlex
-import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import click
 
-from jaxpf import filters
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import progress_bar
 from jaxpf.cli.shared.flags import as_typed, picked, refuse_others, report_implied
@@ -27,6 +25,7 @@ from jaxpf.contract.options import OPEN, chosen, option, options_of
 from jaxpf.running.memory import check_memory, needed_by
 from jaxpf.targets import adapter_of_scene
 from jaxpf.targets.adapter import is_filmed
+from jaxpf.targets.building import filter_for
 from jaxpf.tuning.settings import Settings
 
 #: Default number of particles: a gradient costs more than a run.
@@ -34,8 +33,6 @@ _PARTICLES = 100
 #: Defaults of the descent that differ from the library's: less work per step.
 _DEFAULTS = {"runs": 2, "sequences_per_step": 1}
 _LESS_MEMORY = "ask for fewer particles (-n), --runs or --frames"
-#: Steps per progress line if there is no terminal.
-_STEPS_PER_LINE = 10
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,141 +97,52 @@ class Options(Outcome, Settings, Tuned, Scenes):
             )
 
 
-class _Request(NamedTuple):
-    """The command line: options, the absolute scene, and the values of all flags."""
-
-    options: Options
-    source: str
-    values: Mapping[str, Any]
-
-    @property
-    def output(self) -> Path:
-        """The folder for the results."""
-        return self.options.output or Path(f"jaxpf-tune-{scene_name(self.source)}")
-
-
-class _Opened(NamedTuple):
-    """The scenes, and whether the folder holds a checkpoint."""
-
-    scenes: list[Any]
-    continues: bool
-
-    @property
-    def bytes(self) -> int:
-        """Bytes of all frames: a gradient needs them both in memory and on the device."""
-        return 2 * sum(scene.frames.nbytes for scene in self.scenes)
-
-
-class _Settled(NamedTuple):
-    """The recipe before tuning, fully resolved options, and the contents of run.toml."""
-
-    before: Any
-    options: Options
-    table: dict[str, Any]
-
-
-class _Built(NamedTuple):
-    """Training sequences, parameters, and settings of the descents."""
-
-    sequences: list[Any]
-    parameters: list[Any]
-    settings: Any
-
-
 def _command(**values: Any) -> None:
-    request = _Request(picked(values, Options, _DEFAULTS), resolved_scene(values["scene"]), values)
-    opened = _open(request)
-    start_jax()
-    settled = _settle(request, opened)
-    built = _build(opened, settled)
-    result = _run(request, opened, settled, built)
-    _finish(request, opened, settled, result)
-
-
-def _open(request: _Request) -> _Opened:
-    """Load the scenes.
-
-    Raises:
-        InputError: the scenes cannot be loaded or cut, or do not fit in memory.
-    """
-    from jaxpf.cli.tuning.scenes import scenes_to_tune_on
-    from jaxpf.files.writing import report_os_errors
+    from jaxpf import tuning
+    from jaxpf.cli.tuning import output as outputs
+    from jaxpf.cli.tuning.scenes import scenes_to_tune_on, unseen
+    from jaxpf.files.writing import prepare_output_folder, report_os_errors
     from jaxpf.tuning.checkpoint import NAME
 
-    with report_os_errors("write into the output folder", request.output):
-        continues = (request.output / NAME).is_file()
-    opened = _Opened(scenes_to_tune_on(request.source, request.options), continues)
-    check_memory(opened.bytes, _LESS_MEMORY)
-    return opened
-
-
-def _settle(request: _Request, opened: _Opened) -> _Settled:
-    """Choose the filter, the model and the default parameters."""
-    from jaxpf.tuning.declared import tuned_by_default
-
-    options = request.options
-    before, repeated = _recipe(request.values, options, opened.scenes[0])
-    if options.parameters is None:
-        usual = tuned_by_default(chosen(before.of.options, before.values))
-        options = dataclasses.replace(options, parameters=",".join(usual))
-    table = {"scene": request.source, **as_typed(options), **repeated, "output": None}
-    return _Settled(before, options, table)
-
-
-def _build(opened: _Opened, settled: _Settled) -> _Built:
-    """Build the trackers; check that they have the parameters and fit in memory."""
-    from jaxpf import tuning
-    from jaxpf.tuning.sequences import training_sequence
-
-    options, before = settled.options, settled.before
-    settings = chosen(Settings, vars(options))
+    options, source = picked(values, Options, _DEFAULTS), resolved_scene(values["scene"])
+    folder = options.output or Path(f"jaxpf-tune-{scene_name(source)}")
+    with report_os_errors("write into the output folder", folder):
+        continues = (folder / NAME).is_file()
+    scenes = scenes_to_tune_on(source, options)
+    # A gradient needs all frames both in memory and on the device.
+    num_bytes = 2 * sum(scene.frames.nbytes for scene in scenes)
+    check_memory(num_bytes, _LESS_MEMORY)
+    start_jax()
+    before, options, repeated = _recipe(values, options, scenes[0])
     parameters = [tuning.parameter(text) for text in names_in(options.parameters or "")]
+    settings = chosen(Settings, vars(options))
     sequences = [
-        training_sequence(scene, before, options.objective, options.labels)
-        for scene in opened.scenes
+        tuning.training_sequence(scene, before, options.objective, options.labels)
+        for scene in scenes
     ]
-    tracker = sequences[0].tracker
+    tracker, longest = sequences[0].tracker, max(len(each.frames) for each in sequences)
     _check_parameters(tracker, before.of, parameters)
-    longest = max(len(sequence.frames) for sequence in sequences)
-    check_memory(opened.bytes + needed_by(tracker, settings.runs, longest), _LESS_MEMORY)
-    return _Built(sequences, parameters, settings)
-
-
-def _run(request: _Request, opened: _Opened, settled: _Settled, built: _Built) -> Any:
-    """Tune; an interruption leaves a checkpoint, divergence the last finite values."""
-    from jaxpf import tuning
-    from jaxpf.cli.tuning.output import TUNED, write_tuned
-    from jaxpf.files.writing import prepare_output_folder
-
-    output = request.output
-    if not opened.continues:
-        prepare_output_folder(output)
+    check_memory(num_bytes + needed_by(tracker, settings.runs, longest), _LESS_MEMORY)
+    if not continues:
+        prepare_output_folder(folder)
     try:
-        return _tune(
-            built.sequences, built.parameters, built.settings, settled.options.objective, output
-        )
+        result = _tune(sequences, parameters, settings, options.objective, folder)
     except tuning.Diverged as error:
-        write_tuned(output / TUNED, error.result, error.result.last_good, settled.before)
-        raise InputError(f"{error} They are kept in '{output / TUNED}'.") from None
+        tuned = folder / outputs.TUNED
+        outputs.write_tuned(tuned, error.result, error.result.last_good, before)
+        raise InputError(f"{error} They are kept in '{tuned}'.") from None
     except KeyboardInterrupt:
         click.echo(
-            f"The steps so far are kept in '{output}'; the same command continues.", err=True
+            f"The steps so far are kept in '{folder}'; the same command continues.", err=True
         )
         raise
-
-
-def _finish(request: _Request, opened: _Opened, settled: _Settled, result: Any) -> None:
-    """Write the results, and name unseen frames to compare on."""
-    from jaxpf.cli.tuning import output as outputs
-    from jaxpf.cli.tuning.scenes import unseen
-
-    folder, before = request.output, settled.before
-    write_config(folder / "run.toml", "tune", settled.table)
+    table = {"scene": source, **as_typed(options), **repeated, "output": None}
+    write_config(folder / "run.toml", "tune", table)
     outputs.write_tuned(folder / outputs.TUNED, result, result.values, before)
-    outputs.write_traces(folder / outputs.TRACES, result, settled.options.objective)
+    outputs.write_traces(folder / outputs.TRACES, result, options.objective)
     outputs.show(result)
     click.echo(f"{folder}/: {outputs.TUNED}, {outputs.TRACES}, run.toml")
-    others = shlex.join([request.source, *unseen(opened.scenes, settled.options)])
+    others = shlex.join([source, *unseen(scenes, options)])
     config = shlex.quote(str(folder / outputs.TUNED))
     click.echo(
         "To compare on unseen frames, run this with and without --config: jaxpf evaluate "
@@ -283,14 +191,11 @@ command = SceneCommand(
 def _tune(
     sequences: list[Any], wanted: list[Any], settings: Any, objective: str, output: Path
 ) -> Any:
-    """Tune with a progress bar, or with occasional lines if there is no terminal."""
+    """Tune with a progress bar."""
     from jaxpf.tuning import loop
 
-    shows_bars = sys.stderr.isatty()
     with progress_bar("steps") as bar:
         task = bar.add_task("compiling", total=settings.steps * settings.repeats)
-        if not shows_bars:
-            click.echo("Compiling: the first step follows in a minute or so.", err=True)
 
         def progress(descent: Any) -> None:
             done = settings.steps if descent.stopped else descent.num_steps
@@ -299,12 +204,6 @@ def _tune(
                 completed=descent.repeat * settings.steps + done,
                 description=f"repeat {descent.repeat + 1}, loss {descent.loss[-1]:.4g}",
             )
-            if not shows_bars and (descent.stopped or descent.num_steps % _STEPS_PER_LINE == 0):
-                click.echo(
-                    f"repeat {descent.repeat + 1} of {settings.repeats}: step {descent.num_steps} "
-                    f"of at most {settings.steps}, loss {descent.loss[-1]:.4g}",
-                    err=True,
-                )
 
         return loop.tune(
             sequences,
@@ -321,10 +220,6 @@ def _check_parameters(tracker: Any, target: Any, wanted: list[Any]) -> None:
     from jaxpf import tuning
     from jaxpf.tuning.parameters import check_apart
 
-    if not wanted:
-        raise InputError(
-            "--parameters names none; name at least one, such as likelihood.sharpness."
-        )
     check_apart(wanted)
     tunable = [option.path for option in options_of(target.options).values() if option.path]
     for parameter in wanted:
@@ -337,19 +232,22 @@ def _check_parameters(tracker: Any, target: Any, wanted: list[Any]) -> None:
             )
 
 
-def _recipe(values: Mapping[str, Any], options: Options, scene: Any) -> tuple[Any, dict[str, Any]]:
-    """The recipe of the tracker before tuning, and its options in command-line notation."""
+def _recipe(
+    values: Mapping[str, Any], options: Options, scene: Any
+) -> tuple[Any, Options, dict[str, Any]]:
+    """The recipe of the tracker before tuning, the options with their default parameters, and the
+    recipe's options in command-line notation.
+    """
+    from jaxpf.tuning.declared import tuned_by_default
     from jaxpf.tuning.sequences import Recipe
 
     target = adapter_of_scene(scene, options.target).target
-    method = values["method"] or target.defaults.get("method")
-    filter_ = filters.filter_of(method) if method else next(iter(filters.all_filters().values()))
+    filter_ = filter_for(target, values["method"])
     own = {n: v for n, v in values.items() if n not in options_of(Options)}
     refuse_others(own, target, filter_)
     report_implied(own, target.resolved(target.options(), is_filmed(scene)))
-    named = {
-        text.partition("=")[0].partition("[")[0] for text in names_in(options.parameters or "")
-    }
+    parameters = names_in(options.parameters or "")
+    named = {text.partition("=")[0].partition("[")[0] for text in parameters}
     for declared in options_of(target.options).values():
         # A named parameter may imply the kind of tracker.
         if declared.path in named and declared.implies:
@@ -358,7 +256,9 @@ def _recipe(values: Mapping[str, Any], options: Options, scene: Any) -> tuple[An
                 own[name] = value
     model = target.resolved(picked(own, target.options), is_filmed(scene), scene.num_objects)
     filter_options = picked(own, filter_.options, {"particles": _PARTICLES, **target.defaults})
+    if options.parameters is None:
+        options = dataclasses.replace(options, parameters=",".join(tuned_by_default(model)))
     both = (filter_options, model)
     chosen_values = {name: getattr(owner, name) for owner in both for name in options_of(owner)}
     typed = {n: v for owner in both for n, v in as_typed(owner).items() if n in values}
-    return Recipe(target.name, chosen_values, gradient=options.gradient), typed
+    return Recipe(target.name, chosen_values, gradient=options.gradient), options, typed

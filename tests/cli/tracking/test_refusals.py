@@ -92,7 +92,7 @@ def test_sizes_that_differ_at_once_leave_no_folder(refuse, tmp_path):
         ((*BOXES, "--boxes", "gt.csv"), "--box and --boxes were both given"),
         ((*BOXES, "--ids", "1"), "--ids names objects of a CSV file"),
         ((*BOXES, "--start", "-1"), "--start -1 must be a whole number from 0 to 2147483647"),
-        ((*BOXES, "--start", "10"), "start frame 10 is past the end"),
+        ((*BOXES, "--start", "10"), "frame 10 is past the end"),
         ((*BOXES, "--start", "x"), "Invalid value for '--start'"),
         ((*BOXES, "--frames", "0"), "--frames 0 must be a whole number from 1"),
         (("--point", "9,9"), "--point works only for points; write `jaxpf track points"),

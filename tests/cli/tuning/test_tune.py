@@ -36,7 +36,6 @@ def test_it_prints_values_and_writes_them(tuned):
     assert outcome.code == 0, outcome.err
     for words in ("Tuned values", "likelihood.sharpness", "dynamics.scale[1]"):
         assert words in outcome.out
-    assert "repeat 1 of 1: step 4 of at most 4, loss" in outcome.err  # without a terminal, too
     assert {path.name for path in output.iterdir()} == WRITTEN
     content = tomllib.loads((output / "tuned.toml").read_text())
     value = content["tuned"]["likelihood.sharpness"]["value"]
@@ -110,12 +109,12 @@ def test_a_folder_is_tuned_on_its_first_frames(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--parameters", "likelihood.sharp"], "no parameter likelihood.sharp; choose among"),
-        (["--parameters", "num_particles"], "num_particles is a fixed setting (20)"),
+        (["--parameters", "likelihood.sharp"], "no parameter likelihood.sharp to tune; choose"),
+        (["--parameters", "num_particles"], "no parameter num_particles to tune; choose"),
         (["--parameters", "likelihood.bin_lookup"], "holds int32, which has no gradient"),
         (["--parameters", "likelihood.sharpness=30:40"], "starts at 20, but must lie between 30"),
         (["--parameters", "dynamics.momentum"], "has no option in `jaxpf track`"),
-        (["--parameters", ","], "--parameters names none"),
+        (["--parameters", ","], "no parameter was named"),
         (["--scale", "1,0,0.001"], "dynamics.scale[1] starts at 0, but must lie between 0 and inf"),
         (["--objective", "speed"], "--objective 'speed' is unknown"),
         (["--gradient", "all"], "--gradient 'all' is unknown"),

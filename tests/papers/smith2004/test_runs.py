@@ -110,7 +110,7 @@ def test_the_command_prints_and_writes_the_comparison(tmp_path, capsys):
     ("arguments", "words"),
     [
         (["--scenes", "0"], "--scenes"),
-        (["--seed", "-1"], "--seed -1"),
+        (["--seed", "-1"], "Invalid value for '--seed': -1 is not in the range 0<=x<=1048575"),
     ],
 )
 def test_mistakes_are_one_sentence(arguments, words, tmp_path, capsys, monkeypatch):

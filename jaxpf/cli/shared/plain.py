@@ -1,5 +1,6 @@
-"""Commands whose errors use command-line notation: ``--frames 0``, not ``frames = 0``."""
+"""Commands whose errors use command-line notation, ``--frames 0``, and their usual options."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ class GivenPath(click.Path):
         return super().convert(value, param, ctx)
 
 
-class Speaking(click.Command):
+class PlainCommand(click.Command):
     """A command whose error messages name flags instead of arguments."""
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -41,3 +42,24 @@ class Speaking(click.Command):
             return super().invoke(ctx)
         except InputError as error:
             raise InputError(error.shown(show)) from error
+
+
+def whole(*spellings: str, default: int | None, least: int = 0, most: int, help: str) -> Callable:
+    """An option that is a whole number."""
+    kind = click.IntRange(least, most)
+    return click.option(
+        *spellings, type=kind, default=default, show_default=default is not None, help=help
+    )
+
+
+def output(help: str, default: str | None = None) -> Callable:
+    """The option ``--output``; without ``default`` its help says what the default is."""
+    place = None if default is None else Path(default)
+    spellings = ("--output", "-o")
+    return click.option(
+        *spellings, type=GivenPath(), default=place, show_default=place is not None, help=help
+    )
+
+
+#: The option ``--overwrite`` of an output folder.
+overwrite = click.option("--overwrite", is_flag=True, help="Replace files in an existing folder.")

@@ -100,6 +100,11 @@ def sentences(
             "another one that looks alike; track with more particles (-n); or start the "
             "object again where it is seen well (--start)."
         )
+    if any(about["frames"] and about["mean_confidence"] is None for about in verdicts.values()):
+        lines.append(
+            "This likelihood offers no confidence: an object in a wrong place is not said to be "
+            "lost.  Try: look at the overlay."
+        )
     if is_degenerate(ess, num_particles):
         lines.append(
             f"The effective sample size stays near 1 (median {ess:.2g} of {num_particles} "

@@ -58,12 +58,13 @@ def test_stretches_in_which_an_object_is_lost_are_those_of_the_table():
 def test_without_confidence_nothing_is_called_confident():
     verdicts = object_verdicts(table(), [7])
     assert verdicts["7"]["mean_confidence"] is None
-    (line,) = sentences(verdicts, None, 300)
+    line, caution = sentences(verdicts, None, 300)
     assert line.startswith("Object 7: followed to the end")
+    assert "no confidence: an object in a wrong place is not said to be lost" in caution
 
 
 def test_an_effective_sample_size_near_1_is_said():
-    verdicts = object_verdicts(table(), [7])
+    verdicts = object_verdicts(table(np.full(30, 0.9)), [7])
     *_, line = sentences(verdicts, 1.03, 10)
     assert "stays near 1 (median 1 of 10 particles), so intervals are too narrow" in line
     assert len(sentences(verdicts, 1.0, 1)) == 1  # one particle has no other size

@@ -25,6 +25,7 @@ from jaxpf.dynamics.joints import (
     substates_at,
 )
 from jaxpf.likelihoods.color import check_frame
+from jaxpf.likelihoods.histogram import HistogramLikelihood
 from jaxpf.likelihoods.wrapped import WrappedLikelihood
 
 DYNAMICS = ("relative", "absolute")
@@ -35,8 +36,12 @@ DEFAULT_SCALE = (3.0, 3.0, 0.06)
 DEFAULT_JOINT_SCALE = (0.5, 0.5, 0.08)
 
 
-#: Constant and factor of log(d / e) in the log odds.
-_ODDS = -1.4, -4.4
+#: Of the log odds of histograms: constant, and factors of log(d / e) and log(s + .05).
+_ODDS = -5.8, -1.3, -1.6
+#: Stretch that counts as none.
+_STIFF = 0.05
+#: Of the log odds of patches: constant and factor of log(d / e).
+_ODDS_OF_PATCHES = -1.4, -4.4
 #: Share of the other places that match better than e; smallest d; places per side of the grid.
 _BEST, _CLOSEST, _PLACES = 0.05, 1e-3, 20
 
@@ -45,23 +50,38 @@ _BEST, _CLOSEST, _PLACES = 0.05, 1e-3, 20
 class OfFixedSize(WrappedLikelihood):
     """Evaluates a likelihood of (u, v, scale, theta) at (x, y, 1, theta) of a part's substate.
 
-    With d the negative log-likelihood at a part's estimate and e the 5 % quantile of d at other
-    places of the start frame, at the same angle, the log odds that the part is there are::
+    With d the distance between a part and its reference at the estimate (the squared distance of
+    histograms, the negative log-likelihood of patches), e the 5 % quantile of d at other places of
+    the start frame, at the same angle, and s the stretch of a part, by how much its distance from
+    its parent has changed, as a share of that at the start, the log odds that it is there are::
 
-        log odds = -1.4 - 4.4 log(d / e)
+        histograms:  log odds = -5.8 - 1.3 log(d / e) - 1.6 log(s + .05)
+        patches:     log odds = -1.4 - 4.4 log(d / e)
 
-    Fitted by logistic regression to "within 21 pixels of the label", with patches, on eight limbs
-    of one clip, a walking bear.  Matches of histograms do not separate lost parts from others
-    (area under the curve .58), so they get no log odds.
+    Fitted by logistic regression: of histograms to "within one width of the bone" on two clips, a
+    walking bear and a head with two hands (see "Parts" in docs/defaults.md); of patches to "within
+    21 pixels of the label" on eight limbs of the bear.
 
     Attributes:
         likelihood: such as ``jaxpf.likelihoods.histogram(..., method="sampled")``.
         elsewhere: e, ``[P]``, see ``with_log_odds``; without it, log odds are those of
             ``likelihood``, if it defines any.
+        parents: of histograms, the parent of each part, int ``[P]``; a root is its own.
+        lengths: distance of each part from its parent at the start, pixels, ``[P]``.
+        slip: standard deviation in pixels of a part around the place that matches best; the
+            ``model_error`` of x and y.
     """
 
     likelihood: Any
     elsewhere: Any = None
+    parents: Any = None
+    lengths: Any = None
+    slip: Any = 0.0
+
+    @property
+    def model_error(self):
+        """See ``Likelihood``."""
+        return self.slip, self.slip, 0.0
 
     def translated(self, substates):
         """Convert substates ``[D, ...]`` to (u, v, scale, theta), ``[4, ...]``."""
@@ -70,43 +90,73 @@ class OfFixedSize(WrappedLikelihood):
 
     @property
     def log_odds_all(self):
-        """Function of (observation, partition ``[N]``, substates ``[D, N]``): log odds ``[N]``."""
+        """Function of (observation, partition ``[N]``, substates ``[D, N]``): log odds ``[N]``.
+
+        Of histograms, N is the number of all parts.
+        """
         if self.elsewhere is None:
             return super().log_odds_all
 
         def log_odds_all(observation, partition, substates):
-            distance = jnp.maximum(-self.log_prob_all(observation, partition, substates), _CLOSEST)
-            constant, factor = _ODDS
-            return constant + factor * jnp.log(distance / jnp.asarray(self.elsewhere)[partition])
+            distance = jnp.maximum(self.distance_all(observation, partition, substates), _CLOSEST)
+            match = jnp.log(distance / jnp.asarray(self.elsewhere)[partition])
+            if self.parents is None:
+                constant, of_match = _ODDS_OF_PATCHES
+                return constant + of_match * match
+            constant, of_match, of_stretch = _ODDS
+            stretch = self._stretch(partition, substates[:2].T)
+            return constant + of_match * match + of_stretch * jnp.log(stretch + _STIFF)
 
         return log_odds_all
 
+    def _stretch(self, partition, points):
+        """s ``[P]`` of all parts, in any order, at points ``[P, 2]``; 0 for a root."""
+        places = jnp.zeros_like(points).at[partition].set(points)
+        squared = jnp.sum((points - places[jnp.asarray(self.parents)[partition]]) ** 2, axis=1)
+        start = jnp.asarray(self.lengths, points.dtype)[partition]
+        return jnp.abs(jnp.sqrt(squared) - start) / jnp.maximum(start, 1.0)
 
-def with_log_odds(likelihood: Any, frame: Any, poses: ArrayLike, sizes: ArrayLike) -> OfFixedSize:
+    def distance_all(self, observation, partition, substates):
+        """d of the log odds, ``[N]``, of substates ``[D, N]``."""
+        if isinstance(self.likelihood, HistogramLikelihood):
+            boxes = self.translated(substates)
+            return self.likelihood.squared_distance_all(observation, partition, boxes)[0]
+        return -self.log_prob_all(observation, partition, substates)
+
+
+def with_log_odds(
+    likelihood: Any, frame: Any, poses: ArrayLike, sizes: ArrayLike, parents: ArrayLike
+) -> OfFixedSize:
     """The likelihood of parts with log odds; without them if the frame shows parts alone.
 
     Args:
-        likelihood: patches, of substates (u, v, scale, theta).
+        likelihood: histograms or patches, of substates (u, v, scale, theta).
         frame: uint8 RGB ``[H, W, 3]``, the start frame.
         poses: x, y (pixels) and theta (radians) in it, ``[P, 3]``.
         sizes: width and height, pixels, ``[P, 2]``.
+        parents: index of each part's parent, -1 for a root, ``[P]``.
     """
     check_frame(frame)
-    poses = numbers_in("poses", poses, "x, y, theta of every part, [P, 3]")
-    poses, sizes = check_parts(poses, sizes, (-1,) * len(poses))
-    across, down = ((np.arange(_PLACES) + 0.5) / _PLACES * side for side in frame.shape[1::-1])
+    poses, sizes = np.asarray(poses, np.float32), np.asarray(sizes, np.float32)
+    height, width = np.asarray(frame).shape[:2]
+    across, down = ((np.arange(_PLACES) + 0.5) / _PLACES * side for side in (width, height))
     places = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2).astype(np.float32)
     partition = np.repeat(np.arange(len(poses)), len(places))
     substates = np.concatenate([np.tile(places, (len(poses), 1)), poses[partition, 2:]], axis=1)
     part = OfFixedSize(likelihood)
-    measure = jax.jit(lambda frame: part.log_prob_all(part.observe(frame), partition, substates.T))
-    distance = -np.asarray(measure(jnp.asarray(frame))).reshape(len(poses), -1)
+    measure = jax.jit(lambda frame: part.distance_all(part.observe(frame), partition, substates.T))
+    distance = np.asarray(measure(jnp.asarray(frame))).reshape(len(poses), -1)
     apart = np.linalg.norm(places - poses[:, None, :2], axis=-1)
     other = apart > sizes.max(axis=1)[:, None] / 2
     if not other.any(axis=1).all():
         return part
-    elsewhere = np.nanquantile(np.where(other, distance, np.nan), _BEST, axis=1)
-    return OfFixedSize(likelihood, as_array(np.maximum(elsewhere, _CLOSEST), float))
+    best = np.nanquantile(np.where(other, distance, np.nan), _BEST, axis=1)
+    elsewhere = as_array(np.maximum(best, _CLOSEST), float)
+    if not isinstance(likelihood, HistogramLikelihood):
+        return OfFixedSize(likelihood, elsewhere)
+    own = np.where(np.asarray(parents) < 0, np.arange(len(poses)), parents)
+    lengths = np.linalg.norm(poses[:, :2] - poses[own, :2], axis=1)
+    return OfFixedSize(likelihood, elsewhere, as_array(own), as_array(lengths, float))
 
 
 def parts_model(

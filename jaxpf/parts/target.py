@@ -23,6 +23,7 @@ from jaxpf.targets.appearance import (
     naming,
     scale_option,
     sharpness_option,
+    slip_option,
 )
 from jaxpf.targets.target import Looks, Start, Target
 
@@ -30,6 +31,8 @@ from jaxpf.targets.target import Looks, Start, Target
 # jaxpf.likelihoods._sampled.
 _SAMPLES = 10
 _PATCH_WINDOW = (12, 12)
+#: Default slip of filmed parts, in median widths; see "Parts" in docs/defaults.md.
+_SLIP = 0.6
 _DEGREES = np.array([1, 1, math.pi / 180])
 
 
@@ -56,6 +59,7 @@ class Options:
         implies=("dynamics", "relative"),
     )
     bands: int = bands_option(1)
+    slip: float | None = slip_option()
     likelihood: str = likelihood_option("auto", "sampled", "patch")
     dynamics: str = option(
         "relative",
@@ -111,21 +115,19 @@ class PartTarget(Target):
         return Start(np.array(names), poses, sizes, parents)
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
-        """See ``Target``; patches of the start frame get log odds."""
-        from jaxpf.likelihoods import patch, patch_from_pictures
+        """See ``Target``; parts learned from the start frame get log odds and a slip."""
+        from jaxpf.contract.pytree import as_array
         from jaxpf.parts.models import with_log_odds
 
-        if options.likelihood != "patch":
-            return self._histogram(options, start, looks)
-        settings: dict[str, Any] = {
-            "sigma": 1 / math.sqrt(options.sharpness),
-            "window": _PATCH_WINDOW,
-        }
-        with naming([f"part '{name}'" for name in start.ids]):
-            if looks.frame is None:
-                return patch_from_pictures(looks.patches, start.sizes, **settings)
-            learned = patch(looks.frame, start.shapes, start.sizes, **settings)
-        return with_log_odds(learned, looks.frame, start.shapes, start.sizes)
+        learn = self._patch if options.likelihood == "patch" else self._histogram
+        learned = learn(options, start, looks)
+        if looks.frame is None:
+            return learned
+        slip = options.slip
+        if slip is None:
+            slip = _SLIP * float(np.median(start.sizes[:, 0])) if looks.is_filmed else 0.0
+        part = with_log_odds(learned, looks.frame, start.shapes, start.sizes, start.parents)
+        return dataclasses.replace(part, slip=as_array(slip, float))
 
     def training_likelihood(self, options: Options, start: Start, looks: Looks, frames: Any) -> Any:
         """See ``Target``: bilinear histograms, as a ratio to those of random background boxes."""
@@ -145,6 +147,18 @@ class PartTarget(Target):
             scale=_DEGREES * options.scale,
             joint_scale=_DEGREES * options.joint_scale,
         )
+
+    def _patch(self, options: Options, start: Start, looks: Looks) -> Any:
+        from jaxpf.likelihoods import patch, patch_from_pictures
+
+        settings: dict[str, Any] = {
+            "sigma": 1 / math.sqrt(options.sharpness),
+            "window": _PATCH_WINDOW,
+        }
+        with naming([f"part '{name}'" for name in start.ids]):
+            if looks.frame is None:
+                return patch_from_pictures(looks.patches, start.sizes, **settings)
+            return patch(looks.frame, start.shapes, start.sizes, **settings)
 
     def _histogram(self, options: Options, start: Start, looks: Looks, **settings: Any) -> Any:
         from jaxpf.likelihoods import histogram_from_patches

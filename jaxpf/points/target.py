@@ -13,6 +13,7 @@ from jaxpf.contract.errors import Argument, InputError, check_names
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import check_options, option
+from jaxpf.targets.appearance import slip_option
 from jaxpf.targets.target import Looks, Start, Target
 
 #: Side in pixels of the square that represents a point where an area is needed.
@@ -55,14 +56,7 @@ class Options:
         most=999,
         common=True,
     )
-    slip: float | None = option(
-        None,
-        "Of points, standard deviation in pixels of a point around the window that matches best; "
-        "widens the intervals.  By default 8, as on joints of filmed animals; 0 in synthetic "
-        "scenes.",
-        kind=float,
-        least=0,
-    )
+    slip: float | None = slip_option()
     norm: str = option(
         "mean", "Of points, whether a window's differences are averaged.", choices=("mean", "sum")
     )

@@ -121,6 +121,18 @@ def scale_option(default: tuple[float, float, float], **about: Any) -> Any:
     )
 
 
+def slip_option() -> Any:
+    """Error of points and parts that the particles do not show."""
+    return option(
+        None,
+        "Of points and parts, standard deviation in pixels of an object around the place that "
+        "matches best; widens the intervals.  By default 8 for points and .6 of the median width "
+        "for parts, as on filmed animals; 0 in synthetic scenes.",
+        kind=float,
+        least=0,
+    )
+
+
 def bands_option(default: int) -> Any:
     """Number of horizontal bands of a colour histogram."""
     return option(

@@ -86,7 +86,7 @@ def test_parts_are_followed_and_every_file_is_written(scene, whole_run):
     header, *rows = (output / "tracks.csv").read_text().splitlines()
     assert header == (
         "frame,time,id,x,y,w,h,angle,x_2.5,x_97.5,y_2.5,y_97.5,angle_2.5,angle_97.5,"
-        "speed,speed_2.5,speed_97.5,lost"
+        "speed,speed_2.5,speed_97.5,confidence,lost"
     )
     assert len(rows) == LENGTH * len(NAMES)
     assert mean_corner_distance(scene, output) < 4

@@ -1,5 +1,7 @@
 """Trackers of articulated objects: they follow the scene, and refuse what they cannot track."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -80,20 +82,46 @@ def test_a_part_of_fixed_size_is_a_box_of_scale_one(scene, likelihood):
     np.testing.assert_allclose(one, every[3], rtol=1e-5)
 
 
-def test_log_odds_of_patches_fall_where_a_part_is_not(scene):
+@pytest.mark.parametrize("kind", ["patches", "histograms"])
+def test_log_odds_fall_where_a_part_is_not(scene, likelihood, kind):
     poses, frame = scene.extras["poses"][0], scene.frames[0]
-    learned = jaxpf.likelihoods.patch(frame, poses, scene.sizes, window=(12, 12))
-    part = with_log_odds(learned, frame, poses, scene.sizes)
+    learned = likelihood
+    if kind == "patches":
+        learned = jaxpf.likelihoods.patch(frame, poses, scene.sizes, window=(12, 12))
+    part = with_log_odds(learned, frame, poses, scene.sizes, TREE)
     observation, numbers = part.observe(frame), jnp.arange(5)
 
     def log_odds(shift):
         shifted = jnp.asarray(poses.T + np.array([shift, 0, 0])[:, None], jnp.float32)
         return np.asarray(part.log_odds_all(observation, numbers, shifted))
 
-    assert np.all(log_odds(0.0) > 2)
+    assert np.all(log_odds(0.0) > 1)
     assert np.all(log_odds(60.0) < 0)
     assert not jaxpf.contract.has_log_odds(OfFixedSize(learned))
     assert parts_model(part, poses, scene.sizes, TREE).likelihood is part
+
+
+def test_a_part_torn_off_its_parent_is_doubtful_though_it_matches(scene, likelihood):
+    poses, frame = scene.extras["poses"][0], scene.frames[0]
+    part = with_log_odds(likelihood, frame, poses, scene.sizes, TREE)
+    torn = dataclasses.replace(part, lengths=part.lengths.at[2].multiply(3.0))
+    numbers, states = jnp.array([3, 2, 0, 4, 1]), jnp.asarray(poses.T, jnp.float32)
+    observation = part.observe(frame)
+    whole = part.log_odds_all(observation, jnp.arange(5), states)
+    mixed = part.log_odds_all(observation, numbers, states[:, numbers])
+    np.testing.assert_allclose(mixed, whole[numbers], rtol=1e-5)
+    worse = whole - torn.log_odds_all(observation, jnp.arange(5), states)
+    # Stretch 2/3 instead of 0, so log odds lower by 1.6 log((2/3 + .05) / .05).
+    np.testing.assert_allclose(worse, [0, 0, 1.6 * np.log(43 / 3), 0, 0], atol=1e-4)
+
+
+def test_filmed_parts_slip_by_six_tenths_of_their_median_width(scene):
+    given = jaxpf.parts.Parts(tuple("abcde"), TREE, scene.extras["poses"][0], scene.sizes)
+    tracker = jaxpf.parts.tracker(scene.frames[0], given, particles=10)
+    slip = 0.6 * np.median(scene.sizes[:, 0])
+    np.testing.assert_allclose(tracker.likelihood.model_error, [slip, slip, 0], rtol=1e-6)
+    tracker = jaxpf.parts.tracker(scene.frames[0], given, particles=10, slip=0)
+    np.testing.assert_allclose(tracker.likelihood.model_error, 0)
 
 
 def test_orders_put_parents_first_whatever_the_numbering():

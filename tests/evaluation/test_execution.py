@@ -31,7 +31,10 @@ PIECES = list(range(12))
 
 
 def start_two():
-    return ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn"))
+    """Two running workers: one that starts while the other dies is waited for without end."""
+    pool = ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn"))
+    concurrent.futures.wait([pool.submit(time.sleep, 0.5) for _ in range(2)])
+    return pool
 
 
 def as_dict(pieces):

@@ -31,7 +31,7 @@ from jaxpf.targets.target import Looks, Start, Target
 # jaxpf.likelihoods._sampled.
 _SAMPLES = 10
 _PATCH_WINDOW = (12, 12)
-#: Default slip of filmed parts, in median widths; see "Parts" in docs/defaults.md.
+#: Default slip of filmed parts, in medians of their shorter sides; see "Parts" in docs/defaults.md.
 _SLIP = 0.6
 _DEGREES = np.array([1, 1, math.pi / 180])
 
@@ -125,7 +125,8 @@ class PartTarget(Target):
             return learned
         slip = options.slip
         if slip is None:
-            slip = _SLIP * float(np.median(start.sizes[:, 0])) if looks.is_filmed else 0.0
+            side = float(np.median(start.sizes.min(axis=1)))
+            slip = _SLIP * side if looks.is_filmed else 0.0
         part = with_log_odds(learned, looks.frame, start.shapes, start.sizes, start.parents)
         return dataclasses.replace(part, slip=as_array(slip, float))
 

@@ -126,8 +126,8 @@ def slip_option() -> Any:
     return option(
         None,
         "Of points and parts, standard deviation in pixels of an object around the place that "
-        "matches best; widens the intervals.  By default 8 for points and .6 of the median width "
-        "for parts, as on filmed animals; 0 in synthetic scenes.",
+        "matches best; widens the intervals.  By default 8 for points and .6 of the median shorter "
+        "side for parts, as on filmed animals; 0 in synthetic scenes.",
         kind=float,
         least=0,
     )

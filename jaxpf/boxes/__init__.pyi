@@ -7,7 +7,6 @@ from .models import (
     box_model as box_model,
     relative_box_model as relative_box_model,
     relative_steps as relative_steps,
-    usual_noise as usual_noise,
 )
 from .tracks import (
     BoxTable as BoxTable,

@@ -116,26 +116,6 @@ def reach_of(steps: np.ndarray) -> float:
     return float(4.3 * np.max(steps[..., 1]) + 0.4)
 
 
-def usual_noise(steps: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """Return the total noise of relative motion per frame, of u and v (pixels) and of log a.
-
-    Args:
-        steps: ``[3]`` or ``[P, 3]``.
-        sizes: ``[P, 2]``, width and height at the start, pixels.
-
-    Returns:
-        Standard deviations ``[3]`` over usual and long steps, means over the objects.
-    """
-    from jaxpf.dynamics.relative import RelativeMotion
-
-    check_array("steps", steps, "three numbers from 0, [..., 3]", least=0)
-    check_array("sizes", sizes, "width and height in pixels, [P, 2]", least=0)
-    usual, far, of_size = np.asarray(steps).T
-    long, side = RelativeMotion.long, np.sqrt(np.prod(sizes, axis=1))
-    step = np.mean(side * np.sqrt((1 - long) * usual**2 + long * far**2))
-    return np.array([step, step, of_size.mean()])
-
-
 def boxes_at(estimate: Any, sizes: ArrayLike) -> np.ndarray:
     """Convert substates (u, v, a) to boxes x, y, w, h ``[..., P, 4]``.
 

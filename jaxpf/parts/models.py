@@ -69,19 +69,20 @@ class OfFixedSize(WrappedLikelihood):
         parents: of histograms, the parent of each part, int ``[P]``; a root is its own.
         lengths: distance of each part from its parent at the start, pixels, ``[P]``.
         slip: standard deviation in pixels of a part around the place that matches best; the
-            ``model_error`` of x and y.
+            ``model_error`` of x and y.  None is 0.
     """
 
     likelihood: Any
     elsewhere: Any = None
     parents: Any = None
     lengths: Any = None
-    slip: Any = 0.0
+    slip: Any = None
 
     @property
     def model_error(self):
         """See ``Likelihood``."""
-        return self.slip, self.slip, 0.0
+        slip = 0.0 if self.slip is None else self.slip
+        return slip, slip, 0.0
 
     def translated(self, substates):
         """Convert substates ``[D, ...]`` to (u, v, scale, theta), ``[4, ...]``."""

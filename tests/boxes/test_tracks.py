@@ -14,7 +14,6 @@ from jaxpf.boxes import (
     read_boxes,
     relative_steps,
     start_boxes,
-    usual_noise,
     write_mot,
 )
 
@@ -128,7 +127,6 @@ def test_unusable_boxes_are_refused(box, expected):
         (write_mot, ("a.txt", [1, 2], [1], np.ones((2, 4))), "ids has shape [1]; give the id"),
         (write_mot, ("a.txt", [1, 2], [1, 2], np.ones((1, 4))), "boxes has shape [1, 4]; give"),
         (box_model, (None, [1, 2, 3]), "boxes has shape [3]; give x, y, w, h in pixels"),
-        (usual_noise, (None, [[1, 2]]), "steps=None must be three numbers from 0"),
         (relative_steps, ([1, 2], 1), "relative_scale 1,2 must be three numbers for each object"),
         (read_boxes, ("a.txt", "x"), "empty_boxes='x' must be 'error' or 'absent'"),
     ],

@@ -33,8 +33,8 @@ SEQUENCES = {
     "skydiving": Sequence("skydivers", 300, 5.0),
     "face": Sequence("face", 127, 5.0),
 }
-#: M of the proposed method and of PFFL; sigma_o, sigma_p.
-PARTICLES, PFFL_PARTICLES = 10, 50
+#: M of PFFL; sigma_o, sigma_p.
+PFFL_PARTICLES = 50
 SIGMA, SHAPE_SCALE = 0.1, 0.01
 
 #: Points of the fish near their true positions at the end, out of 12 (section 4.1).

@@ -85,11 +85,11 @@ def state_space(
             raise InputError(
                 f"parameters{jax.tree_util.keystr(path)} is {leaf!r:.40}; give numbers and arrays."
             )
-    known = Partitioned.__dataclass_fields__.keys() - _NO_OPTIONS
-    if unknown := sorted(options.keys() - known):
+    options_of_filters = Partitioned.__dataclass_fields__.keys() - _NO_OPTIONS
+    if unknown := sorted(options.keys() - options_of_filters):
         raise InputError(
             f"state_space has no option {unknown[0]!r}; besides its own arguments it takes "
-            f"{', '.join(sorted(known))}."
+            f"{', '.join(sorted(options_of_filters))}."
         )
     keeps_previous = _asks_for(log_likelihood, "previous")
     if keeps_previous and options.get("proposal") is not None:
@@ -243,8 +243,8 @@ def _state_shape(initial, transition, log_density, parameters) -> tuple[int, ...
     key = jax.eval_shape(lambda: jax.random.key(0))
 
     def returned(name, function, *arguments):
-        known = {"previous": x, "time": jax.ShapeDtypeStruct((), jnp.int32)}
-        extras = {name: value for name, value in known.items() if _asks_for(function, name)}
+        offered = {"previous": x, "time": jax.ShapeDtypeStruct((), jnp.int32)}
+        extras = {name: value for name, value in offered.items() if _asks_for(function, name)}
         value = jax.eval_shape(
             lambda arguments, extras: function(*arguments, **extras),
             (*arguments, parameters),

@@ -86,9 +86,9 @@ def confidence_counts(confidence: ArrayLike, on_object: ArrayLike) -> np.ndarray
         raise InputError("confidence must be from 0 to 1, and on_object 0 or 1, or NaN.")
     counts = np.zeros((len(confidence), 2, CONFIDENCE_BINS), np.int64)
     run = np.indices(confidence.shape)[0]
-    known = np.isfinite(confidence) & np.isfinite(on_object)
-    bins = np.minimum((confidence[known] * CONFIDENCE_BINS).astype(int), CONFIDENCE_BINS - 1)
-    np.add.at(counts, (run[known], on_object[known].astype(int), bins), 1)
+    is_given = np.isfinite(confidence) & np.isfinite(on_object)
+    bins = np.minimum((confidence[is_given] * CONFIDENCE_BINS).astype(int), CONFIDENCE_BINS - 1)
+    np.add.at(counts, (run[is_given], on_object[is_given].astype(int), bins), 1)
     return counts
 
 
@@ -163,5 +163,5 @@ class Reliability:
 def _standard(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
     check_together(offset=offset, spread=spread)
     offset, spread = np.asarray(offset, float), np.asarray(spread, float)
-    known = np.isfinite(offset) & np.isfinite(spread) & (spread > 0)
-    return np.where(known, offset / np.where(known, spread, 1), np.nan)
+    is_given = np.isfinite(offset) & np.isfinite(spread) & (spread > 0)
+    return np.where(is_given, offset / np.where(is_given, spread, 1), np.nan)

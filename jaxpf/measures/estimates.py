@@ -218,8 +218,8 @@ def holm(p: ArrayLike) -> np.ndarray:
     """Adjust p-values for a family of comparisons (Holm 1979); NaN entries are not counted."""
     p = np.asarray(p, np.float64)
     adjusted = np.full(p.shape, np.nan)
-    known = np.flatnonzero(np.isfinite(p))
-    order = known[np.argsort(p[known], kind="stable")]
+    finite = np.flatnonzero(np.isfinite(p))
+    order = finite[np.argsort(p[finite], kind="stable")]
     factors = len(order) - np.arange(len(order))
     adjusted[order] = np.minimum(np.maximum.accumulate(factors * p[order]), 1.0)
     return adjusted
@@ -232,9 +232,9 @@ def _linearised(
     values, weights = with_all(values.astype(np.float64), weights)
     total = np.sum(weights, axis=0)
     share = weights / np.where(total > 0, total, 1)
-    known = np.where(weights > 0, values, 0.0)
-    value = np.where(total > 0, np.sum(share * known, axis=0), np.nan)
-    residuals = np.where(weights > 0, share * (known - np.nan_to_num(value)), 0.0)
+    weighted = np.where(weights > 0, values, 0.0)
+    value = np.where(total > 0, np.sum(share * weighted, axis=0), np.nan)
+    residuals = np.where(weights > 0, share * (weighted - np.nan_to_num(value)), 0.0)
     return value, residuals, np.sum(weights > 0, axis=0)
 
 

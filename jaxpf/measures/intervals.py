@@ -155,11 +155,11 @@ def student_interval(values: ArrayLike, level: float = 0.95) -> Interval:
         Scalars.  The mean of no units is NaN; the error and the interval are NaN with fewer than
         two units.
     """
-    known = numbers_in("values", values, "numbers, [n]")
-    known = known[np.isfinite(known)]
-    count = len(known)
-    mean = known.mean() if count else np.float64(np.nan)
-    error = known.std(ddof=1) / np.sqrt(count) if count > 1 else np.float64(np.nan)
+    numbers = numbers_in("values", values, "numbers, [n]")
+    numbers = numbers[np.isfinite(numbers)]
+    count = len(numbers)
+    mean = numbers.mean() if count else np.float64(np.nan)
+    error = numbers.std(ddof=1) / np.sqrt(count) if count > 1 else np.float64(np.nan)
     reach = student_quantile(count - 1, level) * error
     return Interval(mean, error, mean - reach, mean + reach)
 

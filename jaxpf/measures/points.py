@@ -66,8 +66,10 @@ def points_kept(distance: ArrayLike, threshold: float, last: int = 10) -> np.nda
         last: number of frames.
     """
     distance = np.asarray(distance, float)[..., -last:, :]
-    known = ~np.isnan(distance)
-    median = np.nanmedian(np.where(known.any(axis=-2, keepdims=True), distance, np.inf), axis=-2)
+    has_distance = ~np.isnan(distance)
+    median = np.nanmedian(
+        np.where(has_distance.any(axis=-2, keepdims=True), distance, np.inf), axis=-2
+    )
     return np.sum(median <= threshold, axis=-1)
 
 

@@ -30,11 +30,12 @@ def measure_polylines(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]
     """
     estimate, truth = jnp.broadcast_arrays(jnp.asarray(estimate), jnp.asarray(truth))
     present = jnp.all(jnp.isfinite(truth), axis=(-2, -1))
-    known = jnp.all(jnp.isfinite(estimate), axis=(-2, -1)) & present
-    ours, theirs = (jnp.where(known[..., None, None], x, 0.0) for x in (estimate, truth))
+    has_both = jnp.all(jnp.isfinite(estimate), axis=(-2, -1)) & present
+    ours, theirs = (jnp.where(has_both[..., None, None], x, 0.0) for x in (estimate, truth))
     to_truth, to_estimate = distances(ours, theirs), distances(theirs, ours)
     precision, recall = (
-        jnp.where(known, jnp.mean(gaps <= REACH, axis=-1), 0.0) for gaps in (to_truth, to_estimate)
+        jnp.where(has_both, jnp.mean(gaps <= REACH, axis=-1), 0.0)
+        for gaps in (to_truth, to_estimate)
     )
     both = precision * recall
     either = precision + recall - both
@@ -44,7 +45,7 @@ def measure_polylines(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]
     shares = {"precision": precision, "recall": recall, "overlap": overlap}
     shares = {name: jnp.where(present, value, jnp.nan) for name, value in shares.items()}
     shares |= {
-        name: jnp.where(known, value, jnp.nan)
+        name: jnp.where(has_both, value, jnp.nan)
         for name, value in (("centre_error", centres), ("corner_error", apart))
     }
     return {"present": present, "tracked": precision > 0, **shares}

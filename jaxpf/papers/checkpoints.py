@@ -43,8 +43,8 @@ def part(name: str, measure: Measure) -> dict[str, Any]:
     Raises:
         InputError: the part cannot be written.
     """
-    known = _known(name)
-    return _kept(name, dict(_flat(measure()))) if known is None else known
+    stored = _known(name)
+    return _kept(name, dict(_flat(measure()))) if stored is None else stored
 
 
 def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[dict[str, Any]]:
@@ -64,15 +64,15 @@ def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[dic
             yield part(name, measure)
         return
     pieces = [_Piece(name, measure, double_precision()) for name, measure in parts]
-    known = {piece.name: _known(piece.name) for piece in pieces}
-    missing = [piece for piece in pieces if known[piece.name] is None]
+    stored = {piece.name: _known(piece.name) for piece in pieces}
+    missing = [piece for piece in pieces if stored[piece.name] is None]
     measured = in_turn(_measure, missing, executor or partial(ThreadPoolExecutor, threads))
     for piece in pieces:
-        while (values := known[piece.name]) is None:
+        while (values := stored[piece.name]) is None:
             done, flat = next(measured)
-            known[done.name] = _kept(done.name, flat)
+            stored[done.name] = _kept(done.name, flat)
         yield values
-        del known[piece.name]
+        del stored[piece.name]
 
 
 @contextlib.contextmanager

@@ -160,14 +160,14 @@ def backward(
         )
         frames_left = num_frames - 1 - time
 
-        def draw(one: tuple[Drawn, jax.Array]) -> tuple[jax.Array, jax.Array]:
+        def draw(drawn_and_noise: tuple[Drawn, jax.Array]) -> tuple[jax.Array, jax.Array]:
             log_moves = log_densities(
-                tracker, here, one[0], parts, parents, frames_left, first + time
+                tracker, here, drawn_and_noise[0], parts, parents, frames_left, first + time
             )
             possible = jnp.isfinite(log_moves) & ~jnp.isneginf(log_weights)
             broken = ~jnp.any(possible)
             by_move = jnp.where(possible, log_weights + log_moves, -jnp.inf)
-            return _pick(one[1], jnp.where(broken, log_weights, by_move)), broken
+            return _pick(drawn_and_noise[1], jnp.where(broken, log_weights, by_move)), broken
 
         index, broken = lax.map(draw, (drawn, uniforms), batch_size=min(chunk, num_trajectories))
         chosen = jnp.moveaxis(here.current[:, :, index], -1, 0)  # [M, D, G]

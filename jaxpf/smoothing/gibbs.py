@@ -156,11 +156,11 @@ def check_conditional(tracker: Any) -> None:
 
 @partial(jax.jit, static_argnames="second_order")
 def _sweeps(tracker, keys, frames, reference, second_order):
-    def one(reference, key):
+    def step(reference, key):
         drawn = sweep(tracker, key, frames, reference, second_order)
         return drawn, drawn
 
-    return lax.scan(one, reference, keys)[1]
+    return lax.scan(step, reference, keys)[1]
 
 
 def sweep(

@@ -65,7 +65,9 @@ class LookBack:
             state.log_weights,
             state.label,
         )
-        self._kept.append(History._make(None if one is None else np.array(one) for one in kept))
+        self._kept.append(
+            History._make(None if array is None else np.array(array) for array in kept)
+        )
         if self._lag is None or len(self._kept) < 2 * self._lag:
             return []
         return list(self._pass(self._lag))

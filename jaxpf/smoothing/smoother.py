@@ -242,11 +242,11 @@ def backward_key(key: jax.Array) -> jax.Array:
 def _backward_groups(tracker, keys, history, parts, parents, num_trajectories, keep, first):
     """Run backward passes in sequence over groups of the same size, ``[Q, G]``."""
 
-    def one(group):
+    def of_group(group):
         key, parts, parents = group
         return backward(tracker, key, history, parts, parents, num_trajectories, keep, first)
 
-    return lax.map(one, (keys, parts, parents))
+    return lax.map(of_group, (keys, parts, parents))
 
 
 def back_over(tracker, key, history, num_trajectories, keep, first=0) -> Pass:
@@ -262,7 +262,7 @@ def back_over(tracker, key, history, num_trajectories, keep, first=0) -> Pass:
 
     def assembled(name: str) -> jax.Array:
         # [Q, T, ..., D, G] of every size: concatenate the groups' partitions in original order.
-        by_size = [jnp.moveaxis(getattr(one, name), 0, -2) for one in results]
+        by_size = [jnp.moveaxis(getattr(result, name), 0, -2) for result in results]
         flat = [values.reshape(*values.shape[:-2], -1) for values in by_size]
         return jnp.swapaxes(jnp.concatenate(flat, axis=-1)[..., back], -1, -2)
 
@@ -270,7 +270,7 @@ def back_over(tracker, key, history, num_trajectories, keep, first=0) -> Pass:
         estimate=assembled("estimate"),
         spread=assembled("spread"),
         trajectories=jnp.swapaxes(assembled("trajectories"), 0, 1) if keep else None,
-        broken=jnp.sum(jnp.stack([jnp.sum(one.broken) for one in results])),
+        broken=jnp.sum(jnp.stack([jnp.sum(result.broken) for result in results])),
     )
 
 

@@ -186,8 +186,8 @@ def _difference(entry: Collected, measure: Measure, given: Runs, other: Runs) ->
 def _figure(value: float, num_objects: int) -> Estimate:
     """A single figure of all objects, without an interval."""
     unknown = np.array([np.nan])
-    known = np.array([float(np.isfinite(value))])
-    estimate = (np.array([value]), unknown, unknown, unknown, known)
+    is_finite = np.array([float(np.isfinite(value))])
+    estimate = (np.array([value]), unknown, unknown, unknown, is_finite)
     return Estimate(*_of_all_objects(estimate, num_objects))
 
 

@@ -99,18 +99,18 @@ def keep_measures(state: Any, summary: Any) -> dict[str, jax.Array]:
     """Select the values of a frame to store; values missing from a user's summary are NaN."""
     estimate = summary.estimate
 
-    def known(name: str, *shape: int) -> jax.Array:
+    def or_nan(name: str, *shape: int) -> jax.Array:
         value = getattr(summary, name, None)
         return jnp.full(shape, jnp.nan, estimate.dtype) if value is None else value
 
     lost = getattr(summary, "lost", None)
     return {
         "estimate": estimate,
-        "uniqueness": known("uniqueness", *estimate.shape[:-1]),
-        "spread": known("spread", *estimate.shape),
-        "confidence": known("confidence", *estimate.shape[:-1]),
-        "ess": known("ess"),
-        "log_evidence": known("log_evidence"),
+        "uniqueness": or_nan("uniqueness", *estimate.shape[:-1]),
+        "spread": or_nan("spread", *estimate.shape),
+        "confidence": or_nan("confidence", *estimate.shape[:-1]),
+        "ess": or_nan("ess"),
+        "log_evidence": or_nan("log_evidence"),
         "without_likelihood": ~jnp.isfinite(estimate).all(axis=-1) if lost is None else lost,
     }
 

@@ -17,13 +17,13 @@ from jaxpf.gradients import check_gradients
 def check_tracker(tracker: Any) -> None:
     """Refuse settings that cannot work or would be silently wrong."""
     check_whole("num_particles", tracker.num_particles)
-    for name, known in (
+    for name, choices in (
         ("scope", SCOPES),
         ("weights", WEIGHTS),
         ("feedback", FEEDBACKS),
         ("population", POPULATIONS),
     ):
-        check_known(f"{name}=", getattr(tracker, name), known)
+        check_known(f"{name}=", getattr(tracker, name), choices)
     check_gradients(tracker)
     if tracker.gradient.blends or not tracker.gradient.equalises:
         raise InputError(

@@ -72,11 +72,11 @@ def scene_table(outcome: Outcome) -> Table:
         ends = by_scene(outcome, method, kept)
         again = 100 * by_scene(outcome, method, found_again)
         proposed = method in (methods.PROPOSED, methods.PRINTED)
-        known = None
+        in_paper = None
         if outcome.scene == "fish" and method in (methods.PFFL, "PFFL as printed"):
-            known = float(published.KEPT_PFFL)
+            in_paper = float(published.KEPT_PFFL)
         elif outcome.scene == "fish" and proposed:
-            known = float(published.KEPT_PROPOSED)
+            in_paper = float(published.KEPT_PROPOSED)
         rows.append(
             (
                 method,
@@ -84,7 +84,7 @@ def scene_table(outcome: Outcome) -> Table:
                     mean_cell(100 * in_view, 1),
                     mean_cell(100 * hidden, 1),
                     mean_cell(100 * last, 1),
-                    mean_cell(ends, 1, known),
+                    mean_cell(ends, 1, in_paper),
                     mean_cell(again),
                 ],
             )

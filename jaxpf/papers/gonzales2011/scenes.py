@@ -190,8 +190,8 @@ def _measured(
     outcomes = {}
     for num_particles in particles:
         by_scene = [
-            trackers(scene, Observed(one), motion, num_particles, dynamics)
-            for scene, one in zip(sequences, likelihoods, strict=True)
+            trackers(scene, Observed(likelihood), motion, num_particles, dynamics)
+            for scene, likelihood in zip(sequences, likelihoods, strict=True)
         ]
         errors: dict[str, dict[str, np.ndarray]] = {kind: {} for kind in dynamics}
         variances: dict[str, dict[str, np.ndarray]] = {kind: {} for kind in dynamics}

@@ -30,15 +30,17 @@ def line_figure() -> Any:
     """Figure 3 as drawn in the paper: one target above, two below."""
     grid = np.linspace(-80, 80, 161)
     drawing, axes = plotting.new_figure(1, 2, figsize=(11, 4.6))
-    one, two = axes[0]
-    one.plot(grid, likelihood(grid[None]), color="black")
-    one.plot(FEATURES, np.zeros(4), "o", color="gray")
-    one.set(xlabel="boundary (pixels along the line)", ylabel="one target, relative to clutter")
+    left, right = axes[0]
+    left.plot(grid, likelihood(grid[None]), color="black")
+    left.plot(FEATURES, np.zeros(4), "o", color="gray")
+    left.set(xlabel="boundary (pixels along the line)", ylabel="one target, relative to clutter")
     pairs = np.stack(np.meshgrid(grid, grid))
-    shown = two.imshow(likelihood(pairs), origin="lower", extent=(-80, 80, -80, 80), cmap="gray_r")
-    two.plot([-80, 80], [-80, 80], ":", color="gray", lw=1)
-    two.set(xlabel="boundary of A (pixels)", ylabel="boundary of B (pixels)", title="two targets")
-    drawing.colorbar(shown, ax=two)
+    shown = right.imshow(
+        likelihood(pairs), origin="lower", extent=(-80, 80, -80, 80), cmap="gray_r"
+    )
+    right.plot([-80, 80], [-80, 80], ":", color="gray", lw=1)
+    right.set(xlabel="boundary of A (pixels)", ylabel="boundary of B (pixels)", title="two targets")
+    drawing.colorbar(shown, ax=right)
     drawing.suptitle("Figure 3 repeated: four features, on each of which one boundary may lie")
     return drawing
 

@@ -109,8 +109,8 @@ def error_table(outcome: Outcome) -> Table:
     """Table 1: position error over target size, four combinations."""
     rows: Rows = []
     for variant in COMBINATIONS:
-        known = variant in published.TABLE_1
-        number, total = published.losses(variant) if known else (0, 1)
+        is_published = variant in published.TABLE_1
+        number, total = published.losses(variant) if is_published else (0, 1)
         rows.append(
             (
                 variant,
@@ -118,9 +118,11 @@ def error_table(outcome: Outcome) -> Table:
                     mean_cell(
                         tracked_error(outcome, variant),
                         3,
-                        published.tracked_mean(variant) if known else None,
+                        published.tracked_mean(variant) if is_published else None,
                     ),
-                    share_cell(lost(outcome, variant), 100 * number / total if known else None),
+                    share_cell(
+                        lost(outcome, variant), 100 * number / total if is_published else None
+                    ),
                     mean_cell(astray(outcome, variant), 1),
                 ],
             )

@@ -44,8 +44,8 @@ def table_1(outcome: Outcome) -> list[Table]:
             cells: list[Cell | str] = []
             for method in METHODS:
                 by_scene = values[:, outcome.of(method), column].mean(axis=1)
-                known = TABLE_1[measure].get(method)
-                published = known[column] if known else None
+                row = TABLE_1[measure].get(method)
+                published = row[column] if row else None
                 if measure == "success":
                     cells.append(rate_cell(by_scene, published))
                 else:
@@ -106,8 +106,8 @@ def _row_2(outcome: Outcome, measure: str, values: np.ndarray, column: int) -> l
     cells: list[Cell | str] = []
     for name, place in places.items():
         by_scene = values[:, place, column]
-        known = TABLE_2[measure].get(name)
-        published = known[column] if known else None
+        row = TABLE_2[measure].get(name)
+        published = row[column] if row else None
         if measure != "recovery":
             by_scene = np.nanmean(by_scene, axis=1) if len(place) > 1 else by_scene[:, 0]
             cells.append(mean_cell(100 * by_scene, published=published))

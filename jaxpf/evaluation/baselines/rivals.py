@@ -37,9 +37,9 @@ class Baseline:
         """
         return _followed(scene, self.name)[0].copy()
 
-    def seconds(self, scene: Any) -> float:
-        """Seconds that tracking the scene took."""
-        return _followed(scene, self.name)[1]
+    def seconds(self, scene: Any) -> float | None:
+        """Seconds that tracking the scene took; None for a box that never moves."""
+        return None if self.name == "still" else _followed(scene, self.name)[1]
 
 
 def baselines(names: Collection[str]) -> dict[str, Baseline]:

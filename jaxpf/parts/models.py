@@ -114,8 +114,10 @@ class OfFixedSize(WrappedLikelihood):
         """s ``[P]`` of all parts, in any order, at points ``[P, 2]``; 0 for a root."""
         places = jnp.zeros_like(points).at[partition].set(points)
         squared = jnp.sum((points - places[jnp.asarray(self.parents)[partition]]) ** 2, axis=1)
+        apart = squared > 0  # the root's derivative is infinite at 0
+        distance = jnp.where(apart, jnp.sqrt(jnp.where(apart, squared, 1.0)), 0.0)
         start = jnp.asarray(self.lengths, points.dtype)[partition]
-        return jnp.abs(jnp.sqrt(squared) - start) / jnp.maximum(start, 1.0)
+        return jnp.abs(distance - start) / jnp.maximum(start, 1.0)
 
     def distance_all(self, observation, partition, substates):
         """d of the log odds, ``[N]``, of substates ``[D, N]``."""
@@ -138,9 +140,9 @@ def with_log_odds(
         parents: index of each part's parent, -1 for a root, ``[P]``.
     """
     check_frame(frame)
-    poses, sizes = np.asarray(poses, np.float32), np.asarray(sizes, np.float32)
-    height, width = np.asarray(frame).shape[:2]
-    across, down = ((np.arange(_PLACES) + 0.5) / _PLACES * side for side in (width, height))
+    poses = numbers_in("poses", poses, "x, y, theta of every part, [P, 3]")
+    poses, sizes = check_parts(poses, sizes, parents)
+    across, down = ((np.arange(_PLACES) + 0.5) / _PLACES * side for side in frame.shape[1::-1])
     places = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2).astype(np.float32)
     partition = np.repeat(np.arange(len(poses)), len(places))
     substates = np.concatenate([np.tile(places, (len(poses), 1)), poses[partition, 2:]], axis=1)

@@ -111,6 +111,8 @@ def test_a_part_torn_off_its_parent_is_doubtful_though_it_matches(scene, likelih
     mixed = part.log_odds_all(observation, numbers, states[:, numbers])
     np.testing.assert_allclose(mixed, whole[numbers], rtol=1e-5)
     worse = whole - torn.log_odds_all(observation, jnp.arange(5), states)
+    slope = jax.grad(lambda x: part.log_odds_all(observation, jnp.arange(5), x).sum())(states)
+    assert np.isfinite(slope).all()
     # Stretch 2/3 instead of 0, so log odds lower by 1.6 log((2/3 + .05) / .05).
     np.testing.assert_allclose(worse, [0, 0, 1.6 * np.log(43 / 3), 0, 0], atol=1e-4)
 
@@ -160,6 +162,14 @@ def build(likelihood=None, poses=POSES, sizes=SIZES, tree=TREE, ordering=None, *
         (
             lambda: cut_pictures(np.zeros((9, 9, 3), np.uint8), POSES + np.nan, SIZES),
             "poses=.* must be finite x, y, theta",
+        ),
+        (
+            lambda: with_log_odds(None, np.zeros((9, 9, 3), np.uint8), POSES[:, :2], SIZES, TREE),
+            r"poses has shape \[5, 2\]; give .* \[P, 3\]",
+        ),
+        (
+            lambda: with_log_odds(None, np.zeros((9, 9, 3), np.uint8), POSES, SIZES, TREE[:3]),
+            r"poses has shape \[5, 3\]; give .* \[3, 3\]",
         ),
         (lambda: build(anchors=3), "anchors=3 must be two joints"),
         (lambda: build(sizes="big"), "sizes='big' must be width and height"),

@@ -128,7 +128,7 @@ class OfFixedSize(WrappedLikelihood):
 
 
 def with_log_odds(
-    likelihood: Any, frame: Any, poses: ArrayLike, sizes: ArrayLike, parents: ArrayLike
+    likelihood: Any, frame: Any, poses: ArrayLike, sizes: ArrayLike, parents: Sequence[int]
 ) -> OfFixedSize:
     """The likelihood of parts with log odds; without them if the frame shows parts alone.
 

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from jaxpf.dynamics.gaussian import LinearGaussian
     from jaxpf.shapes.spaces import ShapeSpace
 
-#: Noise per frame of the shift and of the other coordinates, pixels.
-DEFAULT_SCALE = (3.0, 1.0)
+#: Noise per frame of the shift and of the other coordinates, as a share of a contour's size.
+DEFAULT_SCALE = (0.05, 0.006)
 #: Arrays of learned dynamics.
 MATRICES = ("transition", "lag", "offset", "noise")
 
@@ -51,6 +51,11 @@ class Contours:
         if self.width is not None:
             check_number("width", self.width, above=0)
         object.__setattr__(self, "points", points)
+
+    @property
+    def sizes(self) -> np.ndarray:
+        """Side ``[P]`` of the square with the diagonal of each contour's bounding box, pixels."""
+        return np.linalg.norm(np.ptp(self.points, axis=1), axis=-1) / np.sqrt(2)
 
 
 class Annotated(NamedTuple):

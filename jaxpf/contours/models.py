@@ -21,7 +21,7 @@ def contours_model(
     space: Any = "similarity",
     *,
     dynamics: Any = None,
-    scale: ArrayLike = DEFAULT_SCALE,
+    scale: ArrayLike | None = None,
     flip: Any = None,
 ) -> Model:
     """Contours that move from given start contours.
@@ -35,13 +35,16 @@ def contours_model(
         space: see ``start_space``.
         dynamics: such as ``jaxpf.dynamics.fit`` learns; default a random walk.
         scale: noise of that random walk, pixels: of the shift and of the other coordinates,
-            ``[2]``, or of each coordinate, ``[D]``.
+            ``[2]``, or of each coordinate, ``[D]``, or such a row for every target.  By default
+            .05 and .006 of the size of each start contour (``Contours.sizes``).
         flip: of opaque targets, probability per frame that two neighbours in depth swap, see
             ``WithOcclusion``; None if targets are not opaque.
     """
     space = start_space(start, space)
     if dynamics is None:
-        dynamics = RandomWalk(scale=_noise(scale, space.dimension))
+        if scale is None:
+            scale = start.sizes[:, None] * DEFAULT_SCALE
+        dynamics = RandomWalk(scale=_noise(scale, len(start.points), space.dimension))
     model = Model(
         dynamics=dynamics,
         likelihood=likelihood,
@@ -83,15 +86,17 @@ def start_space(start: Contours, space: Any = "similarity") -> Any:
     return space
 
 
-def _noise(scale: ArrayLike, dimension: int) -> np.ndarray:
-    """Expand and check the noise, ``[D]``."""
-    values = numbers_in("scale", scale, "two numbers, or one for each coordinate, [D]")
+def _noise(scale: ArrayLike, count: int, dimension: int) -> np.ndarray:
+    """Expand and check the noise, ``[D]`` or ``[P, D]``."""
+    values = numbers_in("scale", scale, "two numbers, or one for each coordinate, [..., D]")
     values = values.astype(np.float32)
-    if values.shape == (2,):
-        values = np.concatenate([np.full(2, values[0]), np.full(dimension - 2, values[1])])
-    if values.shape != (dimension,) or not np.isfinite(values).all() or (values < 0).any():
+    if values.shape[-1:] == (2,):
+        values = np.repeat(values, [2, dimension - 2], axis=-1)
+    fits = values.shape in ((dimension,), (count, dimension))
+    if not fits or not np.isfinite(values).all() or (values < 0).any():
         raise InputError(
             f"scale {np.asarray(scale).tolist()} must be two finite numbers >= 0, of the shift and "
-            f"of the shape in pixels, or one for each of the {dimension} coordinates."
+            f"of the shape in pixels, or one for each of the {dimension} coordinates, or such a "
+            "row for every target."
         )
     return values

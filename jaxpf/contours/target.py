@@ -17,12 +17,16 @@ from jaxpf.contract.names import EXCLUSIONS, SHAPE_SPACES
 from jaxpf.contract.numbers import check_array
 from jaxpf.contract.options import check_options, option, plain
 from jaxpf.shapes.splines import basis, even_places, points_on
+from jaxpf.targets.appearance import slip_option
 from jaxpf.targets.target import Looks, Start, Target
 
 #: Number of segments of a reported polyline.
 PIECES = 64
 #: The depth order of separate contours is unknown; few particles would keep an arbitrary one.
 _FLIP = 0.5
+#: Default slip on film of open and of closed contours, as a share of their median size; see
+#: "Contours" in docs/defaults.md.
+_SLIP = {False: 0.1, True: 0.05}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,15 +44,15 @@ class Options:
     )
     shift_noise: float | None = option(
         None,
-        f"Of contours, noise of the shift in x and y per frame, pixels; by default "
-        f"{DEFAULT_SCALE[0]:g}, or learned.",
+        "Of contours, noise of the shift in x and y per frame, pixels; by default .05 of the "
+        "contour's size, the side of a square with its diagonal, or learned.",
         kind=float,
         least=0,
     )
     bend_noise: float | None = option(
         None,
-        f"Of contours, noise of every other coordinate of the shape per frame, in pixels by which "
-        f"its points move; by default {DEFAULT_SCALE[1]:g}, or learned.",
+        "Of contours, noise of every other coordinate of the shape per frame, in pixels by which "
+        "its points move; by default .006 of the contour's size, or learned.",
         kind=float,
         least=0,
     )
@@ -107,6 +111,7 @@ class Options:
         kind=float,
         above=0,
     )
+    slip: float | None = slip_option()
     flip: float | None = option(
         None,
         "Of opaque contours, probability per frame that two that are next to each other in depth "
@@ -160,6 +165,7 @@ class ContourTarget(Target):
     name = "contours"
     options = Options
     defaults: Mapping[str, Any] = {"method": "ps", "particles": 500}
+    unsuited = ("sps",)  # exclusion weighs contours together
 
     def start(self, given: Contours, names: Any = None) -> ContourStart:
         """See ``Target``."""
@@ -169,12 +175,13 @@ class ContourTarget(Target):
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
         """See ``Target``; clutter is learned from ``looks.typical``."""
+        from jaxpf.contract.pytree import as_array
         from jaxpf.likelihoods.contours import EdgeDetector, contours
 
         assert isinstance(start, ContourStart)
-        width = options.wire_width
-        return contours(
-            _space(options, start),
+        width, space = options.wire_width, _space(options, start)
+        likelihood = contours(
+            space,
             start.num_partitions,
             exclusion=options.exclusion,
             frames=looks.typical if options.clutter is None else None,
@@ -189,6 +196,14 @@ class ContourTarget(Target):
             width=start.contours.width if width is None else width,
             num_lines=options.lines,
         )
+        slip = options.slip
+        if slip is None:
+            share = _SLIP[start.contours.closed] if looks.is_filmed else 0.0
+            slip = share * float(np.median(start.contours.sizes))
+        likelihood = dataclasses.replace(likelihood, slip=as_array(slip, float))
+        if looks.frame is None:
+            return likelihood
+        return likelihood.started(looks.frame, space.project(start.contours.points))
 
     def model(self, options: Options, start: Start, likelihood: Any) -> Model:
         """See ``Target``; substates are points of a shape space.
@@ -200,6 +215,7 @@ class ContourTarget(Target):
 
         assert isinstance(start, ContourStart)
         noise = options.shift_noise, options.bend_noise
+        scale = start.contours.sizes[:, None] * DEFAULT_SCALE
         dynamics = start.learned and start.learned.dynamics_of(start.num_partitions)
         if dynamics is not None and noise != (None, None):
             raise InputError(
@@ -211,10 +227,7 @@ class ContourTarget(Target):
             start.contours,
             _space(options, start),
             dynamics=dynamics,
-            scale=[
-                default if value is None else value
-                for value, default in zip(noise, DEFAULT_SCALE, strict=True)
-            ],
+            scale=np.where([value is None for value in noise], scale, np.array(noise, float)),
             flip=(_FLIP if options.flip is None else options.flip) if options.hides else None,
         )
 

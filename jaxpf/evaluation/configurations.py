@@ -47,7 +47,11 @@ def _default_methods(target: Target, parents: Sequence[int]) -> tuple[str, ...]:
     methods: tuple[str, ...] = ()
     for filter_ in filters.all_filters().values():
         if filter_.by_default or usual in filter_.methods:
-            suiting = tuple(m for m in filter_.methods if filter_.admits(m, parents))
+            suiting = tuple(
+                m
+                for m in filter_.methods
+                if filter_.admits(m, parents) and m not in target.unsuited
+            )
             # The default methods differ in ordering only, so one object needs just the first.
             methods += suiting[:1] if filter_.by_default and len(parents) == 1 else suiting
     return methods

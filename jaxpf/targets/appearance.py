@@ -122,12 +122,13 @@ def scale_option(default: tuple[float, float, float], **about: Any) -> Any:
 
 
 def slip_option() -> Any:
-    """Error of points and parts that the particles do not show."""
+    """Error of points, parts and contours that the particles do not show."""
     return option(
         None,
-        "Of points and parts, standard deviation in pixels of an object around the place that "
-        "matches best; widens the intervals.  By default 8 for points and .6 of the median shorter "
-        "side for parts, as on filmed animals; 0 in synthetic scenes.",
+        "Of points, parts and contours, standard deviation in pixels of an object around the place "
+        "that matches best; widens the intervals.  By default, as measured on film, 8 for points, "
+        ".6 of the median shorter side for parts, .1 of the median size for open contours and .05 "
+        "for closed ones; 0 in synthetic scenes.",
         kind=float,
         least=0,
     )

@@ -79,6 +79,8 @@ class Target(abc.ABC):
         name: its name in the registry of ``jaxpf.targets``.
         options: class of the options of its model (``jaxpf.contract.options``).
         defaults: filter options whose defaults this target overrides.
+        unsuited: methods that refuse its default likelihood, so that evaluations leave them out
+            unless they are named.
         coordinates: display names of a substate's first coordinates; if the first two are x and
             y, they are a position in pixels.
         has_boxes: whether its shapes are boxes x, y, w, h, as in MOT files and standard scores.
@@ -89,6 +91,7 @@ class Target(abc.ABC):
     name: str
     options: type
     defaults: Mapping[str, Any] = {}
+    unsuited: tuple[str, ...] = ()
     coordinates: tuple[str, ...] = ()
     has_boxes: bool = False
     outlines_of_estimates: Callable[[Any, Any], Any] | None = None

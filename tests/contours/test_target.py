@@ -1,6 +1,7 @@
 """A tracker from start contours: it follows its targets, keeps them apart, and writes tracks."""
 
 import csv
+import dataclasses
 from itertools import permutations
 
 import jax
@@ -51,6 +52,38 @@ def test_confidence_falls_where_the_wires_vanish(wires, tracked):
     _, summary = jaxpf.run(tracked[0], jax.random.key(0), jnp.asarray(gone))
     assert (summary.confidence[:6] > 0.8).all()
     assert (summary.confidence[-1] < 0.1).all()
+
+
+def test_confidence_counts_edges_beside_those_at_the_start(wires):
+    """Of edges so weak that only a part of them shows, a start frame makes those enough."""
+    scene, start = wires
+    frame = np.asarray(scene.frames[0], float)
+    faint = np.round(np.median(frame) + 0.15 * (frame - np.median(frame))).astype(np.uint8)
+    made = jaxpf.contours.tracker(faint, start, clutter=0.5, edge_threshold=4.0).likelihood
+    shown = np.asarray(made.at_start)
+    assert (shown < 0.9).all()
+    place = jnp.asarray(made.space.project(start.points)).T
+    for likelihood, expected in (
+        (made, 3.0 * np.ones(2)),
+        (dataclasses.replace(made, at_start=0.8), 30 * (shown / 0.8 - 0.9)),
+    ):
+        odds = likelihood.log_odds_all(likelihood.observe(faint), jnp.arange(2), place)
+        np.testing.assert_allclose(odds, expected, rtol=1e-3)
+
+
+def test_filmed_contours_slip_and_move_by_shares_of_their_size(wires):
+    scene, start = wires
+    sizes = np.linalg.norm(np.ptp(start.points, axis=1), axis=-1) / np.sqrt(2)
+    made = jaxpf.contours.tracker(scene.frames[0], start, clutter=0.5)
+    slip = 0.1 * np.median(sizes)
+    np.testing.assert_allclose(made.likelihood.model_error, [slip, slip, 0], rtol=1e-6)
+    np.testing.assert_allclose(
+        made.dynamics.scale, sizes[:, None] * [0.05, 0.05, 0.006, 0.006], rtol=1e-6
+    )
+    asked = jaxpf.contours.tracker(scene.frames[0], start, clutter=0.5, slip=0, shift_noise=2)
+    np.testing.assert_allclose(asked.likelihood.model_error, 0)
+    np.testing.assert_allclose(asked.dynamics.scale[:, :2], 2)
+    np.testing.assert_allclose(asked.dynamics.scale[:, 2:], made.dynamics.scale[:, 2:])
 
 
 def test_tracks_hold_control_points_and_outlines(tmp_path, tracked):

@@ -40,6 +40,12 @@ def found(plan, count=3, method="integral", asked=None):
     return configurations(complete(plan, "boxes", start(count).parents), start(count), settle)
 
 
+def test_methods_that_refuse_contours_are_left_out_unless_named():
+    assert complete(Plan(SCENE), "boxes", (-1, -1)).methods == ("sir", "ps", "dps", "sps")
+    assert complete(Plan(SCENE), "contours", (-1, -1)).methods == ("sir", "ps", "dps")
+    assert complete(Plan(SCENE, methods=("sps",)), "contours", (-1, -1)).methods == ("sps",)
+
+
 def test_configurations_are_methods_times_orderings_times_grid():
     plan = Plan(
         SCENE,

@@ -6,6 +6,7 @@ of its contour, and the line model gives each a log-ratio; a contour's log-likel
 legs; ``union`` explains how that edge is rewarded only once.
 """
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import jax
@@ -25,7 +26,9 @@ from jaxpf.shapes.splines import basis
 #: Number of crossings of a contour with one line that are searched for visible ones.
 _CANDIDATES = 4
 #: Slope and level of ``log_odds_all``.
-_ODDS = 21.0, 0.55
+_ODDS = 30.0, 0.9
+#: Share of its edges that a contour on film shows, and the least that ``started`` assumes.
+_SHOWN, _LEAST_SHOWN = 0.65, 0.4
 
 
 class Observation(NamedTuple):
@@ -58,6 +61,11 @@ class IndependentContours(Likelihood):
             approximately.
         width: of a wire with two edges, pixels; the spline is its centreline.  Not used with one
             edge.
+        at_start: share of its edges that each target showed when it was marked, ``[P]`` or ``[]``;
+            see ``started``.
+        slip: standard deviation in pixels of a target around the contour that matches best, since
+            lines show how far an edge is off across a contour, not along it; the ``model_error``
+            of x and y.
         edges: static, 1 if the spline is itself the boundary, 2 for both edges of a wire.
         num_lines: static, M, measurement lines per contour.
         crossings: static, maximum number of crossings of one contour with one line that are
@@ -74,6 +82,8 @@ class IndependentContours(Likelihood):
     sigma: Any = 7.0
     independence: Any = 1.0
     width: Any = 0.0
+    at_start: Any = _SHOWN
+    slip: Any = 0.0
     edges: int = static_field(default=1)
     num_lines: int = static_field(default=32)
     crossings: int = static_field(default=1)
@@ -102,15 +112,39 @@ class IndependentContours(Likelihood):
         (total,) = self._factors(observation, lines, own, [[]])
         return jnp.where(finite, total, jnp.nan)
 
+    @property
+    def model_error(self):
+        """See ``Likelihood``."""
+        return self.slip, self.slip, 0.0
+
     def log_odds_all(self, observation, partition, substates):
         """Log odds ``[N]`` that targets are where they are reported, at ``[D, N]``.
 
-        ``21 (t - .55)``, with t the mean over a contour's lines of the log-ratio of its own edges
-        to clutter, scaled so that a line without a feature has 0 and one with a feature at every
-        edge 1.  Fitted by logistic regression to the truth of a filmed worm pair and of a hand,
-        against the best of 60 contours 30 to 90 pixels away.  On another worm pair, wires and
-        leaves, none of 128 contours on their targets is below a probability of .5, and 4 of 128
-        others are above it.  Look-alikes count as the target, hidden edges as missed ones.
+        ``30 (t / t_0 - .9)``, with t the share of a contour's edges that the frame shows and t_0
+        that at the start.  Look-alikes count as the target, hidden edges as missed ones.  Chosen on
+        tracks of filmed worms, a car and riders; see "Contours" in docs/defaults.md.
+        """
+        at_start = jnp.asarray(self.at_start, substates.dtype)
+        slope, level = _ODDS
+        shown = self._edges_shown(observation, partition, substates)
+        return slope * (shown / (at_start[partition] if at_start.ndim else at_start) - level)
+
+    def started(self, frame, substates):
+        """This likelihood with ``at_start`` of targets marked in a start frame.
+
+        Args:
+            frame: uint8 RGB ``[H, W, 3]``.
+            substates: of all targets in it, ``[P, D]``.
+        """
+        places = jnp.asarray(substates).T
+        shown = self._edges_shown(self.observe(frame), jnp.arange(places.shape[1]), places)
+        return dataclasses.replace(self, at_start=jnp.maximum(shown, _LEAST_SHOWN))
+
+    def _edges_shown(self, observation, partition, substates):
+        """Share ``[N]`` of their own edges that contours ``[D, N]`` show.
+
+        The mean over lines of the log-ratio of these edges to clutter, scaled so that a line
+        without a feature has 0, and one with a feature at every edge 1.
         """
         finite = jnp.all(jnp.isfinite(substates), axis=0)
         lines = self.lines_of(partition, jnp.where(finite, substates, 0.0))
@@ -120,9 +154,7 @@ class IndependentContours(Likelihood):
         edges = jnp.asarray(self._offsets(), lines.x.dtype)[:, None]
         is_found = jnp.array([[False, True]] * self.edges)
         none, full = self._ratios_of(Features(edges, is_found), (edges, edges == edges), every)[0]
-        slope, level = _ODDS
-        odds = slope * ((jnp.mean(ratios, axis=0) - none) / (full - none) - level)
-        return jnp.where(finite, odds, jnp.nan)
+        return jnp.where(finite, (jnp.mean(ratios, axis=0) - none) / (full - none), jnp.nan)
 
     def lines_of(self, partition, substates) -> Lines:
         """Measurement lines ``[M, N]`` of substates ``[D, N]``; outwards on clockwise contours."""

@@ -10,6 +10,7 @@ To write a proposal, see ``jaxpf.contract.Proposal``.  Partitions that are missi
 by the dynamics.
 """
 
+import math
 from collections.abc import Callable
 from types import FunctionType
 from typing import Any
@@ -92,7 +93,7 @@ class _Normal(Proposal):
         mean, root, index = self._at(observation, partition, current, previous, parent)
         residual = _times(jnp.swapaxes(root, 1, 2), index, new - mean)
         volume = jnp.sum(jnp.log(jnp.diagonal(root, axis1=1, axis2=2)), axis=1)
-        constant = 0.5 * new.shape[0] * np.log(2 * np.pi)
+        constant = 0.5 * new.shape[0] * math.log(2 * math.pi)
         return -0.5 * jnp.sum(residual**2, axis=0) + of_partition(volume, index) - constant
 
     def _at(self, observation, *past) -> tuple[jax.Array, jax.Array, jax.Array]:

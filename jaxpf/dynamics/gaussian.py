@@ -4,6 +4,7 @@
 per particle; ``propagate`` is derived from it.
 """
 
+import math
 from typing import ClassVar
 
 import jax
@@ -224,7 +225,7 @@ def log_normal(residual, scale):
     """Log-densities ``[N]`` of independent normal residuals ``[D, N]``; scale 0 adds 0."""
     noisy = scale > 0
     scale = jnp.where(noisy, scale, 1.0)
-    terms = -0.5 * (residual / scale) ** 2 - jnp.log(scale) - 0.5 * np.log(2 * np.pi)
+    terms = -0.5 * (residual / scale) ** 2 - jnp.log(scale) - 0.5 * math.log(2 * math.pi)
     return jnp.sum(jnp.where(noisy, terms, 0.0), axis=0)
 
 

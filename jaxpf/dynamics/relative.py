@@ -3,11 +3,11 @@
 Relative motion is heavy-tailed: a fraction of the steps is long.
 """
 
+import math
 from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract import DynamicsWithDensity, DynamicsWithPrediction, of_partition
@@ -126,5 +126,5 @@ def _log_normal(squared, scale, dimension):
     """Log-densities of isotropic normal distributions, from squared distances; scale 0 adds 0."""
     noisy = scale > 0
     scale = jnp.where(noisy, scale, 1.0)
-    density = -0.5 * squared / scale**2 - dimension * (jnp.log(scale) + 0.5 * np.log(2 * np.pi))
+    density = -0.5 * squared / scale**2 - dimension * (jnp.log(scale) + 0.5 * math.log(2 * math.pi))
     return jnp.where(noisy, density, 0.0)

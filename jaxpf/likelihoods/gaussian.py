@@ -1,5 +1,7 @@
 """Linear-Gaussian observations, and exact Kalman filtering for tests and teaching."""
 
+import math
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -41,7 +43,7 @@ class Gaussian(Likelihood):
             design = whitener @ jnp.asarray(self.observation, dtype)
         log_normaliser = jnp.sum(
             jnp.log(jnp.abs(jnp.diagonal(noise, axis1=-2, axis2=-1))), axis=-1
-        ) + 0.5 * noise.shape[-1] * np.log(2 * np.pi)
+        ) + 0.5 * noise.shape[-1] * math.log(2 * math.pi)
         squares = jnp.zeros(substates.shape[1:], dtype)
         for row in range(design.shape[1]):
             residual = of_partition(target[:, row], partition)

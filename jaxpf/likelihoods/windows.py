@@ -291,7 +291,7 @@ def _windows(frame, u, v, window):
     across, down = left - column, top - row
 
     def block(row, column):
-        return lax.dynamic_slice(frame, (row, column, 0), (rows, columns, 3))
+        return lax.dynamic_slice(frame, (row, column, jnp.int32(0)), (rows, columns, 3))
 
     def shifted(block, down, across):
         i, j = down + jnp.arange(rows), across + jnp.arange(columns)

@@ -19,6 +19,7 @@ Common arguments:
     k near sqrt(T), memory grows with the square root of the number of frames.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -68,7 +69,7 @@ def log_mean_evidence(
     every = log_evidence(tracker, keys, frames, checkpoint=checkpoint)
     # Both branches stay finite: -inf - -inf would put NaN into the gradient.
     possible = jnp.any(~jnp.isneginf(every))
-    mean = jax.nn.logsumexp(jnp.where(possible, every, 0.0)) - np.log(every.shape[0])
+    mean = jax.nn.logsumexp(jnp.where(possible, every, 0.0)) - math.log(every.shape[0])
     return jnp.where(possible, mean, -jnp.inf)
 
 
@@ -104,7 +105,7 @@ def crps(
     wide = counts & (spread[..., :2] > 0)
     spread = jnp.where(wide, spread[..., :2], 1.0)
     z = offset / spread
-    narrow = spread * (z * (2 * ndtr(z) - 1) + 2 * norm.pdf(z) - 1 / np.sqrt(np.pi))
+    narrow = spread * (z * (2 * ndtr(z) - 1) + 2 * norm.pdf(z) - 1 / math.sqrt(math.pi))
     scores = jnp.where(wide, narrow, jnp.abs(offset))
     return jnp.sum(scores, axis=(0, 2, 3)) / (2 * jnp.sum(labelled))
 

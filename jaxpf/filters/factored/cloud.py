@@ -4,12 +4,12 @@ Values are ``[D, P, K]`` and weights ``[P, K]``, with particles on the last axis
 has its own random keys, so partitions do not affect each other.
 """
 
+import math
 from typing import Any
 
 import chex
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
@@ -99,7 +99,7 @@ def start(key: jax.Array, tracker: Any) -> FactoredState:
         values = jnp.repeat(initial.T[..., None], num, axis=-1)
     return FactoredState(
         lagged=jnp.stack([values, values]),
-        log_weights=jnp.full(values.shape[1:], -np.log(num), values.dtype),
+        log_weights=jnp.full(values.shape[1:], -math.log(num), values.dtype),
         weighted=jnp.zeros((), bool),
         log_odds=confidence.at_start(tracker.likelihood, values.shape[1], values.dtype),
     )
@@ -125,8 +125,8 @@ def survivors(tracker, key, state: FactoredState) -> tuple[jax.Array, jax.Array]
     slots = begin[:, None] + factor * jnp.arange(num)
     # The initial set has equal weights: resampling it would only lose particles.
     ancestors = jnp.where(state.weighted, jnp.take_along_axis(chosen, slots, axis=1), slots)
-    log_weights = jnp.take_along_axis(log_weights, slots, axis=1) + np.log(factor)
-    uniform = jnp.full_like(log_weights, -np.log(num))
+    log_weights = jnp.take_along_axis(log_weights, slots, axis=1) + math.log(factor)
+    uniform = jnp.full_like(log_weights, -math.log(num))
     return taken(state.lagged, ancestors), jnp.where(state.weighted, log_weights, uniform)
 
 
@@ -152,7 +152,7 @@ def upsampled(lagged, log_weights, factor: int) -> tuple[jax.Array, jax.Array]:
         return lagged, log_weights
     return (
         jnp.repeat(lagged, factor, axis=-1),
-        jnp.repeat(log_weights - np.log(factor), factor, axis=-1),
+        jnp.repeat(log_weights - math.log(factor), factor, axis=-1),
     )
 
 

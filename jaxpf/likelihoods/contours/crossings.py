@@ -41,7 +41,8 @@ def outline(lines: Lines, offsets, closed: bool) -> Polyline:
         closed: whether the last point is joined to the first.
     """
     xs, ys, joined = [], [], []
-    for offset in offsets:
+    for value in offsets:
+        offset = jnp.asarray(value, lines.x.dtype)
         x, y = lines.x + offset * lines.along_x, lines.y + offset * lines.along_y
         if closed:
             x, y = jnp.concatenate([x, x[:1]]), jnp.concatenate([y, y[:1]])

@@ -1,9 +1,9 @@
 """Likelihoods of contours with exclusion: wire frames and opaque bodies."""
 
+import math
 from functools import reduce
 
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 
 from jaxpf.contract.pytree import pytree_dataclass, static_field
@@ -138,7 +138,7 @@ class OpaqueContours(ExclusiveContours):
         none = jnp.zeros(substates.shape[-1], int)
         labels = jnp.arange(len(depth_orders(substates.shape[0])))
         each = lax.map(lambda y: self._judged_together(observation, substates, none + y), labels)
-        return reduce(jnp.logaddexp, each) - np.log(float(len(labels)))
+        return reduce(jnp.logaddexp, each) - math.log(float(len(labels)))
 
     def log_joint_labelled(self, observation, substates, log_probs, label):
         """``log(P_occl / P_0)`` ``[]`` of all targets' substates ``[P, D]``, given the label."""

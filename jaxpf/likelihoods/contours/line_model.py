@@ -15,6 +15,7 @@ Then a line has a density for every n from 0 to n_max, and these sum to one with
 tail.
 """
 
+import math
 from collections.abc import Sequence
 from math import comb
 
@@ -124,7 +125,7 @@ def at_most_shown(clutter) -> jax.Array:
 def boundary_law(places, boundary, sigma, reach):
     """G: density of a boundary's feature at ``places``, renormalised on [-reach, reach]."""
     mass = ndtr((reach - boundary) / sigma) - ndtr((-reach - boundary) / sigma)
-    scale = 1.0 / (sigma * np.sqrt(2 * np.pi) * jnp.maximum(mass, 1e-6))
+    scale = 1.0 / (sigma * math.sqrt(2 * math.pi) * jnp.maximum(mass, 1e-6))
     return scale * jnp.exp(-0.5 * ((places - boundary) / sigma) ** 2)
 
 

@@ -41,6 +41,8 @@ of two opaque targets is in front matters only through the visible boundaries, s
 no difference while nothing is hidden**.
 """
 
+import math
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -91,4 +93,4 @@ def mean_over_orders(factors) -> jax.Array:
         for order in orders(num_targets)
     ]
     products = jnp.sum(factors[np.array(before), chosen], axis=1)
-    return jax.nn.logsumexp(products, axis=0) - np.log(len(chosen))
+    return jax.nn.logsumexp(products, axis=0) - math.log(len(chosen))

@@ -9,11 +9,11 @@ With c a cell's mean of a channel and s that of all channels together, the cell'
 as for colours, that fades where there is little to see.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.lowering.columns import entries_at, sum_of_rows
@@ -108,7 +108,7 @@ def cell_features(
         root = share * jax.lax.rsqrt(share + _ROUNDED)
     else:
         root = jnp.sqrt(share)
-    return root / np.sqrt(grid[0] * grid[1])
+    return root / math.sqrt(grid[0] * grid[1])
 
 
 def cell_score(
@@ -128,7 +128,7 @@ def cell_score(
     grid = (weights.shape[1], weights.shape[2])
     cells, origin, stride = _flat(table, boxes)
     totals = table.totals.reshape(-1)
-    weights = (weights / np.sqrt(grid[0] * grid[1])).reshape(-1, cells.shape[-1])
+    weights = (weights / math.sqrt(grid[0] * grid[1])).reshape(-1, cells.shape[-1])
     dtype = boxes.left.dtype
     columns = [
         line_at(boxes.left + boxes.width * (j / grid[1]), boxes.columns) for j in range(grid[1] + 1)

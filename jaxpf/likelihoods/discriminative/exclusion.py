@@ -18,6 +18,7 @@ pairs.
 """
 
 import dataclasses
+import math
 
 import jax.numpy as jnp
 import numpy as np
@@ -53,7 +54,7 @@ class ExclusiveAppearance(DiscriminativeLikelihood):
         # An impossible box loses nothing here; its -inf enters with the sum of ``log_probs``.
         own = jnp.where(jnp.isneginf(log_probs), 0.0, log_probs)
         lost = taken * own[None]
-        either = jnp.logaddexp(-lost, -jnp.swapaxes(lost, 0, 1)) - np.log(2.0)
+        either = jnp.logaddexp(-lost, -jnp.swapaxes(lost, 0, 1)) - math.log(2.0)
         is_pair = np.triu(np.ones(shared.shape[:2], bool), 1)
         pairs = jnp.sum(jnp.where(is_pair[..., None], either, 0.0), axis=(0, 1))
         return jnp.sum(log_probs, axis=0) + pairs

@@ -13,12 +13,12 @@ object's 36 most frequent bins), and of brightness gradients in eight directions
 frame shrunk so that an object has about 18 to 36 pixels.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from jaxpf.contract import Likelihood, of_partition
 from jaxpf.contract.errors import InputError
@@ -196,7 +196,7 @@ class DiscriminativeLikelihood(Likelihood):
         log_prob = sharpness[partition] * jnp.clip(score, _LOWEST, _HIGHEST)
         if self.background is not None:
             usual = sharpness[:, None] * jnp.clip(self.background.astype(dtype), _LOWEST, _HIGHEST)
-            usual = jax.nn.logsumexp(usual, axis=1) - np.log(usual.shape[1])
+            usual = jax.nn.logsumexp(usual, axis=1) - math.log(usual.shape[1])
             log_prob -= usual[partition]
         log_prob = jnp.where(valid, log_prob, -jnp.inf)
         return jnp.where(jnp.all(jnp.isfinite(substates), axis=0), log_prob, jnp.nan)
@@ -305,7 +305,7 @@ class DiscriminativeLikelihood(Likelihood):
         count = integral_similarity
         if self.interpolation == "bilinear":
             count = interpolated_integral_similarity
-        scaled = jnp.asarray(weights) / np.sqrt(weights.shape[1])
+        scaled = jnp.asarray(weights) / math.sqrt(weights.shape[1])
         score, _ = count(
             table, scaled, partition, boxes.left, boxes.top, boxes.width, boxes.height, boxes[4:]
         )

@@ -14,6 +14,7 @@ repeats the step with the whole frame.  So every likelihood that counts is the o
 frame: windows change the time, not the model, and evidence remains the density of the whole frame.
 """
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -190,7 +191,7 @@ def scores_on_grid(
             )
             least = least_sum(boxes, (rows, columns))[:, :, None, None, None]
             faded = jax.lax.rsqrt(jnp.sum(sums, axis=-1, keepdims=True) + least)
-            features = jnp.sqrt(sums) * faded / np.sqrt(rows * columns)
+            features = jnp.sqrt(sums) * faded / math.sqrt(rows * columns)
             score += jnp.sum(features * weights[number], axis=(2, 3, 4))
         return score.ravel().astype(boxes.left.dtype)
 
@@ -215,7 +216,7 @@ def _colour_score(bins, weights, boxes, rows_of, columns):
     area = across[..., None] * jnp.diff(jnp.floor(edges + 0.5), axis=-1)
     roots = jnp.einsum("ikjb,kb->ijk", jnp.sqrt(counts.astype(weights.dtype)), weights)
     scores = roots * jax.lax.rsqrt(jnp.maximum(area, 1))
-    return jnp.sum(scores, axis=-1) / np.sqrt(num_bands)
+    return jnp.sum(scores, axis=-1) / math.sqrt(num_bands)
 
 
 def _parts(starts, extent, count, size, first, length):

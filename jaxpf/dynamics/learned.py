@@ -78,8 +78,6 @@ def fit(
 
 
 def _as_list(tracks) -> list:
-    if isinstance(tracks, np.ndarray) or hasattr(tracks, "ndim"):
-        return [tracks]
     try:
         is_one = np.ndim(tracks) == 3
     except ValueError:  # tracks of different lengths

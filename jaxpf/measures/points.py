@@ -32,7 +32,13 @@ def mean_error(distance: ArrayLike, chosen: ArrayLike | None = None) -> np.ndarr
 
     NaN if no known distance is chosen.
     """
-    return _mean(np.asarray(distance, float), chosen)
+    distance = np.asarray(distance, float)
+    counts = ~np.isnan(distance)
+    if chosen is not None:
+        counts = counts & np.asarray(chosen, bool)
+    number = counts.sum(axis=(-2, -1))
+    total = np.where(counts, distance, 0.0).sum(axis=(-2, -1))
+    return np.where(number > 0, total / np.maximum(number, 1), np.nan)
 
 
 def recoveries(visible: ArrayLike) -> list[tuple[int, int, int]]:
@@ -71,12 +77,3 @@ def points_kept(distance: ArrayLike, threshold: float, last: int = 10) -> np.nda
         np.where(has_distance.any(axis=-2, keepdims=True), distance, np.inf), axis=-2
     )
     return np.sum(median <= threshold, axis=-1)
-
-
-def _mean(values: np.ndarray, chosen: ArrayLike | None) -> np.ndarray:
-    counts = ~np.isnan(values)
-    if chosen is not None:
-        counts = counts & np.asarray(chosen, bool)
-    number = counts.sum(axis=(-2, -1))
-    total = np.where(counts, values, 0.0).sum(axis=(-2, -1))
-    return np.where(number > 0, total / np.maximum(number, 1), np.nan)

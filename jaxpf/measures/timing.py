@@ -20,17 +20,10 @@ def interleaved(
     for repeat in range(repeats):
         names = list(candidates)
         for name in names if repeat % 2 == 0 else reversed(names):
-            seconds[name].append(seconds_of(candidates[name], clock))
+            began = clock()
+            jax.block_until_ready(candidates[name]())
+            seconds[name].append(clock() - began)
     return {name: np.array(values) for name, values in seconds.items()}
-
-
-def seconds_of(
-    function: Callable[[], Any], clock: Callable[[], float] = time.process_time
-) -> float:
-    """Seconds of one call; by default processor time, which excludes other processes."""
-    began = clock()
-    jax.block_until_ready(function())
-    return clock() - began
 
 
 def median_interval(values: np.ndarray) -> tuple[float, float, float]:

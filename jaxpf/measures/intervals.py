@@ -164,12 +164,6 @@ def student_interval(values: ArrayLike, level: float = 0.95) -> Interval:
     return Interval(mean, error, mean - reach, mean + reach)
 
 
-def within(interval: Interval, least: float, most: float) -> Interval:
-    """Clip the interval of an estimate that is bounded by [least, most]; coverage is unchanged."""
-    lower, upper = (jnp.clip(end, least, most) for end in interval[2:])
-    return interval._replace(lower=lower, upper=upper)
-
-
 def masked_mean(values: ArrayLike, mask: ArrayLike, axis: int | Sequence[int]) -> Array:
     """Mean of the finite values where ``mask`` is true; NaN if there are none."""
     check_together(values=values, mask=mask)

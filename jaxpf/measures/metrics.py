@@ -14,6 +14,9 @@ Three rules hold throughout:
 Source: smith2004, section 3.1, unless a function states another.
 """
 
+from collections.abc import Sequence
+from typing import Literal
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -28,9 +31,11 @@ from jaxpf.measures.intervals import (
     mean_interval,
     share_interval,
     wilson_interval,
-    within,
 )
 from jaxpf.shapes.rectangles import area, centres, intersection_area, is_proper
+
+Over = Literal["tracked", "all"]
+
 
 # One frame
 
@@ -125,24 +130,37 @@ def in_the_end(tracked: ArrayLike, present: ArrayLike) -> Array:
     return jnp.any(tracked & (frames == last), axis=-2)
 
 
-def mean_precision(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """Mean precision over the frames of a run with T = 1, as in smith2004.
+def mean_precision(
+    estimate: ArrayLike,
+    truth: ArrayLike,
+    over: Over = "tracked",
+    axis: int | Sequence[int] = -2,
+) -> Array:
+    """Mean precision over frames; by default only those with T = 1, as in smith2004.
 
     Args:
         estimate: ``[..., T, P, 4]`` boxes.
         truth: ``[..., T, P, 4]`` boxes.
+        over: "tracked" averages over frames with T = 1, "all" over frames with truth.
+        axis: axes of ``[..., T, P]`` to average over: -2 gives a mean per run, (-3, -2) pools the
+            frames of all runs.
 
     Returns:
         ``[..., P]``; NaN where no frame counts.
     """
-    check_same_boxes(estimate, truth)
-    return masked_mean(precision(estimate, truth), track_state(estimate, truth), -2)
+    counts = _frames_that_count(estimate, truth, over)
+    return masked_mean(precision(estimate, truth), counts, axis)
 
 
-def mean_recall(estimate: ArrayLike, truth: ArrayLike) -> Array:
+def mean_recall(
+    estimate: ArrayLike,
+    truth: ArrayLike,
+    over: Over = "tracked",
+    axis: int | Sequence[int] = -2,
+) -> Array:
     """Mean recall over frames; arguments and result as for ``mean_precision``."""
-    check_same_boxes(estimate, truth)
-    return masked_mean(recall(estimate, truth), track_state(estimate, truth), -2)
+    counts = _frames_that_count(estimate, truth, over)
+    return masked_mean(recall(estimate, truth), counts, axis)
 
 
 # Many runs
@@ -210,7 +228,10 @@ def _summarise(estimate: Array, truth: Array, level: ArrayLike) -> dict[str, Int
         return mean_interval(masked_mean(values, counts, -2), frames, axis=0, level=level)
 
     def share(values: Array, counts: Array) -> Interval:
-        return within(share_interval(pooled(values, counts), level), 0, 1)
+        interval = share_interval(pooled(values, counts), level)
+        # Where the runs do not vary the ends are not Wilson's; clipping leaves coverage unchanged.
+        lower, upper = (jnp.clip(end, 0, 1) for end in interval[2:])
+        return interval._replace(lower=lower, upper=upper)
 
     precisions, recalls = precision(estimate, truth), recall(estimate, truth)
     return {
@@ -266,6 +287,15 @@ def _presence(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """``has_truth``, broadcast to the leading axes of the estimate."""
     shape = jnp.broadcast_shapes(jnp.shape(estimate), jnp.shape(truth))
     return jnp.broadcast_to(has_truth(truth), shape[:-1])
+
+
+def _frames_that_count(estimate: ArrayLike, truth: ArrayLike, over: Over) -> Array:
+    check_same_boxes(estimate, truth)
+    if over == "tracked":
+        return track_state(estimate, truth)
+    if over == "all":
+        return _presence(estimate, truth)
+    raise InputError(f'over = {over!r} must be "tracked" or "all"')
 
 
 def _rate(outcome: Array, truth: ArrayLike, level: ArrayLike) -> Interval:

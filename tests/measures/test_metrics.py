@@ -25,8 +25,8 @@ def compiled(names, estimate, truth):
 
 
 success, recovery = jax.jit(measures.success), jax.jit(measures.recovery)
-mean_precision = jax.jit(measures.mean_precision)
-mean_recall = jax.jit(measures.mean_recall)
+mean_precision = jax.jit(measures.mean_precision, static_argnames=("over", "axis"))
+mean_recall = jax.jit(measures.mean_recall, static_argnames=("over", "axis"))
 mean_interval = jax.jit(measures.mean_interval)
 wilson_interval = jax.jit(measures.wilson_interval)
 effective_sample_size = jax.jit(measures.effective_sample_size)
@@ -112,24 +112,40 @@ def test_an_object_that_never_has_truth_is_neither_tracked_nor_counted():
         assert interval.lower[0] > 0.5
 
 
-def test_mean_precision_and_recall_are_over_tracked_frames():
+def test_mean_precision_and_recall_over_tracked_and_over_all_frames():
     truth = one_object(TRUTH, TRUTH, TRUTH, TRUTH, NOWHERE)
     estimate = one_object(HALF, LARGE, FAR, NOWHERE, TRUTH)
-    # Tracked: frames 0 and 1.
-    for measure, expected in ((mean_precision, (0.5 + 0.25) / 2), (mean_recall, (0.5 + 1) / 2)):
-        np.testing.assert_allclose(measure(estimate, truth), [expected], rtol=1e-6)
+    # Tracked: frames 0 and 1.  All with truth: four frames, the last two of them 0.
+    cases = [
+        (mean_precision, "tracked", (0.5 + 0.25) / 2),
+        (mean_precision, "all", (0.5 + 0.25) / 4),
+        (mean_recall, "tracked", (0.5 + 1) / 2),
+        (mean_recall, "all", (0.5 + 1) / 4),
+    ]
+    for measure, over, expected in cases:
+        np.testing.assert_allclose(measure(estimate, truth, over=over), [expected], rtol=1e-6)
+    assert mean_precision(estimate, truth) == mean_precision(estimate, truth, over="tracked")
 
 
 def test_mean_over_no_frame_is_nan():
     truth = one_object(*[TRUTH] * 5)
     estimate = one_object(FAR, NOWHERE, FAR, NOWHERE, FAR)
     assert np.isnan(mean_precision(estimate, truth)).all()
+    assert mean_precision(estimate, truth, over="all") == 0
 
 
-def test_every_run_has_its_own_mean():
+def test_frames_of_runs_can_be_pooled():
     truth = one_object(TRUTH, TRUTH)
     estimate = runs([TRUTH, TRUTH], [HALF, FAR])
+    # Per run 1 and .5; pooled (1 + 1 + .5) / 3.
     np.testing.assert_allclose(np.asarray(mean_precision(estimate, truth))[:, 0], [1, 0.5])
+    pooled = mean_precision(estimate, truth, axis=(-3, -2))
+    np.testing.assert_allclose(pooled, [2.5 / 3], rtol=1e-6)
+
+
+def test_unknown_choice_of_frames_is_refused():
+    with pytest.raises(InputError, match='"tracked" or "all"'):
+        measures.mean_recall(one_object(TRUTH), one_object(TRUTH), over="some")
 
 
 def test_masked_mean_leaves_out_what_is_masked_or_not_finite():

@@ -24,9 +24,9 @@ def check_window(window: Any, example: str, name: str = "window") -> None:
         raise InputError(f"{name} is {window!r}: give the two sides of a grid, such as {example}.")
 
 
-def window_sizes(sizes: Any, count: int, noun: str) -> np.ndarray:
+def window_sizes(sizes: Any, count: int) -> np.ndarray:
     """Convert widths and heights ``[count, 2]``; refuse those below one pixel."""
-    sizes = numbers_in("sizes", sizes, f"width and height of all {noun}, [{count}, 2]")
+    sizes = numbers_in("sizes", sizes, f"width and height of all objects, [{count}, 2]")
     sizes = sizes.astype(np.float32)
     for i, (width, height) in enumerate(sizes):
         if not (math.isfinite(width * height) and width >= 1 and height >= 1):

@@ -148,7 +148,7 @@ def patch(
     if not np.isfinite(poses).all():
         raise InputError(f"poses is {poses.tolist()}: every number must be finite.")
     _check(sigma, window, norm, interpolation)
-    sizes = window_sizes(sizes, len(poses), "objects")
+    sizes = window_sizes(sizes, len(poses))
     u, v, theta = jnp.asarray(poses).T
     width, height = jnp.asarray(sizes).T
     words = words_of(jnp.asarray(frame))
@@ -192,7 +192,7 @@ def patch_from_pictures(
     }
     _check(**settings)
     extents = np.array([(len(picture[0]), len(picture)) for picture in pictures], np.float32)
-    sizes = window_sizes(extents if sizes is None else sizes, len(pictures), "objects")
+    sizes = window_sizes(extents if sizes is None else sizes, len(pictures))
     references = []
     for i, (picture, extent) in enumerate(zip(pictures, extents, strict=True)):
         middle = [(*(extent / 2), 0.0)]

@@ -132,18 +132,6 @@ def test_the_size_term_favours_larger_boxes_by_area_over_expected_area():
     np.testing.assert_allclose(added, 2 * np.log([0.5, 1, 0.125]), atol=1e-4)
 
 
-def test_scale_and_sides_describe_the_same_box():
-    frame = frame_with(picture(0))
-    sides, scale = likelihood(size_term=1.0), likelihood(size_term=1.0, size="scale")
-    np.testing.assert_allclose(
-        log_prob(sides, frame, (28.0, 42.0, 24.0, 36.0)),
-        log_prob(scale, frame, (28.0, 42.0, 1.5)),
-        rtol=1e-5,
-    )
-    expected = expecting(scale, np.array([[0, 0, 2.0], [0, 0, 0.5]])).expected
-    np.testing.assert_allclose(expected, [[32, 48], [8, 12]])
-
-
 def test_grey_compares_brightness_alone():
     model, frame = likelihood(colour="grey"), frame_with(picture(0))
     swapped = frame.copy()
@@ -153,21 +141,6 @@ def test_grey_compares_brightness_alone():
         log_prob(model, swapped, TRUE), log_prob(model, frame, TRUE), atol=0.05
     )
     assert log_prob(model, frame, TRUE)[0] > log_prob(model, frame, (60.0, 60, 16, 24))[0] + 1
-
-
-def test_bilinear_pixels_have_a_gradient_in_the_box():
-    model, frame = likelihood(interpolation="bilinear"), frame_with(picture(0))
-
-    @jax.jit
-    @jax.grad
-    def gradient(substate):
-        return model.log_prob(model.observe(frame), 0, substate)
-
-    slope = gradient(np.array([28.6, 42.7, 17, 25]))
-    assert np.all(np.isfinite(slope))
-    assert np.all(np.abs(slope[:2]) > 1e-3)
-    assert model.state_gradient
-    assert not likelihood().state_gradient
 
 
 def test_what_is_no_box_has_no_likelihood():
@@ -189,13 +162,10 @@ def test_what_is_no_box_has_no_likelihood():
     [
         ({"sigma": 0.0}, "sigma=0.0 must be one finite number"),
         ({"pool": "sum"}, "choose one of mean, product"),
-        ({"size": "area"}, "choose one of sides, scale"),
         ({"colour": "hsv"}, "choose one of colour, grey"),
         ({"window": (0, 3)}, "two sides of a grid"),
         ({"min_slope": -1.0}, "min_slope=-1.0 must be one finite number"),
         ({"size_term": math.inf}, "size_term=inf must be one finite number"),
-        ({"sizes": [[3, 3]]}, r"sizes has shape .*\[2, 2\]"),
-        ({"sizes": [[3, 3], [0, 3]]}, "sizes\\[1\\] is 0 x 3"),
     ],
 )
 def test_bad_input_is_refused_in_one_sentence(settings, sentence):

@@ -28,7 +28,6 @@ from .distance_law import (
     log_tilt as log_tilt,
 )
 from .gaussian import (
-    CorrelatedGaussian as CorrelatedGaussian,
     Gaussian as Gaussian,
     kalman as kalman,
     stacked_model as stacked_model,

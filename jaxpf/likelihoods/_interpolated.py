@@ -36,15 +36,8 @@ def interpolated_similarity(
     Args:
         table: uint32, ``_sampled.sample_table(bins, NEIGHBOURS)``.
         num_samples: places per side of the box, S.
-        levels: integer [P, parts, K], bins that each object's references use.
-        roots: [P, parts, K], square roots of the references in these bins.
-        partition: int [N].
-        u: [N], centre, pixels from the left.
-        v: [N], centre, pixels from the top.
-        width: [N], pixels.
-        height: [N], pixels.
-        cosine: [N], of the rotation, clockwise in the image.
-        sine: [N].
+        levels, roots, partition: as for ``_sampled.sampled_similarity``.
+        u, v, width, height, cosine, sine: [N], the boxes, see ``places_in_image``.
 
     Returns:
         Similarity [N].

@@ -77,12 +77,7 @@ def sampled_similarity(
         levels: integer [P, parts, K], bins that each object's references use.
         roots: [P, parts, K], square roots of the references in these bins.
         partition: int [N].
-        u: [N], centre, pixels from the left.
-        v: [N], centre, pixels from the top.
-        width: [N], pixels.
-        height: [N], pixels.
-        cosine: [N], of the rotation, clockwise in the image.
-        sine: [N].
+        u, v, width, height, cosine, sine: [N], the boxes, see ``places_in_image``.
 
     Returns:
         Similarity [N].

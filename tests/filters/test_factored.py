@@ -4,12 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from correlated import CorrelatedGaussian
 from quick_compiling import quick
 
 import jaxpf
 from jaxpf import stream
 from jaxpf.dynamics import RandomWalk
-from jaxpf.likelihoods import CorrelatedGaussian
 
 run, monte_carlo = quick(jaxpf.run), quick(jaxpf.monte_carlo)
 

@@ -6,6 +6,7 @@ Those that work are compared with the Kalman filter in tests/statistical/test_pr
 import jax
 import numpy as np
 import pytest
+from correlated import CorrelatedGaussian
 from proposed import residual
 from unsuited_dynamics import Blind, Coupled
 
@@ -13,7 +14,7 @@ import jaxpf
 from jaxpf import InputError, gradients, ordering, pytree_dataclass
 from jaxpf.dynamics import LinearGaussian
 from jaxpf.filters import Relocation, SideBySide, WithErrorBars
-from jaxpf.likelihoods import CorrelatedGaussian, Gaussian
+from jaxpf.likelihoods import Gaussian
 from jaxpf.proposals import Linearised, LocallyOptimal, Mixture
 
 P, KEY = 3, jax.random.key(0)

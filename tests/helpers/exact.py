@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from correlated import CorrelatedGaussian
 from quick_compiling import QUICKLY
 
 import jaxpf
 from jaxpf.dynamics import IndependentGaussian, LinearGaussian
-from jaxpf.likelihoods import CorrelatedGaussian, Gaussian, kalman, stacked_model
+from jaxpf.likelihoods import Gaussian, kalman, stacked_model
 
 NUM_PARTICLES = 48
 RUNS = 20_000

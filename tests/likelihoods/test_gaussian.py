@@ -4,10 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from correlated import CorrelatedGaussian
 from scipy.stats import multivariate_normal
 
 from jaxpf.dynamics import LinearGaussian
-from jaxpf.likelihoods import CorrelatedGaussian, Gaussian, kalman, stacked_model
+from jaxpf.likelihoods import Gaussian, kalman, stacked_model
 
 RNG = np.random.default_rng(0)
 

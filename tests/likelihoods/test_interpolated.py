@@ -7,11 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from correlated import CorrelatedGaussian
 
 import scenes
 from jaxpf import InputError
 from jaxpf.likelihoods import (
-    CorrelatedGaussian,
     Gaussian,
     histogram,
     histogram_from_patches,

@@ -4,12 +4,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from correlated import CorrelatedGaussian
 
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass, smoothing, stream
 from jaxpf.dynamics import LinearGaussian, RandomWalk
 from jaxpf.filters import WithErrorBars
-from jaxpf.likelihoods import CorrelatedGaussian, Gaussian
+from jaxpf.likelihoods import Gaussian
 
 KEY = jax.random.key(1)
 SEEN = np.array([True, True, False, False, True])

@@ -4,12 +4,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from correlated import CorrelatedGaussian
 
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass, smoothing
 from jaxpf.dynamics import AR2, IndependentGaussian, LinearGaussian, RandomWalk
 from jaxpf.gradients import Transport
-from jaxpf.likelihoods import CorrelatedGaussian, Gaussian
+from jaxpf.likelihoods import Gaussian
 from jaxpf.running import memory
 from jaxpf.smoothing import groups
 

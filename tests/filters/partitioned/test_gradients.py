@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.stats
+from correlated import CorrelatedGaussian
 from fenced_trackers import (
     FENCES,
     KEYS,
@@ -25,7 +26,7 @@ import jaxpf
 from jaxpf import InputError, gradients, ordering, pytree_dataclass, tuning
 from jaxpf.dynamics import AR2, LinearGaussian, RandomWalk
 from jaxpf.gradients import NoGradient, Soft, StopGradient, Transport, check_motion_gradient
-from jaxpf.likelihoods import CorrelatedGaussian, Gaussian
+from jaxpf.likelihoods import Gaussian
 
 
 @pytest.mark.slow

@@ -3,11 +3,11 @@
 import jax
 import numpy as np
 import pytest
+from correlated import CorrelatedGaussian
 from tagged_walk import METHODS, D, P, every_method, frames, tracker
 
 from jaxpf import InputError, ordering
 from jaxpf.dynamics import IndependentGaussian
-from jaxpf.likelihoods import CorrelatedGaussian
 
 # Dtypes.
 

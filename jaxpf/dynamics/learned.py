@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.names import COEFFICIENTS
-from jaxpf.contract.numbers import check_number, check_whole, numbers_in
+from jaxpf.contract.numbers import check_whole, numbers_in
 from jaxpf.contract.pytree import as_array
 from jaxpf.dynamics.gaussian import LinearGaussian
 
@@ -23,7 +23,6 @@ def fit(
     *,
     coefficients: str = "steps",
     pooled: bool = False,
-    momentum: float | None = None,
 ) -> LinearGaussian:
     """Fit the autoregression ``x_t = A x_{t-1} + B x_{t-2} + b + L n`` to tracks.
 
@@ -36,9 +35,6 @@ def fit(
             momentum per coordinate).  ``"own"``: free multiples of its own past, and an offset.
             ``"all"``: full matrices and an offset.
         pooled: fit one dynamics to the tracks of all targets; otherwise one per target.
-        momentum: share of its last step that every coordinate repeats, instead of a fitted one;
-            only with order 2 and ``"steps"``.  Use it if annotations jitter from frame to frame:
-            jitter reverses itself in the next step, so the fitted momentum is too low.
 
     Returns:
         Dynamics of P partitions, with a full noise covariance.
@@ -48,13 +44,6 @@ def fit(
     """
     check_whole("order", order, 1, 2)
     check_known("coefficients=", coefficients, COEFFICIENTS)
-    if momentum is not None:
-        if (order, coefficients) != (2, "steps"):
-            raise InputError(
-                f"momentum {momentum} is of order 2 with coefficients 'steps', and order {order} "
-                f"with {coefficients!r} was asked for; leave it out."
-            )
-        check_number("momentum", momentum, least=0, most=1)
     pieces = [numbers_in("tracks", piece, "numbers, [T, P, D]") for piece in _as_list(tracks)]
     if not pieces or any(
         piece.ndim != 3 or piece.shape[1:] != pieces[0].shape[1:] for piece in pieces
@@ -66,7 +55,7 @@ def fit(
     fits: dict[int, tuple[np.ndarray, ...]] = {}
     for targets in groups:
         examples = [_triples(piece[:, target], order) for piece in pieces for target in targets]
-        fitted = _fit_one(np.concatenate(examples), order, coefficients, momentum, targets)
+        fitted = _fit_one(np.concatenate(examples), order, coefficients, targets)
         fits |= dict.fromkeys(targets, fitted)
     transition, lag, offset, noise = (
         as_array(np.stack([fits[target][k] for target in range(num_targets)]), float)
@@ -92,12 +81,11 @@ def _triples(track: np.ndarray, order: int) -> np.ndarray:
     return every[np.isfinite(every).all(axis=(1, 2))]
 
 
-def _fit_one(examples, order, coefficients, given, targets) -> tuple[np.ndarray, ...]:
+def _fit_one(examples, order, coefficients, targets) -> tuple[np.ndarray, ...]:
     """A, B, b and L of one group of targets."""
     dimension = examples.shape[2]
     new, last = examples[:, -1], examples[:, -2]
     learned = {"steps": order - 1, "own": order + 1, "all": order * dimension + 1}[coefficients]
-    learned = 0 if given is not None else learned
     if len(examples) < learned + dimension + 1:
         name = f"target {targets[0]}" if len(targets) == 1 else "all targets together"
         raise InputError(
@@ -124,7 +112,6 @@ def _fit_one(examples, order, coefficients, given, targets) -> tuple[np.ndarray,
             step = last[:, k] - examples[:, 0, k]
             moved = step @ step
             momentum = step @ (new[:, k] - last[:, k]) / moved if moved > 0 else 0.0
-            momentum = momentum if given is None else given
             lag[k, k] = -momentum
         transition[k, k] = stay + momentum
     left = new - last @ transition.T - examples[:, 0] @ lag.T * (order == 2) - offset

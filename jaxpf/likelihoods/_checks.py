@@ -9,8 +9,6 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.likelihoods.color import check_frame
 
-#: How the squared differences of a window are combined.
-NORMS = ("mean", "sum")
 #: Largest number of columns or rows of a window.
 _WIDEST = 1000
 #: How colours are read at positions between pixels.

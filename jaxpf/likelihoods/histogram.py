@@ -14,7 +14,7 @@ and a box outside it has d^2 = parts.
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import jax.numpy as jnp
@@ -222,7 +222,6 @@ def histogram(
     method: str = "auto",
     num_particles: int | None = None,
     samples: int = 16,
-    references: Mapping[int, Any] | None = None,
     interpolation: str = "nearest",
     form: str = "exponential",
 ) -> HistogramLikelihood:
@@ -241,8 +240,6 @@ def histogram(
             method if results are to be compared.
         num_particles: particles per run, for ``"auto"``; default 300.
         samples: samples per side of a box, for the sampled method.
-        references: object -> uint8 RGB patch [h, w, 3] from which that object's reference
-            is learned instead (smith2004 learns one from a distracter).
         interpolation: ``"nearest"``, or ``"bilinear"`` for gradients with respect to substates.
         form: ``"exponential"``, ``"density"`` or ``"ratio"``, see
             ``jaxpf.likelihoods.log_density``; the ratio's background is learned from
@@ -256,20 +253,11 @@ def histogram(
     check_parts(parts)
     check_sizes(boxes[:, 2:], parts, "boxes")
     bins = np.asarray(hsv_bins(frame))
-    patches = dict(references or {})
     learned = []
     for i, box in enumerate(boxes):
         if not np.all(np.isfinite(box)):
             raise InputError(f"boxes[{i}] is {box.tolist()}: every number must be finite.")
-        if i in patches:
-            learned.append(patch_histogram(patches.pop(i), parts, f"references[{i}]"))
-        else:
-            learned.append(box_histogram(bins, box, parts, f"boxes[{i}]"))
-    if patches:
-        raise InputError(
-            f"references names object {next(iter(patches))!r}, but there are {len(boxes)} "
-            f"boxes: use 0 to {len(boxes) - 1}."
-        )
+        learned.append(box_histogram(bins, box, parts, f"boxes[{i}]"))
     return _build(
         np.array(learned), boxes[:, 2:], sharpness, method, num_particles, samples,
         bins.shape, interpolation, form, frame,

@@ -6,8 +6,8 @@ the window, all channels together::
     d = r / E[r] - o / E[o],    log p(y | x) = -||d||^2 / sigma^2
 
 On a window of n entries, independent errors add up to a sum that is far too sharp for particles
-(21 x 21 pixels RGB, off by 5 %: -331).  So by default ``||d||^2`` is divided by n; ``norm="sum"``
-is the paper's literal rule.  Pixel (i, j), row i and column j, is the square
+(21 x 21 pixels RGB, off by 5 %: -331).  So here ``||d||^2`` is divided by n; for the paper's
+literal rule divide sigma by the square root of n.  Pixel (i, j), row i and column j, is the square
 [j, j + 1) x [i, i + 1); pixels outside the frame are black.
 """
 
@@ -23,7 +23,6 @@ from jaxpf.contract.numbers import check_number, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.likelihoods._checks import (
     INTERPOLATIONS,
-    NORMS,
     check_pictures,
     check_window,
     window_sizes,
@@ -49,7 +48,6 @@ class PatchLikelihood(Likelihood):
         references: [P, rows * columns, 3], r / E[r].
         sizes: [P, 2], width and height of the window at scale 1, pixels.
         window: (columns, rows) of the sampling grid.
-        norm: ``"mean"`` or ``"sum"``.
         interpolation: ``"nearest"`` reads one pixel per place of the grid; ``"bilinear"`` mixes
             four, costs about four times as much, and has gradients with respect to u, v, a and
             theta.
@@ -59,7 +57,6 @@ class PatchLikelihood(Likelihood):
     references: Any
     sizes: Any
     window: tuple[int, int] = static_field(default=(21, 21))
-    norm: str = static_field(default="mean")
     interpolation: str = static_field(default="nearest")
 
     @property
@@ -108,8 +105,7 @@ class PatchLikelihood(Likelihood):
         )
         difference = jnp.asarray(self.references, dtype)[partition] - _normalised(seen)
         squares = jnp.sum(difference**2, axis=(1, 2))
-        if self.norm == "mean":
-            squares = squares / (difference.shape[1] * difference.shape[2])
+        squares = squares / (difference.shape[1] * difference.shape[2])
         log_prob = -squares / jnp.asarray(self.sigma, dtype) ** 2
         log_prob = jnp.where((width >= 1) & (height >= 1), log_prob, -jnp.inf)
         return jnp.where(jnp.all(jnp.isfinite(substates), axis=0), log_prob, jnp.nan)
@@ -122,7 +118,6 @@ def patch(
     *,
     sigma: float = 0.1,
     window: tuple[int, int] = (21, 21),
-    norm: str = "mean",
     interpolation: str = "nearest",
     names: Sequence[str] | None = None,
 ) -> PatchLikelihood:
@@ -133,10 +128,8 @@ def patch(
         poses: [P, 3], x and y of the windows' centres in pixels, and theta in radians, clockwise
             in the image.
         sizes: [P, 2], width and height of the windows, pixels.
-        sigma: smaller is sharper; .1 in eskil2014, with ``norm="sum"``.
+        sigma: smaller is sharper; .1 in eskil2014, of the literal rule.
         window: columns and rows of the sampling grid (eskil2014: 21 x 21).
-        norm: ``"mean"`` of the squared differences, or their ``"sum"``, the paper's eq. 7, which
-            is far too sharp for particles on a large window.
         interpolation: ``"nearest"`` or ``"bilinear"``.
         names: of the windows in messages; by default their numbers.
 
@@ -147,7 +140,7 @@ def patch(
     poses = numbers_in("poses", poses, "x, y, theta of every object, [>= 1, 3]").astype(np.float32)
     if not np.isfinite(poses).all():
         raise InputError(f"poses is {poses.tolist()}: every number must be finite.")
-    _check(sigma, window, norm, interpolation)
+    _check(sigma, window, interpolation)
     sizes = window_sizes(sizes, len(poses))
     u, v, theta = jnp.asarray(poses).T
     width, height = jnp.asarray(sizes).T
@@ -160,7 +153,7 @@ def patch(
                 f"{name} is black, its mean {mean:.2g} of 255, so nothing can be divided by it: "
                 "move or enlarge it."
             )
-    return _build(_normalised(seen), sizes, sigma, window, norm, interpolation)
+    return _build(_normalised(seen), sizes, sigma, window, interpolation)
 
 
 def patch_from_pictures(
@@ -169,7 +162,6 @@ def patch_from_pictures(
     *,
     sigma: float = 0.1,
     window: tuple[int, int] = (21, 21),
-    norm: str = "mean",
     interpolation: str = "nearest",
 ) -> PatchLikelihood:
     """Learn the likelihood of P objects from one upright picture of each.
@@ -178,18 +170,13 @@ def patch_from_pictures(
         pictures: P pictures, uint8 RGB [h, w, 3], of any sizes.
         sizes: [P, 2], width and height of the windows at scale 1, pixels; by default the sizes
             of the pictures.
-        sigma, window, norm, interpolation: as in :func:`patch`.
+        sigma, window, interpolation: as in :func:`patch`.
 
     Raises:
         InputError: an argument is out of range, or a picture is black.
     """
     check_pictures("pictures", pictures)
-    settings: dict[str, Any] = {
-        "sigma": sigma,
-        "window": window,
-        "norm": norm,
-        "interpolation": interpolation,
-    }
+    settings: dict[str, Any] = {"sigma": sigma, "window": window, "interpolation": interpolation}
     _check(**settings)
     extents = np.array([(len(picture[0]), len(picture)) for picture in pictures], np.float32)
     sizes = window_sizes(extents if sizes is None else sizes, len(pictures))
@@ -207,19 +194,17 @@ def _normalised(seen):
     return seen / jnp.maximum(mean, _DARKEST_MEAN)
 
 
-def _build(references, sizes, sigma, window, norm, interpolation) -> PatchLikelihood:
+def _build(references, sizes, sigma, window, interpolation) -> PatchLikelihood:
     return PatchLikelihood(
         sigma=as_array(sigma, float),
         references=as_array(references, float),
         sizes=as_array(sizes, float),
         window=tuple(window),
-        norm=norm,
         interpolation=interpolation,
     )
 
 
-def _check(sigma, window, norm, interpolation) -> None:
+def _check(sigma, window, interpolation) -> None:
     check_number("sigma", sigma, above=0)
     check_window(window, "(21, 21)")
-    check_known("norm=", norm, NORMS)
     check_known("interpolation=", interpolation, INTERPOLATIONS)

@@ -28,9 +28,11 @@ from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.numbers import check_number, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
-from jaxpf.likelihoods._checks import NORMS, check_pictures, check_window
+from jaxpf.likelihoods._checks import check_pictures, check_window
 from jaxpf.likelihoods.color import check_frame
 
+#: How the squared differences of a window are combined.
+NORMS = ("mean", "sum")
 # Lower bound of the mean, of 255, by which a window is divided; as in ``patch``.
 _DARKEST_MEAN = 1.0
 #: Of the log odds: constant, and factors of log(d / e) and log(s + .05).

@@ -131,9 +131,7 @@ def space_of(
     return _scaled(contours, [_linear_modes(name, contour) for contour in contours], closed, degree)
 
 
-def key_frame_space(
-    examples: ArrayLike, dimension: int, *, closed: bool = True, degree: int = CUBIC
-) -> ShapeSpace:
+def key_frame_space(examples: ArrayLike, dimension: int, *, closed: bool = True) -> ShapeSpace:
     """Shifts, and the principal components of centred examples.
 
     maccormick1999, section 4: "key-frames from principal components analysis of templates".
@@ -142,13 +140,12 @@ def key_frame_space(
     Args:
         examples: control points in pixels, ``[S, K, 2]``, in correspondence.
         dimension: D: 2 for the shift, the rest for the components that vary most.
-        closed: whether the contours are closed.
-        degree: of the splines.
+        closed: whether the contours, cubic splines, are closed.
 
     Raises:
         InputError: there are no key frames, or too few for the dimension.
     """
-    examples = check_contours(examples, degree)
+    examples = check_contours(examples)
     length = examples.shape[1] * 2
     check_whole("dimension", dimension, 2, length)  # shifts alone; every control point
     if len(examples) < dimension:
@@ -161,7 +158,7 @@ def key_frame_space(
     _, _, components = np.linalg.svd((centred - mean).reshape(len(examples), length))
     shifts = _linear_modes("translation", mean)
     modes = np.concatenate([shifts, components[: dimension - 2].reshape(-1, *mean.shape)])
-    return _scaled(mean[None], [modes], closed, degree)
+    return _scaled(mean[None], [modes], closed, CUBIC)
 
 
 def check_contours(contours: ArrayLike, degree: int = CUBIC) -> np.ndarray:

@@ -69,24 +69,21 @@ def points_on(control: ArrayLike, count: int, *, closed: bool, degree: int = CUB
     return basis(places, control.shape[-2], closed=closed, degree=degree) @ control
 
 
-def fit_spline(
-    points: ArrayLike, num_points: int, *, closed: bool, degree: int = CUBIC
-) -> np.ndarray:
-    """Control points ``[K, 2]`` of the least-squares spline of a polyline.
+def fit_spline(points: ArrayLike, num_points: int, *, closed: bool) -> np.ndarray:
+    """Control points ``[K, 2]`` of the least-squares cubic spline of a polyline.
 
     Args:
         points: ``[S, 2]``, the polyline in pixels, in order; a closed one without its first
             point repeated.
         num_points: K.
         closed: whether the polyline is closed.
-        degree: of the spline.
 
     Raises:
-        InputError: there are fewer than ``degree + 1`` control points, or the polyline is invalid.
+        InputError: there are fewer than four control points, or the polyline is invalid.
     """
-    check_order(num_points, degree)
+    check_order(num_points)
     even = resampled(points, 8 * num_points, closed=closed)
-    matrix = basis(even_places(len(even), closed=closed), num_points, closed=closed, degree=degree)
+    matrix = basis(even_places(len(even), closed=closed), num_points, closed=closed)
     return np.linalg.lstsq(matrix, even, rcond=None)[0]
 
 

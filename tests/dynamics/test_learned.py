@@ -54,35 +54,6 @@ def test_a_wandering_track_gives_the_momentum_of_its_steps():
     np.testing.assert_allclose(found.transition + found.lag, 1, atol=1e-6)
 
 
-def test_a_given_momentum_leaves_the_noise_to_be_learned():
-    momentum, scale = 0.9, 3.0
-    eye = np.eye(1)[None]
-    walk = LinearGaussian(
-        eye * (1 + momentum), eye * scale, -eye * momentum, None, np.zeros((1, 1))
-    )
-    track = simulate(walk)
-    jitter = np.random.default_rng(1).normal(size=track.shape) * 2 * scale
-    # Marks that jitter hide the momentum, which is why it may be given.
-    assert float(-fit(track + jitter, 2).lag[0, 0, 0]) < 0.8
-    found = fit(track, 2, momentum=momentum)
-    np.testing.assert_allclose(found.lag, -momentum, rtol=1e-6)
-    np.testing.assert_allclose(found.transition, 1 + momentum, rtol=1e-6)
-    assert float(found.noise[0, 0, 0]) == pytest.approx(scale, rel=4.5 / np.sqrt(2 * FRAMES))
-
-
-@pytest.mark.parametrize(
-    ("given", "match"),
-    [
-        ({"momentum": 1.5}, "momentum=1.5 must be one finite number at least 0 and at most 1"),
-        ({"momentum": 0.9, "order": 1}, "order 1 with 'steps'"),
-        ({"momentum": 0.9, "coefficients": "own"}, "order 2 with 'own'"),
-    ],
-)
-def test_a_momentum_that_does_not_fit_is_refused(given, match):
-    with pytest.raises(InputError, match=match):
-        fit(simulate(TRUTH, 50), **given)
-
-
 def test_gaps_are_left_out_and_targets_pooled():
     track = simulate(TRUTH)[:, :1]
     both = np.concatenate([track, track], axis=1)

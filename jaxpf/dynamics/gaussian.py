@@ -21,54 +21,11 @@ from jaxpf.contract.pytree import pytree_dataclass, static_field
 SCALE = "finite standard deviations from 0, one for all, or one per coordinate"
 
 
-@pytree_dataclass
-class RandomWalk(DynamicsWithDensity, DynamicsWithPrediction):
-    """``x_t = x_{t-1} + scale * n``.
-
-    Attributes:
-        scale: standard deviation of the noise per frame, ``[D]`` or ``[P, D]`` or ``[]``,
-            in the substate's units.
-    """
+class _NoisyDrift(DynamicsWithDensity, DynamicsWithPrediction):
+    """The substate drifts as a subclass says, plus independent normal noise."""
 
     by_partition: ClassVar[tuple[str, ...]] = ("scale",)
     scale: ArrayLike
-
-    def __post_init__(self):
-        check_array("scale", self.scale, SCALE, least=0)
-
-    def propagate_all(self, key, partition, current, previous, parent):
-        """Move all particles, ``[D, N]``."""
-        noise = jax.random.normal(key, current.shape, current.dtype)
-        return current + _per_particle(self.scale, partition, current) * noise
-
-    def log_density_all(self, partition, new, current, previous, parent):
-        """Log-densities of all particles, ``[N]``."""
-        return log_normal(new - current, _per_particle(self.scale, partition, current))
-
-    def predict_all(self, partition, current, previous):
-        """Expected substates of all particles, ``[D, N]``: unchanged."""
-        return current
-
-
-@pytree_dataclass
-class AR2(DynamicsWithDensity, DynamicsWithPrediction):
-    """Second-order autoregression, ``x_t = x_{t-1} + momentum (x_{t-1} - x_{t-2}) + scale n``.
-
-    Source: smith2004, section 2, with momentum .5 and scale (2, 2, .001) for the centre
-    (pixels) and the scale of a box.
-
-    Attributes:
-        scale: sigma, standard deviation of the noise, ``[D]`` or ``[P, D]`` or ``[]``.
-        momentum: share of the last displacement that is repeated.
-    """
-
-    by_partition: ClassVar[tuple[str, ...]] = ("scale",)
-    scale: ArrayLike
-    momentum: ArrayLike = 0.5
-
-    def __post_init__(self):
-        check_array("scale", self.scale, SCALE, least=0)
-        check_array("momentum", self.momentum, "finite numbers", least=FINITE)
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[D, N]``."""
@@ -86,11 +43,52 @@ class AR2(DynamicsWithDensity, DynamicsWithPrediction):
         return self._drift(current, previous)
 
     def _drift(self, current, previous):
+        raise NotImplementedError
+
+
+@pytree_dataclass
+class RandomWalk(_NoisyDrift):
+    """``x_t = x_{t-1} + scale * n``.
+
+    Attributes:
+        scale: standard deviation of the noise per frame, ``[D]`` or ``[P, D]`` or ``[]``,
+            in the substate's units.
+    """
+
+    scale: ArrayLike
+
+    def __post_init__(self):
+        check_array("scale", self.scale, SCALE, least=0)
+
+    def _drift(self, current, previous):
+        return current
+
+
+@pytree_dataclass
+class AR2(_NoisyDrift):
+    """Second-order autoregression, ``x_t = x_{t-1} + momentum (x_{t-1} - x_{t-2}) + scale n``.
+
+    Source: smith2004, section 2, with momentum .5 and scale (2, 2, .001) for the centre
+    (pixels) and the scale of a box.
+
+    Attributes:
+        scale: sigma, standard deviation of the noise, ``[D]`` or ``[P, D]`` or ``[]``.
+        momentum: share of the last displacement that is repeated.
+    """
+
+    scale: ArrayLike
+    momentum: ArrayLike = 0.5
+
+    def __post_init__(self):
+        check_array("scale", self.scale, SCALE, least=0)
+        check_array("momentum", self.momentum, "finite numbers", least=FINITE)
+
+    def _drift(self, current, previous):
         return current + jnp.asarray(self.momentum, current.dtype) * (current - previous)
 
 
 @pytree_dataclass
-class FirstOrder(DynamicsWithDensity, DynamicsWithPrediction):
+class FirstOrder(_NoisyDrift):
     """Constant-velocity model, ``x_t = x_{t-1} + u_{t-1} + n``, with noise on all coordinates.
 
     Source: rowe2005, eq. 5 without feedback and eq. 7: speed and size are random walks.
@@ -101,7 +99,6 @@ class FirstOrder(DynamicsWithDensity, DynamicsWithPrediction):
         speed: static, indices of the speed coordinates, per frame.
     """
 
-    by_partition: ClassVar[tuple[str, ...]] = ("scale",)
     scale: ArrayLike
     position: tuple[int, ...] = static_field(default=(0, 1))
     speed: tuple[int, ...] = static_field(default=(2, 3))
@@ -115,20 +112,7 @@ class FirstOrder(DynamicsWithDensity, DynamicsWithPrediction):
                 f"position={self.position} and speed={self.speed} must name as many coordinates."
             )
 
-    def propagate_all(self, key, partition, current, previous, parent):
-        """Move all particles, ``[D, N]``."""
-        noise = jax.random.normal(key, current.shape, current.dtype)
-        return self._drift(current) + _per_particle(self.scale, partition, current) * noise
-
-    def log_density_all(self, partition, new, current, previous, parent):
-        """Log-densities of all particles, ``[N]``."""
-        return log_normal(new - self._drift(current), _per_particle(self.scale, partition, current))
-
-    def predict_all(self, partition, current, previous):
-        """Expected substates of all particles, ``[D, N]``."""
-        return self._drift(current)
-
-    def _drift(self, current):
+    def _drift(self, current, previous):
         return current.at[np.array(self.position)].add(current[np.array(self.speed)])
 
 

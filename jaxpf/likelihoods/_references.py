@@ -56,10 +56,6 @@ def patch_histogram(patch, parts, place):
     return box_histogram(bins, np.array([0, 0, width, height], float), parts, place)
 
 
-def check_parts(parts):
-    check_whole("parts", parts)
-
-
 def check_sizes(sizes, parts, name):
     for i, (width, height) in enumerate(sizes):
         if not (math.isfinite(width) and math.isfinite(height)):

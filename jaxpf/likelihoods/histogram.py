@@ -22,7 +22,7 @@ import numpy as np
 
 from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_array, numbers_in
+from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.likelihoods._integral import (
     LANES,
@@ -33,7 +33,6 @@ from jaxpf.likelihoods._integral import (
 from jaxpf.likelihoods._interpolated import NEIGHBOURS, interpolated_similarity
 from jaxpf.likelihoods._references import (
     box_histogram,
-    check_parts,
     check_settings,
     check_sizes,
     patch_histogram,
@@ -250,7 +249,7 @@ def histogram(
     """
     check_frame(frame)
     boxes = numbers_in("boxes", boxes, "x, y, w, h in pixels of every object, [>= 1, 4]")
-    check_parts(parts)
+    check_whole("parts", parts)
     check_sizes(boxes[:, 2:], parts, "boxes")
     bins = np.asarray(hsv_bins(frame))
     learned = []
@@ -292,7 +291,7 @@ def histogram_from_patches(
     Raises:
         InputError: an argument is out of range.
     """
-    check_parts(parts)
+    check_whole("parts", parts)
     check_array("frame_shape", frame_shape, "height and width of a frame, [>= 2]", least=1)
     if not isinstance(patches, Sequence) or not patches:
         raise InputError("patches is empty: give one picture per object.")

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from jaxpf.contract.errors import check_type
 from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.likelihoods._integral import LANES
-from jaxpf.likelihoods._references import box_histogram, check_parts, check_sizes
+from jaxpf.likelihoods._references import box_histogram, check_sizes
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
 
@@ -51,7 +51,7 @@ def open_histogram(
     """
     check_whole("capacity", capacity, most=_MOST_OBJECTS)
     check_array("typical_size", typical_size, "width and height in pixels, [2]", least=1)
-    check_parts(parts)
+    check_whole("parts", parts)
     # A picture that contains every bin determines the shapes of the arrays.
     colours = np.stack(np.meshgrid(*[np.arange(0, 256, 15)] * 3), axis=-1).reshape(1, -1, 3)
     picture = np.repeat(colours.astype(np.uint8), parts, axis=0)

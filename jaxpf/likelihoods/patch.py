@@ -140,7 +140,9 @@ def patch(
     poses = numbers_in("poses", poses, "x, y, theta of every object, [>= 1, 3]").astype(np.float32)
     if not np.isfinite(poses).all():
         raise InputError(f"poses is {poses.tolist()}: every number must be finite.")
-    _check(sigma, window, interpolation)
+    check_number("sigma", sigma, above=0)
+    check_window(window, "(21, 21)")
+    check_known("interpolation=", interpolation, INTERPOLATIONS)
     sizes = window_sizes(sizes, len(poses))
     u, v, theta = jnp.asarray(poses).T
     width, height = jnp.asarray(sizes).T
@@ -177,7 +179,6 @@ def patch_from_pictures(
     """
     check_pictures("pictures", pictures)
     settings: dict[str, Any] = {"sigma": sigma, "window": window, "interpolation": interpolation}
-    _check(**settings)
     extents = np.array([(len(picture[0]), len(picture)) for picture in pictures], np.float32)
     sizes = window_sizes(extents if sizes is None else sizes, len(pictures))
     references = []
@@ -202,9 +203,3 @@ def _build(references, sizes, sigma, window, interpolation) -> PatchLikelihood:
         window=tuple(window),
         interpolation=interpolation,
     )
-
-
-def _check(sigma, window, interpolation) -> None:
-    check_number("sigma", sigma, above=0)
-    check_window(window, "(21, 21)")
-    check_known("interpolation=", interpolation, INTERPOLATIONS)

@@ -22,7 +22,7 @@ from jaxpf.boxes import target as box_target
 from jaxpf.boxes.models import box_model, boxes_at
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.model import Model
-from jaxpf.contract.numbers import check_array, check_whole, numbers_in
+from jaxpf.contract.numbers import check_array, numbers_in
 from jaxpf.contract.options import chosen, options_of
 from jaxpf.filters.labelled import options as labelled
 from jaxpf.filters.labelled.population import born, ended
@@ -88,7 +88,6 @@ def open_model(
             "objects that come and go are known by colour and move by pixels, because there is "
             "no start frame to learn from; leave out --appearance and --motion."
         )
-    check_whole("capacity", capacity, most=lifetimes.MOST_AT_ONCE)
     check_array("frame_shape", frame_shape, "height and width of a frame, [>= 2]", least=1)
     height, width = frame_shape[:2]
     histograms = open_histogram(

@@ -175,6 +175,10 @@ def interpolated_integral_similarity(
     return total, fits
 
 
+#: The similarity of each interpolation.
+SIMILARITIES = {"nearest": integral_similarity, "bilinear": interpolated_integral_similarity}
+
+
 def _bounds(table, region):
     """Flat index of the first corner, last row and last column, of the table or of a region."""
     num_rows, num_columns = table.cells.shape[-3:-1]

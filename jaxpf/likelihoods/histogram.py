@@ -24,12 +24,7 @@ from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
-from jaxpf.likelihoods._integral import (
-    LANES,
-    integral_similarity,
-    integral_table,
-    interpolated_integral_similarity,
-)
+from jaxpf.likelihoods._integral import LANES, SIMILARITIES, integral_table
 from jaxpf.likelihoods._interpolated import NEIGHBOURS, interpolated_similarity
 from jaxpf.likelihoods._references import (
     box_histogram,
@@ -178,10 +173,7 @@ class HistogramLikelihood(Likelihood):
             else:
                 similarity = sampled_similarity(observation, self.distance, self.samples, *boxes)
         else:
-            count = integral_similarity
-            if self.interpolation == "bilinear":
-                count = interpolated_integral_similarity
-            similarity, fits = count(
+            similarity, fits = SIMILARITIES[self.interpolation](
                 observation, self.references, partition,
                 u - width / 2, v - height / 2, width, height,
             )  # fmt: skip

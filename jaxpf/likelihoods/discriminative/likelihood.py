@@ -23,11 +23,7 @@ import jax.numpy as jnp
 from jaxpf.contract import Likelihood, of_partition
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass, static_field
-from jaxpf.likelihoods._integral import (
-    integral_similarity,
-    integral_table,
-    interpolated_integral_similarity,
-)
+from jaxpf.likelihoods._integral import SIMILARITIES, integral_table
 from jaxpf.likelihoods.color import check_frame, hsv_bins
 from jaxpf.likelihoods.discriminative import nearby
 from jaxpf.likelihoods.discriminative.cells import Boxes, cell_features, cell_score, sum_table
@@ -302,11 +298,8 @@ class DiscriminativeLikelihood(Likelihood):
         return jnp.concatenate(columns, axis=1)
 
     def _colour_score(self, table, weights, partition, boxes):
-        count = integral_similarity
-        if self.interpolation == "bilinear":
-            count = interpolated_integral_similarity
         scaled = jnp.asarray(weights) / math.sqrt(weights.shape[1])
-        score, _ = count(
+        score, _ = SIMILARITIES[self.interpolation](
             table, scaled, partition, boxes.left, boxes.top, boxes.width, boxes.height, boxes[4:]
         )
         return score

@@ -91,10 +91,7 @@ class ArticulatedParameters:
         check_parameters(
             "articulated",
             self,
-            above_0=(
-                *("num_frames", "frame_width", "frame_height", "fps", "part_length"),
-                *("strong_factor", "cell_size"),
-            ),
+            above_0=("part_length", "strong_factor", "cell_size"),
             shares=("accent_share", "saturation", "brightness", "period_spread"),
             signed=("num_parts", "background_mean"),
         )

@@ -85,10 +85,7 @@ class ProjectilesParameters:
         check_parameters(
             "projectiles",
             self,
-            above_0=(
-                *("num_frames", "frame_width", "frame_height", "fps", "num_targets"),
-                *("background_grain", "friction"),
-            ),
+            above_0=("num_targets", "background_grain", "friction"),
             shares=("reach", "strips"),
             signed=("background_mean",),
         )

@@ -38,8 +38,6 @@ def check_parameters(
     positive = {*_COMMON, *above_0} - {*least}
     for field in dataclasses.fields(parameters):
         name, value = field.name, getattr(parameters, field.name)
-        if value is None and field.default is None:
-            continue
         kinds = get_args(field.type)
         if get_origin(field.type) is Literal:
             one_of = f"must be one of {', '.join(kinds)}"

@@ -152,9 +152,9 @@ def _read_seqinfo(path: Path) -> dict:
             f"{path} is missing: a MOTChallenge sequence needs seqinfo.ini, gt/gt.txt and img1/"
         )
     parser = configparser.ConfigParser(interpolation=None)
-    text = text_of(path)
+    description = text_of(path)
     try:
-        parser.read_string(text)
+        parser.read_string(description)
         section = parser["Sequence"]
     except (configparser.Error, KeyError) as error:
         cause = " ".join(str(error)[:200].split())

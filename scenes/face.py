@@ -109,7 +109,7 @@ def face_scene(parameters: FaceParameters, seed: int = 0) -> Scene:
             where.append(pose.to_image(groups[view]))
         film.add(frame)
         points.append(np.concatenate(where))
-    visible = np.ones((parameters.num_frames, len(points[0])), bool)
+    visible = [np.ones(len(points[0]), bool)] * parameters.num_frames
     lengths = [WIDTH] * parameters.num_frames
     names = [*FRONT, *PROFILE]
     return point_scene("face", film.frames, points, visible, names, lengths, parameters, seed)

@@ -11,6 +11,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from scenes.drawn_outlines import boxes_around
 from scenes.mosaics import coloured, scattered, with_noise
 from scenes.parameters import check_parameters, require
 from scenes.scene import Scene, SceneError
@@ -91,10 +92,7 @@ class ArticulatedParameters:
         check_parameters(
             "articulated",
             self,
-            above_0=(
-                *("num_frames", "frame_width", "frame_height", "fps", "part_length"),
-                *("strong_factor", "cell_size"),
-            ),
+            above_0=("part_length", "strong_factor", "cell_size"),
             shares=("accent_share", "saturation", "brightness", "period_spread"),
             signed=("num_parts", "background_mean"),
         )
@@ -137,11 +135,10 @@ def articulated_scene(parameters: ArticulatedParameters, seed: int = 0) -> Scene
     frames = _draw_frames(parameters, seed, poses, corners, textures)
     # Reference patches have noise, like the parts in the frames.
     rng = np.random.default_rng([seed, _PATCHES])
-    lowest, highest = corners.min(axis=2), corners.max(axis=2)
     return Scene(
         name="articulated",
         frames=frames,
-        boxes=np.concatenate([lowest, highest - lowest], axis=-1),
+        boxes=boxes_around(corners),
         patches=[with_noise(texture, parameters.object_noise, rng) for texture in textures],
         fps=parameters.fps,
         parameters={**dataclasses.asdict(parameters), "seed": seed},

@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from scenes.clips import NOT_ANNOTATED, Clip, Rows, real_number, tabulated, whole_number
+from scenes.clips import NOT_ANNOTATED, Clip, Rows, real_number, tabulated, text_of, whole_number
 from scenes.scene import SceneError, shown
 
 _PICTURES = {".jpg", ".jpeg", ".png", ".bmp"}
@@ -152,10 +152,11 @@ def _read_seqinfo(path: Path) -> dict:
             f"{path} is missing: a MOTChallenge sequence needs seqinfo.ini, gt/gt.txt and img1/"
         )
     parser = configparser.ConfigParser(interpolation=None)
+    description = text_of(path)
     try:
-        parser.read_string(path.read_text(encoding="utf-8-sig"))
+        parser.read_string(description)
         section = parser["Sequence"]
-    except (configparser.Error, KeyError, UnicodeDecodeError) as error:
+    except (configparser.Error, KeyError) as error:
         cause = " ".join(str(error)[:200].split())
         raise SceneError(
             f"{path} is no MOTChallenge description with a section [Sequence]: {cause}"
@@ -263,11 +264,7 @@ def _read_otb_truth(path: Path) -> np.ndarray:
 
 def _lines(path: Path, separator: str) -> Iterator[tuple[str, list[str]]]:
     """Yield (place for messages, cells) of every non-empty line."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise SceneError(f"{path} is not a text file") from None
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(text_of(path).splitlines(), start=1):
         line = line.strip()
         if line:
             yield f"{path}, line {number}: {shown(line)}", re.split(separator, line)

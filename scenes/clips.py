@@ -182,13 +182,12 @@ def tabulated(rows: Rows, num_frames: int) -> tuple[tuple[int, ...], np.ndarray,
 def _read_meta(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise SceneError(f"{path} is missing: a clip's folder needs meta.json and gt.csv")
+    text = text_of(path)
     try:
-        meta = json.loads(_text_of(path))
+        meta = json.loads(text)
     except RecursionError:
         raise SceneError(f"{path} is not valid JSON: it is nested too deeply") from None
     except ValueError as error:
-        if isinstance(error, SceneError):
-            raise
         raise SceneError(f"{path} is not valid JSON: {str(error).partition(';')[0]}") from error
     if not isinstance(meta, dict):
         raise SceneError(f"{path} must hold an object with names and values")
@@ -231,7 +230,7 @@ def _csv_lines(path: Path) -> Iterator[tuple[str, list[str]]]:
     Raises:
         SceneError: a wrong header, or a line with too few or too many values.
     """
-    text = _text_of(path)
+    text = text_of(path)
     first = text.lstrip("\n\r \t").splitlines()[:1]
     separator = next((mark for mark in ";\t" if first and mark in first[0]), ",")
     lines = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
@@ -253,7 +252,12 @@ def _csv_lines(path: Path) -> Iterator[tuple[str, list[str]]]:
         raise SceneError(f"{path}, line {lines.line_num} is no CSV: {error}") from None
 
 
-def _text_of(path: Path) -> str:
+def text_of(path: Path) -> str:
+    """Read a text file in UTF-8 or UTF-16.
+
+    Raises:
+        SceneError: it cannot be read, or holds a byte that is no UTF-8.
+    """
     try:
         content = path.read_bytes()
         is_utf_16 = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))

@@ -152,31 +152,32 @@ class Film:
 def point_scene(
     name: str,
     frames: Sequence[np.ndarray],
-    points: np.ndarray,
-    visible: np.ndarray,
+    points: Sequence[np.ndarray],
+    visible: Sequence[np.ndarray],
     names: Sequence[str],
-    length: np.ndarray,
-    fps: float,
-    parameters: dict[str, Any],
+    length: Sequence[float],
+    parameters: Any,
+    seed: int,
 ) -> Scene:
-    """Build a scene of points.
+    """Build a scene of points; ``parameters`` is its dataclass.
 
     ``extras`` has ``points`` [T, P, 2] in pixels, ``visible`` bool [T, P], ``point_names`` and
     ``body_length`` [T] in pixels.  Boxes and patches are windows around the points.
     """
-    corner = points - WINDOW / 2
-    boxes = np.concatenate([corner, np.full_like(points, WINDOW)], axis=-1)
+    places = np.array(points)
+    boxes = np.concatenate([places - WINDOW / 2, np.full_like(places, WINDOW)], axis=-1)
     patches = []
     padded = np.pad(frames[0], ((WINDOW, WINDOW), (WINDOW, WINDOW), (0, 0)))
-    for point, (x, y) in zip(names, points[0], strict=True):
+    for point, (x, y) in zip(names, places[0], strict=True):
         if not (0 <= x < frames[0].shape[1] and 0 <= y < frames[0].shape[0]):
             raise SceneError(f"scene {name!r}: point {point!r} starts outside; use a larger frame")
         column, row = int(x) + WINDOW - WINDOW // 2, int(y) + WINDOW - WINDOW // 2
         patches.append(padded[row : row + WINDOW, column : column + WINDOW].copy())
     extras = {
-        "points": points,
-        "visible": visible,
+        "points": places,
+        "visible": np.array(visible),
         "point_names": tuple(names),
-        "body_length": length,
+        "body_length": np.array(length),
     }
-    return Scene(name, np.stack(frames), boxes, patches, fps, parameters, extras)
+    record = dataclasses.asdict(parameters) | {"seed": seed}
+    return Scene(name, np.stack(frames), boxes, patches, parameters.fps, record, extras)

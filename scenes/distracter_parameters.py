@@ -85,14 +85,8 @@ class DistracterParameters:
         check_parameters(
             "distracter",
             self,
-            above_0=(
-                *("num_frames", "frame_width", "frame_height", "fps", "num_objects"),
-                *("object_width", "object_height", "cell_size", "background_grain"),
-            ),
-            shares=(
-                *("start_jitter", "likeness"),
-                *("accent_share", "saturation", "brightness"),
-            ),
+            above_0=("num_objects", "object_width", "cell_size", "background_grain"),
+            shares=("start_jitter", "likeness", "accent_share", "saturation", "brightness"),
             signed=("momentum", "background_mean"),
             object_height=2,  # two halves
             appear_frame=1,  # counted from 1

@@ -51,6 +51,15 @@ def paint_inside(picture: np.ndarray, outline: np.ndarray, colour: Any) -> None:
     )
 
 
+def paint_body(picture: np.ndarray, outline: np.ndarray, colour: Any, seam: float) -> None:
+    """Fill a closed outline as ``paint_inside`` does, and draw a seam around it, 2 pixels wide.
+
+    Without a seam, two bodies of equal grey would have no edge between them.
+    """
+    paint_inside(picture, outline, colour)
+    paint_line(picture, np.concatenate([outline, outline[:1]]), seam, 2)
+
+
 def paint_line(picture: np.ndarray, line: np.ndarray, grey: float, width: int) -> None:
     """Draw an open line ``[S, 2]`` into a float picture ``[H, W]``, in place."""
     _blend(

@@ -66,7 +66,7 @@ class FaceParameters:
     pixel_noise: float = 4.0
 
     def __post_init__(self) -> None:
-        check_parameters("face", self, num_frames=2, frame_width=640, frame_height=400, fps=1e-6)
+        check_parameters("face", self, num_frames=2, frame_width=640, frame_height=400)
 
 
 def face_scene(parameters: FaceParameters, seed: int = 0) -> Scene:
@@ -109,17 +109,10 @@ def face_scene(parameters: FaceParameters, seed: int = 0) -> Scene:
             where.append(pose.to_image(groups[view]))
         film.add(frame)
         points.append(np.concatenate(where))
-    shown = np.ones((parameters.num_frames, len(points[0])), bool)
-    return point_scene(
-        "face",
-        film.frames,
-        np.array(points),
-        shown,
-        [*FRONT, *PROFILE],
-        np.full(parameters.num_frames, WIDTH),
-        parameters.fps,
-        dataclasses.asdict(parameters) | {"seed": seed},
-    )
+    visible = [np.ones(len(points[0]), bool)] * parameters.num_frames
+    lengths = [WIDTH] * parameters.num_frames
+    names = [*FRONT, *PROFILE]
+    return point_scene("face", film.frames, points, visible, names, lengths, parameters, seed)
 
 
 _SHAPE = (300, 240)

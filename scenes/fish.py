@@ -59,7 +59,7 @@ class FishParameters:
     wave: ClassVar[float] = 9.0  # amplitude of swimming, at the tail
 
     def __post_init__(self) -> None:
-        check_parameters("fish", self, num_frames=2, frame_width=480, frame_height=270, fps=1e-6)
+        check_parameters("fish", self, num_frames=2, frame_width=480, frame_height=270)
 
 
 def fish_scene(parameters: FishParameters, seed: int = 0) -> Scene:
@@ -112,16 +112,8 @@ def fish_scene(parameters: FishParameters, seed: int = 0) -> Scene:
         film.add(frame)
         points.append(where)
         visible.append(inside & ~hidden)
-    return point_scene(
-        "fish",
-        film.frames,
-        np.array(points),
-        np.array(visible),
-        list(POINTS),
-        np.full(parameters.num_frames, LENGTH),
-        parameters.fps,
-        dataclasses.asdict(parameters) | {"seed": seed},
-    )
+    lengths = [LENGTH] * parameters.num_frames
+    return point_scene("fish", film.frames, points, visible, [*POINTS], lengths, parameters, seed)
 
 
 _SHAPE = (120, 240)

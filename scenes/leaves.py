@@ -64,8 +64,7 @@ class LeavesParameters:
     foliage_sway: ClassVar[float] = 4.0  # standard deviation
 
     def __post_init__(self) -> None:
-        above_0 = ("num_frames", "frame_width", "frame_height", "fps")
-        check_parameters("leaves", self, above_0=above_0, leaves=2)
+        check_parameters("leaves", self, leaves=2)
         most = len(_SIDES)
         require("leaves", self, "leaves", self.leaves <= most, f"must be at most {most}")
 
@@ -84,10 +83,8 @@ def leaves_scene(parameters: LeavesParameters, seed: int) -> Scene:
     for t, (frame, leaves) in enumerate(zip(frames, outlines, strict=True)):
         picture = grounds[t]
         for target in reversed(order):
-            drawn.paint_inside(picture, leaves[target], parameters.leaf_grey + veins)
-            # A dark seam, because two leaves of equal grey would have no edge between them.
-            seam = np.concatenate([leaves[target], leaves[target][:1]])
-            drawn.paint_line(picture, seam, parameters.leaf_grey - 60, 2)
+            grey = parameters.leaf_grey
+            drawn.paint_body(picture, leaves[target], grey + veins, seam=grey - 60)
         frame[...] = drawn.noisy(picture, parameters.noise, rng)
         overlaps[t] = _overlaps(leaves, (height, width))
     by_depth = np.repeat([order], parameters.num_frames, axis=0)

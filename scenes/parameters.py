@@ -8,6 +8,9 @@ from typing import Any, Literal, get_args, get_origin
 
 from scenes.scene import SceneError
 
+#: Parameters of every scene, always above 0.
+_COMMON = ("num_frames", "frame_width", "frame_height", "fps")
+
 
 def check_parameters(
     scene: str,
@@ -24,7 +27,7 @@ def check_parameters(
         scene: its name.
         parameters: its dataclass, with fields of type ``int``, ``float``, tuples of these, or a
             ``Literal`` of words; numbers must be finite and not negative.
-        above_0: fields that must be above 0.
+        above_0: fields that must be above 0, besides the length, size and rate of the frames.
         shares: fields that must lie between 0 and 1.
         signed: fields that may be negative.
         least: minimum values of other fields.
@@ -32,10 +35,9 @@ def check_parameters(
     Raises:
         SceneError: naming the parameter.
     """
+    positive = {*_COMMON, *above_0} - {*least}
     for field in dataclasses.fields(parameters):
         name, value = field.name, getattr(parameters, field.name)
-        if value is None and field.default is None:
-            continue
         kinds = get_args(field.type)
         if get_origin(field.type) is Literal:
             one_of = f"must be one of {', '.join(kinds)}"
@@ -51,7 +53,7 @@ def check_parameters(
         for x in values:
             is_number = isinstance(x, kind) and not isinstance(x, bool) and math.isfinite(x)
             require(scene, parameters, name, is_number, f"must be a {word} number")
-            require(scene, parameters, name, name not in above_0 or x > 0, "must be above 0")
+            require(scene, parameters, name, name not in positive or x > 0, "must be above 0")
             between = name not in shares or 0 <= x <= 1
             require(scene, parameters, name, between, "must lie between 0 and 1")
             require(scene, parameters, name, name in signed or x >= 0, "must not be negative")

@@ -21,7 +21,7 @@ from scenes.scene import Scene, SceneError
 
 # Every ingredient has its own random stream, so that changing, say, the noise level keeps the
 # trajectories of a seed.
-_LAYOUT, _TEXTURES, _BACKGROUND, _NOISE, _PATCHES = range(5)
+_STREAMS = range(4)  # trajectories, textures, background, noise
 
 _TRIES = 20_000
 
@@ -85,10 +85,7 @@ class ProjectilesParameters:
         check_parameters(
             "projectiles",
             self,
-            above_0=(
-                *("num_frames", "frame_width", "frame_height", "fps", "num_targets"),
-                *("background_grain", "friction"),
-            ),
+            above_0=("num_targets", "background_grain", "friction"),
             shares=("reach", "strips"),
             signed=("background_mean",),
         )
@@ -108,20 +105,20 @@ def projectiles_scene(parameters: ProjectilesParameters, seed: int = 0) -> Scene
     the true displacement of every centre since the previous frame.  Boxes are continuous; a pixel
     belongs to a target if its centre lies in the box.
     """
+    layout, textures, ground, noise = (np.random.default_rng([seed, stream]) for stream in _STREAMS)
     sizes = _sizes(parameters)
-    centres = _draw_centres(parameters, sizes, _generator(seed, _LAYOUT))
+    centres = _draw_centres(parameters, sizes, layout)
     boxes = np.concatenate(
         [centres - sizes[:, None] / 2, np.broadcast_to(sizes[:, None], centres.shape)], axis=-1
     )
-    looks = _draw_looks(parameters, _generator(seed, _TEXTURES))
-    background, strips = _draw_background(parameters, _generator(seed, _BACKGROUND))
-    rng = _generator(seed, _NOISE)
+    looks = _draw_looks(parameters, textures)
+    background, strips = _draw_background(parameters, ground)
     frames = np.empty((parameters.num_frames, *background.shape, 3), np.uint8)
     for time in range(parameters.num_frames):
         picture = background.copy()
         for look, box in zip(looks, boxes[time], strict=True):
             _paste(picture, look, box)
-        noisy = picture + parameters.noise * rng.standard_normal(picture.shape, np.float32)
+        noisy = picture + parameters.noise * noise.standard_normal(picture.shape, np.float32)
         frames[time] = as_pixels(noisy)[..., None]
     return Scene(
         name="projectiles",
@@ -132,10 +129,6 @@ def projectiles_scene(parameters: ProjectilesParameters, seed: int = 0) -> Scene
         parameters={**dataclasses.asdict(parameters), "seed": seed},
         extras={"strips": strips, "speeds": np.diff(centres, axis=0, prepend=centres[:1])},
     )
-
-
-def _generator(seed: int, stream: int) -> np.random.Generator:
-    return np.random.default_rng([seed, stream])
 
 
 def _sizes(parameters: ProjectilesParameters) -> np.ndarray:
@@ -237,11 +230,8 @@ def _draw_background(
     parameters: ProjectilesParameters, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """``[H, W]`` intensities, and the strips' ends ``[S, 2]``."""
-    height, width, grain = (
-        parameters.frame_height,
-        parameters.frame_width,
-        parameters.background_grain,
-    )
+    height, width = parameters.frame_height, parameters.frame_width
+    grain = parameters.background_grain
     shape = -(-height // grain), -(-width // grain)
     normal = rng.standard_normal(shape).repeat(grain, axis=0).repeat(grain, axis=1)
     normal = normal[:height, :width].astype(np.float32)

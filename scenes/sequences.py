@@ -188,7 +188,9 @@ def call_scene(function: str | Callable[..., Any], seed: int, parameters: Mappin
     except (Exception, SystemExit) as error:
         raise SceneError(f"{place} failed with {cause_of(error, _file_of(call))}") from error
     if not isinstance(scene, Scene):
-        raise SceneError(f"{place} returned {_article(type(scene).__name__)}, not a scenes.Scene")
+        raise SceneError(
+            f"{place} returned a value of type {type(scene).__name__}, not a scenes.Scene"
+        )
     if scene.num_frames == 0 or scene.num_objects == 0:
         raise SceneError(
             f"{place} returned a scene of {scene.num_frames} frames and {scene.num_objects} "
@@ -306,10 +308,6 @@ def _name_of(function: Callable) -> str:
 
 def _file_of(function: Callable) -> str:
     return getattr(getattr(function, "__code__", None), "co_filename", "")
-
-
-def _article(noun: str) -> str:
-    return f"{'an' if noun[:1].lower() in 'aeiou' else 'a'} {noun}"
 
 
 def _import_function(source: str) -> Callable[..., Any]:

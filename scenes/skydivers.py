@@ -54,9 +54,7 @@ class SkydiversParameters:
     suit_noise: ClassVar[float] = 14.0  # the only difference between divers
 
     def __post_init__(self) -> None:
-        check_parameters(
-            "skydivers", self, num_frames=2, frame_width=320, frame_height=240, fps=1e-6
-        )
+        check_parameters("skydivers", self, num_frames=2, frame_width=320, frame_height=240)
 
 
 def skydivers_scene(parameters: SkydiversParameters, seed: int = 0) -> Scene:
@@ -98,14 +96,7 @@ def skydivers_scene(parameters: SkydiversParameters, seed: int = 0) -> Scene:
         visible.append(inside & ~covers(divers[4], before, where))
         lengths.append(LENGTH * scale)
     return point_scene(
-        "skydivers",
-        film.frames,
-        np.array(points),
-        np.array(visible),
-        list(POINTS),
-        np.array(lengths),
-        parameters.fps,
-        dataclasses.asdict(parameters) | {"seed": seed},
+        "skydivers", film.frames, points, visible, [*POINTS], lengths, parameters, seed
     )
 
 

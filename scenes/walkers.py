@@ -56,8 +56,7 @@ class WalkersParameters:
     num_examples: ClassVar[int] = 80  # E
 
     def __post_init__(self) -> None:
-        above_0 = ("num_frames", "frame_width", "frame_height", "fps")
-        check_parameters("walkers", self, above_0=above_0)
+        check_parameters("walkers", self)
 
 
 def walkers_scene(parameters: WalkersParameters, seed: int) -> Scene:
@@ -141,8 +140,7 @@ def _draw_frames(
     for frame, bodies in zip(frames, outlines, strict=True):
         picture = ground.copy()
         for target in (1 - front, front):
-            drawn.paint_inside(picture, bodies[target], parameters.body_grey)
-            seam = np.concatenate([bodies[target], bodies[target][:1]])
-            drawn.paint_line(picture, seam, parameters.body_grey + 50, 2)
+            grey = parameters.body_grey
+            drawn.paint_body(picture, bodies[target], grey, seam=grey + 50)
         frame[...] = drawn.noisy(picture, parameters.noise, rng)
     return frames

@@ -61,8 +61,7 @@ class WiresParameters:
     wander_period: ClassVar[float] = 30.0
 
     def __post_init__(self) -> None:
-        above_0 = ("num_frames", "frame_width", "frame_height", "fps", "wire_width")
-        check_parameters("wires", self, above_0=above_0)
+        check_parameters("wires", self, above_0=("wire_width",))
 
 
 def wires_scene(parameters: WiresParameters, seed: int) -> Scene:

@@ -82,7 +82,7 @@ def test_a_python_function_makes_a_scene(drawn):
 @pytest.mark.parametrize(
     ("name", "options", "complaint"),
     [
-        ("wrong", {}, "returned a dict, not a scenes.Scene"),
+        ("wrong", {}, "returned a value of type dict, not a scenes.Scene"),
         ("breaks", {}, "failed with RuntimeError: no camera"),
         ("no_seed", {}, "cannot be called with (seed=...)"),
         ("flat", {"parameters": {"blur": 1}}, "cannot be called with (seed=..., blur=...)"),

@@ -9,11 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import check_array, check_number, numbers_in
+from jaxpf.contract.numbers import check_array, check_number, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array
 from jaxpf.likelihoods._checks import INTERPOLATIONS, check_window
 from jaxpf.likelihoods._integral import LANES
-from jaxpf.likelihoods._references import check_parts
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.discriminative.levels import factor_of, shrunk
 from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood, grid_places
@@ -231,6 +230,6 @@ def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_sha
             )
     check_number("gain", gain, above=0)
     check_number("penalty", penalty, above=0)
-    check_parts(bands)
+    check_whole("bands", bands)
     check_window(grid, "(4, 4)", "grid")
     check_known("interpolation=", interpolation, INTERPOLATIONS)

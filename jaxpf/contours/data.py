@@ -54,7 +54,10 @@ class Contours:
 
     @property
     def sizes(self) -> np.ndarray:
-        """Side ``[P]`` of the square with the diagonal of each contour's bounding box, pixels."""
+        """Sizes ``[P]`` in pixels: sides of squares whose diagonal is that of a bounding box.
+
+        It is the box of a contour's control points, which holds the contour.
+        """
         return np.linalg.norm(np.ptp(self.points, axis=1), axis=-1) / np.sqrt(2)
 
 

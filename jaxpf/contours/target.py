@@ -45,7 +45,8 @@ class Options:
     shift_noise: float | None = option(
         None,
         "Of contours, noise of the shift in x and y per frame, pixels; by default .05 of the "
-        "contour's size, the side of a square with its diagonal, or learned.",
+        "contour's size, or learned; the size is the side of a square with the diagonal of the "
+        "bounding box of the control points.",
         kind=float,
         least=0,
     )

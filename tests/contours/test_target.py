@@ -71,6 +71,23 @@ def test_confidence_counts_edges_beside_those_at_the_start(wires):
         np.testing.assert_allclose(odds, expected, rtol=1e-3)
 
 
+def test_edges_outside_the_frame_are_not_counted(wires):
+    """Of a contour that leaves the frame only what is inside says where it is."""
+    scene, start = wires
+    likelihood = jaxpf.contours.tracker(scene.frames[0], start, clutter=0.5).likelihood
+    place = np.asarray(likelihood.space.project(start.points))
+
+    def odds(frame, places):
+        observation = likelihood.observe(frame)
+        return likelihood.log_odds_all(observation, jnp.arange(2), jnp.asarray(places).T)
+
+    away = place + np.array([5000.0, 0, 0, 0], np.float32)
+    assert (odds(scene.frames[0], away) < -20).all()
+    half = np.asarray(scene.frames[0])[: int(np.mean(start.points[..., 1]))]
+    assert (odds(half, place) > 1).all()
+    assert (odds(np.full_like(half, np.median(half)), place) < -20).all()
+
+
 def test_filmed_contours_slip_and_move_by_shares_of_their_size(wires):
     scene, start = wires
     sizes = np.linalg.norm(np.ptp(start.points, axis=1), axis=-1) / np.sqrt(2)

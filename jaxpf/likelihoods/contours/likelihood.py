@@ -61,8 +61,8 @@ class IndependentContours(Likelihood):
             approximately.
         width: of a wire with two edges, pixels; the spline is its centreline.  Not used with one
             edge.
-        at_start: share of its edges that each target showed when it was marked, ``[P]`` or ``[]``;
-            see ``started``.
+        at_start: share of its edges that each target showed when it was marked, ``[P]`` or ``[]``,
+            above 0; see ``started``, which gives .4 at least.
         slip: standard deviation in pixels of a target around the contour that matches best, since
             lines show how far an edge is off across a contour, not along it; the ``model_error``
             of x and y.
@@ -143,18 +143,22 @@ class IndependentContours(Likelihood):
     def _edges_shown(self, observation, partition, substates):
         """Share ``[N]`` of their own edges that contours ``[D, N]`` show.
 
-        The mean over lines of the log-ratio of these edges to clutter, scaled so that a line
-        without a feature has 0, and one with a feature at every edge 1.
+        The mean, over lines with an edge inside the frame, of the log-ratio of these edges to
+        clutter, scaled so that a line without a feature has 0, and one with a feature at every edge
+        and no other 1; lines with several features can give more.  0 if no edge is in the frame.
         """
         finite = jnp.all(jnp.isfinite(substates), axis=0)
         lines = self.lines_of(partition, jnp.where(finite, substates, 0.0))
         places = jnp.stack([jnp.full_like(lines.x, offset) for offset in self._offsets()])
-        own, every = (places, self._in_view(observation, lines, places)), [range(self.edges)]
-        (ratios,) = self._log_ratios(observation, lines, own, every)
+        in_view, every = self._in_view(observation, lines, places), [range(self.edges)]
+        (ratios,) = self._log_ratios(observation, lines, (places, in_view), every)
         edges = jnp.asarray(self._offsets(), lines.x.dtype)[:, None]
         is_found = jnp.array([[False, True]] * self.edges)
         none, full = self._ratios_of(Features(edges, is_found), (edges, edges == edges), every)[0]
-        return jnp.where(finite, (jnp.mean(ratios, axis=0) - none) / (full - none), jnp.nan)
+        # A line whose edges are all outside has the ratio 0 of clutter, which says nothing.
+        counts = jnp.any(in_view, axis=0)
+        total = jnp.sum(jnp.where(counts, ratios - none, 0.0), axis=0) / (full - none)
+        return jnp.where(finite, total / jnp.maximum(jnp.sum(counts, axis=0), 1), jnp.nan)
 
     def lines_of(self, partition, substates) -> Lines:
         """Measurement lines ``[M, N]`` of substates ``[D, N]``; outwards on clockwise contours."""

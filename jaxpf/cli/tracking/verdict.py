@@ -92,7 +92,8 @@ def sentences(
             count = f"{about['frames_lost']} of {about['frames']} frames"
             text = f"{before}lost in {count} ({_frames(pieces)})"
         if about["interval_width"] is not None:
-            text += f"; 95 % interval {about['interval_width']:.2g} pixels wide along x or y"
+            width = float(f"{about['interval_width']:.2g}")  # two digits, never 1.6e+02
+            text += f"; 95 % interval {width:g} pixels wide along x or y"
         lines.append(f"Object {name}: {text}")
     if some_lost:
         lines.append(

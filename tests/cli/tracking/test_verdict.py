@@ -42,6 +42,8 @@ def test_an_object_that_is_followed_throughout_needs_no_advice():
         "Object 7: followed confidently to the end (frame 29); "
         "95 % interval 5 pixels wide along x or y"
     ]
+    verdicts["7"]["interval_width"] = 163.2
+    assert sentences(verdicts, 120.0, 300)[0].endswith("95 % interval 160 pixels wide along x or y")
 
 
 def test_stretches_in_which_an_object_is_lost_are_those_of_the_table():

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from jaxpf.shapes.spaces import ShapeSpace
 
 #: Noise per frame of the shift and of the other coordinates, as a share of a contour's size.
-DEFAULT_SCALE = (0.05, 0.006)
+_NOISE = 0.05, 0.006
 #: Arrays of learned dynamics.
 MATRICES = ("transition", "lag", "offset", "noise")
 
@@ -59,6 +59,11 @@ class Contours:
         It is the box of a contour's control points, which holds the contour.
         """
         return np.linalg.norm(np.ptp(self.points, axis=1), axis=-1) / np.sqrt(2)
+
+    @property
+    def usual_noise(self) -> np.ndarray:
+        """Default noise ``[P, 2]`` per frame, of the shift and of other coordinates, pixels."""
+        return self.sizes[:, None] * _NOISE
 
 
 class Annotated(NamedTuple):

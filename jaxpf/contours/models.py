@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contours.data import DEFAULT_SCALE, Contours
+from jaxpf.contours.data import Contours
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import check_number, numbers_in
@@ -42,8 +42,7 @@ def contours_model(
     """
     space = start_space(start, space)
     if dynamics is None:
-        if scale is None:
-            scale = start.sizes[:, None] * DEFAULT_SCALE
+        scale = start.usual_noise if scale is None else scale
         dynamics = RandomWalk(scale=_noise(scale, len(start.points), space.dimension))
     model = Model(
         dynamics=dynamics,

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.contours.data import DEFAULT_SCALE, Contours, Learned
+from jaxpf.contours.data import Contours, Learned
 from jaxpf.contract.errors import Argument, InputError, check_tracker
 from jaxpf.contract.model import Model
 from jaxpf.contract.names import EXCLUSIONS, SHAPE_SPACES
@@ -216,7 +216,6 @@ class ContourTarget(Target):
 
         assert isinstance(start, ContourStart)
         noise = options.shift_noise, options.bend_noise
-        scale = start.contours.sizes[:, None] * DEFAULT_SCALE
         dynamics = start.learned and start.learned.dynamics_of(start.num_partitions)
         if dynamics is not None and noise != (None, None):
             raise InputError(
@@ -228,7 +227,11 @@ class ContourTarget(Target):
             start.contours,
             _space(options, start),
             dynamics=dynamics,
-            scale=np.where([value is None for value in noise], scale, np.array(noise, float)),
+            scale=np.where(
+                [value is None for value in noise],
+                start.contours.usual_noise,
+                np.array(noise, float),
+            ),
             flip=(_FLIP if options.flip is None else options.flip) if options.hides else None,
         )
 

@@ -128,7 +128,7 @@ def patch(
         poses: [P, 3], x and y of the windows' centres in pixels, and theta in radians, clockwise
             in the image.
         sizes: [P, 2], width and height of the windows, pixels.
-        sigma: smaller is sharper; .1 in eskil2014, of the literal rule.
+        sigma: smaller is sharper; eskil2014 has .1 with its literal rule.
         window: columns and rows of the sampling grid (eskil2014: 21 x 21).
         interpolation: ``"nearest"`` or ``"bilinear"``.
         names: of the windows in messages; by default their numbers.

@@ -136,9 +136,7 @@ class IndependentContours(Likelihood):
             frame: uint8 RGB ``[H, W, 3]``.
             substates: of all targets in it, ``[P, D]``.
         """
-        places = jnp.asarray(substates).T
-        shown = self._edges_shown(self.observe(frame), jnp.arange(places.shape[1]), places)
-        return dataclasses.replace(self, at_start=jnp.maximum(shown, _LEAST_SHOWN))
+        return dataclasses.replace(self, at_start=_shown_at_start(self, frame, substates))
 
     def _edges_shown(self, observation, partition, substates):
         """Share ``[N]`` of their own edges that contours ``[D, N]`` show.
@@ -149,14 +147,13 @@ class IndependentContours(Likelihood):
         """
         finite = jnp.all(jnp.isfinite(substates), axis=0)
         lines = self.lines_of(partition, jnp.where(finite, substates, 0.0))
-        places = jnp.stack([jnp.full_like(lines.x, offset) for offset in self._offsets()])
-        in_view, every = self._in_view(observation, lines, places), [range(self.edges)]
-        (ratios,) = self._log_ratios(observation, lines, (places, in_view), every)
+        own, every = self._own_boundary(observation, lines), [range(self.edges)]
+        (ratios,) = self._log_ratios(observation, lines, own, every)
         edges = jnp.asarray(self._offsets(), lines.x.dtype)[:, None]
         is_found = jnp.array([[False, True]] * self.edges)
         none, full = self._ratios_of(Features(edges, is_found), (edges, edges == edges), every)[0]
         # A line whose edges are all outside has the ratio 0 of clutter, which says nothing.
-        counts = jnp.any(in_view, axis=0)
+        counts = jnp.any(own[1], axis=0)
         total = jnp.sum(jnp.where(counts, ratios - none, 0.0), axis=0) / (full - none)
         return jnp.where(finite, total / jnp.maximum(jnp.sum(counts, axis=0), 1), jnp.nan)
 
@@ -186,14 +183,18 @@ class IndependentContours(Likelihood):
         half = 0.5 * jnp.asarray(self.width)
         return [0.0] if self.edges == 1 else [-half, half]
 
+    def _own_boundary(self, observation, lines):
+        """Places ``[edges, M, ...]`` of the boundary that a line belongs to, and those visible."""
+        places = jnp.stack([jnp.full_like(lines.x, offset) for offset in self._offsets()])
+        return places, self._in_view(observation, lines, places)
+
     def _of_their_own(self, observation, lines):
         """Places ``[crossings, M, ...]`` of a contour on its own lines, and which are visible.
 
         The first ``edges`` rows are the boundary that a line belongs to.  The others are further
         crossings of the same contour; with payment ``"once"``, only those of its earlier pieces.
         """
-        places = jnp.stack([jnp.full_like(lines.x, offset) for offset in self._offsets()])
-        own = places, self._in_view(observation, lines, places)
+        own = self._own_boundary(observation, lines)
         further = self._own_rows - self.edges
         if not further:
             return own
@@ -306,6 +307,15 @@ class IndependentContours(Likelihood):
         there = np.concatenate([np.isin(others, np.array(group)) for group in groups], axis=1)
         there = there.reshape(*there.shape, *[1] * own.ndim) & seen[self.edges :, None]
         return log_mean_of(table, own, places[self.edges :, None], there, self.detector.reach)
+
+
+@jax.jit
+def _shown_at_start(likelihood: IndependentContours, frame, substates):
+    """``at_start`` ``[P]`` of ``started``; compiled whole, since single operations take seconds."""
+    places = jnp.asarray(substates).T
+    observation = likelihood.observe(frame)
+    shown = likelihood._edges_shown(observation, jnp.arange(places.shape[1]), places)
+    return jnp.maximum(shown, _LEAST_SHOWN)
 
 
 def _lines_through(x, y, slope_x, slope_y) -> Lines:

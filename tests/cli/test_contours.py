@@ -59,6 +59,23 @@ def whole_run(clip, start, tmp_path_factory):
     return jaxpf("track", "contours", clip, "--contours", start, *FEW, "-o", output), output
 
 
+def test_the_spread_is_drawn_around_the_contour(clip, start, tmp_path, monkeypatch):
+    """A shift counts from the start contour, so it is no place in the frame."""
+    drawn = []
+
+    def record(picture, centres, spread, colours):
+        drawn.append(np.array(centres))
+        return picture
+
+    monkeypatch.setattr("jaxpf.media.overlay.draw_spreads", record)
+    arguments = ("track", "contours", clip, "--contours", start, *FEW, "--overlay")
+    assert jaxpf(*arguments, "-o", tmp_path / "out").code == 0
+    with open(tmp_path / "out" / "tracks.csv", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["frame"] != "0"]
+    places = [(float(row["x"]), float(row["y"])) for row in rows]
+    np.testing.assert_allclose(np.concatenate(drawn), places, atol=1e-3)
+
+
 @pytest.mark.slow
 def test_wires_are_followed_also_through_a_frame_without_any_edge(whole_run):
     outcome, output = whole_run

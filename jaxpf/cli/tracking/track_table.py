@@ -136,7 +136,7 @@ def places_of(
     before = np.full((len(shapes), 2), np.nan) if before is None else before
     substates = getattr(state, "substates", None)
     if substates is None:
-        centres = _centres(adapter, values)
+        centres = centres_of(adapter, values)
         speed = fps * np.linalg.norm(centres - before, axis=-1)
         return Places(values[slots], speed=speed[slots]), centres
     from jaxpf.filters import quantiles
@@ -149,7 +149,7 @@ def places_of(
     interval = quantiles(particles[:, slots], shown, levels)
     if error.any():
         interval = _widened(values[slots], interval, error, adapter.target.has_boxes)
-    middles = _centres(adapter, particles)
+    middles = centres_of(adapter, particles)
     centres = _mean(middles, weights)
     moved = fps * (centres - before)
     speed = np.linalg.norm(moved, axis=-1)
@@ -158,7 +158,7 @@ def places_of(
     if previous is None:
         return places, centres
     earlier = adapter.column_values(start, to_shapes(np.asarray(previous)[kept]))
-    steps = fps * (middles - _centres(adapter, earlier))
+    steps = fps * (middles - centres_of(adapter, earlier))
     # Deviation of each particle's step from the mean step, along the estimate's direction.
     along = np.sum((steps - _mean(steps, weights)) * moved, -1) / np.maximum(speed, 1e-9)
     ends = speed[slots] + quantiles(along[:, slots, None], shown, levels)[..., 0]
@@ -204,7 +204,7 @@ def _mean(values: np.ndarray, log_weights: np.ndarray) -> np.ndarray:
     return np.where(total > 0, sums / np.maximum(total, 1e-300), np.nan)
 
 
-def _centres(adapter: Any, values: np.ndarray) -> np.ndarray:
+def centres_of(adapter: Any, values: np.ndarray) -> np.ndarray:
     """x and y of the centre: ``[..., 2]``."""
     corner = values[..., :2]
     return corner + values[..., 2:4] / 2 if adapter.target.has_boxes else corner

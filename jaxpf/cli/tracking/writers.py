@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from jaxpf.cli.tracking.records import Record, Scene
-from jaxpf.cli.tracking.track_table import TrackTable
+from jaxpf.cli.tracking.track_table import TrackTable, centres_of
 from jaxpf.files.writing import LineWriter
 from jaxpf.targets.adapter import Marks
 
@@ -137,9 +137,9 @@ class Overlay:
         spread = getattr(summary, "spread", None)
         if spread is None or self._scene.has_own_boxes or not adapter.target.has_places:
             return picture
-        estimate = summary.estimate[record.slots, :2]
+        centres = centres_of(adapter, record.places.values)
         spread = np.hypot(spread[record.slots, :2], self._scene.model_error[:2])
-        return draw_spreads(picture, estimate, spread, record.colours)
+        return draw_spreads(picture, centres, spread, record.colours)
 
 
 class Smoothed:

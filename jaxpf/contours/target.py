@@ -24,7 +24,7 @@ from jaxpf.targets.target import Looks, Start, Target
 PIECES = 64
 #: The depth order of separate contours is unknown; few particles would keep an arbitrary one.
 _FLIP = 0.5
-#: Default slip on film of open and of closed contours, as a share of their median size; see
+#: Default slip on film of open and of closed contours, as a share of their size; see
 #: "Contours" in docs/defaults.md.
 _SLIP = {False: 0.1, True: 0.05}
 
@@ -197,10 +197,10 @@ class ContourTarget(Target):
             width=start.contours.width if width is None else width,
             num_lines=options.lines,
         )
-        slip = options.slip
+        slip: Any = options.slip
         if slip is None:
             share = _SLIP[start.contours.closed] if looks.is_filmed else 0.0
-            slip = share * float(np.median(start.contours.sizes))
+            slip = share * start.contours.sizes
         likelihood = dataclasses.replace(likelihood, slip=as_array(slip, float))
         if looks.frame is None:
             return likelihood

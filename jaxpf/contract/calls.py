@@ -252,9 +252,10 @@ def log_odds_all(likelihood, observation, partition, substates) -> jax.Array:
     return jax.vmap(likelihood.log_odds, in_axes=(None, 0, 1))(observation, partition, substates)
 
 
-def model_error(tracker: Any) -> np.ndarray:
-    """The declared error ``[3]`` of a tracker's likelihood, see ``Likelihood``; 0 without one."""
-    return np.array(getattr(getattr(tracker, "likelihood", None), "model_error", (0, 0, 0)), float)
+def model_error(tracker: Any, num_partitions: int) -> np.ndarray:
+    """Errors ``[P, 3]`` that a tracker's likelihood declares, see ``Likelihood``; else 0."""
+    declared = getattr(getattr(tracker, "likelihood", None), "model_error", (0, 0, 0))
+    return np.broadcast_to(np.array(declared, float), (num_partitions, 3))
 
 
 def has_state_gradient(likelihood: Any) -> bool:

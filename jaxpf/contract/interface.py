@@ -254,9 +254,9 @@ class Likelihood:
     state_gradient: Any = True
     #: Whether the observation depends on the frame alone, not on any parameter.
     fixed_observation: Any = False
-    #: Standard deviations ``[3]`` of the truth around the states that explain the frame best: of x
-    #: and of y in pixels, and of the logarithm of the size.  Particles do not show this error;
-    #: reported intervals and their coverage include it.
+    #: Standard deviations, ``[3]`` or by partition ``[P, 3]``, of the truth around the states that
+    #: explain the frame best: of x and of y in pixels, and of the logarithm of the size.  Particles
+    #: do not show this error; reported intervals and their coverage include it.
     model_error: Any = (0.0, 0.0, 0.0)
     #: For likelihoods of a distance, its form (``jaxpf.likelihoods.log_density``); else None.
     form: Any = None

@@ -127,8 +127,8 @@ def slip_option() -> Any:
         None,
         "Of points, parts and contours, standard deviation in pixels of an object around the place "
         "that matches best; widens the intervals.  By default, as measured on film, 8 for points, "
-        ".6 of the median shorter side for parts, .1 of the median size for open contours and .05 "
-        "for closed ones; 0 in synthetic scenes.",
+        ".6 of the median shorter side for parts, .1 of the size for open contours and .05 for "
+        "closed ones; 0 in synthetic scenes.",
         kind=float,
         least=0,
     )

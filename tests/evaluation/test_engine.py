@@ -48,7 +48,7 @@ def test_results_tell_everything_about_the_evaluation(whole):
             "shapes": (RUNS, 9, 2, 4),
             "uniqueness": (RUNS, 9, 2),
             "spread": (RUNS, 9, 2, 3),
-            "model_error": (RUNS, 3),
+            "model_error": (RUNS, 2, 3),
             "confidence": (RUNS, 9, 2),
             "ess": (RUNS, 9),
             "log_evidence": (RUNS, 9),

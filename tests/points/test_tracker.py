@@ -199,18 +199,13 @@ def test_intervals_in_tracks_are_widened_by_the_slip():
     particles = PLACES + rng.normal(0, 3, (20_000, 3, 2))
     state = SimpleNamespace(substates=particles, log_weights=np.full(20_000, -np.log(20_000)))
     shapes, before = particles.mean(axis=0), PLACES
-    for slip, deviation in ((0.0, 3.0), (4.0, 5.0)):
+    slips, deviations = np.array([0.0, 4.0, 7**0.5]), np.array([3.0, 5.0, 4.0])
+    error = slips[:, None] * [1, 1, 0]
+    for slots in (slice(None), np.array([2, 0])):  # all points, or those that are reported
         places, _ = places_of(
-            POINT_FILES,
-            start,
-            lambda x: x,
-            shapes,
-            state,
-            slice(None),
-            25.0,
-            before,
-            np.array([slip, slip, 0]),
+            POINT_FILES, start, lambda x: x, shapes, state, slots, 25.0, before, error
         )
         width = places.interval[1] - places.interval[0]
+        expected = 3.92 * np.tile(deviations[slots, None], 2)
         # 4.5 standard errors of two 2.5 % quantiles.
-        np.testing.assert_allclose(width, 3.92 * deviation, atol=4.5 * 1.42 * 3 * 2.7 / 141)
+        np.testing.assert_allclose(width, expected, atol=4.5 * 1.42 * 3 * 2.7 / 141)

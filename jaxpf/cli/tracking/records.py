@@ -85,12 +85,11 @@ class Scene:
         """Whether a user-defined tracker converts estimates to boxes itself."""
         return self.adapter.target.has_boxes and hasattr(self.tracker, "boxes")
 
-    @property
-    def model_error(self) -> np.ndarray:
-        """``[3]``, see ``jaxpf.contract.Likelihood``."""
+    def model_error(self, num_partitions: int) -> np.ndarray:
+        """``[P, 3]``, see ``jaxpf.contract.Likelihood``."""
         from jaxpf import contract
 
-        return contract.model_error(self.tracker)
+        return contract.model_error(self.tracker, num_partitions)
 
     def outside(self, start: Start, shapes: np.ndarray) -> np.ndarray:
         """Which shapes lie outside the image or are not finite."""
@@ -108,7 +107,7 @@ class Scene:
         self, start: Start, shapes: Any, state: Any = None, before: Any = None, slots: Any = _ALL
     ) -> tuple[Places, np.ndarray]:
         """See ``places_of``."""
-        error, fps = self.model_error, self.fps
+        error, fps = self.model_error(len(shapes)), self.fps
         to_shapes = functools.partial(self.shapes, start)
         return places_of(self.adapter, start, to_shapes, shapes, state, slots, fps, before, error)
 

@@ -130,7 +130,7 @@ def places_of(
         slots: partitions to report.
         fps: frames per second.
         before: ``[P, 2]``, centres in the previous frame; None if unknown.
-        error: ``[3]``, ``model_error`` of ``jaxpf.contract.Likelihood``.
+        error: ``[P, 3]``, ``model_error`` of ``jaxpf.contract.Likelihood``.
     """
     values = adapter.column_values(start, shapes)
     before = np.full((len(shapes), 2), np.nan) if before is None else before
@@ -148,7 +148,7 @@ def places_of(
     shown = weights if weights.ndim == 1 else weights[slots]
     interval = quantiles(particles[:, slots], shown, levels)
     if error.any():
-        interval = _widened(values[slots], interval, error, adapter.target.has_boxes)
+        interval = _widened(values[slots], interval, error[slots], adapter.target.has_boxes)
     middles = centres_of(adapter, particles)
     centres = _mean(middles, weights)
     moved = fps * (centres - before)
@@ -177,11 +177,11 @@ def _widened(
         reach = np.hypot(interval - values, 1.96 * deviation)
         return np.stack([values - reach[0], values + reach[1]])
 
-    place, rest = error[:2], interval[..., 2:]
+    place, rest = error[:, :2], interval[..., 2:]
     if has_boxes:  # x, y is a corner, and moves with the size
         extent = values[:, 2:]
-        place = np.hypot(place, error[2] * extent / 2)
-        rest = np.exp(around(np.log(extent), np.log(rest), error[2]))
+        place = np.hypot(place, error[:, 2:] * extent / 2)
+        rest = np.exp(around(np.log(extent), np.log(rest), error[:, 2:]))
     return np.concatenate([around(values[:, :2], interval[..., :2], place), rest], axis=-1)
 
 

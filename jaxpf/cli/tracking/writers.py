@@ -138,7 +138,7 @@ class Overlay:
         if spread is None or self._scene.has_own_boxes or not adapter.target.has_places:
             return picture
         centres = centres_of(adapter, record.places.values)
-        spread = np.hypot(spread[record.slots, :2], self._scene.model_error[:2])
+        spread = np.hypot(spread[:, :2], self._scene.model_error(len(spread))[:, :2])[record.slots]
         return draw_spreads(picture, centres, spread, record.colours)
 
 

@@ -188,7 +188,7 @@ def _measure_piece(batch: Batch, frames: dict[str, np.ndarray], has_places: bool
     offset = np.stack([frames["offset_x"], frames["offset_y"]], axis=-1)
     # Only frames in which the object is tracked: no region covers a lost object.
     asked = np.broadcast_to(has_places & tracked[..., None], offset.shape)
-    model_error = batch.model_error[:, None, None]
+    model_error = batch.model_error[:, None]
     spread = np.where(asked, np.hypot(batch.spread[..., :2], model_error[..., :2]), np.nan)
     transforms = calibration.transforms(offset, spread)
     smallest = calibration.smallest_region(offset, spread)

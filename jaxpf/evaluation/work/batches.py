@@ -28,7 +28,7 @@ class Batch:
             boxes x, y, w, h in pixels.
         uniqueness: ``[R, T, P]`` float32, distinct draws over particles.
         spread: ``[R, T, P, D]`` float32, standard deviation of the particle set.
-        model_error: ``[R, 3]`` float32, see ``jaxpf.contract.Likelihood``.
+        model_error: ``[R, P, 3]`` float32, see ``jaxpf.contract.Likelihood``.
         confidence: ``[R, T, P]`` float32, 0 to 1, see ``jaxpf.contract.Summary``.
         ess: ``[R, T]`` float32, effective sample size.
         log_evidence: ``[R, T]`` float32, increment per frame.

@@ -86,11 +86,12 @@ def run_batch(work: Work, attempt: int = 0) -> Batch:
         name: np.asarray(value, bool if name == "without_likelihood" else np.float32)
         for name, value in recorded.items()
     }
+    error = model_error(tracker, kept["estimate"].shape[2]).astype(np.float32)
     return Batch(
         seeds=np.full(work.num_runs, work.seed, np.int64),
         runs=np.arange(work.first_run, work.first_run + work.num_runs),
         shapes=shapes_of(tracker, of.target, start, kept.pop("estimate")).astype(np.float32),
-        model_error=np.tile(np.float32(model_error(tracker)), (work.num_runs, 1)),
+        model_error=np.broadcast_to(error, (work.num_runs, *error.shape)),
         **kept,
     )
 
@@ -134,7 +135,7 @@ def imported_batch(shapes: np.ndarray, seed: int) -> Batch:
         shapes=shapes[None].astype(np.float32),
         uniqueness=unknown(times, objects),
         spread=unknown(times, objects, 3),
-        model_error=np.zeros((1, 3), np.float32),
+        model_error=np.zeros((1, objects, 3), np.float32),
         confidence=unknown(times, objects),
         ess=unknown(times),
         log_evidence=unknown(times),

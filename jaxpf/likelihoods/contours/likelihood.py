@@ -63,9 +63,9 @@ class IndependentContours(Likelihood):
             edge.
         at_start: share of its edges that each target showed when it was marked, ``[P]`` or ``[]``,
             above 0; see ``started``, which gives .4 at least.
-        slip: standard deviation in pixels of a target around the contour that matches best, since
-            lines show how far an edge is off across a contour, not along it; the ``model_error``
-            of x and y.
+        slip: standard deviation in pixels of a target around the contour that matches best, ``[P]``
+            or ``[]``, since lines show how far an edge is off across a contour, not along it; the
+            ``model_error`` of x and y.
         edges: static, 1 if the spline is itself the boundary, 2 for both edges of a wire.
         num_lines: static, M, measurement lines per contour.
         crossings: static, maximum number of crossings of one contour with one line that are
@@ -115,7 +115,8 @@ class IndependentContours(Likelihood):
     @property
     def model_error(self):
         """See ``Likelihood``."""
-        return self.slip, self.slip, 0.0
+        slip = jnp.asarray(self.slip)
+        return jnp.stack([slip, slip, jnp.zeros_like(slip)], axis=-1)
 
     def log_odds_all(self, observation, partition, substates):
         """Log odds ``[N]`` that targets are where they are reported, at ``[D, N]``.

@@ -98,6 +98,9 @@ def test_wires_are_followed_also_through_a_frame_without_any_edge(whole_run):
 def test_the_run_is_shown_and_can_be_repeated(whole_run, clip, start, tmp_path):
     _, output = whole_run
     assert {"overlay.mp4", "summary.json", "trajectories.png"} <= {p.name for p in output.iterdir()}
+    errors = json.loads((output / "summary.json").read_text())["model_error"]
+    slip = 0.1 * np.hypot(*np.ptp(wire(1, 0), axis=0)) / np.sqrt(2)
+    assert errors == {name: pytest.approx([slip, slip, 0], abs=1e-3) for name in ("left", "right")}
     options = tomllib.loads((output / "run.toml").read_text())["track"]
     assert (options["target"], options["method"], options["exclusion"]) == (
         "contours",

@@ -72,6 +72,7 @@ def _summary(
             for name, value in recording.table.items()
         },
         "likelihood_method": _likelihood_method(recording),
+        "model_error": _model_errors(recording, names),
         "ids": names,
         **kept,
         "objects": verdicts,
@@ -107,6 +108,14 @@ def _mean_errors(table: Any, names: list[Any]) -> dict[str, float | None] | None
         estimated = np.isfinite(values)
         means[name] = round(float(values[estimated].mean()), 4) if estimated.any() else None
     return means
+
+
+def _model_errors(recording: Recording, names: list[Any]) -> dict[str, list[float]]:
+    """The error that the model declares, such as its slip: of x, y and log size, by object."""
+    from jaxpf import contract
+
+    errors = contract.model_error(recording.built.filter, len(names))
+    return {str(name): row for name, row in zip(names, errors.round(4).tolist(), strict=True)}
 
 
 def _likelihood_method(recording: Recording) -> Any:

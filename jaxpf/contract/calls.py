@@ -253,9 +253,20 @@ def log_odds_all(likelihood, observation, partition, substates) -> jax.Array:
 
 
 def model_error(tracker: Any, num_partitions: int) -> np.ndarray:
-    """Errors ``[P, 3]`` that a tracker's likelihood declares, see ``Likelihood``; else 0."""
-    declared = getattr(getattr(tracker, "likelihood", None), "model_error", (0, 0, 0))
-    return np.broadcast_to(np.array(declared, float), (num_partitions, 3))
+    """Errors ``[P, 3]`` that a tracker's likelihood declares, see ``Likelihood``; else 0.
+
+    Raises:
+        InputError: they have another shape.
+    """
+    likelihood = getattr(tracker, "likelihood", None)
+    declared = np.array(getattr(likelihood, "model_error", (0, 0, 0)), float)
+    if declared.shape not in ((3,), (num_partitions, 3)):
+        raise InputError(
+            f"{type(likelihood).__name__}.model_error has shape {list(declared.shape)}; give [3], "
+            "of x, y and the logarithm of the size, or a row for each partition, "
+            f"[{num_partitions}, 3]."
+        )
+    return np.broadcast_to(declared, (num_partitions, 3))
 
 
 def has_state_gradient(likelihood: Any) -> bool:

@@ -1,5 +1,7 @@
 """A class offers what it defines, and a wrapper what the wrapped one offers."""
 
+from types import SimpleNamespace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -157,6 +159,20 @@ def test_a_class_that_defines_nothing_says_what_is_missing(base, call, missing):
 def test_likelihoods_that_factor_have_no_log_joint():
     assert not contract.has_log_joint(contract.Likelihood())
     assert not contract.has_log_density(contract.Dynamics())
+
+
+def test_a_declared_error_is_for_every_partition_or_a_row_for_each():
+    def declared(error):
+        likelihood = type("Declaring", (), {"model_error": error})()
+        return contract.model_error(SimpleNamespace(likelihood=likelihood), 2)
+
+    np.testing.assert_array_equal(declared((1, 2, 0.5)), [[1, 2, 0.5]] * 2)
+    rows = [[1, 2, 0.5], [3, 4, 0]]
+    np.testing.assert_array_equal(declared(jnp.array(rows)), rows)
+    np.testing.assert_array_equal(contract.model_error(SimpleNamespace(), 2), np.zeros((2, 3)))
+    for wrong in ((1, 2), np.zeros((3, 3))):
+        with pytest.raises(InputError, match="Declaring.model_error has shape"):
+            declared(wrong)
 
 
 @pytree_dataclass

@@ -22,7 +22,7 @@ def interval_of(particles, error):
     """The 95 % interval [2, 1, 4] in tracks.csv, given the model's error of the size."""
     state = SimpleNamespace(substates=particles, log_weights=np.full(20_000, -np.log(20_000)))
     given = (ADAPTER, None, lambda x: x, BOX, state, slice(None), 25.0, BOX[:, :2])
-    return places_of(*given, np.array([0, 0, error]))[0].interval
+    return places_of(*given, np.array([[0, 0, error]]))[0].interval
 
 
 @pytest.mark.parametrize("error", [0.0, 0.1])

@@ -74,6 +74,7 @@ def run_batch(work: Work, attempt: int = 0) -> Batch:
         scene = _opened(work)
         of = find_adapter(work.target)
         start, tracker = of.scene_start(scene), _tracker(scene, work)
+        error = model_error(tracker, start.num_partitions).astype(np.float32)
         recorded = run_blocks(
             tracker,
             run_keys(work.seed, work.first_run, work.num_runs),
@@ -86,7 +87,6 @@ def run_batch(work: Work, attempt: int = 0) -> Batch:
         name: np.asarray(value, bool if name == "without_likelihood" else np.float32)
         for name, value in recorded.items()
     }
-    error = model_error(tracker, kept["estimate"].shape[2]).astype(np.float32)
     return Batch(
         seeds=np.full(work.num_runs, work.seed, np.int64),
         runs=np.arange(work.first_run, work.first_run + work.num_runs),

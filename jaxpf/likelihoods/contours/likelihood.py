@@ -115,8 +115,7 @@ class IndependentContours(Likelihood):
     @property
     def model_error(self):
         """See ``Likelihood``."""
-        slip = jnp.asarray(self.slip)
-        return jnp.stack([slip, slip, jnp.zeros_like(slip)], axis=-1)
+        return np.multiply.outer(np.asarray(self.slip), (1.0, 1.0, 0.0))
 
     def log_odds_all(self, observation, partition, substates):
         """Log odds ``[N]`` that targets are where they are reported, at ``[D, N]``.

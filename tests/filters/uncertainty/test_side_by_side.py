@@ -142,6 +142,39 @@ def test_a_frame_is_counted_anew_when_all_runs_are_dead():
     np.testing.assert_allclose(increments[2], np.log(mean), rtol=1e-5)
 
 
+@pytree_dataclass
+class OnlyEvidence(jaxpf.contract.Tracker):
+    """Whose state is the frame's log evidence."""
+
+    num_particles = num_partitions = 1
+
+    def init(self, key):
+        return jnp.zeros(())
+
+    def observe(self, frame):
+        return frame
+
+    def step_observed(self, key, state, observation):
+        value = observation + jax.random.normal(key)
+        one, part = jnp.ones(()), jnp.ones((1, 1))
+        zero = jnp.zeros((), jnp.int32)
+        return value, jaxpf.Summary(part, value, one, one[None], part, zero, zero[None] > 0, zero)
+
+
+def test_increments_of_long_runs_do_not_drift():
+    """Differences of sums would be wrong by more than 100."""
+    frames = np.full(100_000, -50.0, np.float32)
+    of_runs, increments = jaxpf.run(
+        SideBySide(OnlyEvidence(), RUNS),
+        jax.random.key(0),
+        frames,
+        lambda state, summary: (state.runs, summary.log_evidence),
+    )[1]
+    of_runs = np.sum(np.asarray(of_runs, float), axis=0)
+    expected = np.logaddexp.reduce(of_runs) - np.log(RUNS)
+    assert abs(jaxpf.log_evidence(increments) - expected) < 0.05
+
+
 def test_quantiles_are_values_that_so_much_weight_reaches():
     values = np.array([3.0, 1.0, 2.0, np.nan])[:, None, None]
     log_weights = np.log([0.2, 0.3, 0.5, 1e-300])

@@ -119,9 +119,7 @@ class SeenMoves(contract.DynamicsWithDensity):
         ends = jnp.concatenate([new[:half], current[:half]])
         log_prob = contract.log_prob_all(self.likelihood, observation, partition, ends)
         largest = finite(jnp.max(sanitised(log_prob)[0]))  # common to all: it changes no draw
-        log_density = contract.log_density_all(
-            dynamics, partition, new, current, previous, parent
-        )
+        log_density = contract.log_density_all(dynamics, partition, new, current, previous, parent)
         return log_density + (log_prob - largest)
 
 

@@ -142,7 +142,9 @@ def test_a_label_that_moves_after_the_last_stage_counts():
     assert np.ptp(state.label) == 1
 
     def log_joint(substates, label):
-        log_probs = jax.vmap(made.likelihood.log_prob, (None, 0, 0))(frame, jnp.arange(3), substates)
+        log_probs = jax.vmap(made.likelihood.log_prob, (None, 0, 0))(
+            frame, jnp.arange(3), substates
+        )
         return made.likelihood.log_joint_labelled(frame, substates, log_probs, label)
 
     expected = jax.nn.log_softmax(jax.vmap(log_joint)(state.substates, state.label))

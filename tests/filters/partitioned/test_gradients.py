@@ -142,9 +142,7 @@ def test_every_draw_counts_once_in_the_slope_of_the_evidence():
 
     The proposal's density does not depend on the scale, and the draws are stopped.
     """
-    made = tracker(
-        METHODS["ps"], proposal=Bad(), gradient=StopGradient(), motion_gradient="score"
-    )
+    made = tracker(METHODS["ps"], proposal=Bad(), gradient=StopGradient(), motion_gradient="score")
     seen = jnp.asarray(frames(FENCES["possible"]))
 
     def two_frames(scale):
@@ -156,9 +154,7 @@ def test_every_draw_counts_once_in_the_slope_of_the_evidence():
         slopes = one.log_evidence + two.log_evidence, second.log_weights, second.path_scores
         return slopes, (first, second)
 
-    slopes, (first, second) = quick(
-        lambda: jax.jvp(two_frames, (1.0,), (1.0,), has_aux=True)[1:]
-    )()
+    slopes, (first, second) = quick(lambda: jax.jvp(two_frames, (1.0,), (1.0,), has_aux=True)[1:])()
     slope, of_weights, of_parts = slopes
     scores = [np.square(state.lagged[0] - state.lagged[1])[0] - 1 for state in (first, second)]
     along = np.take_along_axis(scores[0], np.asarray(second.sources), axis=1) + scores[1]

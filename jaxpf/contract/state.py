@@ -78,7 +78,8 @@ class Summary:
     Attributes:
         estimate: ``[P, D]``, weighted mean of the substates.
         log_evidence: ``[]``, log of the frame's factor in an unbiased estimate of
-            ``p(y_1:T)``; ``-inf`` if the frame was impossible for every particle.
+            ``p(y_1:T)``; ``-inf`` if the frame was impossible for every particle.  Sum the frames
+            with ``jaxpf.log_evidence``: a float32 sum of 1e5 or more increments drifts.
         ess: ``[]``, effective sample size ``1 / sum(w^2)`` (maccormick1999, eq. 6).
         uniqueness: ``[P]``, number of distinct draws of a partition, divided by N (smith2004,
             section 3.1).

@@ -23,7 +23,9 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxpf import contract
+from jaxpf.contract.logs import finite
 from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.contract.state import sanitised
 from jaxpf.lowering.prefix import running_sum
 from jaxpf.running import missing_frames
 
@@ -115,9 +117,10 @@ class SeenMoves(contract.DynamicsWithDensity):
             dynamics = dynamics.at_frame(self.time)
         observation = contract.frame_of(self.observations, self.time)
         ends = jnp.concatenate([new[:half], current[:half]])
-        return contract.log_density_all(
-            dynamics, partition, new, current, previous, parent
-        ) + contract.log_prob_all(self.likelihood, observation, partition, ends)
+        log_prob = contract.log_prob_all(self.likelihood, observation, partition, ends)
+        largest = finite(jnp.max(sanitised(log_prob)[0]))  # common to all: it changes no draw
+        log_density = contract.log_density_all(dynamics, partition, new, current, previous, parent)
+        return log_density + (log_prob - largest)
 
 
 def backward(

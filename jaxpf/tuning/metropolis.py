@@ -23,6 +23,7 @@ from jax.flatten_util import ravel_pytree
 
 from jaxpf import running
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.logs import sum_evenly
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.running import missing_frames
@@ -112,8 +113,10 @@ def pmmh(
     spread = _FIRST_STEP * jnp.maximum(jnp.abs(start), _FIRST_STEP)
     walk = _Walk(start, jnp.diag(spread**2), jnp.log(2.38 / math.sqrt(start.size)))
     place = jnp.tile(start, (num_chains, 1))
-    unknown = jnp.full(num_chains, -jnp.inf)  # accepts the first move
-    chains = _Chains(place, unknown, unknown, jax.random.split(start_key, (num_chains, blocks)))
+    unknown = jnp.full((num_chains, running.num_frames(frames)), -jnp.inf)  # accepts the first move
+    chains = _Chains(
+        place, unknown[:, 0], unknown, jax.random.split(start_key, (num_chains, blocks))
+    )
     steps = np.arange(num_warmup + num_draws)
     rates = np.where(steps < num_warmup, (steps + 2.0) ** -0.6, 0.0)
     if is_known and num_particles is None:
@@ -140,8 +143,8 @@ class _Model(NamedTuple):
     has_gaps: bool
     num_particles: int
 
-    def log_evidence(self, parameters: Any, keys: jax.Array, frames: Any) -> jax.Array:
-        """Estimate the log evidence ``[]``, with a random key for each block of frames."""
+    def increments(self, parameters: Any, keys: jax.Array, frames: Any) -> jax.Array:
+        """Estimate the frames' log evidence ``[T]``, with a random key for each block of them."""
         tracker = dataclasses.replace(self.build(parameters), num_particles=self.num_particles)
         if self.has_gaps:
             tracker = missing_frames.WithGaps(tracker)
@@ -152,15 +155,19 @@ class _Model(NamedTuple):
             return running.one_run(tracker, key, keep_log_evidence)(state, item)
 
         items = keys[times * len(keys) // len(times)], times, frames
-        return jnp.sum(jax.lax.scan(step, running.init(tracker, keys[0]), items)[1])
+        return jax.lax.scan(step, running.init(tracker, keys[0]), items)[1]
 
 
 class _Chains(NamedTuple):
-    """Current parameters ``[C, d]``, their log prior and log evidence ``[C]``, keys ``[C, B]``."""
+    """Current parameters ``[C, d]``, their log prior ``[C]``, and keys ``[C, B]``.
+
+    ``increments``, ``[C, T]``, are the frames' log evidence: their differences are summed, because
+    a difference of sums would be rounded like the sums.
+    """
 
     place: jax.Array
     log_prior: jax.Array
-    log_evidence: jax.Array
+    increments: jax.Array
     keys: jax.Array
 
 
@@ -195,8 +202,8 @@ def _noise(model, key, frames, initial, chains):
 
     def change(ends):
         places = unravel(chains.place[0]), unravel(chains.place[-1])
-        before, after = map(partial(model.log_evidence, frames=frames), places, ends)
-        return after - before
+        before, after = map(partial(model.increments, frames=frames), places, ends)
+        return sum_evenly(after - before)
 
     return jnp.var(jax.lax.map(change, ends, batch_size=16), ddof=1) / 2
 
@@ -213,7 +220,7 @@ def _advance(model, key, frames, initial, chains, walk, rates):
 
     def target(place, keys):
         parameters = unravel(place)
-        return model.log_prior(parameters), model.log_evidence(parameters, keys, frames)
+        return model.log_prior(parameters), model.increments(parameters, keys, frames)
 
     def step(carry, item):
         chains, walk = carry
@@ -223,10 +230,11 @@ def _advance(model, key, frames, initial, chains, walk, rates):
         moves = jnp.exp(walk.log_scale) * jax.random.normal(move_key, (num_chains, size)) @ root.T
         place = chains.place + moves
         keys = chains.keys.at[:, block].set(jnp.stack(keys))
-        priors, evidences = jax.vmap(target)(place, keys)
-        proposed = _Chains(place, priors, evidences, keys)
-        after, before = (each.log_prior + each.log_evidence for each in (proposed, chains))
-        chance = jnp.nan_to_num(jnp.exp(jnp.minimum(after - before, 0)))  # 0 of NaN
+        priors, increments = jax.vmap(target)(place, keys)
+        proposed = _Chains(place, priors, increments, keys)
+        change = proposed.log_prior - chains.log_prior
+        change += sum_evenly(proposed.increments - chains.increments)
+        chance = jnp.nan_to_num(jnp.exp(jnp.minimum(change, 0)))  # 0 of NaN
         accepted = jax.random.uniform(accept_key, (num_chains,)) < chance
         chains = jax.tree.map(
             lambda new, old: jnp.where(accepted.reshape(-1, *[1] * (new.ndim - 1)), new, old),
@@ -237,7 +245,11 @@ def _advance(model, key, frames, initial, chains, walk, rates):
         offset = chains.place - mean
         covariance = walk.covariance + rate * (offset.T @ offset / num_chains - walk.covariance)
         log_scale = walk.log_scale + rate * (jnp.mean(chance) - _ACCEPTANCE)
-        return (chains, _Walk(mean, covariance, log_scale)), (*chains[:3], accepted)
+        return (chains, _Walk(mean, covariance, log_scale)), (
+            *chains[:2],
+            sum_evenly(chains.increments),
+            accepted,
+        )
 
     rates = jnp.asarray(rates, walk.log_scale.dtype)
     items = rates, jax.random.split(key, len(rates)), np.arange(len(rates)) % num_blocks

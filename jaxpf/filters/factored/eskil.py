@@ -121,7 +121,7 @@ class Eskil(contract.Tracker):
         if self.drift != "none":
             simulated = cloud.moved(self, simulate_key, lagged)
             promise, invalid_before = cloud.weighed(self, observation, simulated)
-            posterior, _ = cloud.normalised(log_weights + promise, log_weights)
+            posterior, _ = cloud.multiplied(log_weights, promise)
             seen = cloud.means(posterior, simulated)[:2].T - motion.place
             carried = drift.drift(motion, seen, self.drift)
 
@@ -132,14 +132,13 @@ class Eskil(contract.Tracker):
         if self.proper:
             ratio = _log_ratio(self.dynamics, new, diffused, lagged)
             log_prob = jnp.where(jnp.isneginf(log_prob), -jnp.inf, log_prob + ratio)
-        unweighted, _ = cloud.normalised(log_weights, log_weights)
-        posterior, totals = cloud.normalised(log_weights + log_prob, unweighted)
+        posterior, totals = cloud.multiplied(log_weights, log_prob)
         if self.shape != "none":
             centres = cloud.means(posterior, new)[:2]
             reference = shape.reference_distances(self.reference).astype(new.dtype)
             held = shape.log_shape(new[:2], centres, reference, self.shape_scale, self.shape)
             held = jnp.where(jnp.isneginf(posterior), 0.0, held)  # may be NaN at zero weight
-            posterior, _ = cloud.normalised(posterior + held, posterior)
+            posterior, _ = cloud.multiplied(posterior, held)
 
         exact = self.shape == "none" and (self.drift == "none" or self.proper)
         after = FactoredState(

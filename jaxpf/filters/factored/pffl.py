@@ -94,7 +94,7 @@ class PFFL(Tracker):
             lagged, log_weights = cloud.survivors(self, sample_key, state)
         simulated = cloud.moved(self, simulate_key, lagged)
         promise, invalid_before = cloud.weighed(self, observation, simulated)
-        selection, _ = cloud.normalised(log_weights + promise, log_weights)
+        selection, _ = cloud.multiplied(log_weights, promise)
         if self.form == "auxiliary":
             safety = jnp.asarray(self.safety, selection.dtype)
             rest = jnp.log1p(-jnp.minimum(safety, 1 - jnp.finfo(safety.dtype).eps))
@@ -107,8 +107,7 @@ class PFFL(Tracker):
         )
         new = cloud.moved(self, move_key, lagged)
         log_prob, invalid = cloud.weighed(self, observation, new)
-        kept, _ = cloud.normalised(log_weights, log_weights)
-        log_weights, totals = cloud.normalised(log_weights + log_prob, kept)
+        log_weights, totals = cloud.multiplied(log_weights, log_prob)
         after = FactoredState(
             lagged=jnp.stack([new, lagged[0]]),
             log_weights=log_weights,

@@ -156,11 +156,11 @@ class Labelled(Tracker):
         if self.relocation is not None:
             jump_key = jax.random.fold_in(stages_key, 1)
             state, log_weight = kernel.relocated(self, jump_key, state, observation)
-        log_prob, num_invalid = kernel.weigh(self, state, left, observation)
+        log_factor, largest, num_invalid = kernel.weigh(self, state, left, observation)
         if log_weight is not None:
-            log_prob = log_prob + log_weight
-        state, log_evidence, label_log_evidence = kernel.share_out(self, state, log_prob)
-        after = kernel.report(self, state, log_evidence, label_log_evidence, num_invalid)
+            log_factor = log_factor + log_weight
+        state, log_evidence, of_labels = kernel.share_out(self, state, log_factor, largest)
+        after = kernel.report(self, state, log_evidence, of_labels, num_invalid)
         return confidence.reported(self.likelihood, before, *after, observation)
 
     def _given_particles(self, key: jax.Array, state: LabelledState) -> LabelledState:

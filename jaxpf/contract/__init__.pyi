@@ -30,6 +30,7 @@ from .calls import (
     proposal_log_density_all as proposal_log_density_all,
     proposal_of as proposal_of,
     propose_all as propose_all,
+    time_of as time_of,
 )
 from .errors import InputError as InputError, check_known as check_known
 from .interface import (

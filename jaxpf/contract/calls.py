@@ -29,6 +29,23 @@ def observed_apart(tracker: Any) -> tuple[Callable, Callable]:
     return (lambda frame: frame), tracker.step
 
 
+def time_of(state: Any) -> Any:
+    """Number of frames that led to a state, ``[]`` int32; see ``Tracker``.
+
+    Raises:
+        InputError: the state does not say, so that it cannot be resumed.
+    """
+    time = getattr(state, "time", None)
+    if time is None or jnp.ndim(time) or not jnp.issubdtype(jnp.result_type(time), jnp.integer):
+        what = "no field time" if time is None else f"the time {' '.join(repr(time).split()):.60}"
+        raise InputError(
+            f"{type(state).__name__} has {what}, so resuming would repeat the random numbers of "
+            "the first frames; let the state hold time, one integer that init sets to 0 and every "
+            "step increases by 1."
+        )
+    return time
+
+
 def observe_nearby(observer: Any, frame: Any, near: Any) -> Any:
     """The observation of some parts of a frame, by a tracker or likelihood; None if it has none.
 

@@ -49,6 +49,10 @@ class Tracker:
     filter does not compute are None.  Evaluation and tuning read ``num_partitions``, P, and
     ``summary.estimate``, ``[P, D]``.
 
+    A state that can be resumed has an attribute ``time``, ``[]`` int32, the number of frames
+    processed: 0 from ``init``, one more after every step.  It selects a frame's random numbers,
+    so a state without it is refused by ``jaxpf.run(..., state=state)`` and ``jaxpf.forecast``.
+
     Define ``init`` and ``step_observed``, plus ``observe`` if runs can share work.  If they
     cannot, define ``init`` and ``step``.
     """

@@ -29,7 +29,6 @@ def run(
     record: Callable[[Any, Any], Any] = summary_only,
     observed: Any = None,
     state: Any = None,
-    time: int = 0,
 ) -> tuple[Any, Any]:
     """Track one sequence once.
 
@@ -37,8 +36,8 @@ def run(
     with many objects, minutes.  ``jax.config.update("jax_log_compiles", True)`` logs compilation;
     ``jaxpf.stream`` yields every frame's summary as it is computed.
 
-    To resume a run, pass its final state and its number of frames; the results are identical to an
-    uninterrupted run.  ``jaxpf.save`` stores both on disk.
+    To resume a run, pass its key, its final state and the frames that follow; the results are
+    identical to an uninterrupted run.  ``jaxpf.save`` stores a state on disk.
 
     Args:
         tracker: any object with ``init`` and ``step``, registered as a pytree.
@@ -51,7 +50,7 @@ def run(
             default, float frames that are entirely NaN are missing.  The log-evidence increment of
             a missing frame is 0, unless it is random (``jaxpf.running.missing_frames``).
         state: state after the previous frames, to resume; None starts with ``tracker.init``.
-        time: number of previous frames.
+            It must say its ``time``, see ``jaxpf.contract.Tracker``.
 
     Returns:
         The final state, and the recorded values with a leading axis T.
@@ -65,14 +64,13 @@ def run(
             "frames come one by one, and run needs them all at once; use jaxpf.stream or "
             "jaxpf.monte_carlo, which keep few of them, or give np.stack(list(frames))."
         )
-    check_whole("time", time, 0)
     check_frames(frames)
     num_frames(frames)
     check_run(tracker, frames)
     key = as_key(key)
     check_resumed(tracker, key, state, record)
     tracker, frames = missing_frames.marked(tracker, frames, observed)
-    return run_compiled(tracker, key, frames, record, state, time)
+    return run_compiled(tracker, key, frames, record, state)
 
 
 def forecast(
@@ -81,8 +79,6 @@ def forecast(
     state: Any,
     steps: int,
     record: Callable[[Any, Any], Any] = summary_only,
-    *,
-    time: Any,
 ) -> tuple[Any, Any]:
     """Predict targets after the last frame: ``run`` over missing frames.
 
@@ -90,12 +86,10 @@ def forecast(
 
     Args:
         tracker: the tracker of the previous frames.
-        key: as for ``run``.
-        state: state after the last frame.
+        key: with the run's key, the forecast continues exactly as ``run`` would.
+        state: state after the last frame, with its ``time``, see ``jaxpf.contract.Tracker``.
         steps: S, number of frames to predict.
         record: as for ``run``.
-        time: number of frames tracked.  With the run's key, the forecast continues exactly as
-            ``run`` would; a smaller number would reuse the noise of tracked frames.
 
     Returns:
         The state S frames ahead, and the recorded values with a leading axis S.
@@ -104,13 +98,12 @@ def forecast(
         InputError: fewer than one step, an invalid key, or a tracker without a likelihood.
     """
     check_whole("steps", steps)
-    check_whole("time", time, 0)
     missing_frames.check_gaps(tracker)
     key = as_key(key)
     check_resumed(tracker, key, state, record)
     nothing = np.zeros(steps, bool)
     blind = missing_frames.WithoutFrames(tracker)
-    return run_compiled(blind, key, (nothing, nothing), record, state, time)
+    return run_compiled(blind, key, (nothing, nothing), record, state)
 
 
 def frame_key(key: jax.Array, time: Any) -> jax.Array:
@@ -139,6 +132,7 @@ def check_resumed(tracker: Any, key: jax.Array, state: Any, record: Any) -> None
             f"state is {type(state).__name__}, no state of this tracker; give one that a run of "
             "the same tracker returned, or None to start."
         )
+    contract.time_of(state)
 
 
 def as_key(key: Any) -> jax.Array:
@@ -255,9 +249,10 @@ def together(tracker: Any, keys: jax.Array) -> Callable[[Callable, Any], Any]:
 
 @partial(jax.jit, static_argnames="record")
 def run_compiled(
-    tracker: Any, key: jax.Array, frames: Any, record: Callable, state: Any = None, time: int = 0
+    tracker: Any, key: jax.Array, frames: Any, record: Callable, state: Any = None
 ) -> Any:
     """``run`` without its checks."""
-    times = time + jnp.arange(num_frames(frames))
+    first = 0 if state is None else contract.time_of(state)
+    times = first + jnp.arange(num_frames(frames))
     state = init(tracker, key) if state is None else state
     return lax.scan(one_run(tracker, key, record), state, (times, frames))

@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from jaxpf import running
-from jaxpf.contract.numbers import check_whole
+from jaxpf import contract, running
 from jaxpf.contract.pytree import check_not_traced
 from jaxpf.running import missing_frames
 from jaxpf.running.checks import check_pytree
@@ -37,7 +36,6 @@ def stream(
     frames: Iterable[np.ndarray],
     observed: Iterable[bool] | None = None,
     state: Any = None,
-    time: int = 0,
 ) -> Iterator[TrackedFrame]:
     """Track frames one by one, with the same results as ``jaxpf.run`` with the same key.
 
@@ -49,19 +47,19 @@ def stream(
         frames: uint8 RGB ``[H, W, 3]``, all of the same size.
         observed: whether each frame was seen, as for ``jaxpf.run``; a dropped frame may hold any
             values of that size.
-        state: state after the previous frames, to resume, as for ``jaxpf.run``.
-        time: number of previous frames, as for ``jaxpf.run``; numbering starts from it.
+        state: state after the previous frames, to resume, as for ``jaxpf.run``; frames are
+            numbered from its ``time``.
     """
     key = running.as_key(key)
-    check_whole("time", time, 0)
     check_pytree(tracker)
     check_resumed(tracker, key, state, running.summary_only)
-    if state is None:
-        state = jax.jit(running.init)(tracker, key)
     whole = () if come_one_by_one(frames) else frames
     check_not_traced("jaxpf.stream", "jaxpf.run", tracker, key, whole, state)
+    first = 0 if state is None else int(contract.time_of(state))
+    if state is None:
+        state = jax.jit(running.init)(tracker, key)
     marked = missing_frames.marked_one_by_one(tracker, frames, observed)
-    for number, (frame, marked_tracker, taken) in enumerate(marked, time):
+    for number, (frame, marked_tracker, taken) in enumerate(marked, first):
         state, summary = step(marked_tracker, key, number, state, taken)
         check_not_traced("jaxpf.stream", "jaxpf.run", summary)
         yield TrackedFrame(number, frame, state, jax.tree.map(np.asarray, summary))

@@ -137,7 +137,7 @@ def test_a_forecast_is_a_run_over_frames_that_are_missing(name):
     its, frames = TRACKERS[name], GAPS[:4]
     states, expected = jax.device_get(jaxpf.run(its, KEY, frames, lambda *both: both)[1])
     state = jax.tree.map(lambda x: x[1], states)  # two frames were tracked
-    _, ahead = jaxpf.forecast(its, KEY, state, 2, time=2)
+    _, ahead = jaxpf.forecast(its, KEY, state, 2)
     np.testing.assert_allclose(ahead.estimate, expected.estimate[2:], atol=1e-5)
     np.testing.assert_allclose(ahead.spread, expected.spread[2:], atol=1e-5)
     assert (np.asarray(ahead.log_evidence) == 0).all()
@@ -153,7 +153,7 @@ def test_a_forecast_has_the_moments_of_the_dynamics():
         initial=jnp.array([[3.0], [-5.0]]),
         num_particles=20_000,
     )
-    _, ahead = jaxpf.forecast(its, KEY, its.init(KEY), 4, time=0)
+    _, ahead = jaxpf.forecast(its, KEY, its.init(KEY), 4)
     steps = np.arange(1, 5)[:, None]
     variance = (1 - 0.81**steps) / (1 - 0.81)
     # Particles are independent: nothing was ever resampled by different weights.
@@ -165,11 +165,11 @@ def test_a_forecast_has_the_moments_of_the_dynamics():
 def test_what_has_no_forecast_is_refused():
     its = partitioned(ordering.ps([0, 1, 2]))
     with pytest.raises(InputError, match="steps = 0 must be a whole number from 1"):
-        jaxpf.forecast(its, KEY, its.init(KEY), 0, time=0)
+        jaxpf.forecast(its, KEY, its.init(KEY), 0)
     with pytest.raises(TypeError, match="time"):  # frame 0's noise would be used again
         jaxpf.forecast(its, KEY, its.init(KEY), 4)
     with pytest.raises(InputError, match="Foreign has no field likelihood"):
-        jaxpf.forecast(Foreign(), KEY, None, 3, time=0)
+        jaxpf.forecast(Foreign(), KEY, None, 3)
 
 
 def test_whole_numbers_are_missing_by_word_alone():

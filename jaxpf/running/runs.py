@@ -13,7 +13,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import check_frames, check_run
+from jaxpf.running.checks import as_arrays, check_frames, check_run, warn_if_nan, with_inputs
 from jaxpf.running.chunks import come_one_by_one
 
 
@@ -29,6 +29,7 @@ def run(
     record: Callable[[Any, Any], Any] = summary_only,
     observed: Any = None,
     state: Any = None,
+    inputs: Any = None,
 ) -> tuple[Any, Any]:
     """Track one sequence once.
 
@@ -42,7 +43,8 @@ def run(
     Args:
         tracker: any object with ``init`` and ``step``, registered as a pytree.
         key: the run's random key; frame t uses ``fold_in(key, t + 1)``.
-        frames: array or pytree with a leading time axis ``[T, ...]``.
+        frames: array or pytree with a leading time axis ``[T, ...]``; also a pandas Series or
+            DataFrame.
         record: function of ``(state, summary)`` that returns what to keep of each frame.  Pass a
             named function: a new lambda recompiles.
         observed: ``[T]`` bool, false for a missing frame, in which particles move by their dynamics
@@ -51,26 +53,33 @@ def run(
             a missing frame is 0, unless it is random (``jaxpf.running.missing_frames``).
         state: state after the previous frames, to resume; None starts with ``tracker.init``.
             It must say its ``time``, see ``jaxpf.contract.Tracker``.
+        inputs: known inputs of these frames, a pytree of arrays ``[T, ...]``; functions of
+            ``jaxpf.state_space`` receive a frame's row as ``u``.
 
     Returns:
         The final state, and the recorded values with a leading axis T.
 
     Raises:
         InputError: no frames, arrays with different numbers of frames, or an iterable of single
-            frames; ``observed`` of a wrong shape; see also ``jaxpf.running.checks.check_run``.
+            frames; ``observed`` of a wrong shape; a frame that is NaN in part; see also
+            ``jaxpf.running.checks.check_run``.
     """
+    frames = as_arrays(frames)
     if come_one_by_one(frames):
         raise InputError(
             "frames come one by one, and run needs them all at once; use jaxpf.stream or "
             "jaxpf.monte_carlo, which keep few of them, or give np.stack(list(frames))."
         )
     check_frames(frames)
-    num_frames(frames)
-    check_run(tracker, frames)
+    count = num_frames(frames)
     key = as_key(key)
-    check_resumed(tracker, key, state, record)
+    first = check_resumed(tracker, key, state, record)
+    tracker = with_inputs(tracker, inputs, count, first)
+    check_run(tracker, frames)
     tracker, frames = missing_frames.marked(tracker, frames, observed)
-    return run_compiled(tracker, key, frames, record, state)
+    state, recorded = run_compiled(tracker, key, frames, record, state)
+    warn_if_nan(recorded)
+    return state, recorded
 
 
 def forecast(
@@ -79,6 +88,7 @@ def forecast(
     state: Any,
     steps: int,
     record: Callable[[Any, Any], Any] = summary_only,
+    inputs: Any = None,
 ) -> tuple[Any, Any]:
     """Predict targets after the last frame: ``run`` over missing frames.
 
@@ -90,17 +100,20 @@ def forecast(
         state: state after the last frame, with its ``time``, see ``jaxpf.contract.Tracker``.
         steps: S, number of frames to predict.
         record: as for ``run``.
+        inputs: of these S frames, as for ``run``.
 
     Returns:
         The state S frames ahead, and the recorded values with a leading axis S.
 
     Raises:
-        InputError: fewer than one step, an invalid key, or a tracker without a likelihood.
+        InputError: fewer than one step, an invalid key, a tracker without a likelihood, or a model
+            with inputs that are not given for each step.
     """
     check_whole("steps", steps)
     missing_frames.check_gaps(tracker)
     key = as_key(key)
-    check_resumed(tracker, key, state, record)
+    first = check_resumed(tracker, key, state, record)
+    tracker = with_inputs(tracker, inputs, steps, first)
     nothing = np.zeros(steps, bool)
     blind = missing_frames.WithoutFrames(tracker)
     return run_compiled(blind, key, (nothing, nothing), record, state)
@@ -116,8 +129,8 @@ def init(tracker: Any, key: jax.Array) -> Any:
     return tracker.init(jax.random.fold_in(key, 0))
 
 
-def check_resumed(tracker: Any, key: jax.Array, state: Any, record: Any) -> None:
-    """Refuse a state that is not one of the tracker, and what cannot record.
+def check_resumed(tracker: Any, key: jax.Array, state: Any, record: Any) -> Any:
+    """Refuse a state that is not one of the tracker, and what cannot record; return its time.
 
     Raises:
         InputError: names the argument.
@@ -125,14 +138,14 @@ def check_resumed(tracker: Any, key: jax.Array, state: Any, record: Any) -> None
     if not callable(record):
         raise InputError(f"record={record!r:.60} must be a function of (state, summary).")
     if state is None:
-        return
+        return 0
     given: Any = jax.tree.structure(state)
     if given != jax.tree.structure(jax.eval_shape(init, tracker, key)):
         raise InputError(
             f"state is {type(state).__name__}, no state of this tracker; give one that a run of "
             "the same tracker returned, or None to start."
         )
-    contract.time_of(state)
+    return contract.time_of(state)
 
 
 def as_key(key: Any) -> jax.Array:
@@ -252,7 +265,7 @@ def run_compiled(
     tracker: Any, key: jax.Array, frames: Any, record: Callable, state: Any = None
 ) -> Any:
     """``run`` without its checks."""
-    first = 0 if state is None else contract.time_of(state)
+    first = 0 if state is None else state.time
     times = first + jnp.arange(num_frames(frames))
     state = init(tracker, key) if state is None else state
     return lax.scan(one_run(tracker, key, record), state, (times, frames))

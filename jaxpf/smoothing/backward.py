@@ -110,14 +110,15 @@ class SeenMoves(contract.DynamicsWithDensity):
 
     def log_density_all(self, partition, new, current, previous, parent):
         """Log-densities ``[N]`` of moves, and of the frame given both ends."""
-        dynamics, half = self.dynamics, new.shape[0] // 2
-        if hasattr(dynamics, "at_frame"):
-            dynamics = dynamics.at_frame(self.time)
+        half = new.shape[0] // 2
+        dynamics, likelihood = (
+            contract.of_frame(part, self.time) for part in (self.dynamics, self.likelihood)
+        )
         observation = contract.frame_of(self.observations, self.time)
         ends = jnp.concatenate([new[:half], current[:half]])
         return contract.log_density_all(
             dynamics, partition, new, current, previous, parent
-        ) + contract.log_prob_all(self.likelihood, observation, partition, ends)
+        ) + contract.log_prob_all(likelihood, observation, partition, ends)
 
 
 def backward(

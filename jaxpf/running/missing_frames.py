@@ -329,15 +329,19 @@ def _check_nan(tracker: Any, frames: Any, seen: Any, first: int) -> None:
     if not is_concrete(frames, seen) or contract.handles_nan(tracker):
         return
     for path, leaf in jax.tree_util.tree_leaves_with_path(frames):
-        # The smallest number shows whether any is NaN, without a mask as large as the frames.
-        if not jnp.issubdtype(leaf.dtype, jnp.floating) or not np.isnan(np.min(np.asarray(leaf))):
+        if not jnp.issubdtype(jnp.result_type(leaf), jnp.floating):
             continue
-        is_nan = np.isnan(np.asarray(leaf)).reshape(len(leaf), -1).any(axis=1)
+        # Within a user's trace, indexing a JAX array would give a tracer.
+        leaf = np.asarray(leaf)
+        # The smallest number shows whether any is NaN, without a mask as large as the frames.
+        if not leaf.size or not np.isnan(np.min(leaf)):
+            continue
+        is_nan = np.isnan(leaf).reshape(len(leaf), -1).any(axis=1)
         if seen is not None:
             is_nan &= np.asarray(seen, bool).reshape(len(leaf), -1).all(axis=1)
         if is_nan.any():
             frame = int(np.argmax(is_nan))
-            place = np.argwhere(np.isnan(np.asarray(leaf[frame])))[0].tolist()
+            place = np.argwhere(np.isnan(leaf[frame]))[0].tolist()
             raise InputError(
                 f"frame {first + frame} holds NaN{jax.tree_util.keystr(path)} at {place}, but not "
                 "only NaN; give observed= to say which frames or partitions are missing, or set "

@@ -21,8 +21,9 @@ from jaxpf.running import (
     num_frames,
     summary_only,
     together,
+    with_inputs,
 )
-from jaxpf.running.checks import as_arrays, check_frames, check_run, warn_if_nan, with_inputs
+from jaxpf.running.checks import as_arrays, check_frames, check_run, warn_if_nan
 from jaxpf.running.chunks import come_one_by_one, in_chunks
 
 #: Block widths for many and for few runs.  A block of 5 costs up to a third more per run than one
@@ -90,13 +91,7 @@ def monte_carlo(
     count = keys.shape[0]
     blocks = blocks_of(count) if batch_size is None else ((-(-count // batch_size), batch_size),)
     frames = as_arrays(frames)
-    if inputs is not None:
-        if come_one_by_one(frames):
-            raise InputError(
-                "frames come one by one, and inputs are rows of all frames; give "
-                "np.stack(list(frames)), or use jaxpf.stream, which takes inputs one by one."
-            )
-        tracker = with_inputs(tracker, inputs, num_frames(frames))
+    tracker = with_inputs(tracker, inputs, frames)
     recorded = run_blocks(
         tracker, keys, frames, blocks, record, devices, frames_per_chunk, observed
     )

@@ -83,24 +83,6 @@ def as_arrays(frames: Any) -> Any:
     return jax.tree.map(lambda x: x.to_numpy() if hasattr(x, "to_numpy") else x, frames)
 
 
-def with_inputs(tracker: Any, inputs: Any, count: int, first: Any = 0) -> Any:
-    """Return the tracker with the inputs of ``count`` frames; unchanged if they are None.
-
-    Raises:
-        InputError: a number of rows other than ``count``, or no part of the model takes inputs.
-    """
-    if inputs is None:
-        return tracker
-    inputs = as_arrays(inputs)
-    for path, leaf in jax.tree_util.tree_leaves_with_path(inputs):
-        if np.shape(leaf)[:1] != (count,):
-            raise InputError(
-                f"inputs{jax.tree_util.keystr(path)} has shape {_shape(np.shape(leaf))} for "
-                f"{count} frames; give a row for each, [{count}, ...]."
-            )
-    return contract.with_inputs(tracker, inputs, first)
-
-
 def warn_if_nan(summary: Any, first: int = 0) -> bool:
     """Warn of the first frame that no particle explains because of likelihoods that are NaN.
 

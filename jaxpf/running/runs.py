@@ -13,7 +13,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import as_arrays, check_frames, check_run, warn_if_nan, with_inputs
+from jaxpf.running.checks import as_arrays, check_frames, check_run, warn_if_nan
 from jaxpf.running.chunks import come_one_by_one
 
 
@@ -71,10 +71,10 @@ def run(
             "jaxpf.monte_carlo, which keep few of them, or give np.stack(list(frames))."
         )
     check_frames(frames)
-    count = num_frames(frames)
+    num_frames(frames)
     key = as_key(key)
     first = check_resumed(tracker, key, state, record)
-    tracker = with_inputs(tracker, inputs, count, first)
+    tracker = with_inputs(tracker, inputs, frames, first)
     check_run(tracker, frames)
     tracker, frames = missing_frames.marked(tracker, frames, observed)
     state, recorded = run_compiled(tracker, key, frames, record, state)
@@ -113,10 +113,40 @@ def forecast(
     missing_frames.check_gaps(tracker)
     key = as_key(key)
     first = check_resumed(tracker, key, state, record)
-    tracker = with_inputs(tracker, inputs, steps, first)
     nothing = np.zeros(steps, bool)
+    tracker = with_inputs(tracker, inputs, nothing, first)
     blind = missing_frames.WithoutFrames(tracker)
     return run_compiled(blind, key, (nothing, nothing), record, state)
+
+
+def with_inputs(tracker: Any, inputs: Any, frames: Any, first: Any = 0) -> Any:
+    """Return the tracker with the inputs of frames ``[T, ...]``; unchanged if there are none.
+
+    Args:
+        tracker: any tracker.
+        inputs: as for ``run``.
+        frames: as for ``run``.
+        first: number of the first frame.
+
+    Raises:
+        InputError: frames that come one by one, or other than T rows; no part of the model takes
+            inputs.
+    """
+    if inputs is None:
+        return tracker
+    if come_one_by_one(frames):
+        raise InputError(
+            "frames come one by one, and inputs are rows of all frames; give "
+            "np.stack(list(frames)), or use jaxpf.stream, which takes inputs one by one."
+        )
+    inputs, count = as_arrays(inputs), num_frames(frames)
+    for path, leaf in jax.tree_util.tree_leaves_with_path(inputs):
+        if np.shape(leaf)[:1] != (count,):
+            raise InputError(
+                f"inputs{jax.tree_util.keystr(path)} has shape {list(np.shape(leaf))} for {count} "
+                f"frames; give a row for each, [{count}, ...]."
+            )
+    return contract.with_inputs(tracker, inputs, first)
 
 
 def frame_key(key: jax.Array, time: Any) -> jax.Array:

@@ -10,7 +10,7 @@ from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import check_not_traced
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import as_arrays, check_pytree, warn_if_nan, with_inputs
+from jaxpf.running.checks import as_arrays, check_pytree, warn_if_nan
 from jaxpf.running.chunks import come_one_by_one
 from jaxpf.running.runs import check_resumed
 
@@ -73,7 +73,7 @@ def stream(
             if row is None:
                 raise InputError(f"inputs end before frame {number}; give a row for each frame.")
             row = jax.tree.map(lambda x: np.asarray(x)[None], row)
-            its_tracker = with_inputs(its_tracker, row, 1, number)
+            its_tracker = running.with_inputs(its_tracker, row, np.zeros(1), number)
         state, summary = step(its_tracker, key, number, state, taken)
         check_not_traced("jaxpf.stream", "jaxpf.run", summary)
         summary = jax.tree.map(np.asarray, summary)

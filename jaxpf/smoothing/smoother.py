@@ -15,7 +15,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import check_not_traced, pytree_dataclass
 from jaxpf.running import memory, missing_frames
-from jaxpf.running.checks import as_arrays, check_frames, check_run, with_inputs
+from jaxpf.running.checks import as_arrays, check_frames, check_run
 from jaxpf.running.chunks import come_one_by_one
 from jaxpf.smoothing.backward import History, Pass, SeenMoves, backward
 from jaxpf.smoothing.groups import check_smoothing, looks_back, sees_previous, together
@@ -100,13 +100,7 @@ def smooth(
             does not fit into memory.
     """
     frames = as_arrays(frames)
-    if inputs is not None:
-        if come_one_by_one(frames):
-            raise InputError(
-                "frames come one by one, and inputs are rows of all frames; give "
-                "np.stack(list(frames))."
-            )
-        tracker = with_inputs(tracker, inputs, running.num_frames(frames))
+    tracker = running.with_inputs(tracker, inputs, frames)
     if lag is not None:
         if keep_trajectories:
             raise InputError(

@@ -26,7 +26,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import as_arrays, check_run, with_inputs
+from jaxpf.running.checks import as_arrays, check_run
 from jaxpf.tuning.objectives import keep_log_evidence
 from jaxpf.tuning.posterior import Posterior
 
@@ -104,7 +104,7 @@ def pmmh(
     if prior is None or jnp.shape(prior) != ():
         raise InputError(f"log_prior returns {prior}; return one number, a sum over parameters.")
     frames, inputs = as_arrays(frames), as_arrays(inputs)
-    check_run(with_inputs(tracker, inputs, running.num_frames(frames)), frames)
+    check_run(running.with_inputs(tracker, inputs, frames), frames)
     marked, frames = missing_frames.marked(tracker, frames, observed)
     frames = frames, inputs
     is_known = is_concrete(key, frames, initial, tracker)

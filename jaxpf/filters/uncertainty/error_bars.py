@@ -68,7 +68,7 @@ class Ancestry:
     selections: jax.Array | None = None
 
     @property
-    def time(self) -> jax.Array:
+    def time(self) -> Any:
         """Number of frames processed, ``[]`` int32."""
         return self.state.time
 

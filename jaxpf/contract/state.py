@@ -44,6 +44,7 @@ class ParticleState:
         selections: ``[]``, number of selections in this frame; the initial draws count as one.  A
             selection in some components counts as their share of the particles.  None unless
             requested.
+        time: ``[]`` int32, number of frames processed, see ``jaxpf.contract.Tracker``.
     """
 
     lagged: jax.Array
@@ -56,6 +57,7 @@ class ParticleState:
     log_odds: jax.Array | None = None
     sources: jax.Array | None = None
     selections: jax.Array | None = None
+    time: jax.Array | None = None
 
     @property
     def substates(self) -> jax.Array:

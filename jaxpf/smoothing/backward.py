@@ -112,12 +112,13 @@ class SeenMoves(contract.DynamicsWithDensity):
 
     def log_density_all(self, partition, new, current, previous, parent):
         """Log-densities ``[N]`` of moves, and of the frame given both ends."""
-        dynamics, half = self.dynamics, new.shape[0] // 2
-        if hasattr(dynamics, "at_frame"):
-            dynamics = dynamics.at_frame(self.time)
+        half = new.shape[0] // 2
+        dynamics, likelihood = (
+            contract.of_frame(part, self.time) for part in (self.dynamics, self.likelihood)
+        )
         observation = contract.frame_of(self.observations, self.time)
         ends = jnp.concatenate([new[:half], current[:half]])
-        log_prob = contract.log_prob_all(self.likelihood, observation, partition, ends)
+        log_prob = contract.log_prob_all(likelihood, observation, partition, ends)
         largest = finite(jnp.max(sanitised(log_prob)[0]))  # common to all: it changes no draw
         log_density = contract.log_density_all(dynamics, partition, new, current, previous, parent)
         return log_density + (log_prob - largest)

@@ -208,9 +208,10 @@ def sweep(
         state = dataclasses.replace(
             state, lagged=state.lagged[..., places], log_weights=state.log_weights[places]
         )
+        at_time = contract.at_frame(model, time)
         holding = dataclasses.replace(
-            model,
-            dynamics=_HoldsFirst(contract.at_frame(model, time).dynamics, following),
+            at_time,
+            dynamics=_HoldsFirst(at_time.dynamics, following),
             resampling=_KeepsFirst("multinomial"),
             gradient=NoGradient(),
             motion_gradient="pathwise",

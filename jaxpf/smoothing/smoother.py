@@ -15,7 +15,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import check_not_traced, pytree_dataclass
 from jaxpf.running import memory, missing_frames
-from jaxpf.running.checks import check_frames, check_run
+from jaxpf.running.checks import as_arrays, check_frames, check_run
 from jaxpf.running.chunks import come_one_by_one
 from jaxpf.smoothing.backward import History, Pass, SeenMoves, backward
 from jaxpf.smoothing.groups import check_smoothing, looks_back, sees_previous, together
@@ -73,6 +73,7 @@ def smooth(
     lag: int | None = None,
     keep_trajectories: bool = False,
     observed: Any = None,
+    inputs: Any = None,
 ) -> Smoothed:
     """Track a clip, then smooth it: the posterior of every frame given all frames.
 
@@ -91,12 +92,15 @@ def smooth(
             with the length of the clip.
         keep_trajectories: whether to return the trajectories too.
         observed: as for ``jaxpf.run``.
+        inputs: as for ``jaxpf.run``; needs frames in arrays.
 
     Raises:
         InputError: a tracker that cannot be smoothed (``check_smoothing``); fewer than one
             trajectory; a lag below 1; ``keep_trajectories`` with a lag; a clip without a lag that
             does not fit into memory.
     """
+    frames = as_arrays(frames)
+    tracker = running.with_inputs(tracker, inputs, frames)
     if lag is not None:
         if keep_trajectories:
             raise InputError(
@@ -190,9 +194,8 @@ def _tracked(tracker: Any, frames: Any, key: jax.Array, lag: int) -> Iterator[An
     for block in _blocks(frames, lag):
         of_block = tracker
         if come_one_by_one(frames):
-            of_block, block = missing_frames.marked(
-                tracker, block
-            )  # missing frames are known only now
+            # Missing frames are known only now.
+            of_block, block = missing_frames.marked(tracker, block, first=first)
         if state is None:
             check_run(*missing_frames.unmarked(of_block, block))
             state = jax.jit(running.init)(tracker, key)

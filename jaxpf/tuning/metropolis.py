@@ -21,13 +21,13 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
-from jaxpf import running
+from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.logs import sum_evenly
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import check_run
+from jaxpf.running.checks import as_arrays, check_run
 from jaxpf.tuning.objectives import keep_log_evidence
 from jaxpf.tuning.posterior import Posterior
 
@@ -54,6 +54,7 @@ def pmmh(
     num_particles: int | None = None,
     blocks: int = 1,
     observed: Any = None,
+    inputs: Any = None,
 ) -> Posterior:
     """Draw parameters from their posterior given frames.
 
@@ -79,6 +80,7 @@ def pmmh(
         blocks: number of blocks of frames, of which a move redraws the random numbers of one, in
             turn; 10 needs fewer particles than 1, which redraws all.
         observed: as for ``jaxpf.run``.
+        inputs: as for ``jaxpf.run``.
 
     Raises:
         InputError: a number is below 1, parameters are not floats, or the start is excluded by the
@@ -102,8 +104,10 @@ def pmmh(
         )
     if prior is None or jnp.shape(prior) != ():
         raise InputError(f"log_prior returns {prior}; return one number, a sum over parameters.")
-    check_run(tracker, frames)
+    frames, inputs = as_arrays(frames), as_arrays(inputs)
+    check_run(running.with_inputs(tracker, inputs, frames), frames)
     marked, frames = missing_frames.marked(tracker, frames, observed)
+    frames = frames, inputs
     is_known = is_concrete(key, frames, initial, tracker)
     if is_known and not np.isfinite(prior):
         raise InputError(f"the prior excludes the start {initial!r:.200}; start inside of it.")
@@ -144,8 +148,10 @@ class _Model(NamedTuple):
     num_particles: int
 
     def increments(self, parameters: Any, keys: jax.Array, frames: Any) -> jax.Array:
-        """Estimate the frames' log evidence ``[T]``, with a random key for each block of them."""
+        """Estimate the log evidence ``[T]`` of frames and inputs, with a key per block of frames."""
+        frames, inputs = frames
         tracker = dataclasses.replace(self.build(parameters), num_particles=self.num_particles)
+        tracker = contract.with_inputs(tracker, inputs)
         if self.has_gaps:
             tracker = missing_frames.WithGaps(tracker)
         times = np.arange(running.num_frames(frames))

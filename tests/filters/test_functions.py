@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pandas
 import pytest
 from exact import LIMIT, WRONG, rauch_tung_striebel
 from jax.scipy.stats import norm
@@ -330,9 +331,24 @@ def test_tuning_names_a_parameter_once_and_changes_it_everywhere():
 # Refusals
 
 
+def with_numpy(key, x, p):
+    return np.sin(x) + jax.random.normal(key)
+
+
+def drawn_by_numpy(key, x, p):
+    return x + np.random.normal()  # noqa: NPY002
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
+        (
+            {"transition": with_numpy},
+            r"^transition \(with_numpy\) calls NumPy .*jnp.sin for np.sin",
+        ),
+        ({"transition": lambda key, x, p: float(x)}, r"^transition .*float\(x\), int\(x\)"),
+        ({"initial": lambda key, p: max(p["a"], 0)}, r"^initial .* max; use jnp.where"),
+        ({"transition": drawn_by_numpy}, "^transition gives another result at every call"),
         (
             {"transition": lambda key, x: x},
             r"transition takes \(key, x\), but must take \(key, x, p",
@@ -353,6 +369,25 @@ def test_wrong_functions_are_refused_in_one_sentence(changes, words):
     with pytest.raises(InputError, match=words) as raised:
         build(**{"values": VALUES} | changes)
     assert "\n" not in str(raised.value)
+
+
+def test_a_choice_by_python_in_a_likelihood_is_refused_by_its_name():
+    def by_sign(y, x, p):
+        return -1.0 if x < 0 else -(y**2)
+
+    with pytest.raises(InputError, match=r"^log_likelihood \(by_sign\) decides .* use jnp.where"):
+        jaxpf.run(build(VALUES, log_likelihood=by_sign), KEY, FRAMES)
+
+
+def test_a_column_of_a_table_is_a_series_of_frames():
+    its = build(VALUES)
+    alike = jaxpf.run(its, KEY, FRAMES)[1].estimate
+    table = pandas.DataFrame({"y": FRAMES})
+    np.testing.assert_array_equal(jaxpf.run(its, KEY, table["y"])[1].estimate, alike)
+    many = jaxpf.monte_carlo(its, KEY[None], table["y"]).estimate[0]
+    np.testing.assert_allclose(many, alike, rtol=1e-4)
+    with pytest.raises(InputError, match="frames hold object arrays; give arrays of numbers"):
+        jaxpf.run(its, KEY, table.astype(object))
 
 
 def test_a_likelihood_of_many_numbers_is_refused():

@@ -86,7 +86,7 @@ TABLE = {
         tracker, lambda its: run(its, observed=np.outer(SEEN, [True, False, True])), None,
     ),
     "forecast": (
-        tracker, lambda its: jaxpf.forecast(its, KEY, its.init(KEY), 2, time=4), None,
+        tracker, lambda its: jaxpf.forecast(its, KEY, its.init(KEY), 2), None,
     ),
     "labels": (lambda: tracker(**LABELS), run, None),
     "joint likelihood": (

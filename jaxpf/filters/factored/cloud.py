@@ -38,6 +38,7 @@ class FactoredState:
         weighted: ``[]`` bool, false for initial sets that have not been weighted.
         history: data from earlier frames, for trackers that need it; else None.
         log_odds: ``[P]``, see ``jaxpf.ParticleState``; None if the likelihood has none.
+        time: ``[]`` int32, number of frames processed, see ``jaxpf.contract.Tracker``.
     """
 
     lagged: jax.Array
@@ -45,6 +46,7 @@ class FactoredState:
     weighted: jax.Array
     history: Any = None
     log_odds: Any = None
+    time: Any = None
 
     @property
     def substates(self) -> jax.Array:
@@ -103,6 +105,7 @@ def start(key: jax.Array, tracker: Any) -> FactoredState:
         log_weights=jnp.full(values.shape[1:], -math.log(num), values.dtype),
         weighted=jnp.zeros((), bool),
         log_odds=confidence.at_start(tracker.likelihood, values.shape[1], values.dtype),
+        time=jnp.zeros((), jnp.int32),
     )
 
 

@@ -103,6 +103,7 @@ def first_state(tracker: Any) -> LabelledState:
         weighted=jnp.zeros((), bool),
         alive=alive,
         newborn=jnp.zeros_like(alive),
+        time=jnp.zeros((), jnp.int32),
     )
 
 

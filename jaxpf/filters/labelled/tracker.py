@@ -130,6 +130,7 @@ class Labelled(Tracker):
             lost=jnp.zeros((self.num_targets,), bool),
             weighted=jnp.zeros((), bool),
             log_odds=confidence.at_start(self.likelihood, self.num_targets, values.dtype),
+            time=jnp.zeros((), jnp.int32),
         )
 
     def observe(self, frame: Any) -> Any:

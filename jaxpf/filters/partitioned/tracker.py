@@ -140,6 +140,7 @@ class Partitioned(Tracker):
             path_scores=path_scores,
             label=label,
             log_odds=confidence.at_start(self.likelihood, self.num_partitions, values.dtype),
+            time=jnp.zeros((), jnp.int32),
         )
 
     def observe(self, frame: Any) -> Any:

@@ -59,15 +59,18 @@ class Ancestry:
         families: ``[K, S, Q, N]`` int32, the slot in which each particle's ancestor was drawn, k
             frames ago at stage s; without a lag, at the start of the clip, with K = S = 1.  Q is P
             if each partition has its own ancestors, else 1.
-        time: ``[]`` int32, number of frames processed.
         selections: ``[K]``, number of selections per frame, latest frame first, or with K = 1 over
             all frames; None if no selection is skipped.
     """
 
     state: ParticleState
     families: jax.Array
-    time: jax.Array
     selections: jax.Array | None = None
+
+    @property
+    def time(self) -> Any:
+        """Number of frames processed, ``[]`` int32."""
+        return self.state.time
 
 
 @pytree_dataclass
@@ -174,7 +177,6 @@ class WithErrorBars(contract.Tracker):
                 selections=none_yet[0] if adaptive else None,
             ),
             families=jnp.broadcast_to(identity, (*rows, shape[1])),
-            time=jnp.zeros((), jnp.int32),
             selections=none_yet if adaptive else None,
         )
 
@@ -192,7 +194,7 @@ class WithErrorBars(contract.Tracker):
         if selections is not None:
             kept = selections if self.lag is None else jnp.roll(selections, 1).at[0].set(0)
             selections = kept.at[0].add(inner.selections)
-        state = Ancestry(inner, families, state.time + 1, selections)
+        state = Ancestry(inner, families, selections)
         return state, self._report(state, summary)
 
     def _families(self, state: ParticleState, before: jax.Array) -> jax.Array:

@@ -35,6 +35,11 @@ class RunsState:
     log_shares: jax.Array
 
     @property
+    def time(self) -> jax.Array:
+        """Number of frames processed, ``[]`` int32."""
+        return self.runs.time[..., 0]
+
+    @property
     def substates(self) -> jax.Array:
         """Particles of all runs, ``[R N, P, D]``."""
         return jnp.concatenate(list(self.runs.substates))

@@ -52,6 +52,7 @@ from .state import (
     STATUS_INVALID_LIKELIHOOD as STATUS_INVALID_LIKELIHOOD,
     STATUS_LOST as STATUS_LOST,
     STATUS_OK as STATUS_OK,
+    STATUS_UNSUPPORTED as STATUS_UNSUPPORTED,
     ParticleState as ParticleState,
     Summary as Summary,
 )

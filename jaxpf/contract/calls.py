@@ -106,12 +106,16 @@ def check_uncoupled(dynamics: Any, what: str | Argument) -> None:
         InputError: the dynamics are coupled; the message names ``what``.
     """
     if is_coupled(first_motion(dynamics)):
-        raise InputError(
-            f"{type(dynamics).__name__} moves a partition by all the others, which does not "
-            "work with ",
-            what,
-            "; use jaxpf.Partitioned with sir, ps or dps, or dynamics of single partitions.",
-        )
+        raise InputError(*coupled_with(dynamics, what))
+
+
+def coupled_with(dynamics: Any, what: str | Argument) -> tuple[str | Argument, ...]:
+    """The pieces of the message of ``check_uncoupled``."""
+    return (
+        f"{type(dynamics).__name__} moves a partition by all the others, which does not work with ",
+        what,
+        "; use jaxpf.Partitioned with sir, ps or dps, or dynamics of single partitions.",
+    )
 
 
 def has_log_density(dynamics: Any) -> bool:

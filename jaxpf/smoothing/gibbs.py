@@ -28,7 +28,8 @@ from jax import lax
 from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
-from jaxpf.contract.pytree import is_concrete, pytree_dataclass
+from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.contract.refusals import poisoned, refused
 from jaxpf.gradients import NoGradient
 from jaxpf.resampling.schemes import BuiltIn
 from jaxpf.running import memory, missing_frames
@@ -88,7 +89,7 @@ def particle_gibbs(
             sweep (``check_conditional``); an iterable of single frames; a reference of a wrong
             shape; fewer than one sweep; not enough memory.
     """
-    check_conditional(tracker)
+    refuse = check_conditional(tracker)
     if come_one_by_one(frames):
         raise InputError(
             "frames come one by one, and a conditional sweep needs them all at once; give "
@@ -117,31 +118,24 @@ def particle_gibbs(
             "and D; put the substates just before the first frame in front."
         )
     keys = jax.random.split(key, num_sweeps)
-    return _sweeps(marked, keys, frames, jnp.asarray(reference), second_order)
+    drawn = _sweeps(marked, keys, frames, jnp.asarray(reference), second_order)
+    return poisoned(refuse, drawn)
 
 
-def check_conditional(tracker: Any) -> None:
+def check_conditional(tracker: Any) -> Any:
     """Refuse trackers for which no conditional sweep has been proved.
+
+    Returns:
+        As ``check_smoothing``.
 
     Raises:
         InputError: names the setting and an alternative.
     """
-    check_smoothing(tracker)
+    refuse = check_smoothing(tracker)
     if getattr(tracker.resampling, "name", "") != "multinomial":
         raise InputError(
             f"a conditional sweep keeps its reference under multinomial resampling alone, not "
             f"under {tracker.resampling}; give resampling='multinomial'."
-        )
-    ordering = tracker.ordering
-    # NumPy, because within a user's trace a JAX operation would return a tracer.
-    if is_concrete(ordering) and (
-        ordering.keeps_components
-        or np.asarray(ordering.fractions)[0] < 1
-        or np.asarray(ordering.exchanged).any()
-    ):
-        raise InputError(
-            "a conditional sweep keeps its reference in one component without exchange; use "
-            "jaxpf.ordering.ps or sir."
         )
     for name, without in (
         ("ess_threshold", None),
@@ -152,6 +146,14 @@ def check_conditional(tracker: Any) -> None:
     ):
         if getattr(tracker, name) is not without:
             raise InputError(f"a conditional sweep is not proved with {name}; leave it out.")
+    ordering = tracker.ordering
+    one_component = (
+        "a conditional sweep keeps its reference in one component without exchange; use "
+        "jaxpf.ordering.ps or sir."
+    )
+    return refused(
+        (refuse, ()), (ordering.divides | ordering.exchanges | ordering.keeps_components, [one_component])
+    )
 
 
 @partial(jax.jit, static_argnames="second_order")

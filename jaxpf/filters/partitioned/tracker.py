@@ -1,5 +1,6 @@
 """The partitioned particle filter as a tracker: its settings, ``init`` and ``step``."""
 
+import dataclasses
 from typing import Any
 
 import chex
@@ -12,6 +13,7 @@ from jaxpf.contract import Tracker
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import check_tree
 from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.contract.refusals import poisoned
 from jaxpf.contract.state import ParticleState, Summary, moments
 from jaxpf.filters import confidence
 from jaxpf.filters.initial import as_floats, checked_initial
@@ -61,6 +63,9 @@ class Partitioned(Tracker):
         num_particles: static, N.
         motion_gradient: static, gradient strategy for the motion, one of
             ``jaxpf.gradients.MOTION_GRADIENTS``.
+        refused: set by the constructor: ``[]`` bool, whether an ordering that is traced there, in a
+            user's ``jit``, ``vmap`` or ``scan``, does not work with the rest.  Summaries are then
+            NaN with ``STATUS_UNSUPPORTED``.  None if the ordering is known, and was checked.
     """
 
     dynamics: Any
@@ -78,6 +83,7 @@ class Partitioned(Tracker):
     parents: Any = static_field(default=None)
     num_particles: int = static_field(default=300)
     motion_gradient: str = static_field(default="pathwise")
+    refused: Any = dataclasses.field(default=None, init=False)
 
     def __post_init__(self):
         if not isinstance(self.ordering, Ordering):
@@ -89,7 +95,7 @@ class Partitioned(Tracker):
         object.__setattr__(self, "parents", check_tree(tree))
         object.__setattr__(self, "initial", checked_initial(self.initial))
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
-        check_tracker(self)
+        object.__setattr__(self, "refused", check_tracker(self))
 
     @property
     def num_partitions(self) -> int:
@@ -171,4 +177,4 @@ class Partitioned(Tracker):
                 f"{self.num_particles} of {self.num_partitions}; go on with the tracker that made "
                 "the state."
             )
-        return kernel.step(self, key, state, observation)
+        return poisoned(self.refused, kernel.step(self, key, state, observation))

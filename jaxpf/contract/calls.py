@@ -1,7 +1,7 @@
 """How the library calls what users write: optional methods are looked up here and nowhere else."""
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -271,6 +271,16 @@ def model_error(tracker: Any, num_partitions: int) -> np.ndarray:
             f"[{num_partitions}, 3]."
         )
     return np.broadcast_to(declared, (num_partitions, 3))
+
+
+def evidence_biases(tracker: Any) -> Sequence[Any]:
+    """Settings that bias a tracker's evidence, ``contract.Bias``, of a wrapper those inside.
+
+    A tracker without the property ``evidence_biases`` has an unbiased evidence.
+    """
+    while not hasattr(tracker, "evidence_biases") and hasattr(tracker, "tracker"):
+        tracker = tracker.tracker
+    return getattr(tracker, "evidence_biases", ())
 
 
 def has_state_gradient(likelihood: Any) -> bool:

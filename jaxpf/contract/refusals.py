@@ -2,12 +2,13 @@
 
 import dataclasses
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf.contract.calls import evidence_biases
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.state import STATUS_OK, STATUS_UNSUPPORTED, Summary
@@ -35,6 +36,46 @@ def refused(*cases: tuple[Any, Iterable[Any]]) -> Any:
         else:
             traced = condition if traced is None else traced | condition
     return traced
+
+
+class Bias(NamedTuple):
+    """A setting for which a tracker's ``exp(log_evidence)`` is biased, see ``evidence_biases``.
+
+    Attributes:
+        applies: ``[]`` bool.
+        cause: the setting, in a message.
+        remedy: the unbiased setting.
+        gross: whether the evidence is of no use at any number of particles, for tuning either.
+    """
+
+    applies: Any
+    cause: str
+    remedy: str
+    gross: bool = True
+
+
+def biased_evidence(tracker: Any, what: str, otherwise: str, tuning: bool = False) -> Any:
+    """Refuse a tracker with a biased evidence for ``what``; see ``refused`` for what is returned.
+
+    Args:
+        tracker: any tracker.
+        what: what needs the evidence.
+        otherwise: an alternative to the unbiased setting.
+        tuning: whether gross biases alone matter.
+    """
+    return refused(
+        *(
+            (
+                bias.applies,
+                [
+                    f"{what} needs an unbiased evidence, and {bias.cause} biases it; use "
+                    f"{bias.remedy}, or {otherwise}."
+                ],
+            )
+            for bias in evidence_biases(tracker)
+            if bias.gross or not tuning
+        )
+    )
 
 
 def poisoned(refused: Any, tree: Any) -> Any:

@@ -152,7 +152,8 @@ def check_conditional(tracker: Any) -> Any:
         "jaxpf.ordering.ps or sir."
     )
     return refused(
-        (refuse, ()), (ordering.divides | ordering.exchanges | ordering.keeps_components, [one_component])
+        (refuse, ()),
+        (ordering.divides | ordering.exchanges | ordering.keeps_components, [one_component]),
     )
 
 

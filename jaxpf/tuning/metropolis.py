@@ -25,6 +25,7 @@ from jaxpf import running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.refusals import biased_evidence, poisoned
 from jaxpf.running import missing_frames
 from jaxpf.running.checks import check_run
 from jaxpf.tuning.objectives import keep_log_evidence
@@ -53,6 +54,7 @@ def pmmh(
     num_particles: int | None = None,
     blocks: int = 1,
     observed: Any = None,
+    biased: bool = False,
 ) -> Posterior:
     """Draw parameters from their posterior given frames.
 
@@ -78,10 +80,11 @@ def pmmh(
         blocks: number of blocks of frames, of which a move redraws the random numbers of one, in
             turn; 10 needs fewer particles than 1, which redraws all.
         observed: as for ``jaxpf.run``.
+        biased: whether a biased evidence may serve; the draws are then not of the posterior.
 
     Raises:
-        InputError: a number is below 1, parameters are not floats, or the start is excluded by the
-            prior or cannot explain the frames.
+        InputError: a number is below 1, parameters are not floats, the evidence is biased, or the
+            start is excluded by the prior or cannot explain the frames.
     """
     counts = {"num_draws": num_draws, "num_warmup": num_warmup, "num_chains": num_chains}
     counts |= {"blocks": blocks, "num_particles": 1 if num_particles is None else num_particles}
@@ -99,6 +102,9 @@ def pmmh(
             f"build returns a {type(tracker).__name__}, whose num_particles cannot be set; return "
             "a tracker such as jaxpf.state_space(..., parameters=p)."
         )
+    refuse = None
+    if not biased:
+        refuse = biased_evidence(tracker, "pmmh", "biased=True for draws that are not exact")
     if prior is None or jnp.shape(prior) != ():
         raise InputError(f"log_prior returns {prior}; return one number, a sum over parameters.")
     check_run(tracker, frames)
@@ -129,7 +135,8 @@ def pmmh(
             f"{model.num_particles} particles; start elsewhere, or give more particles."
         )
     parameters = jax.vmap(jax.vmap(unravel))(places)
-    return Posterior(parameters, evidences, priors, accepted, model.num_particles)
+    drawn = Posterior(parameters, evidences, priors, accepted, model.num_particles)
+    return poisoned(refuse, drawn)
 
 
 class _Model(NamedTuple):

@@ -54,7 +54,18 @@ class Tables:
         return observation[1][a, b, label]
 
 
-def exact():
+@pytree_dataclass
+class OfSingleTargets:
+    """The weighting likelihoods alone."""
+
+    def observe(self, frame):
+        return frame[0]
+
+    def log_prob(self, observation, partition, substate):
+        return observation[partition, substate[0].astype(int)]
+
+
+def exact(log_joint=JOINT):
     """Evidence, and the posterior ``[5, 5, 2]`` in the last frame."""
     step = np.zeros((PLACES, PLACES))
     for place in range(PLACES):
@@ -63,7 +74,7 @@ def exact():
     belief = np.zeros((PLACES, PLACES, 2))
     belief[START] = START_LABEL
     apart = ~np.eye(PLACES, dtype=bool)[..., None] * FLIP
-    for joint in JOINT:
+    for joint in log_joint:
         moved = np.einsum("abl,ac,bd->cdl", belief, step, step)
         belief = ((1 - apart) * moved + apart * moved[..., ::-1]) * np.exp(joint)
     return belief.sum(), belief / belief.sum()
@@ -136,6 +147,28 @@ def test_labels_are_carried_through_other_selections(name, options):
     scale = np.exp(log_evidence.sum(axis=1)) / evidence
     assert z_score(scale, 1) < LIMIT
     assert (z_score(scale[:, None] * labels[:, -1], posterior.sum(axis=(0, 1))) < LIMIT).all()
+
+
+@pytest.mark.statistical
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ps", "sps"])
+def test_exchange_separates_places_from_the_label_that_depends_on_them(name):
+    """The evidence agrees all the same, so exchange is refused."""
+    evidence, posterior = exact(WEIGHTING[:, 0, :, None, None] + WEIGHTING[:, 1, None, :, None])
+    made = tracker(ORDERINGS["ps"], OfSingleTargets())
+    if name == "sps":
+        swapped = ordering.sps(num_partitions=2)
+        with pytest.raises(InputError, match="swap='combinatorial' separates a particle's parts"):
+            tracker(swapped, OfSingleTargets())
+        made = jaxpf.contract.changed_inside(made, "ordering", lambda _: swapped)
+    keys = jax.random.split(jax.random.key(5), RUNS)
+    frames = jnp.asarray(WEIGHTING), jnp.asarray(JOINT)
+    found = jaxpf.monte_carlo(made, keys, frames, report, batch_size=2000)
+    log_evidence, _, labels = (np.asarray(values, float) for values in found)
+    scale = np.exp(log_evidence.sum(axis=1)) / evidence
+    assert z_score(scale, 1) < LIMIT
+    worst = z_score(scale[:, None] * labels[:, -1], posterior.sum(axis=(0, 1))).max()
+    assert worst < LIMIT if name == "ps" else worst > 10
 
 
 def test_labels_that_cannot_work_are_refused():

@@ -13,11 +13,11 @@ from jaxpf.contract import Tracker
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import check_tree
 from jaxpf.contract.pytree import pytree_dataclass, static_field
-from jaxpf.contract.refusals import poisoned
+from jaxpf.contract.refusals import Bias, poisoned
 from jaxpf.contract.state import ParticleState, Summary, moments
 from jaxpf.filters import confidence
 from jaxpf.filters.initial import as_floats, checked_initial
-from jaxpf.filters.partitioned import kernel, labels
+from jaxpf.filters.partitioned import kernel, labels, levels
 from jaxpf.filters.partitioned.motion import Motion, motion_of
 from jaxpf.filters.partitioned.refusals import check_tracker
 from jaxpf.filters.partitioned.selection import Trigger
@@ -116,6 +116,28 @@ class Partitioned(Tracker):
     def trigger(self) -> Trigger:
         """The rule for when to resample a component."""
         return Trigger(self.ess_threshold)
+
+    @property
+    def evidence_biases(self) -> tuple[Bias, ...]:
+        """See ``jaxpf.contract.evidence_biases``."""
+        ordering, exchanging = self.ordering, levels.may_exchange(self)
+        has_parts = any(parent >= 0 for parent in self.parents)
+        return (
+            Bias(exchanging & ordering.exchanges_best, "swap='sorted'", "swap='combinatorial'"),
+            Bias(
+                exchanging & has_parts & ordering.exchanges_roots,
+                "an exchange of roots that have parts",
+                "sps(..., exchange_roots=False)",
+                gross=False,
+            ),
+            Bias(
+                ordering.known.literal & ordering.divides,
+                "reassembly='literal'",
+                "reassembly='evidence'",
+                gross=False,
+            ),
+            Bias(self.gradient.blends, "gradient Transport", "another gradient", False),
+        )
 
     @with_written_out_key
     def init(self, key: jax.Array) -> ParticleState:

@@ -203,7 +203,6 @@ class WithErrorBars(contract.Tracker):
     def _families(self, state: ParticleState, before: jax.Array) -> jax.Array:
         """Return ``families`` after this frame."""
         ordering, sources = self.tracker.ordering, jnp.asarray(state.sources)
-        num_rows, exchanges = before.shape[2], ordering.exchanges
         # Without exchange a particle has one ancestor for all partitions, as of the first stage.
         order = ordering.order[state.component]  # [N, P]
         particles = jnp.arange(sources.shape[1])
@@ -215,7 +214,7 @@ class WithErrorBars(contract.Tracker):
             return handed_on
         own = by_stage[: before.shape[1], None]
         if self.by_partition:
-            own = jnp.where(exchanges, state.lineage, own)
+            own = jnp.where(ordering.exchanges, state.lineage, own)
         return jnp.concatenate([own[None], handed_on[:-1]])
 
     def _report(self, state: Ancestry, summary: Summary) -> ErrorBars:

@@ -5,6 +5,7 @@ times as much as one.  Their results differ only by the Monte-Carlo error: the s
 R estimates over sqrt(R) is the standard error of their mean.
 """
 
+import dataclasses
 import functools
 from typing import Any
 
@@ -58,7 +59,8 @@ class SideBySide(contract.Tracker):
     rounding.  A frame reports ``ErrorBars`` of the pooled particles.  ``estimate`` is the mean over
     runs and ``estimate_variance`` the variance of this mean: a quarter for four times as many runs.
     ``log_evidence`` sums over frames to the log of the runs' mean evidence, which is unbiased if
-    each run's evidence is.  A run with an impossible frame counts as zero from then on.
+    each run's evidence is (``contract.evidence_biases``); ``evidence_variance`` is NaN if it is
+    grossly biased.  A run with an impossible frame counts as zero from then on.
 
     Attributes:
         tracker: a tracker that reports a ``jaxpf.Summary``.
@@ -108,7 +110,12 @@ class SideBySide(contract.Tracker):
         before = jnp.where(all_dead, 0.0, state.log_evidence)
         so_far = before + summaries.log_evidence
         increment = _log_sum(so_far) - _log_sum(before)
-        return RunsState(runs, so_far), _pooled(summaries, increment, so_far)
+        pooled = _pooled(summaries, increment, so_far)
+        for bias in contract.evidence_biases(self.tracker):
+            if bias.gross:
+                variance = jnp.where(bias.applies, jnp.nan, pooled.evidence_variance)
+                pooled = dataclasses.replace(pooled, evidence_variance=variance)
+        return RunsState(runs, so_far), pooled
 
     def _keys(self, key: jax.Array) -> jax.Array:
         return jax.vmap(functools.partial(jax.random.fold_in, key))(jnp.arange(self.num_runs))

@@ -9,11 +9,12 @@ from quick_compiling import quick
 from unsuited_dynamics import Coupled
 
 import jaxpf
-from jaxpf import InputError, ordering, pytree_dataclass
+from jaxpf import InputError, ordering, pytree_dataclass, smoothing
 from jaxpf.contract.state import STATUS_UNSUPPORTED, Summary
 from jaxpf.dynamics import LinearGaussian
 from jaxpf.filters import WithErrorBars
 from jaxpf.likelihoods import Gaussian
+from jaxpf.smoothing import gibbs
 
 FRAMES = np.random.default_rng(0).normal(size=(2, 3, 1)).astype(np.float32)
 KEY = jax.random.key(1)
@@ -49,21 +50,29 @@ def tracker(order, dynamics=LinearGaussian, **changes):
 
 
 def run(made):
-    frames = FRAMES if isinstance(getattr(made, "likelihood", None), Gaussian) else FRAMES[..., 0]
-    return jaxpf.run(made, KEY, frames)
+    is_joint = hasattr(getattr(made, "likelihood", None), "log_joint")
+    return jaxpf.run(made, KEY, FRAMES[..., 0] if is_joint else FRAMES)
 
 
 def built(**changes):
-    """A use of an ordering: a tracker is built with it, and run."""
-    return lambda order: run(tracker(order, **changes))
+    """A tracker is built with the argument, and run; and its condition alone."""
+    return lambda order: run(
+        tracker(order, **changes)
+    ), lambda order: tracker(order, **changes).refused
 
 
-def smooth(made):
-    return jaxpf.smooth(made, KEY, FRAMES, 3)
+def with_error_bars(order):
+    return WithErrorBars(tracker(order), lag=1, stages=True)
 
 
-def gibbs(made):
-    return jaxpf.particle_gibbs(made, KEY, FRAMES, 2)
+ERROR_BARS = lambda order: run(with_error_bars(order)), lambda order: with_error_bars(order).refused
+SMOOTHING = lambda made: jaxpf.smooth(made, KEY, FRAMES, 3), smoothing.check_smoothing
+GIBBS = lambda made: smoothing.particle_gibbs(made, KEY, FRAMES, 2), gibbs.check_conditional
+
+
+def of(*orders):
+    """Trackers that are arguments themselves, and were checked when they were built."""
+    return [tracker(order) for order in orders]
 
 
 def forest(**settings):
@@ -71,12 +80,12 @@ def forest(**settings):
     return tracker(ordering.sps(parents, **settings), parents=parents)
 
 
-#: Name: what is used, with what it takes, and with what it must not.
+#: Name: what is used, what of it is refused, arguments that work, and others.
 CASES = {
     "orders and trees": (
         built(parents=TREE),
         [PS, ordering.sps(TREE)],
-        [ordering.ps([1, 0, 2]), DPS, ordering.sps([-1, 0, 1])],
+        [ordering.ps([1, 0, 2]), DPS, ordering.sps([-1, -1, 0])],
     ),
     "joint likelihood": (
         built(likelihood=CorrelatedGaussian(np.eye(3, dtype=np.float32))), [PS], [FLAT],
@@ -95,15 +104,11 @@ CASES = {
         [ordering.branched([[0, 1, 2], [2, 0, 1], [1, 0, 2]])],
         [ordering.branched([[0, 1, 2], [2, 0, 1]])],
     ),
-    "stages of error bars": (
-        lambda order: jaxpf.run(WithErrorBars(tracker(order), lag=1, stages=True), KEY, FRAMES),
-        [PS],
-        [FLAT],
-    ),
-    "particle Gibbs": (gibbs, [tracker(PS), tracker(ordering.sir(3))], [tracker(DPS), tracker(FLAT)]),
-    "smoothing": (smooth, [tracker(PS), tracker(FLAT)], [tracker(ordering.sps([-1] * 3, "sorted"))]),
+    "stages of error bars": (ERROR_BARS, [PS], [FLAT]),
+    "particle Gibbs": (GIBBS, of(PS, ordering.sir(3)), of(DPS, FLAT)),
+    "smoothing": (SMOOTHING, of(PS, FLAT), of(ordering.sps([-1] * 3, "sorted"))),
     "smoothing a forest": (
-        smooth,
+        SMOOTHING,
         [forest(exchange_roots=False)],
         [forest(exchange_roots=True)],
     ),
@@ -140,13 +145,16 @@ def stacked(transformed):
         def results(given):
             stack = jax.tree.map(lambda *x: jnp.stack(x), *given)
             found = quick(transformed(use))(stack)
-            return [jax.tree.map(lambda x, place=place: x[place], found) for place in range(len(given))]
+            return [
+                jax.tree.map(lambda x, place=place: x[place], found) for place in range(len(given))
+            ]
 
         return results
 
     return of_use
 
 
+QUICK = "scan", "orders and trees"
 TRANSFORMS = {
     "jit": one_by_one,
     "scan": stacked(lambda use: lambda stack: jax.lax.map(use, stack)),
@@ -154,15 +162,28 @@ TRANSFORMS = {
 }
 
 
-@pytest.mark.parametrize(
-    "transform", ["scan", *(pytest.param(name, marks=pytest.mark.slow) for name in ("jit", "vmap"))]
-)
 @pytest.mark.parametrize("name", CASES)
-def test_what_is_refused_outside_is_no_number_inside(name, transform):
-    use, fine, wrong = CASES[name]
+def test_what_is_refused_outside_is_known_inside(name):
+    (use, condition), fine, wrong = CASES[name]
     for each in wrong:
         with pytest.raises(InputError):
             jax.eval_shape(lambda use=use, each=each: use(each))
+    assert all(condition(each) is None for each in fine)
+    expected = [False] * len(fine) + [True] * len(wrong)
+    assert TRANSFORMS["scan"](condition)([*fine, *wrong]) == expected
+
+
+@pytest.mark.parametrize(
+    ("transform", "name"),
+    [
+        pytest.param(transform, name, marks=() if (transform, name) == QUICK else pytest.mark.slow)
+        for transform in TRANSFORMS
+        for name in CASES
+    ],
+)
+@pytest.mark.usefixtures("compiled_quickly")
+def test_what_is_refused_outside_is_no_number_inside(name, transform):
+    (use, _), fine, wrong = CASES[name]
     found = TRANSFORMS[transform](use)([*fine, *wrong])
     assert all(map(is_fine, found[: len(fine)]))
     assert all(map(is_refused, found[len(fine) :]))

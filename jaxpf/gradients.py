@@ -63,6 +63,8 @@ class Gradient:
     blends = False
     #: Whether weights are equal after a selection, which exchange requires.
     equalises = True
+    #: Settings of a tracker with which the strategy does not work.
+    unsuited: tuple[str, ...] = ("relocation", "look_ahead")
 
     def selection(self, log_weights: jax.Array, components: Components) -> jax.Array:
         """Return the log-weights ``[N]`` by which to draw ancestors."""
@@ -80,7 +82,7 @@ class Gradient:
         Raises:
             InputError: names the setting.
         """
-        for name in ("relocation", "look_ahead"):
+        for name in self.unsuited:
             if getattr(tracker, name, None):
                 raise InputError(
                     f"{name} does not work with gradient {type(self).__name__}; leave one of them "
@@ -101,6 +103,7 @@ class StopGradient(Gradient):
     """Divides every weight by its own stopped value after resampling."""
 
     keeps_scores = True
+    unsuited = ("relocation",)
 
 
 @pytree_dataclass

@@ -49,14 +49,27 @@ class _KeepsFirst(BuiltIn):
 
 @pytree_dataclass
 class _HoldsFirst:
-    """Dynamics in which the first particle follows a reference ``[D, P]``."""
+    """Dynamics or a proposal in which the first particle follows a reference ``[D, P]``."""
 
-    dynamics: Any
+    inner: Any
     reference: jax.Array
 
-    def propagate_all(self, key, partition, current, previous, parent):
-        moved = contract.propagate_all(self.dynamics, key, partition, current, previous, parent)
+    def __getattr__(self, name):
+        """The densities are the inner ones."""
+        if name.startswith("__") or name == "inner":
+            raise AttributeError(name)
+        return getattr(self.inner, name)
+
+    def propagate_all(self, key, partition, *past):
+        moved = contract.propagate_all(self.inner, key, partition, *past)
         return moved.at[:, 0].set(self.reference[:, partition[0]])
+
+    def propose_all(self, key, observation, partition, *past):
+        drawn = contract.propose_all(self.inner, key, observation, partition, *past)
+        return drawn.at[:, 0].set(self.reference[:, partition[0]])
+
+    def of_model(self, dynamics, likelihood):
+        return _HoldsFirst(contract.proposal_of(self.inner, dynamics, likelihood), self.reference)
 
 
 def particle_gibbs(
@@ -142,7 +155,6 @@ def check_conditional(tracker: Any) -> Any:
         ("tempering", None),
         ("initial_label", None),
         ("look_ahead", False),
-        ("proposal", None),
     ):
         if getattr(tracker, name) is not without:
             raise InputError(f"a conditional sweep is not proved with {name}; leave it out.")
@@ -214,6 +226,7 @@ def sweep(
         holding = dataclasses.replace(
             model,
             dynamics=_HoldsFirst(contract.at_frame(model, time).dynamics, following),
+            proposal=None if model.proposal is None else _HoldsFirst(model.proposal, following),
             resampling=_KeepsFirst("multinomial"),
             gradient=NoGradient(),
             motion_gradient="pathwise",

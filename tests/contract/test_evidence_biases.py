@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError, contract, ordering, tuning
+from jaxpf import PFFL, Eskil, InputError, Labelled, contract, ordering, tuning
 from jaxpf.contract.refusals import biased_evidence
 from jaxpf.dynamics import RandomWalk
-from jaxpf.filters import PFFL, Eskil, Labelled, SideBySide, WithErrorBars
+from jaxpf.filters import SideBySide, WithErrorBars
 from jaxpf.gradients import Soft
 from jaxpf.likelihoods import Gaussian
 
-START = np.zeros((2, 1), np.float32)
+START = np.array([[0], [1]], np.float32)
 MODEL = {"dynamics": RandomWalk(1.0), "likelihood": Gaussian(np.ones((2, 1, 1))), "initial": START}
 SORTED = ordering.sps(num_partitions=2, swap="sorted")
 

@@ -131,6 +131,8 @@ def chosen_number(blocks):
     ).num_particles
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("compiled_quickly")
 def test_the_number_of_particles_makes_the_variance_of_the_evidence_about_one():
     middle = {"a": 0.6, "s": 0.6}
     tracker = jaxpf.tuning.replace(
@@ -167,7 +169,7 @@ class Noise:
 
 
 def noise_of(place):
-    return Noise(place, 8e-6)
+    return Noise(place, 8e-3)
 
 
 def loud(place):
@@ -188,8 +190,8 @@ def test_the_prior_alone_is_drawn_where_the_frames_say_nothing():
     )  # fmt: skip
     accepted = np.asarray(drawn.accepted)
     evidence = np.asarray(drawn.log_evidence)
-    np.testing.assert_allclose(evidence, 16, atol=0.02)  # two frames of 8 particles each
-    assert len(np.unique(evidence[accepted])) > 0.99 * accepted.sum()
+    np.testing.assert_allclose(evidence, 16, atol=0.3)  # two frames of 8 particles each
+    assert len(np.unique(evidence[accepted])) > 0.9 * accepted.sum()
     place = np.asarray(drawn.parameters)
     assert ((place > 0) & (place < 1)).all()
     np.testing.assert_allclose(drawn.log_prior, np.log(place), rtol=1e-4)

@@ -4,6 +4,7 @@ from .calls import (
     changed_inside as changed_inside,
     check_uncoupled as check_uncoupled,
     draws_independently as draws_independently,
+    evidence_biases as evidence_biases,
     expecting as expecting,
     first_motion as first_motion,
     frame_of as frame_of,
@@ -51,11 +52,13 @@ from .pytree import (
     pytree_dataclass as pytree_dataclass,
     static_field as static_field,
 )
+from .refusals import Bias as Bias
 from .state import (
     STATUS_IMPOSSIBLE as STATUS_IMPOSSIBLE,
     STATUS_INVALID_LIKELIHOOD as STATUS_INVALID_LIKELIHOOD,
     STATUS_LOST as STATUS_LOST,
     STATUS_OK as STATUS_OK,
+    STATUS_UNSUPPORTED as STATUS_UNSUPPORTED,
     ParticleState as ParticleState,
     Summary as Summary,
 )

@@ -1,7 +1,7 @@
 """How the library calls what users write: optional methods are looked up here and nowhere else."""
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -166,12 +166,16 @@ def check_uncoupled(dynamics: Any, what: str | Argument) -> None:
         InputError: the dynamics are coupled; the message names ``what``.
     """
     if is_coupled(first_motion(dynamics)):
-        raise InputError(
-            f"{type(dynamics).__name__} moves a partition by all the others, which does not "
-            "work with ",
-            what,
-            "; use jaxpf.Partitioned with sir, ps or dps, or dynamics of single partitions.",
-        )
+        raise InputError(*coupled_with(dynamics, what))
+
+
+def coupled_with(dynamics: Any, what: str | Argument) -> tuple[str | Argument, ...]:
+    """The pieces of the message of ``check_uncoupled``."""
+    return (
+        f"{type(dynamics).__name__} moves a partition by all the others, which does not work with ",
+        what,
+        "; use jaxpf.Partitioned with sir, ps or dps, or dynamics of single partitions.",
+    )
 
 
 def has_log_density(dynamics: Any) -> bool:
@@ -327,6 +331,16 @@ def model_error(tracker: Any, num_partitions: int) -> np.ndarray:
             f"[{num_partitions}, 3]."
         )
     return np.broadcast_to(declared, (num_partitions, 3))
+
+
+def evidence_biases(tracker: Any) -> Sequence[Any]:
+    """Settings that bias a tracker's evidence, ``contract.Bias``, of a wrapper those inside.
+
+    A tracker without the property ``evidence_biases`` has an unbiased evidence.
+    """
+    while not hasattr(tracker, "evidence_biases") and hasattr(tracker, "tracker"):
+        tracker = tracker.tracker
+    return getattr(tracker, "evidence_biases", ())
 
 
 def has_state_gradient(likelihood: Any) -> bool:

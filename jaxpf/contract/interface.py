@@ -7,7 +7,8 @@ classes derive the remaining methods.
 ============  ===========================================================  =====================
               required                                                     optional
 ============  ===========================================================  =====================
-tracker       ``init``, ``step`` (or ``observe`` with ``step_observed``)   ``num_partitions``
+tracker       ``init``, ``step`` (or ``observe`` with ``step_observed``)   ``num_partitions``,
+                                                                           ``evidence_biases``
 dynamics      ``propagate`` or ``propagate_all``                           ``log_density``,
                                                                            ``log_density_all``,
                                                                            ``predict``,

@@ -28,7 +28,7 @@ from jaxpf.ordering import sir
 #: Fields of ``Partitioned`` that do not apply to a model with a single state.
 _NO_OPTIONS = {
     *("dynamics", "likelihood", "ordering", "initial", "initial_label", "parents", "num_particles"),
-    *("look_ahead", "relocation"),
+    *("look_ahead", "relocation", "refused"),
 }
 
 
@@ -104,14 +104,10 @@ def state_space(
             f"state_space has no option {unknown[0]!r}; besides its own arguments it takes "
             f"{', '.join(sorted(options_of_filters))}."
         )
-    keeps_previous = asks_for(log_likelihood, "previous")
-    if keeps_previous and options.get("proposal") is not None:
-        raise InputError(
-            "proposal draws the state alone, and with a log_likelihood that asks for the previous "
-            "state a particle holds both; leave one of them out."
-        )
     shape = state_shape(initial, transition, transition_log_density, parameters)
-    copies = 2 if keeps_previous else 1
+    copies = 2 if asks_for(log_likelihood, "previous") else 1
+    if copies == 2 and options.get("proposal") is not None:
+        options["proposal"] = FunctionProposal(options["proposal"])
     return Partitioned(
         dynamics=FunctionDynamics(parameters, transition, transition_log_density, shape, copies),
         likelihood=FunctionLikelihood(parameters, log_likelihood, shape),
@@ -188,6 +184,29 @@ class FunctionDynamics(contract.Dynamics):
     def with_inputs(self):
         """Return the dynamics with known inputs."""
         return _with_inputs(self, self.transition, self.density)
+
+
+@pytree_dataclass
+class FunctionProposal(contract.Proposal):
+    """A proposal of the state, for substates that hold the state and its predecessor."""
+
+    proposal: Any
+
+    def of_model(self, dynamics, likelihood):
+        """See ``jaxpf.contract.Proposal``."""
+        of_state = dataclasses.replace(dynamics, copies=1)
+        return FunctionProposal(contract.proposal_of(self.proposal, of_state, likelihood))
+
+    def propose_all(self, key, observation, partition, *past):
+        """Draw substates ``[2 D, N]``."""
+        states = [x[: len(x) // 2] for x in past]
+        new = contract.propose_all(self.proposal, key, observation, partition, *states)
+        return jnp.concatenate([new, states[0]])
+
+    def log_density_all(self, observation, partition, *move):
+        """Log-densities ``[N]`` of the new states; the predecessors are given."""
+        states = [x[: len(x) // 2] for x in move]
+        return contract.proposal_log_density_all(self.proposal, observation, partition, *states)
 
 
 @pytree_dataclass

@@ -15,10 +15,10 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.refusals import refused
 from jaxpf.filters.functions import FunctionDynamics
+from jaxpf.filters.partitioned.labels import moves_labels
 from jaxpf.filters.partitioned.tracker import Partitioned
-from jaxpf.ordering import SWAPS
 
 _SUPPORTED = (
     "supported are methods sir, ps, dps, branched, and sps but for swap='sorted' and for roots "
@@ -82,12 +82,15 @@ def sees_previous(tracker: Any) -> bool:
     return isinstance(tracker.dynamics, FunctionDynamics) and tracker.dynamics.copies == 2
 
 
-def check_smoothing(tracker: Any, whole: bool = False) -> None:
+def check_smoothing(tracker: Any, whole: bool = False) -> Any:
     """Refuse trackers whose smoothed distribution is undefined or would be wrong.
 
     Args:
         tracker: any tracker.
         whole: whether the frames of the whole clip are at hand in the backward pass.
+
+    Returns:
+        Bool, whether a traced ordering is one to refuse, see ``contract.refusals``; or None.
 
     Raises:
         InputError: names the setting and an alternative.
@@ -106,10 +109,7 @@ def check_smoothing(tracker: Any, whole: bool = False) -> None:
             "from which propagate draws (see jaxpf.contract.DynamicsWithDensity), or give "
             "jaxpf.state_space a transition_log_density."
         )
-    moves_labels = tracker.initial_label is not None and hasattr(
-        contract.first_motion(tracker.dynamics), "propagate_label"
-    )
-    if moves_labels and not contract.has_log_label(tracker.dynamics):
+    if moves_labels(tracker) and not contract.has_log_label(tracker.dynamics):
         raise InputError(
             f"smoothing needs the probability of a label's move, and {dynamics} has none; add the "
             "method log_label(new, label, substates) -> [], the log-probability with which "
@@ -130,25 +130,26 @@ def check_smoothing(tracker: Any, whole: bool = False) -> None:
             "a log_likelihood that asks for the previous state is smoothed over the whole clip "
             "alone; use jaxpf.smooth without a lag."
         )
-    if is_concrete(tracker.ordering):
-        _check_exchange(tracker)
-
-
-def _check_exchange(tracker: Partitioned) -> None:
-    ordering = tracker.ordering
-    exchanged = np.asarray(ordering.exchanged)
-    if not exchanged.any():
-        return
-    if SWAPS[int(ordering.swap)] == "sorted":
-        raise InputError(
-            "swap='sorted' pairs parts by their likelihoods, and its weights are biased, so that "
-            "there is nothing to smooth; use swap='combinatorial'."
-        )
-    parts = np.asarray(ordering.order)[0][exchanged]
-    paired = [int(part) for part in parts if tracker.parents[part] < 0 and part in tracker.parents]
-    if paired:
-        raise InputError(
-            f"the ordering exchanges roots that have children ({paired}), which pairs again what "
-            "has different pasts; smooth with sps(..., exchange_roots=False), or with another "
-            "method."
-        )
+    ordering, parents = tracker.ordering, tracker.parents
+    paired = sorted({parent for parent in parents if parent >= 0 and parents[parent] < 0})
+    return refused(
+        (
+            tracker.refused,
+            ("the ordering does not work with the model; build the tracker outside of jit.",),
+        ),
+        (
+            ordering.exchanges_best,
+            (
+                "swap='sorted' pairs parts by their likelihoods, and its weights are biased, so "
+                "that there is nothing to smooth; use swap='combinatorial'.",
+            ),
+        ),
+        (
+            ordering.exchanges_roots & bool(paired),
+            (
+                f"the ordering exchanges roots that have children ({paired}), which pairs again "
+                "what has different pasts; smooth with sps(..., exchange_roots=False), or with "
+                "another method.",
+            ),
+        ),
+    )

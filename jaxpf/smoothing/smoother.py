@@ -14,6 +14,7 @@ from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import check_not_traced, pytree_dataclass
+from jaxpf.contract.refusals import poisoned
 from jaxpf.running import memory, missing_frames
 from jaxpf.running.checks import as_arrays, check_frames, check_run
 from jaxpf.running.chunks import come_one_by_one
@@ -114,7 +115,7 @@ def smooth(
             summaries=jax.tree.map(lambda *x: jnp.stack(x), *[frame.summary for frame in smoothed]),
             broken=jnp.asarray(smoothed[-1].broken),
         )
-    check_smoothing(tracker, whole=True)
+    refuse = check_smoothing(tracker, whole=True)
     if come_one_by_one(frames):
         raise InputError(
             "frames come one by one, and smoothing a whole clip needs them all at once; give a "
@@ -133,7 +134,10 @@ def smooth(
     if sees_previous(tracker):
         half = passed.estimate.shape[-1] // 2
         passed = jax.tree.map(lambda x: x[..., :half] if x.ndim else x, passed)
-    return Smoothed(passed.estimate, passed.spread, summaries, passed.broken, passed.trajectories)
+    return poisoned(
+        refuse,
+        Smoothed(passed.estimate, passed.spread, summaries, passed.broken, passed.trajectories),
+    )
 
 
 def stream(

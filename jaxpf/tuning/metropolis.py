@@ -26,6 +26,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.logs import sum_evenly
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.refusals import biased_evidence, poisoned
 from jaxpf.running import missing_frames
 from jaxpf.running.checks import as_arrays, check_run
 from jaxpf.tuning.objectives import keep_log_evidence
@@ -55,6 +56,7 @@ def pmmh(
     blocks: int = 1,
     observed: Any = None,
     inputs: Any = None,
+    biased: bool = False,
 ) -> Posterior:
     """Draw parameters from their posterior given frames.
 
@@ -81,10 +83,11 @@ def pmmh(
             turn; 10 needs fewer particles than 1, which redraws all.
         observed: as for ``jaxpf.run``.
         inputs: as for ``jaxpf.run``.
+        biased: whether a biased evidence may serve; the draws are then not of the posterior.
 
     Raises:
-        InputError: a number is below 1, parameters are not floats, or the start is excluded by the
-            prior or cannot explain the frames.
+        InputError: a number is below 1, parameters are not floats, the evidence is biased, or the
+            start is excluded by the prior or cannot explain the frames.
     """
     counts = {"num_draws": num_draws, "num_warmup": num_warmup, "num_chains": num_chains}
     counts |= {"blocks": blocks, "num_particles": 1 if num_particles is None else num_particles}
@@ -102,6 +105,9 @@ def pmmh(
             f"build returns a {type(tracker).__name__}, whose num_particles cannot be set; return "
             "a tracker such as jaxpf.state_space(..., parameters=p)."
         )
+    refuse = None
+    if not biased:
+        refuse = biased_evidence(tracker, "pmmh", "biased=True for draws that are not exact")
     if prior is None or jnp.shape(prior) != ():
         raise InputError(f"log_prior returns {prior}; return one number, a sum over parameters.")
     frames, inputs = as_arrays(frames), as_arrays(inputs)
@@ -136,7 +142,8 @@ def pmmh(
             f"{model.num_particles} particles; start elsewhere, or give more particles."
         )
     parameters = jax.vmap(jax.vmap(unravel))(places)
-    return Posterior(parameters, evidences, priors, accepted, model.num_particles)
+    drawn = Posterior(parameters, evidences, priors, accepted, model.num_particles)
+    return poisoned(refuse, drawn)
 
 
 class _Model(NamedTuple):

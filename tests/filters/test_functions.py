@@ -11,6 +11,7 @@ from jax.scipy.stats import norm
 import jaxpf
 from jaxpf import InputError, contract, running
 from jaxpf.likelihoods import kalman
+from jaxpf.proposals import Mixture
 
 KEY = jax.random.key(0)
 VALUES = {"a": 0.9, "s": 0.5, "noise": 0.7}
@@ -143,11 +144,41 @@ def kalman_of_both(frames):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(("coefficient", "is_right"), [(0.8, True), (0.5, False)])
-def test_a_likelihood_that_sees_the_state_before_has_the_exact_evidence(coefficient, is_right):
+@jaxpf.pytree_dataclass
+class Optimal:
+    """The posterior of a state given the one before and the frame."""
+
+    def moments(self, y, current):
+        a, s, noise = VALUES.values()
+        variance = 1 / (1 / s**2 + 1 / noise**2)
+        return variance * (a * current / s**2 + y / noise**2), variance**0.5
+
+    def propose(self, key, observation, partition, current, previous, parent):
+        mean, scale = self.moments(observation, current)
+        return mean + scale * jax.random.normal(key, current.shape)
+
+    def log_density(self, observation, partition, new, current, previous, parent):
+        return norm.logpdf(new, *self.moments(observation, current)).sum()
+
+
+@pytest.mark.parametrize(
+    ("coefficient", "proposal", "is_right"),
+    [
+        (0.8, None, True),
+        (0.5, None, False),
+        pytest.param(0.8, Optimal(), True, marks=pytest.mark.slow),
+        pytest.param(0.8, Mixture(Optimal(), 0.5), True, marks=pytest.mark.slow),
+    ],
+)
+def test_a_likelihood_that_sees_the_state_before_has_the_exact_evidence(
+    coefficient, proposal, is_right
+):
     """z-scores of evidence and means."""
     with jax.enable_x64(True):
-        tracker = build(VALUES, log_likelihood=sees_both(coefficient))
+        tracker = build(
+            VALUES, log_likelihood=sees_both(coefficient), transition_log_density=log_density,
+            proposal=proposal,
+        )  # fmt: skip
 
         def record(state, summary):
             return summary.log_evidence, summary.estimate[0]
@@ -195,23 +226,6 @@ def test_a_likelihood_that_sees_the_state_before_is_smoothed_exactly(is_right, m
         ]
     )
     assert scores.max() < LIMIT if is_right else scores.max() > WRONG
-
-
-@jaxpf.pytree_dataclass
-class Optimal:
-    """The posterior of a state given the one before and the frame."""
-
-    def moments(self, y, current):
-        a, s, noise = VALUES.values()
-        variance = 1 / (1 / s**2 + 1 / noise**2)
-        return variance * (a * current / s**2 + y / noise**2), variance**0.5
-
-    def propose(self, key, observation, partition, current, previous, parent):
-        mean, scale = self.moments(observation, current)
-        return mean + scale * jax.random.normal(key, current.shape)
-
-    def log_density(self, observation, partition, new, current, previous, parent):
-        return norm.logpdf(new, *self.moments(observation, current)).sum()
 
 
 def test_a_proposal_goes_through():
@@ -410,7 +424,7 @@ def test_smoothing_names_the_density_that_it_lacks():
         build(VALUES, proposal=Optimal())
 
 
-def test_a_likelihood_that_sees_the_state_before_is_not_smoothed_with_a_lag_or_proposed():
+def test_a_likelihood_that_sees_the_state_before_is_not_smoothed_with_a_lag():
     tracker = build(
         VALUES, log_likelihood=sees_both(0.8), transition_log_density=log_density,
         resampling="multinomial",
@@ -422,8 +436,3 @@ def test_a_likelihood_that_sees_the_state_before_is_not_smoothed_with_a_lag_or_p
     ):
         with pytest.raises(InputError, match=r"over the whole clip alone; use jaxpf\.smooth"):
             smooth()
-    with pytest.raises(InputError, match="proposal draws the state alone"):
-        build(
-            VALUES, log_likelihood=sees_both(0.8), transition_log_density=log_density,
-            proposal=Optimal(),
-        )  # fmt: skip

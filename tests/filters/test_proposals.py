@@ -111,7 +111,7 @@ TABLE = {
     "particle Gibbs": (
         lambda: tracker(resampling="multinomial"),
         lambda its: jaxpf.smoothing.particle_gibbs(its, KEY, FRAMES, 2),
-        "not proved with proposal; leave it out",
+        None,
     ),
     "error bars": (lambda: WithErrorBars(tracker(), lag=2), run, None),
     "runs side by side": (lambda: SideBySide(tracker(), num_runs=3), run, None),

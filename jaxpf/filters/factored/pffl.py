@@ -16,6 +16,7 @@ from jaxpf.contract.errors import check_known
 from jaxpf.contract.names import FORMS
 from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.contract.refusals import Bias
 from jaxpf.contract.state import Summary
 from jaxpf.filters import confidence
 from jaxpf.filters.factored import cloud
@@ -72,6 +73,11 @@ class PFFL(Tracker):
     def num_partitions(self) -> int:
         """Number of partitions, P."""
         return cloud.count_partitions(self.initial)
+
+    @property
+    def evidence_biases(self) -> tuple[Bias, ...]:
+        """See ``jaxpf.contract.evidence_biases``."""
+        return (Bias(self.form != "auxiliary", f"form={self.form!r}", "form='auxiliary'"),)
 
     @with_written_out_key
     def init(self, key: jax.Array) -> FactoredState:

@@ -12,6 +12,7 @@ import numpy as np
 from jaxpf.contract import Tracker
 from jaxpf.contract.numbers import coordinates_in
 from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.contract.refusals import Bias
 from jaxpf.filters import confidence
 from jaxpf.filters.initial import as_floats, checked_initial
 from jaxpf.filters.labelled import by_label, kernel, population
@@ -100,6 +101,16 @@ class Labelled(Tracker):
     def num_partitions(self) -> int:
         """Number of targets, L, which are the rows of a summary."""
         return self.num_targets
+
+    @property
+    def evidence_biases(self) -> tuple[Bias, ...]:
+        """See ``jaxpf.contract.evidence_biases``: eq. 4 can leave a target without particles."""
+        eq4 = self.weights == "equal_share" and self.scope == "across"
+        return (
+            Bias(eq4, "weights='equal_share' (eq. 4)", "weights='corrected'", False),
+            Bias(self.feedback != "none", f"feedback={self.feedback!r}", "feedback='none'", False),
+            Bias(self.reseed is not None, "reseed", "reseed=None", False),
+        )
 
     @with_written_out_key
     def init(self, key: jax.Array) -> LabelledState:

@@ -5,6 +5,7 @@ times as much as one.  Their results differ only by the Monte-Carlo error: the s
 R estimates over sqrt(R) is the standard error of their mean.
 """
 
+import dataclasses
 import functools
 from typing import Any
 
@@ -65,7 +66,8 @@ class SideBySide(contract.Tracker):
     rounding.  A frame reports ``ErrorBars`` of the pooled particles.  ``estimate`` is the mean over
     runs and ``estimate_variance`` the variance of this mean: a quarter for four times as many runs.
     ``log_evidence`` sums over frames to the log of the runs' mean evidence, which is unbiased if
-    each run's evidence is.  A run with an impossible frame counts as zero from then on.
+    each run's evidence is (``contract.evidence_biases``); ``evidence_variance`` is NaN if it is
+    grossly biased.  A run with an impossible frame counts as zero from then on.
 
     Attributes:
         tracker: a tracker that reports a ``jaxpf.Summary``.
@@ -115,7 +117,12 @@ class SideBySide(contract.Tracker):
         all_dead = jnp.all(jnp.isneginf(shares))
         shares = jnp.where(all_dead, self._equal_shares(shares.dtype), shares)
         shares, increment = multiplied(shares, summaries.log_evidence)
-        return RunsState(runs, shares), _pooled(summaries, increment, shares)
+        pooled = _pooled(summaries, increment, shares)
+        for bias in contract.evidence_biases(self.tracker):
+            if bias.gross:
+                variance = jnp.where(bias.applies, jnp.nan, pooled.evidence_variance)
+                pooled = dataclasses.replace(pooled, evidence_variance=variance)
+        return RunsState(runs, shares), pooled
 
     def _equal_shares(self, dtype: Any) -> jax.Array:
         return jnp.full(self.num_runs, -np.log(self.num_runs), dtype)

@@ -155,7 +155,7 @@ class _Model(NamedTuple):
     num_particles: int
 
     def increments(self, parameters: Any, keys: jax.Array, frames: Any) -> jax.Array:
-        """Estimate the log evidence ``[T]`` of frames and inputs, with a key per block of frames."""
+        """Estimate the frames' log evidence ``[T]``, with a random key for each block of them."""
         frames, inputs = frames
         tracker = dataclasses.replace(self.build(parameters), num_particles=self.num_particles)
         tracker = contract.with_inputs(tracker, inputs)

@@ -4,6 +4,7 @@ Their expectation is checked in ``tests/statistical/test_unbiased_gradients.py``
 """
 
 import dataclasses
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -145,8 +146,10 @@ def test_every_draw_counts_once_in_the_slope_of_the_evidence():
     made = tracker(METHODS["ps"], proposal=Bad(), gradient=StopGradient(), motion_gradient="score")
     seen = jnp.asarray(frames(FENCES["possible"]))
 
-    def two_frames(scale):
-        changed = dataclasses.replace(made, dynamics=RandomWalk(scale=scale))
+    def two_frames(scale, threshold):
+        changed = dataclasses.replace(
+            made, dynamics=RandomWalk(scale=scale), ess_threshold=threshold
+        )
         start = changed.init(KEYS[0])
         start = dataclasses.replace(start, sources=jnp.zeros(start.lineage.shape, jnp.int32))
         first, one = changed.step(KEYS[0], start, seen[0])
@@ -154,15 +157,20 @@ def test_every_draw_counts_once_in_the_slope_of_the_evidence():
         slopes = one.log_evidence + two.log_evidence, second.log_weights, second.path_scores
         return slopes, (first, second)
 
-    slopes, (first, second) = quick(lambda: jax.jvp(two_frames, (1.0,), (1.0,), has_aux=True)[1:])()
-    slope, of_weights, of_parts = slopes
-    scores = [np.square(state.lagged[0] - state.lagged[1])[0] - 1 for state in (first, second)]
-    along = np.take_along_axis(scores[0], np.asarray(second.sources), axis=1) + scores[1]
-    expected = np.sum(along.sum(axis=0) * np.exp(second.log_weights))
-    assert abs(expected) > 0.1
-    np.testing.assert_allclose(slope, expected, rtol=1e-3)
-    # Each particle's derivative is divided among its parts.
-    np.testing.assert_allclose(np.sum(of_parts, axis=0), of_weights, atol=1e-4)
+    @quick
+    def slopes_of(threshold):
+        two = partial(two_frames, threshold=threshold)
+        return jax.jvp(two, (1.0,), (1.0,), has_aux=True)[1:]
+
+    for threshold in (1.0, 0.01):  # selects always, or never
+        (slope, of_weights, of_parts), (first, second) = slopes_of(threshold)
+        scores = [np.square(state.lagged[0] - state.lagged[1])[0] - 1 for state in (first, second)]
+        along = np.take_along_axis(scores[0], np.asarray(second.sources), axis=1) + scores[1]
+        expected = np.sum(along.sum(axis=0) * np.exp(second.log_weights))
+        assert abs(expected) > 0.1
+        np.testing.assert_allclose(slope, expected, rtol=1e-3)
+        # Each particle's derivative is divided among its parts.
+        np.testing.assert_allclose(np.sum(of_parts, axis=0), of_weights, atol=1e-4)
 
 
 def test_log_densities_are_those_of_the_draws():

@@ -2,8 +2,8 @@
 
 A configuration takes one level of every factor; the covering array holds every pair of levels but
 those of ``REFUSED``, each of which is refused in one sentence.  The model is linear and Gaussian,
-so that evidence, means and second moments are known: a run is right if they are unbiased.  Smoothing,
-particle Gibbs and pmmh run frames by themselves; the way to run does not matter there.
+so that evidence, means and second moments are known: a run is right if they are unbiased.
+Smoothing, particle Gibbs and pmmh run frames by themselves, whichever the way to run.
 """
 
 import dataclasses

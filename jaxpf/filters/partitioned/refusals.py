@@ -83,23 +83,23 @@ def _of_ordering(tracker: Any) -> Iterator[tuple[Any, tuple[Any, ...]]]:
 def _of_exchange(tracker: Any) -> Iterator[tuple[Any, tuple[Any, ...]]]:
     """Cases in which an exchange does not work or would be biased, for ``refused``."""
     ordering, likelihood = tracker.ordering.known, type(tracker.likelihood).__name__
-    exchanges, swap, none = ordering.exchanges, ordering.swap_shown, choice("swap", "none")
+    swap, none = ordering.swap_shown, choice("swap", "none")
     tree, parents = ordering.tree, np.array(tracker.parents, np.int32)
-    if tracker.gradient.blends:
-        yield (
-            exchanges,
+    cases: tuple[tuple[bool, tuple[Any, ...]], ...] = (
+        (
+            tracker.gradient.blends,
             (
-                "gradient Transport blends particles and does not work with a swap, which needs "
-                "lineages; use ",
+                "gradient Transport does not work with a swap, which needs lineages; use ",
                 none,
-                " or gradient=jaxpf.gradients.StopGradient().",
+                " or another gradient.",
             ),
-        )
-    if contract.is_coupled(contract.first_motion(tracker.dynamics)):
-        yield exchanges, coupled_with(tracker.dynamics, swap)
-    if contract.has_log_joint(tracker.likelihood):
-        yield (
-            exchanges,
+        ),
+        (
+            contract.is_coupled(contract.first_motion(tracker.dynamics)),
+            coupled_with(tracker.dynamics, swap),
+        ),
+        (
+            contract.has_log_joint(tracker.likelihood),
             (
                 swap,
                 f" needs a likelihood of single objects, and {likelihood} weighs them together by "
@@ -107,10 +107,9 @@ def _of_exchange(tracker: Any) -> Iterator[tuple[Any, tuple[Any, ...]]]:
                 none,
                 " or another ordering.",
             ),
-        )
-    if tracker.tempering is not None:
-        yield (
-            exchanges,
+        ),
+        (
+            tracker.tempering is not None,
             (
                 swap,
                 f" needs equal weights, and tempering={tracker.tempering} leaves them unequal; use "
@@ -118,10 +117,9 @@ def _of_exchange(tracker: Any) -> Iterator[tuple[Any, tuple[Any, ...]]]:
                 none,
                 ".",
             ),
-        )
-    if moves_labels(tracker):
-        yield (
-            exchanges,
+        ),
+        (
+            moves_labels(tracker),
             (
                 swap,
                 " separates a particle's parts, on which its label depends by propagate_label; "
@@ -129,9 +127,11 @@ def _of_exchange(tracker: Any) -> Iterator[tuple[Any, tuple[Any, ...]]]:
                 none,
                 " or another ordering.",
             ),
-        )
+        ),
+    )
+    yield from ((ordering.exchanges, pieces) for applies, pieces in cases if applies)
     yield (
-        exchanges & (tree != parents).any(-1),
+        ordering.exchanges & (tree != parents).any(-1),
         (
             f"the ordering's part tree {tree.tolist() if is_concrete(tree) else ''} is unlike the "
             f"model's {parents.tolist()}; with ",

@@ -9,8 +9,8 @@ from quick_compiling import quick
 from unsuited_dynamics import Coupled
 
 import jaxpf
-from jaxpf import InputError, ordering, pytree_dataclass, smoothing
-from jaxpf.contract.state import STATUS_UNSUPPORTED, Summary
+from jaxpf import InputError, Summary, ordering, pytree_dataclass, smoothing
+from jaxpf.contract.state import STATUS_UNSUPPORTED
 from jaxpf.dynamics import LinearGaussian
 from jaxpf.filters import WithErrorBars
 from jaxpf.likelihoods import Gaussian

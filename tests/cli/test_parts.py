@@ -92,7 +92,11 @@ def test_parts_are_followed_and_every_file_is_written(scene, whole_run):
     assert mean_corner_distance(scene, output) < 4
 
 
-@pytest.mark.parametrize("options", [(), ("--smooth",)], ids=["filtered", "smoothed"])
+@pytest.mark.parametrize(
+    "options",
+    [(), pytest.param(("--smooth",), marks=pytest.mark.slow)],
+    ids=["filtered", "smoothed"],
+)
 def test_two_bodies_are_followed_in_one_run(scene, parts_file, tmp_path, options):
     """One above the other: the first is the scene's object, the second moves like its mirror."""
     film, shift = tmp_path / "film", scene.frames.shape[1]

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick_compiling import quick
 
 import jaxpf
 import scenes
@@ -19,6 +20,12 @@ from jaxpf.contours.target import CONTOURS, Options
 from jaxpf.filters.partitioned.options import PARTITIONED, Options as FilterOptions
 from jaxpf.shapes import fit_spline
 from jaxpf.targets.target import Looks, Start
+
+
+@quick
+def log_odds(likelihood, frame, places):
+    """Log odds of both wires at their places ``[2, D]``."""
+    return likelihood.log_odds_all(likelihood.observe(frame), jnp.arange(2), places.T)
 
 
 @pytest.fixture(scope="module")
@@ -62,13 +69,10 @@ def test_confidence_counts_edges_beside_those_at_the_start(wires):
     made = jaxpf.contours.tracker(faint, start, clutter=0.5, edge_threshold=4.0).likelihood
     shown = np.asarray(made.at_start)
     assert (shown < 0.9).all()
-    place = jnp.asarray(made.space.project(start.points)).T
-    for likelihood, expected in (
-        (made, 3.0 * np.ones(2)),
-        (dataclasses.replace(made, at_start=0.8), 30 * (shown / 0.8 - 0.9)),
-    ):
-        odds = likelihood.log_odds_all(likelihood.observe(faint), jnp.arange(2), place)
-        np.testing.assert_allclose(odds, expected, rtol=1e-3)
+    place = np.asarray(made.space.project(start.points))
+    all_shown = dataclasses.replace(made, at_start=jnp.full(2, 0.8))
+    for likelihood, expected in ((made, 3.0), (all_shown, 30 * (shown / 0.8 - 0.9))):
+        np.testing.assert_allclose(log_odds(likelihood, faint, place), expected, rtol=1e-3)
 
 
 def test_edges_outside_the_frame_are_not_counted(wires):
@@ -76,16 +80,11 @@ def test_edges_outside_the_frame_are_not_counted(wires):
     scene, start = wires
     likelihood = jaxpf.contours.tracker(scene.frames[0], start, clutter=0.5).likelihood
     place = np.asarray(likelihood.space.project(start.points))
-
-    def odds(frame, places):
-        observation = likelihood.observe(frame)
-        return likelihood.log_odds_all(observation, jnp.arange(2), jnp.asarray(places).T)
-
     away = place + np.array([5000.0, 0, 0, 0], np.float32)
-    assert (odds(scene.frames[0], away) < -20).all()
+    assert (log_odds(likelihood, scene.frames[0], away) < -20).all()
     half = np.asarray(scene.frames[0])[: int(np.mean(start.points[..., 1]))]
-    assert (odds(half, place) > 1).all()
-    assert (odds(np.full_like(half, np.median(half)), place) < -20).all()
+    assert (log_odds(likelihood, half, place) > 1).all()
+    assert (log_odds(likelihood, np.full_like(half, np.median(half)), place) < -20).all()
 
 
 def test_filmed_contours_slip_and_move_by_shares_of_their_size(wires):

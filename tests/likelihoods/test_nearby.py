@@ -140,6 +140,8 @@ def trackers():
     return [tracker_of(one) for one in (seeing, whole, blind)]
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("compiled_quickly")
 def test_a_run_sees_whole_frames_only_when_an_object_is_lost():
     frames = scene()[0][1:]
     windowed, whole, blind = (

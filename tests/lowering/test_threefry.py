@@ -29,7 +29,7 @@ DRAWS = {
 }
 
 
-@pytest.mark.parametrize("x64", [False, True])
+@pytest.mark.parametrize("x64", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("draw", DRAWS.values(), ids=DRAWS)
 def test_draws_are_those_of_jax_bit_for_bit(draw, x64):
     with jax.enable_x64(x64):

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick_compiling import quick
 
 import jaxpf
 import scenes
@@ -16,6 +17,13 @@ from jaxpf.parts import OfFixedSize, cut_pictures, parts_model, with_log_odds
 from jaxpf.shapes import corners_from_poses
 
 TREE = (-1, 0, 0, 1, 2)
+
+
+def seen(part, frame, numbers, states):
+    return part.log_odds_all(part.observe(frame), numbers, states)
+
+
+log_odds = quick(seen)
 
 
 @pytest.fixture(scope="module")
@@ -89,14 +97,9 @@ def test_log_odds_fall_where_a_part_is_not(scene, likelihood, kind):
     if kind == "patches":
         learned = jaxpf.likelihoods.patch(frame, poses, scene.sizes, window=(12, 12))
     part = with_log_odds(learned, frame, poses, scene.sizes, TREE)
-    observation, numbers = part.observe(frame), jnp.arange(5)
-
-    def log_odds(shift):
-        shifted = jnp.asarray(poses.T + np.array([shift, 0, 0])[:, None], jnp.float32)
-        return np.asarray(part.log_odds_all(observation, numbers, shifted))
-
-    assert np.all(log_odds(0.0) > 1)
-    assert np.all(log_odds(60.0) < 0)
+    there = np.asarray(poses.T, np.float32)
+    assert np.all(log_odds(part, frame, np.arange(5), there) > 1)
+    assert np.all(log_odds(part, frame, np.arange(5), there + np.float32([[60], [0], [0]])) < 0)
     assert not jaxpf.contract.has_log_odds(OfFixedSize(learned))
     assert parts_model(part, poses, scene.sizes, TREE).likelihood is part
 
@@ -105,13 +108,12 @@ def test_a_part_torn_off_its_parent_is_doubtful_though_it_matches(scene, likelih
     poses, frame = scene.extras["poses"][0], scene.frames[0]
     part = with_log_odds(likelihood, frame, poses, scene.sizes, TREE)
     torn = dataclasses.replace(part, lengths=part.lengths.at[2].multiply(3.0))
-    numbers, states = jnp.array([3, 2, 0, 4, 1]), jnp.asarray(poses.T, jnp.float32)
-    observation = part.observe(frame)
-    whole = part.log_odds_all(observation, jnp.arange(5), states)
-    mixed = part.log_odds_all(observation, numbers, states[:, numbers])
+    numbers, states = np.array([3, 2, 0, 4, 1]), np.asarray(poses.T, np.float32)
+    whole = log_odds(part, frame, np.arange(5), states)
+    mixed = log_odds(part, frame, numbers, states[:, numbers])
     np.testing.assert_allclose(mixed, whole[numbers], rtol=1e-5)
-    worse = whole - torn.log_odds_all(observation, jnp.arange(5), states)
-    slope = jax.grad(lambda x: part.log_odds_all(observation, jnp.arange(5), x).sum())(states)
+    worse = whole - log_odds(torn, frame, np.arange(5), states)
+    slope = quick(jax.grad(lambda x: seen(part, frame, np.arange(5), x).sum()))(states)
     assert np.isfinite(slope).all()
     # Stretch 2/3 instead of 0, so log odds lower by 1.6 log((2/3 + .05) / .05).
     np.testing.assert_allclose(worse, [0, 0, 1.6 * np.log(43 / 3), 0, 0], atol=1e-4)

@@ -76,7 +76,7 @@ def frames_for(name, frames):
     "name",
     [
         pytest.param(name, marks=pytest.mark.slow)
-        if name in ("literal-dps", "sorted", "tempered", "joint")
+        if name in ("literal-dps", "sps", "sorted", "tempered", "adaptive", "joint", "error-bars")
         else name
         for name in TRACKERS
     ],

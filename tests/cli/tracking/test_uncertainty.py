@@ -13,6 +13,7 @@ def test_a_run_reports_no_monte_carlo_error_unless_requested(whole_run):
     assert summary_of(whole_run[1])["mean_error"] is None
 
 
+@pytest.mark.slow
 def test_runs_side_by_side_tell_how_much_they_differ(track, tmp_path):
     outcome = track(*BOXES, "--runs", 8, "--frames", 4)
     assert outcome.code == 0, outcome.err

@@ -154,7 +154,9 @@ def test_who_draws_the_same_part_forms_a_group():
             assert last[place] == members[-1] == members[0] + len(members) - 1
 
 
-@pytest.mark.parametrize("num_particles", [1, 200, 5000, 69_300])
+@pytest.mark.parametrize(
+    "num_particles", [1, *(pytest.param(n, marks=pytest.mark.slow) for n in (200, 5000)), 69_300]
+)
 def test_every_slot_takes_another_place_of_its_group(num_particles):
     """Equal parts are given away once each, also where small primes divide the group's size."""
     numbers = np.arange(num_particles)

@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 from correlated import CorrelatedGaussian
-from tagged_walk import METHODS, D, P, every_method, frames, tracker
+from tagged_walk import METHODS, D, P, frames, tracker
 
 from jaxpf import InputError, ordering
 from jaxpf.dynamics import IndependentGaussian
@@ -26,7 +26,13 @@ def dtypes(made, observed):
     return floats.pop()
 
 
-@every_method
+@pytest.mark.parametrize(
+    "method",
+    [
+        name if name in ("sir", "sps-combinatorial") else pytest.param(name, marks=pytest.mark.slow)
+        for name in METHODS
+    ],
+)
 def test_float32_stays_float32_and_float64_stays_float64(method):
     assert dtypes(tracker(METHODS[method]()), frames()[0]) == np.float32
     with jax.enable_x64(True):

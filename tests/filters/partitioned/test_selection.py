@@ -123,7 +123,9 @@ def test_transport_has_finite_gradients_in_float32_over_many_runs():
     assert np.isfinite(slope).all()
 
 
-@pytest.mark.parametrize("scheme", ["systematic", "multinomial"])
+@pytest.mark.parametrize(
+    "scheme", ["systematic", pytest.param("multinomial", marks=pytest.mark.slow)]
+)
 def test_soft_resampling_leaves_out_every_exchange(scheme):
     """Its weights stay unequal, slot by slot, and no exchange may renumber the slots."""
     tree = (-1, 0, 0)

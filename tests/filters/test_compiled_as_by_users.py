@@ -1,0 +1,45 @@
+"""Every filter, compiled as users compile it: the quick tests' compiler optimises nothing."""
+
+import jax
+import numpy as np
+import pytest
+from quick_compiling import quick
+
+import jaxpf
+from jaxpf import ordering
+from jaxpf.dynamics import RandomWalk
+from jaxpf.likelihoods import Gaussian
+
+START = np.array([[0.0], [3.0]], np.float32)
+MODEL = RandomWalk(np.float32(1.0)), Gaussian(noise=np.ones((2, 1, 1), np.float32))
+FRAMES = START + np.random.default_rng(0).normal(size=(3, 2, 1)).astype(np.float32)
+#: Whatever XLA_FLAGS say.
+AS_BY_USERS = {
+    "xla_backend_optimization_level": 3,
+    "xla_llvm_disable_expensive_passes": False,
+    "xla_cpu_use_fusion_emitters": True,
+}
+
+
+FILTERS = {
+    # One program with SIR, PS and DPS.
+    "sps": lambda: jaxpf.Partitioned(
+        *MODEL, ordering.sps(num_partitions=2), START, num_particles=40
+    ),
+    "labelled": lambda: jaxpf.Labelled(*MODEL, START, num_particles=40),
+    "pffl": lambda: jaxpf.PFFL(*MODEL, START, num_particles=40),
+    "eskil": lambda: jaxpf.Eskil(*MODEL, START, num_particles=40),
+}
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_optimising_changes_the_last_bits_alone(name):
+    def results(tracker, key, frames):
+        summary = jaxpf.run(tracker, key, frames)[1]
+        return summary.estimate, summary.log_evidence, summary.spread
+
+    given = FILTERS[name](), jax.random.key(0), FRAMES
+    expected = quick(results)(*given)
+    found = jax.jit(results, compiler_options=AS_BY_USERS)(*given)
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-4)

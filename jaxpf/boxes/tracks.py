@@ -8,18 +8,18 @@ only the code that reads or writes a file converts them.
 import csv
 import io
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.boxes.tables import BoxTable, read_boxes
 from jaxpf.contract.errors import InputError, check_names, check_type
 from jaxpf.contract.numbers import FINITE, check_array, check_number, check_whole, numbers_in
 from jaxpf.files.reading import parse_number, read_text
 from jaxpf.files.writing import write_text
+from jaxpf.sequences.tables import BoxTable, dense, listed, read_boxes
 
 __all__ = [
     "BoxTable",
@@ -106,7 +106,7 @@ def start_boxes(
     if len(rows) == 0:
         available = np.unique(table.frame)
         remedy = (
-            f"choose a start frame among {_listed(available)} (counting from 0)"
+            f"choose a start frame among {listed(available)} (counting from 0)"
             if len(available)
             else "give a file that holds boxes"
         )
@@ -117,41 +117,16 @@ def start_boxes(
     if ids is None:
         ids = list(row_of)
     elif np.size(ids) == 0:
-        raise InputError(f"no ids were asked for; choose among {_listed(sorted(row_of))}")
+        raise InputError(f"no ids were asked for; choose among {listed(sorted(row_of))}")
     for index, identity in enumerate(ids):
         if identity not in row_of:
             raise InputError(
                 f"id {identity} has no box in frame {frame} of {table.source}; the ids there are "
-                f"{_listed(sorted(row_of))}"
+                f"{listed(sorted(row_of))}"
             )
         if identity in ids[:index]:
             raise InputError(f"id {identity} is asked for twice; name each id once")
     return np.array(ids, np.int64), table.box[[row_of[identity] for identity in ids]]
-
-
-def dense(table: BoxTable, ids: Sequence[int], num_frames: int) -> np.ndarray:
-    """Return the boxes of ``ids`` in frames 0 to num_frames - 1; later frames are ignored.
-
-    Returns:
-        float64 [num_frames, len(ids), 4], NaN where an object has no box.
-
-    Raises:
-        InputError: an id that occurs nowhere in the table.
-    """
-    check_type("table", table, BoxTable)
-    check_whole("num_frames", num_frames, 0)
-    available = set(table.id.tolist())
-    for identity in ids:
-        if identity not in available:
-            raise InputError(
-                f"id {identity} does not occur in {table.source}; its ids are "
-                f"{_listed(sorted(available))}"
-            )
-    boxes = np.full((num_frames, len(ids), 4), np.nan)
-    for column, identity in enumerate(ids):
-        rows = (table.id == identity) & (table.frame >= 0) & (table.frame < num_frames)
-        boxes[table.frame[rows], column] = table.box[rows]
-    return boxes
 
 
 def parse_box(text: str) -> np.ndarray:
@@ -240,21 +215,6 @@ def _rows(frames: np.ndarray, ids: np.ndarray, boxes: np.ndarray, confidence: np
             box = f"{x + 1:.3f},{y + 1:.3f},{w:.3f},{h:.3f}"
             rows.append(f"{int(frame) + 1},{int(identity)},{box},{float(value):.6g},-1,-1,-1\n")
     return "".join(rows)
-
-
-def _listed(values: Iterable[object], most: int = 12) -> str:
-    """Format ``1, 2, 3``, with runs of integers as ``0-70``; shortened if there are many."""
-    numbers = [int(value) for value in values]  # type: ignore[call-overload]
-    runs: list[list[int]] = []
-    for number in numbers:
-        if runs and number == runs[-1][1] + 1:
-            runs[-1][1] = number
-        else:
-            runs.append([number, number])
-    parts: list[str] = []
-    for first, last in runs:
-        parts += [f"{first}-{last}"] if last - first > 1 else map(str, range(first, last + 1))
-    return ", ".join(parts[:most]) + (", ..." if len(parts) > most else "")
 
 
 def detections(

@@ -15,8 +15,8 @@ from jaxpf.files.reading import check_name, parse_number, read_rows
 from jaxpf.parts.target import Parts
 
 HEADER = "part,parent,x,y,w,h,angle"
-#: Limits of a coordinate in pixels, beyond which floats lose precision, and of a name's length.
-_FARTHEST, _LONGEST_NAME = 1e9, 200
+#: Limit of a name's length.
+_LONGEST_NAME = 200
 
 
 def read_parts(path: str | os.PathLike[str]) -> Parts:
@@ -101,11 +101,8 @@ def _lines(path: Path) -> list[tuple[int, list[str]]]:
 
 
 def _number(field: str, column: int, place: str) -> float:
-    name, remedy = HEADER.split(",")[column - 1], f"give a number of at most {_FARTHEST:.0f}"
-    value = parse_number(field, f"{place}: {name} (column {column}) is", remedy)
-    if abs(value) > _FARTHEST:
-        raise InputError(f"{place}: {name} (column {column}) is {value:g}; {remedy}")
-    return value
+    name = HEADER.split(",")[column - 1]
+    return parse_number(field, f"{place}: {name} (column {column}) is", "give a number")
 
 
 def _check_no_circle(path: Path, names: list[str], parents: list[int]) -> None:

@@ -64,8 +64,8 @@ def _of_one_kind(
     """
     from jaxpf.evaluation.opening import load_scene
     from jaxpf.evaluation.work.scene import start_frame
+    from jaxpf.sequences import open_sequence
     from jaxpf.targets import adapter_of_scene
-    from scenes import open_folder
 
     chosen: dict[Path, int | None] = {}
     for folder in folders:
@@ -75,6 +75,6 @@ def _of_one_kind(
         except InputError as error:
             click.echo(f"{folder.name} is left out: {error}", err=True)
             continue
-        available = open_folder(folder).num_frames - start_frame(scene)
+        available = open_sequence(folder).num_frames - start_frame(scene)
         chosen[folder] = None if most is None else min(most, available)
     return kind, chosen

@@ -189,10 +189,10 @@ def _read_truth(request: Request, start: Start) -> Any:
     """Read the boxes of --truth, which must cover some object and frame of this run."""
     if request.run.truth is None:
         return None
-    from jaxpf.boxes.tracks import read_boxes
+    from jaxpf.sequences.layouts import read_truth
 
     first, count = request.run.start, request.run.frames
-    truth = read_boxes(request.run.truth, empty_boxes="absent")
+    truth = read_truth(request.run.truth)
     ids = start.ids if request.births is None else np.unique(truth.id)
     names = ", ".join(map(str, ids))
     rows = np.isin(truth.id, ids)

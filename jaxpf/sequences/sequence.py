@@ -1,0 +1,173 @@
+"""A recorded sequence with its annotation, and the part of it on which trackers run."""
+
+import dataclasses
+import operator
+from collections.abc import Mapping, Sequence as Many
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+from jaxpf.sequences.frames import Frames
+from jaxpf.sequences.tables import BoxTable, dense, listed
+from scenes import Scene, cut_patch
+
+#: Maximum size in bytes of pictures kept in memory; longer sequences are read on demand.
+MOST_KEPT = 512 * 2**20
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Sequence:
+    """A recorded sequence.
+
+    Attributes:
+        name: of the sequence.
+        path: its folder.
+        frames: ``[T, H, W, 3]`` uint8, RGB, decoded on demand.
+        fps: frames per second.
+        truth: the annotated boxes that count, by id and frame.
+        ignored: annotated boxes that a benchmark leaves out of its evaluation.
+        extras: ``points [T, P, 2]`` and ``visible [T, P]`` of annotated points.
+    """
+
+    name: str
+    path: Path
+    frames: Frames
+    fps: float
+    truth: BoxTable
+    ignored: BoxTable
+    extras: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        last = max(self.truth.frame, default=0)
+        if last >= len(self.frames):
+            raise InputError(
+                f"{self.truth.source} has a box in frame {last} (counting from 0), and the "
+                f"sequence has {len(self.frames)} frames; correct one of them"
+            )
+        if not len(self.truth):
+            raise InputError(f"{self.truth.source} holds no box that counts; annotate an object")
+
+    @property
+    def num_frames(self) -> int:
+        """T, the number of frames."""
+        return len(self.frames)
+
+    @property
+    def ids(self) -> tuple[int, ...]:
+        """The numbers of the P objects, ascending."""
+        return tuple(np.unique(self.truth.id).tolist())
+
+    @property
+    def boxes(self) -> np.ndarray:
+        """``[T, P, 4]``, x, y, w, h in pixels; NaN where an object has no box."""
+        return dense(self.truth, self.ids, len(self.frames))
+
+    @property
+    def occlusion(self) -> np.ndarray:
+        """``[T, P]``: 0 visible, 1 partly hidden, 2 mostly hidden, -1 unknown or absent."""
+        found = np.full((len(self.frames), len(self.ids)), -1)
+        columns = np.searchsorted(self.ids, self.truth.id)
+        found[self.truth.frame, columns] = self.truth.occlusion
+        return found
+
+    def scene(
+        self,
+        ids: Many[int] | None = None,
+        start_frame: int | None = None,
+        num_frames: int | None = None,
+    ) -> Scene:
+        """Return the part of the sequence that starts where all its objects are in view.
+
+        A box is in view if it covers at least one pixel of the picture.  Boxes that extend beyond
+        the picture stay whole; their reference patch is the part inside.
+
+        Args:
+            ids: the objects, in this order; by default all objects in view in the start frame or,
+                if none is given, in the first frame with any object.
+            start_frame: counting from 0; by default the first frame with all ``ids`` in view.
+            num_frames: number of frames from the start; by default all.
+
+        Returns:
+            A scene that begins with the start frame, with patches cut there.  ``extras`` holds
+            ``ids [P]``, ``start_frame``, ``source`` (the folder) and ``occlusion [T, P]``.
+
+        Raises:
+            InputError: unknown or repeated ids, objects that are not in view in the start frame,
+                or frames that the sequence lacks.
+        """
+        known, boxes, in_view = self.ids, self.boxes, self._in_view()
+        columns = None if ids is None else [self._column(number) for number in ids]
+        if columns is not None and not 0 < len(columns) == len(set(columns)):
+            raise self._refused(f"is asked for the ids {listed(ids or [])}; name each once")
+        together = in_view.any(axis=1) if columns is None else in_view[:, columns].all(axis=1)
+        start = int(np.argmax(together)) if start_frame is None else _whole(start_frame, "start")
+        if not 0 <= start < len(boxes):
+            raise self._refused(f"has the frames 0 to {len(boxes) - 1}, not {start}")
+        if not together[start]:
+            raise self._refused(self._absences(start, columns, in_view))
+        if columns is None:
+            columns = np.flatnonzero(in_view[start]).tolist()
+        rest = len(boxes) - start
+        length = rest if num_frames is None else _whole(num_frames, "num_frames")
+        if not 1 <= length <= rest:
+            raise self._refused(
+                f"has {rest} frames from frame {start} on, so num_frames must lie in 1..{rest}, "
+                f"not {length}"
+            )
+        part = slice(start, start + length)
+        lazy = self.frames[part]
+        frames = np.asarray(lazy) if lazy.nbytes <= MOST_KEPT else lazy
+        first, chosen = frames[0], [known[column] for column in columns]
+        about = {"source": str(self.path), "ids": tuple(chosen), "start_frame": start}
+        return Scene(
+            name=self.name,
+            frames=frames,
+            boxes=boxes[part, columns],
+            patches=[cut_patch(first, boxes[start, column]) for column in columns],
+            fps=self.fps,
+            parameters={**about, "num_frames": length},
+            extras={
+                **about,
+                "ids": np.array(chosen, dtype=int),
+                "occlusion": self.occlusion[part, columns],
+                **{name: values[part, columns] for name, values in self.extras.items()},
+                **({"point_names": tuple(map(str, chosen))} if self.extras else {}),
+            },
+            settings={},
+        )
+
+    def _in_view(self) -> Any:
+        """``[T, P]`` bool: whether a box covers at least one pixel, rounded as in ``cut_patch``."""
+        low, extent = np.split(self.boxes, 2, axis=-1)
+        size = self.frames.shape[2:0:-1]
+        start, end = np.clip(np.rint(low), 0, size), np.clip(np.rint(low + extent), 0, size)
+        return np.all(end > start, axis=-1)  # false where NaN
+
+    def _column(self, identity: Any) -> int:
+        number = _whole(identity, "ids")
+        if number not in self.ids:
+            raise self._refused(f"has no object {number}; its ids are {listed(self.ids)}")
+        return self.ids.index(number)
+
+    def _absences(self, start: int, columns: list[int] | None, in_view: np.ndarray) -> str:
+        """Say in which frames the objects are in view that are not together in the start frame."""
+        if columns is None:
+            first = int(np.argmax(in_view.any(axis=1)))
+            return f"has no object in view in frame {start}; the first is in frame {first}"
+        seen = (
+            f"{self.ids[column]} in frames {listed(np.flatnonzero(in_view[:, column])) or 'none'}"
+            for column in columns
+        )
+        return f"has not all objects in view in frame {start}: {'; '.join(seen)}"
+
+    def _refused(self, state: str) -> InputError:
+        return InputError(f"sequence {self.name!r} {state}")
+
+
+def _whole(value: Any, name: str) -> int:
+    try:
+        return operator.index(value)
+    except TypeError:
+        raise InputError(f"{name} = {value!r} must be a whole number") from None

@@ -11,7 +11,7 @@ from jaxpf.sequences import open_sequence
 
 
 def load_scene(
-    source: str,
+    source: Any,
     seed: int = 0,
     ids: Sequence[int] | None = None,
     start_frame: int | None = None,
@@ -30,7 +30,7 @@ def load_scene(
     Raises:
         InputError: the scene cannot be opened.
     """
-    if is_folder(source):
+    if _is_folder(source):
         if parameters:
             raise InputError(
                 f"{source} is a recorded sequence and has no parameters, but "
@@ -50,9 +50,11 @@ def load_scene(
         raise as_input_error(error) from error
 
 
-def is_folder(source: str) -> bool:
+def _is_folder(source: Any) -> bool:
     """Whether ``source`` is or looks like a folder, and is neither a name nor a function."""
-    if source in scenes.names():
+    if isinstance(source, Path):
+        return True
+    if not isinstance(source, str) or source in scenes.names():
         return False
     return Path(source).exists() or ("/" in source and not scenes.names_function(source))
 

@@ -85,7 +85,7 @@ class Sequence:
 
         Args:
             ids: the objects, in this order; by default all objects in view in the start frame or,
-                if none is given, in the first frame with any object.
+                if none is given, in the first frame with any object, in the order of the file.
             start_frame: counting from 0; by default the first frame with all ``ids`` in view.
             num_frames: number of frames from the start; by default all.
 
@@ -102,13 +102,15 @@ class Sequence:
         if columns is not None and not 0 < len(columns) == len(set(columns)):
             raise self._refused(f"is asked for the ids {listed(ids or [])}; name each once")
         together = in_view.any(axis=1) if columns is None else in_view[:, columns].all(axis=1)
-        start = int(np.argmax(together)) if start_frame is None else _whole(start_frame, "start")
+        first = int(np.argmax(together))
+        start = first if start_frame is None else _whole(start_frame, "start_frame")
         if not 0 <= start < len(boxes):
             raise self._refused(f"has the frames 0 to {len(boxes) - 1}, not {start}")
         if not together[start]:
             raise self._refused(self._absences(start, columns, in_view))
         if columns is None:
-            columns = np.flatnonzero(in_view[start]).tolist()
+            there = self.truth.id[self.truth.frame == start].tolist()
+            columns = [c for c in map(known.index, there) if in_view[start, c]]
         rest = len(boxes) - start
         length = rest if num_frames is None else _whole(num_frames, "num_frames")
         if not 1 <= length <= rest:
@@ -119,13 +121,13 @@ class Sequence:
         part = slice(start, start + length)
         lazy = self.frames[part]
         frames = np.asarray(lazy) if lazy.nbytes <= MOST_KEPT else lazy
-        first, chosen = frames[0], [known[column] for column in columns]
+        chosen = [known[column] for column in columns]
         about = {"source": str(self.path), "ids": tuple(chosen), "start_frame": start}
         return Scene(
             name=self.name,
             frames=frames,
             boxes=boxes[part, columns],
-            patches=[cut_patch(first, boxes[start, column]) for column in columns],
+            patches=[cut_patch(frames[0], boxes[start, column]) for column in columns],
             fps=self.fps,
             parameters={**about, "num_frames": length},
             extras={

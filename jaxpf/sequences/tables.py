@@ -18,7 +18,7 @@ from jaxpf.files.reading import FARTHEST, LARGEST_WHOLE, parse_number, read_rows
 _BOX = ("frame", "id", "x", "y", "w", "h")
 _TRACKS = ("frame", "time", *_BOX[1:])
 #: Names of the columns of files without a header.
-_MOT = (*_BOX, "confidence", "class", "visibility", "column 10")
+_MOT = (*_BOX, "confidence", "class", "visibility", "unused")
 _VISDRONE = (*_BOX, "confidence", "class", "truncation", "occ")
 #: Column -> lowest and highest value, and whether it is a whole number.
 _RANGES = {
@@ -153,8 +153,8 @@ def box_rows(
         place = f"line {line} of '{path}'"
         if len(fields) != len(names) or (names == _MOT and _has_decimal_commas(fields)):
             raise InputError(
-                f"{place} has {len(fields)} columns; expected {len(names)}, {','.join(names)}, and "
-                "decimals with a point"
+                f"{place} has {len(fields)} columns, or decimal commas; expected {len(names)}, "
+                f"{','.join(names)}; write decimals with a point"
             )
         row = dict(zip(names, fields, strict=True))
 

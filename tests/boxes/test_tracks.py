@@ -128,7 +128,6 @@ def test_unusable_boxes_are_refused(box, expected):
         (write_mot, ("a.txt", [1, 2], [1, 2], np.ones((1, 4))), "boxes has shape [1, 4]; give"),
         (box_model, (None, [1, 2, 3]), "boxes has shape [3]; give x, y, w, h in pixels"),
         (relative_steps, ([1, 2], 1), "relative_scale 1,2 must be three numbers for each object"),
-        (read_boxes, ("a.txt", "x"), "empty_boxes='x' must be 'error' or 'absent'"),
     ],
 )
 def test_what_is_no_array_or_table_is_refused(call, arguments, expected):

@@ -5,9 +5,8 @@ pixels, with pixel (0, 0) the square [0, 1) x [0, 1).  MOT files count frames an
 only the code that reads or writes a file converts them.
 """
 
-import csv
-import io
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_names, check_type
 from jaxpf.contract.numbers import FINITE, check_array, check_number, check_whole, numbers_in
-from jaxpf.files.reading import parse_number, read_text
+from jaxpf.files.reading import parse_number, read_rows
 from jaxpf.files.writing import write_text
 from jaxpf.sequences.tables import BoxTable, dense, listed, read_boxes
 
@@ -48,38 +47,24 @@ def read_tracks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     Raises:
         InputError: the file cannot be read or contains no tracks.
     """
-    text = read_text(Path(path), "tracks", "a tracks.csv of a run")
-    try:
-        rows = list(csv.reader(io.StringIO(text, newline="")))
-    except csv.Error as error:
-        raise InputError(f"'{path}' is no CSV ({error}); give the tracks.csv of a run") from None
-    if not rows or not {"frame", "time", "id"} <= set(rows[0]):
+    (_, header), *rows = read_rows(Path(path), "tracks", "a tracks.csv of a run") or [(1, [])]
+    if not {"frame", "time", "id"} <= set(header) or {len(r) for _, r in rows} - {len(header)}:
         raise InputError(f"'{path}' holds no tracks; give the tracks.csv of a run")
-    if any(len(row) != len(rows[0]) for row in rows):
-        raise InputError(f"'{path}' has rows of different lengths; give the tracks.csv of a run")
     columns: dict[str, np.ndarray] = {}
-    for name, fields in zip(
-        rows[0], list(zip(*rows[1:], strict=True)) or [()] * len(rows[0]), strict=True
-    ):
+    for column, name in enumerate(header):
+        fields = [row[column] for _, row in rows]
+        if name == "id":
+            are_usual = all(re.fullmatch(r"0|-?[1-9]\d{0,17}", field) for field in fields)
+            columns[name] = np.array(fields, int if are_usual else str)
+            continue
         try:
-            if name == "id":
-                ids = [int(field) for field in fields]
-                are_usual = all(map(str.__eq__, map(str, ids), fields))
-                columns[name] = np.array(ids if are_usual else fields)
-            else:
-                columns[name] = values = np.array([float(field or "nan") for field in fields])
-                is_wrong = np.isinf(values)
-                if name in ("frame", "time"):
-                    is_wrong |= np.isnan(values)
-                if name == "frame":
-                    is_wrong |= (values < 0) | (values % 1 != 0)
-                if is_wrong.any():
-                    raise ValueError
+            columns[name] = values = np.array([float(field or "nan") for field in fields])
+            is_wrong = np.isinf(values) | (np.isnan(values) & (name in ("frame", "time")))
+            if is_wrong.any() or (name == "frame" and ((values < 0) | (values % 1 != 0)).any()):
+                raise ValueError
         except ValueError:
-            if name != "id":
-                kind = "whole numbers from 0 on" if name == "frame" else "finite numbers"
-                raise InputError(f"column {name} of '{path}' holds other than {kind}") from None
-            columns[name] = np.array(fields)
+            kind = "whole numbers from 0 on" if name == "frame" else "finite numbers"
+            raise InputError(f"column {name} of '{path}' holds other than {kind}") from None
     columns["frame"] = columns["frame"].astype(int)
     return columns
 

@@ -13,7 +13,7 @@ import numpy as np
 from jaxpf.contours.data import Annotated
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import ANNOTATIONS
-from jaxpf.files.reading import parse_number, read_rows
+from jaxpf.files.reading import parse_number, read_below
 from jaxpf.media.images import read_mask
 from jaxpf.sequences.layouts import label_images
 
@@ -100,16 +100,7 @@ def _read_masks(folder: Path, value, first, until) -> dict[tuple[int, str], np.n
 
 def _read_points(path: Path, first, until) -> dict[tuple[int, str], np.ndarray]:
     points: dict[tuple[int, str], dict[int, tuple[float, float]]] = {}
-    header, *rows = read_rows(path, "contours", ",".join(_HEADER)) or [(1, [])]
-    if tuple(name.lower() for name in header[1]) != _HEADER:
-        raise InputError(
-            f"'{path}' begins with {','.join(header[1])[:80]!r}; its first line must be "
-            f"{','.join(_HEADER)}."
-        )
-    for line, fields in rows:
-        where = f"line {line} of '{path}'"
-        if len(fields) != len(_HEADER):
-            raise InputError(f"{where} has {len(fields)} columns; expected {','.join(_HEADER)}.")
+    for where, fields in read_below(path, "contours", ",".join(_HEADER)):
         number, k, x, y = (
             parse_number(field, f"{where}: {name} is", "give a number", whole=name not in "xy")
             for name, field in zip(_HEADER, fields, strict=True)

@@ -105,3 +105,24 @@ def read_rows(path: Path, what: str, expected: str) -> list[tuple[int, list[str]
             f"line {reader.line_num} of '{path}' is no CSV ({error}); correct the line"
         ) from None
     return [(line, fields) for line, fields in rows if any(fields)]
+
+
+def read_below(path: Path, what: str, *headers: str) -> list[tuple[str, list[str]]]:
+    """Read a table; return the place for messages and the fields of every line below the header.
+
+    Raises:
+        InputError: the first line is none of ``headers``, or a line has another number of fields.
+    """
+    header, *rows = read_rows(path, what, f"a table with the header {headers[0]}") or [(1, [])]
+    if ",".join(header[1]).lower() not in headers:
+        raise InputError(
+            f"'{path}' begins with '{','.join(header[1])[:80]}'; its first line must be "
+            f"{' or '.join(headers)}"
+        )
+    for line, fields in rows:
+        if len(fields) != len(header[1]):
+            raise InputError(
+                f"line {line} of '{path}' has {len(fields)} columns; expected {len(header[1])}: "
+                f"{','.join(header[1])}"
+            )
+    return [(f"line {line} of '{path}'", fields) for line, fields in rows]

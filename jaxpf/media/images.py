@@ -13,9 +13,8 @@ from jaxpf.contract.errors import InputError
 from jaxpf.media.quiet import quiet_opencv
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
-#: Maximum number of colours in a mask, and the share of pixels that change as edges and noise do
-#: from which on a grey picture is a photograph.
-_MOST_COLOURS, _OF_PHOTOGRAPH = 64, 0.25
+#: Share of pixels that change as edges and noise do, above which a picture is a photograph.
+_OF_PHOTOGRAPH = 0.25
 VIDEO_SUFFIXES = (".avi", ".mkv", ".mov", ".mp4", ".webm", ".wmv")
 
 
@@ -135,17 +134,12 @@ def _is_rough(levels: np.ndarray) -> np.ndarray:
 
 def _of_one_colour(path: Path, values: np.ndarray) -> np.ndarray:
     colours = np.unique(values.reshape(-1, 3), axis=0)
-    colours = colours[colours.any(axis=1)]
-    if len(colours) > _MOST_COLOURS:
+    shown = [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in colours if r or g or b]
+    if len(shown) > 1:
         raise InputError(
-            f"'{path}' holds {len(colours)} colours, as a photograph does, and a mask has few; "
-            "give pictures that are 0 but on the target, without loss (PNG, not JPEG)."
-        )
-    if len(colours) > 1:
-        shown = ", ".join("#" + "".join(f"{part:02x}" for part in colour) for colour in colours[:6])
-        raise InputError(
-            f"'{path}' marks objects by {len(colours)} colours ({shown}); save it as an indexed or "
-            "grey PNG, in which every object has a number of its own."
+            f"'{path}' has {len(shown)} colours ({', '.join(shown[:6])}); give a mask, not a "
+            "photograph, and save several objects as an indexed or grey PNG, in which each has a "
+            "number of its own."
         )
     return values.any(axis=-1).astype(int)
 

@@ -5,7 +5,6 @@ folder in ``layout_of``.
 """
 
 import configparser
-import functools
 import json
 import math
 import os
@@ -17,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.files.reading import LARGEST_WHOLE, parse_number, read_rows, read_text
-from jaxpf.media.frame_source import DEFAULT_FPS
+from jaxpf.files.reading import LARGEST_WHOLE, parse_number, read_below, read_text
 from jaxpf.media.images import frame_numbers, pictures_in, read_mask
 from jaxpf.sequences.frames import Frames
 from jaxpf.sequences.sequence import Sequence
@@ -32,12 +30,15 @@ _FORMATS = (
 # The benchmark starts David at picture 300, though its folder contains all 770; every other
 # sequence of OTB starts at its first picture.
 _OTB_FIRST_PICTURE = {"david": 300}
-#: Limits of the numbers of a description; see ``_numbers_in``.
+#: Limits of the numbers of a description; see ``_described``.
 _LIMITS: tuple[dict[str, Any], ...] = (
     {"least": 1, "most": 10**6, "whole": True},
     *[{"least": 1, "most": 10**5, "whole": True}] * 2,
     {"least": 1e-3, "most": 10**6},
 )
+_WHOLE: dict[str, Any] = {"least": 0, "most": LARGEST_WHOLE, "whole": True}
+#: Header of annotated points; "visible" may follow.
+_POINTS = "frame,id,cx,cy"
 #: Side of the window around an annotated point that stands for its box, pixels.
 _WINDOW = 16.0
 
@@ -110,23 +111,21 @@ def layout_of(folder: Path) -> tuple[Callable[[Path, Path], Sequence] | None, Pa
 
 def _read_own(folder: Path, truth: Path) -> Sequence:
     path = folder / "meta.json"
+    text = read_text(path, "a description", "the JSON of a sequence")
     try:
-        meta = json.loads(read_text(path, "a description", "the JSON of a sequence"))
+        meta = json.loads(text)
         source, name = meta["frames"], str(meta["name"])
         if len(source) > 200 or not re.fullmatch(r"[^%]+|[^%]*%(0?[1-9])?d[^%]*", source):
             raise ValueError(f"frames is {source[:40]!r}; name a video, or frames/%04d.png")
-    except InputError:
-        raise
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         cause = f"{type(error).__name__}: {error}".partition("\n")[0][:150]
         raise InputError(f"'{path}' describes no sequence ({cause}); correct it") from None
-    count, *size, fps = _numbers_in(path, meta, "n_frames", "width", "height", "fps")
-    files = tuple(folder / (source % t) for t in range(int(count))) if "%" in source else None
-    frames = _described(path, Frames(files or folder / source, range(int(count))), size)
-    if (folder / "points.csv").is_file() and not truth.exists():
-        counted, extras = _read_points(folder / "points.csv", len(frames))
-        return Sequence(name, folder, frames, fps, counted, table_of([], ""), extras)
-    return Sequence(name, folder, frames, fps, *read_table(truth, truth=True))
+    place = (lambda t: folder / (source % t)) if "%" in source else folder / source
+    frames, fps = _described(path, meta, ("n_frames", "width", "height", "fps"), place)
+    points = folder / "points.csv"
+    if points.is_file() and not truth.exists():
+        return Sequence(folder, frames, _read_points(points), None, fps, name, of_points=True)
+    return Sequence(folder, frames, *read_table(truth, truth=True), fps, name)
 
 
 def _read_mot(folder: Path, truth: Path) -> Sequence:
@@ -137,16 +136,13 @@ def _read_mot(folder: Path, truth: Path) -> Sequence:
     except (configparser.Error, KeyError) as error:
         cause = " ".join(str(error)[:200].split())
         raise InputError(f"'{path}' has no section [Sequence] ({cause}); correct it") from None
-    count, *size, fps = _numbers_in(path, about, "seqLength", "imWidth", "imHeight", "frameRate")
     place = folder / about.get("imDir", "img1")
     pictures = {int(file.stem): file for file in _pictures_of(place) if file.stem.isdecimal()}
-    missing = next((t for t in range(1, int(count) + 1) if t not in pictures), None)
-    if missing:
-        raise InputError(f"'{place}' has no picture {missing} of {count:.0f}, as '{path}' says")
-    frames = Frames(tuple(pictures[t] for t in range(1, int(count) + 1)))
-    name = about.get("name", folder.resolve().name)
-    tables = read_table(truth, truth=True)
-    return Sequence(name, folder, _described(path, frames, size), fps, *tables)
+    keys = ("seqLength", "imWidth", "imHeight", "frameRate")
+    frames, fps = _described(
+        path, about, keys, lambda t: pictures.get(t + 1, place / f"{t + 1:06d}")
+    )
+    return Sequence(folder, frames, *read_table(truth, truth=True), fps, about.get("name", ""))
 
 
 def _read_lines(folder: Path, truth: Path) -> Sequence:
@@ -166,22 +162,19 @@ def _read_lines(folder: Path, truth: Path) -> Sequence:
     count = max(map(len, lines.values()))
     places = [place for place in (folder / "img", folder / "color") if place.is_dir()]
     pictures = _pictures_of(*places[:1] or [folder])
-    name = folder.resolve().name
-    if name.lower() in _OTB_FIRST_PICTURE and len(pictures) > count:
-        least = _OTB_FIRST_PICTURE[name.lower()]
+    least = _OTB_FIRST_PICTURE.get(folder.resolve().name.lower())
+    if least and len(pictures) > count:
         pictures = [file for file in pictures if int(file.stem) >= least]
     if len(pictures) < count:
         raise InputError(
             f"'{next(iter(truths.values()))}' has {count} lines, one per picture, and "
             f"'{folder}' has {len(pictures)} pictures; add the others"
         )
-    frames, ignored = Frames(tuple(pictures[:count])), table_of([], truth)
-    return Sequence(name, folder, frames, DEFAULT_FPS, table_of(rows, truth), ignored)
+    return Sequence(folder, Frames(tuple(pictures[:count])), table_of(rows, truth))
 
 
 def _read_visdrone(folder: Path, truth: Path) -> Sequence:
-    frames = Frames(tuple(_pictures_of(folder)))
-    return Sequence(folder.name, folder, frames, DEFAULT_FPS, *read_table(truth, truth=True))
+    return Sequence(folder, Frames(tuple(_pictures_of(folder))), *read_table(truth, truth=True))
 
 
 def _read_masks(folder: Path, truth: Path) -> Sequence:
@@ -194,8 +187,7 @@ def _read_masks(folder: Path, truth: Path) -> Sequence:
         if number in numbers
         for row in _boxes_around(read_mask(mask))
     ]
-    frames, name = Frames(tuple(pictures)), folder.resolve().name
-    return Sequence(name, folder, frames, DEFAULT_FPS, table_of(rows, truth), table_of([], truth))
+    return Sequence(folder, Frames(tuple(pictures)), table_of(rows, truth))
 
 
 def label_images(folder: Path) -> dict[int, Path]:
@@ -230,24 +222,28 @@ def _pictures_of(folder: Path) -> list[Path]:
     return [file for file in pictures if file.stem.isdecimal()] or pictures
 
 
-def _numbers_in(path: Path, about: Any, *keys: str) -> list[float]:
-    """The number of frames, width, height and frames per second of a description, above 0."""
-    texts = (str(about.get(key)) for key in keys)
-    return [
-        parse_number(text, f"'{path}': {key} is", "give a number", **limits)
-        for key, text, limits in zip(keys, texts, _LIMITS, strict=True)
-    ]
+def _described(path: Path, about: Any, keys: tuple[str, ...], place: Any) -> tuple[Frames, float]:
+    """The frames that a description announces, and their rate per second.
 
-
-def _described(path: Path, frames: Frames, size: list[float]) -> Frames:
-    """The frames, if they have the width and height of the description."""
+    Args:
+        path: of the description, for messages.
+        about: its values.
+        keys: of the number of frames, width, height and frames per second.
+        place: the video, or a function of a frame's number that returns its picture.
+    """
+    count, *size, fps = (
+        parse_number(str(about.get(key)), f"'{path}': {key} is", "give a number", **limits)
+        for key, limits in zip(keys, _LIMITS, strict=True)
+    )
+    numbers = range(int(count))
+    frames = Frames(tuple(map(place, numbers)) if callable(place) else place, numbers)
     height, width = frames.shape[1:3]
     if [width, height] != size:
         raise InputError(
             f"'{path}' says {size[0]:.0f} x {size[1]:.0f} pixels, and the frames measure {width} x "
             f"{height}; correct it, if the truth belongs to them"
         )
-    return frames
+    return frames, fps
 
 
 def _boxes_in(path: Path) -> list[tuple[float, ...]]:
@@ -295,26 +291,15 @@ def _boxes_around(levels: np.ndarray) -> list[tuple[float, ...]]:
     ]
 
 
-def _read_points(path: Path, count: int) -> tuple[BoxTable, dict[str, np.ndarray]]:
-    """Windows around annotated points, and the points ``[T, P, 2]`` with their visibility."""
-    header, *rows = read_rows(path, "points", "frame,id,cx,cy,visible") or [(1, [])]
-    names = tuple(name.lower() for name in header[1])
-    if names not in (("frame", "id", "cx", "cy"), ("frame", "id", "cx", "cy", "visible")):
-        raise InputError(f"'{path}' begins with {','.join(names)[:80]!r}; expected frame,id,cx,cy")
-    table = []
-    for line, fields in rows:
-        place = f"line {line} of '{path}'"
-        if len(fields) != len(names):
-            raise InputError(f"{place} has {len(fields)} columns; expected {len(names)}")
-        number = functools.partial(parse_number, remedy="give a number")
-        frame = number(fields[0], f"{place}: frame is", least=0, most=count - 1, whole=True)
-        identity = number(fields[1], f"{place}: id is", least=0, most=LARGEST_WHOLE, whole=True)
-        x, y = (number(field, f"{place}: the place is") for field in fields[2:4])
-        if len(fields) < 5 or fields[4] != "0":
+def _read_points(path: Path) -> BoxTable:
+    """Windows around the annotated points that are visible."""
+    rows = []
+    for place, fields in read_below(path, "points", _POINTS, f"{_POINTS},visible"):
+        frame, number, x, y, visible = (
+            parse_number(field, f"{place} holds", "give a number", **limits)
+            for field, limits in zip([*fields, "1"][:5], [_WHOLE, _WHOLE, {}, {}, {}], strict=True)
+        )
+        if visible:
             box = (x - _WINDOW / 2, y - _WINDOW / 2, _WINDOW, _WINDOW)
-            table.append((frame, identity, *box, -1, 1))
-    truth = table_of(table, path)
-    ids = np.unique(truth.id)
-    points = np.full((count, len(ids), 2), np.nan)
-    points[truth.frame, np.searchsorted(ids, truth.id)] = truth.box[:, :2] + _WINDOW / 2
-    return truth, {"points": points, "visible": np.isfinite(points).all(axis=-1)}
+            rows.append((frame, number, *box, -1, 1))
+    return table_of(rows, path)

@@ -2,13 +2,14 @@
 
 import dataclasses
 import operator
-from collections.abc import Mapping, Sequence as Many
+from collections.abc import Sequence as Many
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.media.frame_source import DEFAULT_FPS
 from jaxpf.sequences.frames import Frames
 from jaxpf.sequences.tables import BoxTable, dense, listed
 from scenes import Scene, cut_patch
@@ -22,32 +23,34 @@ class Sequence:
     """A recorded sequence.
 
     Attributes:
-        name: of the sequence.
         path: its folder.
         frames: ``[T, H, W, 3]`` uint8, RGB, decoded on demand.
-        fps: frames per second.
         truth: the annotated boxes that count, by id and frame.
-        ignored: annotated boxes that a benchmark leaves out of its evaluation.
-        extras: ``points [T, P, 2]`` and ``visible [T, P]`` of annotated points.
+        ignored: annotated boxes that a benchmark leaves out of its evaluation, or None.
+        fps: frames per second.
+        name: by default that of the folder.
+        of_points: whether the boxes are windows around annotated points.
     """
 
-    name: str
     path: Path
     frames: Frames
-    fps: float
     truth: BoxTable
-    ignored: BoxTable
-    extras: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    ignored: BoxTable | None = None
+    fps: float = DEFAULT_FPS
+    name: str = ""
+    of_points: bool = False
 
     def __post_init__(self) -> None:
-        last = max(self.truth.frame, default=0)
-        if last >= len(self.frames):
-            raise InputError(
-                f"{self.truth.source} has a box in frame {last} (counting from 0), and the "
-                f"sequence has {len(self.frames)} frames; correct one of them"
+        object.__setattr__(self, "name", self.name or self.path.resolve().name)
+        last = max(self.truth.frame, default=-1)
+        if not 0 <= last < len(self.frames):
+            state = (
+                f"a box in frame {last} (counting from 0)" if last >= 0 else "no box that counts"
             )
-        if not len(self.truth):
-            raise InputError(f"{self.truth.source} holds no box that counts; annotate an object")
+            raise InputError(
+                f"{self.truth.source} has {state}, and the sequence has {len(self.frames)} frames; "
+                "correct one of them"
+            )
 
     @property
     def num_frames(self) -> int:
@@ -121,7 +124,13 @@ class Sequence:
         part = slice(start, start + length)
         lazy = self.frames[part]
         frames = np.asarray(lazy) if lazy.nbytes <= MOST_KEPT else lazy
-        chosen = [known[column] for column in columns]
+        chosen, centres = [known[column] for column in columns], boxes[part, columns, :2]
+        centres = centres + boxes[part, columns, 2:] / 2
+        points = {
+            "points": centres,
+            "visible": np.isfinite(centres).all(axis=-1),
+            "point_names": tuple(map(str, chosen)),
+        }
         about = {"source": str(self.path), "ids": tuple(chosen), "start_frame": start}
         return Scene(
             name=self.name,
@@ -134,8 +143,7 @@ class Sequence:
                 **about,
                 "ids": np.array(chosen, dtype=int),
                 "occlusion": self.occlusion[part, columns],
-                **{name: values[part, columns] for name, values in self.extras.items()},
-                **({"point_names": tuple(map(str, chosen))} if self.extras else {}),
+                **(points if self.of_points else {}),
             },
             settings={},
         )

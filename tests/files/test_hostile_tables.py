@@ -45,7 +45,7 @@ def test_a_line_of_boxes_is_refused_by_its_number(tmp_path, line, said):
     ("line", "said"),
     [
         (LONG + b",,1,2,3,4,5", "is no CSV"),
-        (b"b" * 2000 + b",,1,2,3,4,5", "has 2000 letters in column 1"),
+        (b"b" * 2000 + b",,1,2,3,4,5", "give 1 to 200 letters on one line"),
         (b"body,,1e99,2,3,4,5", "give a number from -1000000000 to 1000000000"),
     ],
 )

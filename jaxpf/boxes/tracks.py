@@ -87,31 +87,24 @@ def start_boxes(
     """
     check_type("table", table, BoxTable)
     check_whole("frame", frame, 0)
-    rows = np.flatnonzero(table.frame == frame)
-    if len(rows) == 0:
-        available = np.unique(table.frame)
-        remedy = (
-            f"choose a start frame among {listed(available)} (counting from 0)"
-            if len(available)
-            else "give a file that holds boxes"
-        )
-        raise InputError(f"{table.source} has no box in frame {frame}; {remedy}")
     if ids is not None:
         check_array("ids", ids, "the ids of the objects, [N]")
-    row_of = {int(table.id[row]): row for row in rows}
-    if ids is None:
-        ids = list(row_of)
-    elif np.size(ids) == 0:
-        raise InputError(f"no ids were asked for; choose among {listed(sorted(row_of))}")
-    for index, identity in enumerate(ids):
-        if identity not in row_of:
+    row_of = {int(table.id[row]): row for row in np.flatnonzero(table.frame == frame)}
+    if not row_of:
+        raise InputError(
+            f"{table.source} has no box in frame {frame}; choose a start frame among "
+            f"{listed(np.unique(table.frame))} (counting from 0)"
+        )
+    wanted = list(row_of) if ids is None else [int(identity) for identity in ids]
+    for index, identity in enumerate(wanted):
+        if identity not in row_of or identity in wanted[:index]:
             raise InputError(
-                f"id {identity} has no box in frame {frame} of {table.source}; the ids there are "
-                f"{listed(sorted(row_of))}"
+                f"id {identity} has no box in frame {frame} of {table.source}, or is asked for "
+                f"twice; the ids there are {listed(sorted(row_of))}"
             )
-        if identity in ids[:index]:
-            raise InputError(f"id {identity} is asked for twice; name each id once")
-    return np.array(ids, np.int64), table.box[[row_of[identity] for identity in ids]]
+    if not wanted:
+        raise InputError(f"no ids were asked for; choose among {listed(sorted(row_of))}")
+    return np.array(wanted, np.int64), table.box[[row_of[identity] for identity in wanted]]
 
 
 def parse_box(text: str) -> np.ndarray:

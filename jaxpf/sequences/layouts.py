@@ -139,9 +139,7 @@ def _read_mot(folder: Path, truth: Path) -> Sequence:
     place = folder / about.get("imDir", "img1")
     pictures = {int(file.stem): file for file in _pictures_of(place) if file.stem.isdecimal()}
     keys = ("seqLength", "imWidth", "imHeight", "frameRate")
-    frames, fps = _described(
-        path, about, keys, lambda t: pictures.get(t + 1, place / f"{t + 1:06d}")
-    )
+    frames, fps = _described(path, about, keys, lambda t: pictures.get(t + 1, place / str(t + 1)))
     return Sequence(folder, frames, *read_table(truth, truth=True), fps, about.get("name", ""))
 
 

@@ -44,9 +44,7 @@ class Sequence:
         object.__setattr__(self, "name", self.name or self.path.resolve().name)
         last = max(self.truth.frame, default=-1)
         if not 0 <= last < len(self.frames):
-            state = (
-                f"a box in frame {last} (counting from 0)" if last >= 0 else "no box that counts"
-            )
+            state = "no box that counts" if last < 0 else f"a box in frame {last} (from 0)"
             raise InputError(
                 f"{self.truth.source} has {state}, and the sequence has {len(self.frames)} frames; "
                 "correct one of them"
@@ -124,27 +122,21 @@ class Sequence:
         part = slice(start, start + length)
         lazy = self.frames[part]
         frames = np.asarray(lazy) if lazy.nbytes <= MOST_KEPT else lazy
-        chosen, centres = [known[column] for column in columns], boxes[part, columns, :2]
-        centres = centres + boxes[part, columns, 2:] / 2
-        points = {
-            "points": centres,
-            "visible": np.isfinite(centres).all(axis=-1),
-            "point_names": tuple(map(str, chosen)),
-        }
+        chosen, truth = [known[column] for column in columns], boxes[part, columns]
+        extras: dict[str, Any] = {"occlusion": self.occlusion[part, columns]}
+        if self.of_points:
+            extras["points"] = truth[..., :2] + truth[..., 2:] / 2
+            extras["visible"] = np.isfinite(truth).all(axis=-1)
+            extras["point_names"] = tuple(map(str, chosen))
         about = {"source": str(self.path), "ids": tuple(chosen), "start_frame": start}
         return Scene(
             name=self.name,
             frames=frames,
-            boxes=boxes[part, columns],
-            patches=[cut_patch(frames[0], boxes[start, column]) for column in columns],
+            boxes=truth,
+            patches=[cut_patch(frames[0], box) for box in truth[0]],
             fps=self.fps,
             parameters={**about, "num_frames": length},
-            extras={
-                **about,
-                "ids": np.array(chosen, dtype=int),
-                "occlusion": self.occlusion[part, columns],
-                **(points if self.of_points else {}),
-            },
+            extras={**about, "ids": np.array(chosen, dtype=int), **extras},
             settings={},
         )
 

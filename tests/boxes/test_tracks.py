@@ -33,7 +33,7 @@ def test_start_boxes_come_in_the_order_asked(boxes_file):
     [
         (1, None, ["no box in frame 1", "frame among 0, 2", "counting from 0"]),
         (2, [1, 3], ["id 3 has no box in frame 2", "the ids there are 1"]),
-        (0, [1, 3, 1], ["id 1 is asked for twice", "name each id once"]),
+        (0, [1, 3, 1], ["id 1 has no box", "or is asked for twice"]),
         (0, [], ["no ids were asked for", "choose among 1, 3"]),
     ],
 )

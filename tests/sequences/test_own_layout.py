@@ -82,9 +82,7 @@ def test_a_malformed_line_is_named(folder, line, complaint):
 
 def test_a_box_after_the_last_frame_is_refused(folder):
     (folder / "gt.csv").write_text(HEADER + "3,2,1,2,3,4,0\n")
-    with pytest.raises(
-        InputError, match=r"has a box in frame 3 \(from 0\).*the sequence has 3 frames"
-    ):
+    with pytest.raises(InputError, match=r"has a box in frame 3 .*the sequence has 3 frames"):
         open_sequence(folder)
 
 

@@ -177,7 +177,7 @@ def test_truth_that_says_nothing_about_the_run_is_refused_before_tracking(refuse
     others = write_truth(tmp_path / "others.csv", ids=(8, 9))
     assert "has no box of object 1, 2, which this run tracks" in refuse(*BOXES, "--truth", others)
     early = write_truth(tmp_path / "early.csv", last=1)
-    assert "has no box of object 1, 2 in the frames from 1" in refuse(*BOXES, "--truth", early)
+    assert "has no box of object 1, 2, which this run tracks" in refuse(*BOXES, "--truth", early)
     assert "there is no file of boxes at" in refuse(*BOXES, "--truth", "nowhere.csv")
 
 

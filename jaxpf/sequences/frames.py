@@ -26,7 +26,6 @@ class Frames:
         dtype: uint8.
         ndim: 4.
         nbytes: size of all frames in memory.
-        fps: frames per second that the container announces.
     """
 
     dtype = np.dtype(np.uint8)
@@ -49,7 +48,7 @@ class Frames:
         self._source = source or open_place(place)
         if numbers is None:
             numbers = range(self._source.num_frames or self._source.frames_expected or 0)
-        self.place, self.numbers, self.fps = place, numbers, self._source.fps
+        self.place, self.numbers = place, numbers
         self.shape = (len(numbers), self._source.height, self._source.width, 3)
         self.nbytes = math.prod(self.shape)
 

@@ -1,7 +1,6 @@
 """A recorded sequence with its annotation, and the part of it on which trackers run."""
 
 import dataclasses
-import operator
 from collections.abc import Sequence as Many
 from pathlib import Path
 from typing import Any
@@ -9,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_whole
 from jaxpf.media.frame_source import DEFAULT_FPS
 from jaxpf.sequences.frames import Frames
 from jaxpf.sequences.tables import BoxTable, dense, listed
@@ -99,26 +99,27 @@ class Sequence:
                 or frames that the sequence lacks.
         """
         known, boxes, in_view = self.ids, self.boxes, self._in_view()
-        columns = None if ids is None else [self._column(number) for number in ids]
-        if columns is not None and not 0 < len(columns) == len(set(columns)):
-            raise self._refused(f"is asked for the ids {listed(ids or [])}; name each once")
-        together = in_view.any(axis=1) if columns is None else in_view[:, columns].all(axis=1)
-        first = int(np.argmax(together))
-        start = first if start_frame is None else _whole(start_frame, "start_frame")
-        if not 0 <= start < len(boxes):
-            raise self._refused(f"has the frames 0 to {len(boxes) - 1}, not {start}")
+        wanted = list(known if ids is None else ids)
+        if not wanted or len(set(wanted)) < len(wanted) or not set(wanted) <= set(known):
+            raise InputError(
+                f"sequence {self.name!r} cannot start with the ids {wanted}; name each once, among "
+                f"{listed(known)}"
+            )
+        columns = [known.index(number) for number in wanted]
+        together = in_view[:, columns].any(axis=1) if ids is None else in_view[:, columns].all(1)
+        start = int(np.argmax(together)) if start_frame is None else start_frame
+        check_whole("start_frame", start, 0, len(boxes) - 1)
         if not together[start]:
-            raise self._refused(self._absences(start, columns, in_view))
-        if columns is None:
+            seen = (f"{known[c]} in {listed(np.flatnonzero(in_view[:, c]))}" for c in columns)
+            raise InputError(
+                f"sequence {self.name!r} cannot start in frame {start}; its objects are in view in "
+                f"the frames: {'; '.join(seen)[:500]}"
+            )
+        if ids is None:
             there = self.truth.id[self.truth.frame == start].tolist()
             columns = [c for c in map(known.index, there) if in_view[start, c]]
-        rest = len(boxes) - start
-        length = rest if num_frames is None else _whole(num_frames, "num_frames")
-        if not 1 <= length <= rest:
-            raise self._refused(
-                f"has {rest} frames from frame {start} on, so num_frames must lie in 1..{rest}, "
-                f"not {length}"
-            )
+        length = len(boxes) - start if num_frames is None else num_frames
+        check_whole("num_frames", length, 1, len(boxes) - start)
         part = slice(start, start + length)
         lazy = self.frames[part]
         frames = np.asarray(lazy) if lazy.nbytes <= MOST_KEPT else lazy
@@ -146,30 +147,3 @@ class Sequence:
         size = self.frames.shape[2:0:-1]
         start, end = np.clip(np.rint(low), 0, size), np.clip(np.rint(low + extent), 0, size)
         return np.all(end > start, axis=-1)  # false where NaN
-
-    def _column(self, identity: Any) -> int:
-        number = _whole(identity, "ids")
-        if number not in self.ids:
-            raise self._refused(f"has no object {number}; its ids are {listed(self.ids)}")
-        return self.ids.index(number)
-
-    def _absences(self, start: int, columns: list[int] | None, in_view: np.ndarray) -> str:
-        """Say in which frames the objects are in view that are not together in the start frame."""
-        if columns is None:
-            first = int(np.argmax(in_view.any(axis=1)))
-            return f"has no object in view in frame {start}; the first is in frame {first}"
-        seen = (
-            f"{self.ids[column]} in frames {listed(np.flatnonzero(in_view[:, column])) or 'none'}"
-            for column in columns
-        )
-        return f"has not all objects in view in frame {start}: {'; '.join(seen)}"
-
-    def _refused(self, state: str) -> InputError:
-        return InputError(f"sequence {self.name!r} {state}")
-
-
-def _whole(value: Any, name: str) -> int:
-    try:
-        return operator.index(value)
-    except TypeError:
-        raise InputError(f"{name} = {value!r} must be a whole number") from None

@@ -75,8 +75,8 @@ def read_boxes(path: str | os.PathLike[str], *, truth: bool = False) -> BoxTable
       and pixels count from 0.
     * MOTChallenge, without header: 6 to 10 columns ``frame,id,x,y,w,h,conf,class,visibility``;
       frames and pixels count from 1 in the file (pixels from 0 in a ``gt.txt`` beside CVAT's
-      ``labels.txt``).  With 8 or 9 columns, rows count only if conf is not 0 and the class is 1, a
-      pedestrian, or -1, as in the benchmark's evaluation (Milan et al. 2016, MOT16).
+      ``labels.txt``).  As in the benchmark's evaluation (Milan et al. 2016, MOT16), rows of truth
+      count only if conf is not 0 and, with 8 or 9 columns, the class is 1, a pedestrian, or -1.
     * VisDrone, without header: ``frame,id,x,y,w,h,score,category,truncation,occlusion``; pixels
       count from 0.  Rows of score 0, ignored regions and "others" do not count.
 
@@ -84,8 +84,8 @@ def read_boxes(path: str | os.PathLike[str], *, truth: bool = False) -> BoxTable
 
     Args:
         path: the file; separated by commas, semicolons or tabs, blank lines are skipped.
-        truth: whether the file holds ground truth, where a confidence of 0 in a file of any form
-            marks a row that does not count; a tracker's results have a score there.
+        truth: whether the file holds ground truth, of which only the rows that count are read; of
+            a tracker's results all are.
 
     Returns:
         The rows that count, in the order of the file.
@@ -170,8 +170,9 @@ def box_rows(
         frame, number, x, y, w, h = map(value, _BOX)
         confidence = value("confidence", 1 - value("lost", 0.0))
         kind = value("class") if classes else -1
-        is_flag = confidence == 0 and "time" not in row and (truth or kind != -1)
-        counts = not is_flag and (classes is None or kind in classes)
+        is_flagged = confidence == 0 and "time" not in row
+        is_ignored = is_flagged or (classes is not None and kind not in classes)
+        counts = not (is_ignored and (truth or names is _VISDRONE))
         hidden = value("occ", _occlusion(value("visibility")) if classes else -1)
         yield line, (frame - first, number, x - pixel, y - pixel, w, h, hidden, confidence), counts
 

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 from small_sequences import write_pictures
 
-from jaxpf.boxes import dense
+from jaxpf.boxes import dense, read_boxes
 from jaxpf.cli.tuning.scenes import scenes_to_tune_on
 from jaxpf.evaluation.opening import load_scene
 from jaxpf.media import open_frames
@@ -57,6 +57,8 @@ def test_rows_flagged_0_or_of_another_class_are_no_truth(folder, tail, ignored):
     (folder / "gt" / "gt.txt").write_text("\n".join(rows))
     assert_same_truth(folder, folder / "gt" / "gt.txt", [4], moving(5))
     assert open_sequence(folder).ignored.id.tolist() == [7] * T
+    results = read_boxes(folder / "gt" / "gt.txt")  # of a tracker, whose scores and classes vary
+    assert results.id.tolist() == [4, 7] * T
 
 
 def test_of_files_without_classes_rows_flagged_0_are_no_truth(folder):

@@ -89,7 +89,7 @@ def test_unknown_scenes_are_refused_with_those_there_are(refuse):
     sentence = refuse("distractor")
     assert "no scene 'distractor'" in sentence
     assert "distracter" in sentence
-    assert "nowhere does not exist" in refuse("./nowhere")
+    assert "nowhere' does not exist" in refuse("./nowhere")
 
 
 @pytest.mark.parametrize(

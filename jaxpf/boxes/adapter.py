@@ -28,7 +28,7 @@ class BoxAdapter(Adapter):
         "ids": {"type": [int], "help": "Objects of --boxes, such as 1,2,5."},
         "births": {
             "type": Path,
-            "help": "Objects come and go by detections: a MOT det.txt, sorted by frame.  A line "
+            "help": "Objects come and go by detections: a MOT det.txt.  A line "
             "with an id in the place of -1 starts that object there, detected or not.",
         },
     }

@@ -78,7 +78,7 @@ class Run:
     overwrite: bool = option(False, "Replace files in an existing folder.")
     overlay: bool = option(True, "Write the overlay video.")
     truth: Path | None = option(  # noqa: RUF009
-        None, "Compare with these true boxes, a CSV as for --boxes."
+        None, "Compare with these true boxes, a CSV as for --boxes, or a sequence's folder."
     )
     tracker: str | None = option(
         None,

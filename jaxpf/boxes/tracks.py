@@ -93,7 +93,7 @@ def start_boxes(
     if not row_of:
         raise InputError(
             f"{table.source} has no box in frame {frame}; choose a start frame among "
-            f"{listed(np.unique(table.frame))} (counting from 0)"
+            f"{listed(np.unique(table.frame)) or 'none'} (counting from 0)"
         )
     wanted = list(row_of) if ids is None else [int(identity) for identity in ids]
     for index, identity in enumerate(wanted):

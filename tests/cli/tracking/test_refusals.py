@@ -153,12 +153,15 @@ def test_a_bad_option_is_one_sentence_that_names_the_value(refuse, arguments, me
     [
         (
             "frame,id,x,y,w,h\n0,1,6,8,12,16\n0,2,a,3,4,5\n",
-            "line 3 of 'boxes.csv', column 3 is 'a', which is not a finite number",
+            "line 3 of 'boxes.csv': x is 'a', which is not a finite number",
         ),
         ("1,1,7,9,12,16,1\n1,2,7,9,12\n", "line 2 of 'boxes.csv' has 5 columns"),
-        ("frame,id,x,y,w,h\n0,1,6,8,0,16\n", "line 2 of 'boxes.csv' has a box of zero size"),
+        (
+            "frame,id,x,y,w,h\n0,1,6,8,0,16\n",
+            "has no box in frame 0; choose a start frame among none",
+        ),
         ("frame,id,x,y,w,h\n3,1,6,8,9,16\n", "has no box in frame 0; choose a start frame among 3"),
-        ("id;x;y\n", "line 1 of 'boxes.csv' has an unknown header"),
+        ("id;x;y\n", "'boxes.csv' begins with 'id,x,y'"),
         ("", "'boxes.csv' is empty"),
     ],
 )

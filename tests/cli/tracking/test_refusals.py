@@ -162,7 +162,7 @@ def test_a_bad_option_is_one_sentence_that_names_the_value(refuse, arguments, me
         ),
         ("frame,id,x,y,w,h\n3,1,6,8,9,16\n", "has no box in frame 0; choose a start frame among 3"),
         ("id;x;y\n", "'boxes.csv' begins with 'id,x,y'"),
-        ("", "'boxes.csv' is empty"),
+        ("", "'boxes.csv' holds no boxes"),
     ],
 )
 def test_a_bad_file_of_boxes_is_refused_by_its_line(refuse, tmp_path, content, message):

@@ -19,6 +19,8 @@ above; a test holds this.
     One folder per kind of target: its factory, target, models, adapter, files and drawing.
 ``targets/``
     What a kind of target must offer, and the registry that lists them.
+``sequences/``
+    The only reader of recordings with annotations, one function per layout.
 ``media/``, ``measures/``, ``files/``
     Video in and out, drawing and plots; metrics, scores and intervals; atomic writing, locks,
     the resumable store and saved states.
@@ -41,8 +43,8 @@ above; a test holds this.
     What users write and what the library may ask of it: trackers, dynamics, likelihoods, states,
     options and errors.
 
-``scenes``, the package beside this one, makes synthetic sequences and reads annotated clips; it
-imports nothing of ``jaxpf``.
+``scenes``, the package beside this one, draws synthetic sequences; it imports nothing of
+``jaxpf``.
 
 The public names stand in ``__init__.pyi`` and are imported when they are first used (PEP 562):
 importing JAX takes most of a second, which ``jaxpf --help`` does not need.

@@ -15,6 +15,7 @@ from . import (
     populations as populations,
     proposals as proposals,
     resampling as resampling,
+    sequences as sequences,
     shapes as shapes,
     smoothing as smoothing,
     tuning as tuning,

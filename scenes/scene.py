@@ -7,23 +7,12 @@ from typing import Any
 import numpy as np
 
 
-def shown(value: Any, most: int = 80) -> str:
-    """Return the ``repr`` of a value, truncated for messages."""
-    text = repr(value[: most + 1] if isinstance(value, str) else value)
-    return text if len(text) <= most + 2 else f"{text[:most]}..."
-
-
 class SceneError(ValueError):
-    """A scene that cannot be made or read; the message names the value, the place and a remedy.
+    """A scene that cannot be made; the message names the value, the place and a remedy."""
 
-    Attributes:
-        text: the message, or the part of it after ``argument``.
-        argument: name and value of the argument that the message begins with, or None.
-    """
 
-    def __init__(self, text: str, argument: tuple[str, Any] | None = None):
-        super().__init__(f"{argument[0]} = {argument[1]!r} {text}" if argument else text)
-        self.text, self.argument = text, argument
+#: Settings of drawn scenes.
+DRAWN: Mapping[str, Any] = {"appearance": "colour", "slip": 0.0}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -32,7 +21,7 @@ class Scene:
 
     Attributes:
         name: of the scene.
-        frames: ``[T, H, W, 3]`` uint8, RGB; an array, or ``LazyFrames`` for a long recording.
+        frames: ``[T, H, W, 3]`` uint8, RGB; an array, or frames read on demand.
         boxes: ``[T, P, 4]`` float, the true boxes (x, y, w, h) in pixels, (x, y) the top left
             corner.  A pixel in column c covers c <= x < c + 1.  NaN where an object is absent.
         patches: one reference patch ``[h, w, 3]`` per object, uint8, RGB, from which a tracker
@@ -40,6 +29,9 @@ class Scene:
         fps: frames per second.
         parameters: everything that determines the scene, including the seed.
         extras: further data; each scene's documentation lists its own.
+        settings: values that suit the scene for options of a target that a user leaves open.  A
+            drawn scene shows the colours of its patches, so its trackers compare colours and need
+            no localisation error; a recording brings no settings.
     """
 
     name: str
@@ -49,6 +41,7 @@ class Scene:
     fps: float
     parameters: dict[str, Any]
     extras: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    settings: Mapping[str, Any] = dataclasses.field(default_factory=lambda: dict(DRAWN))
 
     def __post_init__(self) -> None:
         frames, boxes = self.frames, self.boxes
@@ -83,3 +76,15 @@ class Scene:
         """``[P, 2]``: width and height of every reference patch, in pixels."""
         shapes = [patch.shape[1::-1] for patch in self.patches]
         return np.array(shapes, dtype=np.float64).reshape(-1, 2)
+
+
+def cut_patch(picture: np.ndarray, box: np.ndarray) -> np.ndarray:
+    """Copy the pixels of ``picture [H, W, ...]`` that a box (x, y, w, h) covers.
+
+    Edges are rounded to whole pixels, halves to even.  A box partly outside the picture is clipped;
+    a box wholly outside gives a patch of size 0.
+    """
+    x, y, w, h = box
+    left, right = np.clip(np.rint([x, x + w]).astype(int), 0, picture.shape[1])
+    top, bottom = np.clip(np.rint([y, y + h]).astype(int), 0, picture.shape[0])
+    return picture[top:bottom, left:right].copy()

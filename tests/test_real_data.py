@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import jaxpf
-import scenes
 from jaxpf import measures
 from jaxpf.likelihoods import histogram
+from jaxpf.sequences import open_sequence
 from jaxpf.shapes import boxes_from_substates
 
 pytestmark = pytest.mark.slow
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def campus(data_folder):
     """The clip with objects 1 to 5, its likelihood learned in frame 0."""
-    scene = scenes.open_scene(data_folder / "tud_campus", ids=[1, 2, 3, 4, 5], start_frame=0)
+    scene = open_sequence(data_folder / "tud_campus").scene([1, 2, 3, 4, 5], start_frame=0)
     likelihood = histogram(scene.frames[0], scene.boxes[0], sharpness=20.0, method="integral")
     return scene, likelihood
 

@@ -28,7 +28,7 @@ class BoxAdapter(Adapter):
         "ids": {"type": [int], "help": "Objects of --boxes, such as 1,2,5."},
         "births": {
             "type": Path,
-            "help": "Objects come and go by detections: a MOT det.txt, sorted by frame.  A line "
+            "help": "Objects come and go by detections: a MOT det.txt.  A line "
             "with an id in the place of -1 starts that object there, detected or not.",
         },
     }
@@ -36,13 +36,14 @@ class BoxAdapter(Adapter):
     def read_start(self, given: Mapping[str, Any], number: int, source: Any) -> Start:
         """See ``Adapter``."""
         from jaxpf.boxes import tracks
+        from jaxpf.sequences.layouts import read_truth
 
         if given["box"] and given["boxes"]:
             raise InputError("--box and --boxes were both given; use one of them.")
         if given["ids"] is not None and not given["boxes"]:
             raise InputError("--ids names objects of a CSV file; give the file with --boxes.")
         if given["boxes"]:
-            table = tracks.read_boxes(given["boxes"])
+            table = read_truth(given["boxes"])
             ids, boxes = tracks.start_boxes(table, number, given["ids"])
         elif given["box"]:
             boxes = np.stack([tracks.parse_box(text) for text in given["box"]])

@@ -4,6 +4,7 @@ A substate is (u, v, a): centre in pixels and scale relative to the start (smith
 """
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -78,12 +79,12 @@ class BoxTarget(Target):
         return Start(ids, boxes, boxes[:, 2:], (-1,) * len(boxes))
 
     def resolved(
-        self, options: Options, is_filmed: bool, num_objects: int | None = None
+        self, options: Options, settings: Mapping[str, Any], num_objects: int | None = None
     ) -> Options:
-        """See ``Target``: filmed clips use discriminative appearance and relative motion."""
+        """See ``Target``: by default discriminative appearance and relative motion."""
         appearance, motion = options.appearance, options.motion
         if appearance == OPEN:
-            appearance = DISCRIMINATIVE if is_filmed else COLOUR
+            appearance = settings.get("appearance", DISCRIMINATIVE)
         if motion == OPEN:
             motion = RELATIVE if appearance == DISCRIMINATIVE else PIXELS
         options = dataclasses.replace(options, appearance=appearance, motion=motion)
@@ -158,7 +159,7 @@ class BoxTarget(Target):
 
     def settled(self, options: Options, start: Start, looks: Looks) -> Options:
         """See ``Target``."""
-        options = self.resolved(options, looks.is_filmed)
+        options = self.resolved(options, looks.settings)
         if options.appearance != COLOUR or options.likelihood != OPEN:
             return options
         method = self.likelihood(options, start, looks).method

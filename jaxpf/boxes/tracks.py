@@ -5,21 +5,20 @@ pixels, with pixel (0, 0) the square [0, 1) x [0, 1).  MOT files count frames an
 only the code that reads or writes a file converts them.
 """
 
-import csv
-import io
 import os
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.boxes.tables import BoxTable, read_boxes
 from jaxpf.contract.errors import InputError, check_names, check_type
 from jaxpf.contract.numbers import FINITE, check_array, check_number, check_whole, numbers_in
-from jaxpf.files.reading import parse_number, read_text
+from jaxpf.files.reading import parse_number, read_rows
 from jaxpf.files.writing import write_text
+from jaxpf.sequences.tables import BoxTable, dense, listed, read_boxes
 
 __all__ = [
     "BoxTable",
@@ -48,38 +47,24 @@ def read_tracks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     Raises:
         InputError: the file cannot be read or contains no tracks.
     """
-    text = read_text(Path(path), "tracks", "a tracks.csv of a run")
-    try:
-        rows = list(csv.reader(io.StringIO(text, newline="")))
-    except csv.Error as error:
-        raise InputError(f"'{path}' is no CSV ({error}); give the tracks.csv of a run") from None
-    if not rows or not {"frame", "time", "id"} <= set(rows[0]):
+    (_, header), *rows = read_rows(Path(path), "tracks", "a tracks.csv of a run") or [(1, [])]
+    if not {"frame", "time", "id"} <= set(header) or {len(r) for _, r in rows} - {len(header)}:
         raise InputError(f"'{path}' holds no tracks; give the tracks.csv of a run")
-    if any(len(row) != len(rows[0]) for row in rows):
-        raise InputError(f"'{path}' has rows of different lengths; give the tracks.csv of a run")
     columns: dict[str, np.ndarray] = {}
-    for name, fields in zip(
-        rows[0], list(zip(*rows[1:], strict=True)) or [()] * len(rows[0]), strict=True
-    ):
+    for column, name in enumerate(header):
+        fields = [row[column] for _, row in rows]
+        if name == "id":
+            are_usual = all(re.fullmatch(r"0|-?[1-9]\d{0,17}", field) for field in fields)
+            columns[name] = np.array(fields, int if are_usual else str)
+            continue
         try:
-            if name == "id":
-                ids = [int(field) for field in fields]
-                are_usual = all(map(str.__eq__, map(str, ids), fields))
-                columns[name] = np.array(ids if are_usual else fields)
-            else:
-                columns[name] = values = np.array([float(field or "nan") for field in fields])
-                is_wrong = np.isinf(values)
-                if name in ("frame", "time"):
-                    is_wrong |= np.isnan(values)
-                if name == "frame":
-                    is_wrong |= (values < 0) | (values % 1 != 0)
-                if is_wrong.any():
-                    raise ValueError
+            columns[name] = values = np.array([float(field or "nan") for field in fields])
+            is_wrong = np.isinf(values) | (np.isnan(values) & (name in ("frame", "time")))
+            if is_wrong.any() or (name == "frame" and ((values < 0) | (values % 1 != 0)).any()):
+                raise ValueError
         except ValueError:
-            if name != "id":
-                kind = "whole numbers from 0 on" if name == "frame" else "finite numbers"
-                raise InputError(f"column {name} of '{path}' holds other than {kind}") from None
-            columns[name] = np.array(fields)
+            kind = "whole numbers from 0 on" if name == "frame" else "finite numbers"
+            raise InputError(f"column {name} of '{path}' holds other than {kind}") from None
     columns["frame"] = columns["frame"].astype(int)
     return columns
 
@@ -102,56 +87,24 @@ def start_boxes(
     """
     check_type("table", table, BoxTable)
     check_whole("frame", frame, 0)
-    rows = np.flatnonzero(table.frame == frame)
-    if len(rows) == 0:
-        available = np.unique(table.frame)
-        remedy = (
-            f"choose a start frame among {_listed(available)} (counting from 0)"
-            if len(available)
-            else "give a file that holds boxes"
-        )
-        raise InputError(f"{table.source} has no box in frame {frame}; {remedy}")
     if ids is not None:
         check_array("ids", ids, "the ids of the objects, [N]")
-    row_of = {int(table.id[row]): row for row in rows}
-    if ids is None:
-        ids = list(row_of)
-    elif np.size(ids) == 0:
-        raise InputError(f"no ids were asked for; choose among {_listed(sorted(row_of))}")
-    for index, identity in enumerate(ids):
-        if identity not in row_of:
+    row_of = {int(table.id[row]): row for row in np.flatnonzero(table.frame == frame)}
+    if not row_of:
+        raise InputError(
+            f"{table.source} has no box in frame {frame}; choose a start frame among "
+            f"{listed(np.unique(table.frame)) or 'none'} (counting from 0)"
+        )
+    wanted = list(row_of) if ids is None else [int(identity) for identity in ids]
+    for index, identity in enumerate(wanted):
+        if identity not in row_of or identity in wanted[:index]:
             raise InputError(
-                f"id {identity} has no box in frame {frame} of {table.source}; the ids there are "
-                f"{_listed(sorted(row_of))}"
+                f"id {identity} has no box in frame {frame} of {table.source}, or is asked for "
+                f"twice; the ids there are {listed(sorted(row_of))}"
             )
-        if identity in ids[:index]:
-            raise InputError(f"id {identity} is asked for twice; name each id once")
-    return np.array(ids, np.int64), table.box[[row_of[identity] for identity in ids]]
-
-
-def dense(table: BoxTable, ids: Sequence[int], num_frames: int) -> np.ndarray:
-    """Return the boxes of ``ids`` in frames 0 to num_frames - 1; later frames are ignored.
-
-    Returns:
-        float64 [num_frames, len(ids), 4], NaN where an object has no box.
-
-    Raises:
-        InputError: an id that occurs nowhere in the table.
-    """
-    check_type("table", table, BoxTable)
-    check_whole("num_frames", num_frames, 0)
-    available = set(table.id.tolist())
-    for identity in ids:
-        if identity not in available:
-            raise InputError(
-                f"id {identity} does not occur in {table.source}; its ids are "
-                f"{_listed(sorted(available))}"
-            )
-    boxes = np.full((num_frames, len(ids), 4), np.nan)
-    for column, identity in enumerate(ids):
-        rows = (table.id == identity) & (table.frame >= 0) & (table.frame < num_frames)
-        boxes[table.frame[rows], column] = table.box[rows]
-    return boxes
+    if not wanted:
+        raise InputError(f"no ids were asked for; choose among {listed(sorted(row_of))}")
+    return np.array(wanted, np.int64), table.box[[row_of[identity] for identity in wanted]]
 
 
 def parse_box(text: str) -> np.ndarray:
@@ -240,21 +193,6 @@ def _rows(frames: np.ndarray, ids: np.ndarray, boxes: np.ndarray, confidence: np
             box = f"{x + 1:.3f},{y + 1:.3f},{w:.3f},{h:.3f}"
             rows.append(f"{int(frame) + 1},{int(identity)},{box},{float(value):.6g},-1,-1,-1\n")
     return "".join(rows)
-
-
-def _listed(values: Iterable[object], most: int = 12) -> str:
-    """Format ``1, 2, 3``, with runs of integers as ``0-70``; shortened if there are many."""
-    numbers = [int(value) for value in values]  # type: ignore[call-overload]
-    runs: list[list[int]] = []
-    for number in numbers:
-        if runs and number == runs[-1][1] + 1:
-            runs[-1][1] = number
-        else:
-            runs.append([number, number])
-    parts: list[str] = []
-    for first, last in runs:
-        parts += [f"{first}-{last}"] if last - first > 1 else map(str, range(first, last + 1))
-    return ", ".join(parts[:most]) + (", ..." if len(parts) > most else "")
 
 
 def detections(

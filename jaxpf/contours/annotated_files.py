@@ -7,14 +7,15 @@ of the names counts.
 """
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from jaxpf.contours.data import Annotated
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import ANNOTATIONS
-from jaxpf.files.reading import parse_number, read_rows
+from jaxpf.files.reading import parse_number, read_below
+from jaxpf.media.images import read_mask
+from jaxpf.sequences.layouts import label_images
 
 _HEADER = ("frame", "id", "k", "x", "y")
 
@@ -66,38 +67,18 @@ def read_annotated(
 
 
 def _read_masks(folder: Path, value, first, until) -> dict[tuple[int, str], np.ndarray]:
-    from jaxpf.media.images import IMAGE_SUFFIXES, frame_numbers, natural_order, read_mask
-
     place = folder / "masks" if (folder / "masks").is_dir() else folder
-    names = sorted(
-        (
-            entry.name
-            for entry in place.iterdir()
-            if entry.suffix.lower() in IMAGE_SUFFIXES and not entry.name.startswith(".")
-        ),
-        key=natural_order,
-    )
-    numbers: list[Any] = frame_numbers(names)
-    if set(numbers) == {None}:
-        numbers = list(range(len(names)))
-    for row, (number, name) in enumerate(zip(numbers, names, strict=True)):
-        if number is None or number in numbers[:row]:
-            state = "has no number" if number is None else f"has the number {number} again"
-            raise InputError(
-                f"mask '{place / name}' {state}; the number in a name is the frame's number, so "
-                "rename or remove it."
-            )
     masks: dict[tuple[int, str], np.ndarray] = {}
     objects: set[int] = set()
     size: tuple[int, ...] = ()
-    for number, name in zip(numbers, names, strict=True):
+    for number, path in label_images(place).items():
         if not first <= number <= until:
             continue
-        levels = read_mask(place / name)
+        levels = read_mask(path)
         size = size or levels.shape
         if levels.shape != size:
             raise InputError(
-                f"mask '{place / name}' is {levels.shape[1]}x{levels.shape[0]} and the masks "
+                f"mask '{path}' is {levels.shape[1]}x{levels.shape[0]} and the masks "
                 f"before it are {size[1]}x{size[0]}; give masks of one size, that of the frames."
             )
         objects |= set(np.unique(levels[levels > 0]).tolist())
@@ -119,23 +100,14 @@ def _read_masks(folder: Path, value, first, until) -> dict[tuple[int, str], np.n
 
 def _read_points(path: Path, first, until) -> dict[tuple[int, str], np.ndarray]:
     points: dict[tuple[int, str], dict[int, tuple[float, float]]] = {}
-    header, *rows = read_rows(path, "contours", ",".join(_HEADER)) or [(1, [])]
-    if tuple(name.lower() for name in header[1]) != _HEADER:
-        raise InputError(
-            f"'{path}' begins with {','.join(header[1])[:80]!r}; its first line must be "
-            f"{','.join(_HEADER)}."
-        )
-    for line, fields in rows:
-        where = f"line {line} of '{path}'"
-        if len(fields) != len(_HEADER):
-            raise InputError(f"{where} has {len(fields)} columns; expected {','.join(_HEADER)}.")
-        number, k = (_whole(fields[column], f"{where}: {_HEADER[column]} is") for column in (0, 2))
-        x, y = (
-            parse_number(fields[column], f"{where}: {_HEADER[column]} is", "give pixels")
-            for column in (3, 4)
+    for where, fields in read_below(path, "contours", ",".join(_HEADER)):
+        number, k, x, y = (
+            parse_number(field, f"{where}: {name} is", "give a number", whole=name not in "xy")
+            for name, field in zip(_HEADER, fields, strict=True)
+            if name != "id"
         )
         if first <= number <= until:
-            points.setdefault((number, fields[1]), {})[k] = x, y
+            points.setdefault((int(number), fields[1]), {})[int(k)] = x, y
     lines = {key: np.array([line[j] for j in sorted(line)]) for key, line in sorted(points.items())}
     for (number, name), places in lines.items():
         if (places == places[0]).all():
@@ -144,10 +116,3 @@ def _read_points(path: Path, first, until) -> dict[tuple[int, str], np.ndarray]:
                 f"{number}; add points, or delete its lines."
             )
     return lines
-
-
-def _whole(field: str, place: str) -> int:
-    value = parse_number(field, place, "give a whole number")
-    if value != int(value):
-        raise InputError(f"{place} {field[:40]}; give a whole number.")
-    return int(value)

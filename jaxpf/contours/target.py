@@ -199,8 +199,8 @@ class ContourTarget(Target):
         )
         slip: Any = options.slip
         if slip is None:
-            share = _SLIP[start.contours.closed] if looks.is_filmed else 0.0
-            slip = share * start.contours.sizes
+            share = _SLIP[start.contours.closed]
+            slip = looks.settings.get("slip", share * start.contours.sizes)
         likelihood = dataclasses.replace(likelihood, slip=as_array(slip, float))
         if looks.frame is None:
             return likelihood

@@ -33,8 +33,8 @@ class Plan:
     """Methods x orderings x grid of options x runs, on one scene.
 
     Attributes:
-        scene: what ``scenes.open_scene`` returns, or a function without arguments that returns
-            it.  For worker processes the function must be picklable, such as
+        scene: what ``scenes.open_scene`` or ``Sequence.scene`` returns, or a function without
+            arguments that returns it.  For worker processes the function must be picklable, such as
             ``functools.partial(load, source="distracter", seed=0)`` with ``load`` from a module;
             every worker then opens the scene once.
         methods: from ``jaxpf.filters.methods()``.  None selects the default filters that suit the

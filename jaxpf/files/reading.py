@@ -9,6 +9,8 @@ from pathlib import Path
 
 from jaxpf.contract.errors import InputError
 
+#: Limits of a coordinate in pixels and of a whole number, beyond which floats lose precision.
+FARTHEST, LARGEST_WHOLE = 1e9, 2**53 - 1
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 #: Longest name, and the Unicode categories that break a line of a table or cannot be encoded.
 _LONGEST_NAME, _UNFIT = 200, ("Cc", "Cs", "Zl", "Zp")
@@ -40,20 +42,34 @@ def read_text(path: Path, what: str, expected: str) -> str:
     return text
 
 
-def parse_number(field: str, place: str, remedy: str) -> float:
+def parse_number(
+    field: str,
+    place: str,
+    remedy: str,
+    *,
+    least: float = -FARTHEST,
+    most: float = FARTHEST,
+    whole: bool = False,
+) -> float:
     """Parse a field as a finite number.
 
     Args:
         field: its text, such as ``"1"``, ``"1.0"`` or ``"1e2"``.
-        place: where the field is and what it holds, for messages: ``"line 3 of 'a.csv' has x"``.
-        remedy: what to give instead, for messages.
+        place: where the field is and what it holds, for messages: ``"line 3 of 'a.csv': x is"``.
+        remedy: what to give instead of a text, for messages.
+        least: lowest value.
+        most: highest value.
+        whole: whether it must be a whole number.
     """
     try:
         value = math.nan if "_" in field else float(field)  # only Python accepts 1_000
     except ValueError:
         value = math.nan
     if math.isfinite(value):
-        return value
+        if least <= value <= most and not (whole and value % 1):
+            return value
+        kind = "whole number" if whole else "number"
+        raise InputError(f"{place} {field[:40]!r}; give a {kind} from {least:.0f} to {most:.0f}")
     if _DECIMAL_COMMA.fullmatch(field):
         remedy = f"write decimals with a point, {field.replace(',', '.')}"
     raise InputError(f"{place} {field[:40]!r}, which is not a finite number; {remedy}")
@@ -89,3 +105,24 @@ def read_rows(path: Path, what: str, expected: str) -> list[tuple[int, list[str]
             f"line {reader.line_num} of '{path}' is no CSV ({error}); correct the line"
         ) from None
     return [(line, fields) for line, fields in rows if any(fields)]
+
+
+def read_below(path: Path, what: str, *headers: str) -> list[tuple[str, list[str]]]:
+    """Read a table; return the place for messages and the fields of every line below the header.
+
+    Raises:
+        InputError: the first line is none of ``headers``, or a line has another number of fields.
+    """
+    header, *rows = read_rows(path, what, f"a table with the header {headers[0]}") or [(1, [])]
+    if ",".join(header[1]).lower() not in headers:
+        raise InputError(
+            f"'{path}' begins with '{','.join(header[1])[:80]}'; its first line must be "
+            f"{' or '.join(headers)}"
+        )
+    for line, fields in rows:
+        if len(fields) != len(header[1]):
+            raise InputError(
+                f"line {line} of '{path}' has {len(fields)} columns; expected {len(header[1])}: "
+                f"{','.join(header[1])}"
+            )
+    return [(f"line {line} of '{path}'", fields) for line, fields in rows]

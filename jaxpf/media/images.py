@@ -13,9 +13,8 @@ from jaxpf.contract.errors import InputError
 from jaxpf.media.quiet import quiet_opencv
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
-#: Maximum number of values in a mask; more than ``_SOFT`` grey levels up to a value above the
-#: maximum are soft edges.
-_MOST_VALUES, _SOFT = 64, 16
+#: Share of pixels that change as edges and noise do, above which a picture is a photograph.
+_OF_PHOTOGRAPH = 0.25
 VIDEO_SUFFIXES = (".avi", ".mkv", ".mov", ".mp4", ".webm", ".wmv")
 
 
@@ -82,9 +81,9 @@ def check_consecutive(folder: Path, names: Sequence[str]) -> str | None:
 def read_mask(path: Path) -> np.ndarray:
     """Read the object numbers of a mask, int ``[H, W]``; 0 is the background.
 
-    A pixel's number is its palette index or grey level.  A grey mask with soft edges, such as a
-    JPEG's, marks one object where it is brighter than half its maximum; a colour mask marks one
-    object in any colour.
+    A pixel's number is its palette index or its grey level of 8, 16 or 32 bits.  A mask of 8 bits
+    with soft edges, such as a JPEG's, marks one object where it is brighter than half its maximum;
+    a colour mask marks one object in any colour.
     """
     try:
         from PIL import Image, UnidentifiedImageError
@@ -94,38 +93,55 @@ def read_mask(path: Path) -> np.ndarray:
     try:
         with Image.open(path) as image:
             is_indexed = image.mode == "P"
-            has_numbers = image.mode in ("P", "L", "1", "I;16", "I")
+            is_deep = image.mode.startswith(("I", "F"))
+            has_numbers = is_indexed or is_deep or image.mode in ("L", "1")
             values = np.array(image if has_numbers else image.convert("RGB"))
     except (OSError, UnidentifiedImageError, ValueError):
         raise InputError(f"'{path}' is not a picture; replace or remove it.") from None
-    _check_mask(path, values)
-    if values.ndim == 2:
-        levels = values.astype(int)
-        is_soft = len(np.unique(levels)) > _SOFT and levels.max() > _MOST_VALUES
-        is_soft |= path.suffix.lower() in (".jpg", ".jpeg")
-        return (2 * levels > levels.max()).astype(int) if is_soft and not is_indexed else levels
-    if np.all(values == values[..., :1]):
-        return values[..., 0].astype(int)
-    colours = np.unique(values.reshape(-1, 3), axis=0)
-    colours = colours[colours.any(axis=1)]
-    if len(colours) > 1:
-        shown = ", ".join("#" + "".join(f"{part:02x}" for part in colour) for colour in colours[:6])
+    if values.ndim == 3 and np.all(values == values[..., :1]):
+        values = values[..., 0]
+    if values.ndim == 3:
+        return _of_one_colour(path, values)
+    if is_indexed or is_deep:
+        return values.astype(int)
+    levels = values.astype(int)
+    rough, most = _is_rough(levels), levels.max()
+    if rough.mean() > _OF_PHOTOGRAPH:
         raise InputError(
-            f"'{path}' marks objects by {len(colours)} colours ({shown}); save it as an indexed or "
-            "grey PNG, in which every object has a number of its own."
-        )
-    return values.any(axis=-1).astype(int)
-
-
-def _check_mask(path: Path, values: np.ndarray) -> None:
-    """Refuse photographs: a mask has few distinct values."""
-    count = len(np.unique(values.reshape(values.shape[0] * values.shape[1], -1), axis=0))
-    if count > _MOST_VALUES:
-        kind = "grey levels" if values.ndim == 2 else "colours"
-        raise InputError(
-            f"'{path}' holds {count} {kind}, as a photograph does, and a mask has few; give "
+            f"'{path}' is a photograph, whose grey levels change from pixel to pixel; give "
             "pictures that are 0 but on the target, without loss (PNG, not JPEG)."
         )
+    is_lossy = path.suffix.lower() in (".jpg", ".jpeg")
+    # Compression leaves noise near the ends of the range.
+    middle = (levels > most / 10) & (levels < most * 0.9)
+    between = middle if middle.any() else (levels > 0) & (levels < most)
+    is_soft = between.any() and rough[between].mean() > 0.5
+    return (2 * levels > most).astype(int) if is_lossy or is_soft else levels
+
+
+def _is_rough(levels: np.ndarray) -> np.ndarray:
+    """Which pixels change as those of soft edges and of noise do, bool ``[H, W]``.
+
+    Numbers of objects cover areas.  At a soft edge a pixel lies between its neighbours to both
+    sides, and in noise no neighbour is equal to it.
+    """
+    across = np.diff(np.pad(levels, ((0, 0), (1, 1)), mode="edge"), axis=1)
+    along = np.diff(np.pad(levels, ((1, 1), (0, 0)), mode="edge"), axis=0)
+    left, right, up, down = across[:, :-1], across[:, 1:], along[:-1], along[1:]
+    is_alone = (left != 0) & (right != 0) & (up != 0) & (down != 0)
+    return (left * right > 0) | (up * down > 0) | is_alone
+
+
+def _of_one_colour(path: Path, values: np.ndarray) -> np.ndarray:
+    colours = np.unique(values.reshape(-1, 3), axis=0)
+    shown = [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in colours if r or g or b]
+    if len(shown) > 1:
+        raise InputError(
+            f"'{path}' has {len(shown)} colours ({', '.join(shown[:6])}); give a mask, not a "
+            "photograph, and save several objects as an indexed or grey PNG, in which each has a "
+            "number of its own."
+        )
+    return values.any(axis=-1).astype(int)
 
 
 def check_name(path: Path) -> None:
@@ -141,6 +157,16 @@ def natural_order(name: str) -> tuple[list[str | int], str]:
     parts = re.split(r"([0-9]+)", name.lower())
     # Text and digits alternate, so that only values of one type are compared.
     return [int(part) if index % 2 else part for index, part in enumerate(parts)], name
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    """Return the images in a folder, in natural order, without hidden files."""
+    images = (
+        entry
+        for entry in folder.iterdir()
+        if entry.suffix.lower() in IMAGE_SUFFIXES and not entry.name.startswith(".")
+    )
+    return sorted(images, key=lambda entry: natural_order(entry.name))
 
 
 def frames_inside(folder: Path) -> Path | None:

@@ -5,7 +5,7 @@ Frames are uint8 RGB arrays [H, W, 3].  See :mod:`jaxpf.media.live` for live sou
 
 import math
 import os
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from numbers import Real
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from jaxpf.media.images import (
     check_single,
     frames_inside,
     full_range,
-    natural_order,
+    pictures_in,
     read_image,
     to_rgb,
 )
@@ -94,6 +94,18 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
         # FFmpeg would render the text as pictures.
         raise InputError(f"'{path}' is a text file; give a video or a folder of images")
     return _VideoFile(path, fps, beginning)
+
+
+def open_pictures(files: Sequence[Path], fps: float | None = None) -> FrameSource:
+    """Open pictures of one folder as frames, in this order; see ``open_frames``.
+
+    Raises:
+        InputError: a picture is missing, or the first one cannot be decoded.
+    """
+    for file in files:
+        if not file.is_file():
+            raise InputError(f"there is no picture '{file}'; add it, or correct the sequence")
+    return _ImageFolder(files[0].parent, fps, files)
 
 
 class _VideoFile(FrameSource):
@@ -192,18 +204,14 @@ class _VideoFile(FrameSource):
 
 
 class _ImageFolder(FrameSource):
-    """A folder whose images are the frames."""
+    """A folder whose images, or some of them in the given order, are the frames."""
 
-    def __init__(self, path: Path, fps: float | None):
+    def __init__(self, path: Path, fps: float | None, files: Sequence[Path] | None = None):
         super().__init__(path, path.resolve().name, fps)
-        files = [
-            entry
-            for entry in path.iterdir()
-            if entry.suffix.lower() in IMAGE_SUFFIXES and not entry.name.startswith(".")
-        ]
-        self._files = sorted(files, key=lambda entry: natural_order(entry.name))
+        given, files = files, list(files or pictures_in(path))
+        self._files = files
         # A single picture beside a video or a folder of frames is a preview, not the sequence.
-        meant = frames_inside(path) if len(self._files) < 2 else None
+        meant = frames_inside(path) if len(files) < 2 and not given else None
         content = f"one image only, '{files[0].name}'" if files else "no images"
         if meant is not None:
             raise InputError(f"folder '{path}' holds {content}; did you mean '{meant}'?")

@@ -11,12 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.files.reading import check_name, parse_number, read_rows
+from jaxpf.files.reading import check_name, parse_number, read_below
 from jaxpf.parts.target import Parts
 
 HEADER = "part,parent,x,y,w,h,angle"
-#: Limits of a coordinate in pixels, beyond which floats lose precision, and of a name's length.
-_FARTHEST, _LONGEST_NAME = 1e9, 200
 
 
 def read_parts(path: str | os.PathLike[str]) -> Parts:
@@ -33,19 +31,18 @@ def read_parts(path: str | os.PathLike[str]) -> Parts:
         InputError: the file cannot be read or a line is invalid; the message names it.
     """
     path = Path(path)
-    lines: dict[str, int] = {}
+    lines: dict[str, str] = {}
     parent_names, numbers = [], []
-    for line, fields in _lines(path):
-        place = f"line {line} of '{path}'"
+    for place, fields in read_below(path, "parts", HEADER):
         name, parent = fields[:2]
         if not name:
             raise InputError(f"{place} has no part in column 1; give every part a name")
         check_name(name, place)
         if name in lines:
             raise InputError(
-                f"{place} repeats the part '{name}' of line {lines[name]}; give it another name"
+                f"{place} repeats the part '{name}' of {lines[name]}; give it another name"
             )
-        lines[name] = line
+        lines[name] = place
         parent_names.append(parent)
         numbers.append(
             [_number(field, column, place) for column, field in enumerate(fields[2:], 3)]
@@ -63,7 +60,7 @@ def read_parts(path: str | os.PathLike[str]) -> Parts:
     for name, parent in zip(names, parent_names, strict=True):
         if parent and parent not in lines:
             raise InputError(
-                f"line {lines[name]} of '{path}': part '{name}' hangs on '{parent}', which is no "
+                f"{lines[name]}: part '{name}' hangs on '{parent[:40]}', which is no "
                 f"part of the file; its parts are {', '.join(names)}"
             )
         parents.append(names.index(parent) if parent else -1)
@@ -77,35 +74,9 @@ def read_parts(path: str | os.PathLike[str]) -> Parts:
     )
 
 
-def _lines(path: Path) -> list[tuple[int, list[str]]]:
-    """Return line number and fields of every line after the header."""
-    rows = read_rows(path, "parts", f"CSV with the header {HEADER}")
-    for line, fields in rows:
-        for column, field in enumerate(fields, start=1):
-            if len(field) > _LONGEST_NAME:
-                raise InputError(
-                    f"line {line} of '{path}' has {len(field)} letters in column {column}, from "
-                    f"'{field[:40]}' on; give at most {_LONGEST_NAME}"
-                )
-    if not rows or ",".join(rows[0][1]).lower() != HEADER:
-        header = ",".join(rows[0][1])[:80] if rows else ""
-        raise InputError(f"'{path}' begins with '{header}'; its first line must be {HEADER}")
-    expected = HEADER.count(",") + 1
-    for line, fields in rows[1:]:
-        if len(fields) != expected:
-            raise InputError(
-                f"line {line} of '{path}' has {len(fields)} column(s) separated by commas; "
-                f"expected {expected}: {HEADER}"
-            )
-    return rows[1:]
-
-
 def _number(field: str, column: int, place: str) -> float:
-    name, remedy = HEADER.split(",")[column - 1], f"give a number of at most {_FARTHEST:.0f}"
-    value = parse_number(field, f"{place}: {name} (column {column}) is", remedy)
-    if abs(value) > _FARTHEST:
-        raise InputError(f"{place}: {name} (column {column}) is {value:g}; {remedy}")
-    return value
+    name = HEADER.split(",")[column - 1]
+    return parse_number(field, f"{place}: {name} (column {column}) is", "give a number")
 
 
 def _check_no_circle(path: Path, names: list[str], parents: list[int]) -> None:

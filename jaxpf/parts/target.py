@@ -126,7 +126,7 @@ class PartTarget(Target):
         slip = options.slip
         if slip is None:
             side = float(np.median(start.sizes.min(axis=1)))
-            slip = _SLIP * side if looks.is_filmed else 0.0
+            slip = looks.settings.get("slip", _SLIP * side)
         part = with_log_odds(learned, looks.frame, start.shapes, start.sizes, start.parents)
         return dataclasses.replace(part, slip=as_array(slip, float))
 

@@ -87,16 +87,16 @@ class PointTarget(Target):
         return Start(ids, places, np.full_like(places, _SIDE), (-1,) * len(places))
 
     def resolved(
-        self, options: Options, is_filmed: bool, num_objects: int | None = None
+        self, options: Options, settings: Mapping[str, Any], num_objects: int | None = None
     ) -> Options:
-        """See ``Target``: drawn points do not slip."""
+        """See ``Target``."""
         if options.slip is not None:
             return options
-        return dataclasses.replace(options, slip=_SLIP if is_filmed else 0.0)
+        return dataclasses.replace(options, slip=settings.get("slip", _SLIP))
 
     def settled(self, options: Options, start: Start, looks: Looks) -> Options:
         """See ``Target``."""
-        return self.resolved(options, looks.is_filmed)
+        return self.resolved(options, looks.settings)
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
         """See ``Target``: the patches if they have the window's size, else windows of the frame."""

@@ -6,50 +6,38 @@ starts in that frame, at that box.
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
-from jaxpf.boxes.tables import BoxTable, parsed_lines, table_of
 from jaxpf.boxes.tracks import write_mot
 from jaxpf.contract.errors import InputError
+from jaxpf.sequences.tables import BoxTable, box_rows, table_of
 
 #: The id of a detection.
 DETECTED = -1
 
 
 def read_detections(path: str | os.PathLike[str]) -> BoxTable:
-    """Read a ``det.txt``: ``frame,-1,x,y,w,h,conf,...`` in MOT format, sorted by frame.
+    """Read a ``det.txt``: ``frame,-1,x,y,w,h,conf,...`` in MOT format; returns it by frame.
 
     Args:
         path: see ``jaxpf.boxes.read_boxes``; a header is accepted, too.
 
     Raises:
-        InputError: a line is unreadable or out of order, its box has no area, its id is 0 or below
-            -1, or it starts an object a second time; the message names the line.
+        InputError: a line is unreadable, its id is 0 or below -1, or it starts an object a second
+            time; the message names the line.
     """
     rows: list[tuple[float, ...]] = []
     started: dict[int, int] = {}
-    last = 0.0
-    for line, row in parsed_lines(Path(path)):
-        frame, identity, (width, height) = row[0], int(row[1]), row[4:6]
-        place = f"line {line} of '{path}'"
-        if frame < last:
-            raise InputError(
-                f"{place} is of an earlier frame than the line before it; sort the detections by "
-                "frame"
-            )
-        last = frame
-        if width <= 0 or height <= 0:
-            raise InputError(
-                f"{place} has a box of {width:g} x {height:g} pixels; give it a width and a "
-                "height, or delete the line"
-            )
+    for line, row, _ in box_rows(path):
+        identity, place = int(row[1]), f"line {line} of '{path}'"
         if identity < 1 and identity != DETECTED:
             raise InputError(
                 f"{place} has the id {identity}; write {DETECTED} for a detection, or the number "
                 "from 1 on of an object that starts there"
             )
+        if min(row[4:6]) == 0:
+            continue
         if identity in started:
             raise InputError(
                 f"{place} starts object {identity} again, as line {started[identity]} does; keep "
@@ -58,7 +46,7 @@ def read_detections(path: str | os.PathLike[str]) -> BoxTable:
         if identity != DETECTED:
             started[identity] = line
         rows.append(row)
-    return table_of(rows, path)
+    return table_of(sorted(rows, key=lambda row: row[0]), path)
 
 
 def check_frames(table: BoxTable, num_frames: int) -> None:

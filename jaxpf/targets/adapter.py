@@ -137,10 +137,5 @@ def looks_of_scene(scene: Any, num_particles: int, typical: Any = None) -> Looks
         num_particles=num_particles,
         typical=typical,
         surroundings=scene.frames[0],
-        is_filmed=is_filmed(scene),
+        settings=scene.settings,
     )
-
-
-def is_filmed(scene: Any) -> bool:
-    """Whether a scene was filmed by a camera: scenes read from a folder are."""
-    return "source" in scene.extras

@@ -66,7 +66,7 @@ def build(
         InputError: options conflict, or an object cannot be seen.
     """
     filter_.check(options, start.parents)
-    model = target.resolved(model, looks.is_filmed)
+    model = target.resolved(model, looks.settings)
     likelihood = target.likelihood(model, start, looks)
     return filter_.tracker(target.model(model, start, likelihood), options)
 
@@ -137,7 +137,7 @@ def make(
     if defaults["method"] is None:
         del defaults["method"]
     options = filled(filter_.options, values, defaults)
-    model = target.resolved(filled(target.options, values), is_filmed=True)
+    model = target.resolved(filled(target.options, values), {})
     if patches is not None:
         from jaxpf.likelihoods._checks import check_pictures
 

@@ -51,7 +51,7 @@ class Looks(NamedTuple):
         num_particles: particles of one run, for choices that depend on cost.
         typical: uint8 RGB ``[n, H, W, 3]``, typical frames, from which a background is learned.
         surroundings: uint8 RGB ``[H, W, 3]``, the start frame if ``patches`` are given.
-        is_filmed: whether frames come from a camera rather than a synthetic scene.
+        settings: values for options that the user leaves open, of a scene that brings some.
     """
 
     frame: Any
@@ -60,7 +60,7 @@ class Looks(NamedTuple):
     num_particles: int
     typical: Any = None
     surroundings: Any = None
-    is_filmed: bool = True
+    settings: Mapping[str, Any] = {}
 
     @property
     def start_frame(self) -> Any:
@@ -137,8 +137,10 @@ class Target(abc.ABC):
             "Python with jaxpf.tune."
         )
 
-    def resolved(self, options: Any, is_filmed: bool, num_objects: int | None = None) -> Any:
-        """The options with "auto" values that depend on ``Looks.is_filmed`` filled in.
+    def resolved(
+        self, options: Any, settings: Mapping[str, Any], num_objects: int | None = None
+    ) -> Any:
+        """The options with "auto" values filled in, by ``Looks.settings`` first.
 
         With ``num_objects``, defaults that depend on it are filled in as well.
         """

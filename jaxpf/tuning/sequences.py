@@ -72,7 +72,7 @@ class Recipe:
         """
         of = self.of
         filter_ = building.filter_for(of, self.values["method"])
-        options = of.resolved(chosen(of.options, self.values), looks.is_filmed)
+        options = of.resolved(chosen(of.options, self.values), looks.settings)
         likelihood = of.training_likelihood(options, start, looks, training_frames)
         model = of.model(options, start, likelihood)
         return filter_.tracker(model, chosen(filter_.options, self.values))

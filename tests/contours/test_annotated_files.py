@@ -79,7 +79,7 @@ def test_an_indexed_mask_is_read_by_its_palette_index(tmp_path):
     np.testing.assert_array_equal(one, [[False, True, False], [False, False, False]])
     np.testing.assert_array_equal(two, [[False, False, True], [False, True, True]])
     indexed.convert("RGB").save(tmp_path / "0.png")
-    with pytest.raises(InputError, match=r"2 colours \(#008000, #800000\); save it as an indexed"):
+    with pytest.raises(InputError, match=r"2 colours \(#008000, #800000\); .* as an indexed"):
         read_annotated(tmp_path)
 
 
@@ -119,23 +119,25 @@ def test_another_header_and_a_missing_folder_are_refused(tmp_path):
 def test_photographs_are_no_masks(tmp_path):
     photograph = np.random.default_rng(0).integers(0, 255, (30, 40, 3), np.uint8)
     cv2.imwrite(str(tmp_path / "a.png"), photograph)
-    with pytest.raises(InputError, match=r"a\.png' holds 1200 colours.*a mask has few"):
+    with pytest.raises(InputError, match=r"a\.png' has 1200 colours.*not a photograph"):
         read_annotated(tmp_path)
     cv2.imwrite(str(tmp_path / "a.png"), photograph[..., 0])
-    with pytest.raises(InputError, match="grey levels, as a photograph does"):
+    with pytest.raises(InputError, match="is a photograph, whose grey levels"):
         read_annotated(tmp_path)
 
 
 @pytest.mark.parametrize(("mode", "step"), [("L", 1), ("P", 10)])
 def test_many_objects_in_a_mask_stay_apart(tmp_path, mode, step):
-    levels = np.repeat(np.arange(0, 19 * step, step, dtype=np.uint8)[:, None], 4, axis=1)
+    levels = np.repeat(np.arange(0, 19 * step, step, dtype=np.uint8)[:, None], 4, axis=1).repeat(
+        2, axis=0
+    )
     mask = Image.fromarray(levels, mode=mode)
     if mode == "P":
         mask.putpalette([level for level in range(256) for _ in range(3)])
     mask.save(tmp_path / "0.png")
     with pytest.raises(InputError, match="hold the objects"):
         read_annotated(tmp_path)
-    assert read_annotated(tmp_path, value=5 * step).lines[0, "1"].sum() == 4
+    assert read_annotated(tmp_path, value=5 * step).lines[0, "1"].sum() == 8
 
 
 @pytest.mark.parametrize("suffix", ["png", "jpg", "jpeg"])

@@ -9,11 +9,10 @@ import pytest
 from small_evaluation import ONE, RUNS, TWICE, assert_equal_bits, content, names, small_plan
 from small_sequence_folder import write_sequence
 
-import scenes
 from jaxpf import InputError
 from jaxpf.evaluation import Limits, evaluate, prepare
 from jaxpf.evaluation.opening import load_scene
-from scenes import sequences
+from jaxpf.sequences import Frames, sequence as sequences
 
 #: Chunks of two frames, and one batch per file.
 TINY = Limits(memory=1, runs_per_batch=RUNS)
@@ -34,23 +33,23 @@ def test_a_clip_in_chunks_gives_the_same_bits_also_after_an_interruption(
 ):
     whole = evaluate(plan(folder, runs=TWICE), tmp_path / "whole", limits=ONE)
     monkeypatch.setattr(sequences, "MOST_KEPT", 0)
-    pictures = scenes.Clip.pictures
+    pictures = Frames.__iter__
 
     # The power fails while the second batch is half-way through the clip: 10 frames of the
     # digest, 9 of the first batch.
     budget = iter(range(1 + 10 + 9 + 5))
 
-    def until_then(clip, numbers):
-        for picture in pictures(clip, numbers):
+    def until_then(frames):
+        for picture in pictures(frames):
             if next(budget, None) is None:
                 raise KeyboardInterrupt
             yield picture
 
-    monkeypatch.setattr(scenes.Clip, "pictures", until_then)
+    monkeypatch.setattr(Frames, "__iter__", until_then)
     with pytest.raises(KeyboardInterrupt):
         evaluate(plan(folder, runs=TWICE), tmp_path / "part", limits=TINY)
     assert len(names(tmp_path / "part")) == 1
-    monkeypatch.setattr(scenes.Clip, "pictures", pictures)
+    monkeypatch.setattr(Frames, "__iter__", pictures)
     continued = evaluate(plan(folder, runs=TWICE), tmp_path / "part", limits=TINY)
     assert_equal_bits(content(continued), content(whole))
 
@@ -64,10 +63,10 @@ def test_the_plan_counts_a_chunk_in_the_place_of_a_long_clip(folder, tmp_path, m
     assert short.memory - prepare(plan(folder), tmp_path / "out", limits).memory == size
 
 
-def test_a_picture_that_is_missing_is_told_in_one_sentence(folder, tmp_path, monkeypatch):
+def test_a_damaged_picture_is_told_in_one_sentence(folder, tmp_path, monkeypatch):
     monkeypatch.setattr(sequences, "MOST_KEPT", 0)
-    (folder / "0007.png").unlink()
-    with pytest.raises(InputError, match=r"0007\.png: frame 7 is missing or is not a picture\."):
+    (folder / "0007.png").write_bytes(b"no picture")
+    with pytest.raises(InputError, match=r"0007\.png' cannot be decoded"):
         evaluate(plan(folder), tmp_path / "out")
 
 
@@ -79,6 +78,7 @@ use_compile_cache()
 import numpy as np
 from jaxpf.evaluation import (Limits, Plan, evaluate)
 from jaxpf.evaluation.opening import load_scene
+from jaxpf.sequences import Frames, sequence as sequences
 
 def evaluated(name, num_frames):
     load = functools.partial(load_scene, source=sys.argv[1], num_frames=num_frames)

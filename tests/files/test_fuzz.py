@@ -17,7 +17,6 @@ import pytest
 from small_tuning import QUICK, SCALE, made_sequence
 from small_video import picture, write_lossless_video
 
-import scenes
 from jaxpf import InputError, tuning
 from jaxpf.boxes import check_boxes, dense, read_boxes, start_boxes
 from jaxpf.cli.shared.config import config_option
@@ -28,6 +27,7 @@ from jaxpf.media import open_frames
 from jaxpf.parts.files import read_parts
 from jaxpf.points.files import read_points
 from jaxpf.populations.detections import read_detections
+from jaxpf.sequences import open_sequence
 from jaxpf.tuning.checkpoint import NAME, Checkpoint
 
 SEED = 17
@@ -117,7 +117,7 @@ def survives(path, valid, read, count, name):
             with warnings.catch_warnings(), limited(SECONDS):
                 warnings.simplefilter("error")
                 read(path)
-        except (InputError, scenes.SceneError, click.ClickException) as refusal:
+        except (InputError, click.ClickException) as refusal:
             refusals += 1
             sentence = getattr(refusal, "message", None) or str(refusal)
             assert "\n" not in sentence, (number, data)
@@ -129,7 +129,7 @@ def survives(path, valid, read, count, name):
 
 
 def read_table(path):
-    table = read_boxes(path, empty_boxes="absent")
+    table = read_boxes(path)
     if len(table):
         dense(table, [int(table.id[0])], 5)
         frame = int(table.frame[0])
@@ -138,7 +138,7 @@ def read_table(path):
 
 
 def read_scene(folder, path):
-    scene = scenes.open_scene(folder)
+    scene = open_sequence(folder).scene()
     assert scene.frames.shape[0] >= 1
 
 

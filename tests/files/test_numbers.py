@@ -3,22 +3,12 @@
 import numpy as np
 import pytest
 
-import scenes
 from jaxpf import InputError
 from jaxpf.boxes import read_boxes
 from jaxpf.contours.annotated_files import read_annotated
 from jaxpf.parts.files import read_parts
 from jaxpf.points.files import read_points
 from jaxpf.populations.detections import read_detections
-
-META = '{"name": "a", "frames": "a.mp4", "n_frames": 9, "width": 64, "height": 48, "fps": 25}'
-
-
-def scene_boxes(path):
-    (path.parent / "meta.json").write_text(META)
-    (path.parent / "a.mp4").touch()
-    return scenes.read_clip(path.parent).boxes[0, 0, :2]
-
 
 #: Reader -> the name of its file, its lines with two numbers x and y, and what it makes of them.
 READERS = {
@@ -40,7 +30,6 @@ READERS = {
         "frame,id,k,x,y\n0,1,0,{x},{y}\n0,1,1,9,9\n",
         lambda p: read_annotated(p.parent).lines[0, "1"][0],
     ),
-    "scenes": ("gt.csv", "frame,id,x,y,w,h\n0,1,{x},{y},5,6\n", scene_boxes),
 }
 
 
@@ -93,7 +82,7 @@ def test_readers_take_what_spreadsheets_write(reader, written, tmp_path):
 def test_readers_refuse_what_is_no_finite_number(reader, number, tmp_path):
     name, lines, read = READERS[reader]
     (tmp_path / name).write_text(lines.format(x=number, y="20"), encoding="utf-8")
-    with pytest.raises((InputError, scenes.SceneError), match="not a finite number"):
+    with pytest.raises(InputError, match="not a finite number"):
         read(tmp_path / name)
 
 
@@ -102,14 +91,14 @@ def test_a_decimal_comma_is_named_with_the_remedy(reader, tmp_path):
     name, lines, read = READERS[reader]
     text = lines.replace(",", ";").format(x="10,5", y="20,5")
     (tmp_path / name).write_text(text)
-    with pytest.raises((InputError, scenes.SceneError), match=r"decimals with a point, 10\.5"):
+    with pytest.raises(InputError, match=r"decimals with a point, 10\.5"):
         read(tmp_path / name)
 
 
 @pytest.mark.parametrize("size", ["30,0,40,0", "1,0,1,0", "0,8,0,9", "30,25,40,125"])
 def test_decimal_commas_between_commas_do_not_become_another_box(size, tmp_path):
     (tmp_path / "b.txt").write_text(f"1,1,10,5,20,5,{size}\n")
-    with pytest.raises(InputError, match=r"line 1 .* decimal commas; write decimals with a point"):
+    with pytest.raises(InputError, match=r"line 1 .* decimal commas; .* with a point"):
         read_boxes(tmp_path / "b.txt")
 
 

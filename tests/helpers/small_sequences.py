@@ -4,7 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from scenes import SceneError, open_scene
+from jaxpf import InputError
+from jaxpf.evaluation.opening import load_scene
 
 SMALL = {"num_frames": 8, "frame_width": 120, "frame_height": 100, "num_objects": 2}
 SEQINFO = (
@@ -36,8 +37,8 @@ def otb_text(boxes, separator, end="\n"):
 
 
 def complaint_of(source, **options):
-    with pytest.raises(SceneError) as caught:
-        open_scene(source, **options)
+    with pytest.raises(InputError) as caught:
+        load_scene(source, **options)
     message = str(caught.value)
     assert "\n" not in message
     return message

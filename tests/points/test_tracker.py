@@ -184,7 +184,7 @@ def test_points_of_a_stored_evaluation_which_knows_numbers_are_drawn():
 def test_points_slip_on_film_and_not_in_drawn_scenes():
     """The slip was measured on joints of filmed animals; asking for another value wins."""
     scene = scenes.make("face", seed=0, num_frames=2, frame_width=640, frame_height=400)
-    filmed = dataclasses.replace(scene, extras=dict(scene.extras) | {"source": "folder"})
+    filmed = dataclasses.replace(scene, settings={})
     for values in ({}, {"slip": 3.0}):
         slips = []
         for each in (scene, filmed):

@@ -17,7 +17,6 @@ from jaxpf.cli.shared.scene_options import SceneCommand, SceneOptions
 from jaxpf.cli.shared.startup import start_jax, use_compile_cache
 from jaxpf.files.locking import LOCK, locked
 from jaxpf.running.memory import check_memory
-from jaxpf.targets.adapter import is_filmed
 
 _LESS_MEMORY = "ask for fewer particles, workers or frames, or a smaller --memory"
 
@@ -42,7 +41,7 @@ class _Opened(NamedTuple):
 
 
 def _command(**values: Any) -> None:
-    from scenes.sequences import sequences_in
+    from jaxpf.sequences.layouts import sequences_in
 
     request = parse(values)
     if sequences := sequences_in(request.scene):
@@ -95,7 +94,7 @@ def _open(request: Request) -> _Opened:
     click.echo(f"Reading {request.scene}", err=True)
     opened = open_evaluation(request.plan, request.output)
     target = opened.adapter.target
-    report_implied(request.grid, target.resolved(target.options(), is_filmed(opened.scene)))
+    report_implied(request.grid, target.resolved(target.options(), opened.scene.settings))
     return _Opened(opened, devices, pool)
 
 

@@ -62,19 +62,19 @@ def _of_one_kind(
 
     Prints which sequences are left out.
     """
-    from jaxpf.evaluation.opening import load_scene
     from jaxpf.evaluation.work.scene import start_frame
+    from jaxpf.sequences import open_sequence
     from jaxpf.targets import adapter_of_scene
-    from scenes import open_folder
 
     chosen: dict[Path, int | None] = {}
     for folder in folders:
         try:
-            scene = load_scene(str(folder), num_frames=2)
+            sequence = open_sequence(folder)
+            scene = sequence.scene(num_frames=2)
             kind = adapter_of_scene(scene, kind).name
         except InputError as error:
             click.echo(f"{folder.name} is left out: {error}", err=True)
             continue
-        available = open_folder(folder).num_frames - start_frame(scene)
+        available = sequence.num_frames - start_frame(scene)
         chosen[folder] = None if most is None else min(most, available)
     return kind, chosen

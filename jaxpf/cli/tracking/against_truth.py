@@ -25,7 +25,7 @@ def report_truth(output: Path, ids: Sequence[Any], first: int, truth: Any, which
         truth: boxes, as returned by ``read_boxes``.
         which: "smoothed" for smoothed.csv; "" for tracks.csv.
     """
-    estimated = tracks.read_boxes(output / f"{which or 'tracks'}.csv", empty_boxes="absent")
+    estimated = tracks.read_boxes(output / f"{which or 'tracks'}.csv")
     last = int(estimated.frame.max())
     shared = [int(i) for i in ids if i in set(truth.id.tolist())]
     estimate = tracks.dense(estimated, shared, last + 1)[first + 1 :]
@@ -60,7 +60,7 @@ def report_identities(output: Path, start: int, num_frames: int, truth: Any) -> 
         num_frames: number of frames after the start frame.
         truth: boxes, as returned by ``read_boxes``.
     """
-    estimated = tracks.read_boxes(output / "tracks.csv", empty_boxes="absent")
+    estimated = tracks.read_boxes(output / "tracks.csv")
     first = start + 1
     estimates, targets = (
         tracks.dense(table, sorted(set(table.id.tolist())), first + num_frames)[first:]

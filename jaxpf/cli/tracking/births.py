@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 import click
 import numpy as np
 
-from jaxpf.boxes.tables import BoxTable
-from jaxpf.boxes.tracks import check_boxes
+from jaxpf.boxes.tracks import BoxTable, check_boxes
 from jaxpf.cli.shared.flags import picked
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import options_of, plain

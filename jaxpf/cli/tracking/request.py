@@ -14,6 +14,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, check_options, option, options_of
 from jaxpf.files.writing import check_output_file
 from jaxpf.targets.adapter import Adapter
+from jaxpf.targets.appearance import COLOUR
 from jaxpf.targets.building import filter_for
 from jaxpf.targets.target import Target
 
@@ -77,7 +78,7 @@ class Run:
     overwrite: bool = option(False, "Replace files in an existing folder.")
     overlay: bool = option(True, "Write the overlay video.")
     truth: Path | None = option(  # noqa: RUF009
-        None, "Compare with these true boxes, a CSV as for --boxes."
+        None, "Compare with these true boxes, a CSV as for --boxes, or a sequence's folder."
     )
     tracker: str | None = option(
         None,
@@ -159,8 +160,9 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
         values, filter_.options, defaults | ({"method": method} if method else {})
     )
     # Objects that appear later are not in the start frame, so nothing can be learned from it.
-    model = target.resolved(picked(values, target.options, of_target), is_filmed=births is None)
-    report_implied(values, target.resolved(target.options(), is_filmed=births is None))
+    settings = {} if births is None else {"appearance": COLOUR}
+    model = target.resolved(picked(values, target.options, of_target), settings)
+    report_implied(values, target.resolved(target.options(), settings))
     starts = {name: values[name] for name in adapter.start_flags}
     request = Request(values["video"], adapter, starts, run, model, filter_, filter_options, births)
     _check_together(request)

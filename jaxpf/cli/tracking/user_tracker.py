@@ -72,4 +72,5 @@ def start_scene(name: str, frame: Any, boxes: Any, fps: float) -> scenes.Scene:
         patches=[scenes.cut_patch(frame, box) for box in boxes],
         fps=fps,
         parameters={},
+        settings={},
     )

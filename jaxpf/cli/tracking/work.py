@@ -189,26 +189,19 @@ def _read_truth(request: Request, start: Start) -> Any:
     """Read the boxes of --truth, which must cover some object and frame of this run."""
     if request.run.truth is None:
         return None
-    from jaxpf.boxes.tracks import read_boxes
+    from jaxpf.sequences.layouts import read_truth
 
     first, count = request.run.start, request.run.frames
-    truth = read_boxes(request.run.truth, empty_boxes="absent")
+    truth = read_truth(request.run.truth)
     ids = start.ids if request.births is None else np.unique(truth.id)
     names = ", ".join(map(str, ids))
-    rows = np.isin(truth.id, ids)
-    if not rows.any():
+    last = np.inf if count is None else first + count
+    if not (np.isin(truth.id, ids) & (truth.frame > first) & (truth.frame <= last)).any():
+        until = "on" if count is None else f"to {last}"
         raise InputError(
-            f"--truth {truth.source} has no box of object {names}, which this run tracks; give "
-            "the truth of these objects, or leave it out."
-        )
-    after = truth.frame[rows] > first
-    if count is not None:
-        after &= truth.frame[rows] <= first + count
-    if not after.any():
-        until = "" if count is None else f" to {first + count}"
-        raise InputError(
-            f"--truth {truth.source} has no box of object {names} in the frames from {first + 1}"
-            f"{until} (counting from 0); give another start, or leave it out."
+            f"--truth {truth.source} has no box of object {names}, which this run tracks, in the "
+            f"frames from {first + 1} {until} (counting from 0); give another start or the truth "
+            "of these objects, or leave it out."
         )
     return truth
 

@@ -24,7 +24,6 @@ from jaxpf.contract.names import GRADIENTS, OBJECTIVES
 from jaxpf.contract.options import OPEN, chosen, option, options_of
 from jaxpf.running.memory import check_memory, needed_by
 from jaxpf.targets import adapter_of_scene
-from jaxpf.targets.adapter import is_filmed
 from jaxpf.targets.building import filter_for
 from jaxpf.tuning.settings import Settings
 
@@ -245,7 +244,7 @@ def _recipe(
     filter_ = filter_for(target, values["method"])
     own = {n: v for n, v in values.items() if n not in options_of(Options)}
     refuse_others(own, target, filter_)
-    report_implied(own, target.resolved(target.options(), is_filmed(scene)))
+    report_implied(own, target.resolved(target.options(), scene.settings))
     parameters = names_in(options.parameters or "")
     named = {text.partition("=")[0].partition("[")[0] for text in parameters}
     for declared in options_of(target.options).values():
@@ -254,7 +253,7 @@ def _recipe(
             name, value = declared.implies
             if own.get(name) in (None, OPEN):
                 own[name] = value
-    model = target.resolved(picked(own, target.options), is_filmed(scene), scene.num_objects)
+    model = target.resolved(picked(own, target.options), scene.settings, scene.num_objects)
     filter_options = picked(own, filter_.options, {"particles": _PARTICLES, **target.defaults})
     if options.parameters is None:
         options = dataclasses.replace(options, parameters=",".join(tuned_by_default(model)))

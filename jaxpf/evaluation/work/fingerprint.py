@@ -9,6 +9,7 @@ from typing import Any
 
 from jaxpf.evaluation.plan import Plan
 from jaxpf.files.writing import report_os_errors
+from jaxpf.sequences.layouts import layout_of
 
 #: Small text files, compared by content; image and video files are compared by size and mtime.
 _TEXTS = {".csv", ".json", ".txt", ".ini", ".py"}
@@ -50,7 +51,10 @@ def fingerprint(scene: Any) -> str | None:
     if not path.is_dir():
         path = Path(source.rpartition(":")[0])
         return _digest([path]) if path.suffix == ".py" and path.is_file() else None
-    return _digest(sorted(file for file in path.rglob("*") if file.is_file()))
+    truth = layout_of(path)[1]
+    places = [path] if truth.is_relative_to(path) else [path, truth]
+    files = (file for place in places for file in (place, *place.rglob("*")))
+    return _digest(sorted(file for file in files if file.is_file()))
 
 
 def _digest(files: list[Path]) -> str:

@@ -34,7 +34,7 @@ def read_tracks(
     Raises:
         InputError: the file cannot be read, has no boxes in these frames, or matches no object.
     """
-    table = read_boxes(path, empty_boxes="absent")
+    table = read_boxes(path)
     truth = numbers_in("truth", truth, "boxes x, y, w, h, [T, P, 4]")
     matched = match_tracks(table, truth, ids, start_frame)
     followed = [column for column, identity in enumerate(matched) if identity is not None]

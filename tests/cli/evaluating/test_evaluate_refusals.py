@@ -89,14 +89,14 @@ def test_unknown_scenes_are_refused_with_those_there_are(refuse):
     sentence = refuse("distractor")
     assert "no scene 'distractor'" in sentence
     assert "distracter" in sentence
-    assert "nowhere does not exist" in refuse("./nowhere")
+    assert "nowhere' does not exist" in refuse("./nowhere")
 
 
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"gt.csv": None}, "gt.csv is missing"),
-        ({"meta.json": "{"}, "meta.json is not valid JSON"),
+        ({"gt.csv": None}, "gt.csv'; check the path"),
+        ({"meta.json": "{"}, "meta.json' describes no sequence"),
         ({"0003.png": None}, "0003.png"),
     ],
 )
@@ -115,10 +115,10 @@ def test_a_sequence_with_something_missing_is_refused(place, tmp_path, change, s
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (("--ids", "3,4"), "has no object 4; its ids are 3, 7"),
-        (("--ids", "3,3"), "object 3 is asked for twice"),
-        (("--start-frame", "10"), "has the frames 0 to 9, not 10"),
-        (("--frames", "11"), "must lie in 1..10, not 11"),
+        (("--ids", "3,4"), "cannot start with the ids [3, 4]; name each once, among 3, 7"),
+        (("--ids", "3,3"), "cannot start with the ids [3, 3]"),
+        (("--start-frame", "10"), "--start-frame 10 must be a whole number from 0 to 9"),
+        (("--frames", "11"), "11 must be a whole number from 1 to 10"),
         (("--frames", "1"), "has 1 frame(s)"),
         (("--set", "num_objects=3"), "is a recorded sequence and has no parameters"),
     ],
@@ -135,4 +135,4 @@ def test_an_object_absent_in_the_start_frame_is_named(place, tmp_path):
         "evaluate", folder, "--ids", "3,7", "--start-frame", "0", "-o", tmp_path / "out"
     )
     assert outcome.code == 2
-    assert "object 3 is absent (it first appears in frame 1)" in outcome.err
+    assert "objects are in view in the frames: 3 in 1-9; 7 in 0-9" in outcome.err

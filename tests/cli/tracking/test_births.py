@@ -93,8 +93,7 @@ BOX = ("--box", "6,8,12,16")
 @pytest.mark.parametrize(
     ("content", "arguments", "message"),
     [
-        ("3,-1,1,1,9,9,1\n2,-1,1,1,9,9,1\n", (), "line 2 of 'd.txt' is of an earlier frame"),
-        ("1,-1,1,1,9\n", (), "line 1 of 'd.txt' has 5 columns"),
+        ("1,-1,1,1,9\n", (), "'d.txt' begins with '1,-1,1,1,9'; expected"),
         ("11,-1,1,1,9,9,1\n", (), "has a detection in frame 10, and the video ends with frame 9"),
         (
             "1,7,70,1,9,9\n",

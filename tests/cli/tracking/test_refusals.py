@@ -153,13 +153,16 @@ def test_a_bad_option_is_one_sentence_that_names_the_value(refuse, arguments, me
     [
         (
             "frame,id,x,y,w,h\n0,1,6,8,12,16\n0,2,a,3,4,5\n",
-            "line 3 of 'boxes.csv', column 3 is 'a', which is not a finite number",
+            "line 3 of 'boxes.csv': x is 'a', which is not a finite number",
         ),
         ("1,1,7,9,12,16,1\n1,2,7,9,12\n", "line 2 of 'boxes.csv' has 5 columns"),
-        ("frame,id,x,y,w,h\n0,1,6,8,0,16\n", "line 2 of 'boxes.csv' has a box of zero size"),
+        (
+            "frame,id,x,y,w,h\n0,1,6,8,0,16\n",
+            "has no box in frame 0; choose a start frame among none",
+        ),
         ("frame,id,x,y,w,h\n3,1,6,8,9,16\n", "has no box in frame 0; choose a start frame among 3"),
-        ("id;x;y\n", "line 1 of 'boxes.csv' has an unknown header"),
-        ("", "'boxes.csv' is empty"),
+        ("id;x;y\n", "'boxes.csv' begins with 'id,x,y'"),
+        ("", "'boxes.csv' holds no boxes"),
     ],
 )
 def test_a_bad_file_of_boxes_is_refused_by_its_line(refuse, tmp_path, content, message):
@@ -177,7 +180,7 @@ def test_truth_that_says_nothing_about_the_run_is_refused_before_tracking(refuse
     others = write_truth(tmp_path / "others.csv", ids=(8, 9))
     assert "has no box of object 1, 2, which this run tracks" in refuse(*BOXES, "--truth", others)
     early = write_truth(tmp_path / "early.csv", last=1)
-    assert "has no box of object 1, 2 in the frames from 1" in refuse(*BOXES, "--truth", early)
+    assert "has no box of object 1, 2, which this run tracks" in refuse(*BOXES, "--truth", early)
     assert "there is no file of boxes at" in refuse(*BOXES, "--truth", "nowhere.csv")
 
 

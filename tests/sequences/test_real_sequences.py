@@ -4,27 +4,27 @@ import numpy as np
 import pytest
 from small_sequences import write_pictures
 
-import scenes
-from scenes import open_scene
+from jaxpf.evaluation.opening import load_scene
+from jaxpf.sequences import open_sequence
 
 # Real sequences
 
 
 def test_real_walkers_are_opened_from_where_they_are_together(data_folder):
-    clip = scenes.read_clip(data_folder / "tud_campus")
-    scene = open_scene(data_folder / "tud_campus", ids=[7, 8], num_frames=3)
+    clip = open_sequence(data_folder / "tud_campus")
+    scene = load_scene(data_folder / "tud_campus", ids=[7, 8], num_frames=3)
     start = scene.extras["start_frame"]
     np.testing.assert_array_equal(scene.boxes, clip.boxes[start : start + 3, [6, 7]])
     assert np.isfinite(scene.boxes[0]).all()
     assert not np.isfinite(clip.boxes[start - 1, [6, 7]]).all()
-    frames = list(clip.frames(0, start + 1))
+    frames = clip.frames[: start + 1]
     np.testing.assert_array_equal(scene.frames[0], frames[start])
 
 
 def test_real_pedestrians_come_and_go(data_folder):
-    scene = open_scene(data_folder / "pets09_first400", num_frames=2)
+    scene = load_scene(data_folder / "pets09_first400", num_frames=2)
     np.testing.assert_array_equal(scene.extras["ids"], [9, 15, 19])
-    later = open_scene(data_folder / "pets09_first400", start_frame=223, num_frames=2)
+    later = load_scene(data_folder / "pets09_first400", start_frame=223, num_frames=2)
     assert 1 in later.extras["ids"]
     assert 15 not in later.extras["ids"]
 
@@ -36,7 +36,7 @@ def test_the_campus_in_its_original_mot_format_is_the_same(data_folder, tmp_path
     (tmp_path / "gt").mkdir()
     (tmp_path / "gt" / "gt.txt").write_bytes((original / "gt.txt").read_bytes())
     (tmp_path / "seqinfo.ini").write_bytes((original / "seqinfo.ini").read_bytes())
-    clip, expected = scenes.read_mot(tmp_path), scenes.read_clip(data_folder / "tud_campus")
+    clip, expected = open_sequence(tmp_path), open_sequence(data_folder / "tud_campus")
     assert (clip.name, clip.ids, clip.fps) == ("TUD-Campus", expected.ids, expected.fps)
     np.testing.assert_array_equal(clip.boxes, expected.boxes)
 
@@ -49,8 +49,8 @@ def test_otb_in_its_original_format_is_the_same(data_folder, tmp_path, name):
         (tmp_path / "img" / f"{int(path.stem) + 1:04d}.jpg").symlink_to(path)
     truth = (source / "original" / "groundtruth_rect.txt").read_bytes()
     (tmp_path / "groundtruth_rect.txt").write_bytes(truth)
-    scene, expected = open_scene(tmp_path, num_frames=4), open_scene(source, num_frames=4)
+    scene, expected = load_scene(tmp_path, num_frames=4), load_scene(source, num_frames=4)
     np.testing.assert_array_equal(scene.boxes, expected.boxes)
     np.testing.assert_array_equal(scene.frames, expected.frames)
-    clip = scenes.open_folder(tmp_path)
-    np.testing.assert_array_equal(clip.boxes, scenes.open_folder(source).boxes)
+    clip = open_sequence(tmp_path)
+    np.testing.assert_array_equal(clip.boxes, open_sequence(source).boxes)

@@ -1,0 +1,5 @@
+"""Recorded sequences and their annotations: one reader for every program."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -353,13 +353,13 @@ def one_run(config, made):
         state, found = None, None
         if "resume" in config:
             state, found = jaxpf.run(its, key, frames[:2], record, seen[0])
-            state, rest = jaxpf.run(its, key, frames[2:], record, seen[1], state, time=2)
+            state, rest = jaxpf.run(its, key, frames[2:], record, seen[1], state)
             found = jax.tree.map(lambda *x: jnp.concatenate(x), found, rest)
         else:
             state, found = jaxpf.run(its, key, frames, record, observed)
         ahead = None
         if "forecast" in config:
-            ahead = jaxpf.forecast(its, key, state, 1, record, time=T)[1][1]
+            ahead = jaxpf.forecast(its, key, state, 1, record)[1][1]
         return jnp.exp(jnp.sum(found[0])), (found, ahead)
 
     return run

@@ -10,9 +10,9 @@ from jaxpf.evaluation.output.layout import MOST_PRINTED
 from jaxpf.evaluation.output.tables import printed_tables, write_tables
 
 
-def conclusion(folder, **shrunk):
+def conclusion(folder, runs=60, **shrunk):
     """Of SIR and others, whose errors are those of SIR times a factor, with noise of their own."""
-    truth, boxes = walks(seed=3, runs=30, frames=12, objects=2)
+    truth, boxes = walks(seed=3, runs=runs, frames=12, objects=2)
     configurations = {"sir": SIR, "ps": PS, "dps": DPS}
     batches = []
     for number, (name, factor) in enumerate(shrunk.items()):
@@ -26,6 +26,14 @@ def test_the_best_is_named_with_its_interval_over_the_first(tmp_path):
     assert ranking == [2, 1, 0]
     assert sentence.startswith("DPS shifts follows best: success area +.")
     assert "] over SIR, and better than PS 21." in sentence
+
+
+@pytest.mark.parametrize(("runs", "named"), [(9, "9 runs"), (1, "one run")])
+def test_fewer_than_ten_runs_are_a_preview(tmp_path, runs, named):
+    sentence, ranking = conclusion(tmp_path, runs, sir=1.0, dps=0.1)
+    assert sentence.startswith(f"Preview of {named}: DPS shifts is ahead, success area .")
+    assert sentence.endswith("; fewer than 10 runs decide nothing.")
+    assert ranking == [1, 0]
 
 
 def test_methods_are_compared_at_the_settings_of_the_best(tmp_path):

@@ -145,6 +145,7 @@ def table_csv(table: Table) -> str:
                 lines.append((label, column, "", "", "", "", cell))
                 continue
             published = "" if cell.published is None else cell.published
-            measured = [""] * 3 if cell.measured is None else [f"{x:.6g}" for x in cell.measured]
+            known = cell.measured or (math.nan,) * 3
+            measured = [f"{x:.6g}" if math.isfinite(x) else "" for x in known]
             lines.append((label, column, published, *measured, ""))
     return csv_text(lines)

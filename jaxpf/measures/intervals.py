@@ -24,6 +24,7 @@ from scipy.special import bdtr, stdtrit
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array, check_together, numbers_in
+from jaxpf.contract.pytree import is_concrete
 
 Bounds = tuple[float, float]
 
@@ -117,7 +118,7 @@ def mean_interval(
 
 
 def median_interval(values: ArrayLike, axis: int = 0, level: float = 0.95) -> Interval:
-    """The median over independent units with the widest order statistics that ``level`` takes.
+    """The median over independent units with the narrowest order statistics of at least ``level``.
 
     Arguments and result as for ``mean_interval``; at 95 % the ends are NaN below six units.
     """
@@ -222,6 +223,10 @@ def _counted(
     values: ArrayLike, weights: ArrayLike, axis: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Values and weights ``[U, ...]``, 0 where a unit does not count, and the number that do."""
+    if not is_concrete(values, weights):
+        raise InputError(
+            "Intervals are computed in NumPy: call them outside of jit, vmap and scan."
+        )
     values, mass = np.broadcast_arrays(np.asarray(values, float), np.asarray(weights, float))
     values, mass = np.moveaxis(values, axis, 0), np.moveaxis(mass, axis, 0)
     counts = np.isfinite(values) & (mass > 0)

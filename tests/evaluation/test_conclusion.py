@@ -38,7 +38,7 @@ def test_fewer_than_ten_runs_are_a_preview(tmp_path, runs, named):
 
 def test_methods_are_compared_at_the_settings_of_the_best(tmp_path):
     """PS beats SIR by a little with each sharpness, and 30 beats 20 by far."""
-    truth, boxes = walks(seed=3, runs=30, frames=12, objects=2)
+    truth, boxes = walks(seed=3, runs=60, frames=12, objects=2)
     batches = []
     for sharpness, factor in ((20.0, 1.0), (30.0, 0.1)):
         for method, gain in (("SIR", 1.0), ("PS", 0.5)):
@@ -87,7 +87,7 @@ def test_a_best_among_equals_is_rarely_claimed(tmp_path):
 
 
 def test_an_imported_track_is_compared_with_every_run(tmp_path):
-    truth, boxes = walks(seed=3, runs=30, frames=12, objects=2)
+    truth, boxes = walks(seed=3, runs=60, frames=12, objects=2)
     batches = [(SIR, [batch(boxes)]), (OTHER, [imported(truth)])]
     tables = write_tables(make(tmp_path / "made", batches, truth))
     assert tables.conclusion.sentence.startswith(f"{OTHER.method} follows best: success area +.")

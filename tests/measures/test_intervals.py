@@ -2,6 +2,7 @@
 
 import math
 
+import jax
 import numpy as np
 import pytest
 from scipy import stats
@@ -272,6 +273,14 @@ def test_an_interval_costs_a_quarter_more_than_students_for_normal_values():
     assert 1.1 < np.median(found.upper - found.lower) / np.median(2 * reach) < 1.35
 
 
+def test_few_units_have_at_least_students_interval():
+    values = np.array([0.2, 0.5, 0.8])
+    found, student = mean_interval(values, bounds=(-9.0, 9.0)), student_interval(values)
+    assert found.upper >= student.upper
+    assert mean_interval(values, bounds=UNIT).lower == 0  # Gaffke's alone ends above .03
+    assert mean_interval(np.tile(values, 4), bounds=UNIT).lower > 0.3
+
+
 def test_bounded_intervals_stay_within_their_bounds():
     values = np.random.default_rng(4).beta(0.2, 0.2, (4, 500))
     found = mean_interval(values, bounds=UNIT)
@@ -303,6 +312,11 @@ def test_the_interval_of_a_median_by_hand():
     found = median_interval(np.array([[1.0, 2, 3, np.nan]]), axis=1)
     assert found.value.tolist() == [2]
     assert median_interval([1.0, 2.0]).value == 1.5
+
+
+def test_an_interval_inside_jit_is_refused_in_one_sentence():
+    with pytest.raises(InputError, match="call them outside of jit"):
+        jax.jit(mean_interval)(np.ones(5))
 
 
 @pytest.mark.parametrize("level", [-1, 0, 1, 95, math.nan, "x", None, [0.9, 0.95]])

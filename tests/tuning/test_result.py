@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxpf.tuning import Parameter
-from jaxpf.tuning.result import Descent, Result
+from jaxpf.tuning import Descent, Parameter, Result
 
 
 @pytest.mark.parametrize(

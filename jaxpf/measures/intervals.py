@@ -224,9 +224,7 @@ def _counted(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Values and weights ``[U, ...]``, 0 where a unit does not count, and the number that do."""
     if not is_concrete(values, weights):
-        raise InputError(
-            "Intervals are made in NumPy: call them outside of jit, vmap and scan."
-        )
+        raise InputError("Intervals are made in NumPy: call them outside of jit, vmap and scan.")
     values, mass = np.broadcast_arrays(np.asarray(values, float), np.asarray(weights, float))
     values, mass = np.moveaxis(values, axis, 0), np.moveaxis(mass, axis, 0)
     counts = np.isfinite(values) & (mass > 0)

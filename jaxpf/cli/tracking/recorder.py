@@ -195,7 +195,6 @@ def _scene(recording: Recording) -> Scene:
         tracker=recording.tracker.tracker if repeats else recording.tracker,
         start=recording.opened.start,
         size=(source.width, source.height),
-        fps=source.fps,
         shown_at=source.shown_at,
         first=request.run.start,
         cloud=lambda state: state.state if has_errors else state,
@@ -220,7 +219,8 @@ def _writers(
     if recording.population is not None:
         writers.append(recording.population)
     if request.run.overlay:
-        writers.append(Overlay(opened.output, scene, stack))
+        source = opened.source
+        writers.append(Overlay(opened.output, scene, source.fps, source.pixel_aspect, stack))
     return writers
 
 

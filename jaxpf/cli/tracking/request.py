@@ -33,6 +33,12 @@ class Run:
     frames: int | None = option(
         None, "Track at most this many frames after the start.", least=1, most=_MOST_FRAMES
     )
+    fps: float | None = option(
+        None,
+        "Frames per second of a folder of images, 25 unless given, or of a video in place of its "
+        "time stamps.",
+        above=0.0,
+    )
     seed: int = option(0, "Random seed: same seed, same tracks.", least=0, most=2**32 - 1)
     runs: int | None = option(
         None,

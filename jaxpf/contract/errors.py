@@ -74,7 +74,8 @@ def check_type(name: str, value: Any, *kinds: type) -> None:
     """
     if not isinstance(value, kinds):
         wanted = " or ".join(kind.__name__ for kind in kinds)
-        raise InputError(f"{name} is {type(value).__name__}: give a {wanted}.")
+        article = "an" if wanted[0] in "AEIOU" else "a"
+        raise InputError(f"{name} is {type(value).__name__}: give {article} {wanted}.")
 
 
 def check_path(name: str, value: Any) -> Path:

@@ -2,12 +2,13 @@
 
 from collections.abc import Generator
 from fractions import Fraction
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_type
 from jaxpf.media.clock import Clock
 
 #: Frames per second if the source does not specify it.
@@ -74,6 +75,7 @@ class FrameSource:
         Raises:
             InputError: ``start`` is negative or past the end, or a frame is unusable.
         """
+        check_type("start", start, Integral)
         if start < 0:
             raise InputError(f"frame {start} of '{self.path}' is negative; frames count from 0")
         if self.num_frames is not None and start >= self.num_frames:

@@ -1,5 +1,6 @@
 """Single images as frames: sorts them by name and decodes them to RGB."""
 
+import contextlib
 import itertools
 import re
 import statistics
@@ -197,16 +198,14 @@ def _decode(path: Path) -> np.ndarray:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise InputError(f"cannot read image '{path}': {reason}; remove it") from error
-    state = "damaged, of 32 bits per channel, or not an image" if data else "empty (0 bytes)"
     image = None
     if data:
         flags = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
-        try:
-            with quiet_opencv():
-                image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-        except cv2.error:
-            state = "damaged, or has more than 2^30 pixels"
+        with quiet_opencv(), contextlib.suppress(cv2.error):  # as if beyond 2^30 pixels
+            image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     if image is None:
+        wrong = "damaged, too large (2^30 pixels), of 32 bits per channel, or not an image"
+        state = wrong if data else "empty (0 bytes)"
         raise InputError(f"image '{path}' cannot be decoded: it is {state}; replace or remove it")
     return image
 

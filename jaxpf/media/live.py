@@ -41,7 +41,7 @@ def live_address(source: str | os.PathLike[str] | int) -> str | int | None:
         check_whole("path", source, 0)  # OpenCV crashes at -1
         return int(source)
     path = check_path("path", source)
-    text = os.fspath(source)
+    text = f"{source}"
     if _URL.match(text):
         return text
     if path.is_fifo() or _is_camera(path):
@@ -75,7 +75,8 @@ class LiveSource(FrameSource):
         super().__init__(shown, name, fps)
         self.is_camera = isinstance(address, int) or _is_camera(Path(address))
         self._noun = "camera" if self.is_camera else "stream"
-        self._address, self._film = address, None
+        self._address = address
+        self._film: Decoder | None = None
         self.num_left_out = self._counted_from = 0
         self._latest: float | None = None
         self._waiting: collections.deque[_Frame] = collections.deque()

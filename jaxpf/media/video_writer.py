@@ -5,7 +5,6 @@ import os
 from contextlib import suppress
 from fractions import Fraction
 from numbers import Real
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -147,6 +146,7 @@ class VideoWriter:
             bottom, right = self._padding
             frame = cv2.copyMakeBorder(frame, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
         time = self.num_frames * self._period if time is None else time
+        check_number("time", time, least=0)
         self._latest = max(round(time / _TICK), self._latest + 1)
         if self._error is None:
             self._attempt(self._encode, cv2.cvtColor(frame, cv2.COLOR_RGB2YUV_I420))

@@ -28,7 +28,7 @@ def write_film(
     prepare=lambda stream: None,
     container_options=None,
 ):
-    """Encode RGB frames; ``stamps`` are their times in milliseconds; ``prepare`` sets the stream."""
+    """Encode RGB frames, shown after ``stamps`` milliseconds; ``prepare`` sets the stream."""
     frames = list(frames)
     with av.open(os.path.abspath(path), "w", format=form, options=container_options or {}) as file:
         stream = file.add_stream(codec, rate=rate)

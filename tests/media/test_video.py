@@ -225,6 +225,38 @@ def test_what_is_no_video_is_refused_with_a_remedy(tmp_path, name, content, expe
     assert expected in message
 
 
+@pytest.mark.parametrize("path", [None, 5.5, b"a.mp4", ["a.mp4"], "a\0.mp4", {}, object()])
+def test_what_is_no_path_is_refused(path):
+    for use in (open_frames, lambda path: VideoWriter(path, 64, 48, 25)):
+        assert "is not a path; give the name" in message_of(use, path)
+    assert "file name too long" in message_of(open_frames, 1000 * "long")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"#EXTM3U\n#EXT-X-TARGETDURATION:4\n#EXTINF:4,\nwalk.avi\n#EXT-X-ENDLIST\n",
+        b"ffconcat version 1.0\nfile walk.avi\n",
+    ],
+)
+@pytest.mark.parametrize("end", [b"", b"\x01"])
+@pytest.mark.parametrize("suffix", ["m3u8", "mp4", "avi"])
+def test_a_list_of_other_files_is_no_video(tmp_path, content, end, suffix):
+    write_video(tmp_path / "walk.avi", 2)
+    path = tmp_path / f"list.{suffix}"
+    path.write_bytes(content + end)
+    assert "is not a video; give a video" in message_of(open_frames, path)
+
+
+def test_without_pyav_folders_are_read_and_a_film_says_what_to_install(tmp_path, monkeypatch):
+    path = write_video(tmp_path / "walk.avi", 2)
+    (tmp_path / "folder").mkdir()
+    cv2.imwrite(str(tmp_path / "folder" / "0.png"), numbered_frame(0))
+    monkeypatch.setitem(sys.modules, "av", None)
+    assert "needs PyAV, which is missing; pip install 'jaxpf[cli]'" in message_of(open_frames, path)
+    assert len(list(open_frames(tmp_path / "folder"))) == 1
+
+
 def test_no_name_is_not_the_folder_one_stands_in():
     assert "no video is named" in message_of(open_frames, "")
 

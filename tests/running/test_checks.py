@@ -214,6 +214,11 @@ def test_a_number_of_particles_is_a_whole_number(number):
         (lambda: next(jaxpf.stream(None, KEYS[0], FRAMES)), "tracker is None; give a tracker"),
         (lambda: next(jaxpf.stream(tracker(), KEYS[0], FRAMES, state=3)), "state is int, no state"),
         (lambda: next(jaxpf.stream(tracker(), KEYS[0], [None])), "frame 0 is None, as an"),
+        (lambda: next(jaxpf.stream(tracker(), KEYS[0], 0)), "frames is int: give an Iterable"),
+        (
+            lambda: next(jaxpf.stream(tracker(), KEYS[0], FRAMES, observed=5.5)),
+            "observed is float: give an Iterable",
+        ),
         (
             lambda: next(jaxpf.stream(tracker(), KEYS[0], FRAMES, observed=np.ones((3, 5)))),
             "observed must be one bool for each frame",

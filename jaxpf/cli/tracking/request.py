@@ -171,7 +171,7 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
     request = Request(values["video"], adapter, starts, run, model, filter_, filter_options, births)
     _check_together(request)
     if run.save_state is not None:
-        check_output_file(run.save_state, "--save-state")
+        check_output_file(run.save_state, "--save-state", overwrite=True)
     return request
 
 

@@ -7,6 +7,8 @@ import numpy as np
 #: A time stamp that is earlier than the previous one by more than this many frame periods begins
 #: another count, as where films are joined; by less, the stamps are out of order.
 _RESTART = 2
+#: A step this many times the median is a pause, or a frame is missing.
+_PAUSE = 1.75
 #: Number of latest steps whose median is the frame period.
 _LATEST = 100
 
@@ -51,7 +53,7 @@ class Clock:
         steps = np.diff(self._times)
         if not len(steps):
             return self._rate
-        return float(1 / steps[steps <= 2 * np.median(steps)].mean())
+        return float(1 / steps[steps < _PAUSE * np.median(steps)].mean())
 
     def _period(self) -> float:
         steps = np.diff(self._times[-_LATEST:])

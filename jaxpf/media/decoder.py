@@ -16,7 +16,7 @@ _FORMATS = (
     "rm,ser,smjpeg,swf,vc1,vc1test,vvc,webm,webp,wtv,yuv4mpegpipe"
 )
 #: Formats whose header announces the duration.
-_ANNOUNCING = {"asf", "avi", "flv", "matroska", "mov"}
+_ANNOUNCING = {"asf", "avi", "flv", "matroska", "mov", "mxf"}
 #: A film that ends earlier than announced by more than this many frames and this share is cut off.
 _TOLERANCE = 2, 0.01
 
@@ -106,12 +106,10 @@ class Decoder:
         streams = self._container.streams
         try:
             for packet in self._container.demux([*streams.video, *streams.audio]):
-                at = packet.dts if packet.pts is None else packet.pts
-                if at is not None and packet.time_base:
-                    end = float((at + (packet.duration or 0)) * packet.time_base)
-                    self._end = max(self._end, end)
                 if packet.stream is self._stream:
                     yield from self._decoded(packet)
+                else:
+                    self._note_end(packet)
         except self._av.ExitError:
             self.was_silent = True
         except self._av.FFmpegError:
@@ -124,10 +122,16 @@ class Decoder:
             self.damaged += 1
             return
         for frame in frames:
+            self._note_end(frame)
             self.damaged += frame.is_corrupt
             # AVI stores no presentation times; those that FFmpeg guesses are out of order.
             at = frame.dts if self._is_avi or frame.pts is None else frame.pts
             yield None if at is None else float(at * frame.time_base), frame
+
+    def _note_end(self, part: Any) -> None:
+        at = part.dts if part.pts is None else part.pts
+        if at is not None and part.time_base:
+            self._end = max(self._end, float((at + (part.duration or 0)) * part.time_base))
 
     def upright(self, frame: Any) -> np.ndarray:
         """Convert a frame to uint8 RGB ``[H, W, 3]``, turned and mirrored as it is to be shown."""

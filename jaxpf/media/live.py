@@ -160,7 +160,8 @@ class LiveSource(FrameSource):
     def _read_all(self) -> None:
         """Read frames into the queue; runs in the thread."""
         try:
-            with contextlib.closing(self._pictures()) as pictures:
+            pictures = self._of_camera() if self.is_camera else self._of_stream()
+            with contextlib.closing(pictures):
                 for frame in pictures:
                     with self._news:
                         while len(self._waiting) >= _WAITING and not self._closed:
@@ -178,9 +179,6 @@ class LiveSource(FrameSource):
             with self._news:
                 self._ended = True
                 self._news.notify_all()
-
-    def _pictures(self) -> Generator[_Frame]:
-        return self._of_camera() if self.is_camera else self._of_stream()
 
     def _of_camera(self) -> Generator[_Frame]:
         with quiet_opencv():
@@ -204,11 +202,12 @@ class LiveSource(FrameSource):
         except NoFilm:
             return
         with film:
-            self._opened, self._film = True, film
-            self._clock = Clock(film.rate or DEFAULT_FPS)
+            self._opened, self._clock = True, Clock(film.rate or DEFAULT_FPS)
             for stamp, frame in film.frames():
                 picture = film.upright(frame)
-                self._describe(film)
+                if self._film is None:
+                    self._film = film
+                    self._describe(film)
                 yield stamp, picture
 
     def _no_picture(self) -> InputError:

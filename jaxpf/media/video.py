@@ -118,11 +118,11 @@ class _VideoFile(FrameSource):
         self.height, self.width = picture.shape[:2]
 
     def _frames(self, start: int) -> Generator[np.ndarray]:
-        self._clock = Clock(self._clock.rate)
+        clock = self._clock = Clock(self._clock.rate)
         count = 0
         with Decoder(self.path) as film:
             for stamp, frame in film.frames():
-                self._clock.add(stamp)
+                clock.add(stamp)
                 if count >= start:
                     picture = film.upright(frame)
                     self._check_size(picture, count)

@@ -118,7 +118,7 @@ class Decoder:
     def _decoded(self, packet: Any) -> Generator[tuple[float | None, Any]]:
         try:
             frames = packet.decode()
-        except self._av.InvalidDataError:
+        except self._av.FFmpegError:
             self.damaged += 1
             return
         for frame in frames:

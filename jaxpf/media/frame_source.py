@@ -134,6 +134,6 @@ class FrameSource:
             )
         elif film.damaged:
             self.note = (
-                f"'{self.path}' is damaged: {film.damaged} of its frames are missing or decoded "
-                "only in part; copy it again"
+                f"'{self.path}' is damaged: {film.damaged} frame(s) are missing or decoded only in "
+                "part; copy it again"
             )

@@ -130,7 +130,8 @@ class FrameSource:
             expected = film.frames_expected
             self.note = (
                 f"'{self.path}' announces {expected} frames, and {count} can be decoded: it is cut "
-                f"off after frame {count - 1}; copy or convert it again if the rest matters"
+                f"off or damaged after frame {count - 1}; copy or convert it again if the rest "
+                "matters"
             )
         elif film.damaged:
             self.note = (

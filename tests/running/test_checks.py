@@ -267,7 +267,7 @@ def test_a_number_of_particles_is_a_whole_number(number):
         (lambda: proposals.Mixture(3), "proposal is 3, without a method propose"),
         (lambda: tracker(initial_label=[[1], []]), "initial_label=.* must be the probability"),
         (lambda: media.open_frames(-1), "path = -1 must be a whole number from 0"),
-        (lambda: media.open_frames(".", fps="a"), "fps is str: give a Real"),
+        (lambda: media.open_frames(".", fps="a"), "fps='a' must be one finite number above 0"),
         (lambda: media.VideoWriter("a.mp4", None, 48, 25), "width = None must be a whole number"),
         (lambda: media.VideoWriter("a.mp4", 64, 48, None), "fps is NoneType: give a Real"),
         (

@@ -69,13 +69,13 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
         raise InputError("no video is named; give its path, or . for the images in this folder")
     if fps is not None:
         check_number("fps", fps, above=0)
-    with report_os_errors("read", path):
+    with report_os_errors("read", f"{path}"):
         address = live_address(path)
     if address is not None:
         return LiveSource(address, fps)
     path = Path(f"{path}")
     check_name(path)
-    with report_os_errors("read", path):
+    with report_os_errors("read", f"{path}"):
         if path.is_dir():
             return _ImageFolder(path, fps)
         if not path.exists():

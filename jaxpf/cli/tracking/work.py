@@ -79,7 +79,10 @@ def track(request: Request) -> None:
         def make(frame: np.ndarray) -> Any:
             return tracker_at(frame, request, opened)
 
-        return start_when_compiled(make, built.tracker, opened.first, opened.frames, opened.source)
+        source = opened.source
+        started = start_when_compiled(make, built.tracker, opened.first, opened.frames, source)
+        source.count_from(request.run.start)
+        return started
 
     recording = record_run(request, opened, built, restart if opened.source.is_camera else None)
     if not recording.is_kept and not existed:
@@ -91,7 +94,7 @@ def track(request: Request) -> None:
 def open_input(request: Request) -> Opened:
     """Open the video, read where objects start, and check the request against both."""
     run_options = request.run
-    source = open_frames(request.video)
+    source = open_frames(request.video, run_options.fps)
     frames = source.frames(run_options.start)
     click.get_current_context().call_on_close(frames.close)
     check_live(request, source)

@@ -2,6 +2,7 @@
 
 import collections
 import contextlib
+from fractions import Fraction
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -89,19 +90,27 @@ class Diagnostics:
 
 
 class Overlay:
-    """Writes overlay.mp4.
+    """Writes overlay.mp4, whose frames have the times and the shape of pixels of the video's.
 
     A recovered object is drawn as doubtful until it has been followed for ``_CONFIRMED_AFTER``
     frames.
     """
 
-    def __init__(self, output: Path, scene: Scene, stack: contextlib.ExitStack):
+    def __init__(
+        self,
+        output: Path,
+        scene: Scene,
+        fps: float,
+        pixel_aspect: Fraction,
+        stack: contextlib.ExitStack,
+    ):
         from jaxpf.media.video_writer import VideoWriter
 
         self._scene = scene
         self._video = stack.enter_context(
-            VideoWriter(output / "overlay.mp4", *scene.size, scene.fps)
+            VideoWriter(output / "overlay.mp4", *scene.size, fps, pixel_aspect)
         )
+        self._began: float | None = None
         self._past: collections.deque[np.ndarray] = collections.deque(maxlen=_TRAIL)
         self._unconfirmed: dict[Any, int] = {}
 
@@ -110,7 +119,9 @@ class Overlay:
         doubtful = self._doubtful(record)
         if record.changes is None:
             self._past.append(record.shapes)
-        self._video.write(self._draw(record, doubtful))
+        time = self._scene.shown_at(record.number)
+        self._began = time if self._began is None else self._began
+        self._video.write(self._draw(record, doubtful), time - self._began)
 
     def _doubtful(self, record: Record) -> np.ndarray:
         """``[P]`` bool: the object was lost, and is recovered but not yet confirmed."""
@@ -157,7 +168,7 @@ class Smoothed:
     def write(self, record: Record) -> None:
         """See ``Writer``."""
         if record.summary is None:
-            self._before = self._scene.places(record.start, record.shapes)[1]
+            self._before = self._scene.places(record.number, record.start, record.shapes)[1]
             self._tracks.append(record.number, record.start.ids, record.shapes, record.places)
             return
         self._filtered.append(record.summary.spread)
@@ -179,8 +190,9 @@ class Smoothed:
             shapes = scene.shapes(start, frame.estimate)
             spread = np.maximum(frame.spread, _LEAST_SPREAD * self._filtered.popleft())
             draws = _NormalDraws(frame.estimate, spread)
-            places, self._before = scene.places(start, shapes, draws, self._before)
-            self._tracks.append(scene.first + 1 + frame.time, start.ids, shapes, places)
+            number = scene.first + 1 + frame.time
+            places, self._before = scene.places(number, start, shapes, draws, self._before)
+            self._tracks.append(number, start.ids, shapes, places)
 
 
 class _NormalDraws:

@@ -6,6 +6,7 @@ smoothed together: given only its parent's current value, a part still depends o
 (a pass per part was biased, z = 10.6 where the joint pass had 2.3).
 """
 
+import math
 from typing import Any
 
 import jax
@@ -19,10 +20,14 @@ from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.functions import FunctionDynamics
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.ordering import SWAPS
+from jaxpf.smoothing.singular import singular_partitions
 
 _SUPPORTED = (
     "supported are methods sir, ps, dps, branched, and sps but for swap='sorted' and for roots "
     "with children that are exchanged"
+)
+_TRACE = (
+    'trace ancestors back by jaxpf.smooth(..., method="genealogy"), which needs no density of moves'
 )
 
 
@@ -82,6 +87,31 @@ def sees_previous(tracker: Any) -> bool:
     return isinstance(tracker.dynamics, FunctionDynamics) and tracker.dynamics.copies == 2
 
 
+def check_genealogy(tracker: Any) -> None:
+    """Refuse trackers whose particles have no ancestors, or the wrong weights.
+
+    Raises:
+        InputError: names the setting and an alternative.
+    """
+    if not isinstance(tracker, Partitioned):
+        raise InputError(
+            f"{type(tracker).__name__} cannot be smoothed, as its particles hold no whole states "
+            f"with one weight each; {_SUPPORTED}."
+        )
+    if tracker.gradient.blends:
+        raise InputError(
+            "Transport blends particles, which then come from no single move, and "
+            "cannot be smoothed; use another gradient."
+        )
+    ordering = tracker.ordering
+    if is_concrete(ordering) and np.asarray(ordering.exchanged).any():
+        if SWAPS[int(ordering.swap)] == "sorted":
+            raise InputError(
+                "swap='sorted' pairs parts by their likelihoods, and its weights are biased, so "
+                "that there is nothing to smooth; use swap='combinatorial'."
+            )
+
+
 def check_smoothing(tracker: Any, whole: bool = False) -> None:
     """Refuse trackers whose smoothed distribution is undefined or would be wrong.
 
@@ -92,19 +122,15 @@ def check_smoothing(tracker: Any, whole: bool = False) -> None:
     Raises:
         InputError: names the setting and an alternative.
     """
-    if not isinstance(tracker, Partitioned):
-        raise InputError(
-            f"{type(tracker).__name__} cannot be smoothed, as its particles hold no whole states "
-            f"with one weight each; {_SUPPORTED}."
-        )
+    check_genealogy(tracker)
     check_uncoupled(tracker.dynamics, "smoothing")
     dynamics = type(tracker.dynamics).__name__
     if not contract.has_log_density(tracker.dynamics):
         raise InputError(
             f"smoothing needs the density of a move, and {dynamics} has none; add the method "
             "log_density(partition, new, current, previous, parent) -> [], the log of the density "
-            "from which propagate draws (see jaxpf.contract.DynamicsWithDensity), or give "
-            "jaxpf.state_space a transition_log_density."
+            "from which propagate draws (see jaxpf.contract.DynamicsWithDensity), give "
+            f"jaxpf.state_space a transition_log_density, or {_TRACE}."
         )
     moves_labels = tracker.initial_label is not None and hasattr(
         contract.first_motion(tracker.dynamics), "propagate_label"
@@ -114,11 +140,6 @@ def check_smoothing(tracker: Any, whole: bool = False) -> None:
             f"smoothing needs the probability of a label's move, and {dynamics} has none; add the "
             "method log_label(new, label, substates) -> [], the log-probability with which "
             "propagate_label draws (see jaxpf.contract)."
-        )
-    if tracker.gradient.blends:
-        raise InputError(
-            "Transport blends particles, which then come from no single move, and "
-            "cannot be smoothed; use another gradient."
         )
     if tracker.relocation is not None:
         raise InputError(
@@ -131,24 +152,33 @@ def check_smoothing(tracker: Any, whole: bool = False) -> None:
             "alone; use jaxpf.smooth without a lag."
         )
     if is_concrete(tracker.ordering):
-        _check_exchange(tracker)
+        _check_roots(tracker)
+    if is_concrete(tracker.dynamics, tracker.initial):
+        _check_noise(tracker)
 
 
-def _check_exchange(tracker: Partitioned) -> None:
-    ordering = tracker.ordering
-    exchanged = np.asarray(ordering.exchanged)
-    if not exchanged.any():
-        return
-    if SWAPS[int(ordering.swap)] == "sorted":
-        raise InputError(
-            "swap='sorted' pairs parts by their likelihoods, and its weights are biased, so that "
-            "there is nothing to smooth; use swap='combinatorial'."
-        )
-    parts = np.asarray(ordering.order)[0][exchanged]
+def _check_roots(tracker: Partitioned) -> None:
+    exchanged = np.asarray(tracker.ordering.exchanged)
+    parts = np.asarray(tracker.ordering.order)[0][exchanged]
     paired = [int(part) for part in parts if tracker.parents[part] < 0 and part in tracker.parents]
     if paired:
         raise InputError(
             f"the ordering exchanges roots that have children ({paired}), which pairs again what "
             "has different pasts; smooth with sps(..., exchange_roots=False), or with another "
             "method."
+        )
+
+
+def _check_noise(tracker: Partitioned) -> None:
+    dynamics, size = tracker.dynamics, None
+    if sees_previous(tracker):  # the likelihood has its own factor for the previous state
+        size = math.prod(dynamics.shape)
+    singular = singular_partitions(dynamics, tracker.initial, tracker.parents, size)
+    if singular:
+        name = "transition_log_density"
+        if not isinstance(dynamics, FunctionDynamics):
+            name = f"{type(dynamics).__name__}.log_density (partitions {singular})"
+        raise InputError(
+            f"{name} leaves out a direction in which particles differ and the motion has no "
+            f"noise, so that smoothing by densities would be wrong; {_TRACE}."
         )

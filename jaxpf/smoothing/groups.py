@@ -104,12 +104,12 @@ def check_genealogy(tracker: Any) -> None:
             "cannot be smoothed; use another gradient."
         )
     ordering = tracker.ordering
-    if is_concrete(ordering) and np.asarray(ordering.exchanged).any():
-        if SWAPS[int(ordering.swap)] == "sorted":
-            raise InputError(
-                "swap='sorted' pairs parts by their likelihoods, and its weights are biased, so "
-                "that there is nothing to smooth; use swap='combinatorial'."
-            )
+    exchanges = is_concrete(ordering) and np.asarray(ordering.exchanged).any()
+    if exchanges and SWAPS[int(ordering.swap)] == "sorted":
+        raise InputError(
+            "swap='sorted' pairs parts by their likelihoods, and its weights are biased, so that "
+            "there is nothing to smooth; use swap='combinatorial'."
+        )
 
 
 def check_smoothing(tracker: Any, whole: bool = False) -> None:

@@ -16,7 +16,7 @@ from jaxpf.running.checks import check_frames
 from jaxpf.running.chunks import come_one_by_one
 from jaxpf.smoothing import passes
 from jaxpf.smoothing.backward import SeenMoves
-from jaxpf.smoothing.genealogy import trace_back
+from jaxpf.smoothing.genealogy import draw_paths, trace_back
 from jaxpf.smoothing.groups import (
     check_genealogy,
     check_smoothing,
@@ -172,12 +172,13 @@ def _traced(tracker, key, frames, num_paths, observed) -> Smoothed:
     passes.check_length(tracker, running.num_frames(frames), 1, num_paths)
     record = passes.keep_substates
     state, (history, summaries) = running.run(tracker, key, frames, record, observed)
-    back_key = passes.backward_key(running.as_key(key))
-    traced = trace_back(back_key, history.current, history.sources, state.log_weights, num_paths)
+    ancestry = history.current, history.sources, state.log_weights
+    estimate, spread, num_ancestors = trace_back(*ancestry)
+    paths = None
+    if num_paths:
+        paths = draw_paths(passes.backward_key(running.as_key(key)), *ancestry, num_paths)
     none = jnp.zeros((), jnp.int32)
-    return Smoothed(
-        traced.estimate, traced.spread, summaries, none, traced.paths, traced.num_ancestors
-    )
+    return Smoothed(estimate, spread, summaries, none, paths, num_ancestors)
 
 
 def _check_one_ancestor(tracker: Any) -> None:

@@ -133,7 +133,7 @@ def test_paths_are_drawn_with_their_parameters(posterior):
     of_chains = np.stack([path, path**2, path * drawn_s[..., None]]).mean(2)  # [3, C, T]
     exact = [[(weights * x).sum() for x in (m, m**2 + v, m * s)] for m, v in smoothed]
     errors = of_chains.std(1, ddof=1) / CHAINS**0.5
-    assert errors.max() < 0.1
+    assert errors.max() < 0.2
     assert np.abs((of_chains.mean(1).T - exact) / errors.T).max() < 4.5
 
 

@@ -212,7 +212,8 @@ def backward(
     moments_and_paths = lax.scan(step_back, (start, origin), items, reverse=True)[1]
     estimate, spread, paths, broken = moments_and_paths
     if num_steps:  # parts of one particle with several ancestors have no one to start from
-        one = jnp.all(history.sources[:, parts] == history.sources[:, parts[:1]])
+        of_parts = jnp.asarray(history.sources)[:, parts]
+        one = jnp.all(of_parts == of_parts[:, :1])
         estimate = jnp.where(one, estimate, jnp.nan)
     return Pass(estimate, spread, paths, jnp.sum(broken))
 
@@ -272,7 +273,7 @@ def log_densities(
         log_moves += jnp.where(frames_left > 1, jnp.sum(of_parts, axis=0), 0.0)
     if here.label is None:
         return log_moves
-    if drawn.label.ndim:
+    if drawn.label is not None and drawn.label.ndim:
         log_label = jax.vmap(contract.log_label, in_axes=(None, 0, 0, -1))(
             to_next, drawn.label, here.label, jnp.swapaxes(drawn.next, 0, 1)
         )

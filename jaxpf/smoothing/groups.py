@@ -110,6 +110,8 @@ def check_genealogy(tracker: Any) -> None:
             "swap='sorted' pairs parts by their likelihoods, and its weights are biased, so that "
             "there is nothing to smooth; use swap='combinatorial'."
         )
+    if exchanges:
+        _check_roots(tracker)
 
 
 def check_smoothing(tracker: Any, whole: bool = False) -> None:
@@ -151,8 +153,6 @@ def check_smoothing(tracker: Any, whole: bool = False) -> None:
             "a log_likelihood that asks for the previous state is smoothed over the whole clip "
             "alone; use jaxpf.smooth without a lag."
         )
-    if is_concrete(tracker.ordering):
-        _check_roots(tracker)
     if is_concrete(tracker.dynamics, tracker.initial):
         _check_noise(tracker)
 

@@ -132,7 +132,8 @@ class LookBack:
             state.log_weights,
             state.label,
         )
-        self._kept.append(History(*(None if x is None else np.array(x) for x in kept)))
+        arrays: list[Any] = [None if x is None else np.array(x) for x in kept]
+        self._kept.append(History(*arrays))
         if self._lag is None or len(self._kept) < 2 * self._lag:
             return []
         return list(self._pass(self._lag))

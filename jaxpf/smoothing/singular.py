@@ -114,12 +114,12 @@ def _trial(dynamics: Any, initial: Any, parents: tuple[int, ...]) -> _Moves:
         first = jnp.broadcast_to(mine[..., :1], mine.shape)
 
         def draw(item):
-            return propagate(motion, item[0], part, *item[1], parent)
+            key, (current, previous) = item
+            return propagate(motion, key, part, current, previous, parent)
 
         def density(item):
-            return contract.log_density_all(
-                motion, jnp.full(count, part), item[0], *item[1], parent
-            )
+            partition, (moved, (current, previous)) = jnp.full(count, part), item
+            return contract.log_density_all(motion, partition, moved, current, previous, parent)
 
         keys = jax.random.split(jax.random.fold_in(end_key, part))
         own, same = lax.map(draw, (keys, jnp.stack([mine, first])))

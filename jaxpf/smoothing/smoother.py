@@ -108,12 +108,12 @@ def smooth(
                 f"{asked} asks for whole trajectories, which a fixed lag does not draw; leave out "
                 "one of the two."
             )
-        smoothed = list(stream(tracker, key, frames, lag, num_trajectories, observed))
+        found = list(stream(tracker, key, frames, lag, num_trajectories, observed))
         return Smoothed(
-            estimate=jnp.stack([frame.estimate for frame in smoothed]),
-            spread=jnp.stack([frame.spread for frame in smoothed]),
-            summaries=jax.tree.map(lambda *x: jnp.stack(x), *[frame.summary for frame in smoothed]),
-            broken=jnp.asarray(smoothed[-1].broken),
+            estimate=jnp.stack([frame.estimate for frame in found]),
+            spread=jnp.stack([frame.spread for frame in found]),
+            summaries=jax.tree.map(lambda *x: jnp.stack(x), *[frame.summary for frame in found]),
+            broken=jnp.asarray(found[-1].broken),
         )
     if method == "genealogy":
         check_genealogy(tracker)

@@ -28,16 +28,16 @@ class _Moves(NamedTuple):
     Attributes:
         own: ``[D, n]``, a move of each particle.
         same: ``[D, n]``, moves of the first particle.
-        log_own: ``[n]``, log-density of ``own``.
-        log_swapped: ``[D, n]``, the same if one coordinate comes from another particle's move.
+        apart: ``[D, n]``, moves from pasts that differ in coordinates that are ``ignored`` alone.
+        ignored: ``[D]`` bool, coordinates of a move that change nothing in its density.
         log_from_first: ``[n]``, log-density of ``own`` from the first particle.
         log_same: ``[n]``, log-density of ``same``.
     """
 
     own: Any
     same: Any
-    log_own: Any
-    log_swapped: Any
+    apart: Any
+    ignored: Any
     log_from_first: Any
     log_same: Any
 
@@ -126,29 +126,32 @@ def _trial(dynamics: Any, initial: Any, parents: tuple[int, ...]) -> _Moves:
         swapped = [own.at[row].set(jnp.roll(own[row], 1)) for row in range(shape[1])]
         to = jnp.stack([own, own, same, *swapped])
         by = jnp.stack([mine, first, first, *[mine] * shape[1]])
-        log_own, log_from_first, log_same, *log_swapped = lax.map(density, (to, by))
-        return _Moves(own, same, log_own, jnp.stack(log_swapped), log_from_first, log_same)
+        log_own, log_from_first, log_same, *swapped = lax.map(density, (to, by))
+        known = jnp.isclose(jnp.stack(swapped), log_own, 100 * jnp.finfo(log_own.dtype).eps)
+        ignored = jnp.all(known, axis=1)
+        pasts = jnp.where(ignored[:, None], mine, first)
+        apart = draw((jax.random.fold_in(end_key, len(parents)), pasts))
+        return _Moves(own, same, apart, ignored, log_from_first, log_same)
 
     return lax.map(of_part, parts)
 
 
 def _is_singular(moves: _Moves, dimension: int | None) -> bool:
     precision = np.finfo(moves.own.dtype).eps
-    own, same = (np.asarray(x[:dimension], float) for x in (moves.own, moves.same))
-    if not (np.isfinite(own).all() and np.isfinite(same).all()):
+    own, same, apart = (np.asarray(x[:dimension], float) for x in moves[:3])
+    if not all(np.isfinite(x).all() for x in (own, same, apart)):
         return False
     scale = np.std(np.hstack([own, same]), axis=1, keepdims=True)
     rounding = 8 * precision * np.max(np.abs(np.hstack([own, same])), axis=1, keepdims=True)
     varies = scale > rounding
     centre = np.mean(same, axis=1, keepdims=True)
-    # A coordinate of which the density knows nothing, although it depends on the particle.
-    known = np.isclose(moves.log_swapped[:dimension], moves.log_own, 100 * precision)
-    ignored = np.all(known, axis=1, keepdims=True)
-    of_same, of_own = (np.mean((x - centre) ** 2, axis=1, keepdims=True) for x in (same, own))
-    if np.any(ignored & varies & (of_own > 1.5 * of_same + rounding**2)):
+    # Coordinates of which the density knows nothing, although they depend on their own past.
+    ignored = moves.ignored[:dimension, None]
+    of_same, of_apart = (np.mean((x - centre) ** 2, axis=1, keepdims=True) for x in (same, apart))
+    if np.any(ignored & (of_apart > 1.5 * of_same + rounding**2)):
         return True
     # A direction across coordinates in which a particle's moves do not differ, and others' do.
-    noisy = (varies & (np.ptp(same, axis=1, keepdims=True) > 0))[:, 0]
+    noisy = (varies & ~ignored & (np.ptp(same, axis=1, keepdims=True) > 0))[:, 0]
     if not noisy.any():
         return False
     tolerance = np.max(rounding[noisy] / scale[noisy])

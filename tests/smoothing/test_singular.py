@@ -89,6 +89,11 @@ PROPER = {
         switching,
         of_switch,
     ),
+    "placed by the angle": (
+        jnp.zeros(2),
+        lambda key, x, p: (lambda angle: jnp.stack([jnp.sin(angle), angle]))(x[1] + draw(key)),
+        lambda new, x, p: norm.logpdf(new[1], x[1]),
+    ),
     "uniform": (
         jnp.zeros(2),
         lambda key, x, p: x.at[0].add(draw(key)).at[1].set(jax.random.uniform(key)),

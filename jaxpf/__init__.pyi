@@ -20,6 +20,7 @@ from . import (
     tuning as tuning,
 )
 from .contract.errors import InputError as InputError
+from .contract.logs import log_evidence as log_evidence
 from .contract.pytree import pytree_dataclass as pytree_dataclass
 from .contract.state import ParticleState as ParticleState, Summary as Summary
 from .files.states import load as load, save as save

@@ -42,14 +42,13 @@ import importlib.util
 from typing import Any
 
 import jax
-import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.names import MOTION_GRADIENTS
 from jaxpf.contract.numbers import TINY, check_array
-from jaxpf.contract.pytree import is_concrete, pytree_dataclass
+from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import ParticleState
 from jaxpf.resampling import transport, weighted
 from jaxpf.resampling.components import Components
@@ -64,6 +63,8 @@ class Gradient:
     blends = False
     #: Whether weights are equal after a selection, which exchange requires.
     equalises = True
+    #: Settings of a tracker with which the strategy does not work.
+    unsuited: tuple[str, ...] = ("relocation", "look_ahead")
 
     def selection(self, log_weights: jax.Array, components: Components) -> jax.Array:
         """Return the log-weights ``[N]`` by which to draw ancestors."""
@@ -81,7 +82,7 @@ class Gradient:
         Raises:
             InputError: names the setting.
         """
-        for name in ("relocation", "look_ahead"):
+        for name in self.unsuited:
             if getattr(tracker, name, None):
                 raise InputError(
                     f"{name} does not work with gradient {type(self).__name__}; leave one of them "
@@ -102,6 +103,7 @@ class StopGradient(Gradient):
     """Divides every weight by its own stopped value after resampling."""
 
     keeps_scores = True
+    unsuited = ("relocation",)
 
 
 @pytree_dataclass
@@ -164,12 +166,9 @@ class Transport(Gradient):
         if importlib.util.find_spec("ott") is None:
             raise InputError(transport.MISSING)
         check_array("Transport's epsilon", self.epsilon, "a finite number above 0", TINY)
-        ordering = tracker.ordering
-        exchanges = is_concrete(ordering) and np.asarray(ordering.exchanged).any()
         for used, what, remedy in (
-            (exchanges, "a swap, which needs lineages", "swap='none'"),
             (
-                ordering.keeps_components,
+                tracker.ordering.keeps_components,
                 "components that particles keep, which cannot be blended",
                 "another ordering",
             ),

@@ -16,11 +16,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.errors import InputError, check_known, choice
 from jaxpf.contract.model import check_tree
 from jaxpf.contract.names import METHODS, REASSEMBLIES, SWAPS
 from jaxpf.contract.numbers import check_whole
-from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
+from jaxpf.contract.pytree import as_array, is_concrete, pytree_dataclass, static_field
 
 #: Largest number of partitions: the tables of an ordering hold its square.
 _MOST_PARTITIONS = 10_000
@@ -67,6 +67,40 @@ class Ordering:
     def num_partitions(self) -> int:
         """Number of partitions, P."""
         return self.order.shape[-1]
+
+    @property
+    def known(self) -> "Ordering":
+        """The same with NumPy arrays, unless it is traced.
+
+        Within a user's trace, JAX operations on known arrays would return tracers.
+        """
+        return jax.tree.map(np.asarray, self) if is_concrete(self) else self
+
+    @property
+    def exchanges(self) -> Any:
+        """``[]`` bool: whether parts are exchanged."""
+        return self.known.exchanged.any(-1)
+
+    @property
+    def exchanges_roots(self) -> Any:
+        """``[]`` bool: whether roots, the first level, are exchanged."""
+        return (self.known.exchanged & (self.known.level == 0)).any(-1)
+
+    @property
+    def exchanges_best(self) -> Any:
+        """``[]`` bool: whether best is paired with best, which biases the evidence."""
+        return self.exchanges & (self.known.swap == SWAPS.index("sorted"))
+
+    @property
+    def swap_shown(self) -> Any:
+        """The swap in a message."""
+        swap = self.known.swap
+        return choice("swap", SWAPS[int(swap.max())] if is_concrete(swap) else "")
+
+    @property
+    def divides(self) -> Any:
+        """``[]`` bool: whether a random split gives more than one component."""
+        return self.known.fractions[..., 0] < 1
 
     @property
     def is_split(self) -> jax.Array:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+pytest_plugins = ["divided_tests"]
 _BESIDE_THE_PROJECT = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
@@ -31,6 +32,8 @@ def pytest_configure(config: pytest.Config) -> None:
     gc.set_threshold(*_GARBAGE)
     if hasattr(config, "workerinput"):
         return  # pytest-xdist's workers inherit the environment
+    # Workers of the next run find the tests' bytecode: rewriting assertions takes 8 seconds each.
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     if "not slow" in config.option.markexpr:
         os.environ.setdefault("XLA_FLAGS", _COMPILE_QUICKLY)
     folder = str(config.cache.mkdir("jaxpf-compiled"))

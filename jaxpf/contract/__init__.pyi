@@ -4,9 +4,11 @@ from .calls import (
     changed_inside as changed_inside,
     check_uncoupled as check_uncoupled,
     draws_independently as draws_independently,
+    evidence_biases as evidence_biases,
     expecting as expecting,
     first_motion as first_motion,
     frame_of as frame_of,
+    handles_nan as handles_nan,
     has_log_density as has_log_density,
     has_log_joint as has_log_joint,
     has_log_label as has_log_label,
@@ -23,6 +25,7 @@ from .calls import (
     model_error as model_error,
     observe_nearby as observe_nearby,
     observed_apart as observed_apart,
+    of_frame as of_frame,
     of_partition as of_partition,
     predict_all as predict_all,
     propagate_all as propagate_all,
@@ -30,6 +33,8 @@ from .calls import (
     proposal_log_density_all as proposal_log_density_all,
     proposal_of as proposal_of,
     propose_all as propose_all,
+    time_of as time_of,
+    with_inputs as with_inputs,
 )
 from .errors import InputError as InputError, check_known as check_known
 from .interface import (
@@ -47,11 +52,13 @@ from .pytree import (
     pytree_dataclass as pytree_dataclass,
     static_field as static_field,
 )
+from .refusals import Bias as Bias
 from .state import (
     STATUS_IMPOSSIBLE as STATUS_IMPOSSIBLE,
     STATUS_INVALID_LIKELIHOOD as STATUS_INVALID_LIKELIHOOD,
     STATUS_LOST as STATUS_LOST,
     STATUS_OK as STATUS_OK,
+    STATUS_UNSUPPORTED as STATUS_UNSUPPORTED,
     ParticleState as ParticleState,
     Summary as Summary,
 )

@@ -1,7 +1,7 @@
 """How the library calls what users write: optional methods are looked up here and nowhere else."""
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -27,6 +27,23 @@ def observed_apart(tracker: Any) -> tuple[Callable, Callable]:
     if hasattr(tracker, "observe") and hasattr(tracker, "step_observed"):
         return tracker.observe, tracker.step_observed
     return (lambda frame: frame), tracker.step
+
+
+def time_of(state: Any) -> Any:
+    """Number of frames that led to a state, ``[]`` int32; see ``Tracker``.
+
+    Raises:
+        InputError: the state does not say, so that it cannot be resumed.
+    """
+    time = getattr(state, "time", None)
+    if time is None or jnp.ndim(time) or not jnp.issubdtype(jnp.result_type(time), jnp.integer):
+        what = "no field time" if time is None else f"the time {' '.join(repr(time).split()):.60}"
+        raise InputError(
+            f"{type(state).__name__} has {what}, so resuming would repeat the random numbers of "
+            "the first frames; let the state hold time, one integer that init sets to 0 and every "
+            "step increases by 1."
+        )
+    return time
 
 
 def observe_nearby(observer: Any, frame: Any, near: Any) -> Any:
@@ -69,21 +86,64 @@ def is_coupled(dynamics: Any) -> bool:
 
 
 def at_frame(tracker: Any, time: Any) -> Any:
-    """Return the tracker with the dynamics leading to frame ``time``, counted from 0.
+    """Return the tracker with the dynamics leading to frame ``time``, and the frame's likelihood.
 
-    Returns the tracker unchanged if its dynamics have no ``at_frame``.
+    Frames are counted from 0.  A part without ``at_frame`` stays unchanged.
     """
+    return _parts_changed(tracker, "at_frame", time)
+
+
+def with_inputs(tracker: Any, inputs: Any, first: Any = 0) -> Any:
+    """Return the tracker with known inputs of its model, such as controls or frame intervals.
+
+    Dynamics and likelihoods that take inputs define ``with_inputs(inputs, first)``; their
+    ``at_frame(time)`` reads row ``time - first``.
+
+    Args:
+        tracker: any tracker.
+        inputs: pytree of arrays ``[T, ...]``, a row for each frame; None changes nothing.
+        first: number of the first of these frames.
+
+    Raises:
+        InputError: no part of the model takes inputs.
+    """
+    if inputs is None:
+        return tracker
+    changed = _parts_changed(tracker, "with_inputs", inputs, first)
+    if changed is tracker:
+        raise InputError(
+            f"{type(tracker).__name__} takes no inputs; let a function of jaxpf.state_space have "
+            "an argument u, or leave out inputs."
+        )
+    return changed
+
+
+def _parts_changed(tracker: Any, method: str, *arguments: Any) -> Any:
+    """Replace the dynamics and the likelihood by what their optional method returns."""
     inner = tracker
     while not hasattr(inner, "dynamics") and hasattr(inner, "tracker"):
         inner = inner.tracker
-    if not hasattr(getattr(inner, "dynamics", None), "at_frame"):
-        return tracker
-    return changed_inside(tracker, "dynamics", lambda dynamics: dynamics.at_frame(time))
+    for name in ("dynamics", "likelihood"):
+        if hasattr(getattr(inner, name, None), method):
+            tracker = changed_inside(tracker, name, lambda part: getattr(part, method)(*arguments))
+    return tracker
+
+
+def of_frame(part: Any, time: Any) -> Any:
+    """Return dynamics or a likelihood for frame ``time``; unchanged without ``at_frame``."""
+    return part.at_frame(time) if hasattr(part, "at_frame") else part
 
 
 def first_motion(dynamics: Any) -> Any:
     """Return the dynamics leading to frame 0; unchanged if they have no ``at_frame``."""
-    return dynamics.at_frame(0) if hasattr(dynamics, "at_frame") else dynamics
+    return of_frame(dynamics, 0)
+
+
+def handles_nan(tracker: Any) -> bool:
+    """Whether a tracker's likelihood declares that it understands NaN, see ``Likelihood``."""
+    while not hasattr(tracker, "likelihood") and hasattr(tracker, "tracker"):
+        tracker = tracker.tracker
+    return bool(getattr(getattr(tracker, "likelihood", None), "handles_nan", False))
 
 
 def changed_inside(tracker: Any, name: str, change: Callable[[Any], Any]) -> Any:
@@ -106,12 +166,16 @@ def check_uncoupled(dynamics: Any, what: str | Argument) -> None:
         InputError: the dynamics are coupled; the message names ``what``.
     """
     if is_coupled(first_motion(dynamics)):
-        raise InputError(
-            f"{type(dynamics).__name__} moves a partition by all the others, which does not "
-            "work with ",
-            what,
-            "; use jaxpf.Partitioned with sir, ps or dps, or dynamics of single partitions.",
-        )
+        raise InputError(*coupled_with(dynamics, what))
+
+
+def coupled_with(dynamics: Any, what: str | Argument) -> tuple[str | Argument, ...]:
+    """The pieces of the message of ``check_uncoupled``."""
+    return (
+        f"{type(dynamics).__name__} moves a partition by all the others, which does not work with ",
+        what,
+        "; use jaxpf.Partitioned with sir, ps or dps, or dynamics of single partitions.",
+    )
 
 
 def has_log_density(dynamics: Any) -> bool:
@@ -267,6 +331,16 @@ def model_error(tracker: Any, num_partitions: int) -> np.ndarray:
             f"[{num_partitions}, 3]."
         )
     return np.broadcast_to(declared, (num_partitions, 3))
+
+
+def evidence_biases(tracker: Any) -> Sequence[Any]:
+    """Settings that bias a tracker's evidence, ``contract.Bias``, of a wrapper those inside.
+
+    A tracker without the property ``evidence_biases`` has an unbiased evidence.
+    """
+    while not hasattr(tracker, "evidence_biases") and hasattr(tracker, "tracker"):
+        tracker = tracker.tracker
+    return getattr(tracker, "evidence_biases", ())
 
 
 def has_state_gradient(likelihood: Any) -> bool:

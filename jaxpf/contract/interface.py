@@ -7,7 +7,8 @@ classes derive the remaining methods.
 ============  ===========================================================  =====================
               required                                                     optional
 ============  ===========================================================  =====================
-tracker       ``init``, ``step`` (or ``observe`` with ``step_observed``)   ``num_partitions``
+tracker       ``init``, ``step`` (or ``observe`` with ``step_observed``)   ``num_partitions``,
+                                                                           ``evidence_biases``
 dynamics      ``propagate`` or ``propagate_all``                           ``log_density``,
                                                                            ``log_density_all``,
                                                                            ``predict``,
@@ -15,7 +16,8 @@ dynamics      ``propagate`` or ``propagate_all``                           ``log
                                                                            ``propagate_label``,
                                                                            ``log_label``,
                                                                            ``coupled``,
-                                                                           ``at_frame``
+                                                                           ``at_frame``,
+                                                                           ``with_inputs``
 likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log_joint``,
                                                                            ``log_joint_labelled``,
                                                                            ``state_gradient``,
@@ -24,7 +26,10 @@ likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log
                                                                            ``expecting``,
                                                                            ``observe_nearby``,
                                                                            ``log_odds``,
-                                                                           ``model_error``
+                                                                           ``model_error``,
+                                                                           ``handles_nan``,
+                                                                           ``at_frame``,
+                                                                           ``with_inputs``
 proposal      ``propose`` or ``propose_all``,                              ``of_model``
               ``log_density`` or ``log_density_all``
 observation   any pytree                                                   ``take_frame``
@@ -48,6 +53,10 @@ class Tracker:
     The state is any pytree.  The summary should be a ``jaxpf.Summary``; optional fields that the
     filter does not compute are None.  Evaluation and tuning read ``num_partitions``, P, and
     ``summary.estimate``, ``[P, D]``.
+
+    A state that can be resumed has an attribute ``time``, ``[]`` int32, the number of frames
+    processed: 0 from ``init``, one more after every step.  It selects a frame's random numbers,
+    so a state without it is refused by ``jaxpf.run(..., state=state)`` and ``jaxpf.forecast``.
 
     Define ``init`` and ``step_observed``, plus ``observe`` if runs can share work.  If they
     cannot, define ``init`` and ``step``.
@@ -102,7 +111,10 @@ class Dynamics:
 
     For motion that changes with time, define ``at_frame(time []) -> dynamics``, which returns the
     dynamics leading to frame ``time``, counted from 0.  It can index an array ``[T, ...]`` of
-    known camera positions or of uneven frame intervals, for example.  There is no default.
+    known camera positions or of uneven frame intervals, for example; past its end, JAX repeats the
+    last entry.  Arrays given as ``inputs`` are checked instead: define
+    ``with_inputs(inputs, first) -> dynamics``, see ``jaxpf.contract.with_inputs``.  There is no
+    default for either.
     """
 
     def propagate(
@@ -248,6 +260,8 @@ class Likelihood:
       same, if it also depends on the particle's label.  Used when particles carry labels.
     * ``log_joint_all`` and ``log_joint_labelled_all``: the same for all particles at once, with
       ``substates [P, D, N]``, ``log_probs [P, N]``, ``label [N]`` and result ``[N]``.
+    * ``at_frame`` and ``with_inputs``: for a likelihood that changes with time, as for
+      ``Dynamics``.  ``observe`` stays that of the likelihood without a time.
     """
 
     #: Whether ``log_prob`` has a useful derivative in the substate.  A likelihood that reads whole
@@ -259,6 +273,9 @@ class Likelihood:
     #: explain the frame best: of x and of y in pixels, and of the logarithm of the size.  Particles
     #: do not show this error; reported intervals and their coverage include it.
     model_error: Any = (0.0, 0.0, 0.0)
+    #: Whether the likelihood understands NaN in parts of a frame.  Otherwise frames with some NaN
+    #: are refused; a frame that is entirely NaN is missing.
+    handles_nan: Any = False
     #: For likelihoods of a distance, its form (``jaxpf.likelihoods.log_density``); else None.
     form: Any = None
 

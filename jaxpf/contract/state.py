@@ -15,6 +15,7 @@ STATUS_OK = 0
 STATUS_INVALID_LIKELIHOOD = 1  # some log-likelihoods were NaN or +inf; treated as -inf and counted
 STATUS_IMPOSSIBLE = 2  # the observation was impossible for every particle; it was skipped
 STATUS_LOST = 4  # a partition had zero likelihood in every particle (see ``Summary.lost``)
+STATUS_UNSUPPORTED = 8  # a traced ordering that does not work with the rest; all floats are NaN
 
 
 @pytree_dataclass
@@ -44,6 +45,7 @@ class ParticleState:
         selections: ``[]``, number of selections in this frame; the initial draws count as one.  A
             selection in some components counts as their share of the particles.  None unless
             requested.
+        time: ``[]`` int32, number of frames processed, see ``jaxpf.contract.Tracker``.
     """
 
     lagged: jax.Array
@@ -56,6 +58,7 @@ class ParticleState:
     log_odds: jax.Array | None = None
     sources: jax.Array | None = None
     selections: jax.Array | None = None
+    time: jax.Array | None = None
 
     @property
     def substates(self) -> jax.Array:
@@ -78,7 +81,8 @@ class Summary:
     Attributes:
         estimate: ``[P, D]``, weighted mean of the substates.
         log_evidence: ``[]``, log of the frame's factor in an unbiased estimate of
-            ``p(y_1:T)``; ``-inf`` if the frame was impossible for every particle.
+            ``p(y_1:T)``; ``-inf`` if the frame was impossible for every particle.  Sum the frames
+            with ``jaxpf.log_evidence``: a float32 sum of 1e5 or more increments drifts.
         ess: ``[]``, effective sample size ``1 / sum(w^2)`` (maccormick1999, eq. 6).
         uniqueness: ``[P]``, number of distinct draws of a partition, divided by N (smith2004,
             section 3.1).

@@ -8,15 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_tracker
-from jaxpf.contract.numbers import check_whole
 from jaxpf.files.writing import atomic_write
 
 #: Version of the file format; other versions are refused.
-_FORMAT = 1
-_STATE, _FORMAT_NAME, _TIME_NAME = "state", "format", "time"
+_FORMAT = 2
+_STATE, _FORMAT_NAME = "state", "format"
 
 
-def save(path: str | os.PathLike[str], state: Any, time: int = 0) -> None:
+def save(path: str | os.PathLike[str], state: Any) -> None:
     """Write a tracker's state to a file, which appears under its name only when complete.
 
     The file is a NumPy ``.npz`` archive of arrays.  It contains neither code nor the tracker
@@ -25,18 +24,15 @@ def save(path: str | os.PathLike[str], state: Any, time: int = 0) -> None:
     Args:
         path: the file.
         state: of any tracker, a pytree of arrays and random keys.
-        time: frames tracked so far, returned by ``saved_time``; ``jaxpf.run`` resumes there.
 
     Raises:
         InputError: the file cannot be written.
     """
-    check_whole("time", time, 0)
     if not _leaves(state):
         raise InputError(f"state is {state!r:.60}, without arrays; give one that a run returned.")
     arrays = {_STATE + place: _plain(leaf) for place, leaf in _leaves(state)}
-    about = {_FORMAT_NAME: np.array(_FORMAT), _TIME_NAME: np.array(time)}
     with atomic_write(path, "wb") as file:
-        np.savez(file, allow_pickle=False, **about, **arrays)
+        np.savez(file, allow_pickle=False, **{_FORMAT_NAME: np.array(_FORMAT)}, **arrays)
 
 
 def load(path: str | os.PathLike[str], tracker: Any) -> Any:
@@ -76,18 +72,11 @@ def load(path: str | os.PathLike[str], tracker: Any) -> Any:
     return jax.tree.unflatten(jax.tree.structure(wanted), leaves)
 
 
-def saved_time(path: str | os.PathLike[str]) -> int:
-    """Return the number of frames tracked when the state was saved."""
-    return int(_content(path)[_TIME_NAME])
-
-
 def _content(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     try:
         with np.load(path, allow_pickle=False) as file:
             content = {name: file[name] for name in file}
         number = int(content[_FORMAT_NAME])
-        if number == _FORMAT:
-            int(content[_TIME_NAME])
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise InputError(f"cannot read the state '{path}': {reason}; check the path.") from error

@@ -39,15 +39,16 @@ def at_start(likelihood: Any, num_partitions: int, dtype: Any) -> jax.Array | No
 def reported(
     likelihood: Any, before: Any, state: Any, summary: Summary, observation: Any
 ) -> tuple[Any, Any]:
-    """Add the confidence in the estimate to a frame's state and summary.
+    """Count a frame in the state's time, and add the confidence in the estimate to its report.
 
     Args:
-        likelihood: defines ``log_odds``.
-        before: state after the previous frame, with ``log_odds``.
+        likelihood: may define ``log_odds``.
+        before: state after the previous frame.
         state: state after this frame.
         summary: this frame's summary.
         observation: this frame's observation.
     """
+    state = dataclasses.replace(state, time=before.time + 1)
     if before.log_odds is None:
         return state, summary
     # Confidence is for reporting only, so it has no derivative.

@@ -1,24 +1,34 @@
 """A particle filter from plain functions: a state-space model with a single state, no classes."""
 
-import inspect
+import dataclasses
 import math
 from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass, static_field
-from jaxpf.filters.initial import as_floats, checked_initial
+from jaxpf.filters.initial import as_floats
 from jaxpf.filters.partitioned.tracker import Partitioned
+from jaxpf.filters.user_functions import (
+    asks_for,
+    call,
+    check_arguments,
+    extras_of,
+    number,
+    of_state,
+    state_shape,
+)
 from jaxpf.ordering import sir
 
 #: Fields of ``Partitioned`` that do not apply to a model with a single state.
 _NO_OPTIONS = {
     *("dynamics", "likelihood", "ordering", "initial", "initial_label", "parents", "num_particles"),
-    *("look_ahead", "relocation"),
+    *("look_ahead", "relocation", "refused"),
 }
 
 
@@ -58,15 +68,18 @@ def state_space(
         initial: ``(key, parameters) -> x``, draws the state just before the first frame; or that
             state itself, an array.
         transition: ``(key, x, parameters) -> x``, draws the next state.  An argument named
-            ``previous`` receives the state before x; one named ``time`` receives the number of the
-            frame that the transition leads to, from 0.
-        log_likelihood: ``(y, x, parameters) -> []``, log-density of a frame y, any pytree.  An
-            argument named ``previous`` receives the state before x; summaries then hold ``[x,
-            previous]``, 2 D numbers, and smoothing takes the whole clip, without a lag.
+            ``previous`` receives the state before x; one named ``time`` the number of the frame
+            that the transition leads to, from 0; one named ``u`` that frame's known input, a row of
+            ``inputs`` of ``jaxpf.run``.
+        log_likelihood: ``(y, x, parameters) -> []``, log-density of a frame y, any pytree.  It may
+            take ``time`` and ``u``, too.  An argument named ``previous`` receives the state before
+            x; summaries then hold ``[x, previous]``, 2 D numbers, and smoothing takes the whole
+            clip, without a lag.  Frames with some NaN are refused unless the function's attribute
+            ``handles_nan`` is true.
         parameters: pytree of numbers and arrays, the last positional argument of every function.
         transition_log_density: ``(new, x, parameters) -> []``, the log-density of ``transition``,
-            for ``jaxpf.smooth`` and ``motion_gradient="score"``; may take ``previous`` and
-            ``time``.
+            for ``jaxpf.smooth`` and ``motion_gradient="score"``; may take ``previous``, ``time``
+            and ``u``.
         num_particles: N.
         options: further fields of ``Partitioned``, such as ``resampling``, ``ess_threshold`` or
             ``gradient``.
@@ -74,12 +87,12 @@ def state_space(
     Raises:
         InputError: a function with other arguments or results, or an unknown option.
     """
-    _check_arguments("transition", transition)
-    _check_arguments("log_likelihood", log_likelihood)
+    check_arguments("transition", transition)
+    check_arguments("log_likelihood", log_likelihood)
     if callable(initial):
-        _check_arguments("initial", initial)
+        check_arguments("initial", initial)
     if transition_log_density is not None:
-        _check_arguments("transition_log_density", transition_log_density)
+        check_arguments("transition_log_density", transition_log_density)
     for path, leaf in jax.tree_util.tree_leaves_with_path(parameters):
         if not hasattr(leaf, "dtype") and not isinstance(leaf, int | float | complex):
             raise InputError(
@@ -91,14 +104,10 @@ def state_space(
             f"state_space has no option {unknown[0]!r}; besides its own arguments it takes "
             f"{', '.join(sorted(options_of_filters))}."
         )
-    keeps_previous = _asks_for(log_likelihood, "previous")
-    if keeps_previous and options.get("proposal") is not None:
-        raise InputError(
-            "proposal draws the state alone, and with a log_likelihood that asks for the previous "
-            "state a particle holds both; leave one of them out."
-        )
-    shape = _state_shape(initial, transition, transition_log_density, parameters)
-    copies = 2 if keeps_previous else 1
+    shape = state_shape(initial, transition, transition_log_density, parameters)
+    copies = 2 if asks_for(log_likelihood, "previous") else 1
+    if copies == 2 and options.get("proposal") is not None:
+        options["proposal"] = FunctionProposal(options["proposal"])
     return Partitioned(
         dynamics=FunctionDynamics(parameters, transition, transition_log_density, shape, copies),
         likelihood=FunctionLikelihood(parameters, log_likelihood, shape),
@@ -123,7 +132,7 @@ class FunctionSampler:
 
     def __call__(self, key: jax.Array) -> jax.Array:
         """Draw an initial state."""
-        x = as_floats(jnp.ravel(self.function(key, self.parameters)))
+        x = as_floats(jnp.ravel(call("initial", self.function, key, self.parameters)))
         return jnp.tile(x, self.copies)[None]
 
 
@@ -131,7 +140,8 @@ class FunctionSampler:
 class FunctionDynamics(contract.Dynamics):
     """Dynamics from plain functions; a substate is the flattened state, or state and predecessor.
 
-    The methods ``log_density`` and ``at_frame`` exist only if the functions need them.
+    The methods ``log_density``, ``at_frame`` and ``with_inputs`` exist only if the functions need
+    them.
     """
 
     parameters: Any
@@ -139,13 +149,15 @@ class FunctionDynamics(contract.Dynamics):
     density: Callable | None = static_field()
     shape: tuple[int, ...] = static_field()
     copies: int = static_field()
-    time: Any = None
+    inputs: Any = None
+    frame: Any = None
 
     def propagate(self, key, partition, current, previous, parent):
         """Draw the new substate ``[D]``."""
-        extras = self._extras(self.transition, previous)
         x = _state(current, self.shape)
-        new = jnp.ravel(self.transition(key, x, self.parameters, **extras))
+        extras = extras_of(self.transition, self.frame, lambda: _state(previous, self.shape))
+        new = call("transition", self.transition, key, x, self.parameters, **extras)
+        new = jnp.ravel(of_state(new, self.shape))
         return new if self.copies == 1 else jnp.concatenate([new, jnp.ravel(x)])
 
     @property
@@ -157,30 +169,44 @@ class FunctionDynamics(contract.Dynamics):
 
         def log_density(partition, new, current, previous, parent):
             states = (_state(x, self.shape) for x in (new, current))
-            return density(*states, self.parameters, **self._extras(density, previous))
+            extras = extras_of(density, self.frame, lambda: _state(previous, self.shape))
+            name = "transition_log_density"
+            return number(name, call(name, density, *states, self.parameters, **extras))
 
         return log_density
 
     @property
     def at_frame(self):
         """Return the dynamics that lead to a frame."""
-        if not any(f and _asks_for(f, "time") for f in (self.transition, self.density)):
-            raise AttributeError("at_frame")
-        fixed = self.transition, self.density, self.shape, self.copies
-        return lambda time: FunctionDynamics(self.parameters, *fixed, time=time)
+        return _at_frame(self, self.transition, self.density)
 
-    def _extras(self, function, previous):
-        extras = {}
-        if _asks_for(function, "previous"):
-            extras["previous"] = _state(previous, self.shape)
-        if _asks_for(function, "time"):
-            if self.time is None:
-                raise InputError(
-                    "the model asks for the time of a frame, which step does not know; use "
-                    "jaxpf.run, or step jaxpf.contract.at_frame(tracker, time)."
-                )
-            extras["time"] = self.time
-        return extras
+    @property
+    def with_inputs(self):
+        """Return the dynamics with known inputs."""
+        return _with_inputs(self, self.transition, self.density)
+
+
+@pytree_dataclass
+class FunctionProposal(contract.Proposal):
+    """A proposal of the state, for substates that hold the state and its predecessor."""
+
+    proposal: Any
+
+    def of_model(self, dynamics, likelihood):
+        """See ``jaxpf.contract.Proposal``."""
+        of_state = dataclasses.replace(dynamics, copies=1)
+        return FunctionProposal(contract.proposal_of(self.proposal, of_state, likelihood))
+
+    def propose_all(self, key, observation, partition, *past):
+        """Draw substates ``[2 D, N]``."""
+        states = [x[: len(x) // 2] for x in past]
+        new = contract.propose_all(self.proposal, key, observation, partition, *states)
+        return jnp.concatenate([new, states[0]])
+
+    def log_density_all(self, observation, partition, *move):
+        """Log-densities ``[N]`` of the new states; the predecessors are given."""
+        states = [x[: len(x) // 2] for x in move]
+        return contract.proposal_log_density_all(self.proposal, observation, partition, *states)
 
 
 @pytree_dataclass
@@ -190,103 +216,57 @@ class FunctionLikelihood(contract.Likelihood):
     parameters: Any
     function: Callable = static_field()
     shape: tuple[int, ...] = static_field()
+    inputs: Any = None
+    frame: Any = None
+
+    @property
+    def handles_nan(self):
+        """Whether the function declares that it understands NaN."""
+        return getattr(self.function, "handles_nan", False)
+
+    @property
+    def at_frame(self):
+        """Return the likelihood of a frame."""
+        return _at_frame(self, self.function)
+
+    @property
+    def with_inputs(self):
+        """Return the likelihood with known inputs."""
+        return _with_inputs(self, self.function)
 
     def log_prob(self, observation, partition, substate):
         """Log-likelihood ``[]`` of a substate ``[D]``."""
-        extras = {}
-        if _asks_for(self.function, "previous"):
-            extras["previous"] = _state(substate[math.prod(self.shape) :], self.shape)
+        previous = substate[math.prod(self.shape) :]
+        extras = extras_of(self.function, self.frame, lambda: _state(previous, self.shape))
         x = _state(substate, self.shape)
-        return _number("log_likelihood", self.function(observation, x, self.parameters, **extras))
+        name = "log_likelihood"
+        return number(name, call(name, self.function, observation, x, self.parameters, **extras))
+
+
+def _at_frame(part: Any, *functions: Any) -> Callable:
+    """``part.at_frame``, which exists only if a function asks for the time or for an input."""
+    if not any(asks_for(f, name) for f in functions for name in ("time", "u")):
+        raise AttributeError("at_frame")
+
+    def at_frame(time: Any) -> Any:
+        frame = {"time": time}
+        if part.inputs is not None:
+            values, first = part.inputs
+            frame["u"] = jax.tree.map(
+                lambda x: lax.dynamic_index_in_dim(jnp.asarray(x), time - first, keepdims=False),
+                values,
+            )
+        return dataclasses.replace(part, frame=frame)
+
+    return at_frame
+
+
+def _with_inputs(part: Any, *functions: Any) -> Callable:
+    """``part.with_inputs``, which exists only if a function asks for an input."""
+    if not any(asks_for(function, "u") for function in functions):
+        raise AttributeError("with_inputs")
+    return lambda inputs, first: dataclasses.replace(part, inputs=(inputs, first))
 
 
 def _state(substate: jax.Array, shape: tuple[int, ...]) -> jax.Array:
     return substate[: math.prod(shape)].reshape(shape)
-
-
-def _asks_for(function: Callable, name: str) -> bool:
-    try:
-        return name in inspect.signature(function).parameters
-    except (TypeError, ValueError):  # some C functions have no signature
-        return False
-
-
-#: Positional arguments of each function, and optional arguments by name.
-_ARGUMENTS = {
-    "initial": (("key", "parameters"), ()),
-    "transition": (("key", "x", "parameters"), ("previous", "time")),
-    "log_likelihood": (("y", "x", "parameters"), ("previous",)),
-    "transition_log_density": (("new", "x", "parameters"), ("previous", "time")),
-}
-
-
-def _check_arguments(name: str, function: Any) -> None:
-    """Refuse a value that is not a function, or a function with other arguments."""
-    arguments, extras = _ARGUMENTS[name]
-    if not callable(function):
-        raise InputError(f"{name} is {function!r:.40}, which is no function.")
-    try:
-        signature = inspect.signature(function)
-    except (TypeError, ValueError):
-        return
-    try:
-        signature.bind(*arguments, **{x: None for x in extras if x in signature.parameters})
-    except TypeError:
-        optional = f"; it may also take {' and '.join(extras)}" if extras else ""
-        raise InputError(
-            f"{name} takes {signature}, but must take ({', '.join(arguments)}){optional}."
-        ) from None
-
-
-def _state_shape(initial, transition, log_density, parameters) -> tuple[int, ...]:
-    """Return the shape of a state; refuse other return values.  Only traces the functions."""
-    key = jax.eval_shape(lambda: jax.random.key(0))
-
-    def returned(name, function, *arguments):
-        offered = {"previous": x, "time": jax.ShapeDtypeStruct((), jnp.int32)}
-        extras = {name: value for name, value in offered.items() if _asks_for(function, name)}
-        value = jax.eval_shape(
-            lambda arguments, extras: function(*arguments, **extras),
-            (*arguments, parameters),
-            extras,
-        )
-        return _array(name, value) if log_density is not function else _number(name, value)
-
-    x = None
-    if callable(initial):
-        x = returned("initial", initial, key)
-    elif jax.tree_util.all_leaves([initial]) or isinstance(initial, list | tuple):
-        x = jax.eval_shape(jnp.asarray, checked_initial(initial))
-    else:
-        raise InputError(f"initial is a {type(initial).__name__}; give the state as one array.")
-    x = jax.ShapeDtypeStruct(x.shape, jnp.promote_types(x.dtype, jnp.float32))
-    new = returned("transition", transition, key, x)
-    if new.shape != x.shape:
-        raise InputError(
-            f"transition returns shape {list(new.shape)}, and initial {list(x.shape)}; both must "
-            "return a state of one shape."
-        )
-    if log_density is not None:
-        returned("transition_log_density", log_density, x, x)
-    return x.shape
-
-
-def _array(name: str, value: Any) -> Any:
-    if not hasattr(value, "shape"):
-        raise InputError(f"{name} returns {type(value).__name__}; return the state as one array.")
-    if jnp.issubdtype(value.dtype, jnp.complexfloating):
-        raise InputError(f"{name} returns complex numbers; return real ones.")
-    return value
-
-
-def _number(name: str, value: Any) -> Any:
-    if value is None:
-        raise InputError(f"{name} returns nothing; return one number.")
-    if jnp.iscomplexobj(value):
-        raise InputError(f"{name} returns complex numbers; return real ones.")
-    if jnp.shape(value) != ():
-        raise InputError(
-            f"{name} returns shape {list(jnp.shape(value))}; return one number, for example the "
-            "sum of independent terms."
-        )
-    return value

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 
+from jaxpf.contract.logs import normalised
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.resampling.components import (
     Components,
@@ -124,4 +125,4 @@ def renormalised(log_weights: jax.Array, components: Components) -> jax.Array:
     cdf = component_cdf(log_weights, components)
     mean = components.spread(jnp.where(cdf.alive, cdf.log_mean, 0.0))
     scaled = jnp.where(components.spread(cdf.alive), log_weights - mean, -jnp.inf)
-    return scaled - jax.nn.logsumexp(scaled)
+    return normalised(scaled)[0]

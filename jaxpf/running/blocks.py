@@ -21,8 +21,9 @@ from jaxpf.running import (
     num_frames,
     summary_only,
     together,
+    with_inputs,
 )
-from jaxpf.running.checks import check_frames, check_run
+from jaxpf.running.checks import as_arrays, check_frames, check_run, warn_if_nan
 from jaxpf.running.chunks import come_one_by_one, in_chunks
 
 #: Block widths for many and for few runs.  A block of 5 costs up to a third more per run than one
@@ -47,6 +48,7 @@ def monte_carlo(
     devices: Sequence[jax.Device] | None = None,
     frames_per_chunk: int | None = None,
     observed: Any = None,
+    inputs: Any = None,
 ) -> Any:
     """Track one sequence many times, independently.
 
@@ -74,6 +76,7 @@ def monte_carlo(
             device.  Default: as many as fit in ``jaxpf.running.chunks.CHUNK_BYTES``, or all frames
             if they are already on a device.
         observed: as for ``run``.
+        inputs: as for ``run``; needs frames in arrays.
 
     Returns:
         Recorded values with leading axes ``[R, T]``.
@@ -87,7 +90,13 @@ def monte_carlo(
     keys = as_keys(keys)
     count = keys.shape[0]
     blocks = blocks_of(count) if batch_size is None else ((-(-count // batch_size), batch_size),)
-    return run_blocks(tracker, keys, frames, blocks, record, devices, frames_per_chunk, observed)
+    frames = as_arrays(frames)
+    tracker = with_inputs(tracker, inputs, frames)
+    recorded = run_blocks(
+        tracker, keys, frames, blocks, record, devices, frames_per_chunk, observed
+    )
+    warn_if_nan(recorded)
+    return recorded
 
 
 def blocks_of(num_runs: int, asked: int | None = None) -> Blocks:
@@ -147,9 +156,8 @@ def run_blocks(
     for first, count, chunk in in_chunks(frames, frames_per_chunk, len(used)):
         of_chunk = tracker
         if come_one_by_one(frames):
-            of_chunk, chunk = missing_frames.marked(
-                tracker, chunk
-            )  # missing frames are known only now
+            # Missing frames are known only now.
+            of_chunk, chunk = missing_frames.marked(tracker, chunk, first=first)
         if states is None:
             check_run(*missing_frames.unmarked(of_chunk, chunk))
             states = _begin_compiled(tracker, batches, used)

@@ -4,6 +4,7 @@ JAX would detect most errors too, but later and with messages about its internal
 """
 
 import functools
+import warnings
 from typing import Any
 
 import jax
@@ -12,13 +13,15 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_tracker
+from jaxpf.contract.pytree import is_concrete
+from jaxpf.running.chunks import come_one_by_one
 
 #: Number of particles in a trial call, chosen to differ from other axes.
 _TRIED = 3
 #: Parts of a tracker, and methods of which each has at least one.
 _METHODS = (
     ("dynamics", ("propagate", "propagate_all", "at_frame")),
-    ("likelihood", ("log_prob", "log_prob_all")),
+    ("likelihood", ("log_prob", "log_prob_all", "at_frame")),
     ("likelihood", ("observe",)),
     ("proposal", ("propose", "propose_all", "of_model")),
 )
@@ -71,6 +74,37 @@ def check_pytree(tracker: Any) -> None:
         if type(leaf).__name__ not in ("function", "method", "builtin_function_or_method"):
             remedy = "decorate the class with @jaxpf.pytree_dataclass, or give numbers"
         raise InputError(f"{place} is {_a(type(leaf).__name__)}, which is no pytree; {remedy}.")
+
+
+def as_arrays(frames: Any) -> Any:
+    """Replace series and tables, as of pandas, by their arrays; others stay as they are."""
+    if come_one_by_one(frames) and not hasattr(frames, "to_numpy"):
+        return frames
+    return jax.tree.map(lambda x: x.to_numpy() if hasattr(x, "to_numpy") else x, frames)
+
+
+def warn_if_nan(summary: Any, first: int = 0) -> bool:
+    """Warn of the first frame that no particle explains because of likelihoods that are NaN.
+
+    Args:
+        summary: what a run recorded, of frames on its last axis; checked if it is a ``Summary``.
+        first: number of the first frame.
+
+    Returns:
+        Whether it warned.
+    """
+    if not isinstance(summary, contract.Summary) or not is_concrete(summary.status):
+        return False
+    bits = contract.STATUS_INVALID_LIKELIHOOD | contract.STATUS_IMPOSSIBLE
+    bad = np.asarray(summary.status) & bits == bits
+    if bad.any():
+        frame = first + int(np.argwhere(np.atleast_1d(bad))[:, -1].min())
+        warnings.warn(
+            f"the log-likelihood of frame {frame} is NaN or +inf, and finite for no particle; the "
+            "frame was skipped, and its evidence is 0 (Summary.status and num_invalid tell).",
+            stacklevel=3,
+        )
+    return bool(bad.any())
 
 
 def check_frames(frames: Any) -> None:
@@ -173,14 +207,14 @@ def _check_methods(
     if _defines(tracker.likelihood, contract.Likelihood, "log_prob_all"):
         weighed = tried(
             tracker.likelihood,
-            lambda filter_, *x: filter_.likelihood.log_prob_all(*x),
+            lambda filter_, *x: contract.at_frame(filter_, 0).likelihood.log_prob_all(*x),
             *(tracker, seen, places, many),
         )
         _check(weighed, (_TRIED,), f"{likelihood}.log_prob_all", "one number for each, [N]")
     elif _defines(tracker.likelihood, contract.Likelihood, "log_prob"):
         weighed = tried(
             tracker.likelihood,
-            lambda filter_, *x: filter_.likelihood.log_prob(*x),
+            lambda filter_, *x: contract.at_frame(filter_, 0).likelihood.log_prob(*x),
             *(tracker, seen, place, substate),
         )
         _check(weighed, (), f"{likelihood}.log_prob", "a single number")

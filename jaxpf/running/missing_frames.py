@@ -78,6 +78,12 @@ class LikelihoodWithGaps(contract.Likelihood):
         return lambda estimates: type(self)(inner(estimates))
 
     @property
+    def at_frame(self):
+        """Forwards to the inner likelihood and wraps the result."""
+        inner = self.likelihood.at_frame
+        return lambda time: type(self)(inner(time))
+
+    @property
     def state_gradient(self):
         """Forwards to the inner likelihood."""
         return contract.has_state_gradient(self.likelihood)
@@ -206,7 +212,7 @@ def _without_rounding(log_total: jax.Array, seen: jax.Array) -> jax.Array:
     return jnp.where(is_one, zero - lax.stop_gradient(zero), log_total)
 
 
-def marked(tracker: Any, frames: Any, observed: Any = None) -> tuple[Any, Any]:
+def marked(tracker: Any, frames: Any, observed: Any = None, first: int = 0) -> tuple[Any, Any]:
     """Mark missing frames; return tracker and frames unchanged if none is missing.
 
     Args:
@@ -214,15 +220,20 @@ def marked(tracker: Any, frames: Any, observed: Any = None) -> tuple[Any, Any]:
         frames: ``[T, ...]``, or an iterable of single frames.
         observed: ``[T]`` bool, which frames were seen, or ``[T, P]``, which partitions.  None: all
             frames except float frames that are entirely NaN; traced frames are tested at run time.
+        first: number of the first frame, for messages.
 
     Raises:
-        InputError: ``observed`` has a wrong shape, or the tracker does not support missing frames.
+        InputError: ``observed`` has a wrong shape, the tracker does not support missing frames, or
+            a frame that was seen holds NaN.
     """
     if isinstance(tracker, WithGaps):
         return tracker, frames
     if observed is None:
-        seen = None if come_one_by_one(frames) else _seen(frames)
-        if seen is None or not _can_have_gaps(tracker):
+        if come_one_by_one(frames) or not _can_have_gaps(tracker):
+            return tracker, frames
+        seen = _seen(frames)
+        _check_nan(tracker, frames, seen, first)
+        if seen is None:
             return tracker, frames
         return WithGaps(tracker), (frames, seen)
     check_gaps(tracker)
@@ -232,6 +243,13 @@ def marked(tracker: Any, frames: Any, observed: Any = None) -> tuple[Any, Any]:
     check_array("observed", observed, "one bool for every frame")
     shape = np.shape(observed)
     if shape != (total,) and shape != (total, parts):
+        if parts == 1 and len(shape) == 2:
+            raise InputError(
+                f"observed has shape {list(shape)}, and this model has one partition, which a "
+                f"frame shows or not: give [{total}]; if single components of y are missing, set "
+                "them to NaN, and let a log_likelihood that leaves them out say so by its "
+                "attribute handles_nan = True."
+            )
         of_parts = "" if parts is None else f", or which partitions, [{total}, {parts}]"
         raise InputError(
             f"observed has shape {shape}; say of each of the {total} frames whether it was seen, "
@@ -239,6 +257,7 @@ def marked(tracker: Any, frames: Any, observed: Any = None) -> tuple[Any, Any]:
         )
     if len(shape) == 2:
         _check_parts(tracker)
+    _check_nan(tracker, frames, observed, first)
     return WithGaps(tracker), (frames, _as_bool(observed))
 
 
@@ -259,7 +278,8 @@ def marked_one_by_one(tracker: Any, frames: Any, observed: Any = None) -> Iterat
     for number, frame in enumerate(frames):
         if frame is None:
             raise InputError(f"frame {number} is None, as an unreadable file gives; give arrays.")
-        marked_tracker = marked(tracker, jax.tree.map(lambda x: np.asarray(x)[None], frame))[0]
+        one = jax.tree.map(lambda x: np.asarray(x)[None], frame)
+        marked_tracker = marked(tracker, one, first=number)[0]
         yield frame, marked_tracker, frame if marked_tracker is tracker else (frame, False)
 
 
@@ -298,6 +318,35 @@ def _seen(frames: Any) -> Any:
 def _nan_throughout(library: Any, leaves: list[Any]) -> Any:
     of_leaves = [library.isnan(x).reshape(len(x), -1).all(axis=1) for x in leaves]
     return library.all(library.stack(of_leaves), axis=0)
+
+
+def _check_nan(tracker: Any, frames: Any, seen: Any, first: int) -> None:
+    """Refuse concrete frames, seen ``[T]`` or ``[T, P]``, of which a part is NaN.
+
+    Raises:
+        InputError: names the first such frame and the place in it.
+    """
+    if not is_concrete(frames, seen) or contract.handles_nan(tracker):
+        return
+    for path, leaf in jax.tree_util.tree_leaves_with_path(frames):
+        if not jnp.issubdtype(jnp.result_type(leaf), jnp.floating):
+            continue
+        # Within a user's trace, indexing a JAX array would give a tracer.
+        leaf = np.asarray(leaf)
+        # The smallest number shows whether any is NaN, without a mask as large as the frames.
+        if not leaf.size or not np.isnan(np.min(leaf)):
+            continue
+        is_nan = np.isnan(leaf).reshape(len(leaf), -1).any(axis=1)
+        if seen is not None:
+            is_nan &= np.asarray(seen, bool).reshape(len(leaf), -1).all(axis=1)
+        if is_nan.any():
+            frame = int(np.argmax(is_nan))
+            place = np.argwhere(np.isnan(leaf[frame]))[0].tolist()
+            raise InputError(
+                f"frame {first + frame} holds NaN{jax.tree_util.keystr(path)} at {place}, but not "
+                "only NaN; give observed= to say which frames or partitions are missing, or set "
+                "handles_nan = True on a likelihood (or log_likelihood) that understands NaN."
+            )
 
 
 def _if_seen(seen: jax.Array, compute: Callable[[], Any]) -> Any:

@@ -13,7 +13,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import check_frames, check_run
+from jaxpf.running.checks import as_arrays, check_frames, check_run, warn_if_nan
 from jaxpf.running.chunks import come_one_by_one
 
 
@@ -29,7 +29,7 @@ def run(
     record: Callable[[Any, Any], Any] = summary_only,
     observed: Any = None,
     state: Any = None,
-    time: int = 0,
+    inputs: Any = None,
 ) -> tuple[Any, Any]:
     """Track one sequence once.
 
@@ -37,13 +37,14 @@ def run(
     with many objects, minutes.  ``jax.config.update("jax_log_compiles", True)`` logs compilation;
     ``jaxpf.stream`` yields every frame's summary as it is computed.
 
-    To resume a run, pass its final state and its number of frames; the results are identical to an
-    uninterrupted run.  ``jaxpf.save`` stores both on disk.
+    To resume a run, pass its key, its final state and the frames that follow; the results are
+    identical to an uninterrupted run.  ``jaxpf.save`` stores a state on disk.
 
     Args:
         tracker: any object with ``init`` and ``step``, registered as a pytree.
         key: the run's random key; frame t uses ``fold_in(key, t + 1)``.
-        frames: array or pytree with a leading time axis ``[T, ...]``.
+        frames: array or pytree with a leading time axis ``[T, ...]``; also a pandas Series or
+            DataFrame.
         record: function of ``(state, summary)`` that returns what to keep of each frame.  Pass a
             named function: a new lambda recompiles.
         observed: ``[T]`` bool, false for a missing frame, in which particles move by their dynamics
@@ -51,28 +52,34 @@ def run(
             default, float frames that are entirely NaN are missing.  The log-evidence increment of
             a missing frame is 0, unless it is random (``jaxpf.running.missing_frames``).
         state: state after the previous frames, to resume; None starts with ``tracker.init``.
-        time: number of previous frames.
+            It must say its ``time``, see ``jaxpf.contract.Tracker``.
+        inputs: known inputs of these frames, a pytree of arrays ``[T, ...]``; functions of
+            ``jaxpf.state_space`` receive a frame's row as ``u``.
 
     Returns:
         The final state, and the recorded values with a leading axis T.
 
     Raises:
         InputError: no frames, arrays with different numbers of frames, or an iterable of single
-            frames; ``observed`` of a wrong shape; see also ``jaxpf.running.checks.check_run``.
+            frames; ``observed`` of a wrong shape; a frame that is NaN in part; see also
+            ``jaxpf.running.checks.check_run``.
     """
+    frames = as_arrays(frames)
     if come_one_by_one(frames):
         raise InputError(
             "frames come one by one, and run needs them all at once; use jaxpf.stream or "
             "jaxpf.monte_carlo, which keep few of them, or give np.stack(list(frames))."
         )
-    check_whole("time", time, 0)
     check_frames(frames)
     num_frames(frames)
-    check_run(tracker, frames)
     key = as_key(key)
-    check_resumed(tracker, key, state, record)
+    first = check_resumed(tracker, key, state, record)
+    tracker = with_inputs(tracker, inputs, frames, first)
+    check_run(tracker, frames)
     tracker, frames = missing_frames.marked(tracker, frames, observed)
-    return run_compiled(tracker, key, frames, record, state, time)
+    state, recorded = run_compiled(tracker, key, frames, record, state)
+    warn_if_nan(recorded)
+    return state, recorded
 
 
 def forecast(
@@ -81,8 +88,7 @@ def forecast(
     state: Any,
     steps: int,
     record: Callable[[Any, Any], Any] = summary_only,
-    *,
-    time: Any,
+    inputs: Any = None,
 ) -> tuple[Any, Any]:
     """Predict targets after the last frame: ``run`` over missing frames.
 
@@ -90,27 +96,57 @@ def forecast(
 
     Args:
         tracker: the tracker of the previous frames.
-        key: as for ``run``.
-        state: state after the last frame.
+        key: with the run's key, the forecast continues exactly as ``run`` would.
+        state: state after the last frame, with its ``time``, see ``jaxpf.contract.Tracker``.
         steps: S, number of frames to predict.
         record: as for ``run``.
-        time: number of frames tracked.  With the run's key, the forecast continues exactly as
-            ``run`` would; a smaller number would reuse the noise of tracked frames.
+        inputs: of these S frames, as for ``run``.
 
     Returns:
         The state S frames ahead, and the recorded values with a leading axis S.
 
     Raises:
-        InputError: fewer than one step, an invalid key, or a tracker without a likelihood.
+        InputError: fewer than one step, an invalid key, a tracker without a likelihood, or a model
+            with inputs that are not given for each step.
     """
     check_whole("steps", steps)
-    check_whole("time", time, 0)
     missing_frames.check_gaps(tracker)
     key = as_key(key)
-    check_resumed(tracker, key, state, record)
+    first = check_resumed(tracker, key, state, record)
     nothing = np.zeros(steps, bool)
+    tracker = with_inputs(tracker, inputs, nothing, first)
     blind = missing_frames.WithoutFrames(tracker)
-    return run_compiled(blind, key, (nothing, nothing), record, state, time)
+    return run_compiled(blind, key, (nothing, nothing), record, state)
+
+
+def with_inputs(tracker: Any, inputs: Any, frames: Any, first: Any = 0) -> Any:
+    """Return the tracker with the inputs of frames ``[T, ...]``; unchanged if there are none.
+
+    Args:
+        tracker: any tracker.
+        inputs: as for ``run``.
+        frames: as for ``run``.
+        first: number of the first frame.
+
+    Raises:
+        InputError: frames that come one by one, or other than T rows; no part of the model takes
+            inputs.
+    """
+    if inputs is None:
+        return tracker
+    if come_one_by_one(frames):
+        raise InputError(
+            "frames come one by one, and inputs are rows of all frames; give "
+            "np.stack(list(frames)), or use jaxpf.stream, which takes inputs one by one."
+        )
+    inputs, count = as_arrays(inputs), num_frames(frames)
+    for path, leaf in jax.tree_util.tree_leaves_with_path(inputs):
+        if np.shape(leaf)[:1] != (count,):
+            raise InputError(
+                f"inputs{jax.tree_util.keystr(path)} has shape {list(np.shape(leaf))} for {count} "
+                f"frames; give a row for each, [{count}, ...]."
+            )
+    return contract.with_inputs(tracker, inputs, first)
 
 
 def frame_key(key: jax.Array, time: Any) -> jax.Array:
@@ -123,8 +159,8 @@ def init(tracker: Any, key: jax.Array) -> Any:
     return tracker.init(jax.random.fold_in(key, 0))
 
 
-def check_resumed(tracker: Any, key: jax.Array, state: Any, record: Any) -> None:
-    """Refuse a state that is not one of the tracker, and what cannot record.
+def check_resumed(tracker: Any, key: jax.Array, state: Any, record: Any) -> Any:
+    """Refuse a state that is not one of the tracker, and what cannot record; return its time.
 
     Raises:
         InputError: names the argument.
@@ -132,13 +168,14 @@ def check_resumed(tracker: Any, key: jax.Array, state: Any, record: Any) -> None
     if not callable(record):
         raise InputError(f"record={record!r:.60} must be a function of (state, summary).")
     if state is None:
-        return
+        return 0
     given: Any = jax.tree.structure(state)
     if given != jax.tree.structure(jax.eval_shape(init, tracker, key)):
         raise InputError(
             f"state is {type(state).__name__}, no state of this tracker; give one that a run of "
             "the same tracker returned, or None to start."
         )
+    return contract.time_of(state)
 
 
 def as_key(key: Any) -> jax.Array:
@@ -255,9 +292,10 @@ def together(tracker: Any, keys: jax.Array) -> Callable[[Callable, Any], Any]:
 
 @partial(jax.jit, static_argnames="record")
 def run_compiled(
-    tracker: Any, key: jax.Array, frames: Any, record: Callable, state: Any = None, time: int = 0
+    tracker: Any, key: jax.Array, frames: Any, record: Callable, state: Any = None
 ) -> Any:
     """``run`` without its checks."""
-    times = time + jnp.arange(num_frames(frames))
+    first = 0 if state is None else state.time
+    times = first + jnp.arange(num_frames(frames))
     state = init(tracker, key) if state is None else state
     return lax.scan(one_run(tracker, key, record), state, (times, frames))

@@ -1,4 +1,4 @@
-"""Track one video frame by frame, with constant memory and one compiled step."""
+"""Track a sequence frame by frame, with constant memory and one compiled step."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
@@ -6,17 +6,17 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from jaxpf import running
-from jaxpf.contract.numbers import check_whole
+from jaxpf import contract, running
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import check_not_traced
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import check_pytree
+from jaxpf.running.checks import as_arrays, check_pytree, warn_if_nan
 from jaxpf.running.chunks import come_one_by_one
 from jaxpf.running.runs import check_resumed
 
 
 class TrackedFrame(NamedTuple):
-    """One tracked frame, in NumPy arrays.
+    """One tracked frame of a video or a time series, in NumPy arrays.
 
     Attributes:
         time: number of the frame among those tracked, from 0.
@@ -37,34 +37,58 @@ def stream(
     frames: Iterable[np.ndarray],
     observed: Iterable[bool] | None = None,
     state: Any = None,
-    time: int = 0,
+    inputs: Any = None,
 ) -> Iterator[TrackedFrame]:
-    """Track frames one by one, with the same results as ``jaxpf.run`` with the same key.
+    """Track frames as they come, with the same results as ``jaxpf.run`` with the same key.
 
-    Frames are not kept: memory does not grow with the length of the video.
+    For online filtering of any series: observations ``y`` of a state-space model, pictures of a
+    camera.  Frames are not kept, so memory does not grow with the length of the sequence.
 
     Args:
         tracker: any tracker.
         key: the run's random key.
-        frames: uint8 RGB ``[H, W, 3]``, all of the same size.
+        frames: an iterable of single frames, or ``[T, ...]``; each as the tracker's likelihood
+            takes it, such as a number, a vector or a uint8 RGB picture ``[H, W, 3]``, all of the
+            same shape.
         observed: whether each frame was seen, as for ``jaxpf.run``; a dropped frame may hold any
             values of that size.
-        state: state after the previous frames, to resume, as for ``jaxpf.run``.
-        time: number of previous frames, as for ``jaxpf.run``; numbering starts from it.
+        state: state after the previous frames, to resume, as for ``jaxpf.run``; frames are
+            numbered from its ``time``.
+        inputs: known inputs of these frames as for ``jaxpf.run``, or an iterable of each frame's.
     """
     key = running.as_key(key)
-    check_whole("time", time, 0)
     check_pytree(tracker)
     check_resumed(tracker, key, state, running.summary_only)
-    if state is None:
-        state = jax.jit(running.init)(tracker, key)
+    frames = as_arrays(frames)
     whole = () if come_one_by_one(frames) else frames
     check_not_traced("jaxpf.stream", "jaxpf.run", tracker, key, whole, state)
+    first = 0 if state is None else int(contract.time_of(state))
+    if state is None:
+        state = jax.jit(running.init)(tracker, key)
     marked = missing_frames.marked_one_by_one(tracker, frames, observed)
-    for number, (frame, marked_tracker, taken) in enumerate(marked, time):
-        state, summary = step(marked_tracker, key, number, state, taken)
+    given, warned = _one_by_one(inputs), False
+    for number, (frame, its_tracker, taken) in enumerate(marked, first):
+        if inputs is not None:
+            row = next(given, None)
+            if row is None:
+                raise InputError(f"inputs end before frame {number}; give a row for each frame.")
+            row = jax.tree.map(lambda x: np.asarray(x)[None], row)
+            its_tracker = running.with_inputs(its_tracker, row, np.zeros(1), number)
+        state, summary = step(its_tracker, key, number, state, taken)
         check_not_traced("jaxpf.stream", "jaxpf.run", summary)
-        yield TrackedFrame(number, frame, state, jax.tree.map(np.asarray, summary))
+        summary = jax.tree.map(np.asarray, summary)
+        warned = warned or warn_if_nan(summary, number)
+        yield TrackedFrame(number, frame, state, summary)
+
+
+def _one_by_one(inputs: Any) -> Iterator[Any]:
+    """Rows of inputs, which are arrays ``[T, ...]`` or come one by one."""
+    inputs = as_arrays(inputs)
+    if come_one_by_one(inputs):
+        yield from inputs
+        return
+    for place in range(running.num_frames(inputs)):
+        yield jax.tree.map(lambda x, place=place: x[place], inputs)
 
 
 @jax.jit

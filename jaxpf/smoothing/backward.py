@@ -28,7 +28,9 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxpf import contract
+from jaxpf.contract.logs import finite
 from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.contract.state import sanitised
 from jaxpf.lowering.prefix import running_sum
 from jaxpf.running import missing_frames
 
@@ -119,14 +121,16 @@ class SeenMoves(contract.DynamicsWithDensity):
 
     def log_density_all(self, partition, new, current, previous, parent):
         """Log-densities ``[N]`` of moves, and of the frame given both ends."""
-        dynamics, half = self.dynamics, new.shape[0] // 2
-        if hasattr(dynamics, "at_frame"):
-            dynamics = dynamics.at_frame(self.time)
+        half = new.shape[0] // 2
+        dynamics, likelihood = (
+            contract.of_frame(part, self.time) for part in (self.dynamics, self.likelihood)
+        )
         observation = contract.frame_of(self.observations, self.time)
         ends = jnp.concatenate([new[:half], current[:half]])
-        return contract.log_density_all(
-            dynamics, partition, new, current, previous, parent
-        ) + contract.log_prob_all(self.likelihood, observation, partition, ends)
+        log_prob = contract.log_prob_all(likelihood, observation, partition, ends)
+        largest = finite(jnp.max(sanitised(log_prob)[0]))  # common to all: it changes no draw
+        log_density = contract.log_density_all(dynamics, partition, new, current, previous, parent)
+        return log_density + (log_prob - largest)
 
 
 def backward(

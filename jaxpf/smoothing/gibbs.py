@@ -28,7 +28,8 @@ from jax import lax
 from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
-from jaxpf.contract.pytree import is_concrete, pytree_dataclass
+from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.contract.refusals import poisoned, refused
 from jaxpf.gradients import NoGradient
 from jaxpf.resampling.schemes import BuiltIn
 from jaxpf.running import memory, missing_frames
@@ -48,14 +49,27 @@ class _KeepsFirst(BuiltIn):
 
 @pytree_dataclass
 class _HoldsFirst:
-    """Dynamics in which the first particle follows a reference ``[D, P]``."""
+    """Dynamics or a proposal in which the first particle follows a reference ``[D, P]``."""
 
-    dynamics: Any
+    inner: Any
     reference: jax.Array
 
-    def propagate_all(self, key, partition, current, previous, parent):
-        moved = contract.propagate_all(self.dynamics, key, partition, current, previous, parent)
+    def __getattr__(self, name):
+        """The densities are the inner ones."""
+        if name.startswith("__") or name == "inner":
+            raise AttributeError(name)
+        return getattr(self.inner, name)
+
+    def propagate_all(self, key, partition, *past):
+        moved = contract.propagate_all(self.inner, key, partition, *past)
         return moved.at[:, 0].set(self.reference[:, partition[0]])
+
+    def propose_all(self, key, observation, partition, *past):
+        drawn = contract.propose_all(self.inner, key, observation, partition, *past)
+        return drawn.at[:, 0].set(self.reference[:, partition[0]])
+
+    def of_model(self, dynamics, likelihood):
+        return _HoldsFirst(contract.proposal_of(self.inner, dynamics, likelihood), self.reference)
 
 
 def particle_gibbs(
@@ -88,7 +102,7 @@ def particle_gibbs(
             sweep (``check_conditional``); an iterable of single frames; a reference of a wrong
             shape; fewer than one sweep; not enough memory.
     """
-    check_conditional(tracker)
+    refuse = check_conditional(tracker)
     if come_one_by_one(frames):
         raise InputError(
             "frames come one by one, and a conditional sweep needs them all at once; give "
@@ -117,41 +131,42 @@ def particle_gibbs(
             "and D; put the substates just before the first frame in front."
         )
     keys = jax.random.split(key, num_sweeps)
-    return _sweeps(marked, keys, frames, jnp.asarray(reference), second_order)
+    drawn = _sweeps(marked, keys, frames, jnp.asarray(reference), second_order)
+    return poisoned(refuse, drawn)
 
 
-def check_conditional(tracker: Any) -> None:
+def check_conditional(tracker: Any) -> Any:
     """Refuse trackers for which no conditional sweep has been proved.
+
+    Returns:
+        As ``check_smoothing``.
 
     Raises:
         InputError: names the setting and an alternative.
     """
-    check_smoothing(tracker)
+    refuse = check_smoothing(tracker)
     if getattr(tracker.resampling, "name", "") != "multinomial":
         raise InputError(
             f"a conditional sweep keeps its reference under multinomial resampling alone, not "
             f"under {tracker.resampling}; give resampling='multinomial'."
-        )
-    ordering = tracker.ordering
-    # NumPy, because within a user's trace a JAX operation would return a tracer.
-    if is_concrete(ordering) and (
-        ordering.keeps_components
-        or np.asarray(ordering.fractions)[0] < 1
-        or np.asarray(ordering.exchanged).any()
-    ):
-        raise InputError(
-            "a conditional sweep keeps its reference in one component without exchange; use "
-            "jaxpf.ordering.ps or sir."
         )
     for name, without in (
         ("ess_threshold", None),
         ("tempering", None),
         ("initial_label", None),
         ("look_ahead", False),
-        ("proposal", None),
     ):
         if getattr(tracker, name) is not without:
             raise InputError(f"a conditional sweep is not proved with {name}; leave it out.")
+    ordering = tracker.ordering
+    one_component = (
+        "a conditional sweep keeps its reference in one component without exchange; use "
+        "jaxpf.ordering.ps or sir."
+    )
+    return refused(
+        (refuse, ()),
+        (ordering.divides | ordering.exchanges | ordering.keeps_components, [one_component]),
+    )
 
 
 @partial(jax.jit, static_argnames="second_order")
@@ -208,9 +223,11 @@ def sweep(
         state = dataclasses.replace(
             state, lagged=state.lagged[..., places], log_weights=state.log_weights[places]
         )
+        at_time = contract.at_frame(model, time)
         holding = dataclasses.replace(
-            model,
-            dynamics=_HoldsFirst(contract.at_frame(model, time).dynamics, following),
+            at_time,
+            dynamics=_HoldsFirst(at_time.dynamics, following),
+            proposal=None if at_time.proposal is None else _HoldsFirst(at_time.proposal, following),
             resampling=_KeepsFirst("multinomial"),
             gradient=NoGradient(),
             motion_gradient="pathwise",

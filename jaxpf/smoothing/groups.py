@@ -17,9 +17,10 @@ from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.refusals import refused
 from jaxpf.filters.functions import FunctionDynamics
+from jaxpf.filters.partitioned.labels import moves_labels
 from jaxpf.filters.partitioned.tracker import Partitioned
-from jaxpf.ordering import SWAPS
 from jaxpf.smoothing.singular import singular_partitions
 
 _SUPPORTED = (
@@ -87,8 +88,11 @@ def sees_previous(tracker: Any) -> bool:
     return isinstance(tracker.dynamics, FunctionDynamics) and tracker.dynamics.copies == 2
 
 
-def check_genealogy(tracker: Any) -> None:
+def check_genealogy(tracker: Any) -> Any:
     """Refuse trackers whose particles have no ancestors, or the wrong weights.
+
+    Returns:
+        As ``check_smoothing``.
 
     Raises:
         InputError: names the setting and an alternative.
@@ -103,28 +107,45 @@ def check_genealogy(tracker: Any) -> None:
             "Transport blends particles, which then come from no single move, and "
             "cannot be smoothed; use another gradient."
         )
-    ordering = tracker.ordering
-    exchanges = is_concrete(ordering) and np.asarray(ordering.exchanged).any()
-    if exchanges and SWAPS[int(ordering.swap)] == "sorted":
-        raise InputError(
-            "swap='sorted' pairs parts by their likelihoods, and its weights are biased, so that "
-            "there is nothing to smooth; use swap='combinatorial'."
-        )
-    if exchanges:
-        _check_roots(tracker)
+    ordering, parents = tracker.ordering, tracker.parents
+    paired = sorted({parent for parent in parents if parent >= 0 and parents[parent] < 0})
+    return refused(
+        (
+            tracker.refused,
+            ("the ordering does not work with the model; build the tracker outside of jit.",),
+        ),
+        (
+            ordering.exchanges_best,
+            (
+                "swap='sorted' pairs parts by their likelihoods, and its weights are biased, so "
+                "that there is nothing to smooth; use swap='combinatorial'.",
+            ),
+        ),
+        (
+            ordering.exchanges_roots & bool(paired),
+            (
+                f"the ordering exchanges roots that have children ({paired}), which pairs again "
+                "what has different pasts; smooth with sps(..., exchange_roots=False), or with "
+                "another method.",
+            ),
+        ),
+    )
 
 
-def check_smoothing(tracker: Any, whole: bool = False) -> None:
+def check_smoothing(tracker: Any, whole: bool = False) -> Any:
     """Refuse trackers whose smoothed distribution is undefined or would be wrong.
 
     Args:
         tracker: any tracker.
         whole: whether the frames of the whole clip are at hand in the backward pass.
 
+    Returns:
+        Bool, whether a traced ordering is one to refuse, see ``contract.refusals``; or None.
+
     Raises:
         InputError: names the setting and an alternative.
     """
-    check_genealogy(tracker)
+    refuse = check_genealogy(tracker)
     check_uncoupled(tracker.dynamics, "smoothing")
     dynamics = type(tracker.dynamics).__name__
     if not contract.has_log_density(tracker.dynamics):
@@ -134,10 +155,7 @@ def check_smoothing(tracker: Any, whole: bool = False) -> None:
             "from which propagate draws (see jaxpf.contract.DynamicsWithDensity), give "
             f"jaxpf.state_space a transition_log_density, or {_TRACE}."
         )
-    moves_labels = tracker.initial_label is not None and hasattr(
-        contract.first_motion(tracker.dynamics), "propagate_label"
-    )
-    if moves_labels and not contract.has_log_label(tracker.dynamics):
+    if moves_labels(tracker) and not contract.has_log_label(tracker.dynamics):
         raise InputError(
             f"smoothing needs the probability of a label's move, and {dynamics} has none; add the "
             "method log_label(new, label, substates) -> [], the log-probability with which "
@@ -155,18 +173,7 @@ def check_smoothing(tracker: Any, whole: bool = False) -> None:
         )
     if is_concrete(tracker.dynamics, tracker.initial):
         _check_noise(tracker)
-
-
-def _check_roots(tracker: Partitioned) -> None:
-    exchanged = np.asarray(tracker.ordering.exchanged)
-    parts = np.asarray(tracker.ordering.order)[0][exchanged]
-    paired = [int(part) for part in parts if tracker.parents[part] < 0 and part in tracker.parents]
-    if paired:
-        raise InputError(
-            f"the ordering exchanges roots that have children ({paired}), which pairs again what "
-            "has different pasts; smooth with sps(..., exchange_roots=False), or with another "
-            "method."
-        )
+    return refuse
 
 
 def _check_noise(tracker: Partitioned) -> None:

@@ -11,8 +11,9 @@ from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass
+from jaxpf.contract.refusals import poisoned
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import check_frames
+from jaxpf.running.checks import as_arrays, check_frames
 from jaxpf.running.chunks import come_one_by_one
 from jaxpf.smoothing import passes
 from jaxpf.smoothing.backward import SeenMoves
@@ -66,6 +67,7 @@ def smooth(
     lag: int | None = None,
     paths: int = 0,
     observed: Any = None,
+    inputs: Any = None,
 ) -> Smoothed:
     """Track a clip, then smooth it: the posterior of every frame given all frames.
 
@@ -92,6 +94,7 @@ def smooth(
             with the length of the clip.
         paths: K, number of trajectories to return.
         observed: as for ``jaxpf.run``.
+        inputs: as for ``jaxpf.run``; needs frames in arrays.
 
     Raises:
         InputError: a tracker that cannot be smoothed (``check_smoothing``); fewer than one
@@ -101,6 +104,8 @@ def smooth(
     if method not in METHODS:
         raise InputError(f"method={method!r} is unknown; give one of {', '.join(METHODS)}.")
     check_whole("paths", paths, 0)
+    frames = as_arrays(frames)
+    tracker = running.with_inputs(tracker, inputs, frames)
     if lag is not None:
         if paths or method != "backward":
             asked = f"paths={paths}" if paths else f"method={method!r}"
@@ -116,9 +121,9 @@ def smooth(
             broken=jnp.asarray(found[-1].broken),
         )
     if method == "genealogy":
-        check_genealogy(tracker)
+        refuse = check_genealogy(tracker)
     else:
-        check_smoothing(tracker, whole=True)
+        refuse = check_smoothing(tracker, whole=True)
     if come_one_by_one(frames):
         raise InputError(
             "frames come one by one, and smoothing a whole clip needs them all at once; give a "
@@ -148,7 +153,9 @@ def smooth(
             lambda x: x[..., :half], (smoothed.estimate, smoothed.spread, smoothed.paths)
         )
         smoothed = dataclasses.replace(smoothed, estimate=estimate, spread=spread, paths=kept)
-    return smoothed if paths else dataclasses.replace(smoothed, paths=None)
+    if not paths:
+        smoothed = dataclasses.replace(smoothed, paths=None)
+    return poisoned(refuse, smoothed)
 
 
 def _drawn(tracker, key, frames, num_trajectories, num_paths, num_steps, observed) -> Smoothed:

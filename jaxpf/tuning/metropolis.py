@@ -21,12 +21,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
-from jaxpf import running
+from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.logs import sum_evenly
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.refusals import biased_evidence, poisoned
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import check_run
+from jaxpf.running.checks import as_arrays, check_run
 from jaxpf.smoothing.genealogy import draw_paths
 from jaxpf.smoothing.groups import check_genealogy, sees_previous
 from jaxpf.smoothing.passes import backward_key
@@ -57,6 +59,8 @@ def pmmh(
     blocks: int = 1,
     observed: Any = None,
     paths: bool = False,
+    inputs: Any = None,
+    biased: bool = False,
 ) -> Posterior:
     """Draw parameters from their posterior given frames.
 
@@ -85,10 +89,12 @@ def pmmh(
         paths: whether to keep a trajectory of the states with each draw of parameters; the pairs
             are draws from their joint posterior.  Missing frames at the end of ``frames`` are
             forecast.
+        inputs: as for ``jaxpf.run``.
+        biased: whether a biased evidence may serve; the draws are then not of the posterior.
 
     Raises:
-        InputError: a number is below 1, parameters are not floats, or the start is excluded by the
-            prior or cannot explain the frames.
+        InputError: a number is below 1, parameters are not floats, the evidence is biased, or the
+            start is excluded by the prior or cannot explain the frames.
     """
     counts = {"num_draws": num_draws, "num_warmup": num_warmup, "num_chains": num_chains}
     counts |= {"blocks": blocks, "num_particles": 1 if num_particles is None else num_particles}
@@ -106,12 +112,17 @@ def pmmh(
             f"build returns a {type(tracker).__name__}, whose num_particles cannot be set; return "
             "a tracker such as jaxpf.state_space(..., parameters=p)."
         )
+    refuse = None
+    if not biased:
+        refuse = biased_evidence(tracker, "pmmh", "biased=True for draws that are not exact")
     if prior is None or jnp.shape(prior) != ():
         raise InputError(f"log_prior returns {prior}; return one number, a sum over parameters.")
-    check_run(tracker, frames)
+    frames, inputs = as_arrays(frames), as_arrays(inputs)
+    check_run(running.with_inputs(tracker, inputs, frames), frames)
     if paths:
         check_genealogy(tracker)
     marked, frames = missing_frames.marked(tracker, frames, observed)
+    frames = frames, inputs
     is_known = is_concrete(key, frames, initial, tracker)
     if is_known and not np.isfinite(prior):
         raise InputError(f"the prior excludes the start {initial!r:.200}; start inside of it.")
@@ -122,13 +133,13 @@ def pmmh(
     spread = _FIRST_STEP * jnp.maximum(jnp.abs(start), _FIRST_STEP)
     walk = _Walk(start, jnp.diag(spread**2), jnp.log(2.38 / math.sqrt(start.size)))
     place = jnp.tile(start, (num_chains, 1))
-    unknown = jnp.full(num_chains, -jnp.inf)  # accepts the first move
+    unknown = jnp.full((num_chains, running.num_frames(frames)), -jnp.inf)  # accepts the first move
     chain_keys = jax.random.split(start_key, (num_chains, blocks))
     path = None
     if paths:
         shaped = jax.eval_shape(partial(model.run, frames=frames), initial, chain_keys[0])[1]
         path = jnp.zeros((num_chains, *shaped.shape), shaped.dtype)
-    chains = _Chains(place, unknown, unknown, chain_keys, path)
+    chains = _Chains(place, unknown[:, 0], unknown, chain_keys, path)
     steps = np.arange(num_warmup + num_draws)
     rates = np.where(steps < num_warmup, (steps + 2.0) ** -0.6, 0.0)
     if is_known and num_particles is None:
@@ -145,7 +156,8 @@ def pmmh(
             f"{model.num_particles} particles; start elsewhere, or give more particles."
         )
     parameters = jax.vmap(jax.vmap(unravel))(places)
-    return Posterior(parameters, evidences, priors, accepted, model.num_particles, path)
+    drawn = Posterior(parameters, evidences, priors, accepted, model.num_particles, path)
+    return poisoned(refuse, drawn)
 
 
 class _Model(NamedTuple):
@@ -157,17 +169,19 @@ class _Model(NamedTuple):
     num_particles: int
     has_paths: bool
 
-    def log_evidence(self, parameters: Any, keys: jax.Array, frames: Any) -> jax.Array:
-        """Estimate the log evidence ``[]``, with a random key for each block of frames."""
+    def increments(self, parameters: Any, keys: jax.Array, frames: Any) -> jax.Array:
+        """Estimate the frames' log evidence ``[T]``, with a random key for each block of them."""
         return self._replace(has_paths=False).run(parameters, keys, frames)[0]
 
     def run(self, parameters: Any, keys: jax.Array, frames: Any) -> tuple[jax.Array, Any]:
-        """Return ``log_evidence``, and a draw of the states ``[T, P, D]``; None without paths."""
+        """Return ``increments``, and a draw of the states ``[T, P, D]``; None without paths."""
+        frames, inputs = frames
         tracker = dataclasses.replace(self.build(parameters), num_particles=self.num_particles)
         record, halves = keep_log_evidence, 1
         if self.has_paths:
             tracker = dataclasses.replace(tracker, keep_ancestors=True)
             record, halves = _keep_ancestors, 2 if sees_previous(tracker) else 1
+        tracker = contract.with_inputs(tracker, inputs)
         if self.has_gaps:
             tracker = missing_frames.WithGaps(tracker)
         times = np.arange(running.num_frames(frames))
@@ -179,11 +193,10 @@ class _Model(NamedTuple):
         items = keys[times * len(keys) // len(times)], times, frames
         state, kept = jax.lax.scan(step, running.init(tracker, keys[0]), items)
         if not self.has_paths:
-            return jnp.sum(kept), None
+            return kept, None
         increments, *ancestry = kept
-        key = backward_key(keys[0])
-        path = draw_paths(key, *ancestry, state.log_weights, 1)[0]
-        return jnp.sum(increments), path[..., : path.shape[-1] // halves]
+        path = draw_paths(backward_key(keys[0]), *ancestry, state.log_weights, 1)[0]
+        return increments, path[..., : path.shape[-1] // halves]
 
 
 def _keep_ancestors(state: Any, summary: Any) -> Any:
@@ -191,14 +204,15 @@ def _keep_ancestors(state: Any, summary: Any) -> Any:
 
 
 class _Chains(NamedTuple):
-    """Current parameters ``[C, d]``, their log prior and log evidence ``[C]``, keys ``[C, B]``.
+    """Current parameters ``[C, d]``, their log prior ``[C]``, and keys ``[C, B]``.
 
-    With paths, also states ``[C, T, P, D]``.
+    ``increments``, ``[C, T]``, are the frames' log evidence: their differences are summed, because
+    a difference of sums would be rounded like the sums.  ``path``, ``[C, T, P, D]``, holds states.
     """
 
     place: jax.Array
     log_prior: jax.Array
-    log_evidence: jax.Array
+    increments: jax.Array
     keys: jax.Array
     path: Any
 
@@ -234,8 +248,8 @@ def _noise(model, key, frames, initial, chains):
 
     def change(ends):
         places = unravel(chains.place[0]), unravel(chains.place[-1])
-        before, after = map(partial(model.log_evidence, frames=frames), places, ends)
-        return after - before
+        before, after = map(partial(model.increments, frames=frames), places, ends)
+        return sum_evenly(after - before)
 
     return jnp.var(jax.lax.map(change, ends, batch_size=16), ddof=1) / 2
 
@@ -262,10 +276,11 @@ def _advance(model, key, frames, initial, chains, walk, rates):
         moves = jnp.exp(walk.log_scale) * jax.random.normal(move_key, (num_chains, size)) @ root.T
         place = chains.place + moves
         keys = chains.keys.at[:, block].set(jnp.stack(keys))
-        priors, evidences, path = jax.vmap(target)(place, keys)
-        proposed = _Chains(place, priors, evidences, keys, path)
-        after, before = (each.log_prior + each.log_evidence for each in (proposed, chains))
-        chance = jnp.nan_to_num(jnp.exp(jnp.minimum(after - before, 0)))  # 0 of NaN
+        priors, increments, path = jax.vmap(target)(place, keys)
+        proposed = _Chains(place, priors, increments, keys, path)
+        change = proposed.log_prior - chains.log_prior
+        change += sum_evenly(proposed.increments - chains.increments)
+        chance = jnp.nan_to_num(jnp.exp(jnp.minimum(change, 0)))  # 0 of NaN
         accepted = jax.random.uniform(accept_key, (num_chains,)) < chance
         chains = jax.tree.map(
             lambda new, old: jnp.where(accepted.reshape(-1, *[1] * (new.ndim - 1)), new, old),
@@ -276,7 +291,12 @@ def _advance(model, key, frames, initial, chains, walk, rates):
         offset = chains.place - mean
         covariance = walk.covariance + rate * (offset.T @ offset / num_chains - walk.covariance)
         log_scale = walk.log_scale + rate * (jnp.mean(chance) - _ACCEPTANCE)
-        return (chains, _Walk(mean, covariance, log_scale)), (*chains[:3], accepted, chains.path)
+        return (chains, _Walk(mean, covariance, log_scale)), (
+            *chains[:2],
+            sum_evenly(chains.increments),
+            accepted,
+            chains.path,
+        )
 
     rates = jnp.asarray(rates, walk.log_scale.dtype)
     items = rates, jax.random.split(key, len(rates)), np.arange(len(rates)) % num_blocks

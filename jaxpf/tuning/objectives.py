@@ -32,6 +32,7 @@ from jax.scipy.stats import norm
 from jax.typing import ArrayLike
 
 from jaxpf import contract, running
+from jaxpf.contract import logs
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array
 from jaxpf.contract.pytree import is_concrete
@@ -55,7 +56,8 @@ def log_evidence(
     = 0 makes it one, so its evidence prefers lambda = 0 for any frames.  Tune such a sharpness by a
     supervised loss, or normalise the likelihood.
     """
-    return jnp.sum(_record(tracker, keys, frames, keep_log_evidence, checkpoint), axis=0)
+    increments = _record(tracker, keys, frames, keep_log_evidence, checkpoint)
+    return logs.sum_evenly(increments, axis=0)
 
 
 def log_mean_evidence(
@@ -67,10 +69,7 @@ def log_mean_evidence(
     So does its gradient with ``jaxpf.gradients.StopGradient``.
     """
     every = log_evidence(tracker, keys, frames, checkpoint=checkpoint)
-    # Both branches stay finite: -inf - -inf would put NaN into the gradient.
-    possible = jnp.any(~jnp.isneginf(every))
-    mean = jax.nn.logsumexp(jnp.where(possible, every, 0.0)) - math.log(every.shape[0])
-    return jnp.where(possible, mean, -jnp.inf)
+    return logs.normalised(every)[1] - math.log(every.shape[0])
 
 
 def position_error(

@@ -14,6 +14,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import OBJECTIVES
 from jaxpf.contract.pytree import described, pytree_dataclass
+from jaxpf.contract.refusals import biased_evidence
 from jaxpf.tuning import objectives
 from jaxpf.tuning.parameters import Parameter, replace
 
@@ -70,6 +71,9 @@ def check_objective(objective: Any, sequences: Sequence[TrainingSequence]) -> No
             )
         if objective == "overlap" and sequence.sizes is None:
             raise InputError(f"objective 'overlap' needs the sizes of {sequence.name}; give them.")
+        if objective == "evidence":
+            otherwise = "an objective that reads the labels"
+            biased_evidence(sequence.tracker, "the objective 'evidence'", otherwise, tuning=True)
         likelihood = getattr(sequence.tracker, "likelihood", None)
         form = getattr(likelihood, "form", None)
         if objective == "evidence" and form == "exponential":

@@ -1,5 +1,7 @@
 """A filter's state, saved and gone on with."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,7 +10,6 @@ import pytest
 import jaxpf
 from jaxpf import InputError, ordering
 from jaxpf.dynamics import RandomWalk
-from jaxpf.files import states
 from jaxpf.filters import SideBySide
 from jaxpf.likelihoods import Gaussian
 
@@ -34,14 +35,13 @@ def whole():
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory, whole):
     path = tmp_path_factory.mktemp("state") / "after.npz"
-    jaxpf.save(path, jax.tree.map(lambda x: x[2], whole[0]), 3)
+    jaxpf.save(path, jax.tree.map(lambda x: x[2], whole[0]))
     return path
 
 
 def test_a_run_goes_on_as_if_nothing_had_been_between(saved, whole):
     state = jaxpf.load(saved, one())
-    assert states.saved_time(saved) == 3
-    end, rest = jaxpf.run(one(), jax.random.key(1), FRAMES[3:], state=state, time=3)
+    end, rest = jaxpf.run(one(), jax.random.key(1), FRAMES[3:], state=state)
     states_after, summaries = whole
     assert jnp.array_equal(rest.estimate, summaries.estimate[3:])
     assert jnp.array_equal(end.lagged, states_after.lagged[-1])
@@ -72,12 +72,11 @@ def test_what_is_no_state_is_refused(tmp_path):
         jaxpf.load(path, None)
     with pytest.raises(InputError, match="state is None, without arrays"):
         jaxpf.save(path, None)
-    with pytest.raises(InputError, match="time = -1 must be a whole number from 0"):
-        jaxpf.save(path, jnp.zeros(2), time=-1)
-    np.savez(path, format=99)
-    with pytest.raises(InputError, match="saved in format 99"):
-        jaxpf.load(path, one())
-    for damaged in ({"format": np.array([{}], object)}, {"format": 1}, {"format": 1, "time": "x"}):
+    for other in (1, 99):  # files of format 1 do not say when the state was
+        np.savez(path, format=other)
+        with pytest.raises(InputError, match=f"saved in format {other}, and this version reads 2"):
+            jaxpf.load(path, one())
+    for damaged in ({"format": np.array([{}], object)}, {"format": "x"}, {"time": 1}):
         np.savez(path, **damaged)
         with pytest.raises(InputError, match="holds no state"):
             jaxpf.load(path, one())
@@ -99,16 +98,23 @@ def test_random_keys_are_kept(tmp_path):
     assert number == 1
 
 
-@pytest.mark.parametrize("time", [-1, 2.5, None, "3", True])
-def test_a_time_that_is_no_number_of_frames_is_refused(saved, time):
-    """It chooses a frame's random numbers: -1 would reuse those of the start."""
+@pytest.mark.parametrize(
+    ("time", "said"),
+    [
+        (jnp.float32(3), "has the time Array.3., dtype=float32"),
+        (jnp.full(2, 3), r"has the time Array.\[3, 3\]"),
+    ],
+)
+def test_a_state_that_does_not_say_its_time_is_refused(saved, time, said):
+    """It chooses a frame's random numbers."""
     state, key = jaxpf.load(saved, one()), jax.random.key(1)
+    state = dataclasses.replace(state, time=time)
     for go_on in (
-        lambda: jaxpf.run(one(), key, FRAMES[3:], state=state, time=time),
-        lambda: jaxpf.forecast(one(), key, state, 1, time=time),
-        lambda: next(jaxpf.stream(one(), key, iter(FRAMES[3:]), state=state, time=time)),
+        lambda: jaxpf.run(one(), key, FRAMES[3:], state=state),
+        lambda: jaxpf.forecast(one(), key, state, 1),
+        lambda: next(jaxpf.stream(one(), key, iter(FRAMES[3:]), state=state)),
     ):
-        with pytest.raises(InputError, match=f"time = {time!r} must be a whole number from 0"):
+        with pytest.raises(InputError, match=f"{said}.*; let the state hold time"):
             go_on()
 
 
@@ -116,7 +122,7 @@ def test_a_time_that_is_no_number_of_frames_is_refused(saved, time):
 def test_a_forecast_of_no_number_of_frames_is_refused(saved, steps):
     state = jaxpf.load(saved, one())
     with pytest.raises(InputError, match=f"steps = {steps!r} must be a whole number from 1"):
-        jaxpf.forecast(one(), jax.random.key(1), state, steps, time=3)
+        jaxpf.forecast(one(), jax.random.key(1), state, steps)
 
 
 @pytest.mark.parametrize(
@@ -130,7 +136,7 @@ def test_going_on_from_the_state_of_another_tracker_is_refused(saved, other, wor
     state, key = jaxpf.load(saved, one()), jax.random.key(1)
     frames = FRAMES[:, [0] * other.num_partitions]
     with pytest.raises(InputError, match=f"has 20 particles of 2 partition.*{words}"):
-        jaxpf.run(other, key, frames, state=state, time=3)
+        jaxpf.run(other, key, frames, state=state)
 
 
 def test_a_stream_takes_keys_as_a_run_does():

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pandas
 import pytest
 from exact import LIMIT, WRONG, rauch_tung_striebel
 from jax.scipy.stats import norm
@@ -10,6 +11,7 @@ from jax.scipy.stats import norm
 import jaxpf
 from jaxpf import InputError, contract, running
 from jaxpf.likelihoods import kalman
+from jaxpf.proposals import Mixture
 
 KEY = jax.random.key(0)
 VALUES = {"a": 0.9, "s": 0.5, "noise": 0.7}
@@ -142,11 +144,41 @@ def kalman_of_both(frames):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(("coefficient", "is_right"), [(0.8, True), (0.5, False)])
-def test_a_likelihood_that_sees_the_state_before_has_the_exact_evidence(coefficient, is_right):
+@jaxpf.pytree_dataclass
+class Optimal:
+    """The posterior of a state given the one before and the frame."""
+
+    def moments(self, y, current):
+        a, s, noise = VALUES.values()
+        variance = 1 / (1 / s**2 + 1 / noise**2)
+        return variance * (a * current / s**2 + y / noise**2), variance**0.5
+
+    def propose(self, key, observation, partition, current, previous, parent):
+        mean, scale = self.moments(observation, current)
+        return mean + scale * jax.random.normal(key, current.shape)
+
+    def log_density(self, observation, partition, new, current, previous, parent):
+        return norm.logpdf(new, *self.moments(observation, current)).sum()
+
+
+@pytest.mark.parametrize(
+    ("coefficient", "proposal", "is_right"),
+    [
+        (0.8, None, True),
+        (0.5, None, False),
+        pytest.param(0.8, Optimal(), True, marks=pytest.mark.slow),
+        pytest.param(0.8, Mixture(Optimal(), 0.5), True, marks=pytest.mark.slow),
+    ],
+)
+def test_a_likelihood_that_sees_the_state_before_has_the_exact_evidence(
+    coefficient, proposal, is_right
+):
     """z-scores of evidence and means."""
     with jax.enable_x64(True):
-        tracker = build(VALUES, log_likelihood=sees_both(coefficient))
+        tracker = build(
+            VALUES, log_likelihood=sees_both(coefficient), transition_log_density=log_density,
+            proposal=proposal,
+        )  # fmt: skip
 
         def record(state, summary):
             return summary.log_evidence, summary.estimate[0]
@@ -194,23 +226,6 @@ def test_a_likelihood_that_sees_the_state_before_is_smoothed_exactly(is_right, m
         ]
     )
     assert scores.max() < LIMIT if is_right else scores.max() > WRONG
-
-
-@jaxpf.pytree_dataclass
-class Optimal:
-    """The posterior of a state given the one before and the frame."""
-
-    def moments(self, y, current):
-        a, s, noise = VALUES.values()
-        variance = 1 / (1 / s**2 + 1 / noise**2)
-        return variance * (a * current / s**2 + y / noise**2), variance**0.5
-
-    def propose(self, key, observation, partition, current, previous, parent):
-        mean, scale = self.moments(observation, current)
-        return mean + scale * jax.random.normal(key, current.shape)
-
-    def log_density(self, observation, partition, new, current, previous, parent):
-        return norm.logpdf(new, *self.moments(observation, current)).sum()
 
 
 def test_a_proposal_goes_through():
@@ -330,9 +345,24 @@ def test_tuning_names_a_parameter_once_and_changes_it_everywhere():
 # Refusals
 
 
+def with_numpy(key, x, p):
+    return np.sin(x) + jax.random.normal(key)
+
+
+def drawn_by_numpy(key, x, p):
+    return x + np.random.normal()  # noqa: NPY002
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
+        (
+            {"transition": with_numpy},
+            r"^transition \(with_numpy\) calls NumPy .*jnp.sin for np.sin",
+        ),
+        ({"transition": lambda key, x, p: float(x)}, r"^transition .*float\(x\), int\(x\)"),
+        ({"initial": lambda key, p: max(p["a"], 0)}, r"^initial .* max; use jnp.where"),
+        ({"transition": drawn_by_numpy}, "^transition gives another result at every call"),
         (
             {"transition": lambda key, x: x},
             r"transition takes \(key, x\), but must take \(key, x, p",
@@ -355,6 +385,25 @@ def test_wrong_functions_are_refused_in_one_sentence(changes, words):
     assert "\n" not in str(raised.value)
 
 
+def test_a_choice_by_python_in_a_likelihood_is_refused_by_its_name():
+    def by_sign(y, x, p):
+        return -1.0 if x < 0 else -(y**2)
+
+    with pytest.raises(InputError, match=r"^log_likelihood \(by_sign\) decides .* use jnp.where"):
+        jaxpf.run(build(VALUES, log_likelihood=by_sign), KEY, FRAMES)
+
+
+def test_a_column_of_a_table_is_a_series_of_frames():
+    its = build(VALUES)
+    alike = jaxpf.run(its, KEY, FRAMES)[1].estimate
+    table = pandas.DataFrame({"y": FRAMES})
+    np.testing.assert_array_equal(jaxpf.run(its, KEY, table["y"])[1].estimate, alike)
+    many = jaxpf.monte_carlo(its, KEY[None], table["y"]).estimate[0]
+    np.testing.assert_allclose(many, alike, rtol=1e-4)
+    with pytest.raises(InputError, match="frames hold object arrays; give arrays of numbers"):
+        jaxpf.run(its, KEY, table.astype(object))
+
+
 def test_a_likelihood_of_many_numbers_is_refused():
     tracker = build(VALUES, initial=jnp.zeros(2), transition=lambda key, x, p: x)
     with pytest.raises(InputError, match=r"log_likelihood returns shape \[2\]; return one number"):
@@ -375,7 +424,7 @@ def test_smoothing_names_the_density_that_it_lacks():
         build(VALUES, proposal=Optimal())
 
 
-def test_a_likelihood_that_sees_the_state_before_is_not_smoothed_with_a_lag_or_proposed():
+def test_a_likelihood_that_sees_the_state_before_is_not_smoothed_with_a_lag():
     tracker = build(
         VALUES, log_likelihood=sees_both(0.8), transition_log_density=log_density,
         resampling="multinomial",
@@ -387,8 +436,3 @@ def test_a_likelihood_that_sees_the_state_before_is_not_smoothed_with_a_lag_or_p
     ):
         with pytest.raises(InputError, match=r"over the whole clip alone; use jaxpf\.smooth"):
             smooth()
-    with pytest.raises(InputError, match="proposal draws the state alone"):
-        build(
-            VALUES, log_likelihood=sees_both(0.8), transition_log_density=log_density,
-            proposal=Optimal(),
-        )  # fmt: skip

@@ -86,7 +86,7 @@ TABLE = {
         tracker, lambda its: run(its, observed=np.outer(SEEN, [True, False, True])), None,
     ),
     "forecast": (
-        tracker, lambda its: jaxpf.forecast(its, KEY, its.init(KEY), 2, time=4), None,
+        tracker, lambda its: jaxpf.forecast(its, KEY, its.init(KEY), 2), None,
     ),
     "labels": (lambda: tracker(**LABELS), run, None),
     "joint likelihood": (
@@ -111,7 +111,7 @@ TABLE = {
     "particle Gibbs": (
         lambda: tracker(resampling="multinomial"),
         lambda its: jaxpf.smoothing.particle_gibbs(its, KEY, FRAMES, 2),
-        "not proved with proposal; leave it out",
+        None,
     ),
     "error bars": (lambda: WithErrorBars(tracker(), lag=2), run, None),
     "runs side by side": (lambda: SideBySide(tracker(), num_runs=3), run, None),

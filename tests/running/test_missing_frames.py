@@ -137,7 +137,7 @@ def test_a_forecast_is_a_run_over_frames_that_are_missing(name):
     its, frames = TRACKERS[name], GAPS[:4]
     states, expected = jax.device_get(jaxpf.run(its, KEY, frames, lambda *both: both)[1])
     state = jax.tree.map(lambda x: x[1], states)  # two frames were tracked
-    _, ahead = jaxpf.forecast(its, KEY, state, 2, time=2)
+    _, ahead = jaxpf.forecast(its, KEY, state, 2)
     np.testing.assert_allclose(ahead.estimate, expected.estimate[2:], atol=1e-5)
     np.testing.assert_allclose(ahead.spread, expected.spread[2:], atol=1e-5)
     assert (np.asarray(ahead.log_evidence) == 0).all()
@@ -153,7 +153,7 @@ def test_a_forecast_has_the_moments_of_the_dynamics():
         initial=jnp.array([[3.0], [-5.0]]),
         num_particles=20_000,
     )
-    _, ahead = jaxpf.forecast(its, KEY, its.init(KEY), 4, time=0)
+    _, ahead = jaxpf.forecast(its, KEY, its.init(KEY), 4)
     steps = np.arange(1, 5)[:, None]
     variance = (1 - 0.81**steps) / (1 - 0.81)
     # Particles are independent: nothing was ever resampled by different weights.
@@ -165,11 +165,11 @@ def test_a_forecast_has_the_moments_of_the_dynamics():
 def test_what_has_no_forecast_is_refused():
     its = partitioned(ordering.ps([0, 1, 2]))
     with pytest.raises(InputError, match="steps = 0 must be a whole number from 1"):
-        jaxpf.forecast(its, KEY, its.init(KEY), 0, time=0)
-    with pytest.raises(TypeError, match="time"):  # frame 0's noise would be used again
-        jaxpf.forecast(its, KEY, its.init(KEY), 4)
+        jaxpf.forecast(its, KEY, its.init(KEY), 0)
+    with pytest.raises(TypeError, match="time"):  # the state says it
+        jaxpf.forecast(its, KEY, its.init(KEY), 4, time=0)
     with pytest.raises(InputError, match="Foreign has no field likelihood"):
-        jaxpf.forecast(Foreign(), KEY, None, 3, time=0)
+        jaxpf.forecast(Foreign(), KEY, None, 3)
 
 
 def test_whole_numbers_are_missing_by_word_alone():
@@ -258,3 +258,76 @@ def test_what_says_nothing_of_frames_is_refused(its, observed, sentence):
     frames = FRAMES[..., 0] if its is TRACKERS["joint"] else FRAMES
     with pytest.raises(InputError, match=sentence):
         jaxpf.run(its, KEY, frames, observed=observed)
+
+
+# NaN in a part of a frame
+
+
+def of_pairs(log_likelihood):
+    return jaxpf.state_space(
+        initial=np.zeros(2),
+        transition=lambda key, x, p: x + jax.random.normal(key, (2,)),
+        log_likelihood=log_likelihood,
+        num_particles=50,
+    )
+
+
+def of_both(y, x, p):
+    return -jnp.sum((y["a"] - x) ** 2) + 0 * y["b"]
+
+
+PAIRS = {"a": np.random.default_rng(1).normal(size=(5, 2)), "b": np.zeros(5)}
+PAIRS["a"][3, 1] = np.nan
+PAIRS["b"][4] = np.nan
+
+
+def test_nan_in_a_part_of_a_frame_is_refused_wherever_frames_are_known():
+    its = of_pairs(of_both)
+    whole = (
+        r"frame 3 holds NaN\['a'\] at \[1\], but not only NaN; give observed= .* handles_nan = Tr"
+    )
+    one_by_one = [jax.tree.map(lambda x, i=i: x[i], PAIRS) for i in range(5)]
+    for call in (
+        lambda: jaxpf.run(its, KEY, PAIRS),
+        lambda: jaxpf.monte_carlo(its, KEY[None], PAIRS),
+        lambda: jaxpf.monte_carlo(its, KEY[None], iter(one_by_one), frames_per_chunk=2),
+        lambda: list(jaxpf.stream(its, KEY, one_by_one)),
+        lambda: jaxpf.run(its, KEY, PAIRS, observed=np.arange(5) != 4),
+    ):
+        with pytest.raises(InputError, match=whole):
+            call()
+    seen = np.arange(5) < 3
+    summary = jaxpf.run(its, KEY, PAIRS, observed=seen)[1]
+    assert np.isfinite(summary.log_evidence).all()
+    with pytest.raises(InputError, match=r"shape \[5, 2\], .* one partition, .*: give \[5\]; if"):
+        jaxpf.run(its, KEY, PAIRS, observed=np.ones((5, 2), bool))
+    with pytest.raises(InputError, match=r"frame 4 holds NaN\['b'\] at \[\]"):
+        jaxpf.run(its, KEY, PAIRS, observed=np.arange(5) != 3)
+
+
+def test_a_likelihood_that_understands_nan_says_so():
+    def of_what_is_there(y, x, p):
+        there = ~jnp.isnan(y)
+        return -jnp.sum(jnp.where(there, jnp.where(there, y, 0) - x, 0) ** 2)
+
+    def without_a_word(y, x, p):
+        return of_what_is_there(y, x, p)
+
+    of_what_is_there.handles_nan = True
+    summary = jaxpf.run(of_pairs(of_what_is_there), KEY, PAIRS["a"])[1]
+    assert np.isfinite(summary.log_evidence).all()
+    with pytest.raises(InputError, match=r"frame 3 holds NaN at \[1\]"):
+        jaxpf.run(of_pairs(without_a_word), KEY, PAIRS["a"])
+
+
+def test_a_likelihood_that_is_nan_for_all_particles_warns_once():
+    its, frames = of_pairs(lambda y, x, p: jnp.log(y - 1) + 0 * x[0]), np.array([2.0, 0.0, 0.0])
+    for call in (
+        lambda: jaxpf.run(its, KEY, frames),
+        lambda: jaxpf.monte_carlo(its, KEY[None], frames),
+        lambda: list(jaxpf.stream(its, KEY, frames)),
+    ):
+        with pytest.warns(UserWarning, match="frame 1 is NaN or .inf, and finite for no") as warned:
+            call()
+        assert len(warned) == 1
+        assert warned[0].filename == __file__

@@ -55,7 +55,7 @@ FUNCTIONS = {
     "run": lambda its, key, frames: jaxpf.run(its, key, frames, final)[1],
     "monte_carlo": lambda its, key, frames: jaxpf.monte_carlo(its, key[None], frames, final),
     "forecast": lambda its, key, frames: jaxpf.forecast(
-        its, key, jaxpf.run(its, key, frames)[0], 2, final, time=3
+        its, key, jaxpf.run(its, key, frames)[0], 2, final
     )[1],
     "step": lambda its, key, frames: streaming.step(its, key, 0, its.init(key), frames[0])[1],
     "log_evidence": lambda its, key, frames: tuning.log_evidence(its, key[None], frames),

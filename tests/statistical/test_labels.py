@@ -4,6 +4,8 @@ Two targets step on the integers 0 to 4.  A label says which joint likelihood ho
 where the targets are apart.  The exact answer is a forward recursion over 5 x 5 x 2 states.
 """
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -54,12 +56,29 @@ class Tables:
         return observation[1][a, b, label]
 
 
-def exact():
-    """Evidence, and the posterior ``[5, 5, 2]`` in the last frame."""
+@pytree_dataclass
+class OfSingleTargets:
+    """The weighting likelihoods alone."""
+
+    def observe(self, frame):
+        return frame[0]
+
+    def log_prob(self, observation, partition, substate):
+        return observation[partition, substate[0].astype(int)]
+
+
+def one_step():
+    """Transition probabilities ``[5, 5]`` of a target."""
     step = np.zeros((PLACES, PLACES))
     for place in range(PLACES):
         for move in (-1, 0, 1):
             step[place, np.clip(place + move, 0, PLACES - 1)] += 1 / 3
+    return step
+
+
+def exact():
+    """Evidence, and the posterior ``[5, 5, 2]`` in the last frame."""
+    step = one_step()
     belief = np.zeros((PLACES, PLACES, 2))
     belief[START] = START_LABEL
     apart = ~np.eye(PLACES, dtype=bool)[..., None] * FLIP
@@ -136,6 +155,48 @@ def test_labels_are_carried_through_other_selections(name, options):
     scale = np.exp(log_evidence.sum(axis=1)) / evidence
     assert z_score(scale, 1) < LIMIT
     assert (z_score(scale[:, None] * labels[:, -1], posterior.sum(axis=(0, 1))) < LIMIT).all()
+
+
+@pytree_dataclass
+class Meeting(Steps):
+    """Labels say whether the targets have met."""
+
+    def propagate_label(self, key, label, substates):
+        return jnp.where(substates[0, 0] == substates[1, 0], 1, label)
+
+
+def report_distance(state, summary):
+    """Evidence, and the mean distance of targets that have met."""
+    a, b = state.lagged[0, 0]
+    return summary.log_evidence, jnp.exp(state.log_weights) @ (state.label * jnp.abs(a - b))
+
+
+@pytest.mark.statistical
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ps", "sps"])
+def test_exchange_separates_places_from_the_label_that_depends_on_them(name):
+    """The evidence agrees all the same, so exchange is refused."""
+    step, belief, same = one_step(), np.zeros((PLACES, PLACES, 2)), np.arange(PLACES)
+    belief[START] = START_LABEL
+    for weighting in WEIGHTING:
+        belief = np.einsum("abl,ac,bd->cdl", belief, step, step)
+        belief[same, same] = belief[same, same].sum(axis=-1, keepdims=True) * [0, 1]
+        belief *= np.exp(weighting[0][:, None, None] + weighting[1][None, :, None])
+    distance = np.abs(same[:, None] - same) * belief[..., 1] / belief.sum()
+    made = dataclasses.replace(tracker(ORDERINGS["ps"], OfSingleTargets()), dynamics=Meeting())
+    if name == "sps":
+        swapped = ordering.sps(num_partitions=2)
+        with pytest.raises(InputError, match="swap='combinatorial' separates a particle's parts"):
+            dataclasses.replace(made, ordering=swapped)
+        made = jaxpf.contract.changed_inside(made, "ordering", lambda _: swapped)
+    keys = jax.random.split(jax.random.key(5), RUNS)
+    frames = jnp.asarray(WEIGHTING), jnp.asarray(JOINT)
+    found = jaxpf.monte_carlo(made, keys, frames, report_distance, batch_size=2000)
+    log_evidence, mean = (np.asarray(values, float) for values in found)
+    scale = np.exp(log_evidence.sum(axis=1)) / belief.sum()
+    assert z_score(scale, 1) < LIMIT
+    worst = z_score(scale * mean[:, -1], distance.sum())
+    assert (worst < LIMIT) if name == "ps" else worst > 10, worst
 
 
 def test_labels_that_cannot_work_are_refused():

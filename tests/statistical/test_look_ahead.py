@@ -126,6 +126,31 @@ class Labelled(Tables):
         return jnp.where(label == 0, jnp.sum(log_probs), jnp.sum(log_probs[:2]) - 3.0)
 
 
+def labelled(chosen):
+    return dataclasses.replace(
+        tracker(chosen, look_ahead=True),
+        dynamics=Flipping(),
+        likelihood=Labelled(),
+        initial_label=np.array([0.5, 0.5]),
+    )
+
+
+def test_a_label_that_moves_after_the_last_stage_counts():
+    """Without resampling inside the frame, a weight is the joint likelihood by the new label."""
+    made, frame = labelled(ordering.sir(3)), (jnp.asarray(WEIGHTING[0]), jnp.asarray(JOINT[0]))
+    state, _ = quick(lambda key: made.step(key, made.init(key), frame))(jax.random.key(0))
+    assert np.ptp(state.label) == 1
+
+    def log_joint(substates, label):
+        log_probs = jax.vmap(made.likelihood.log_prob, (None, 0, 0))(
+            frame, jnp.arange(3), substates
+        )
+        return made.likelihood.log_joint_labelled(frame, substates, log_probs, label)
+
+    expected = jax.nn.log_softmax(jax.vmap(log_joint)(state.substates, state.label))
+    np.testing.assert_allclose(state.log_weights, expected, rtol=1e-4)
+
+
 @pytest.mark.statistical
 @pytest.mark.slow
 def test_a_joint_of_labels_is_given_the_likelihoods_of_single_targets():
@@ -142,12 +167,7 @@ def test_a_joint_of_labels_is_given_the_likelihoods_of_single_targets():
         joint = np.stack([two + w[2], two - 3.0])
         belief = np.einsum("labc,lm,ad,be,cf->mdef", belief, flip, step, step, step)
         belief *= np.exp(joint)
-    made = dataclasses.replace(
-        tracker(ordering.ps([0, 1, 2]), look_ahead=True),
-        dynamics=Flipping(),
-        likelihood=Labelled(),
-        initial_label=np.array([0.5, 0.5]),
-    )
+    made = labelled(ordering.ps([0, 1, 2]))
     keys = jax.random.split(jax.random.key(7), RUNS)
     frames = jnp.asarray(WEIGHTING), jnp.asarray(JOINT)
     found = monte_carlo(made, keys, frames, record=report, batch_size=2000)

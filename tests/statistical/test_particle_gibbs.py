@@ -5,9 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import LIMIT, TREE, WRONG, problem
+from proposed import Bad
 from quick_compiling import quick
 
 from jaxpf import ordering
+from jaxpf.proposals import Mixture
 from jaxpf.resampling.schemes import BuiltIn
 from jaxpf.smoothing import gibbs
 
@@ -18,6 +20,7 @@ CHAINS, SWEEPS, FRAMES = 10_000, 3, 4
 CASES = {
     "second order": lambda: problem((-1, -1), transition=1.4, lag=-0.8, initial_scale=1.0),
     "tree": lambda: problem(TREE, initial_scale=1.0, correlation=0.6),
+    "proposal": lambda: problem((-1, -1), initial_scale=1.0),
 }
 
 
@@ -29,7 +32,9 @@ def drift(case):
     """
     exact = CASES[case]()
     size = len(exact.parents)
-    its = exact.tracker(ordering.ps(range(size)), num_particles=4, resampling="multinomial")
+    settings = {"num_particles": 4, "resampling": "multinomial"}
+    settings |= {"proposal": Mixture(Bad())} if case == "proposal" else {}
+    its = exact.tracker(ordering.ps(range(size)), **settings)
     noise = np.linalg.cholesky(getattr(exact.likelihood, "covariance", np.eye(size)))
     looks_back = exact.dynamics.lag is not None
 
@@ -84,6 +89,11 @@ def test_sweeps_leave_the_joint_distribution_as_it_is(case):
 def test_a_reference_that_is_not_kept_is_found_out(monkeypatch):
     monkeypatch.setattr(gibbs._KeepsFirst, "within", BuiltIn.within)
     assert np.abs(drift("second order")).max() > WRONG
+
+
+def test_a_reference_that_is_proposed_anew_is_found_out(monkeypatch):
+    monkeypatch.delattr(gibbs._HoldsFirst, "propose_all")
+    assert np.abs(drift("proposal")).max() > WRONG
 
 
 def test_ancestors_that_forget_the_frame_after_next_are_found_out(monkeypatch):

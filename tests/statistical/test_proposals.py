@@ -112,7 +112,7 @@ def test_a_forecast_moves_by_the_dynamics():
     tracker = exact.tracker(ON_A_TREE["sps"], proposal=Bad())
     key, state = jax.random.key(1), tracker.init(jax.random.key(0))
     ahead = [
-        jaxpf.forecast(chosen, key, state, 2, time=0)[1].estimate
+        jaxpf.forecast(chosen, key, state, 2)[1].estimate
         for chosen in (tracker, dataclasses.replace(tracker, proposal=None))
     ]
     np.testing.assert_array_equal(*ahead)

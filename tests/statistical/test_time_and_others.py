@@ -146,12 +146,12 @@ def test_every_loop_over_frames_counts_them_alike():
     )
     frames = np.cumsum(shifts, axis=0)[:, None]
     half, _ = jaxpf.run(its, key, frames[:2])
-    _, rest = jaxpf.run(its, key, frames[2:], state=half, time=2)
+    _, rest = jaxpf.run(its, key, frames[2:], state=half)
     many = jaxpf.monte_carlo(its, key[None], frames).estimate[0]
     np.testing.assert_allclose(rest.estimate, many[2:], rtol=1e-9)
-    streamed = jaxpf.stream(its, key, frames[2:], state=half, time=2)
+    streamed = jaxpf.stream(its, key, frames[2:], state=half)
     np.testing.assert_allclose([one.summary.estimate for one in streamed], many[2:], rtol=1e-9)
-    ahead = jaxpf.forecast(its, key, half, 2, time=2)[1].estimate
+    ahead = jaxpf.forecast(its, key, half, 2)[1].estimate
     np.testing.assert_allclose(ahead - many[1], np.cumsum(shifts[2:], axis=0)[:, None], atol=0.2)
 
 

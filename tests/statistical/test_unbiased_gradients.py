@@ -81,6 +81,20 @@ def test_stop_gradient_is_unbiased_where_weights_stay_unequal(record_property):
     assert found.worst < LIMIT
 
 
+@pytest.mark.slow
+def test_stop_gradient_is_unbiased_with_joint_weighting(record_property):
+    """The weights' derivative flows through the predictions of later objects, too."""
+    exact = problem((-1, -1))
+    exact = exact._replace(likelihood=CorrectedAtTheEnd(noise=exact.likelihood.noise))
+    settings = {"gradient": StopGradient(), "look_ahead": True, "runs": 10_000}
+    found = gradients(exact, ordering.dps(2), **settings)
+    record_property("gradient", str(found))
+    print(found)
+    assert found.worst < LIMIT
+    blind = gradients(exact, ordering.dps(2), **settings | {"gradient": NoGradient()})
+    assert np.abs(blind.z).max() > WRONG
+
+
 VARIATIONS = {
     "stop_gradient": ({"gradient": StopGradient()}, True),
     "stop_gradient, score": ({"gradient": StopGradient(), "motion_gradient": "score"}, True),

@@ -1,5 +1,8 @@
 """Particle marginal Metropolis-Hastings against the exact posterior on a grid."""
 
+import dataclasses
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,7 +11,8 @@ import scipy.stats
 from jax.scipy.stats import norm
 
 import jaxpf
-from jaxpf import InputError
+from jaxpf import InputError, pytree_dataclass
+from jaxpf.contract import Bias, static_field
 
 KEY = jax.random.key(3)
 NOISE = 0.5
@@ -154,6 +158,8 @@ def chosen_number(blocks):
     ).num_particles
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("compiled_quickly")
 def test_the_number_of_particles_makes_the_variance_of_the_evidence_about_one():
     middle = {"a": 0.6, "s": 0.6}
     tracker = jaxpf.tuning.replace(
@@ -169,6 +175,75 @@ def test_the_number_of_particles_makes_the_variance_of_the_evidence_about_one():
 def test_fewer_particles_serve_in_blocks():
     """Most noise is common to both ends of a move."""
     assert chosen_number(10) < chosen_number(1)
+
+
+@pytree_dataclass
+class Noise:
+    """A tracker whose evidence is N for every frame, and noise of variance ``variance / N``."""
+
+    place: jax.Array
+    variance: float = 0.0
+    num_particles: int = static_field(default=8)
+    evidence_biases: Any = static_field(default=())
+
+    def init(self, key):
+        return ()
+
+    def step(self, key, state, frame):
+        noise = jax.random.normal(key) * jnp.sqrt(self.variance / self.num_particles)
+        summary = jaxpf.Summary(*[jnp.zeros(())] * 8)
+        return (), dataclasses.replace(summary, log_evidence=self.num_particles + noise)
+
+
+def noise_of(place):
+    return Noise(place, 8e-3)
+
+
+def loud(place):
+    return Noise(place, 28.0)
+
+
+def triangle(place):
+    """A prior on (0, 1), proportional to the place."""
+    return jnp.where((place > 0) & (place < 1), jnp.log(jnp.clip(place, 1e-9)), -jnp.inf)
+
+
+def test_the_prior_alone_is_drawn_where_the_frames_say_nothing():
+    """With noise from keys of its own for every evaluation, and so many particles as wanted."""
+    chains = 200
+    drawn = jaxpf.pmmh(
+        noise_of, triangle, KEY, np.zeros(2, np.float32), 0.5,
+        num_draws=40, num_warmup=200, num_chains=chains, num_particles=8,
+    )  # fmt: skip
+    accepted = np.asarray(drawn.accepted)
+    evidence = np.asarray(drawn.log_evidence)
+    np.testing.assert_allclose(evidence, 16, atol=0.3)  # two frames of 8 particles each
+    assert len(np.unique(evidence[accepted])) > 0.9 * accepted.sum()
+    place = np.asarray(drawn.parameters)
+    assert ((place > 0) & (place < 1)).all()
+    np.testing.assert_allclose(drawn.log_prior, np.log(place), rtol=1e-4)
+    for power, exact in ((1, 2 / 3), (2, 1 / 2)):
+        means = (place**power).mean(axis=1)
+        assert abs(means.mean() - exact) < 4.5 * means.std(ddof=1) / chains**0.5
+
+
+def test_no_more_particles_are_chosen_than_the_variance_wants():
+    """A variance of 1 needs 28; the choice rounds up to half an octave."""
+    drawn = jaxpf.pmmh(loud, triangle, KEY, np.zeros(1), 0.5, num_draws=2, num_warmup=20)
+    assert 20 <= drawn.num_particles <= 45
+    np.testing.assert_allclose(drawn.log_evidence, drawn.num_particles, atol=5)
+
+
+def test_a_biased_evidence_is_refused_unless_it_is_asked_for():
+    frames, few = np.zeros(1), {"num_draws": 2, "num_warmup": 2, "num_chains": 2}
+
+    def biased(applies):
+        return lambda p: Noise(p, evidence_biases=(Bias(applies, "swap='x'", "swap='y'"),))
+
+    with pytest.raises(InputError, match="needs an unbiased evidence, and swap='x' biases it; use"):
+        jaxpf.pmmh(biased(True), triangle, KEY, frames, 0.5, **few)
+    drawn = jaxpf.pmmh(biased(True), triangle, KEY, frames, 0.5, biased=True, **few)
+    assert np.isfinite(drawn.parameters).all()
 
 
 def test_it_runs_in_a_users_jit():

@@ -171,7 +171,7 @@ def _record_frames(recording: Recording, first: np.ndarray, stack: contextlib.Ex
                 progress.update(task, description="smoothing")
                 smoothed.finish()
             if run.save_state is not None and counts.tracked:
-                states.save(run.save_state, state, before[1] + counts.tracked)
+                states.save(run.save_state, state)
         progress.update(task, total=counts.tracked)
     if counts.tracked == 0:
         raise nothing_follows(source, run.start + before[1])

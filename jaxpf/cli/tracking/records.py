@@ -138,7 +138,7 @@ def fixed_population(
         yield Record(scene.first, frame, start, colours, start.shapes, places, nobody)
     elif not hasattr(cloud, "substates"):
         centres = np.full_like(centres, np.nan)
-    for tracked in stream(tracker, key, frames, state=state, time=time):
+    for tracked in stream(tracker, key, frames, state=state):
         summary = tracked.summary
         if tracked.time == 0:
             scene.check_first(summary, start.ids)

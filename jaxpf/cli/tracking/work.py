@@ -171,10 +171,12 @@ def _state_before(request: Request, tracker: Any) -> tuple[Any, int]:
     """State of --resume and its number of frames; else None and 0."""
     if request.run.resume is None:
         return None, 0
+    from jaxpf import contract
     from jaxpf.files import states
 
     path, frames = request.run.resume, request.run.frames
-    state, time = states.load(path, tracker), states.saved_time(path)
+    state = states.load(path, tracker)
+    time = int(contract.time_of(state))
     if frames is not None and frames <= time:
         raise InputError(
             f"--resume {path} has tracked {time} frames already, and --frames {frames} includes "

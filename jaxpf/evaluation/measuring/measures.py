@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from jaxpf.contract.logs import log_evidence
 from jaxpf.evaluation.work.batches import Batch
 from jaxpf.measures import calibration, metrics
 from jaxpf.measures.scores import CENTRE_THRESHOLDS, OVERLAP_THRESHOLDS
@@ -220,7 +221,7 @@ def _measure_piece(batch: Batch, frames: dict[str, np.ndarray], has_places: bool
         "crps": _mean_of_places(calibration.crps(offset, spread)),
         "log_score": _mean_of_places(calibration.log_score(offset, spread)),
         "ess": _mean(batch.ess)[:, None],
-        "log_evidence": np.sum(batch.log_evidence.astype(np.float64), axis=1, keepdims=True),
+        "log_evidence": log_evidence(batch)[:, None],
         "frames_without_likelihood": np.sum(batch.without_likelihood, axis=1),
     }
     for percent in REGIONS:

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf import contract
+from jaxpf.contract import logs
 from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass
@@ -37,6 +38,7 @@ class FactoredState:
         weighted: ``[]`` bool, false for initial sets that have not been weighted.
         history: data from earlier frames, for trackers that need it; else None.
         log_odds: ``[P]``, see ``jaxpf.ParticleState``; None if the likelihood has none.
+        time: ``[]`` int32, number of frames processed, see ``jaxpf.contract.Tracker``.
     """
 
     lagged: jax.Array
@@ -44,6 +46,7 @@ class FactoredState:
     weighted: jax.Array
     history: Any = None
     log_odds: Any = None
+    time: Any = None
 
     @property
     def substates(self) -> jax.Array:
@@ -102,6 +105,7 @@ def start(key: jax.Array, tracker: Any) -> FactoredState:
         log_weights=jnp.full(values.shape[1:], -math.log(num), values.dtype),
         weighted=jnp.zeros((), bool),
         log_odds=confidence.at_start(tracker.likelihood, values.shape[1], values.dtype),
+        time=jnp.zeros((), jnp.int32),
     )
 
 
@@ -183,15 +187,14 @@ def weighed(tracker, observation, values: jax.Array) -> tuple[jax.Array, jax.Arr
     return log_prob.reshape(num_partitions, num), num_invalid
 
 
-def normalised(log_weights: jax.Array, fallback: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Normalise log-weights ``[P, N]``; also return the log totals ``[P]`` before.
+def multiplied(log_weights: jax.Array, log_factor: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Multiply weights ``[P, N]`` by a factor and normalise; also return the log totals ``[P]``.
 
-    A partition whose weights are all zero keeps ``fallback``: the frame is skipped for it.
+    A partition whose factors are all zero keeps its weights: the frame is skipped for it.
     """
-    possible = jnp.any(~jnp.isneginf(log_weights), axis=1, keepdims=True)
-    kept = jnp.where(possible, log_weights, fallback)
-    total = jax.nn.logsumexp(kept, axis=1, keepdims=True)
-    return kept - total, jnp.where(possible, total, -jnp.inf)[:, 0]
+    weighted, totals = logs.multiplied(log_weights, log_factor)
+    possible = ~jnp.isneginf(totals)[:, None]
+    return jnp.where(possible, weighted, logs.normalised(log_weights)[0]), totals
 
 
 def means(log_weights: jax.Array, values: jax.Array) -> jax.Array:

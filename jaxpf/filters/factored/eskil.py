@@ -17,6 +17,7 @@ from jaxpf.contract.errors import InputError, check_known, choice
 from jaxpf.contract.names import DRIFTS, SHAPES
 from jaxpf.contract.numbers import FINITE, check_array, check_number, check_whole
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
+from jaxpf.contract.refusals import Bias
 from jaxpf.contract.state import Summary
 from jaxpf.filters import confidence
 from jaxpf.filters.factored import cloud, drift, shape
@@ -96,6 +97,15 @@ class Eskil(contract.Tracker):
         """Number of partitions, P."""
         return cloud.count_partitions(self.initial)
 
+    @property
+    def evidence_biases(self) -> tuple[Bias, ...]:
+        """See ``jaxpf.contract.evidence_biases``."""
+        drifts = self.drift != "none" and not self.proper
+        return (
+            Bias(self.shape != "none", f"shape={self.shape!r}", "shape='none'"),
+            Bias(drifts, f"drift={self.drift!r}", "drift='none' or proper=True"),
+        )
+
     @with_written_out_key
     def init(self, key: jax.Array) -> FactoredState:
         """Draw the state just before the first frame, with equal weights."""
@@ -121,7 +131,7 @@ class Eskil(contract.Tracker):
         if self.drift != "none":
             simulated = cloud.moved(self, simulate_key, lagged)
             promise, invalid_before = cloud.weighed(self, observation, simulated)
-            posterior, _ = cloud.normalised(log_weights + promise, log_weights)
+            posterior, _ = cloud.multiplied(log_weights, promise)
             seen = cloud.means(posterior, simulated)[:2].T - motion.place
             carried = drift.drift(motion, seen, self.drift)
 
@@ -132,16 +142,15 @@ class Eskil(contract.Tracker):
         if self.proper:
             ratio = _log_ratio(self.dynamics, new, diffused, lagged)
             log_prob = jnp.where(jnp.isneginf(log_prob), -jnp.inf, log_prob + ratio)
-        unweighted, _ = cloud.normalised(log_weights, log_weights)
-        posterior, totals = cloud.normalised(log_weights + log_prob, unweighted)
+        posterior, totals = cloud.multiplied(log_weights, log_prob)
         if self.shape != "none":
             centres = cloud.means(posterior, new)[:2]
             reference = shape.reference_distances(self.reference).astype(new.dtype)
             held = shape.log_shape(new[:2], centres, reference, self.shape_scale, self.shape)
             held = jnp.where(jnp.isneginf(posterior), 0.0, held)  # may be NaN at zero weight
-            posterior, _ = cloud.normalised(posterior + held, posterior)
+            posterior, _ = cloud.multiplied(posterior, held)
 
-        exact = self.shape == "none" and (self.drift == "none" or self.proper)
+        exact = not any(bias.applies for bias in self.evidence_biases)
         after = FactoredState(
             lagged=jnp.stack([new, lagged[0]]),
             log_weights=posterior,

@@ -16,6 +16,7 @@ from jaxpf.contract.errors import check_known
 from jaxpf.contract.names import FORMS
 from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.contract.refusals import Bias
 from jaxpf.contract.state import Summary
 from jaxpf.filters import confidence
 from jaxpf.filters.factored import cloud
@@ -73,6 +74,11 @@ class PFFL(Tracker):
         """Number of partitions, P."""
         return cloud.count_partitions(self.initial)
 
+    @property
+    def evidence_biases(self) -> tuple[Bias, ...]:
+        """See ``jaxpf.contract.evidence_biases``."""
+        return (Bias(self.form != "auxiliary", f"form={self.form!r}", "form='auxiliary'"),)
+
     @with_written_out_key
     def init(self, key: jax.Array) -> FactoredState:
         """Draw the state just before the first frame, with equal weights."""
@@ -94,7 +100,7 @@ class PFFL(Tracker):
             lagged, log_weights = cloud.survivors(self, sample_key, state)
         simulated = cloud.moved(self, simulate_key, lagged)
         promise, invalid_before = cloud.weighed(self, observation, simulated)
-        selection, _ = cloud.normalised(log_weights + promise, log_weights)
+        selection, _ = cloud.multiplied(log_weights, promise)
         if self.form == "auxiliary":
             safety = jnp.asarray(self.safety, selection.dtype)
             rest = jnp.log1p(-jnp.minimum(safety, 1 - jnp.finfo(safety.dtype).eps))
@@ -107,8 +113,7 @@ class PFFL(Tracker):
         )
         new = cloud.moved(self, move_key, lagged)
         log_prob, invalid = cloud.weighed(self, observation, new)
-        kept, _ = cloud.normalised(log_weights, log_weights)
-        log_weights, totals = cloud.normalised(log_weights + log_prob, kept)
+        log_weights, totals = cloud.multiplied(log_weights, log_prob)
         after = FactoredState(
             lagged=jnp.stack([new, lagged[0]]),
             log_weights=log_weights,

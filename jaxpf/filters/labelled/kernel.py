@@ -34,6 +34,7 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
+from jaxpf.contract.logs import counted, finite, normalised
 from jaxpf.contract.state import (
     STATUS_IMPOSSIBLE,
     STATUS_INVALID_LIKELIHOOD,
@@ -144,8 +145,11 @@ def relocated(
 
 def weigh(
     tracker: Any, state: LabelledState, left: jax.Array, observation: Any
-) -> tuple[jax.Array, jax.Array]:
-    """Log-likelihoods ``[N]`` of ``state.lagged[0]``, and the number of invalid ones, ``[]``."""
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Log-likelihoods of ``state.lagged[0]``, and the number of invalid ones, ``[]``.
+
+    They are ``[N]``, relative to the largest of their label, ``[L]``, which is returned next.
+    """
     moved = state.lagged[0]
     likelihood = contract.expecting(tracker.likelihood, state.estimate.T)
     log_prob = contract.log_prob_all(likelihood, observation, state.labels, moved)
@@ -156,13 +160,21 @@ def weigh(
             tracker.dynamics, state.labels, moved, left[0], left[1], jnp.zeros_like(moved)
         )
         log_prob = with_gradient_of(log_prob, log_density.astype(moved.dtype))
-    return log_prob, num_invalid
+    alive, num_targets = counted(log_prob, state.log_weights), tracker.num_targets
+    largest = finite(by_label.maxima(alive, state.labels, num_targets))
+    return log_prob - by_label.spread(largest, state.labels), largest, num_invalid
 
 
 def share_out(
-    tracker: Any, state: LabelledState, log_prob: jax.Array
+    tracker: Any, state: LabelledState, log_factor: jax.Array, largest: jax.Array
 ) -> tuple[LabelledState, jax.Array, jax.Array]:
-    """Multiply the weights by the likelihood and normalise, with or without eq. 4.
+    """Multiply the weights by a factor and normalise, with or without eq. 4.
+
+    Args:
+        tracker: the tracker.
+        state: the state before.
+        log_factor: ``[N]``, relative to ``largest``.
+        largest: ``[L]``, log of each label's part of the factor.
 
     Returns:
         The state with new weights and masses, and the log of the frame's evidence factors: of the
@@ -170,9 +182,11 @@ def share_out(
     """
     labels, num_targets = state.labels, tracker.num_targets
     entering = state.log_weights
-    weighed = entering + log_prob
+    weighed = entering + log_factor
     total = by_label.log_sums(weighed, labels, num_targets)
     seen = ~jnp.isneginf(total)
+    most = finite(jnp.max(jnp.where(seen, largest, -jnp.inf)))
+    apart = largest - most
     if tracker.weights == "equal_share":
         held = by_label.log_sums(lax.stop_gradient(entering), labels, num_targets)
         factor = jnp.where(seen, total - jnp.where(seen, held, 0.0), -jnp.inf)
@@ -183,10 +197,8 @@ def share_out(
         num_present = jnp.maximum(jnp.sum(present), 1).astype(norm.dtype)
         log_weights = jnp.where(kept, weighed, entering) - by_label.spread(norm, labels)
         log_weights = log_weights - jnp.log(num_present)
-        mass = state.log_mass + factor
-        log_total = _log_sum(mass)
-        possible = ~jnp.isneginf(log_total)
-        log_mass = jnp.where(possible, mass - jnp.where(possible, log_total, 0.0), state.log_mass)
+        mass, log_total = normalised(state.log_mass + (factor + apart))
+        log_mass = jnp.where(jnp.isneginf(log_total), state.log_mass, mass)
         if state.alive is not None:
             # Skip the frame for its mass too: it must count again once the others have ended.
             unseen = state.alive & ~seen
@@ -194,16 +206,16 @@ def share_out(
             rest = jnp.log1p(-jnp.minimum(share, 1 - jnp.finfo(share.dtype).eps))
             log_mass = jnp.where(unseen, state.log_mass, log_mass + rest)
     else:
-        log_total = _log_sum(total)
-        possible = ~jnp.isneginf(log_total)
         before = state.log_mass
         alive = seen & ~jnp.isneginf(before)
         factor = jnp.where(alive, total - jnp.where(alive, before, 0.0), -jnp.inf)
-        norm = jnp.where(possible, log_total, 0.0)
         # Skip an observation that is impossible for all labels.
-        held = by_label.log_sums(entering, labels, num_targets)
-        log_weights = jnp.where(possible, weighed - norm, entering - _log_sum(held))
-        log_mass = jnp.where(possible, total - norm, held - _log_sum(held))
+        possible = jnp.any(seen)
+        log_weights, log_total = normalised(
+            jnp.where(possible, weighed + by_label.spread(apart, labels), entering)
+        )
+        log_mass = by_label.log_sums(log_weights, labels, num_targets)
+        log_total = jnp.where(possible, log_total, -jnp.inf)
     state = dataclasses.replace(
         state,
         log_weights=lax.optimization_barrier(log_weights),
@@ -211,7 +223,7 @@ def share_out(
         lost=~seen,
         weighted=jnp.ones((), bool),
     )
-    return state, log_total, factor
+    return state, log_total + most, factor + largest
 
 
 def report(
@@ -287,10 +299,3 @@ def _of_living(alive: Any, summary: Any) -> LabelledSummary:
         log_evidence=jnp.where(jnp.any(alive), summary.log_evidence, 0.0),
         alive=alive,
     )
-
-
-def _log_sum(values: jax.Array) -> jax.Array:
-    """``logsumexp`` ``[]`` of ``[L]``, with a finite derivative if all are -inf."""
-    possible = jnp.any(~jnp.isneginf(values))
-    total = jax.nn.logsumexp(jnp.where(possible, values, 0.0))
-    return jnp.where(possible, total, -jnp.inf)

@@ -21,6 +21,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.logs import normalised
 from jaxpf.contract.numbers import check_array, check_whole
 from jaxpf.filters.labelled import by_label, kernel
 from jaxpf.filters.labelled.state import LabelledState
@@ -51,7 +52,7 @@ def ended(state: LabelledState, slot: jax.Array) -> LabelledState:
 def _born(state, slot, substate):
     alive = state.alive.at[slot].set(True)
     living = jnp.sum(alive).astype(state.log_mass.dtype)
-    others = _normalised(state.log_mass.at[slot].set(-jnp.inf)) + jnp.log1p(-1 / living)
+    others = normalised(state.log_mass.at[slot].set(-jnp.inf))[0] + jnp.log1p(-1 / living)
     return dataclasses.replace(
         state,
         alive=alive,
@@ -71,8 +72,8 @@ def _ended(state, slot):
         alive=state.alive.at[slot].set(False),
         newborn=state.newborn.at[slot].set(False),
         lost=state.lost.at[slot].set(False),
-        log_weights=_normalised(weights),
-        log_mass=_normalised(state.log_mass.at[slot].set(-jnp.inf)),
+        log_weights=normalised(weights)[0],
+        log_mass=normalised(state.log_mass.at[slot].set(-jnp.inf))[0],
     )
 
 
@@ -102,6 +103,7 @@ def first_state(tracker: Any) -> LabelledState:
         weighted=jnp.zeros((), bool),
         alive=alive,
         newborn=jnp.zeros_like(alive),
+        time=jnp.zeros((), jnp.int32),
     )
 
 
@@ -112,12 +114,6 @@ def homes(alive: jax.Array, num_particles: int) -> jax.Array:
     living_first = jnp.argsort(~jnp.asarray(alive, bool)).astype(jnp.int32)
     number = jnp.maximum(jnp.sum(alive), 1)
     return living_first[jnp.arange(num_particles, dtype=jnp.int32) % number]
-
-
-def _normalised(log_values: jax.Array) -> jax.Array:
-    """Shift the values so that their exponentials sum to one; unchanged if all are -inf."""
-    total = jax.nn.logsumexp(log_values)
-    return log_values - jnp.where(jnp.isneginf(total), 0.0, total)
 
 
 def _check_open(state: LabelledState) -> None:

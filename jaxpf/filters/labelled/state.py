@@ -29,6 +29,7 @@ class LabelledState:
             fixed population.
         log_odds: ``[L]``, log odds that the targets are at their estimates, smoothed over past
             frames; None for likelihoods without ``log_odds``, and in an open population.
+        time: ``[]`` int32, number of frames processed, see ``jaxpf.contract.Tracker``.
     """
 
     lagged: jax.Array
@@ -42,6 +43,7 @@ class LabelledState:
     alive: Any = None
     newborn: Any = None
     log_odds: Any = None
+    time: Any = None
 
     @property
     def substates(self) -> jax.Array:

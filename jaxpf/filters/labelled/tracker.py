@@ -12,6 +12,7 @@ import numpy as np
 from jaxpf.contract import Tracker
 from jaxpf.contract.numbers import coordinates_in
 from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.contract.refusals import Bias
 from jaxpf.filters import confidence
 from jaxpf.filters.initial import as_floats, checked_initial
 from jaxpf.filters.labelled import by_label, kernel, population
@@ -101,6 +102,16 @@ class Labelled(Tracker):
         """Number of targets, L, which are the rows of a summary."""
         return self.num_targets
 
+    @property
+    def evidence_biases(self) -> tuple[Bias, ...]:
+        """See ``jaxpf.contract.evidence_biases``: eq. 4 can leave a target without particles."""
+        eq4 = self.weights == "equal_share" and self.scope == "across"
+        return (
+            Bias(eq4, "weights='equal_share' (eq. 4)", "weights='corrected'", False),
+            Bias(self.feedback != "none", f"feedback={self.feedback!r}", "feedback='none'", False),
+            Bias(self.reseed is not None, "reseed", "reseed=None", False),
+        )
+
     @with_written_out_key
     def init(self, key: jax.Array) -> LabelledState:
         """Draw the state just before the first frame; each target has 1/L of the weight."""
@@ -130,6 +141,7 @@ class Labelled(Tracker):
             lost=jnp.zeros((self.num_targets,), bool),
             weighted=jnp.zeros((), bool),
             log_odds=confidence.at_start(self.likelihood, self.num_targets, values.dtype),
+            time=jnp.zeros((), jnp.int32),
         )
 
     def observe(self, frame: Any) -> Any:
@@ -156,11 +168,11 @@ class Labelled(Tracker):
         if self.relocation is not None:
             jump_key = jax.random.fold_in(stages_key, 1)
             state, log_weight = kernel.relocated(self, jump_key, state, observation)
-        log_prob, num_invalid = kernel.weigh(self, state, left, observation)
+        log_factor, largest, num_invalid = kernel.weigh(self, state, left, observation)
         if log_weight is not None:
-            log_prob = log_prob + log_weight
-        state, log_evidence, label_log_evidence = kernel.share_out(self, state, log_prob)
-        after = kernel.report(self, state, log_evidence, label_log_evidence, num_invalid)
+            log_factor = log_factor + log_weight
+        state, log_evidence, of_labels = kernel.share_out(self, state, log_factor, largest)
+        after = kernel.report(self, state, log_evidence, of_labels, num_invalid)
         return confidence.reported(self.likelihood, before, *after, observation)
 
     def _given_particles(self, key: jax.Array, state: LabelledState) -> LabelledState:

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxpf.contract.logs import add_exactly, counted, finite
 from jaxpf.contract.state import ParticleState
 from jaxpf.filters.partitioned.exchange import Groups, Offer
 from jaxpf.lowering.columns import pick_in_rows
@@ -86,7 +87,9 @@ class Carry(NamedTuple):
         stages: ``[2, D, P, N]``, substates drawn at each stage, and their predecessors.
         log_probs: ``[P, N]``, log-likelihood of each draw, indexed by the slot that drew it.
         lineage: ``[P, N]`` int32, see ``jaxpf.filters.partitioned.kernel``.
-        log_weights: ``[N]``, unnormalised: their sum carries the evidence.
+        log_weights: ``[N]``, unnormalised: their sum and ``taken`` carry the evidence.
+        taken: ``[2, C]``, log of the factors taken out of each component's weights, see
+            ``jaxpf.contract.logs.add_exactly``.
         seen: ``[P, C]`` bool, whether at that stage some particle of the component had nonzero
             weight and nonzero likelihood.
         largest: ``[C]``, the largest log-weight of each component.
@@ -108,6 +111,7 @@ class Carry(NamedTuple):
     log_probs: jax.Array
     lineage: jax.Array
     log_weights: jax.Array
+    taken: jax.Array
     seen: jax.Array
     largest: jax.Array
     impossible: jax.Array
@@ -135,13 +139,25 @@ class Carry(NamedTuple):
             }
         )
 
+    def take_out(
+        self, log_factor: jax.Array, components: Components
+    ) -> tuple[jax.Array, jax.Array]:
+        """Divide a factor ``[N]`` by its largest value in each component, ``[C]``; return both."""
+        largest = finite(component_max(counted(log_factor, self.log_weights), components))
+        return log_factor - components.spread(largest), largest
+
     def absorb(
-        self, log_factor: jax.Array, components: Components, stage: jax.Array | None = None
+        self,
+        log_factor: jax.Array,
+        taken: jax.Array,
+        components: Components,
+        stage: jax.Array | None = None,
     ) -> "Carry":
         """Multiply the weights by a factor, unless it is zero for a whole component.
 
         A component whose factors are all zero is marked impossible and keeps its weights.  If all
-        components end up impossible, the frame is skipped and the weights survive.
+        components end up impossible, the frame is skipped and the weights survive.  ``taken``,
+        ``[C]``, is what has been taken out of the factor.
         """
         if self.path_scores is not None:
             log_factor = lax.stop_gradient(log_factor)  # the scores hold its derivative
@@ -152,6 +168,7 @@ class Carry(NamedTuple):
         return self._replace(
             seen=self.seen if stage is None else self.seen.at[stage].set(seen),
             log_weights=jnp.where(possible, log_weights, self.log_weights),
+            taken=add_exactly(self.taken, jnp.where(seen, taken, 0.0)),
             largest=jnp.where(seen, largest, self.largest),
             impossible=self.impossible | ~possible,
         )

@@ -5,8 +5,10 @@ from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 
 from jaxpf import contract
+from jaxpf.contract.logs import counted, finite, normalised
 from jaxpf.contract.state import (
     STATUS_IMPOSSIBLE,
     STATUS_INVALID_LIKELIHOOD,
@@ -76,11 +78,11 @@ def finish(
     log_weights = jnp.where(carry.impossible & ~all_impossible, -jnp.inf, carry.log_weights)
     if path_score is not None:
         log_weights = with_gradient_of(log_weights, path_score)
-    log_total = jax.nn.logsumexp(log_weights)
+    log_weights, log_total = _normalised(log_weights, carry.taken, components)
     log_weights = choose(
         ordering.literal,
         lambda: weighted.renormalised(log_weights, components),
-        lambda: log_weights - log_total,
+        lambda: log_weights,
         is_never_true=one_partition,
     )
     log_weights = computed_before(log_weights)
@@ -160,5 +162,18 @@ def _corrected(
     log_joint = contract.log_joint_all(tracker.likelihood, observation, substates, log_probs, label)
     log_joint, num_invalid = sanitised(log_joint.astype(factors.dtype))
     carry = carry._replace(num_invalid=carry.num_invalid + num_invalid)
-    log_quotient = log_joint - jnp.sum(jnp.where(jnp.isneginf(factors), 0.0, factors), axis=0)
-    return carry.absorb(log_quotient, components), log_quotient
+    log_joint, taken = carry.take_out(log_joint, components)
+    largest = finite(lax.stop_gradient(jnp.max(factors, axis=1)))
+    log_quotient = log_joint - jnp.sum(finite(factors - largest[:, None]), axis=0)
+    return carry.absorb(log_quotient, taken - jnp.sum(largest), components), log_quotient
+
+
+def _normalised(
+    log_weights: jax.Array, taken: jax.Array, components: Components
+) -> tuple[jax.Array, jax.Array]:
+    """Normalise log-weights ``[N]`` over all components; also return the log total, ``[]``."""
+    first = jnp.argmax(counted(components.spread(taken[0]), log_weights))
+    first = components.index[first]
+    apart = jnp.sum(taken - taken[:, first, None], axis=0)
+    log_weights, log_total = normalised(log_weights + components.spread(apart))
+    return log_weights, taken[0, first] + (taken[1, first] + log_total)

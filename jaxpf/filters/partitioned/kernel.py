@@ -109,6 +109,7 @@ def begin(
         log_probs=jnp.zeros(shape, log_weights.dtype),
         lineage=lineage,
         log_weights=log_weights,
+        taken=jnp.zeros((2, ordering.order.shape[0]), log_weights.dtype),
         seen=jnp.zeros((tracker.num_partitions, ordering.order.shape[0]), bool),
         largest=component_max(log_weights, components),
         impossible=jnp.zeros((num_particles,), bool),
@@ -147,10 +148,11 @@ def weigh(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry, drawn:
     log_prob = log_prob.astype(drawn.substates.dtype)
     chex.assert_shape(log_prob, (tracker.num_particles,))
     log_prob, num_invalid = sanitised(log_prob)
-    log_prob = log_factor = computed_before(log_prob)
+    log_prob = computed_before(log_prob)
+    log_factor, taken = carry.take_out(log_prob, shared.components)
     if drawn.log_weight is not None:
         log_weight, more = sanitised(drawn.log_weight)
-        log_factor, num_invalid = computed_before(log_prob + log_weight), num_invalid + more
+        log_factor, num_invalid = computed_before(log_factor + log_weight), num_invalid + more
     if drawn.score is not None:
         log_factor = with_gradient_of(log_factor, drawn.score)
     if carry.sources is not None:
@@ -166,7 +168,7 @@ def weigh(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry, drawn:
         carry = carry.write(stage, path_scores=score)
     carry = carry._replace(num_invalid=carry.num_invalid + num_invalid)
     log_factor, offers = levels.weigh_part(tracker, key, stage, carry, log_factor)
-    return carry.absorb(log_factor, shared.components, stage)._replace(offers=offers)
+    return carry.absorb(log_factor, taken, shared.components, stage)._replace(offers=offers)
 
 
 def select(

@@ -50,8 +50,15 @@ def probabilities(tracker: "Partitioned", label: jax.Array, log_weights: jax.Arr
     return is_label.astype(log_weights.dtype) @ jnp.exp(log_weights)
 
 
+def moves_labels(tracker: "Partitioned") -> bool:
+    """Whether particles carry labels that change from frame to frame."""
+    return tracker.initial_label is not None and hasattr(
+        contract.first_motion(tracker.dynamics), "propagate_label"
+    )
+
+
 def check_labels(tracker: "Partitioned") -> None:
-    """Refuse labels that are malformed, have no branch, or are missing although required."""
+    """Refuse labels that are malformed, or are missing although required."""
     likelihood, given = tracker.likelihood, tracker.initial_label
     if given is None:
         if hasattr(likelihood, "log_joint_labelled") and not hasattr(likelihood, "log_joint"):
@@ -68,11 +75,3 @@ def check_labels(tracker: "Partitioned") -> None:
                 f"initial_label {values.tolist()} must hold probabilities: at least 0, and 1 "
                 "together."
             )
-    if not tracker.ordering.keeps_components or not is_concrete(tracker.ordering):
-        return
-    branches = int(np.count_nonzero(np.asarray(tracker.ordering.fractions)))
-    if np.shape(given)[0] > branches:
-        raise InputError(
-            f"initial_label has {np.shape(given)[0]} labels, but the ordering has {branches} "
-            "branches; give it an order for each label."
-        )

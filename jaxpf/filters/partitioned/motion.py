@@ -18,6 +18,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.state import ParticleState
 from jaxpf.filters import relocation
+from jaxpf.filters.partitioned import labels
 from jaxpf.filters.partitioned.carry import Drawn, Shared, Turn
 from jaxpf.lowering.branches import computed_once
 
@@ -158,10 +159,7 @@ class Scored(Motion):
     def check(self, tracker: "Partitioned") -> None:
         """See ``Motion``."""
         self.inner.check(tracker)
-        moves_labels = hasattr(tracker.dynamics, "propagate_label")
-        if tracker.initial_label is None or not moves_labels:
-            return
-        if not contract.has_log_label(tracker.dynamics):
+        if labels.moves_labels(tracker) and not contract.has_log_label(tracker.dynamics):
             raise InputError(
                 f"motion_gradient='score' needs the probability of a label's move, and "
                 f"{type(tracker.dynamics).__name__} has none; add the method log_label(new, "

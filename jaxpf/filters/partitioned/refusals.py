@@ -1,21 +1,26 @@
 """Checks of a partitioned tracker at construction; strategies check themselves."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from jaxpf import contract
-from jaxpf.contract.calls import check_uncoupled
+from jaxpf.contract.calls import coupled_with
 from jaxpf.contract.errors import InputError, choice
-from jaxpf.contract.names import SWAPS
 from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.pytree import is_concrete
-from jaxpf.filters.partitioned.labels import check_labels
+from jaxpf.contract.refusals import refused
+from jaxpf.filters.partitioned.labels import check_labels, moves_labels
 from jaxpf.gradients import check_gradients
 
 
-def check_tracker(tracker: Any) -> None:
-    """Refuse settings that cannot work or would be silently wrong."""
+def check_tracker(tracker: Any) -> Any:
+    """Refuse settings that cannot work or would be silently wrong.
+
+    Returns:
+        Bool, whether a traced ordering is one to refuse; None if it is known.
+    """
     check_whole("num_particles", tracker.num_particles)
     check_gradients(tracker)
     if tracker.tempering is not None:
@@ -43,61 +48,112 @@ def check_tracker(tracker: Any) -> None:
     check_labels(tracker)
     tracker.motion.check(tracker)
     tracker.weighing.check(tracker)
-    if not is_concrete(ordering) or np.ndim(ordering.order) != 2:
-        return
-    used = int(np.count_nonzero(np.asarray(ordering.fractions)))
-    if tracker.num_particles < max(used, 1):
-        raise InputError(
-            f"num_particles={tracker.num_particles} is fewer than the {used} components of the "
-            "ordering; use at least one particle per component."
-        )
-    for component, ranks in enumerate(np.asarray(ordering.rank)[:used]):
-        for part, parent in enumerate(parents):
-            if parent >= 0 and ranks[part] < ranks[parent]:
-                raise InputError(
-                    f"the order {np.asarray(ordering.order)[component].tolist()} puts part {part} "
-                    f"before its parent {parent}; put every parent first."
-                )
-    if np.asarray(ordering.exchanged).any():
-        check_exchange(tracker)
+    return refused(*_of_ordering(tracker), *_of_exchange(tracker))
 
 
-def check_exchange(tracker: Any) -> None:
-    """Refuse an exchange that would be biased; the ordering must have one."""
-    ordering = tracker.ordering
-    swap = SWAPS[int(ordering.swap)]
-    check_uncoupled(tracker.dynamics, choice("swap", swap))
-    tree = tuple(np.asarray(ordering.tree).tolist())
-    if contract.has_log_joint(tracker.likelihood):
-        raise InputError(
-            choice("swap", swap),
-            f" needs a likelihood of single objects, and {type(tracker.likelihood).__name__} "
-            "weighs them together by log_joint; use ",
-            choice("swap", "none"),
-            " or another ordering.",
+def _of_ordering(tracker: Any) -> Iterator[tuple[Any, tuple[Any, ...]]]:
+    """Cases in which the ordering's components do not fit the rest, for ``refused``."""
+    ordering = tracker.ordering.known
+    used = (ordering.fractions > 0).sum(-1)
+    yield (
+        used > tracker.num_particles,
+        (
+            f"num_particles={tracker.num_particles} is fewer than the {_largest(used)} components "
+            "of the ordering; use at least one particle per component.",
+        ),
+    )
+    for part, parent in enumerate(tracker.parents):
+        if parent < 0:
+            continue
+        before = ordering.rank[..., part] < ordering.rank[..., parent]  # [C]; padding repeats one
+        order = ordering.order[before][0].tolist() if is_concrete(before) and before.any() else ""
+        yield (
+            before.any(-1),
+            (
+                f"the order {order} puts part {part} before its parent {parent}; put every parent "
+                "first.",
+            ),
         )
-    if tracker.tempering is not None:
-        raise InputError(
-            choice("swap", swap),
-            f" needs equal weights, and tempering={tracker.tempering} leaves them unequal; use "
-            "tempering=None or ",
-            choice("swap", "none"),
-            ".",
+    if tracker.initial_label is not None and ordering.keeps_components:
+        num_labels = np.shape(tracker.initial_label)[0]
+        yield (
+            used < num_labels,
+            (
+                f"initial_label has {num_labels} labels, but the ordering has {_largest(used)} "
+                "branches; give it an order for each label.",
+            ),
         )
-    if tree != tracker.parents:
-        raise InputError(
-            f"the ordering's part tree {list(tree)} is unlike the model's {list(tracker.parents)}; "
-            "with ",
-            choice("swap", swap),
+
+
+def _of_exchange(tracker: Any) -> Iterator[tuple[Any, tuple[Any, ...]]]:
+    """Cases in which an exchange does not work or would be biased, for ``refused``."""
+    ordering, likelihood = tracker.ordering.known, type(tracker.likelihood).__name__
+    swap, none = ordering.swap_shown, choice("swap", "none")
+    tree, parents = ordering.tree, np.array(tracker.parents, np.int32)
+    cases: tuple[tuple[bool, tuple[Any, ...]], ...] = (
+        (
+            tracker.gradient.blends,
+            (
+                "gradient Transport does not work with a swap, which needs lineages; use ",
+                none,
+                " or another gradient.",
+            ),
+        ),
+        (
+            contract.is_coupled(contract.first_motion(tracker.dynamics)),
+            coupled_with(tracker.dynamics, swap),
+        ),
+        (
+            contract.has_log_joint(tracker.likelihood),
+            (
+                swap,
+                f" needs a likelihood of single objects, and {likelihood} weighs them together by "
+                "log_joint; use ",
+                none,
+                " or another ordering.",
+            ),
+        ),
+        (
+            tracker.tempering is not None,
+            (
+                swap,
+                f" needs equal weights, and tempering={tracker.tempering} leaves them unequal; use "
+                "tempering=None or ",
+                none,
+                ".",
+            ),
+        ),
+        (
+            moves_labels(tracker),
+            (
+                swap,
+                " separates a particle's parts, on which its label depends by propagate_label; "
+                "use ",
+                none,
+                " or another ordering.",
+            ),
+        ),
+    )
+    yield from ((ordering.exchanges, pieces) for applies, pieces in cases if applies)
+    yield (
+        ordering.exchanges & (tree != parents).any(-1),
+        (
+            f"the ordering's part tree {tree.tolist() if is_concrete(tree) else ''} is unlike the "
+            f"model's {parents.tolist()}; with ",
+            swap,
             " both must be the same.",
+        ),
+    )
+    if callable(tracker.initial) and not contract.draws_independently(tracker.initial):
+        yield (
+            ordering.exchanges_roots,
+            (
+                swap,
+                " exchanges roots, but the initial sampler may draw them jointly; use a sampler "
+                "with the attribute independent=True, or sps(..., exchange_roots=False).",
+            ),
         )
-    # NumPy, because JAX would compile each of these operations.
-    is_root = np.asarray(ordering.tree)[np.asarray(ordering.order)[0]] < 0
-    roots_exchanged = bool((np.asarray(ordering.exchanged) & is_root).any())
-    independent = not callable(tracker.initial) or contract.draws_independently(tracker.initial)
-    if roots_exchanged and not independent:
-        raise InputError(
-            choice("swap", swap),
-            " exchanges roots, but the initial sampler may draw them jointly; use a sampler with "
-            "the attribute independent=True, or sps(..., exchange_roots=False).",
-        )
+
+
+def _largest(counts: Any) -> Any:
+    return counts.max() if is_concrete(counts) else ""

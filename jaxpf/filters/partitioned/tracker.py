@@ -1,5 +1,6 @@
 """The partitioned particle filter as a tracker: its settings, ``init`` and ``step``."""
 
+import dataclasses
 from typing import Any
 
 import chex
@@ -12,10 +13,11 @@ from jaxpf.contract import Tracker
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import check_tree
 from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.contract.refusals import Bias, poisoned
 from jaxpf.contract.state import ParticleState, Summary, moments
 from jaxpf.filters import confidence
 from jaxpf.filters.initial import as_floats, checked_initial
-from jaxpf.filters.partitioned import kernel, labels
+from jaxpf.filters.partitioned import kernel, labels, levels
 from jaxpf.filters.partitioned.motion import Motion, motion_of
 from jaxpf.filters.partitioned.refusals import check_tracker
 from jaxpf.filters.partitioned.selection import Trigger
@@ -63,6 +65,9 @@ class Partitioned(Tracker):
             which a ``record`` may keep; ``jaxpf.smooth(..., method="genealogy")`` sets it.
         motion_gradient: static, gradient strategy for the motion, one of
             ``jaxpf.gradients.MOTION_GRADIENTS``.
+        refused: set by the constructor: ``[]`` bool, whether an ordering that is traced there, in a
+            user's ``jit``, ``vmap`` or ``scan``, does not work with the rest.  Summaries are then
+            NaN with ``STATUS_UNSUPPORTED``.  None if the ordering is known, and was checked.
     """
 
     dynamics: Any
@@ -81,6 +86,7 @@ class Partitioned(Tracker):
     num_particles: int = static_field(default=300)
     keep_ancestors: bool = static_field(default=False)
     motion_gradient: str = static_field(default="pathwise")
+    refused: Any = dataclasses.field(default=None, init=False)
 
     def __post_init__(self):
         if not isinstance(self.ordering, Ordering):
@@ -92,7 +98,7 @@ class Partitioned(Tracker):
         object.__setattr__(self, "parents", check_tree(tree))
         object.__setattr__(self, "initial", checked_initial(self.initial))
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
-        check_tracker(self)
+        object.__setattr__(self, "refused", check_tracker(self))
 
     @property
     def num_partitions(self) -> int:
@@ -113,6 +119,28 @@ class Partitioned(Tracker):
     def trigger(self) -> Trigger:
         """The rule for when to resample a component."""
         return Trigger(self.ess_threshold)
+
+    @property
+    def evidence_biases(self) -> tuple[Bias, ...]:
+        """See ``jaxpf.contract.evidence_biases``."""
+        ordering, exchanging = self.ordering, levels.may_exchange(self)
+        has_parts = any(parent >= 0 for parent in self.parents)
+        return (
+            Bias(exchanging & ordering.exchanges_best, "swap='sorted'", "swap='combinatorial'"),
+            Bias(
+                exchanging & has_parts & ordering.exchanges_roots,
+                "an exchange of roots that have parts",
+                "sps(..., exchange_roots=False)",
+                gross=False,
+            ),
+            Bias(
+                ordering.known.literal & ordering.divides,
+                "reassembly='literal'",
+                "reassembly='evidence'",
+                gross=False,
+            ),
+            Bias(self.gradient.blends, "gradient Transport", "another gradient", False),
+        )
 
     @with_written_out_key
     def init(self, key: jax.Array) -> ParticleState:
@@ -144,6 +172,7 @@ class Partitioned(Tracker):
             label=label,
             log_odds=confidence.at_start(self.likelihood, self.num_partitions, values.dtype),
             sources=jnp.zeros(shape, jnp.int32) if self.keep_ancestors else None,
+            time=jnp.zeros((), jnp.int32),
         )
 
     def observe(self, frame: Any) -> Any:
@@ -175,4 +204,4 @@ class Partitioned(Tracker):
                 f"{self.num_particles} of {self.num_partitions}; go on with the tracker that made "
                 "the state."
             )
-        return kernel.step(self, key, state, observation)
+        return poisoned(self.refused, kernel.step(self, key, state, observation))

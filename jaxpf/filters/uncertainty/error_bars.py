@@ -46,6 +46,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass, static_field
+from jaxpf.contract.refusals import poisoned, refused
 from jaxpf.contract.state import ParticleState, Summary
 from jaxpf.filters.partitioned.tracker import Partitioned
 
@@ -59,15 +60,18 @@ class Ancestry:
         families: ``[K, S, Q, N]`` int32, the slot in which each particle's ancestor was drawn, k
             frames ago at stage s; without a lag, at the start of the clip, with K = S = 1.  Q is P
             if each partition has its own ancestors, else 1.
-        time: ``[]`` int32, number of frames processed.
         selections: ``[K]``, number of selections per frame, latest frame first, or with K = 1 over
             all frames; None if no selection is skipped.
     """
 
     state: ParticleState
     families: jax.Array
-    time: jax.Array
     selections: jax.Array | None = None
+
+    @property
+    def time(self) -> Any:
+        """Number of frames processed, ``[]`` int32."""
+        return self.state.time
 
 
 @pytree_dataclass
@@ -109,7 +113,10 @@ class WithErrorBars(contract.Tracker):
         stages: static, whether to report each stage's contribution (``estimate_terms``,
             ``evidence_terms``); requires ``lag``.  Stage j processes partition
             ``tracker.ordering.order[0, j]``.
-        by_partition: static, whether each partition has its own ancestors; set from the ordering.
+        by_partition: static, whether partitions may have their own ancestors; set by the
+            constructor: if the ordering exchanges parts, or is traced.
+        refused: set by the constructor: ``[]`` bool, whether a traced ordering exchanges parts and
+            ``stages`` cannot work with it; else None.
 
     Raises:
         InputError: another filter; transport, which has no ancestors; a lag below 0; ``stages``
@@ -119,7 +126,8 @@ class WithErrorBars(contract.Tracker):
     tracker: Partitioned
     lag: int | None = static_field(default=None)
     stages: bool = static_field(default=False)
-    by_partition: bool | None = static_field(default=None)
+    by_partition: bool = static_field(default=False, init=False)
+    refused: Any = dataclasses.field(default=None, init=False)
 
     def __post_init__(self):
         tracker = self.tracker
@@ -132,18 +140,18 @@ class WithErrorBars(contract.Tracker):
             raise InputError(
                 "Transport blends particles, which then have no ancestors; use another gradient."
             )
-        if self.by_partition is None:
-            exchanged = (
-                is_concrete(tracker.ordering) and np.asarray(tracker.ordering.exchanged).any()
-            )
-            object.__setattr__(self, "by_partition", bool(exchanged))
+        exchanges = tracker.ordering.exchanges
+        by_partition = not is_concrete(exchanges) or bool(np.any(exchanges))
+        object.__setattr__(self, "by_partition", by_partition)
         if self.lag is not None:
             check_whole("lag", self.lag, 0)
-        if self.stages and (self.lag is None or self.by_partition):
-            raise InputError(
-                "stages=True needs a lag, such as the number of frames, and an ordering that "
-                "exchanges no parts; give lag=..., or use stages=False."
-            )
+        needs = (
+            "stages=True needs a lag, such as the number of frames, and an ordering that "
+            "exchanges no parts; give lag=..., or use stages=False."
+        )
+        if self.stages:
+            cases = (self.lag is None, [needs]), (exchanges, [needs])
+            object.__setattr__(self, "refused", refused(*cases))
         if self.stages and tracker.ess_threshold is not None:
             raise InputError(
                 "stages=True counts a selection after every stage, and ess_threshold="
@@ -174,7 +182,6 @@ class WithErrorBars(contract.Tracker):
                 selections=none_yet[0] if adaptive else None,
             ),
             families=jnp.broadcast_to(identity, (*rows, shape[1])),
-            time=jnp.zeros((), jnp.int32),
             selections=none_yet if adaptive else None,
         )
 
@@ -192,13 +199,12 @@ class WithErrorBars(contract.Tracker):
         if selections is not None:
             kept = selections if self.lag is None else jnp.roll(selections, 1).at[0].set(0)
             selections = kept.at[0].add(inner.selections)
-        state = Ancestry(inner, families, state.time + 1, selections)
-        return state, self._report(state, summary)
+        state = Ancestry(inner, families, selections)
+        return poisoned(self.refused, (state, self._report(state, summary)))
 
     def _families(self, state: ParticleState, before: jax.Array) -> jax.Array:
         """Return ``families`` after this frame."""
         ordering, sources = self.tracker.ordering, jnp.asarray(state.sources)
-        num_rows = before.shape[2]
         # Without exchange a particle has one ancestor for all partitions, as of the first stage.
         order = ordering.order[state.component]  # [N, P]
         particles = jnp.arange(sources.shape[1])
@@ -208,8 +214,10 @@ class WithErrorBars(contract.Tracker):
         handed_on = jnp.take_along_axis(before, sources[None, None], axis=-1)
         if self.lag is None:
             return handed_on
-        own = state.lineage[None] if self.by_partition else by_stage[: before.shape[1], None]
-        return jnp.concatenate([own.reshape(1, -1, num_rows, own.shape[-1]), handed_on[:-1]])
+        own = by_stage[: before.shape[1], None]
+        if self.by_partition:
+            own = jnp.where(ordering.exchanges, state.lineage, own)
+        return jnp.concatenate([own[None], handed_on[:-1]])
 
     def _report(self, state: Ancestry, summary: Summary) -> ErrorBars:
         tracker, families = self.tracker, state.families
@@ -251,7 +259,7 @@ class WithErrorBars(contract.Tracker):
         # A negative value is a noisy estimate of a small variance.
         is_told = ~unknown[0] & (looked_back == state.time) & (evidence_variance > 0)
         is_multinomial = getattr(tracker.resampling, "name", "") == "multinomial"
-        is_told &= is_multinomial and not self.by_partition
+        is_told &= is_multinomial & ~tracker.ordering.exchanges
         terms: dict[str, Any] = {}
         if self.stages:
             terms = self._terms(of_values, of_weights, growth, state.time)

@@ -5,6 +5,7 @@ times as much as one.  Their results differ only by the Monte-Carlo error: the s
 R estimates over sqrt(R) is the standard error of their mean.
 """
 
+import dataclasses
 import functools
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.errors import check_tracker
+from jaxpf.contract.logs import multiplied
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.state import Summary
@@ -26,11 +28,17 @@ class RunsState:
 
     Attributes:
         runs: the filter's states, with a leading axis R.
-        log_evidence: ``[R]``, of all frames processed; -inf for a run with an impossible frame.
+        log_shares: ``[R]``, log of each run's share of the evidence of all frames processed; -inf
+            for a run with an impossible frame.
     """
 
     runs: Any
-    log_evidence: jax.Array
+    log_shares: jax.Array
+
+    @property
+    def time(self) -> jax.Array:
+        """Number of frames processed, ``[]`` int32."""
+        return self.runs.time[..., 0]
 
     @property
     def substates(self) -> jax.Array:
@@ -58,7 +66,8 @@ class SideBySide(contract.Tracker):
     rounding.  A frame reports ``ErrorBars`` of the pooled particles.  ``estimate`` is the mean over
     runs and ``estimate_variance`` the variance of this mean: a quarter for four times as many runs.
     ``log_evidence`` sums over frames to the log of the runs' mean evidence, which is unbiased if
-    each run's evidence is.  A run with an impossible frame counts as zero from then on.
+    each run's evidence is (``contract.evidence_biases``); ``evidence_variance`` is NaN if it is
+    grossly biased.  A run with an impossible frame counts as zero from then on.
 
     Attributes:
         tracker: a tracker that reports a ``jaxpf.Summary``.
@@ -89,7 +98,7 @@ class SideBySide(contract.Tracker):
         """Return the runs' initial states."""
         runs = jax.vmap(self.tracker.init)(self._keys(key))
         dtype = jax.tree.leaves(getattr(runs, "log_weights", jnp.zeros(())))[0].dtype
-        return RunsState(runs, jnp.zeros(self.num_runs, dtype))
+        return RunsState(runs, self._equal_shares(dtype))
 
     def observe(self, frame: Any) -> Any:
         """Return what the filter needs of a frame, computed once for all runs."""
@@ -103,32 +112,33 @@ class SideBySide(contract.Tracker):
         runs, summaries = jax.vmap(lambda key, run: step(key, run, observation))(
             self._keys(key), state.runs
         )
-        # Once all runs have zero evidence, restart the sum: later increments stay defined.
-        all_dead = jnp.all(jnp.isneginf(state.log_evidence))
-        before = jnp.where(all_dead, 0.0, state.log_evidence)
-        so_far = before + summaries.log_evidence
-        increment = _log_sum(so_far) - _log_sum(before)
-        return RunsState(runs, so_far), _pooled(summaries, increment, so_far)
+        # Once all runs have zero evidence, start again: later increments stay defined.
+        shares = state.log_shares
+        all_dead = jnp.all(jnp.isneginf(shares))
+        shares = jnp.where(all_dead, self._equal_shares(shares.dtype), shares)
+        shares, increment = multiplied(shares, summaries.log_evidence)
+        pooled = _pooled(summaries, increment, shares)
+        for bias in contract.evidence_biases(self.tracker):
+            if bias.gross:
+                variance = jnp.where(bias.applies, jnp.nan, pooled.evidence_variance)
+                pooled = dataclasses.replace(pooled, evidence_variance=variance)
+        return RunsState(runs, shares), pooled
+
+    def _equal_shares(self, dtype: Any) -> jax.Array:
+        return jnp.full(self.num_runs, -np.log(self.num_runs), dtype)
 
     def _keys(self, key: jax.Array) -> jax.Array:
         return jax.vmap(functools.partial(jax.random.fold_in, key))(jnp.arange(self.num_runs))
 
 
-def _log_sum(values: jax.Array) -> jax.Array:
-    """``logsumexp`` ``[]`` of ``[R]``, with a finite derivative if all are -inf."""
-    possible = ~jnp.all(jnp.isneginf(values))
-    return jnp.where(possible, jax.nn.logsumexp(jnp.where(possible, values, 0.0)), -jnp.inf)
+def _relative_variance(log_shares: jax.Array) -> jax.Array:
+    """Relative variance ``[]`` of the runs' mean evidence, given shares ``[R]``; NaN if it is 0."""
+    num_runs, dead = len(log_shares), jnp.all(jnp.isneginf(log_shares))
+    return jnp.where(dead, jnp.nan, jnp.var(num_runs * jnp.exp(log_shares)) / (num_runs - 1))
 
 
-def _relative_variance(log_evidence: jax.Array) -> jax.Array:
-    """Relative variance ``[]`` of the mean of ``exp(log_evidence [R])``; NaN if the mean is 0."""
-    num_runs, dead = len(log_evidence), jnp.all(jnp.isneginf(log_evidence))
-    shares = jax.nn.softmax(jnp.where(dead, 0.0, log_evidence))
-    return jnp.where(dead, jnp.nan, jnp.var(num_runs * shares) / (num_runs - 1))
-
-
-def _pooled(runs: Summary, log_evidence: jax.Array, so_far: jax.Array) -> ErrorBars:
-    """Combine the summaries and log-evidences ``[R, ...]`` of R runs."""
+def _pooled(runs: Summary, log_evidence: jax.Array, log_shares: jax.Array) -> ErrorBars:
+    """Combine the summaries ``[R, ...]`` of R runs."""
 
     def mean(values: Any) -> Any:
         return None if values is None else jnp.mean(values, axis=0)
@@ -153,5 +163,5 @@ def _pooled(runs: Summary, log_evidence: jax.Array, so_far: jax.Array) -> ErrorB
         label_probabilities=mean(runs.label_probabilities),
         confidence=mean(runs.confidence),
         estimate_variance=between / (num_runs - 1),
-        evidence_variance=_relative_variance(so_far),
+        evidence_variance=_relative_variance(log_shares),
     )

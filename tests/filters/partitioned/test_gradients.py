@@ -4,6 +4,7 @@ Their expectation is checked in ``tests/statistical/test_unbiased_gradients.py``
 """
 
 import dataclasses
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -20,6 +21,7 @@ from fenced_trackers import (
     tracker,
     value_and_gradient,
 )
+from proposed import Bad
 from quick_compiling import quick
 
 import jaxpf
@@ -134,6 +136,41 @@ def test_score_of_the_motion_finds_the_slope_that_whole_pixels_hide():
     error = np.hypot(its_error, score.std() / len(keys) ** 0.5)
     assert abs(score.mean() - expected) < 4.5 * error
     assert score.mean() > 10 * error  # the test could tell it from zero
+
+
+def test_every_draw_counts_once_in_the_slope_of_the_evidence():
+    """By Fisher's identity it is the weighted mean of the scores along the particles' pasts.
+
+    The proposal's density does not depend on the scale, and the draws are stopped.
+    """
+    made = tracker(METHODS["ps"], proposal=Bad(), gradient=StopGradient(), motion_gradient="score")
+    seen = jnp.asarray(frames(FENCES["possible"]))
+
+    def two_frames(scale, threshold):
+        changed = dataclasses.replace(
+            made, dynamics=RandomWalk(scale=scale), ess_threshold=threshold
+        )
+        start = changed.init(KEYS[0])
+        start = dataclasses.replace(start, sources=jnp.zeros(start.lineage.shape, jnp.int32))
+        first, one = changed.step(KEYS[0], start, seen[0])
+        second, two = changed.step(KEYS[1], first, seen[1])
+        slopes = one.log_evidence + two.log_evidence, second.log_weights, second.path_scores
+        return slopes, (first, second)
+
+    @quick
+    def slopes_of(threshold):
+        two = partial(two_frames, threshold=threshold)
+        return jax.jvp(two, (1.0,), (1.0,), has_aux=True)[1:]
+
+    for threshold in (1.0, 0.01):  # selects always, or never
+        (slope, of_weights, of_parts), (first, second) = slopes_of(threshold)
+        scores = [np.square(state.lagged[0] - state.lagged[1])[0] - 1 for state in (first, second)]
+        along = np.take_along_axis(scores[0], np.asarray(second.sources), axis=1) + scores[1]
+        expected = np.sum(along.sum(axis=0) * np.exp(second.log_weights))
+        assert abs(expected) > 0.1
+        np.testing.assert_allclose(slope, expected, rtol=1e-3)
+        # Each particle's derivative is divided among its parts.
+        np.testing.assert_allclose(np.sum(of_parts, axis=0), of_weights, atol=1e-4)
 
 
 def test_log_densities_are_those_of_the_draws():

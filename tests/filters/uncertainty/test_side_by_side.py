@@ -51,7 +51,7 @@ def test_a_frame_reports_the_pooled_particles_of_all_runs():
 def test_each_run_is_its_own_and_stays_when_others_join_it():
     fewer, more = (SideBySide(one(), number) for number in (2, RUNS))
     ends = [running.run(its, jax.random.key(3), FRAMES)[0] for its in (fewer, more)]
-    kept = [np.asarray(end.log_evidence) for end in ends]
+    kept = [np.asarray(end.log_shares - end.log_shares[0]) for end in ends]
     np.testing.assert_allclose(kept[0], kept[1][:2], rtol=1e-5)
     assert len(set(kept[1].tolist())) == RUNS
 
@@ -87,7 +87,8 @@ def test_the_evidence_is_the_mean_of_the_runs_products():
         return jnp.sum(jax.lax.scan(step, first, (jnp.arange(len(FRAMES)), FRAMES))[1])
 
     log_evidence = jax.jit(jax.vmap(alone))(jnp.arange(RUNS))
-    np.testing.assert_allclose(state.log_evidence, log_evidence, rtol=1e-4)
+    shares = jax.nn.log_softmax(log_evidence)
+    np.testing.assert_allclose(state.log_shares, shares, rtol=1e-4)
     expected = np.log(np.mean(np.exp(np.asarray(log_evidence, float))))
     np.testing.assert_allclose(np.sum(summaries.log_evidence), expected, rtol=1e-5)
 
@@ -136,8 +137,42 @@ def test_a_frame_is_counted_anew_when_all_runs_are_dead():
     assert np.isfinite(increments[[0, 2]]).all()
     assert np.isneginf(increments[1])
     assert np.isnan(summary.evidence_variance[1])
-    mean = np.mean(np.exp(np.asarray(state.log_evidence, float)))
+    possible = np.sum(np.isfinite(state.runs.log_weights), axis=1) / 6
+    mean = np.mean(np.where(np.isfinite(state.log_shares), possible, 0.0))
     np.testing.assert_allclose(increments[2], np.log(mean), rtol=1e-5)
+
+
+@pytree_dataclass
+class OnlyEvidence(jaxpf.contract.Tracker):
+    """Whose state is the frame's log evidence."""
+
+    num_particles = num_partitions = 1
+
+    def init(self, key):
+        return jnp.zeros(())
+
+    def observe(self, frame):
+        return frame
+
+    def step_observed(self, key, state, observation):
+        value = observation + jax.random.normal(key)
+        one, part = jnp.ones(()), jnp.ones((1, 1))
+        zero = jnp.zeros((), jnp.int32)
+        return value, jaxpf.Summary(part, value, one, one[None], part, zero, zero[None] > 0, zero)
+
+
+def test_increments_of_long_runs_do_not_drift():
+    """Differences of sums would be wrong by more than 100."""
+    frames = np.full(100_000, -50.0, np.float32)
+    of_runs, increments = jaxpf.run(
+        SideBySide(OnlyEvidence(), RUNS),
+        jax.random.key(0),
+        frames,
+        lambda state, summary: (state.runs, summary.log_evidence),
+    )[1]
+    of_runs = np.sum(np.asarray(of_runs, float), axis=0)
+    expected = np.logaddexp.reduce(of_runs) - np.log(RUNS)
+    assert abs(jaxpf.log_evidence(increments) - expected) < 0.05
 
 
 def test_quantiles_are_values_that_so_much_weight_reaches():

@@ -1,0 +1,97 @@
+"""Refusals that depend on arrays: an error where they are known, NaN where they are traced."""
+
+import dataclasses
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf.contract.calls import evidence_biases
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.state import STATUS_OK, STATUS_UNSUPPORTED, Summary
+
+
+def refused(*cases: tuple[Any, Iterable[Any]]) -> Any:
+    """Refuse the first case that is known to hold; return whether a traced one holds.
+
+    Args:
+        cases: conditions, bool of any shape or None, each with the pieces of its ``InputError``.
+
+    Returns:
+        Bool, for ``poisoned``; None if no condition is traced.
+
+    Raises:
+        InputError: a condition that is not traced holds.
+    """
+    traced = None
+    for condition, pieces in cases:
+        if condition is None:
+            continue
+        if is_concrete(condition):
+            if np.any(condition):
+                raise InputError(*pieces)
+        else:
+            traced = condition if traced is None else traced | condition
+    return traced
+
+
+class Bias(NamedTuple):
+    """A setting for which a tracker's ``exp(log_evidence)`` is biased, see ``evidence_biases``.
+
+    Attributes:
+        applies: ``[]`` bool.
+        cause: the setting, in a message.
+        remedy: the unbiased setting.
+        gross: whether the evidence is of no use at any number of particles, for tuning either.
+    """
+
+    applies: Any
+    cause: str
+    remedy: str
+    gross: bool = True
+
+
+def biased_evidence(tracker: Any, what: str, otherwise: str, tuning: bool = False) -> Any:
+    """Refuse a tracker with a biased evidence for ``what``; see ``refused`` for what is returned.
+
+    Args:
+        tracker: any tracker.
+        what: what needs the evidence.
+        otherwise: an alternative to the unbiased setting.
+        tuning: whether gross biases alone matter.
+    """
+    return refused(
+        *(
+            (
+                bias.applies,
+                [
+                    f"{what} needs an unbiased evidence, and {bias.cause} biases it; use "
+                    f"{bias.remedy}, or {otherwise}."
+                ],
+            )
+            for bias in evidence_biases(tracker)
+            if bias.gross or not tuning
+        )
+    )
+
+
+def poisoned(refused: Any, tree: Any) -> Any:
+    """Replace a tree's floats by NaN, and mark its summaries, where ``refused``, ``[]`` or None."""
+    if refused is None:
+        return tree
+
+    def with_nan(leaf: Any) -> Any:
+        is_float = jnp.issubdtype(leaf.dtype, jnp.floating)
+        return jnp.where(refused, jnp.nan, leaf).astype(leaf.dtype) if is_float else leaf
+
+    def marked(node: Any) -> Any:
+        if not isinstance(node, Summary):
+            return node
+        bit = jnp.where(refused, STATUS_UNSUPPORTED, STATUS_OK).astype(node.status.dtype)
+        return dataclasses.replace(node, status=node.status | bit)
+
+    tree = jax.tree.map(with_nan, tree)
+    return jax.tree.map(marked, tree, is_leaf=lambda node: isinstance(node, Summary))

@@ -1,0 +1,183 @@
+"""Checks of the plain functions of a state-space model, and their calls."""
+
+import inspect
+import re
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import is_concrete
+from jaxpf.filters.initial import checked_initial
+
+
+def extras_of(
+    function: Callable, frame: dict[str, Any] | None, previous: Callable[[], Any]
+) -> dict[str, Any]:
+    """Collect the arguments that a function asks for by name.
+
+    Args:
+        function: the user's.
+        frame: ``time`` and ``u`` of the frame, as far as known.
+        previous: computes the state before the current one, which smoothing must not see in use.
+    """
+    extras = {name: value for name, value in (frame or {}).items() if asks_for(function, name)}
+    if asks_for(function, "previous"):
+        extras["previous"] = previous()
+    if "time" not in extras and asks_for(function, "time"):
+        raise InputError(
+            "the model asks for the time of a frame, which step does not know; use "
+            "jaxpf.run, or step jaxpf.contract.at_frame(tracker, time)."
+        )
+    if "u" not in extras and asks_for(function, "u"):
+        raise InputError(
+            "the model asks for a known input u; give inputs=, arrays with a row for each frame."
+        )
+    return extras
+
+
+#: What JAX raises where a function needs the value of a traced array.
+_NEEDS_VALUES = (jax.errors.ConcretizationTypeError, jax.errors.TracerArrayConversionError)
+
+
+def call(name: str, function: Callable, *arguments: Any, **extras: Any) -> Any:
+    """Call a user's function; say what to write if it needs values that JAX traces."""
+    try:
+        return function(*arguments, **extras)
+    except _NEEDS_VALUES as error:
+        problem = "converts an array by float(x), int(x) or x.item(); leave that out"
+        if isinstance(error, jax.errors.TracerBoolConversionError):
+            problem = "decides by an array in a Python if, and, or, min or max; use jnp.where"
+        elif isinstance(error, jax.errors.TracerArrayConversionError):
+            problem = "calls NumPy on an array; use jax.numpy, such as jnp.sin for np.sin"
+        raise InputError(
+            f"{name} ({getattr(function, '__name__', function)}) {problem}, as JAX compiles it."
+        ) from error
+
+
+def asks_for(function: Callable | None, name: str) -> bool:
+    """Whether a function has an argument of this name."""
+    if function is None:
+        return False
+    try:
+        return name in inspect.signature(function).parameters
+    except (TypeError, ValueError):  # some C functions have no signature
+        return False
+
+
+#: Positional arguments of each function, and optional arguments by name.
+_ARGUMENTS = {
+    "initial": (("key", "parameters"), ()),
+    "transition": (("key", "x", "parameters"), ("previous", "time", "u")),
+    "log_likelihood": (("y", "x", "parameters"), ("previous", "time", "u")),
+    "transition_log_density": (("new", "x", "parameters"), ("previous", "time", "u")),
+}
+
+
+def check_arguments(name: str, function: Any) -> None:
+    """Refuse a value that is not a function, or a function with other arguments."""
+    arguments, extras = _ARGUMENTS[name]
+    if not callable(function):
+        raise InputError(f"{name} is {function!r:.40}, which is no function.")
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):
+        return
+    try:
+        signature.bind(*arguments, **{x: None for x in extras if x in signature.parameters})
+    except TypeError:
+        optional = f"; it may also take {', '.join(extras)}" if extras else ""
+        raise InputError(
+            f"{name} takes {signature}, but must take ({', '.join(arguments)}){optional}."
+        ) from None
+
+
+def state_shape(initial, transition, log_density, parameters) -> tuple[int, ...]:
+    """Return the shape of a state; refuse other return values.  Only traces the functions."""
+    key = jax.eval_shape(lambda: jax.random.key(0))
+
+    def returned(name, function, *arguments):
+        offered = {"previous": x, "time": jax.ShapeDtypeStruct((), jnp.int32)}
+        extras = {name: value for name, value in offered.items() if asks_for(function, name)}
+
+        def with_extras(arguments, extras):
+            return call(name, function, *arguments, **extras)
+
+        arguments = (*arguments, parameters), extras
+        value = jax.eval_shape(with_extras, *arguments)
+        _check_repeats(name, with_extras, arguments)
+        return _array(name, value) if log_density is not function else number(name, value)
+
+    x = None
+    if callable(initial):
+        x = returned("initial", initial, key)
+    elif jax.tree_util.all_leaves([initial]) or isinstance(initial, list | tuple):
+        x = jax.eval_shape(jnp.asarray, checked_initial(initial))
+    else:
+        raise InputError(f"initial is a {type(initial).__name__}; give the state as one array.")
+    x = jax.ShapeDtypeStruct(x.shape, jnp.promote_types(x.dtype, jnp.float32))
+    # The kind of an input is not known yet; such functions are tried with the frames.
+    if not asks_for(transition, "u"):
+        of_state(returned("transition", transition, key, x), x.shape)
+    if log_density is not None and not asks_for(log_density, "u"):
+        returned("transition_log_density", log_density, x, x)
+    return x.shape
+
+
+def _check_repeats(name: str, function: Callable, arguments: tuple) -> None:
+    """Refuse a function that is another one at every trace, as with NumPy's random numbers."""
+
+    def traced() -> tuple[str, list[np.ndarray]]:
+        program = jax.make_jaxpr(lambda *x: function(*x))(*arguments)  # JAX caches by function
+        return re.sub("0x[0-9a-f]+", "", str(program)), [
+            np.asarray(x) for x in program.consts if is_concrete(x)
+        ]
+
+    (one, constants), (other, others) = traced(), traced()
+    alike = len(constants) == len(others) and all(
+        np.array_equal(a, b, equal_nan=a.dtype.kind in "fc")
+        for a, b in zip(constants, others, strict=True)
+    )
+    if one != other or not alike:
+        raise InputError(
+            f"{name} gives another result at every call with the same key, such as by np.random; "
+            "draw with jax.random from its key, as NumPy's numbers would be drawn only once."
+        )
+
+
+def of_state(new: Any, shape: tuple[int, ...]) -> Any:
+    """Return what ``transition`` returns; refuse another shape than that of the state."""
+    new = _array("transition", new)
+    if new.shape != shape:
+        raise InputError(
+            f"transition returns shape {list(new.shape)}, and initial {list(shape)}; both must "
+            "return a state of one shape."
+        )
+    return new
+
+
+def _array(name: str, value: Any) -> Any:
+    if isinstance(value, int | float):
+        value = np.asarray(value)
+    if not hasattr(value, "shape"):
+        raise InputError(f"{name} returns {type(value).__name__}; return the state as one array.")
+    if jnp.issubdtype(value.dtype, jnp.complexfloating):
+        raise InputError(f"{name} returns complex numbers; return real ones.")
+    return value
+
+
+def number(name: str, value: Any) -> Any:
+    """Return what a density returns; refuse what is not one real number."""
+    if value is None:
+        raise InputError(f"{name} returns nothing; return one number.")
+    if jnp.iscomplexobj(value):
+        raise InputError(f"{name} returns complex numbers; return real ones.")
+    if jnp.shape(value) != ():
+        raise InputError(
+            f"{name} returns shape {list(jnp.shape(value))}; return one number, for example the "
+            "sum of independent terms."
+        )
+    return value

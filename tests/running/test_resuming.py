@@ -1,0 +1,151 @@
+"""A resumed run continues the run: the state carries its own time, which selects the noise."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from exact import LIMIT
+from quick_compiling import quick
+
+import jaxpf
+from jaxpf import InputError
+from jaxpf.dynamics import RandomWalk
+from jaxpf.filters import SideBySide, WithErrorBars
+from jaxpf.likelihoods import Gaussian, kalman
+
+KEY = jax.random.key(3)
+FRAMES = np.random.default_rng(0).normal(size=(4, 2, 1)).astype(np.float32)
+MODEL = (RandomWalk(1.0), Gaussian(noise=np.ones((2, 1, 1), np.float32)))
+START = np.array([[0.0], [1.0]], np.float32)
+
+
+def partitioned():
+    return jaxpf.Partitioned(
+        *MODEL, jaxpf.ordering.ps([0, 1]), START, num_particles=6, resampling="multinomial"
+    )
+
+
+TRACKERS = {
+    "partitioned": partitioned,
+    "pffl": lambda: jaxpf.PFFL(*MODEL, START, num_particles=6),
+    "eskil": lambda: jaxpf.Eskil(*MODEL, START, num_particles=6),
+    "labelled": lambda: jaxpf.Labelled(*MODEL, START, num_particles=6),
+    "open": lambda: jaxpf.Labelled(*MODEL, START, num_particles=6, population="open"),
+    "error bars": lambda: WithErrorBars(partitioned(), lag=2),
+    "side by side": lambda: SideBySide(WithErrorBars(partitioned()), 2),
+}
+
+
+def same(one, other):
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("kind", TRACKERS)
+def test_a_resumed_run_is_the_uninterrupted_one_bit_for_bit(kind, tmp_path):
+    its = TRACKERS[kind]()
+    state, whole = jaxpf.run(its, KEY, FRAMES)
+    assert state.time == 4
+    assert state.time.dtype == jnp.int32
+    half, _ = jaxpf.run(its, KEY, FRAMES[:2])
+    jaxpf.save(tmp_path / "half.npz", half)
+    loaded = jaxpf.load(tmp_path / "half.npz", its)
+    end, rest = jaxpf.run(its, KEY, FRAMES[2:], state=loaded)
+    same(end, state)
+    same(rest, jax.tree.map(lambda x: x[2:], whole))
+
+
+def test_streams_forecasts_and_transforms_resume_at_the_time_of_the_state():
+    its = partitioned()
+    state, whole = jaxpf.run(its, KEY, FRAMES)
+    half, _ = jaxpf.run(its, KEY, FRAMES[:2])
+    streamed = list(jaxpf.stream(its, KEY, FRAMES[2:], state=half))
+    assert [one.time for one in streamed] == [2, 3]
+    np.testing.assert_allclose(streamed[-1].state.lagged, state.lagged, rtol=1e-6)
+    # A forecast is a run over missing frames.
+    missing = np.full_like(FRAMES[2:], np.nan)
+    whole = jaxpf.run(its, KEY, np.concatenate([FRAMES[:2], missing]))[1]
+    np.testing.assert_allclose(
+        jaxpf.forecast(its, KEY, half, 2)[1].estimate, whole.estimate[2:], rtol=1e-6
+    )
+    # Runs at different times, together.
+    other, _ = jaxpf.run(its, KEY, FRAMES[:3])
+    both = jax.tree.map(lambda *x: jnp.stack(x), half, other)
+    later = jax.vmap(lambda state: jaxpf.forecast(its, KEY, state, 1)[0])(both)
+    assert list(later.time) == [3, 4]
+    np.testing.assert_allclose(
+        later.lagged[1], jaxpf.forecast(its, KEY, other, 1)[0].lagged, rtol=1e-6
+    )
+    with pytest.raises(InputError, match=r"ParticleState has the time Array\(\[2, 3\]"):
+        jaxpf.run(its, KEY, FRAMES, state=both)
+
+
+def walk(num_particles):
+    return jaxpf.state_space(
+        initial=np.zeros(()),
+        transition=lambda key, x, p: x + jax.random.normal(key),
+        log_likelihood=lambda y, x, p: jax.scipy.stats.norm.logpdf(y, x),
+        num_particles=num_particles,
+    )
+
+
+def test_a_random_walk_resumed_after_every_frame_spreads_as_it_should():
+    its = walk(20_000)
+    state, _ = jaxpf.forecast(its, KEY, its.init(KEY), 1)
+    _, after = jaxpf.forecast(its, KEY, state, 1)
+    error = 2**0.5 / (2 * its.num_particles) ** 0.5
+    assert abs(after.spread[0, 0, 0] - 2**0.5) / error < LIMIT
+
+
+def test_the_evidence_of_a_run_resumed_after_every_frame_is_unbiased():
+    its, frames = walk(8), np.array([1.5, -1.0], np.float32)
+    one = np.eye(1)
+    exact = kalman(one, one, one, one, np.zeros(1), 0 * one, frames[:, None])[0]
+
+    @quick
+    @jax.vmap
+    def evidence(key):
+        state, first = jaxpf.run(its, key, frames[:1])
+        _, second = jaxpf.run(its, key, frames[1:], state=state)
+        return jnp.exp(first.log_evidence[0] + second.log_evidence[0] - np.sum(exact))
+
+    ratio = evidence(jax.random.split(KEY, 20_000))
+    assert abs(np.mean(ratio) - 1) / (np.std(ratio) / len(ratio) ** 0.5) < LIMIT
+
+
+class Timed(NamedTuple):
+    """State of a user's tracker."""
+
+    value: Any
+    time: Any
+
+
+@jaxpf.pytree_dataclass
+class Own:
+    """A user's tracker: its state is noise, with or without its time."""
+
+    says_time: bool = jaxpf.contract.static_field(default=False)
+
+    def init(self, key):
+        return Timed(jnp.zeros(()), jnp.int32(0)) if self.says_time else jnp.zeros(())
+
+    def step(self, key, state, frame):
+        noise = jax.random.normal(key)
+        return (Timed(noise, state.time + 1) if self.says_time else noise), noise
+
+
+def test_a_users_state_resumes_if_it_says_its_time_and_is_refused_otherwise():
+    its = Own(says_time=True)
+    _, whole = jaxpf.run(its, KEY, FRAMES)
+    half, first = jaxpf.run(its, KEY, FRAMES[:2])
+    same(jnp.append(first, jaxpf.run(its, KEY, FRAMES[2:], state=half)[1]), whole)
+    state, untimed = jaxpf.run(Own(), KEY, FRAMES)
+    same(untimed, whole)
+    for go_on in (
+        lambda: jaxpf.run(Own(), KEY, FRAMES, state=state),
+        lambda: next(jaxpf.stream(Own(), KEY, FRAMES, state=state)),
+    ):
+        with pytest.raises(InputError, match="has no field time, so resuming would repeat the ra"):
+            go_on()

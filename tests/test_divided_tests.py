@@ -1,0 +1,77 @@
+"""Which slow tests a run of the checks takes, and that it ends in time."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import divided_tests
+from divided_tests import chosen, cut, touched
+
+NAMES = [f"tests/{room}/test_it.py::test_{n}" for room in ("boxes", "media") for n in range(15)]
+NAMES += [f"tests/running/test_it.py::test_wide[{n}]" for n in range(60)]
+
+
+def test_changed_code_is_tested_with_a_third_of_the_rest():
+    first, others = chosen(NAMES, ("tests/boxes/",), "c0ffee")
+    assert first == NAMES[:15]
+    assert len(others) == 25
+    assert set(others) <= set(NAMES[15:])
+    assert (first, others) == chosen(NAMES, ("tests/boxes/",), "c0ffee")
+
+
+def test_half_of_the_tests_is_taken_at_most():
+    first, others = chosen(NAMES, ("tests/running/",), "c0ffee")
+    assert len(first) == 45
+    assert not others
+
+
+def test_other_commits_choose_other_tests_and_leave_none_out():
+    parts = [chosen(NAMES, (), f"{commit:x}")[1] for commit in range(40)]
+    assert {len(part) for part in parts} == {30}
+    assert {name for part in parts for name in part} == set(NAMES)
+
+
+def test_cases_of_a_function_stay_together_unless_they_are_many():
+    names = [f"test_a[{n}]" for n in range(4)] + [f"test_b[{n}]" for n in range(8)]
+    for commit in range(5):
+        assert chosen(names, (), f"{commit:x}")[1] in (names[:4], names[4:8])
+
+
+def test_every_worker_begins_with_its_part():
+    assert [cut("abcdefg", n, 3) for n in range(3)] == ["ab", "cd", "efg"]
+
+
+def test_rooms_select_their_tests():
+    assert set(touched(["jaxpf/boxes/factory.py", "README.md"])) == {"tests/boxes/"}
+    assert set(touched(["jaxpf/cli/tracking/writing.py"])) == {"tests/cli/tracking/"}
+    assert set(touched(["jaxpf/media/x.py", "tests/cli/test_x.py", "scenes/fish.py"])) == {
+        *("tests/media/", "tests/cli/test_x.py", "tests/scenes/"),
+    }
+    assert set(touched(["jaxpf/evaluation/work/worker.py"])) == {"tests/evaluation/"}
+    assert set(touched(["jaxpf/ordering.py"])) == {"tests/filters/", "tests/statistical/"}
+    kernel = {"tests/filters/", "tests/statistical/"}
+    assert set(touched(["jaxpf/lowering/sums.py"])) == {*kernel, "tests/lowering/"}
+    assert set(touched(["jaxpf/filters/partitioned/x.py"])) == {
+        *kernel,
+        "tests/filters/partitioned/",
+    }
+    assert touched(["constraints.txt"]) == ("tests/",)
+    assert "tests/test_divided_tests.py" in touched(["tests/helpers/divided_tests.py"])
+
+
+def test_pytest_takes_a_share_and_begins_no_test_after_the_time(tmp_path):
+    """Of nine tests three are chosen; the first lets the time end while it runs."""
+    one = f"def test_{{}}():\n    os.environ['{divided_tests.UNTIL}'] = '1'\n\n"
+    (tmp_path / "test_it.py").write_text("import os\n" + "".join(map(one.format, range(9))))
+    options = ["-n1", "-pdivided_tests", "-pno:cacheprovider", "--share=c0ffee"]
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", *options],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(Path(divided_tests.__file__).parent)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.count("NOT RUN test_it.py::test_") == 2
+    assert "1 passed, 2 not run" in done.stdout

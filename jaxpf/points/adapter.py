@@ -51,7 +51,9 @@ class PointAdapter(Adapter):
             points = _on_mask(given["mask"], step, source)
         else:
             points = (
-                read_points(given["points"]) if given["points"] else parse_points(given["point"])
+                read_points(given["points"]).at(number)
+                if given["points"]
+                else parse_points(given["point"])
             )
         for name, (x, y) in zip(points.names, points.places, strict=True):
             if not (0 <= x < source.width and 0 <= y < source.height):

@@ -13,6 +13,7 @@ import numpy as np
 from jaxpf.cli.shared import console
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.stopping import announced_stop
+from jaxpf.cli.tracking.later import all_names, starting_later
 from jaxpf.cli.tracking.records import Record, Scene, changing_population, fixed_population
 from jaxpf.cli.tracking.request import Request
 from jaxpf.cli.tracking.writers import (
@@ -90,12 +91,14 @@ def record_run(
     opened: Any,
     built: Any,
     restart: Callable[[], tuple[Any, np.ndarray]] | None,
+    make: Callable[[np.ndarray, Any], Any],
 ) -> Recording:
     """Track every frame and pass it to the writers.
 
     Args:
         request, opened, built: results of the previous steps.
         restart: for a camera, returns the tracker and the start frame after compilation.
+        make: function from a frame and a start to a tracker, for objects that start later.
     """
     births = request.births
     recording = Recording(
@@ -103,7 +106,7 @@ def record_run(
         opened=opened,
         built=built,
         tracker=built.tracker,
-        counts=Counts(opened.start.ids if births is None else ()),
+        counts=Counts(all_names(opened.start, opened.later) if births is None else ()),
         population=None if births is None else Population(),
     )
     with locked(opened.output, "tracking", keep=False):
@@ -117,7 +120,7 @@ def record_run(
                 contextlib.ExitStack() as stack,
                 contextlib.closing(opened.frames),
             ):
-                _record_frames(recording, first, stack)
+                _record_frames(recording, first, stack, make)
         except (KeyboardInterrupt, InputError) as error:
             recording.stopped = error
         if recording.has_begun and not recording.is_kept:
@@ -125,7 +128,9 @@ def record_run(
     return recording
 
 
-def _record_frames(recording: Recording, first: np.ndarray, stack: contextlib.ExitStack) -> None:
+def _record_frames(
+    recording: Recording, first: np.ndarray, stack: contextlib.ExitStack, make: Callable
+) -> None:
     import jax
 
     from jaxpf.files import states
@@ -140,7 +145,9 @@ def _record_frames(recording: Recording, first: np.ndarray, stack: contextlib.Ex
         from jaxpf.smoothing import LookBack
 
         look_back = LookBack(scene.tracker, key, run.smooth_lag, total, first=before[1])
-    if births is None:
+    if opened.later:
+        records = starting_later(scene, recording.tracker, key, first, frames, opened.later, make)
+    elif births is None:
         records = fixed_population(scene, recording.tracker, key, first, frames, before)
     else:
         records = changing_population(scene, recording.tracker, key, first, frames, births)
@@ -220,7 +227,7 @@ def _writers(
     recording: Recording, scene: Scene, smoothed: Smoothed | None, stack: contextlib.ExitStack
 ) -> list[Writer]:
     request, opened = recording.request, recording.opened
-    names: Any = opened.start.ids
+    names: Any = all_names(opened.start, opened.later)
     if request.births is not None:
         names = [f"slot_{number}" for number in range(1, request.births.rules.capacity + 1)]
     writers: list[Writer] = [

@@ -36,6 +36,8 @@ class Record(NamedTuple):
         state: holds the particles; None in a frame that is not filtered.
         slots: partitions occupied by the objects.
         changes: births and deaths; None for a fixed population.
+        scene: the scene of the tracker that this record comes from, if not the run's.
+        parts: records of groups of objects with trackers of their own; () for one tracker.
     """
 
     number: int
@@ -52,6 +54,8 @@ class Record(NamedTuple):
     state: Any = None
     slots: Any = _ALL
     changes: Any = None
+    scene: Any = None
+    parts: tuple[Any, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)

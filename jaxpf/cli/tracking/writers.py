@@ -118,6 +118,8 @@ class Overlay:
         """See ``Writer``."""
         doubtful = self._doubtful(record)
         if record.changes is None:
+            if self._past and len(self._past[-1]) != len(record.shapes):
+                self._past.clear()  # an object has started
             self._past.append(record.shapes)
         time = self._scene.shown_at(record.number)
         self._began = time if self._began is None else self._began
@@ -134,23 +136,25 @@ class Overlay:
     def _draw(self, record: Record, doubtful: np.ndarray) -> np.ndarray:
         from jaxpf.media.overlay import draw_spreads
 
-        adapter, frame, summary = self._scene.adapter, record.frame, record.summary
-        if summary is not None:
-            colours = np.zeros((len(summary.estimate), 3), np.uint8)
-            colours[record.slots] = record.colours
-            cloud = self._scene.cloud(record.state)
-            frame = adapter.draw_particles(
-                frame, self._scene.start, self._scene.tracker, cloud, colours
-            )
+        adapter, frame = self._scene.adapter, record.frame
+        parts = [part for part in record.parts or (record,) if part.summary is not None]
+        for part in parts:
+            scene = part.scene or self._scene
+            colours = np.zeros((len(part.summary.estimate), 3), np.uint8)
+            colours[part.slots] = part.colours
+            cloud = scene.cloud(part.state)
+            frame = adapter.draw_particles(frame, scene.start, scene.tracker, cloud, colours)
         past = np.stack(self._past) if self._past else None
         marks = Marks(record.colours, record.lost, past, doubtful)
         picture = adapter.draw(frame, record.start, record.shapes, marks)
-        spread = getattr(summary, "spread", None)
-        if spread is None or self._scene.has_own_boxes or not adapter.target.has_places:
-            return picture
-        centres = centres_of(adapter, record.places.values)
-        spread = np.hypot(spread[:, :2], self._scene.model_error(len(spread))[:, :2])[record.slots]
-        return draw_spreads(picture, centres, spread, record.colours)
+        for part in parts:
+            scene, spread = part.scene or self._scene, getattr(part.summary, "spread", None)
+            if spread is None or scene.has_own_boxes or not adapter.target.has_places:
+                continue
+            centres = centres_of(adapter, part.places.values)
+            spread = np.hypot(spread[:, :2], scene.model_error(len(spread))[:, :2])[part.slots]
+            picture = draw_spreads(picture, centres, spread, part.colours)
+        return picture
 
 
 class Smoothed:

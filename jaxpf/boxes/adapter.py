@@ -53,8 +53,8 @@ class BoxAdapter(Adapter):
             return BOXES.start(np.zeros((0, 4)))
         else:
             raise InputError(
-                "no start box: give --box x,y,w,h for every object, or --boxes FILE.csv "
-                f"(`jaxpf frame {source.path}` saves a frame with a pixel grid to read them off)."
+                "no start box: give --box x,y,w,h for every object, or --boxes FILE.csv.  Draw the "
+                f"start boxes with `jaxpf mark {source.path}`."
             )
         tracks.check_boxes(boxes, source.width, source.height, [f"object {i}" for i in ids])
         return BOXES.start(boxes, ids)
@@ -68,9 +68,8 @@ class BoxAdapter(Adapter):
         if not given["boxes"]:
             return {}, None
         table = tracks.read_boxes(given["boxes"])
-        named = (
-            np.full(len(table), True) if given["ids"] is None else np.isin(table.id, given["ids"])
-        )
+        ids = table.id if given["ids"] is None else given["ids"]
+        named = np.isin(table.id, ids)
 
         def start_at(frame: int) -> Start:
             rows = named & (table.frame == frame)

@@ -24,8 +24,8 @@ class PointAdapter(Adapter):
         "point": {"multiple": True, "metavar": "X,Y[,NAME]", "help": "A start point; repeat it."},
         "points": {
             "type": Path,
-            "help": "CSV of start points: lines x,y or x,y,name; "
-            "or with the header frame,id,x,y, where a later frame starts a point, or puts it right.",
+            "help": "CSV of start points: lines x,y or x,y,name.  With the header frame,id,x,y a "
+            "point in a later frame starts there, or is put right.",
         },
         "mask": {
             "type": Path,
@@ -45,8 +45,7 @@ class PointAdapter(Adapter):
         if not said:
             raise InputError(
                 "no start point: give --point x,y for every point, --points FILE.csv or --mask "
-                f"PICTURE (`jaxpf frame {source.path}` saves a frame with a pixel grid to read "
-                "points off)."
+                f"PICTURE.  Draw the points with `jaxpf mark {source.path} --target points`."
             )
         if given["mask_step"] is not None and not given["mask"]:
             raise InputError("--mask-step is about the grid on a --mask, and none was given.")

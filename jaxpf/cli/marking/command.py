@@ -58,12 +58,41 @@ def view(folder: Path, beside: Path | None, video: str | None, opens: bool, keep
     point drawn in a doubtful frame corrects its object there: it is added to the start file, and
     the button Track runs again.
     """
-    from jaxpf.cli.marking.runs import Run, Truth
+    from jaxpf.media.page.runs import Run
 
     run = Run(folder)
-    second = [] if beside is None else [Run(beside) if beside.is_dir() else Truth(beside)]
+    second = [] if beside is None else [Run(beside) if beside.is_dir() else _Truth(beside)]
     marking = _Marking(video or run.video, run.kind, run.start_file, folder)
     _serve(marking, marking.existing(run.start), [run, *second], run.start, opens, keep)
+
+
+class _Truth:
+    """True boxes of a CSV, in the place of a run."""
+
+    def __init__(self, path: Path):
+        from jaxpf.boxes.tracks import read_boxes
+
+        table = read_boxes(path, empty_boxes="absent")
+        rows = [
+            ",".join(map(str, (frame, name, *box)))
+            for frame, name, box in zip(
+                table.frame.tolist(), table.id.tolist(), table.box.tolist(), strict=True
+            )
+        ]
+        self.name = str(path)
+        self._text = "\n".join(["frame,id,x,y,w,h", *rows]) + "\n"
+
+    def since(self, at: dict[str, int]) -> dict[str, Any]:
+        """See ``jaxpf.media.page.runs.Run``."""
+        text = "" if at["tracks"] else self._text
+        return {
+            "tracks": text,
+            "outlines": "",
+            "at": {"file": 0, "tracks": 1, "outlines": 0},
+            "is_new": False,
+            "closed": False,
+            "running": False,
+        }
 
 
 class _Marking:
@@ -156,9 +185,8 @@ class _Marking:
 def _serve(
     marking: _Marking, shapes: Shapes, runs: list[Any], start: int, opens: bool, keep: bool
 ) -> None:
-    from jaxpf.cli.marking.runs import Run
-    from jaxpf.media.overlay import NUM_COLOURS, object_colours
-    from jaxpf.media.page.server import Server
+    from jaxpf.media.page.runs import Run
+    from jaxpf.media.page.server import Server, described
 
     source, shown = marking.source, list(runs)
 
@@ -170,27 +198,16 @@ def _serve(
         shown[:] = [Run(marking.folder, is_waited_for=True)]
         return started
 
-    about = {
-        "name": source.name,
-        "width": source.width,
-        "height": source.height,
-        "fps": source.fps,
-        "frames": source.num_frames or source.frames_expected or 1,
-        "kind": marking.kind,
-        "items": shapes,
-        "start": start,
-        "results": [run.name for run in runs],
-        "colours": ["#%02x%02x%02x" % tuple(rgb) for rgb in object_colours(NUM_COLOURS).tolist()],
-        "can_draw": True,
-        "can_track": True,
-    }
+    about = described(
+        source, kind=marking.kind, items=shapes, start=start, results=[run.name for run in runs]
+    )
     answers = {
         "save": marking.save,
         "track": track,
         "progress": marking.progress,
         "result": result,
     }
-    server = Server(source, about, answers)
+    server = Server(source, about | {"can_track": True}, answers)
     click.echo(f"{server.url}\nThe page is open until you press Ctrl-C or close it.")
     try:
         if opens:

@@ -19,7 +19,7 @@ Shapes = list[dict[str, Any]]
 FLAGS = {"boxes": "boxes", "points": "points", "parts": "parts-file", "contours": "contours"}
 SUFFIXES = {"boxes": ".csv", "points": ".csv", "parts": ".csv", "contours": ".json"}
 #: Number of control points of closed and of open contours.
-_CONTROL = {True: 16, False: 8}
+_CONTROL = {True: 16, False: 12}
 
 
 def write_start(path: Path, kind: str, shapes: Shapes) -> None:
@@ -137,8 +137,12 @@ def _read_contours(path: Path, frame: int) -> Shapes:
     from jaxpf.shapes.splines import points_on
 
     contours = read_contours(path)
-    kind = {"closed": contours.closed, "degree": contours.degree}
-    lines = points_on(contours.points, contours.points.shape[1], **kind)
+    lines = points_on(
+        contours.points,
+        contours.points.shape[1],
+        closed=contours.closed,
+        degree=contours.degree,
+    )
     same = {"frame": frame, "closed": contours.closed, "width": contours.width}
     return [
         {"name": name, "points": line, **same}

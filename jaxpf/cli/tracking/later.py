@@ -93,11 +93,9 @@ def _part(group: _Group, colours: Mapping[Any, np.ndarray]) -> Record:
     """The next record of a group, of the objects that it still tracks."""
     record = next(group.records)
     kept = np.flatnonzero(np.isin(record.start.ids, group.ids))
-    places = Places(
-        *(
-            None if value is None else value[:, kept] if field.endswith("interval") else value[kept]
-            for field, value in zip(Places._fields, record.places, strict=True)
-        )
+    places = Places._make(
+        None if value is None else value[:, kept] if field.endswith("interval") else value[kept]
+        for field, value in zip(Places._fields, record.places, strict=True)
     )
     ids = record.start.ids[kept]
     start = dataclasses.replace(
@@ -107,7 +105,7 @@ def _part(group: _Group, colours: Mapping[Any, np.ndarray]) -> Record:
         sizes=record.start.sizes[kept],
         parents=(-1,) * len(kept),
     )
-    rows = {
+    rows: dict[str, Any] = {
         name: None if getattr(record, name) is None else getattr(record, name)[kept]
         for name in ("shapes", "lost", "confidence", "outside", "without_likelihood")
     }
@@ -126,21 +124,17 @@ def _joined(parts: list[Record], names: np.ndarray) -> Record:
         if all(value is None for value in values):
             return None
         like = next(value for value in values if value is not None)
-        rows = []
+        filled = []
         for value, part in zip(values, parts, strict=True):
             shape = list(like.shape)
             shape[axis] = len(part.slots)
             fill = False if like.dtype == bool else np.nan
-            rows.append(np.full(shape, fill, like.dtype) if value is None else value)
-        return np.concatenate(rows, axis=axis)
+            filled.append(np.full(shape, fill, like.dtype) if value is None else value)
+        return np.concatenate(filled, axis=axis)
 
-    places = Places(
-        *(
-            together(
-                [getattr(part.places, field) for part in parts], int(field.endswith("interval"))
-            )
-            for field in Places._fields
-        )
+    places = Places._make(
+        together([getattr(part.places, field) for part in parts], int(field.endswith("interval")))
+        for field in Places._fields
     )
     start = dataclasses.replace(
         parts[0].start,
@@ -150,6 +144,9 @@ def _joined(parts: list[Record], names: np.ndarray) -> Record:
         parents=(-1,) * sum(len(part.slots) for part in parts),
     )
     columns = ("shapes", "lost", "confidence", "outside", "without_likelihood")
+    rows: dict[str, Any] = {
+        name: together([getattr(part, name) for part in parts]) for name in columns
+    }
     return parts[0]._replace(
         start=start,
         places=places,
@@ -158,7 +155,7 @@ def _joined(parts: list[Record], names: np.ndarray) -> Record:
         summary=_summary(tracked, names) if tracked else None,
         state=None,
         parts=tuple(parts),
-        **{name: together([getattr(part, name) for part in parts]) for name in columns},
+        **rows,
     )
 
 

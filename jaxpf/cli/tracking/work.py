@@ -107,10 +107,12 @@ def open_input(request: Request) -> Opened:
     check_live(request, source)
     first = used_to_the_light(frames) if source.is_camera else next(frames)
     start = request.adapter.read_start(request.starts, run_options.start, source)
-    later, remark = request.adapter.later_starts(request.starts, run_options.start, source)
+    later, note = request.adapter.later_starts(request.starts, run_options.start, source)
+    if run_options.frames is not None:
+        later = {at: s for at, s in later.items() if at <= run_options.start + run_options.frames}
     if later:
         check_later(request)
-    for remark in (*start.remarks, *([remark] if remark else [])):
+    for remark in (*start.remarks, *([note] if note else [])):
         click.echo(f"Note: {remark}", err=True)
     if request.births is not None:
         births_of.check_births(request.births, start, run_options.start, source)

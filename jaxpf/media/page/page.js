@@ -5,7 +5,7 @@
 const $ = (id) => document.getElementById(id);
 const NEAR = 8, HANDLE = 5, ROW = 22, DOUBTFUL = 0.8, UNCONFIRMED = 5;
 let about, frame = 0, view = { scale: 0, x: 0, y: 0 };
-let items = [], selected = null, past = [], drawing = true, drag = null, joint = null;
+let items = [], selected = null, past = [], drawing = true, drag = null, joint = null, wanted = null;
 let results = [], hidden = new Set(), playing = null, busy = false;
 const pictures = new Map();
 
@@ -250,6 +250,7 @@ function newName() {
   // An object of another frame that is not yet in this one is drawn again: a correction.
   if (selected && selected.kind === $("kind").value && selected.frame !== frame
     && !here().some((item) => item.name === selected.name)) return selected.name;
+  if (wanted && wanted.frame === frame && !here().some((item) => item.name === wanted.name)) return wanted.name;
   for (let number = 1; ; number++) if (!names.has(String(number))) return String(number);
 }
 
@@ -501,6 +502,7 @@ function doubtful(step) {
   if (found === undefined) { say(step > 0 ? "No doubtful frame follows." : "No doubtful frame before this one."); return; }
   const rows = results[0].rows.get(found).filter((row) => row.doubtful);
   say(rows.map((row) => `${row.id} is ${row.lost ? "lost" : "doubtful"} in frame ${found}.`).join("  "));
+  wanted = { frame: found, name: rows[0].id }; // what is drawn here corrects it
   go(found);
 }
 

@@ -15,6 +15,7 @@ from importlib import resources
 from typing import Any
 
 from jaxpf.contract.errors import InputError
+from jaxpf.media.overlay import NUM_COLOURS, object_colours
 from jaxpf.media.page.pictures import Pictures
 
 #: The page's own files and their kinds.
@@ -76,6 +77,25 @@ class Server:
         self._http.shutdown()
         self._http.server_close()
         self.pictures.close()
+
+
+def described(source: Any, **more: Any) -> dict[str, Any]:
+    """What the page knows of a film at once; ``more`` adds to it or replaces it."""
+    about = {
+        "name": source.name,
+        "width": source.width,
+        "height": source.height,
+        "fps": source.fps,
+        "frames": source.num_frames or source.frames_expected or 1,
+        "kind": "boxes",
+        "items": [],
+        "start": 0,
+        "results": [],
+        "colours": [f"#{bytes(rgb).hex()}" for rgb in object_colours(NUM_COLOURS)],
+        "can_draw": True,
+        "can_track": False,
+    }
+    return about | more
 
 
 def _handler(server: Server) -> type[http.server.BaseHTTPRequestHandler]:

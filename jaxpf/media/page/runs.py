@@ -1,14 +1,21 @@
 """Results of ``jaxpf track`` for the page, as they are written."""
 
 import json
+import tomllib
 from pathlib import Path
 from typing import Any
 
-from jaxpf.cli.marking.starts import FLAGS
 from jaxpf.contract.errors import InputError
 
 #: Most bytes of one answer, and the tables that are read.
 _MOST, _TABLES = 4 * 2**20, ("tracks", "outlines")
+#: Key of each kind's start file in run.toml.
+_START_FILES = {
+    "boxes": "boxes",
+    "points": "points",
+    "parts": "parts_file",
+    "contours": "contours",
+}
 
 
 class Run:
@@ -16,8 +23,6 @@ class Run:
 
     def __init__(self, folder: Path, is_waited_for: bool = False):
         """Read ``run.toml``; a run that has just been started may not have written it yet."""
-        import tomllib
-
         self.folder, self.name = folder, str(folder)
         try:
             table = tomllib.loads((folder / "run.toml").read_text())["track"]
@@ -29,7 +34,7 @@ class Run:
             table = {"video": "", "target": "boxes"}
         self.video, self.kind = str(table["video"]), table["target"]
         self.start = table.get("start", 0)
-        file = table.get(FLAGS[self.kind].replace("-", "_"))
+        file = table.get(_START_FILES[self.kind])
         self.start_file = None if file is None else Path(file)
 
     def since(self, at: dict[str, int]) -> dict[str, Any]:
@@ -70,32 +75,3 @@ class Run:
             return bool(json.loads(self.start_file.read_text()).get("closed"))
         except (OSError, ValueError):
             return False
-
-
-class Truth:
-    """True boxes of a CSV, in the place of a run."""
-
-    def __init__(self, path: Path):
-        from jaxpf.boxes.tracks import read_boxes
-
-        table = read_boxes(path, empty_boxes="absent")
-        rows = [
-            ",".join(map(str, (frame, name, *box)))
-            for frame, name, box in zip(
-                table.frame.tolist(), table.id.tolist(), table.box.tolist(), strict=True
-            )
-        ]
-        self.name = str(path)
-        self._text = "\n".join(["frame,id,x,y,w,h", *rows]) + "\n"
-
-    def since(self, at: dict[str, int]) -> dict[str, Any]:
-        """See ``Run``."""
-        text = "" if at["tracks"] else self._text
-        return {
-            "tracks": text,
-            "outlines": "",
-            "at": {"file": 0, "tracks": 1, "outlines": 0},
-            "is_new": False,
-            "closed": False,
-            "running": False,
-        }

@@ -36,6 +36,7 @@ def browser():
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     service = webdriver.chrome.service.Service(_DRIVER)
     driver = webdriver.Chrome(options=options, service=service)
+    driver.implicitly_wait(20)
     yield driver
     driver.quit()
 

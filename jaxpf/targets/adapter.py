@@ -150,6 +150,7 @@ def looks_of_scene(scene: Any, num_particles: int, typical: Any = None) -> Looks
         settings=scene.settings,
     )
 
+
 #: Frames in a row with a start of one object, from which on a file holds whole tracks.
 _WHOLE = 3
 

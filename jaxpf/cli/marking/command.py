@@ -195,7 +195,9 @@ def _serve(
 
     def track(content: Any) -> dict[str, str]:
         started = marking.track(content)
-        shown[:] = [Run(marking.folder, is_waited_for=True)]
+        run = Run(marking.folder, is_waited_for=True)
+        run.kind, run.start_file = content["kind"], marking.file(content["kind"])
+        shown[:] = [run]
         return started
 
     about = described(

@@ -304,7 +304,7 @@ function press(event) {
     drag = { what: "handle", item: selected, index: selected.points.length - 1 };
   } else {
     const end = grabbed ? handles(grabbed.item)[grabbed.index] : at;
-    if (joint && joint.join() !== end.join()) {
+    if (joint && !grabbed) {
       const ends = (item) => [[item.x2, item.y2], [item.x1, item.y1]].map((e) => e.join());
       const above = here().find((item) => ends(item)[0] === joint.join()) || here().find((item) => ends(item)[1] === joint.join());
       added({ x1: joint[0], y1: joint[1], x2: end[0], y2: end[1], width: Number($("width").value), parent: above ? above.name : "" });

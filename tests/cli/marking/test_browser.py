@@ -37,6 +37,7 @@ def browser():
     service = webdriver.chrome.service.Service(_DRIVER)
     driver = webdriver.Chrome(options=options, service=service)
     driver.implicitly_wait(20)
+    driver.set_script_timeout(200)
     yield driver
     driver.quit()
 

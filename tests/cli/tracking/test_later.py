@@ -1,6 +1,7 @@
 """Objects that a start file names in later frames."""
 
 import numpy as np
+import pytest
 from command_line import jaxpf
 from small_video import LENGTH, PARTICLES, true_boxes
 
@@ -19,14 +20,13 @@ def rows_of(output, name):
 
 
 def test_an_object_starts_later_and_another_is_put_right(track, tmp_path):
-    first = true_boxes(0)[0]
-    wrong = [30, 30, 12, 16]  # background
+    wrong, (left, right) = [30, 30, 12, 16], true_boxes(4)  # wrong: background
     starts = boxes_at(
         tmp_path / "starts.csv",
-        (0, 1, first),
+        (0, 1, true_boxes(0)[0]),
         (0, 3, wrong),
-        (4, 2, true_boxes(4)[1]),
-        (6, 3, true_boxes(6)[1]),
+        (4, 2, left),
+        (4, 3, right),
     )
     outcome = track("--boxes", starts)
     assert outcome.code == 0, outcome.err
@@ -36,12 +36,11 @@ def test_an_object_starts_later_and_another_is_put_right(track, tmp_path):
     np.testing.assert_array_equal(two["frame"], np.arange(4, LENGTH))
     np.testing.assert_array_equal(three["frame"], np.arange(LENGTH))
     # Where a start is given it is the track, without an interval.
-    at = {"x": true_boxes(6)[1][0], "y": true_boxes(6)[1][1]}
-    assert [three[key][6] for key in at] == list(at.values())
-    assert np.isnan(three["x_2.5"][6])
-    assert np.isfinite(three["x_2.5"][[5, 7]]).all()
+    assert [three[key][4] for key in "xywh"] == list(right)
+    assert np.isnan(three["x_2.5"][4])
+    assert np.isfinite(three["x_2.5"][[3, 5]]).all()
     truth = np.array([true_boxes(time) for time in range(LENGTH)])
-    for rows, index, begin in ((one, 0, 1), (two, 1, 5), (three, 1, 7)):
+    for rows, index, begin in ((one, 0, 1), (two, 0, 5), (three, 1, 5)):
         times = rows["frame"][rows["frame"] >= begin]
         x = rows["x"][rows["frame"] >= begin]
         assert np.abs(x - truth[times, index, 0]).max() < 4
@@ -51,6 +50,7 @@ def test_an_object_starts_later_and_another_is_put_right(track, tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_the_start_frames_objects_are_tracked_as_without_later_ones(track, tmp_path, place):
     first, second = true_boxes(0)
     starts = boxes_at(tmp_path / "a.csv", (0, 1, first), (0, 2, second))
@@ -97,6 +97,7 @@ def test_a_start_after_the_last_frame_is_an_error_and_the_tracks_are_kept(track,
     assert rows_of(tmp_path / "out", 1)["frame"][-1] == LENGTH - 1
 
 
+@pytest.mark.slow
 def test_points_name_their_frames(tmp_path, place):
     rows = ((0, "<b>", (12, 16)), (5, "$x$", (41, 25)))
     starts = boxes_at(tmp_path / "points.csv", *rows, header="frame,id,x,y")

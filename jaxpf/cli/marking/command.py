@@ -72,7 +72,7 @@ class _Truth:
     def __init__(self, path: Path):
         from jaxpf.boxes.tracks import read_boxes
 
-        table = read_boxes(path, empty_boxes="absent")
+        table = read_boxes(path, truth=True)
         rows = [
             ",".join(map(str, (frame, name, *box)))
             for frame, name, box in zip(

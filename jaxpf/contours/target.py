@@ -25,7 +25,7 @@ PIECES = 64
 #: The depth order of separate contours is unknown; few particles would keep an arbitrary one.
 _FLIP = 0.5
 #: Default slip on film of open and of closed contours, as a share of their size; see
-#: "Contours" in docs/defaults.md.
+#: "Contours" in docs/development/defaults.md.
 _SLIP = {False: 0.1, True: 0.05}
 
 

@@ -59,8 +59,8 @@ class OfFixedSize(WrappedLikelihood):
         patches:     log odds = -1.4 - 4.4 log(d / e)
 
     Fitted by logistic regression: of histograms to "within one width of the bone" on two clips, a
-    walking bear and a head with two hands (see "Parts" in docs/defaults.md); of patches to "within
-    21 pixels of the label" on eight limbs of the bear.
+    walking bear and a head with two hands (see "Parts" in docs/development/defaults.md); of patches
+    to "within 21 pixels of the label" on eight limbs of the bear.
 
     Attributes:
         likelihood: such as ``jaxpf.likelihoods.histogram(..., method="sampled")``.

@@ -31,7 +31,8 @@ from jaxpf.targets.target import Looks, Start, Target
 # jaxpf.likelihoods._sampled.
 _SAMPLES = 10
 _PATCH_WINDOW = (12, 12)
-#: Default slip of filmed parts, in medians of their shorter sides; see "Parts" in docs/defaults.md.
+#: Default slip of filmed parts, in medians of their shorter sides; see "Parts" in
+#: docs/development/defaults.md.
 _SLIP = 0.6
 _DEGREES = np.array([1, 1, math.pi / 180])
 

@@ -18,7 +18,7 @@ from jaxpf.targets.target import Looks, Start, Target
 
 #: Side in pixels of the square that represents a point where an area is needed.
 _SIDE = 21.0
-#: Slip on film, pixels ("Points" in docs/defaults.md).
+#: Slip on film, pixels ("Points" in docs/development/defaults.md).
 _SLIP = 8.0
 
 

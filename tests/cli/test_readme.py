@@ -7,7 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import pytest
+
+from jaxpf.cli import group
 
 ROOT = Path(__file__).resolve().parents[2]
 SITE = ROOT / "notebooks" / "docs"
@@ -18,6 +21,7 @@ PAGES = {
         *("frame.png", "street", "two", "puppet", "fish", "wires", "crossing"),
         *("points", "parts", "contours"),
     },
+    SITE / "own.md": set(),
 }
 #: How a line begins that is not run, and why.
 LEFT_OUT = {
@@ -39,13 +43,33 @@ def commands(page):
 
 
 def test_what_is_left_out_is_there():
-    pages = [ROOT / "README.md", *SITE.glob("*.md")]
+    pages = [ROOT / "README.md", *SITE.rglob("*.md")]
     lines = {page: [p for language, p in commands(page) if language == "sh"] for page in pages}
     for beginning in LEFT_OUT:
         given = (line for those in lines.values() for line in those)
         assert any(line.startswith(beginning) for line in given), beginning
     for page in set(pages) - PAGES.keys():  # pages that are not run give such commands only
         assert all(line.startswith(tuple(LEFT_OUT)) for line in lines[page]), page
+
+
+def flags(command):
+    """Every option of a command and of its subcommands."""
+    if isinstance(command, click.Group):
+        for name in command.list_commands(None):
+            yield from flags(command.get_command(None, name))
+    for parameter in command.params:
+        yield from (*parameter.opts, *parameter.secondary_opts)
+
+
+def test_commands_on_films_of_the_readers_own_have_the_options_that_they_show():
+    known, shown = {*flags(group)}, set()
+    for page in SITE.rglob("*.md"):
+        for line in re.findall(r"^ *\$ jaxpf (.*)$", page.read_text(), re.MULTILINE):
+            name, *words = line.split()
+            assert name in group.list_commands(None), f"{page.name}: {line}"
+            shown |= {word for word in words if re.match(r"--?[a-z]", word)}
+    assert shown
+    assert shown <= known, shown - known
 
 
 @pytest.mark.slow

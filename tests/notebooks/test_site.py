@@ -12,7 +12,7 @@ from jaxpf.cli import group
 
 ROOT = Path(__file__).resolve().parents[2]
 #: Where a reader finds the answers that the start page promises.
-PROMISED = ("start", "gallery", "papers", "own", "glossary", "speed", "sure", "proofs")
+PROMISED = ("start", "howto", "papers", "own", "glossary", "speed", "uncertainty", "proofs")
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ _CONFIRMED_AFTER = 5
 _DRAWS = 400
 #: Smallest smoothed spread, as a share of the filtered one.  Errors on film last for many frames,
 #: which the model takes for independent, so later frames teach less than it computes (see
-#: "Smoothing of boxes" in docs/defaults.md).
+#: "Smoothing of boxes" in docs/development/defaults.md).
 _LEAST_SPREAD = 1.0
 
 

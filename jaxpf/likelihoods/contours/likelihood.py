@@ -122,7 +122,7 @@ class IndependentContours(Likelihood):
 
         ``30 (t / t_0 - .9)``, with t the share of a contour's edges that the frame shows and t_0
         that at the start.  Look-alikes count as the target, hidden edges as missed ones.  Chosen on
-        tracks of filmed worms, a car and riders; see "Contours" in docs/defaults.md.
+        tracks of filmed worms, a car and riders; see "Contours" in docs/development/defaults.md.
         """
         at_start = jnp.asarray(self.at_start, substates.dtype)
         slope, level = _ODDS

@@ -44,6 +44,7 @@ class Adapter(abc.ABC):
         example: arguments of ``jaxpf track`` after the video, for its help.
         columns: columns of tracks.csv that hold an object's position; angles in degrees, all
             others in pixels.
+        place: what x and y are of an object, for messages.
         fixed_columns: those columns that never change, and so have no interval.
     """
 
@@ -51,6 +52,7 @@ class Adapter(abc.ABC):
     start_flags: Mapping[str, Mapping[str, Any]] = {}
     example: str = ""
     columns: tuple[str, ...] = ("x", "y")
+    place: str = "centre"
     fixed_columns: tuple[str, ...] = ()
 
     @property

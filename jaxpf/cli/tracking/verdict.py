@@ -19,9 +19,9 @@ def object_verdicts(table: Mapping[str, np.ndarray], ids: Any) -> dict[str, dict
     Returns:
         id -> ``frames``, their number; ``followed_until``, the last frame before the object was
         first lost (None if lost from the beginning); ``frames_lost``, their number; ``lost``, pairs
-        of first and last frames; ``interval_width``, the median width in pixels of the 95 %
-        intervals of x and y where the object is not lost (None if unknown); ``mean_confidence``
-        (None if the likelihood defines none).
+        of first and last frames; ``interval_width``, the median widths in pixels of the 95%
+        intervals of the table's x and y where the object is not lost (None if unknown);
+        ``mean_confidence`` (None if the likelihood defines none).
     """
     names = np.array([str(name) for name in table["id"].tolist()])
     confidence, lost = table.get("confidence"), table["lost"] == 1
@@ -39,7 +39,7 @@ def object_verdicts(table: Mapping[str, np.ndarray], ids: Any) -> dict[str, dict
             "followed_until": int(before[-1]) if len(before) else None,
             "frames_lost": int(lost[rows].sum()),
             "lost": stretches,
-            "interval_width": _width(table, kept),
+            "interval_width": _widths(table, kept),
             "mean_confidence": None,
         }
         if confidence is not None and len(rows):
@@ -59,16 +59,20 @@ def _stretches(frames: np.ndarray) -> list[list[int]]:
     return pieces
 
 
-def _width(table: Mapping[str, np.ndarray], rows: list[int]) -> float | None:
-    if "x_2.5" not in table or not rows:
+def _widths(table: Mapping[str, np.ndarray], rows: list[int]) -> dict[str, float] | None:
+    if "x_2.5" not in table:
         return None
-    widths = [table[f"{axis}_97.5"][rows] - table[f"{axis}_2.5"][rows] for axis in "xy"]
-    width = float(np.nanmedian(widths)) if np.isfinite(widths).any() else float("nan")
-    return None if np.isnan(width) else round(width, 3)
+    widths = {axis: table[f"{axis}_97.5"][rows] - table[f"{axis}_2.5"][rows] for axis in "xy"}
+    if not all(np.isfinite(width).any() for width in widths.values()):
+        return None
+    return {axis: round(float(np.nanmedian(width)), 3) for axis, width in widths.items()}
 
 
 def sentences(
-    verdicts: Mapping[str, Mapping[str, Any]], ess: float | None, num_particles: int
+    verdicts: Mapping[str, Mapping[str, Any]],
+    ess: float | None,
+    num_particles: int,
+    place: str = "centre",
 ) -> list[str]:
     """The verdicts as sentences, with advice.
 
@@ -76,6 +80,7 @@ def sentences(
         verdicts: see ``object_verdicts``.
         ess: median effective sample size; None if unknown.
         num_particles: N.
+        place: what x and y are of an object.
     """
     lines, some_lost = [], False
     for name, about in verdicts.items():
@@ -92,8 +97,9 @@ def sentences(
             count = f"{about['frames_lost']} of {about['frames']} frames"
             text = f"{before}lost in {count} ({_frames(pieces)})"
         if about["interval_width"] is not None:
-            width = float(f"{about['interval_width']:.2g}")  # two digits, never 1.6e+02
-            text += f"; 95 % interval {width:g} pixels wide along x or y"
+            # Two digits, never 1.6e+02.
+            x, y = (float(f"{about['interval_width'][axis]:.2g}") for axis in "xy")
+            text += f"; 95% interval of the {place}: {x:g} pixels wide along x, {y:g} along y"
         lines.append(f"Object {name}: {text}")
     if some_lost:
         lines.append(

@@ -70,16 +70,20 @@ def test_tracks_are_one_tidy_table_that_begins_with_the_given_boxes(whole_run):
 
 def test_the_verdict_of_each_object_is_printed_and_kept(whole_run):
     outcome, output = whole_run
-    objects = summary_of(output)["objects"]
+    objects, table = summary_of(output)["objects"], read_tracks(output / "tracks.csv")
     assert set(objects) == {"1", "2"}
     for name, about in objects.items():
         assert about["frames"] == LENGTH - 1
         assert about["followed_until"] == LENGTH - 1
         assert about["lost"] == []
-        width = f"{about['interval_width']:.2g}"
+        rows = table["id"] == int(name)
+        x, y = (
+            float(f"{np.nanmedian(table[f'{c}_97.5'][rows] - table[f'{c}_2.5'][rows]):.2g}")
+            for c in "xy"
+        )
         assert (
-            f"Object {name}: followed confidently to the end (frame 9); 95 % interval {width} "
-            "pixels wide" in outcome.out
+            f"Object {name}: followed confidently to the end (frame 9); 95% interval of the upper "
+            f"left corner: {x:g} pixels wide along x, {y:g} along y\n" in outcome.out
         )
     assert summary_of(output)["effective_sample_size"] > 2
     assert "near 1" not in outcome.out

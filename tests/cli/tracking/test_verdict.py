@@ -21,7 +21,7 @@ def table(confidence=None, lost=None, length=30):
         "lost": np.zeros(length) if lost is None else lost,
     }
     for name in "xy":
-        for level, shift in (("2.5", -2.0), ("97.5", 3.0)):
+        for level, shift in (("2.5", -2.0), ("97.5", 3.0 if name == "x" else 7.0)):
             columns[f"{name}_{level}"] = np.where(frames == 0, np.nan, columns[name] + shift)
     if confidence is not None:
         columns["confidence"] = confidence
@@ -35,15 +35,16 @@ def test_an_object_that_is_followed_throughout_needs_no_advice():
         "followed_until": 29,
         "frames_lost": 0,
         "lost": [],
-        "interval_width": 5.0,
+        "interval_width": {"x": 5.0, "y": 9.0},
         "mean_confidence": 0.9,
     }
     assert sentences(verdicts, 120.0, 300) == [
         "Object 7: followed confidently to the end (frame 29); "
-        "95 % interval 5 pixels wide along x or y"
+        "95% interval of the centre: 5 pixels wide along x, 9 along y"
     ]
-    verdicts["7"]["interval_width"] = 163.2
-    assert sentences(verdicts, 120.0, 300)[0].endswith("95 % interval 160 pixels wide along x or y")
+    verdicts["7"]["interval_width"] = {"x": 163.2, "y": 4.44}
+    (line,) = sentences(verdicts, 120.0, 300, "point")
+    assert line.endswith("95% interval of the point: 160 pixels wide along x, 4.4 along y")
 
 
 def test_stretches_in_which_an_object_is_lost_are_those_of_the_table():

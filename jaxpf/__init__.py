@@ -50,8 +50,8 @@ The public names stand in ``__init__.pyi`` and are imported when they are first 
 importing JAX takes most of a second, which ``jaxpf --help`` does not need.
 """
 
-import lazy_loader
+from jaxpf._lazy import attach
 
 __version__ = "0.1.0"
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -1,6 +1,7 @@
 """The command line.  The module of a command is imported only when it runs."""
 
 import contextlib
+import difflib
 import errno
 import importlib
 import os
@@ -57,6 +58,16 @@ class _LazyGroup(click.Group):
         module, _, attribute = _COMMANDS[name][0].partition(":")
         return getattr(importlib.import_module(module), attribute or "command")
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command; a misspelt name is refused with one that resembles it."""
+        if args[0] not in _COMMANDS and not args[0].startswith("-"):
+            near = difflib.get_close_matches(args[0], _COMMANDS, n=1)
+            remedy = f"; did you mean {near[0]!r}?" if near else "."
+            ctx.fail(f"there is no command {_cut(args[0])!r}{remedy}")
+        return super().resolve_command(ctx, args)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
             formatter.write_dl([(name, help_) for name, (_, help_) in _COMMANDS.items()])
@@ -88,8 +99,12 @@ def main(arguments: list[str] | None = None) -> Any:
     except InputError as error:
         _refuse(_cut(str(error), _LONGEST_MESSAGE))
     except click.ClickException as error:
-        error.show()
-        sys.exit(error.exit_code)
+        if type(error).__name__ == "NoArgsIsHelpError":  # in newer versions of click
+            error.show()
+            sys.exit(error.exit_code)
+        context = getattr(error, "ctx", None)
+        more = f"  See `{context.command_path} --help`." if context else ""
+        _refuse(error.format_message() + more, error.exit_code)
     except (KeyboardInterrupt, click.Abort) as stop:
         # click wraps KeyboardInterrupt.
         terminated = "Terminated" in (type(stop).__name__, type(stop.__cause__).__name__)
@@ -113,9 +128,9 @@ def main(arguments: list[str] | None = None) -> Any:
         _refuse("there is not enough memory; ask for fewer particles, or for smaller frames.")
 
 
-def _refuse(sentence: str) -> NoReturn:
+def _refuse(sentence: str, code: int = 2) -> NoReturn:
     click.echo(f"Error: {sentence}", err=True)
-    sys.exit(2)
+    sys.exit(code)
 
 
 #: Errors of writing to a full or broken disk, or beyond a quota.

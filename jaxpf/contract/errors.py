@@ -1,5 +1,6 @@
 """The exception type for errors that the user can fix."""
 
+import difflib
 import os
 from collections.abc import Callable, Collection
 from pathlib import Path
@@ -64,6 +65,19 @@ def check_names(names: Any, count: int) -> None:
         raise InputError(
             f"names={names!r:.60} must be one name for each of the {count} objects, in a list."
         )
+
+
+def check_fields(owner: str, given: Collection[str], fields: Collection[str]) -> None:
+    """Refuse keyword arguments that are no fields.
+
+    Raises:
+        InputError: suggests the fields that resemble the name.
+    """
+    for name in given:
+        if name not in fields:
+            near = difflib.get_close_matches(name, fields, n=1)
+            remedy = f"did you mean {near[0]}?" if near else f"there are {', '.join(fields)}."
+            raise InputError(f"{owner} has no field {name!r}; {remedy}")
 
 
 def check_type(name: str, value: Any, *kinds: type) -> None:

@@ -7,13 +7,14 @@ object, never inside a transformation.
 """
 
 import dataclasses
+import functools
 from typing import Any, TypeVar, dataclass_transform
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_fields
 
 T = TypeVar("T")
 
@@ -35,8 +36,11 @@ def pytree_dataclass(cls: type[T]) -> type[T]:
     """
     if "__repr__" not in vars(cls):
         cls.__repr__ = described  # type: ignore[method-assign]
+    is_made = "__init__" not in vars(cls)
     cls = dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
     fields = dataclasses.fields(cls)  # type: ignore[arg-type]
+    if is_made:
+        cls.__init__ = _checked(cls)  # type: ignore[misc]
     data_names = tuple(f.name for f in fields if not f.metadata.get("static", False))
     static_names = tuple(f.name for f in fields if f.metadata.get("static", False))
 
@@ -58,6 +62,18 @@ def pytree_dataclass(cls: type[T]) -> type[T]:
 
     jax.tree_util.register_pytree_with_keys(cls, flatten_with_keys, unflatten, flatten)
     return cls
+
+
+def _checked(cls: Any) -> Any:
+    """The constructor of a dataclass, which suggests a name for a misspelt field."""
+    construct, names = cls.__init__, [x.name for x in dataclasses.fields(cls) if x.init]
+
+    @functools.wraps(construct)
+    def constructor(self, *values, **named):
+        check_fields(cls.__name__, named, names)
+        construct(self, *values, **named)
+
+    return constructor
 
 
 def is_concrete(*values: Any) -> bool:

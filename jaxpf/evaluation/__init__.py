@@ -1,5 +1,5 @@
 """Monte Carlo evaluations: many runs of several methods on one scene, stored on disk."""
 
-import lazy_loader
+from jaxpf._lazy import attach
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -23,7 +23,7 @@ from jaxpf.running import (
     together,
     with_inputs,
 )
-from jaxpf.running.checks import as_arrays, check_frames, check_run, warn_if_nan
+from jaxpf.running.checks import as_arrays, check_frames, check_order, check_run, warn_if_nan
 from jaxpf.running.chunks import come_one_by_one, in_chunks
 
 #: Block widths for many and for few runs.  A block of 5 costs up to a third more per run than one
@@ -87,6 +87,7 @@ def monte_carlo(
     """
     if batch_size is not None:
         check_whole("batch_size", batch_size)
+    check_order(tracker, keys, frames)
     keys = as_keys(keys)
     count = keys.shape[0]
     blocks = blocks_of(count) if batch_size is None else ((-(-count // batch_size), batch_size),)

@@ -59,6 +59,21 @@ def check_run(tracker: Any, frames: Any) -> None:
     _check_methods(structure, shapes, frame_structure, frame_shapes, num_partitions)
 
 
+def check_order(tracker: Any, key: Any, frames: Any) -> None:
+    """Refuse a tracker, keys and frames that were given in another order.
+
+    Raises:
+        InputError: gives the order.
+    """
+    kinds = [getattr(value, "dtype", None) for value in (tracker, frames)]
+    keys = [kind is not None and jax.dtypes.issubdtype(kind, jax.dtypes.prng_key) for kind in kinds]
+    if any(keys) or hasattr(key, "init") or hasattr(frames, "init"):
+        raise InputError(
+            "the arguments are in another order; give the tracker, then the random key or keys, "
+            "then the frames."
+        )
+
+
 def check_pytree(tracker: Any) -> None:
     """Refuse what is no tracker, and a tracker that contains an object that is not a pytree.
 

@@ -13,7 +13,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import as_arrays, check_frames, check_run, warn_if_nan
+from jaxpf.running.checks import as_arrays, check_frames, check_order, check_run, warn_if_nan
 from jaxpf.running.chunks import come_one_by_one
 
 
@@ -64,6 +64,7 @@ def run(
             frames; ``observed`` of a wrong shape; a frame that is NaN in part; see also
             ``jaxpf.running.checks.check_run``.
     """
+    check_order(tracker, key, frames)
     frames = as_arrays(frames)
     if come_one_by_one(frames):
         raise InputError(

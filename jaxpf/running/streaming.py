@@ -10,7 +10,7 @@ from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import check_not_traced
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import as_arrays, check_pytree, warn_if_nan
+from jaxpf.running.checks import as_arrays, check_order, check_pytree, warn_if_nan
 from jaxpf.running.chunks import come_one_by_one
 from jaxpf.running.runs import check_resumed
 
@@ -56,6 +56,7 @@ def stream(
             numbered from its ``time``.
         inputs: known inputs of these frames as for ``jaxpf.run``, or an iterable of each frame's.
     """
+    check_order(tracker, key, frames)
     key = running.as_key(key)
     check_pytree(tracker)
     check_resumed(tracker, key, state, running.summary_only)

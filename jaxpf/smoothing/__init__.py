@@ -7,6 +7,6 @@ it traces the particles' ancestors back, which needs no density of moves.
 posterior invariant at any number of particles.
 """
 
-import lazy_loader
+from jaxpf._lazy import attach
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

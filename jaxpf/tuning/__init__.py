@@ -4,6 +4,6 @@ Parameters are named by their path in the tracker.  Choose an objective; the res
 values and their uncertainty.
 """
 
-import lazy_loader
+from jaxpf._lazy import attach
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

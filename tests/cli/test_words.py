@@ -72,6 +72,21 @@ def test_the_demo_tells_each_methods_own_time(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["trakc"], "Error: there is no command 'trakc'; did you mean 'track'?  See `jaxpf --help`."),
+        (["frame"], "Error: Missing argument 'VIDEO'.  See `jaxpf frame --help`."),
+        (["frame", "--nubmer", "1"], "Error: No such option"),
+    ],
+)
+def test_every_refusal_is_one_line(arguments, message):
+    outcome = jaxpf(*arguments)
+    assert outcome.code == 2
+    assert outcome.err.startswith(message)
+    assert len(outcome.err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
     "command", ["evaluate", "tune", "track boxes", "track contours", "reproduce", "contour learn"]
 )
 def test_help_has_no_stray_blanks(command):

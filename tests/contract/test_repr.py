@@ -1,10 +1,14 @@
-"""What pytrees print as: a few lines, whatever they hold and wherever they are."""
+"""What pytrees print as, and what a constructor or a run says of wrong names and orders."""
+
+import inspect
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 import jaxpf
+from jaxpf import InputError
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian
 
@@ -75,3 +79,26 @@ def test_big_deleted_and_odd_arrays_print_too():
     assert repr(Box({"a": (1.5,), "b": [np.sin]})) == "Box(value={'a': (1.5,), 'b': [sin]})"
     assert repr(Box(Box(None))) == "Box(value=Box())"
     assert repr(Box("x" * 500)).endswith(" ...,\n)")
+
+
+def test_a_misspelt_field_or_name_is_refused_with_the_right_one():
+    with pytest.raises(InputError, match="Partitioned has no field 'dynamcs'; did you mean dyn"):
+        jaxpf.Partitioned(dynamcs=None)
+    with pytest.raises(InputError, match="RandomWalk has no field 'zzz'; there are scale"):
+        RandomWalk(zzz=1)
+    with pytest.raises(AttributeError, match=r"'jaxpf.boxes' has no .* 'trackr'; did you mean 'tra"):
+        jaxpf.boxes.trackr  # noqa: B018
+    assert list(inspect.signature(RandomWalk).parameters) == ["scale"]
+
+
+def test_arguments_in_another_order_are_refused_with_the_order():
+    key, frames = jax.random.key(0), np.zeros((5, 2, 1))
+    for call in (
+        lambda: jaxpf.run(key, tracker(), frames),
+        lambda: jaxpf.run(tracker(), frames, key),
+        lambda: jaxpf.run(frames, key, tracker()),
+        lambda: jaxpf.monte_carlo(tracker(), frames, key[None]),
+        lambda: next(jaxpf.stream(tracker(), frames, key)),
+    ):
+        with pytest.raises(InputError, match="give the tracker, then the random key or keys, then"):
+            call()

@@ -1,6 +1,7 @@
 """``jaxpf tune``: tune parameters of the likelihood and the motion by gradient descent."""
 
 import dataclasses
+import difflib
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,7 +24,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import GRADIENTS, OBJECTIVES
 from jaxpf.contract.options import OPEN, chosen, option, options_of
 from jaxpf.running.memory import check_memory, needed_by
-from jaxpf.targets import adapter_of_scene
+from jaxpf.targets import adapter_of_scene, adapters
 from jaxpf.targets.building import filter_for
 from jaxpf.tuning.settings import Settings
 
@@ -104,6 +105,7 @@ def _command(**values: Any) -> None:
     from jaxpf.tuning.checkpoint import NAME
 
     options, source = picked(values, Options, _DEFAULTS), resolved_scene(values["scene"])
+    _check_names(options.parameters)
     folder = options.output or Path(f"jaxpf-tune-{scene_name(source)}")
     with report_os_errors("write into the output folder", folder):
         continues = (folder / NAME).is_file()
@@ -212,6 +214,18 @@ def _tune(
             folder=output,
             progress=progress,
         )
+
+
+def _check_names(parameters: str | None) -> None:
+    """Refuse misspelt parameters before scenes are opened."""
+    from jaxpf import tuning
+
+    targets = (adapter.target.options for adapter in adapters().values())
+    every = [option.path or "" for each in targets for option in options_of(each).values()]
+    for name in (tuning.parameter(text).name for text in names_in(parameters or "")):
+        near = difflib.get_close_matches(name, every, n=1, cutoff=0.8)
+        if near and name not in every:
+            raise InputError(f"there is no parameter {name} to tune; did you mean {near[0]}?")
 
 
 def _check_parameters(tracker: Any, target: Any, wanted: list[Any]) -> None:

@@ -109,7 +109,7 @@ def test_a_folder_is_tuned_on_its_first_frames(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--parameters", "likelihood.sharp"], "no parameter likelihood.sharp to tune; choose"),
+        (["--parameters", "likelihood.sharp"], "to tune; did you mean likelihood.sharpness?"),
         (["--parameters", "num_particles"], "no parameter num_particles to tune; choose"),
         (["--parameters", "likelihood.bin_lookup"], "holds int32, which has no gradient"),
         (["--parameters", "likelihood.sharpness=30:40"], "starts at 20, but must lie between 30"),

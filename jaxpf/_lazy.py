@@ -1,0 +1,27 @@
+"""Public names that are imported when they are first used."""
+
+import difflib
+from collections.abc import Callable
+from typing import Any
+
+import lazy_loader
+
+
+def attach(package: str, path: str) -> tuple[Callable[[str], Any], Callable, list[str]]:
+    """``__getattr__``, ``__dir__`` and ``__all__`` by the stub beside ``path``.
+
+    A misspelt name is refused with the one that resembles it.
+    """
+    getter, lister, names = lazy_loader.attach_stub(package, path)
+
+    def get(name: str) -> Any:
+        try:
+            return getter(name)
+        except AttributeError:
+            if name in names:
+                raise
+            near = difflib.get_close_matches(name, names, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise AttributeError(f"module {package!r} has no attribute {name!r}{hint}") from None
+
+    return get, lister, names

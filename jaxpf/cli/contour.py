@@ -39,7 +39,7 @@ def command() -> None:
     "--turns",
     default=0,
     most=360,
-    help="Of centrelines, also learn copies rotated to N directions, mirrored and reversed; for "
+    help="Also learn copies rotated to N directions, mirrored and reversed (centrelines only); for "
     "bodies that lie in any direction and bend to either side.",
 )
 @plain.whole(

@@ -26,7 +26,8 @@ def command(
     """Save one frame of VIDEO with a pixel grid, to read boxes, points and contours off.
 
     A box is x,y,w,h: the pixel of its top left corner, its width and its height.  VIDEO may be
-    live, as for `jaxpf track`: `jaxpf frame 0 -n 30` waits for camera 0 to get used to the light.
+    live, as for `jaxpf track`: `jaxpf frame 0 -n 30` skips 30 frames so that camera 0 can adjust
+    its exposure.
     """
     import cv2
 

@@ -35,8 +35,8 @@ class Options:
 
     shape_space: str | None = option(
         None,
-        "How shapes may differ from their start: translation, similarity or affine.  Similarity, "
-        "the default, turns and scales, too; other shapes are learned, see --learned.",
+        "How shapes may change: translation, similarity (default; also turns and scales) or "
+        "affine.  Other shapes are learned, see --learned.",
         kind=str,
         choices=SHAPE_SPACES,
         common=True,
@@ -44,80 +44,86 @@ class Options:
     )
     shift_noise: float | None = option(
         None,
-        "Of contours, noise of the shift in x and y per frame, pixels; by default .05 of the "
-        "contour's size, or learned; the size is the side of a square with the diagonal of the "
-        "bounding box of the control points.",
+        "Noise of the shift in x and y per frame, in pixels; by default 0.05 of the contour's "
+        "size, or learned (contours only).  The size is the side of a square with the diagonal of "
+        "the bounding box of the control points.",
         kind=float,
         least=0,
     )
     bend_noise: float | None = option(
         None,
-        "Of contours, noise of every other coordinate of the shape per frame, in pixels by which "
-        "its points move; by default .006 of the contour's size, or learned.",
+        "Noise of every other coordinate of the shape per frame, in pixels by which points of the "
+        "contour move; by default 0.006 of the contour's size, or learned (contours only).",
         kind=float,
         least=0,
     )
     exclusion: str = option(
         "wires",
-        "How contours exclude one another: wires, opaque or none.  An edge serves one wire only; "
-        "opaque is the same for two to four closed contours, where nearer ones hide others; with "
-        "none an edge may serve several contours, so that look-alikes coalesce.  wires-literal, "
-        "opaque-literal and none-literal are as published: every line near an edge counts it.",
+        "Whether an edge may belong to several contours: wires (to one only), opaque or none.  "
+        "opaque is for two to four closed contours, of which nearer ones hide others; with none, "
+        "look-alikes coalesce.  In wires-literal, opaque-literal and none-literal, as published, "
+        "every line near an edge counts it.",
         choices=EXCLUSIONS,
         common=True,
         compiles=True,
     )
     wire_width: float | None = option(
         None,
-        "Of open contours, width in pixels of a wire both of whose edges are seen; by default what "
-        "the file says.",
+        "Width in pixels of a wire with two visible edges; by default that of the file (open "
+        "contours only).",
         kind=float,
         above=0,
     )
     lines: int = option(
-        32, "Of contours, measurement lines on each.", least=4, most=1000, compiles=True
+        32,
+        "Number of measurement lines on a contour (contours only).",
+        least=4,
+        most=1000,
+        compiles=True,
     )
     line_length: int = option(
         41,
-        "Of contours, length of a measurement line, an odd number of pixels: twice how far off an "
-        "edge may lie.",
+        "Length of a measurement line, an odd number of pixels: edges are found up to half of it "
+        "away (contours only).",
         least=3,
         most=253,
         compiles=True,
     )
     edge_threshold: float = option(
-        8.0, "Of contours, least step in brightness of an edge, grey levels per pixel.", least=0
+        8.0, "Weakest edge that counts, in grey levels per pixel (contours only).", least=0
     )
     edge_smoothing: float = option(
         1.0,
-        "Of contours, blur of the frame before edges are found, pixels.",
+        "Blur of the frame before edges are found, in pixels (contours only).",
         least=0,
         most=20,
         compiles=True,
     )
     sigma: float = option(
-        7.0, "Of contours, how far an edge may lie from the contour, pixels.", above=0
+        7.0,
+        "Standard deviation of an edge's distance from the contour, in pixels (contours only).",
+        above=0,
     )
     independence: float = option(
         0.3,
-        "Of contours, share of its evidence that each measurement line counts: less than 1, since "
-        "neighbours see the same; 1 as published, where few particles keep any weight.",
+        "Weight of a measurement line's log likelihood: less than 1, since neighbouring lines see "
+        "the same edge (contours only).  1 as published, where few particles keep any weight.",
         above=0,
         most=1,
     )
     clutter: float | None = option(
         None,
-        "Of contours, mean number of edges on a measurement line where no target is; by default "
-        "the law of that number is learned from the start frame.",
+        "Mean number of edges on a measurement line of the background; by default the distribution "
+        "of that number is learned from the start frame (contours only).",
         kind=float,
         above=0,
     )
     slip: float | None = slip_option()
     flip: float | None = option(
         None,
-        "Of opaque contours, probability per frame that two that are next to each other in depth "
-        f"change places, unless they overlap; by default {_FLIP:g}, so that nothing of the order "
-        "is kept while they are apart; .01 as published.",
+        "Probability per frame that two contours next to each other in depth change places, unless "
+        f"they overlap; by default {_FLIP:g}, which forgets the order while they are apart (opaque "
+        "contours only).  0.01 as published.",
         kind=float,
         least=0,
         most=1,

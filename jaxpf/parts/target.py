@@ -51,7 +51,7 @@ class Options:
     scale: tuple[float, ...] = scale_option((3.0, 3.0, 3.5), factors=tuple(_DEGREES), tuned=("",))
     joint_scale: tuple[float, ...] = option(
         (0.5, 0.5, 4.5),
-        "Of parts, noise of a joint per frame: x and y in pixels, and degrees.",
+        "Noise of a joint per frame: x and y in pixels, and degrees (parts only).",
         least=0,
         path="dynamics.joint_scale",
         common=True,
@@ -64,7 +64,7 @@ class Options:
     likelihood: str = likelihood_option("auto", "sampled", "patch")
     dynamics: str = option(
         "relative",
-        "Of parts: relative (they follow their parents) or absolute (each moves on its own).",
+        "How parts move: relative (to their parents) or absolute (each on its own).",
         choices=("relative", "absolute"),
         common=True,
         compiles=True,

@@ -28,7 +28,7 @@ class Options:
 
     sigma: float = option(
         0.03,
-        "Of points, tolerated difference between windows.",
+        "Tolerated difference between windows; larger trusts the match less (points only).",
         above=0,
         path="likelihood.sigma",
         common=True,
@@ -36,7 +36,7 @@ class Options:
     )
     diffusion: float = option(
         2.0,
-        "Of points, noise per frame, pixels; larger for fast motion or large frames.",
+        "Noise per frame in pixels; larger for fast motion or large frames (points only).",
         least=0,
         path="dynamics.scale",
         common=True,
@@ -44,21 +44,23 @@ class Options:
     )
     momentum: float = option(
         0.9,
-        "Of points, share of the last displacement that is repeated; 0 with eskil's drift.",
+        "Share of the last displacement that is repeated; 0 with eskil's drift (points only).",
         least=0,
         most=1,
         path="dynamics.momentum",
     )
     window_size: int = option(
         13,
-        "Of points, side of the window around each, an odd number of pixels.",
+        "Window size in pixels, an odd number (points only).",
         least=1,
         most=999,
         common=True,
     )
     slip: float | None = slip_option()
     norm: str = option(
-        "mean", "Of points, whether a window's differences are averaged.", choices=("mean", "sum")
+        "mean",
+        "Whether a window's differences are averaged or summed (points only).",
+        choices=("mean", "sum"),
     )
 
     def __post_init__(self) -> None:

@@ -23,9 +23,9 @@ def appearance_option() -> Any:
     """Appearance model of boxes."""
     return option(
         OPEN,
-        "How objects are known: colour (histograms), discriminative or auto.  Discriminative "
-        "learns in the start frame to distinguish each object from its surroundings, by colours "
-        "and gradients; auto is that in video, and colour in synthetic scenes.",
+        "Appearance model: colour (histograms), discriminative or auto (discriminative in video).  "
+        "Discriminative learns in the start frame to distinguish each object from its "
+        "surroundings, by colours and gradients; auto is colour in synthetic scenes.",
         choices=(OPEN, COLOUR, DISCRIMINATIVE),
         common=True,
         compiles=True,
@@ -36,7 +36,8 @@ def gain_option(default: float) -> Any:
     """Gain of the discriminative score."""
     return option(
         default,
-        "Of discriminative appearance: larger trusts its score more.",
+        "Sharpness of the learned likelihood: larger trusts its score more, and gives narrower "
+        "intervals (discriminative appearance only).",
         above=0,
         path="likelihood.gain",
         tuned=("",),
@@ -48,8 +49,8 @@ def motion_option() -> Any:
     """Unit of the process noise."""
     return option(
         OPEN,
-        "Noise in pixels (--scale), relative to the size (--relative-scale) or auto.  Relative "
-        "noise is heavy-tailed; auto is relative with discriminative appearance.",
+        "Unit of the noise: pixels (--scale), relative to the object's size (--relative-scale) or "
+        "auto.  Relative noise is heavy-tailed; auto is relative with discriminative appearance.",
         choices=(OPEN, PIXELS, RELATIVE),
         common=True,
         compiles=True,
@@ -60,9 +61,9 @@ def steps_option(usual: tuple[float, ...], lone: tuple[float, ...]) -> Any:
     """Process noise of relative motion, as shares of the object's size."""
     return option(
         None,
-        "Of relative motion, noise per frame: of usual steps and of long ones, as shares of the "
-        "object's size, and of the size's logarithm; for all objects, or three numbers for each.  "
-        f"By default {plain(usual)}, and {plain(lone)} for a single object.",
+        "Noise per frame: of usual steps and of long ones, as shares of the object's size, and of "
+        f"the size's logarithm; by default {plain(usual)}, and {plain(lone)} for a single object "
+        "(relative motion only).  Three numbers for all objects, or three for each.",
         kind=float,
         length=3,
         least=0,
@@ -77,7 +78,7 @@ def momentum_option(default: float) -> Any:
     """Share of the last step that an object repeats."""
     return option(
         default,
-        "Of relative motion: share of the last displacement that is repeated.",
+        "Share of the last displacement that is repeated (relative motion only).",
         least=0,
         most=1,
         implies=("motion", RELATIVE),
@@ -88,8 +89,9 @@ def exclusion_option() -> Any:
     """Whether the same pixels may explain two boxes."""
     return option(
         NONE,
-        "Of discriminative appearance: none, or boxes, where what one box covers of another, if it "
-        "is most of it, does not count for that; for look-alikes that meet.",
+        "boxes keeps two boxes from explaining the same pixels, for look-alikes that meet; none "
+        "does not (discriminative appearance only).  What one box covers of another, if it is most "
+        "of it, does not count for that one.",
         choices=(NONE, BOXES),
         compiles=True,
         implies=("appearance", DISCRIMINATIVE),
@@ -100,7 +102,8 @@ def sharpness_option(default: float, path: str) -> Any:
     """Sharpness of the colour likelihood."""
     return option(
         default,
-        "Likelihood exp(-S d^2) of the colour distance d: larger trusts colours more.",
+        "Sharpness S of the likelihood exp(-S d^2) of the colour distance d: larger trusts colours "
+        "more, and gives narrower intervals.",
         above=0,
         path=path,
         tuned=("",),
@@ -112,8 +115,8 @@ def scale_option(default: tuple[float, float, float], **about: Any) -> Any:
     """Process noise in pixels; ``about``: see ``jaxpf.contract.options.Option``."""
     return option(
         default,
-        "Noise per frame: x and y in pixels, and the relative size; of parts, x, y and degrees of "
-        "the root.",
+        "Noise per frame: x and y in pixels, and the relative size (for parts: the root's x, y and "
+        "degrees).",
         least=0,
         path="dynamics.scale",
         implies=("motion", PIXELS),
@@ -125,10 +128,10 @@ def slip_option() -> Any:
     """Error of points, parts and contours that the particles do not show."""
     return option(
         None,
-        "Of points, parts and contours, standard deviation in pixels of an object around the place "
-        "that matches best; widens the intervals.  By default, as measured on film, 8 for points, "
-        ".6 of the median shorter side for parts, .1 of the size for open contours and .05 for "
-        "closed ones; 0 in synthetic scenes.",
+        "Widens the intervals: standard deviation in pixels of an object around its best match "
+        "(points, parts and contours only).  By default, as measured on film, 8 for points, 0.6 of "
+        "the median shorter side for parts, 0.1 of the size for open contours and 0.05 for closed "
+        "ones; 0 in synthetic scenes.",
         kind=float,
         least=0,
     )
@@ -138,7 +141,7 @@ def bands_option(default: int) -> Any:
     """Number of horizontal bands of a colour histogram."""
     return option(
         default,
-        "Horizontal bands, each with a colour histogram of its own.",
+        "Number of horizontal bands, each with a colour histogram of its own.",
         least=1,
         most=2**31 - 1,
         flags=("--parts",),
@@ -151,8 +154,8 @@ def likelihood_option(*choices: str) -> Any:
     """How the likelihood is computed."""
     return option(
         "auto",
-        "How likelihoods are computed: integral or sampled histograms, auto for the faster of the "
-        "two; for parts also patch, which compares pixels and suits grey pictures.",
+        "How likelihoods are computed: from integral or sampled histograms, or auto for the faster "
+        "one.  For parts also patch, which compares pixels and suits grey pictures.",
         choices=choices,
         compiles=True,
         implies=_OF_COLOUR,

@@ -150,4 +150,4 @@ def test_no_help_text_loads_jax():
 
 
 def test_an_unknown_command_is_refused(refuse):
-    assert "No such command 'trac'" in refuse("trac")
+    assert "no command 'trac'; did you mean 'track'?" in refuse("trac")

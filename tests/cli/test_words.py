@@ -74,7 +74,7 @@ def test_the_demo_tells_each_methods_own_time(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["trakc"], "Error: there is no command 'trakc'; did you mean 'track'?  See `jaxpf --help`."),
+        (["trakc"], "Error: there is no command 'trakc'; did you mean 'track'?  See `jaxpf --"),
         (["frame"], "Error: Missing argument 'VIDEO'.  See `jaxpf frame --help`."),
         (["frame", "--nubmer", "1"], "Error: No such option"),
     ],
@@ -98,3 +98,20 @@ def test_help_has_no_stray_blanks(command):
     for line in filter(None, description.split("\n")):
         assert re.match(r"  \S", line), line
         assert not re.search(r"[^.:!?]  +\S", line.strip()), line
+
+
+@pytest.mark.parametrize(
+    ("command", "default"),
+    [
+        ("track boxes", "300"),
+        ("track points", "1000"),
+        ("track contours", "500"),
+        ("evaluate", "300; points 1000, contours 500"),
+        ("tune", "100"),
+    ],
+)
+def test_help_shows_the_number_of_particles_and_names_the_effect_first(command, default):
+    shown = " ".join(jaxpf(*command.split(), "--help").out.split())
+    assert f"Number of particles. [default: {default}]" in shown
+    every = jaxpf(*command.split(), "--help-all").out
+    assert not re.search(r"  Of (points|parts|contours|centrelines|relative|discrim)", every)

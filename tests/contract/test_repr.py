@@ -86,7 +86,7 @@ def test_a_misspelt_field_or_name_is_refused_with_the_right_one():
         jaxpf.Partitioned(dynamcs=None)
     with pytest.raises(InputError, match="RandomWalk has no field 'zzz'; there are scale"):
         RandomWalk(zzz=1)
-    with pytest.raises(AttributeError, match=r"'jaxpf.boxes' has no .* 'trackr'; did you mean 'tra"):
+    with pytest.raises(AttributeError, match="'trackr'; did you mean 'tracker'"):
         jaxpf.boxes.trackr  # noqa: B018
     assert list(inspect.signature(RandomWalk).parameters) == ["scale"]
 

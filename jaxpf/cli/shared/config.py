@@ -24,7 +24,7 @@ _ABOUT: dict[str, Any] = {
     "callback": _load,
     "is_eager": True,
     "expose_value": False,
-    "help": "TOML file with options; typed values take precedence.  Every run writes one.",
+    "help": "TOML file with options; command-line options override it.  Every run writes one.",
 }
 
 

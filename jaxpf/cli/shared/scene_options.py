@@ -39,6 +39,14 @@ class SceneOptions:
     )
 
 
+def _particles() -> str:
+    """The default number of particles, with the targets that have another."""
+    defaults = {name: adapter.target.defaults for name, adapter in adapters().items()}
+    others = [f"{name} {own['particles']}" for name, own in defaults.items() if "particles" in own]
+    usual = options_of(filters.filter_of("dps").options)["particles"].default
+    return f"{usual}; {', '.join(others)}"
+
+
 class SceneCommand(Command):
     """A command on a scene, with options of the scene's target and of the methods.
 
@@ -101,7 +109,8 @@ class SceneCommand(Command):
         of = [flag for name in names for flag in self._of_target(name)]
         for flag in of:
             flag.common = bool(named)
-        of_filters = self._of_filters(find_adapter(named).target.defaults if named else {}, methods)
+        of_target = find_adapter(named).target.defaults if named else {"particles": _particles()}
+        of_filters = self._of_filters(of_target, methods)
         own = [*self._own, *self.get_params(ctx)[-1:], *of_filters]
         return [*own, *of] if named or ctx.meta.get(ALL) else own
 

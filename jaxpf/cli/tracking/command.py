@@ -63,11 +63,11 @@ class TrackCommand(Command):
 _ABOUT = """Track {what} through VIDEO: a video file or a folder of images.  VIDEO can also be a
 camera index, a stream (http://, rtsp://, ...) or a pipe.
 
-The output folder receives tracks.csv (a row per frame and object, with 95 % intervals),
+The output folder receives tracks.csv (a row per frame and object, with 95% intervals),
 overlay.mp4, trajectories.png, summary.json (a verdict on each object), diagnostics.csv, and
-run.toml, which repeats the run: `jaxpf track --config run.toml -o ANOTHER`.  In all of them an
-object is lost where it is outside the picture, no particle has any likelihood, or its confidence is
-below .5.
+run.toml, which repeats the run: `jaxpf track --config run.toml -o ANOTHER`.  An object is lost in a
+frame where it is outside the picture, no particle has any likelihood, or its confidence is below
+0.5.
 
 """
 _OTHERS = """Other kinds of target: `jaxpf track {others} VIDEO`.

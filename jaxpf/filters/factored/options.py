@@ -30,7 +30,7 @@ class Options:
     )
     particles: int | None = option(
         None,
-        "Number of particles per object: by default 10 for eskil and 50 for pffl.",
+        "For eskil and pffl, of each object: 10 and 50 unless given.",
         kind=int,
         least=1,
         most=2**31 - 1,
@@ -48,28 +48,28 @@ class Options:
     )
     drift: str = option(
         "clip",
-        "How eskil's objects move together.",
+        "How objects move together (eskil only).",
         choices=DRIFTS,
         compiles=True,
         implies=_ESKIL,
     )
     shape: str = option(
         "relative",
-        "How eskil's objects keep their distances.",
+        "How objects keep their distances (eskil only).",
         choices=SHAPES,
         compiles=True,
         implies=_ESKIL,
     )
     shape_scale: float = option(
         0.1,
-        "Tolerated stretch of eskil's distances: a share of each, or pixels.",
+        "Tolerated stretch of distances between objects: a share, or pixels (eskil only).",
         above=0,
         path="shape_scale",
         implies=_ESKIL,
     )
     velocity_memory: int = option(
         10,
-        "Frames over which eskil compares velocities.",
+        "Frames over which velocities are compared (eskil only).",
         least=2,
         most=1000,
         compiles=True,
@@ -77,13 +77,13 @@ class Options:
     )
     proper: bool = option(
         False,
-        "Whether eskil's drift is a proposal instead of part of the dynamics.",
+        "Whether the drift is a proposal instead of part of the dynamics (eskil only).",
         compiles=True,
         implies=_ESKIL,
     )
     form: str = option(
         "auxiliary",
-        "How pffl weighs: soundly, or as published.",
+        "How pffl weights: as a sound auxiliary particle filter, or literally as published.",
         choices=FORMS,
         compiles=True,
         implies=("method", "pffl"),

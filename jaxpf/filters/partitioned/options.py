@@ -18,8 +18,9 @@ class Options:
 
     method: str = option(
         "dps",
-        "sir (all at once), ps (one after another), dps (ps in as many orders as there are "
-        "objects; not for part trees), sps (side by side, then exchanged between particles).",
+        "sir (bootstrap filter, all objects at once), ps (one after another), dps (ps in as many "
+        "orders as there are objects; not for part trees), sps (side by side, then exchanged "
+        "between particles).",
         choices=METHODS,
         common=True,
     )
@@ -32,7 +33,10 @@ class Options:
         places=True,
     )
     swap: str = option(
-        "combinatorial", "How sps exchanges.", choices=SWAPS, implies=("method", "sps")
+        "combinatorial",
+        "How sps exchanges parts between particles.",
+        choices=SWAPS,
+        implies=("method", "sps"),
     )
     particles: int = option(
         300,
@@ -46,15 +50,15 @@ class Options:
     resampling: str = option("systematic", "Resampling scheme.", choices=SCHEMES, compiles=True)
     ess_threshold: float | None = option(
         None,
-        "Resample only where the effective sample size is at most this share of the particles; "
-        "by default always.",
+        "Resample only if the effective sample size is at most this share of the particles; by "
+        "default always.",
         kind=float,
         least=0,
         most=1,
     )
     look_ahead: bool = option(
         False,
-        "Weigh each object together with the predicted others; for objects that exclude one "
+        "Weight each object together with the predicted others; for objects that exclude one "
         "another, such as contours.",
         compiles=True,
     )

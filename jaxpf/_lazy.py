@@ -4,7 +4,7 @@ import difflib
 from collections.abc import Callable
 from typing import Any
 
-import lazy_loader
+import lazy_loader  # type: ignore[import-untyped]
 
 
 def attach(package: str, path: str) -> tuple[Callable[[str], Any], Callable, list[str]]:

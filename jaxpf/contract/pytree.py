@@ -40,7 +40,7 @@ def pytree_dataclass(cls: type[T]) -> type[T]:
     cls = dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
     fields = dataclasses.fields(cls)  # type: ignore[arg-type]
     if is_made:
-        cls.__init__ = _checked(cls)  # type: ignore[misc]
+        cls.__init__ = _checked(cls)  # type: ignore[method-assign]
     data_names = tuple(f.name for f in fields if not f.metadata.get("static", False))
     static_names = tuple(f.name for f in fields if f.metadata.get("static", False))
 

@@ -71,7 +71,7 @@ def test_a_damaged_batch_is_found_and_done_again(whole, part, harm):
             kept = {name: arrays[name] for name in arrays}
         np.savez(path, **(kept | {"shapes": kept["shapes"][:, :-1]}))
     prepared = prepare(small_plan(), part)
-    assert (prepared.settled.damaged, prepared.missing_runs) == ([path], RUNS)
+    assert (prepared.damaged, prepared.missing_runs) == ([path], RUNS)
     assert finished(small_plan(), part) is None
     results = evaluate(small_plan(), part)
     assert finished(small_plan(), part) is not None

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxpf.files.store import Damaged, Store
+from jaxpf.files.pieces import Damaged, Pieces
 
 FOLDER = "batches"
 _REMEDY = "evaluate again, which repeats its runs alone"
@@ -60,7 +60,7 @@ def write_batch(folder: str | os.PathLike[str], configuration: int, batch: Batch
     """
     arrays = {field.name: getattr(batch, field.name) for field in dataclasses.fields(batch)}
     name = f"{configuration:04d}-{int(batch.runs[0]):08d}"
-    return Store(Path(folder) / FOLDER).write(name, arrays)
+    return Pieces(Path(folder) / FOLDER).write(name, arrays)
 
 
 def read_batch(path: Path) -> Batch:
@@ -69,7 +69,7 @@ def read_batch(path: Path) -> Batch:
     Raises:
         InputError: the file is damaged.
     """
-    with Store(path.parent, _REMEDY).opened(path.stem) as content:
+    with Pieces(path.parent, _REMEDY).opened(path.stem) as content:
         return Batch(**{field.name: content[field.name] for field in dataclasses.fields(Batch)})
 
 

@@ -14,7 +14,7 @@ from jaxpf.evaluation.work.batches import FOLDER
 from jaxpf.evaluation.work.fingerprint import describe_plan
 from jaxpf.evaluation.work.results import TRUTH, read_settings
 from jaxpf.files.locking import LOCK
-from jaxpf.files.store import SETTINGS, Store, differences
+from jaxpf.files.pieces import SETTINGS, Pieces, differences
 from jaxpf.files.writing import PARTIAL, report_os_errors
 from jaxpf.targets.target import Start
 
@@ -77,7 +77,7 @@ def write_settings(folder: Path, settings: dict[str, Any], truth: np.ndarray, st
     """
     with report_os_errors("create the folder", folder):
         (folder / FOLDER).mkdir(parents=True, exist_ok=True)
-    store = Store(folder)
+    store = Pieces(folder)
     if not store.path(TRUTH).exists():
         store.write(TRUTH, {"truth": truth, "start": start.shapes, "sizes": start.sizes})
     store.begin(settings)
@@ -86,7 +86,7 @@ def write_settings(folder: Path, settings: dict[str, Any], truth: np.ndarray, st
 def remove_leavings(folder: Path) -> None:
     """Remove partial files of a killed process."""
     for place in (folder, folder / FOLDER):
-        Store(place).remove_leavings()
+        Pieces(place).remove_leavings()
 
 
 def _check_empty(folder: Path) -> None:

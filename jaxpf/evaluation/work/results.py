@@ -13,7 +13,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.evaluation.work.batches import Batch, batch_files, read_batch
-from jaxpf.files.store import SETTINGS, Store
+from jaxpf.files.pieces import SETTINGS, Pieces
 from jaxpf.targets import find_adapter
 from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.target import Start, Target
@@ -108,7 +108,7 @@ class Results:
         """
         folder = Path(folder)
         settings = read_settings(folder)
-        with Store(folder, _REMEDY).opened(TRUTH) as content:
+        with Pieces(folder, _REMEDY).opened(TRUTH) as content:
             truth, shapes, sizes = (content[name] for name in ("truth", "start", "sizes"))
         scene = settings["scene"]
         try:
@@ -237,7 +237,7 @@ def read_settings(folder: Path) -> dict[str, Any]:
         InputError: the file is missing or damaged.
     """
     path = folder / SETTINGS
-    settings = Store(folder, _REMEDY).settings()
+    settings = Pieces(folder, _REMEDY).settings()
     if settings is None:
         raise InputError(f"'{folder}' holds no evaluation: '{path}' is missing.")
     if not isinstance(settings, dict) or not settings.keys() >= _KEYS:

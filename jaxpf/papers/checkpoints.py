@@ -107,9 +107,8 @@ def _known(name: str) -> dict[str, Any] | None:
     """A stored part; None if it is missing or damaged."""
     store = _store.get()
     if store is not None:
-        with contextlib.suppress(Damaged):
-            with store.opened(name) as arrays:
-                return _nested(arrays)
+        with contextlib.suppress(Damaged), store.opened(name) as arrays:
+            return _nested(arrays)
     return None
 
 

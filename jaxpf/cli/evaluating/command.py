@@ -31,13 +31,12 @@ def _command(**values: Any) -> None:
         _evaluate(request)
 
 
-def _evaluate(request: Request) -> None:
-    """Evaluate one scene."""
+def _evaluate(request: Request) -> Any:
+    """Evaluate one scene; returns its tables, or None if nothing was left to do or is done."""
     if _is_finished(request):
-        return
+        return None
     prepared, pool = _prepare(request)
-    if not request.options.dry_run:
-        _finish(request, _run(request, prepared, pool))
+    return None if request.options.dry_run else _finish(request, _run(request, prepared, pool))
 
 
 def _is_finished(request: Request) -> bool:
@@ -123,7 +122,7 @@ def _run(request: Request, prepared: Any, pool: Any) -> Any:
     return results
 
 
-def _finish(request: Request, results: Any) -> None:
+def _finish(request: Request, results: Any) -> Any:
     """Write tables, report and the file that repeats the evaluation; then print the results."""
     from jaxpf.evaluation.output.report import write_report
     from jaxpf.evaluation.output.tables import write_tables
@@ -132,6 +131,7 @@ def _finish(request: Request, results: Any) -> None:
     overview = write_tables(results)
     write_report(results, overview)
     print_results(results, overview)
+    return overview.tables
 
 
 command = SceneCommand(

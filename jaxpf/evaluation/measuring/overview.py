@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -26,11 +27,13 @@ class Overview:
         summaries: of every configuration with finished runs.
         remarks: sentences about missing results and caveats.
         conclusion: which configuration is best.
+        tables: pandas data frames by name, once they are written; see ``output.tables``.
     """
 
     summaries: list[Summary]
     remarks: list[str]
     conclusion: Conclusion
+    tables: dict[str, Any] = dataclasses.field(default_factory=dict)
 
     @property
     def ranked(self) -> list[Summary]:

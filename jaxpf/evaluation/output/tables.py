@@ -15,10 +15,12 @@ Undefined fields, such as the precision of an object that was never tracked, are
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import plain
 from jaxpf.evaluation.measuring.collection import Curve
 from jaxpf.evaluation.measuring.measures import COLUMNS, CURVES
@@ -44,19 +46,24 @@ def write_tables(results: Results) -> Overview:
     """Measure the runs of an evaluation, finished or not, and write all tables.
 
     Raises:
-        InputError: a file cannot be written; a batch is damaged.
+        InputError: a file cannot be written, a batch is damaged, or pandas is not installed.
     """
+    try:
+        from pandas import DataFrame
+    except ModuleNotFoundError:
+        raise InputError("writing tables needs pandas; pip install 'jaxpf[cli]'") from None
     overview = measure_results(results)
     summaries, ids = overview.summaries, results.object_ids
     with atomic_write(results.folder / "results.csv") as file:
         for rows_of_run in _run_rows(results, summaries):
             file.write(csv_text(rows_of_run))
-    for name, rows in (
+    for name, (columns, *rows) in (
         ("summary", _summary_rows(results, summaries)),
         ("curves", _curve_rows(results, summaries)),
         ("differences", _difference_rows(results, summaries)),
     ):
-        write_text(results.folder / f"{name}.csv", csv_text(rows))
+        overview.tables[name] = DataFrame(rows, columns=columns, dtype=str)
+        write_csv(results.folder / f"{name}.csv", overview.tables[name])
     everything = [
         *estimate_tables(ids, summaries),
         *score_tables(ids, summaries),
@@ -67,6 +74,20 @@ def write_tables(results: Results) -> Overview:
     lines = [overview.conclusion.sentence, *overview.remarks]
     write_text(results.folder / "summary.md", to_markdown(title, everything, lines))
     return overview
+
+
+def stored_tables(folder: Path) -> dict[str, Any]:
+    """``Overview.tables`` as ``write_tables`` wrote them into an evaluation's folder."""
+    from pandas import read_csv
+
+    stored = {"dtype": str, "keep_default_na": False}
+    return {name: read_csv(folder / f"{name}.csv", **stored) for name in ("summary", "curves")}
+
+
+def write_csv(path: Path, table: Any) -> None:
+    """Write a data frame with seven digits; undefined numbers are empty."""
+    with atomic_write(path) as file:
+        table.to_csv(file, index=False, float_format="%.7g", lineterminator="\n")
 
 
 def printed_tables(results: Results, overview: Overview) -> list[Table]:

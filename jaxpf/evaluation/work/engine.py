@@ -14,7 +14,7 @@ import numpy as np
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.numbers import check_whole
 from jaxpf.evaluation.plan import DEFAULT_LIMITS, Limits, Plan
-from jaxpf.evaluation.work.batches import Batch, survey, write_batch
+from jaxpf.evaluation.work.batches import Batch, write_batch
 from jaxpf.evaluation.work.execution import RETRIES, Factory, Pool, in_turn
 from jaxpf.evaluation.work.fingerprint import fingerprint
 from jaxpf.evaluation.work.folder import remove_leavings, stored_settings, write_settings
@@ -24,7 +24,7 @@ from jaxpf.evaluation.work.scene import (
     object_ids,
     open_scene,
     remember_scene,
-    remembered_scene,
+    same_scene,
     start_frame,
 )
 from jaxpf.files.locking import locked
@@ -126,7 +126,7 @@ def finished(plan: Plan, folder: str | os.PathLike[str]) -> Results | None:
     if settings["scene"].get("files") != fingerprint(plan.scene):
         return None
     results = Results.open(folder, functools.partial(open_scene, plan.scene))
-    done, damaged = _surveyed(results)
+    done, damaged = results.survey()
     return results if not damaged and all(runs.all() for runs in done) else None
 
 
@@ -152,9 +152,9 @@ def prepare(
         about_scene = {**settings["scene"], "files": fingerprint(plan.scene)}
         settings = {**settings, "runs": plan.runs, "scene": about_scene}
     digest = settings["scene"]["digest"]
-    reopen = functools.partial(_remembered, digest, plan.scene)
+    reopen = functools.partial(same_scene, plan.scene, digest)
     results = Results(folder, settings, adapter.scene_shapes(scene)[1:], start, reopen)
-    done, damaged = _surveyed(results)
+    done, damaged = results.survey()
     configurations = results.configurations
     remember_scene(scene, digest)
     work, memory = batches(plan, scene, adapter, digest, configurations, done, limits)
@@ -205,23 +205,6 @@ def carry_out(
             if progress is not None:
                 progress(len(batch))
     return results
-
-
-def _remembered(digest: str, scene: Any) -> Any:
-    """Return this process's open scene if there is one, to avoid a second copy; else open it."""
-    remembered = remembered_scene(digest)
-    return open_scene(scene) if remembered is None else remembered
-
-
-def _surveyed(results: Results) -> tuple[list[np.ndarray], list[Path]]:
-    """Finished runs of each configuration as bool arrays, and the damaged files."""
-    done, damaged = [], []
-    for index, configuration in enumerate(results.configurations):
-        wanted = 1 if configuration.is_imported else results.runs
-        runs, broken = survey(results.folder, index, wanted, results.truth.shape)
-        done.append(runs)
-        damaged += broken
-    return done, damaged
 
 
 def _imported(

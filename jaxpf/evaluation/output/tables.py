@@ -14,7 +14,7 @@ Undefined fields, such as the precision of an object that was never tracked, are
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +22,9 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import plain
-from jaxpf.evaluation.measuring.collection import Curve
+from jaxpf.evaluation.measuring.collection import Summary
 from jaxpf.evaluation.measuring.measures import COLUMNS, CURVES
 from jaxpf.evaluation.measuring.overview import Overview, measure_results
-from jaxpf.evaluation.measuring.summary import Summary
 from jaxpf.evaluation.output.layout import (
     MOST_PRINTED,
     PRINTED,
@@ -105,7 +104,7 @@ def _run_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[l
     yield [[*_KEYS, *_parameters(results), "seed", "run", "object", *COLUMNS]]
     for summary in summaries:
         keys = [*_keys(results, summary.configuration), results.seed]
-        for run, objects in zip(summary.collected.runs, summary.collected.columns, strict=True):
+        for run, objects in zip(summary.numbers, summary.columns, strict=True):
             yield [
                 [*keys, run, identity, *("" if math.isnan(x) else f"{x:.7g}" for x in values)]
                 for identity, values in zip(results.object_ids, objects.tolist(), strict=True)
@@ -117,11 +116,8 @@ def _summary_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[li
     yield [*_KEYS, *_parameters(results), "object", "measure", *fields]
     for summary in summaries:
         keys = _keys(results, summary.configuration)
-        for measure, estimate in summary.estimates.items():
-            for place, identity in _known(results, estimate.value):
-                numbers = [_number(getattr(estimate, field)[place]) for field in fields]
-                yield [*keys, identity, measure, *numbers]
-        confidence = summary.collected.confidence
+        yield from _object_rows(results, keys, summary.estimates, fields)
+        confidence = summary.confidence
         shares = confidence.shares()
         for place in range(confidence.bins):
             if confidence.frames[place]:
@@ -130,31 +126,36 @@ def _summary_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[li
 
 
 def _curve_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[Any]]:
-    yield [*_KEYS, *_parameters(results), "object", "curve", "threshold", *Curve._fields]
+    yield [*_KEYS, *_parameters(results), "object", "curve", "threshold", "value", "lower", "upper"]
     for summary in summaries:
         keys = _keys(results, summary.configuration)
         for name, thresholds in CURVES.items():
-            curve = getattr(summary.collected, name)
+            curve = getattr(summary, name)
             for place, identity in _known(results, curve.value[:, 0]):
                 for number, threshold in enumerate(thresholds):
-                    ends = [_number(each[place, number]) for each in curve]
+                    at = place, number
+                    ends = map(_number, (curve.value[at], curve.lower[at], curve.upper[at]))
                     yield [*keys, identity, name, f"{threshold:g}", *ends]
 
 
 def _difference_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[Any]]:
-    fields = ("runs", "value", "standard_error", "lower", "upper", "gained", "lost", "p")
-    names = ("runs", "difference", *fields[2:], "p_holm")
+    fields = ("runs", "value", "standard_error", "lower", "upper", "gained", "lost", "p", "p_holm")
+    names = ("runs", "difference", *fields[2:])
     yield [*_KEYS, *_parameters(results), "reference", "object", "measure", *names]
     for summary in summaries:
-        if summary.reference is None:
-            continue
-        keys = _keys(results, summary.configuration)
-        reference = summaries[summary.reference].name
-        for measure, difference in summary.differences.items():
-            for place, identity in _known(results, difference.value):
-                numbers = [_number(getattr(difference, field)[place]) for field in fields]
-                adjusted = _number(summary.adjusted[measure][place])
-                yield [*keys, reference, identity, measure, *numbers, adjusted]
+        if summary.reference is not None:
+            keys = [*_keys(results, summary.configuration), summaries[summary.reference].name]
+            yield from _object_rows(results, keys, summary.differences, fields)
+
+
+def _object_rows(
+    results: Results, keys: list[Any], found: Mapping[str, Any], fields: Sequence[str]
+) -> Iterator[list[Any]]:
+    """A row for every measure and object with a value."""
+    for measure, each in found.items():
+        for place, identity in _known(results, each.value):
+            numbers = [_number(getattr(each, field)[place]) for field in fields]
+            yield [*keys, identity, measure, *numbers]
 
 
 def _known(results: Results, values: np.ndarray) -> Iterator[tuple[int, str]]:

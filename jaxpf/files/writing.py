@@ -175,7 +175,7 @@ def _probe(path: Path) -> None:
     probe.unlink()
 
 
-def _is_left_over(name: str) -> bool:
+def is_left_over(name: str) -> bool:
     """Whether a killed program left a file of that name: its lock, or an incomplete file."""
     return name == LOCK or (name.startswith(".") and PARTIAL in name)
 
@@ -197,7 +197,7 @@ def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False)
             )
         path.mkdir(parents=True, exist_ok=True)
         names = sorted(entry.name for entry in path.iterdir())
-        first = next((name for name in names if not _is_left_over(name)), None)
+        first = next((name for name in names if not is_left_over(name)), None)
     if first is not None and not overwrite:
         raise InputError(
             f"output folder '{path}' is not empty (it holds '{first}'); choose another folder "

@@ -20,7 +20,7 @@ import numpy as np
 from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.work.execution import Pool, in_turn
 from jaxpf.evaluation.work.schedule import double_precision
-from jaxpf.files.store import Damaged, Store
+from jaxpf.files.pieces import Damaged, Pieces
 from jaxpf.files.writing import report_os_errors
 
 #: Subfolder of the output folder for parts; removed once all output is written.
@@ -29,7 +29,7 @@ NAME = "parts"
 #: Function that measures a part: arrays by name, or nested mappings of them.
 Measure = Callable[[], Mapping[str, Any]]
 
-_store: contextvars.ContextVar[Store | None] = contextvars.ContextVar("parts", default=None)
+_store: contextvars.ContextVar[Pieces | None] = contextvars.ContextVar("parts", default=None)
 _executor: contextvars.ContextVar[Pool | None] = contextvars.ContextVar("workers", default=None)
 
 
@@ -107,8 +107,8 @@ def _known(name: str) -> dict[str, Any] | None:
     """A stored part; None if it is missing or damaged."""
     store = _store.get()
     if store is not None:
-        with contextlib.suppress(Damaged):
-            return _nested(store.read(name))
+        with contextlib.suppress(Damaged), store.opened(name) as arrays:
+            return _nested(arrays)
     return None
 
 
@@ -145,7 +145,7 @@ def _nested(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
 def can_resume(output: Path, settings: Mapping[str, Any]) -> bool:
     """Whether a folder holds parts of the same experiment by the same program."""
     with contextlib.suppress(InputError):
-        return Store(output / NAME).settings() == _described(settings)
+        return Pieces(output / NAME).settings() == _described(settings)
     return False
 
 
@@ -161,7 +161,7 @@ def keeping(output: Path, settings: Mapping[str, Any]) -> Iterator[None]:
     Raises:
         InputError: the folder cannot be written.
     """
-    store = Store(output / NAME)
+    store = Pieces(output / NAME)
     if not can_resume(output, settings):
         with report_os_errors("write", store.folder):
             store.remove()

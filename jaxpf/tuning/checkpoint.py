@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 
 from jaxpf import __version__
 from jaxpf.contract.errors import InputError
-from jaxpf.files.store import Store, about, differences
+from jaxpf.files.pieces import Pieces, differences
 from jaxpf.tuning.parameters import Parameter
 from jaxpf.tuning.problem import TrainingSequence
 from jaxpf.tuning.result import Descent
@@ -21,7 +22,8 @@ from jaxpf.tuning.settings import Settings
 #: Name of the checkpoint in the folder's store.
 _PIECE = "checkpoint"
 NAME = f"{_PIECE}.npz"
-
+#: Fields of a descent that are stored under their own names.
+_TRACES = ("loss", "gradient_norm", "stopped")
 
 #: What a digest that differs means, for messages.
 _DIGESTS = {
@@ -66,45 +68,43 @@ class Checkpoint:
     """The checkpoint of a folder."""
 
     def __init__(self, folder: Path, description: dict[str, Any]):
-        self.store = Store(folder, "remove it, or choose another folder")
+        self.pieces = Pieces(folder, "remove it, or choose another folder")
         self.description = description
 
     def write(self, descents: Sequence[Descent]) -> None:
         """Write the checkpoint atomically."""
-        arrays: dict[str, Any] = {}
-        stored = []
+        arrays: dict[str, Any] = {"asked": json.dumps(self.description)}
         for place, descent in enumerate(descents):
             arrays |= {f"{place}.free.{name}": z for name, z in descent.free.items()}
             arrays |= {f"{place}.moment.{i}": x for i, x in enumerate(descent.moments)}
-            arrays[f"{place}.loss"] = descent.loss
-            arrays[f"{place}.gradient_norm"] = descent.gradient_norm
-            stored.append({"stopped": descent.stopped, "moments": len(descent.moments)})
-        self.store.write(_PIECE, arrays, {"asked": self.description, "descents": stored})
+            arrays |= {f"{place}.{name}": getattr(descent, name) for name in _TRACES}
+        self.pieces.write(_PIECE, arrays)
 
     def read(self) -> list[Descent]:
         """Read the stored descents, if any; refuse a damaged checkpoint or one of another call."""
-        if not self.store.path(_PIECE).exists():
+        if not self.pieces.path(_PIECE).exists():
             return []
-        with self.store.opened(_PIECE) as arrays:
-            stored = about(arrays)
-            old = dict(stored["asked"])
-            descents = [_descent(i, each, arrays) for i, each in enumerate(stored["descents"])]
+        with self.pieces.opened(_PIECE) as arrays:
+            old = dict(json.loads(str(arrays["asked"])))
+            places = itertools.takewhile(lambda i: f"{i}.loss" in arrays, itertools.count())
+            descents = [_descent(place, arrays) for place in places]
         for change in differences(old, self.description):
             change = _DIGESTS.get(change.partition(" = ")[0], change)
             raise InputError(
-                f"'{self.store.folder}' was begun with {change}; choose another folder, or repeat "
+                f"'{self.pieces.folder}' was begun with {change}; choose another folder, or repeat "
                 "the same call."
             )
         return descents
 
 
-def _descent(place: int, stored: dict[str, Any], arrays: Mapping[str, np.ndarray]) -> Descent:
-    prefix = f"{place}.free."
+def _descent(place: int, arrays: Mapping[str, np.ndarray]) -> Descent:
+    free, moment = f"{place}.free.", f"{place}.moment."
+    loss, gradient_norm, stopped = (arrays[f"{place}.{name}"] for name in _TRACES)
     return Descent(
         repeat=place,
-        free={k.removeprefix(prefix): arrays[k] for k in arrays if k.startswith(prefix)},
-        loss=arrays[f"{place}.loss"],
-        gradient_norm=arrays[f"{place}.gradient_norm"],
-        moments=[arrays[f"{place}.moment.{i}"] for i in range(stored["moments"])],
-        stopped=stored["stopped"],
+        free={name.removeprefix(free): arrays[name] for name in arrays if name.startswith(free)},
+        loss=loss,
+        gradient_norm=gradient_norm,
+        moments=[arrays[name] for name in arrays if name.startswith(moment)],
+        stopped=str(stopped),
     )

@@ -105,8 +105,6 @@ def tune(
                 if progress is not None:
                     progress(done)
         except _NotFinite as error:
-            if store is not None:
-                store.write(descents)
             result = summarise(wanted, start, descents, settings)
             where = f"{error} of step {descents[repeat].num_steps + 1}, repeat {repeat + 1}"
             values = ", ".join(f"{name} = {_shown(x)}" for name, x in result.last_good.items())

@@ -32,8 +32,8 @@ def test_curves_are_means_over_runs(tmp_path):
     results = make(tmp_path / "results", [(SIR, [batch(boxes[:20]), batch(boxes[20:], 20)])], truth)
     (summary,) = write_tables(results).summaries
     for found, curve in (
-        (summary.collected.success, success_curve),
-        (summary.collected.precision, precision_curve),
+        (summary.success, success_curve),
+        (summary.precision, precision_curve),
     ):
         curves = jax.jit(curve)(np.float32(boxes), truth)
         wanted = mean_interval(curves, bounds=(0, 1))
@@ -47,7 +47,7 @@ def test_curves_are_means_over_runs(tmp_path):
         rows = [row for row in csv.DictReader(file) if row["object"] == "all"]
     assert [row["curve"] for row in rows] == ["success"] * 21 + ["precision"] * 51
     (at_20,) = (row for row in rows if (row["curve"], row["threshold"]) == ("precision", "20"))
-    assert float(at_20["value"]) == pytest.approx(np.mean(summary.collected.precision.value[2, 20]))
+    assert float(at_20["value"]) == pytest.approx(np.mean(summary.precision.value[2, 20]))
 
 
 def test_reliability_and_area_of_confidence_by_hand(tmp_path):
@@ -63,12 +63,12 @@ def test_reliability_and_area_of_confidence_by_hand(tmp_path):
     results = make(tmp_path / "results", [(SIR, [batch(boxes, confidence=confidence)])], truth)
     made = write_tables(results)
     (summary,) = made.summaries
-    assert summary.collected.confidence.frames.tolist() == [0, 10, 0, 0, 10, 20]
+    assert summary.confidence.frames.tolist() == [0, 10, 0, 0, 10, 20]
     np.testing.assert_allclose(
-        summary.collected.confidence.shares().value, [math.nan, 0.2, math.nan, math.nan, 0.8, 0.5]
+        summary.confidence.shares().value, [math.nan, 0.2, math.nan, math.nan, 0.8, 0.5]
     )
     # Pairs of a frame on and one off its object: 8 x 8 apart, 8 x 2 and 2 x 8 level, 2 x 2 wrong.
-    assert summary.collected.confidence.area() == pytest.approx((64 + 32 / 2) / 100)
+    assert summary.confidence.area() == pytest.approx((64 + 32 / 2) / 100)
     line = made.remarks[-1]
     assert "0.2 to 0.4: 20 %, 0.8 to 1.0: 80 %; area under the curve 80 %" in line
     with open(tmp_path / "results" / "summary.csv", newline="") as file:

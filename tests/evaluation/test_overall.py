@@ -4,11 +4,11 @@ import csv
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from jaxpf import measures
 from jaxpf.evaluation.output import charts
-from jaxpf.evaluation.output.overall import FILES, over_sequences, write_overall
+from jaxpf.evaluation.output.overall import FILES, write_overall
+from jaxpf.evaluation.output.tables import stored_tables
 
 SHARES = (0.0, 1.0)
 HEADER = ["scene", "method", "ordering", "gain", "object", "measure", "runs", "value"]
@@ -30,21 +30,8 @@ def write(folder, name, rows, curve=lambda threshold: 1 - threshold):
                 writer.writerow([name, *key, "precision", f"{t:g}", 1 - curve(t / 50), "", ""])
 
 
-def test_shares_are_means_over_sequences_and_other_values_medians():
-    values = np.array([0.5, 0.75, np.nan, 0.7])
-    known = values[np.isfinite(values)]
-    found = over_sequences(values, SHARES)
-    wanted = measures.mean_interval(known, bounds=SHARES)
-    assert found == pytest.approx((3, wanted.value, wanted.lower, wanted.upper), abs=0.02)
-    low, high = stats.t.interval(0.95, 2, known.mean(), stats.sem(known))
-    assert 0 <= found.lower < max(low, 0)
-    assert found.upper == pytest.approx(min(high, 1))
-    errors = np.array([2.0, 1, 3, 900, 4, 5])
-    assert over_sequences(errors, None) == (6, 3.5, 1, 900)
-    differences = over_sequences(errors, None, np.array([np.nan, 0, 0, 0, 0, 0]))
-    np.testing.assert_equal(differences, (5, 4, np.nan, np.nan))
-    assert np.isnan(over_sequences(values[:2], SHARES).lower)
-    assert over_sequences(values[:0], SHARES).sequences == 0
+def overall(folder, names, varied):
+    return write_overall(folder, {name: stored_tables(folder / name) for name in names}, varied)
 
 
 def test_orders_of_a_method_are_averaged_and_differences_are_paired(tmp_path):
@@ -61,7 +48,7 @@ def test_orders_of_a_method_are_averaged_and_differences_are_paired(tmp_path):
     write(tmp_path, "one", rows(0.5, [0.5, 0.7]))
     write(tmp_path, "two", rows(0.4, [0.6]))
     write(tmp_path, "three", rows(0.9, []))
-    means, differences = write_overall(tmp_path, ["one", "two", "three"], ["gain"])
+    means, differences = overall(tmp_path, ["one", "two", "three"], ["gain"])
     assert means.columns[:2] == ["method", "sequences"]
     assert [row[:2] for row in means.texts()] == [["SIR, gain 2.0", "3"], ["PS, gain 2.0", "2"]]
     assert means.texts()[0][2].startswith("60 [")
@@ -88,7 +75,7 @@ def test_orders_of_a_method_are_averaged_and_differences_are_paired(tmp_path):
 def test_only_options_that_vary_stand_in_names(tmp_path, varied):
     for name in ("one", "two"):
         write(tmp_path, name, [["SIR", "", "2.0", "all", "overlap", 9, 0.5]])
-    (means,) = write_overall(tmp_path, ["one", "two"], varied)
+    (means,) = overall(tmp_path, ["one", "two"], varied)
     assert means.texts()[0][0] == ("SIR, gain 2.0" if varied else "SIR")
 
 
@@ -105,7 +92,7 @@ def test_curves_are_means_over_sequences_with_their_intervals(tmp_path, monkeypa
     write(tmp_path, "one", [row, ["PS", *row[1:]]])
     write(tmp_path, "two", [row], lambda threshold: 1 - threshold**2)
     write(tmp_path, "three", [row])
-    write_overall(tmp_path, ["one", "two", "three"], [])
+    overall(tmp_path, ["one", "two", "three"], [])
     at_half = [0.5, 0.75, 0.5]
     wanted = measures.mean_interval(at_half, bounds=SHARES)
     np.testing.assert_allclose(

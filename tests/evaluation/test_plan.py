@@ -11,7 +11,7 @@ from jaxpf import InputError
 from jaxpf.evaluation import Plan, evaluate
 from jaxpf.evaluation.configurations import complete, configurations
 from jaxpf.evaluation.work.fingerprint import describe_plan
-from jaxpf.files.store import differences
+from jaxpf.files.pieces import differences
 from jaxpf.filters.partitioned.options import order_label
 from jaxpf.targets.target import Start
 

@@ -28,7 +28,7 @@ from jaxpf import InputError
 from jaxpf.evaluation import Results, evaluate, finished, prepare
 from jaxpf.evaluation.work import batches, folder
 from jaxpf.files import writing as files
-from jaxpf.files.locking import locked
+from jaxpf.files.locking import LOCK, locked
 
 
 def test_more_runs_are_added_to_those_there_are(whole, part):
@@ -71,7 +71,7 @@ def test_a_damaged_batch_is_found_and_done_again(whole, part, harm):
             kept = {name: arrays[name] for name in arrays}
         np.savez(path, **(kept | {"shapes": kept["shapes"][:, :-1]}))
     prepared = prepare(small_plan(), part)
-    assert (prepared.settled.damaged, prepared.missing_runs) == ([path], RUNS)
+    assert (prepared.damaged, prepared.missing_runs) == ([path], RUNS)
     assert finished(small_plan(), part) is None
     results = evaluate(small_plan(), part)
     assert finished(small_plan(), part) is not None
@@ -235,7 +235,7 @@ def test_a_full_disk_is_one_sentence_and_finished_batches_stay(whole, tmp_path, 
 
 def test_leavings_of_a_killed_start_do_not_stand_in_the_way(whole, tmp_path):
     (tmp_path / "batches").mkdir()
-    (tmp_path / folder.LOCK).touch()
+    (tmp_path / LOCK).touch()
     (tmp_path / ".settings.77.partial.json").write_text("{")
     leaving = tmp_path / "batches" / ".0000-00000000.77.partial.npz"
     results = evaluate(small_plan(), tmp_path)

@@ -14,7 +14,7 @@ from two_objects import BOXES, FAR, NAN, TRUE, TRUTH, found, numbers, rows_of
 from jaxpf import InputError, measures as metrics
 from jaxpf.evaluation import Configuration, Plan, Results
 from jaxpf.evaluation.measuring import collection
-from jaxpf.evaluation.measuring.summary import configuration_name
+from jaxpf.evaluation.measuring.collection import configuration_name
 from jaxpf.evaluation.output import tables
 from jaxpf.evaluation.output.tables import write_tables
 from jaxpf.evaluation.work.settings import new_settings

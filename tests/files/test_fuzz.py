@@ -209,7 +209,7 @@ def test_damaged_checkpoints_and_settings_are_read_or_refused(tmp_path):
     tuning.tune(made_sequence(), SCALE, settings=QUICK, folder=tmp_path)
     valid = (tmp_path / NAME).read_bytes()
     with np.load(tmp_path / NAME) as content:
-        asked = json.loads(str(content["about"]))["asked"]
+        asked = json.loads(str(content["asked"]))
     assert (
         survives(tmp_path / NAME, valid, lambda _: Checkpoint(tmp_path, asked).read(), 200, NAME)
         > 100

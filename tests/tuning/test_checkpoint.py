@@ -64,11 +64,11 @@ def test_a_truncated_checkpoint_is_one_sentence(begun, tmp_path, part):
 
 
 def test_a_checkpoint_of_something_else_is_one_sentence(tmp_path):
-    for about in ("[]", "{}", '{"asked": 3, "descents": []}', "[" * 100_000):
-        np.savez(tmp_path / NAME, about=np.array(about))
+    for asked in ("3", '"text"', "[" * 100_000):
+        np.savez(tmp_path / NAME, asked=np.array(asked))
         with pytest.raises(InputError, match="is damaged"):
             Checkpoint(tmp_path, {}).read()
     with zipfile.ZipFile(tmp_path / NAME, "w") as archive:
-        archive.writestr("about.npy", b"no array")
+        archive.writestr("asked.npy", b"no array")
     with pytest.raises(InputError, match="is damaged"):
         Checkpoint(tmp_path, {}).read()

@@ -1,9 +1,9 @@
 """``jaxpf evaluate``: compare methods, orderings and parameters on a scene over many runs.
 
-A request is parsed, opened, settled, built, run and finished; each step returns a new value.
+A request is parsed, prepared, run and finished; each step returns a new value.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import click
 
@@ -21,25 +21,6 @@ from jaxpf.running.memory import check_memory
 _LESS_MEMORY = "ask for fewer particles, workers or frames, or a smaller --memory"
 
 
-class _Opened(NamedTuple):
-    """The opened scene, and where its runs are computed.
-
-    Attributes:
-        evaluation: the opened scene, see ``jaxpf.evaluation.Opened``.
-        devices: host devices per process.
-        pool: processes or Dask workers; None for this process.
-    """
-
-    evaluation: Any
-    devices: int
-    pool: Any
-
-    @property
-    def workers(self) -> int:
-        """Number of processes."""
-        return self.pool.workers if self.pool else 1
-
-
 def _command(**values: Any) -> None:
     from jaxpf.sequences.layouts import sequences_in
 
@@ -50,14 +31,12 @@ def _command(**values: Any) -> None:
         _evaluate(request)
 
 
-def _evaluate(request: Request) -> None:
-    """Evaluate one scene."""
+def _evaluate(request: Request) -> Any:
+    """Evaluate one scene; returns its tables, or None if nothing was left to do or is done."""
     if _is_finished(request):
-        return
-    opened = _open(request)
-    prepared = _build(request, opened, _settle(opened))
-    if not request.options.dry_run:
-        _finish(request, _run(request, opened, prepared))
+        return None
+    prepared, pool = _prepare(request)
+    return None if request.options.dry_run else _finish(request, _run(request, prepared, pool))
 
 
 def _is_finished(request: Request) -> bool:
@@ -75,13 +54,17 @@ def _is_finished(request: Request) -> bool:
     return not request.options.speed and print_again(request.output, request.plan.runs)
 
 
-def _open(request: Request) -> _Opened:
-    """Start JAX, connect to workers, and open the scene.
+def _prepare(request: Request) -> tuple[Any, Any]:
+    """Start JAX, connect to workers, open the scene and print the plan of what is missing.
+
+    Returns:
+        ``jaxpf.evaluation.Prepared``, and processes or Dask workers; None for this process.
 
     Raises:
-        InputError: no scheduler answers, or the scene cannot be opened.
+        InputError: no scheduler answers, the scene cannot be opened, or the work does not fit in
+            memory.
     """
-    from jaxpf.evaluation import local_pool, open_evaluation
+    from jaxpf.evaluation import Limits, local_pool, prepare
 
     options, pool = request.options, None
     devices = start_jax(options.devices, options.workers)
@@ -91,40 +74,21 @@ def _open(request: Request) -> _Opened:
         pool = click.get_current_context().with_resource(cluster(options.dask, options.devices))
     elif options.workers > 1:
         pool = local_pool(options.workers, devices, use_compile_cache)
+    workers = pool.workers if pool else 1
     click.echo(f"Reading {request.scene}", err=True)
-    opened = open_evaluation(request.plan, request.output)
-    target = opened.adapter.target
-    report_implied(request.grid, target.resolved(target.options(), opened.scene.settings))
-    return _Opened(opened, devices, pool)
-
-
-def _settle(opened: _Opened) -> Any:
-    """Settle configurations and find finished runs; see ``jaxpf.evaluation.Settled``."""
-    from jaxpf.evaluation import settle
-
-    return settle(opened.evaluation)
-
-
-def _build(request: Request, opened: _Opened, settled: Any) -> Any:
-    """Divide the missing work, if any, and print the plan; see ``jaxpf.evaluation.Prepared``.
-
-    Raises:
-        InputError: the work does not fit in memory.
-    """
-    from jaxpf.evaluation import Limits, divide_work
-
-    options = request.options
     if options.baseline:
         click.echo(f"Baselines come first: {', '.join(options.baseline)}", err=True)
-    limits = Limits(options.memory * 2**20, workers=opened.workers, devices=opened.devices)
-    prepared = divide_work(opened.evaluation, settled, limits)
+    limits = Limits(options.memory * 2**20, workers=workers, devices=devices)
+    prepared = prepare(request.plan, request.output, limits)
+    target = prepared.adapter.target
+    report_implied(request.grid, target.resolved(target.options(), prepared.scene.settings))
     if prepared.missing_runs:
-        show_plan(prepared, opened.workers, opened.devices)
+        show_plan(prepared, workers, devices)
     check_memory(options.workers * prepared.memory, _LESS_MEMORY)
-    return prepared
+    return prepared, pool
 
 
-def _run(request: Request, opened: _Opened, prepared: Any) -> Any:
+def _run(request: Request, prepared: Any, pool: Any) -> Any:
     """Run the missing work behind a progress bar, then measure speeds.
 
     An interruption keeps the finished runs and says how to resume.
@@ -135,13 +99,13 @@ def _run(request: Request, opened: _Opened, prepared: Any) -> Any:
     (request.output / FINISHED).unlink(missing_ok=True)  # it describes fewer runs
     try:
         with progress_bar("runs") as bar:
-            name = opened.evaluation.scene.name
+            name = prepared.scene.name
             task = bar.add_task(f"{name}: compiling", total=prepared.missing_runs)
 
             def progress(runs: int) -> None:
                 bar.update(task, advance=runs, description=name)
 
-            results = carry_out(prepared, executor=opened.pool, progress=progress)
+            results = carry_out(prepared, executor=pool, progress=progress)
     except KeyboardInterrupt:
         click.echo(
             f"Finished runs are kept in '{request.output}'; the same command continues.", err=True
@@ -158,7 +122,7 @@ def _run(request: Request, opened: _Opened, prepared: Any) -> Any:
     return results
 
 
-def _finish(request: Request, results: Any) -> None:
+def _finish(request: Request, results: Any) -> Any:
     """Write tables, report and the file that repeats the evaluation; then print the results."""
     from jaxpf.evaluation.output.report import write_report
     from jaxpf.evaluation.output.tables import write_tables
@@ -167,6 +131,7 @@ def _finish(request: Request, results: Any) -> None:
     overview = write_tables(results)
     write_report(results, overview)
     print_results(results, overview)
+    return overview.tables
 
 
 command = SceneCommand(

@@ -27,8 +27,8 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
     """Print what is compared, and its cost."""
     from jaxpf.evaluation.work.results import OWN
 
-    settled, scene = prepared.settled, prepared.settled.settings["scene"]
-    count, frames = len(scene["object_ids"]), len(prepared.opened.truth)
+    results, scene = prepared.results, prepared.results.settings["scene"]
+    count, frames = len(scene["object_ids"]), len(results.truth)
     click.echo(
         f"{scene['name']}: {count} object{'s' if count != 1 else ''}, {frames} frames "
         f"after the start frame {scene['start_frame']}, {scene['width']} x {scene['height']} pixels"
@@ -37,9 +37,9 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
     print_table("Plan", columns, rows)
     if common_to_all:
         click.echo(", ".join(f"{name} {value}" for name, value in common_to_all.items()))
-    if settled.damaged:
-        click.echo(f"{len(settled.damaged)} damaged file(s) will be made again.")
-    has_own = any(each.kind == OWN for each in settled.configurations)
+    if prepared.damaged:
+        click.echo(f"{len(prepared.damaged)} damaged file(s) will be made again.")
+    has_own = any(each.kind == OWN for each in results.configurations)
     place = f"on {devices} device{'s' if devices > 1 else ''}"
     if workers > 1:
         place = f"in each of {workers} processes {place}"
@@ -52,10 +52,10 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
 
 def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, str]]:
     """A row per method, and the parameters that all configurations share."""
-    of, settled = prepared.opened.adapter.target, prepared.settled
+    of, configurations = prepared.adapter.target, prepared.results.configurations
     by_method: dict[str, list[int]] = {}
     values: dict[str, dict[str, None]] = {}
-    for index, configuration in enumerate(settled.configurations):
+    for index, configuration in enumerate(configurations):
         by_method.setdefault(configuration.method, []).append(index)
         counts = counting(chosen(of.options, configuration.parameters))
         for name, value in configuration.parameters.items():
@@ -64,11 +64,11 @@ def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, st
     varied = [name for name, texts in values.items() if len(texts) > 1]
     rows = []
     for method, indices in by_method.items():
-        group = [settled.configurations[index] for index in indices]
+        group = [configurations[index] for index in indices]
         orderings = " ".join(dict.fromkeys(c.ordering for c in group))
         cells = [" ".join(values[name]) if name in group[0].parameters else "" for name in varied]
-        runs = 1 if group[0].is_imported else prepared.opened.plan.runs
-        done = sum(int(settled.done[index].sum()) for index in indices)
+        runs = 1 if group[0].is_imported else prepared.plan.runs
+        done = sum(int(prepared.done[index].sum()) for index in indices)
         rows.append([method, orderings, *cells, f"{len(group)} x {runs}", str(done)])
     common_to_all = {name: next(iter(values[name])) for name in values if name not in varied}
     common_to_all = {n: value for n, value in common_to_all.items() if value != plain(None)}

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -15,14 +16,14 @@ _OF_ONE = ("ids", "start_frame", "tracks")
 
 
 def evaluate_each(
-    request: Request, folders: Sequence[Path], evaluate: Callable[[Request], None]
+    request: Request, folders: Sequence[Path], evaluate: Callable[[Request], Any]
 ) -> None:
     """Evaluate sequences one after another, then print results over all of them.
 
     Args:
         request: common to all sequences.
         folders: of the sequences.
-        evaluate: runs one request.
+        evaluate: runs one request and returns its tables; None if they were there already.
 
     Raises:
         InputError: an option applies to a single sequence only, or fewer than two sequences are of
@@ -39,16 +40,18 @@ def evaluate_each(
             f"'{request.scene}' holds {len(chosen)} sequence(s) that can be evaluated together; "
             "give at least 2, or name one of them."
         )
+    made = {}
     for number, (folder, frames) in enumerate(chosen.items(), start=1):
         click.echo(f"\n{folder.name} ({number} of {len(chosen)})")
-        evaluate(request.of_sequence(folder, kind, frames))
+        made[folder.name] = evaluate(request.of_sequence(folder, kind, frames))
     if options.dry_run:
         return
     from jaxpf.evaluation.output.overall import FILES, about_units, write_overall
+    from jaxpf.evaluation.output.tables import stored_tables
 
-    tables = write_overall(output, [folder.name for folder in chosen], request.varied)
+    tables = {name: each or stored_tables(output / name) for name, each in made.items()}
     click.echo()
-    for table in tables:
+    for table in write_overall(output, tables, request.varied):
         print_table(table.title, table.columns, table.texts())
     write_config(output / "run.toml", "evaluate", request.table())
     click.echo(about_units(len(chosen)))

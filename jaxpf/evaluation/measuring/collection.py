@@ -1,16 +1,18 @@
 """Measures the finished runs of one configuration: values per run, curves, quantiles and counts."""
 
+import dataclasses
 import importlib.util
 import warnings
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 
-from jaxpf.evaluation.measuring.estimates import LEVEL
+from jaxpf.contract.options import plain
+from jaxpf.evaluation.measuring.estimates import LEVEL, Difference, Estimate
 from jaxpf.evaluation.measuring.measures import COLUMNS, FRAMES, SCORES, measure_batch
 from jaxpf.evaluation.work.results import BUILT_IN, Configuration, Results
 from jaxpf.measures.calibration import Reliability
-from jaxpf.measures.intervals import mean_interval
+from jaxpf.measures.intervals import Interval, mean_interval
 from jaxpf.measures.scores import tracking_scores
 
 #: Quantiles of the centre error in the figure over time.
@@ -21,40 +23,49 @@ SCORED_RUNS = 100
 BINS = 40
 
 
-class Curve(NamedTuple):
-    """Success or precision curves with intervals, ``[P + 1, K]`` each; all objects come last."""
+@dataclasses.dataclass
+class Summary:
+    """Measures of the R finished runs of one configuration, and what they show.
 
-    value: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-
-
-class Collected(NamedTuple):
-    """Measures of the R finished runs of one configuration.
+    ``collect`` makes it; ``jaxpf.evaluation.measuring.summary.summarise`` adds the last three.
 
     Attributes:
+        name: of the configuration, with the parameters that vary.
         configuration: that was run.
-        runs: ``[R]`` numbers of the finished runs.
+        numbers: ``[R]`` numbers of the finished runs.
         columns: ``[R, P, K]``, one for each of ``COLUMNS``.
         quantiles: of the centre error over runs and objects, ``[len(QUANTILES), T]``.
-        success: curve at the K ``OVERLAP_THRESHOLDS``.
+        success: curve at the K ``OVERLAP_THRESHOLDS`` with its interval; fields ``[P + 1, K]``,
+            all objects last.
         precision: curve at the K ``CENTRE_THRESHOLDS``.
         transforms: counts of probability integral transforms in ``BINS`` equal bins, over x and
             y, all objects, and the frames in which they are tracked.
         confidence: its reliability, over all objects and frames with truth.
         scores: of the first ``SCORED_RUNS`` runs, ``[R, len(SCORES)]``; no rows if TrackEval is
             not installed.
+        reference: index of the summary that this one is compared with, or None.
+        estimates: by measure; ``[P + 1]``, all objects last.
+        differences: from the reference, by measure.
     """
 
+    name: str
     configuration: Configuration
-    runs: np.ndarray
+    numbers: np.ndarray
     columns: np.ndarray
     quantiles: np.ndarray
-    success: Curve
-    precision: Curve
+    success: Interval
+    precision: Interval
     transforms: np.ndarray
     confidence: Reliability
     scores: np.ndarray
+    reference: int | None = None
+    estimates: dict[str, Estimate] = dataclasses.field(default_factory=dict)
+    differences: dict[str, Difference] = dataclasses.field(default_factory=dict)
+
+    @property
+    def runs(self) -> int:
+        """Number of finished runs, R."""
+        return len(self.numbers)
 
     @property
     def num_objects(self) -> int:
@@ -66,7 +77,7 @@ class Collected(NamedTuple):
         return self.columns[:, :, COLUMNS.index(name)]
 
 
-def collect(results: Results, configuration: Configuration) -> Collected | None:
+def collect(results: Results, configuration: Configuration) -> Summary | None:
     """Measure the finished runs of one configuration; None if there are none.
 
     Batches are read one after another.  The columns stay in memory, some 300 bytes per run and
@@ -94,9 +105,10 @@ def collect(results: Results, configuration: Configuration) -> Collected | None:
         return None
     columns, errors, success, precision = map(np.concatenate, zip(*pieces, strict=True))
     frames = columns[:, :, COLUMNS.index(FRAMES), None]
-    return Collected(
+    return Summary(
+        name=configuration_name(results, configuration),
         configuration=configuration,
-        runs=np.concatenate(runs),
+        numbers=np.concatenate(runs),
         columns=columns,
         quantiles=error_quantiles(errors),
         success=_curve(success, frames),
@@ -118,16 +130,35 @@ def error_quantiles(errors: np.ndarray) -> np.ndarray:
         return np.nanquantile(by_frame, QUANTILES, axis=1)
 
 
-def _curve(curves: np.ndarray, frames: np.ndarray) -> Curve:
+def _curve(curves: np.ndarray, frames: np.ndarray) -> Interval:
     """Mean of curves ``[R, P, K]`` over runs, with intervals; objects weigh by frames."""
     curves = curves.astype(np.float64)  # NaN for an object that never has truth
     total = np.maximum(np.sum(frames, axis=1, keepdims=True), 1)
     pooled = np.sum(frames * np.nan_to_num(curves), axis=1, keepdims=True) / total
     curves = np.concatenate([curves, pooled], axis=1)
-    value, _, lower, upper = mean_interval(curves, level=LEVEL, bounds=(0.0, 1.0))
-    return Curve(value, lower, upper)
+    return mean_interval(curves, level=LEVEL, bounds=(0.0, 1.0))
 
 
 def has_scores() -> bool:
     """Whether TrackEval, which computes the standard scores, is installed."""
     return importlib.util.find_spec("trackeval") is not None
+
+
+def configuration_name(
+    results: Results, configuration: Configuration, but: Sequence[str] = ()
+) -> str:
+    """Name with the method, ordering, and the parameters that differ between configurations.
+
+    Args:
+        results: the evaluation.
+        configuration: one of its configurations.
+        but: parameters to leave out.
+    """
+    names = [name for name in results.varied if name not in but]
+    return ", ".join([configuration.label, *named_values(configuration, names)])
+
+
+def named_values(configuration: Configuration, names: Sequence[str]) -> list[str]:
+    """Those of the named parameters that a configuration has, as "sharpness 20"."""
+    values = configuration.parameters
+    return [f"{name} {plain(values[name])}" for name in names if name in values]

@@ -13,16 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxpf.evaluation.measuring.collection import Summary, configuration_name, named_values
 from jaxpf.evaluation.measuring.estimates import LEVEL, difference
 from jaxpf.evaluation.measuring.measures import by_name
-from jaxpf.evaluation.measuring.summary import (
-    Runs,
-    Summary,
-    common_runs,
-    configuration_name,
-    named_values,
-    run_values,
-)
+from jaxpf.evaluation.measuring.summary import Runs, common_runs, run_values
 from jaxpf.evaluation.work.results import Configuration, Results
 from jaxpf.measures.intervals import DECISIVE
 
@@ -102,7 +96,7 @@ def _agree(ours: Configuration, other: Configuration, names: Sequence[str]) -> b
 
 def _difference(first: Summary, second: Summary, pairs: int) -> tuple[float, float, float]:
     """First minus second, with the ends of an interval Bonferroni-corrected for ``pairs``."""
-    ours, theirs = (run_values(each.collected, RANKED_BY) for each in (first, second))
+    ours, theirs = (run_values(each, RANKED_BY) for each in (first, second))
     if first.configuration.is_imported and second.configuration.is_imported:
         ends = (each.estimates[RANKED_BY.name].value[-1] for each in (first, second))
         value = float(next(ends) - next(ends))

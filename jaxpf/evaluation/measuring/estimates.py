@@ -48,6 +48,7 @@ class Difference(NamedTuple):
         lost: number of runs in which the reference has the larger value.
         p: two-sided p-value for no difference: Student's for means, the sign test for medians and
             for rates, whose sign test is McNemar's exact test.
+        p_holm: ``p`` after Holm's correction; NaN until the other comparisons are known.
     """
 
     value: np.ndarray
@@ -58,6 +59,7 @@ class Difference(NamedTuple):
     gained: np.ndarray
     lost: np.ndarray
     p: np.ndarray
+    p_holm: np.ndarray
 
 
 def with_all(values: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -129,7 +131,8 @@ def difference(
         error = np.where(found.standard_error > scale, found.standard_error, np.nan)
         p = 2 * stdtr(np.maximum(runs - 1, 1), -np.abs(found.value / error))
         p = np.where((gained + lost == 0) & (runs > 1), 1.0, p)
-    return Difference(*found, runs, gained, lost, np.where(runs > 1, p, np.nan))
+    p = np.where(runs > 1, p, np.nan)
+    return Difference(*found, runs, gained, lost, p, np.full_like(p, np.nan))
 
 
 def holm(p: ArrayLike) -> np.ndarray:

@@ -2,13 +2,20 @@
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from jaxpf import filters
-from jaxpf.evaluation.measuring.collection import SCORED_RUNS, collect, has_scores
+from jaxpf.evaluation.measuring.collection import (
+    SCORED_RUNS,
+    Summary,
+    collect,
+    configuration_name,
+    has_scores,
+)
 from jaxpf.evaluation.measuring.conclusion import Conclusion, conclude
-from jaxpf.evaluation.measuring.summary import Summary, configuration_name, summarise
+from jaxpf.evaluation.measuring.summary import summarise
 from jaxpf.evaluation.work.results import BUILT_IN, Results
 
 #: Remark for scenes with a single object.
@@ -26,11 +33,13 @@ class Overview:
         summaries: of every configuration with finished runs.
         remarks: sentences about missing results and caveats.
         conclusion: which configuration is best.
+        tables: pandas data frames by name, once they are written; see ``output.tables``.
     """
 
     summaries: list[Summary]
     remarks: list[str]
     conclusion: Conclusion
+    tables: dict[str, Any] = dataclasses.field(default_factory=dict)
 
     @property
     def ranked(self) -> list[Summary]:
@@ -47,9 +56,10 @@ def measure_results(results: Results) -> Overview:
         InputError: a batch is damaged.
     """
     every = (collect(results, configuration) for configuration in results.configurations)
-    summaries = summarise(results, [collected for collected in every if collected is not None])
+    summaries = [summary for summary in every if summary is not None]
+    summarise(results, summaries)
     overview = Overview(summaries, [*_remarks(results, summaries)], conclude(results, summaries))
-    confident = (s for s in overview.ranked if s.collected.confidence.frames[-1])
+    confident = (s for s in overview.ranked if s.confidence.frames[-1])
     overview.remarks.extend(_reliability(summary) for summary in [*confident][:1])
     return overview
 
@@ -76,7 +86,7 @@ def _remarks(results: Results, summaries: Sequence[Summary]) -> Iterator[str]:
 
 def _reliability(summary: Summary) -> str:
     """Reliability of confidence of one configuration in a sentence."""
-    confidence = summary.collected.confidence
+    confidence = summary.confidence
     value, bins = confidence.shares().value, confidence.bins
     shares = [
         f"{place / bins:.1f} to {(place + 1) / bins:.1f}: {100 * value[place]:.0f} %"

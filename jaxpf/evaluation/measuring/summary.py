@@ -1,13 +1,12 @@
 """Summaries of all configurations of an evaluation: estimates and paired differences."""
 
-import dataclasses
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from jaxpf.contract.options import plain
-from jaxpf.evaluation.measuring.collection import Collected
+from jaxpf.evaluation.measuring.collection import Summary
 from jaxpf.evaluation.measuring.estimates import (
     Difference,
     Estimate,
@@ -17,7 +16,7 @@ from jaxpf.evaluation.measuring.estimates import (
     without_interval,
 )
 from jaxpf.evaluation.measuring.measures import FIGURES, MEASURES, SCORES, Measure
-from jaxpf.evaluation.work.results import Configuration, Results
+from jaxpf.evaluation.work.results import Results
 
 
 class Runs(NamedTuple):
@@ -28,127 +27,58 @@ class Runs(NamedTuple):
     weights: np.ndarray
 
 
-@dataclasses.dataclass(frozen=True)
-class Summary:
-    """Summary of the runs of one configuration.
-
-    Attributes:
-        collected: measures of its runs.
-        name: of the configuration, with the parameters that vary.
-        estimates: by measure; ``[P + 1]``, all objects last.
-        reference: index of the summary that this one is compared with, or None.
-        differences: from the reference, by measure.
-        adjusted: Holm-adjusted p of each difference, ``[P + 1]``, by measure; the family is all
-            comparisons of one measure and object.
-    """
-
-    collected: Collected
-    name: str
-    estimates: dict[str, Estimate]
-    reference: int | None
-    differences: dict[str, Difference]
-    adjusted: dict[str, np.ndarray]
-
-    @property
-    def configuration(self) -> Configuration:
-        """The configuration that was run."""
-        return self.collected.configuration
-
-    @property
-    def runs(self) -> int:
-        """Number of finished runs."""
-        return len(self.collected.runs)
-
-
-def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]:
-    """Summarise the collected measures of each configuration, in the same order."""
-    references = _references(collected)
-    scored = any(len(entry.scores) for entry in collected)
+def summarise(results: Results, summaries: Sequence[Summary]) -> None:
+    """Add the estimates of all configurations, and their differences from their references."""
+    for index, summary in enumerate(summaries):
+        summary.reference = _reference(summaries[:index], summary)
+    scored = any(len(summary.scores) for summary in summaries)
     speeds = dict(zip(map(repr, results.configurations), results.speeds, strict=True))
-    summaries = [
-        Summary(
-            collected=entry,
-            name=configuration_name(results, entry.configuration),
-            estimates={},
-            reference=reference,
-            differences={},
-            adjusted={},
-        )
-        for entry, reference in zip(collected, references, strict=True)
-    ]
     compared = [summary for summary in summaries if summary.reference is not None]
     for measure in (*MEASURES, *(SCORES if scored else ())):
-        values = [run_values(entry, measure) for entry in collected]
+        values = [run_values(summary, measure) for summary in summaries]
         for summary, given in zip(summaries, values, strict=True):
-            summary.estimates[measure.name] = _estimate(summary.collected, measure, given)
+            summary.estimates[measure.name] = _estimate(summary, measure, given)
             if summary.reference is not None:
                 summary.differences[measure.name] = _difference(
-                    summary.collected, measure, given, values[summary.reference]
+                    summary, measure, given, values[summary.reference]
                 )
         if compared:
             p = np.stack([summary.differences[measure.name].p for summary in compared])
             family = np.stack([holm(column) for column in p.T], axis=1)
             for summary, row in zip(compared, family, strict=True):
-                summary.adjusted[measure.name] = row
+                found = summary.differences[measure.name]
+                summary.differences[measure.name] = found._replace(p_holm=row)
     for summary in summaries:
-        confidence, speed = summary.collected.confidence, speeds[repr(summary.configuration)]
-        for figure, value in zip(FIGURES, (confidence.area(), speed), strict=True):
-            summary.estimates[figure.name] = _figure(value, summary.collected.num_objects)
-    return summaries
+        figures = summary.confidence.area(), speeds[repr(summary.configuration)]
+        for figure, value in zip(FIGURES, figures, strict=True):
+            summary.estimates[figure.name] = _figure(value, summary.num_objects)
 
 
-def configuration_name(
-    results: Results, configuration: Configuration, but: Sequence[str] = ()
-) -> str:
-    """Name with the method, ordering, and the parameters that differ between configurations.
-
-    Args:
-        results: the evaluation.
-        configuration: one of its configurations.
-        but: parameters to leave out.
-    """
-    names = [name for name in results.varied if name not in but]
-    return ", ".join([configuration.label, *named_values(configuration, names)])
-
-
-def named_values(configuration: Configuration, names: Sequence[str]) -> list[str]:
-    """Those of the named parameters that a configuration has, as "sharpness 20"."""
-    values = configuration.parameters
-    return [f"{name} {plain(values[name])}" for name in names if name in values]
-
-
-def _references(collected: Sequence[Collected]) -> list[int | None]:
-    """Index of each configuration's reference; None if no earlier one shares at least two seeds.
+def _reference(earlier: Sequence[Summary], summary: Summary) -> int | None:
+    """Index of a configuration's reference; None if no earlier one shares at least two seeds.
 
     The reference is the first configuration with the same parameters, so methods are compared at
     equal parameters.  If there is none, it is the first configuration of all.
     """
-    references: list[int | None] = []
-    for index, entry in enumerate(collected):
-        candidates = [
-            other
-            for other in range(index)
-            if not collected[other].configuration.is_imported
-            and len(np.intersect1d(collected[other].runs, entry.runs)) > 1
-        ]
-        same = [
-            other
-            for other in candidates
-            if collected[other].configuration.parameters == entry.configuration.parameters
-        ]
-        chosen = (same or candidates)[:1]
-        references.append(chosen[0] if chosen and not entry.configuration.is_imported else None)
-    return references
+    ours = summary.configuration
+    candidates = [
+        index
+        for index, other in enumerate(earlier)
+        if not (ours.is_imported or other.configuration.is_imported)
+        and len(np.intersect1d(other.numbers, summary.numbers)) > 1
+    ]
+    same = (i for i in candidates if earlier[i].configuration.parameters == ours.parameters)
+    return next(itertools.chain(same, candidates), None)
 
 
-def run_values(entry: Collected, measure: Measure) -> Runs:
+def run_values(entry: Summary, measure: Measure) -> Runs:
     """Values of a measure for every run and object, with the weights for its mean."""
     if measure in SCORES:
         values = entry.scores[:, [SCORES.index(measure)]]
-        return Runs(entry.runs[: len(values)], values, np.ones_like(values))
+        return Runs(entry.numbers[: len(values)], values, np.ones_like(values))
     values = entry.column(measure.name)
     weights = entry.column(measure.weight) if measure.weight else np.ones_like(values)
-    return Runs(entry.runs, values, weights)
+    return Runs(entry.numbers, values, weights)
 
 
 def common_runs(ours: Runs, theirs: Runs) -> tuple[Runs, Runs]:
@@ -160,14 +90,14 @@ def common_runs(ours: Runs, theirs: Runs) -> tuple[Runs, Runs]:
     )
 
 
-def _estimate(entry: Collected, measure: Measure, given: Runs) -> Estimate:
+def _estimate(entry: Summary, measure: Measure, given: Runs) -> Estimate:
     found = estimate(given.values, given.weights, measure.bounds)
     if measure in SCORES:
         found = Estimate(*_of_all_objects(found, entry.num_objects))
     return without_interval(found) if entry.configuration.is_imported else found
 
 
-def _difference(entry: Collected, measure: Measure, given: Runs, other: Runs) -> Difference:
+def _difference(entry: Summary, measure: Measure, given: Runs, other: Runs) -> Difference:
     ours, theirs = common_runs(given, other)
     found = difference(ours[1:], theirs[1:], measure.bounds, measure.is_rate)
     if measure in SCORES:

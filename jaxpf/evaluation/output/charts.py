@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from jaxpf.evaluation.measuring.collection import Summary
 from jaxpf.evaluation.measuring.measures import CURVES, DISTANCE, by_name
-from jaxpf.evaluation.measuring.summary import Summary
 from jaxpf.evaluation.output.layout import heading, triples
 from jaxpf.media.plotting import new_figure
 
@@ -45,7 +45,7 @@ def error_over_time(first_frame: int, summaries: Sequence[Summary]) -> Any:
     rows = -(-len(summaries) // columns)
     size = (max(4.5, 2.3 * columns), 0.7 + 1.75 * rows)
     figure, axes = new_figure(rows, columns, figsize=size)
-    everything = np.array([summary.collected.quantiles for summary in summaries])
+    everything = np.array([summary.quantiles for summary in summaries])
     frames = first_frame + np.arange(everything.shape[-1])
     top = 1.04 * max(float(np.max(everything, where=np.isfinite(everything), initial=0)), 1.0)
     for axis in axes.flat[len(summaries) :]:
@@ -111,7 +111,7 @@ def calibration(summaries: Sequence[Summary]) -> Any:
     """Draw coverage of central regions of x and y against their probability."""
     figure, (axis,) = _axes(len(summaries))
     for summary in summaries:
-        counts = summary.collected.transforms
+        counts = summary.transforms
         half = len(counts) // 2
         inside = [counts[half - k : half + k].sum() for k in range(half + 1)]
         shares = 100 * np.array(inside) / counts.sum()
@@ -123,10 +123,10 @@ def calibration(summaries: Sequence[Summary]) -> Any:
 def confidence(summaries: Sequence[Summary]) -> Any:
     """Draw the share of boxes on their object against the confidence."""
     figure, (axis,) = _axes(len(summaries))
-    bins = summaries[0].collected.confidence.bins
+    bins = summaries[0].confidence.bins
     middles = 100 * (np.arange(bins) + 0.5) / bins
     for number, summary in enumerate(summaries):
-        value, _, lower, upper = (100 * x[:bins] for x in summary.collected.confidence.shares())
+        value, _, lower, upper = (100 * x[:bins] for x in summary.confidence.shares())
         places = middles + 1.5 * (number - (len(summaries) - 1) / 2)
         reach = np.nan_to_num([value - lower, upper - value])
         _error_bars(axis, places, value, reach, summary.name)

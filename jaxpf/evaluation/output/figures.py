@@ -89,16 +89,17 @@ def save(figure: Any, png: str | os.PathLike[str]) -> None:
 def _drawn(results: Results, overview: Overview) -> Iterator[tuple[str, str, str, Any]]:
     """Yield name, title, caption and drawing of each figure of the best configurations."""
     summaries, best = overview.summaries, overview.ranked[: charts.MOST_LINES]
-    calibrated = [summary for summary in best if summary.collected.transforms.any()]
-    confident = [summary for summary in best if summary.collected.confidence.frames[-1]]
+    calibrated = [summary for summary in best if summary.transforms.any()]
+    confident = [summary for summary in best if summary.confidence.frames[-1]]
     shown = f" The best {len(best)} of {len(summaries)} configurations."
     shown = shown if len(best) < len(summaries) else ""
     if not best:
         return
     curves = {
-        (summary.name, name): [each[-1] for each in getattr(summary.collected, name)]
+        (summary.name, name): [x[-1] for x in (curve.value, curve.lower, curve.upper)]
         for summary in best
         for name in charts.CURVES
+        for curve in [getattr(summary, name)]
     }
     yield (
         "success-curves",

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from jaxpf.evaluation.measuring.collection import Summary
 from jaxpf.evaluation.measuring.estimates import Difference, Estimate
 from jaxpf.evaluation.measuring.measures import (
     COMPARED,
@@ -15,7 +16,6 @@ from jaxpf.evaluation.measuring.measures import (
     Measure,
     by_name,
 )
-from jaxpf.evaluation.measuring.summary import Summary
 from jaxpf.files.tables import Rows, Table, escaped, markdown_table
 from jaxpf.measures.intervals import DECISIVE
 
@@ -130,7 +130,7 @@ def score_tables(object_ids: Sequence[int], summaries: Sequence[Summary]) -> lis
 
 def calibration_tables(object_ids: Sequence[int], summaries: Sequence[Summary]) -> list[Table]:
     """Calibration; no tables if no filter has spreads of x and y."""
-    calibrated = [s for s in summaries if s.collected.transforms.any()]
+    calibrated = [s for s in summaries if s.transforms.any()]
     return estimate_tables(object_ids, calibrated, CALIBRATION, "calibration, ")
 
 
@@ -158,7 +158,7 @@ def _is_clear(summary: Summary, measure: str, place: int) -> bool:
     found = summary.differences[measure]
     excludes = found.lower[place] > 0 or found.upper[place] < 0
     many = found.runs[place] >= DECISIVE
-    return bool(many and excludes and summary.adjusted[measure][place] < SIGNIFICANT)
+    return bool(many and excludes and found.p_holm[place] < SIGNIFICANT)
 
 
 def object_name(object_ids: Sequence[int], place: int) -> str:

@@ -5,13 +5,13 @@ runs; for a method with several orders it is their mean.  Intervals are over seq
 wide for few sequences, regardless of the number of runs.
 """
 
-import csv
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from jaxpf.evaluation.measuring.estimates import Difference, Estimate, difference, estimate
 from jaxpf.evaluation.measuring.measures import CURVES, FIGURES, MEASURES, SCORES, by_name
 from jaxpf.evaluation.output.layout import (
     ABOUT_CALIBRATION,
@@ -22,16 +22,12 @@ from jaxpf.evaluation.output.layout import (
     cells_of,
     heading,
     to_markdown,
+    triples,
 )
+from jaxpf.evaluation.output.tables import write_csv
 from jaxpf.files.tables import Table
-from jaxpf.files.writing import csv_text, write_text
-from jaxpf.measures.intervals import (
-    DECISIVE,
-    Bounds,
-    difference_interval,
-    mean_interval,
-    median_interval,
-)
+from jaxpf.files.writing import write_text
+from jaxpf.measures.intervals import DECISIVE
 
 #: Measures in the terminal's tables.
 PRINTED = (
@@ -47,28 +43,16 @@ SHOWN = (
 FILES = ("overall.md", "overall.csv", "sequences.csv", "overall.png", "overall.pdf")
 
 
-class OverSequences(NamedTuple):
-    """A mean over sequences with its 95 % interval; a median where values have no bounds.
-
-    Attributes:
-        sequences: number of sequences that count.
-        value: the mean or median.
-        lower: lower end of the interval; NaN for too few sequences.
-        upper: upper end of the interval.
-    """
-
-    sequences: int
-    value: float
-    lower: float
-    upper: float
+#: Sequence -> its data frames "summary" and "curves", see ``output.tables``.
+Tables = Mapping[str, Mapping[str, Any]]
 
 
-def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> list[Table]:
-    """Write ``FILES`` from the summaries of the evaluations in ``folder``.
+def write_overall(folder: Path, tables: Tables, varied: Sequence[str]) -> list[Table]:
+    """Write ``FILES`` from the tables of each sequence.
 
     Args:
-        folder: parent folder; ``folder / name`` holds a finished evaluation.
-        names: of the sequences.
+        folder: for the files.
+        tables: of every sequence.
         varied: options with several values, which distinguish configurations.
 
     Returns:
@@ -77,33 +61,29 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
     Raises:
         InputError: a file cannot be written.
     """
-    sequences = {
-        name: _of_sequence(folder / name / "summary.csv", varied, lambda row: row["measure"])
-        for name in names
-    }
-    methods = list(dict.fromkeys(method for each in sequences.values() for method in each))
+    from pandas import DataFrame, MultiIndex
+
+    names = list(tables)
     measures = [each.name for each in (*MEASURES, *SCORES, *FIGURES)]
-    values = {
-        (method, measure): np.array(
-            [each.get(method, {}).get(measure, np.nan) for each in sequences.values()]
-        )
-        for method in methods
-        for measure in measures
-    }
-    first = methods[0]
-    means = {key: over_sequences(of, by_name(key[1]).bounds) for key, of in values.items()}
+    values = _by_sequence(tables, "summary", varied, ["measure"])
+    first, *others = methods = list(values.index.unique("method"))
+    values = values.reindex(MultiIndex.from_product([methods, measures]))
+    units = {key: _units(values.loc[[key]]) for key in values.index}
+    means = {key: estimate(*each, by_name(key[1]).bounds) for key, each in units.items()}
     differences = {
-        (method, measure): over_sequences(of, by_name(measure).bounds, values[first, measure])
-        for (method, measure), of in values.items()
-        if method != first
+        (method, measure): difference(
+            units[method, measure], units[first, measure], by_name(measure).bounds
+        )
+        for method in others
+        for measure in measures
     }
 
     def tables_of(shown: Sequence[str]) -> list[Table]:
         tables = [_table(f"means over {len(names)} sequences", methods, means, shown)]
-        if len(methods) > 1:
+        if others:
             title = f"differences from {first}, paired by sequence"
             compared = [name for name in shown if name != "frames_per_second"]
-            tables.append(_table(title, methods[1:], differences, compared))
+            tables.append(_table(title, others, differences, compared))
         return tables
 
     notes = [
@@ -112,16 +92,18 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
     ]
     text = to_markdown("Over all sequences", tables_of(SHOWN), [", ".join(names)], notes)
     write_text(folder / "overall.md", text)
-    write_text(folder / "overall.csv", csv_text(_rows(means, differences)))
     rows = [
-        [name, method, measure, f"{x:.7g}"]
-        for (method, measure), of in values.items()
-        for name, x in zip(names, of, strict=True)
-        if np.isfinite(x)
+        [what, *key, found.runs[0], *(x[0] for x in (found.value, found.lower, found.upper))]
+        for what, every in (("mean", means), ("difference", differences))
+        for key, found in every.items()
+        if found.runs[0]
     ]
-    header = ["sequence", "method", "measure", "value"]
-    write_text(folder / "sequences.csv", csv_text([header, *rows]))
-    _draw(folder, names, methods, varied)
+    columns = ["what", "method", "measure", "sequences", "value", "lower", "upper"]
+    write_csv(folder / "overall.csv", DataFrame(rows, columns=columns))
+    long = values.stack().dropna().rename("value").rename_axis(["method", "measure", "sequence"])
+    columns = ["sequence", "method", "measure", "value"]
+    write_csv(folder / "sequences.csv", long.reset_index()[columns])
+    _draw(folder, _by_sequence(tables, "curves", varied, ["curve", "threshold"]), methods)
     return tables_of(PRINTED)
 
 
@@ -135,91 +117,51 @@ def about_units(sequences: int) -> str:
     return text + few * (sequences < DECISIVE)
 
 
-def over_sequences(
-    values: np.ndarray, bounds: Bounds | None, reference: np.ndarray | None = None
-) -> OverSequences:
-    """Mean of the finite ``values [S]``, or of their paired differences from a reference.
+def _by_sequence(tables: Tables, name: str, varied: Sequence[str], rows: Sequence[str]) -> Any:
+    """Values over all objects: a row per method and ``rows``, a column per sequence."""
+    from pandas import concat
 
-    Without bounds it is the median.
-    """
-    apart = values if reference is None else values - reference
-    if bounds is None:
-        found = median_interval(apart)
-    elif reference is None:
-        found = mean_interval(values, bounds=bounds)
-    else:
-        found = difference_interval(values, reference, bounds=bounds)
-    return OverSequences(np.isfinite(apart).sum(), found.value, found.lower, found.upper)
+    table = concat({key: each[name] for key, each in tables.items()}, names=["sequence"])
+    table = table[table.object == "all"].reset_index()
+    for option in filter(table.columns.__contains__, varied):
+        table["method"] += [f", {option} {x}" if x else "" for x in table[option].fillna("")]
+    numbers = {name: float for name in ("value", "threshold") if name in table}
+    table = table.astype(numbers).pivot_table("value", ["method", *rows], "sequence", sort=False)
+    return table.reindex(columns=list(tables))
 
 
-def _of_sequence(
-    path: Path, varied: Sequence[str], key: Callable[[dict[str, str]], Any]
-) -> dict[str, dict[Any, float]]:
-    """Map method with varied options -> row key -> mean value over all objects."""
-    gathered: dict[str, dict[Any, list[float]]] = {}
-    with path.open(newline="") as file:
-        for row in csv.DictReader(file):
-            if row["object"] != "all":
-                continue
-            options = [f"{name} {row[name]}" for name in varied if row.get(name)]
-            method = ", ".join([row["method"], *options])
-            by_key = gathered.setdefault(method, {})
-            by_key.setdefault(key(row), []).append(float(row["value"]))
-    return {
-        method: {name: float(np.mean(each)) for name, each in by_key.items()}
-        for method, by_key in gathered.items()
-    }
+def _units(rows: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Values and weights of the sequences, ``[S, K]`` each, of K rows of ``_by_sequence``."""
+    return rows.to_numpy().T, np.ones(rows.shape[::-1])
 
 
-def _draw(
-    folder: Path, names: Sequence[str], methods: Sequence[str], varied: Sequence[str]
-) -> None:
+def _draw(folder: Path, curves: Any, methods: Sequence[str]) -> None:
     """Draw success and precision curves: means over sequences with intervals."""
     from jaxpf.evaluation.output import charts
     from jaxpf.evaluation.output.figures import in_style, save
 
-    def point(row: dict[str, str]) -> tuple[str, float]:
-        return row["curve"], float(row["threshold"])
-
-    each_curve = [_of_sequence(folder / name / "curves.csv", varied, point) for name in names]
-    curves = {
-        (method, curve): np.array(
-            [
-                over_sequences(
-                    np.array([each[method][curve, t] for each in each_curve if method in each]),
-                    (0, 1),
-                )[1:]
-                for t in thresholds.tolist()
-            ]
-        ).T
-        for curve, thresholds in CURVES.items()
+    found = {
+        (method, curve): estimate(*_units(curves.loc[method, curve].dropna(axis=1)), (0, 1))
         for method in methods
+        for curve in CURVES
     }
+    ends = {key: np.array([x.value, x.lower, x.upper])[:, :-1] for key, x in found.items()}
     with in_style():
-        save(charts.accuracy_curves(methods, curves), folder / "overall.png")
+        save(charts.accuracy_curves(methods, ends), folder / "overall.png")
 
 
 def _table(
     title: str,
     methods: Sequence[str],
-    means: Mapping[tuple[str, str], OverSequences],
+    found: Mapping[tuple[str, str], Estimate | Difference],
     shown: Sequence[str],
 ) -> Table:
     table = Table("overall", title, ["method"], [(method, []) for method in methods])
-    counts = [means[method, "overlap"].sequences for method in methods]
+    counts = [found[method, "overlap"].runs[0] for method in methods]
     if len(set(counts)) > 1:
         table.add("sequences", map(str, counts))
     for measure in map(by_name, shown):
-        values = np.array([means[method, measure.name][1:] for method in methods])
+        values = triples([found[method, measure.name] for method in methods], 0)
         if are_known(values):
             table.add(heading(measure), cells_of(measure, values))
     return table
-
-
-def _rows(*given: Mapping[tuple[str, str], OverSequences]) -> Iterator[list[Any]]:
-    yield ["what", "method", "measure", *OverSequences._fields]
-    for what, means in zip(("mean", "difference"), given, strict=True):
-        for (method, measure), of in means.items():
-            if of.sequences:
-                ends = [f"{x:.7g}" if np.isfinite(x) else "" for x in of[1:]]
-                yield [what, method, measure, of.sequences, *ends]

@@ -14,16 +14,17 @@ Undefined fields, such as the precision of an object that was never tracked, are
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import plain
-from jaxpf.evaluation.measuring.collection import Curve
+from jaxpf.evaluation.measuring.collection import Summary
 from jaxpf.evaluation.measuring.measures import COLUMNS, CURVES
 from jaxpf.evaluation.measuring.overview import Overview, measure_results
-from jaxpf.evaluation.measuring.summary import Summary
 from jaxpf.evaluation.output.layout import (
     MOST_PRINTED,
     PRINTED,
@@ -44,19 +45,24 @@ def write_tables(results: Results) -> Overview:
     """Measure the runs of an evaluation, finished or not, and write all tables.
 
     Raises:
-        InputError: a file cannot be written; a batch is damaged.
+        InputError: a file cannot be written, a batch is damaged, or pandas is not installed.
     """
+    try:
+        from pandas import DataFrame
+    except ModuleNotFoundError:
+        raise InputError("writing tables needs pandas; pip install 'jaxpf[cli]'") from None
     overview = measure_results(results)
     summaries, ids = overview.summaries, results.object_ids
     with atomic_write(results.folder / "results.csv") as file:
         for rows_of_run in _run_rows(results, summaries):
             file.write(csv_text(rows_of_run))
-    for name, rows in (
+    for name, (columns, *rows) in (
         ("summary", _summary_rows(results, summaries)),
         ("curves", _curve_rows(results, summaries)),
         ("differences", _difference_rows(results, summaries)),
     ):
-        write_text(results.folder / f"{name}.csv", csv_text(rows))
+        overview.tables[name] = DataFrame(rows, columns=columns, dtype=str)
+        write_csv(results.folder / f"{name}.csv", overview.tables[name])
     everything = [
         *estimate_tables(ids, summaries),
         *score_tables(ids, summaries),
@@ -67,6 +73,20 @@ def write_tables(results: Results) -> Overview:
     lines = [overview.conclusion.sentence, *overview.remarks]
     write_text(results.folder / "summary.md", to_markdown(title, everything, lines))
     return overview
+
+
+def stored_tables(folder: Path) -> dict[str, Any]:
+    """``Overview.tables`` as ``write_tables`` wrote them into an evaluation's folder."""
+    from pandas import read_csv
+
+    stored = {"dtype": str, "keep_default_na": False}
+    return {name: read_csv(folder / f"{name}.csv", **stored) for name in ("summary", "curves")}
+
+
+def write_csv(path: Path, table: Any) -> None:
+    """Write a data frame with seven digits; undefined numbers are empty."""
+    with atomic_write(path) as file:
+        table.to_csv(file, index=False, float_format="%.7g", lineterminator="\n")
 
 
 def printed_tables(results: Results, overview: Overview) -> list[Table]:
@@ -84,7 +104,7 @@ def _run_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[l
     yield [[*_KEYS, *_parameters(results), "seed", "run", "object", *COLUMNS]]
     for summary in summaries:
         keys = [*_keys(results, summary.configuration), results.seed]
-        for run, objects in zip(summary.collected.runs, summary.collected.columns, strict=True):
+        for run, objects in zip(summary.numbers, summary.columns, strict=True):
             yield [
                 [*keys, run, identity, *("" if math.isnan(x) else f"{x:.7g}" for x in values)]
                 for identity, values in zip(results.object_ids, objects.tolist(), strict=True)
@@ -96,11 +116,8 @@ def _summary_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[li
     yield [*_KEYS, *_parameters(results), "object", "measure", *fields]
     for summary in summaries:
         keys = _keys(results, summary.configuration)
-        for measure, estimate in summary.estimates.items():
-            for place, identity in _known(results, estimate.value):
-                numbers = [_number(getattr(estimate, field)[place]) for field in fields]
-                yield [*keys, identity, measure, *numbers]
-        confidence = summary.collected.confidence
+        yield from _object_rows(results, keys, summary.estimates, fields)
+        confidence = summary.confidence
         shares = confidence.shares()
         for place in range(confidence.bins):
             if confidence.frames[place]:
@@ -109,31 +126,36 @@ def _summary_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[li
 
 
 def _curve_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[Any]]:
-    yield [*_KEYS, *_parameters(results), "object", "curve", "threshold", *Curve._fields]
+    yield [*_KEYS, *_parameters(results), "object", "curve", "threshold", "value", "lower", "upper"]
     for summary in summaries:
         keys = _keys(results, summary.configuration)
         for name, thresholds in CURVES.items():
-            curve = getattr(summary.collected, name)
+            curve = getattr(summary, name)
             for place, identity in _known(results, curve.value[:, 0]):
                 for number, threshold in enumerate(thresholds):
-                    ends = [_number(each[place, number]) for each in curve]
+                    at = place, number
+                    ends = map(_number, (curve.value[at], curve.lower[at], curve.upper[at]))
                     yield [*keys, identity, name, f"{threshold:g}", *ends]
 
 
 def _difference_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[Any]]:
-    fields = ("runs", "value", "standard_error", "lower", "upper", "gained", "lost", "p")
-    names = ("runs", "difference", *fields[2:], "p_holm")
+    fields = ("runs", "value", "standard_error", "lower", "upper", "gained", "lost", "p", "p_holm")
+    names = ("runs", "difference", *fields[2:])
     yield [*_KEYS, *_parameters(results), "reference", "object", "measure", *names]
     for summary in summaries:
-        if summary.reference is None:
-            continue
-        keys = _keys(results, summary.configuration)
-        reference = summaries[summary.reference].name
-        for measure, difference in summary.differences.items():
-            for place, identity in _known(results, difference.value):
-                numbers = [_number(getattr(difference, field)[place]) for field in fields]
-                adjusted = _number(summary.adjusted[measure][place])
-                yield [*keys, reference, identity, measure, *numbers, adjusted]
+        if summary.reference is not None:
+            keys = [*_keys(results, summary.configuration), summaries[summary.reference].name]
+            yield from _object_rows(results, keys, summary.differences, fields)
+
+
+def _object_rows(
+    results: Results, keys: list[Any], found: Mapping[str, Any], fields: Sequence[str]
+) -> Iterator[list[Any]]:
+    """A row for every measure and object with a value."""
+    for measure, each in found.items():
+        for place, identity in _known(results, each.value):
+            numbers = [_number(getattr(each, field)[place]) for field in fields]
+            yield [*keys, identity, measure, *numbers]
 
 
 def _known(results: Results, values: np.ndarray) -> Iterator[tuple[int, str]]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxpf.files.store import Damaged, Store
+from jaxpf.files.pieces import Pieces
 
 FOLDER = "batches"
 _REMEDY = "evaluate again, which repeats its runs alone"
@@ -60,16 +60,16 @@ def write_batch(folder: str | os.PathLike[str], configuration: int, batch: Batch
     """
     arrays = {field.name: getattr(batch, field.name) for field in dataclasses.fields(batch)}
     name = f"{configuration:04d}-{int(batch.runs[0]):08d}"
-    return Store(Path(folder) / FOLDER).write(name, arrays)
+    return Pieces(Path(folder) / FOLDER).write(name, arrays)
 
 
 def read_batch(path: Path) -> Batch:
     """Read a batch and verify its checksums.
 
     Raises:
-        InputError: the file is damaged.
+        Damaged: the file is.
     """
-    with Store(path.parent, _REMEDY).opened(path.stem) as content:
+    with Pieces(path.parent, _REMEDY).opened(path.stem) as content:
         return Batch(**{field.name: content[field.name] for field in dataclasses.fields(Batch)})
 
 
@@ -77,31 +77,3 @@ def batch_files(folder: str | os.PathLike[str], configuration: int) -> list[Path
     """Paths of a configuration's batch files, in the order of their runs."""
     paths = (Path(folder) / FOLDER).glob(f"{configuration:04d}-*.npz")
     return sorted(path for path in paths if _NAME.fullmatch(path.name))
-
-
-def survey(
-    folder: str | os.PathLike[str], configuration: int, num_runs: int, truth_shape: tuple[int, ...]
-) -> tuple[np.ndarray, list[Path]]:
-    """Find the runs of a configuration on disk, reading every file to its end.
-
-    Args:
-        folder: of the evaluation.
-        configuration: its index.
-        num_runs: requested runs.
-        truth_shape: (T, P, S), the required shape of each run's ``shapes``.
-
-    Returns:
-        ``[num_runs]`` bool, whether each run is finished, and the damaged files.
-    """
-    done, damaged = np.zeros(num_runs, bool), []
-    for path in batch_files(folder, configuration):
-        try:
-            batch = read_batch(path)
-        except Damaged:
-            damaged.append(path)
-            continue
-        if batch.shapes.shape == (len(batch.runs), *truth_shape):
-            done[batch.runs[batch.runs < num_runs]] = True
-        else:
-            damaged.append(path)
-    return done, damaged

@@ -1,19 +1,20 @@
 """Executes an evaluation: runs the missing batches and stores each one."""
 
+import dataclasses
 import functools
 import os
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.numbers import check_whole
 from jaxpf.evaluation.plan import DEFAULT_LIMITS, Limits, Plan
-from jaxpf.evaluation.work.batches import Batch, survey, write_batch
+from jaxpf.evaluation.work.batches import Batch, write_batch
 from jaxpf.evaluation.work.execution import RETRIES, Factory, Pool, in_turn
 from jaxpf.evaluation.work.fingerprint import fingerprint
 from jaxpf.evaluation.work.folder import remove_leavings, stored_settings, write_settings
@@ -23,63 +24,29 @@ from jaxpf.evaluation.work.scene import (
     object_ids,
     open_scene,
     remember_scene,
-    remembered_scene,
+    same_scene,
     start_frame,
 )
 from jaxpf.files.locking import locked
 from jaxpf.files.writing import report_os_errors
 from jaxpf.targets import adapter_of_scene
 from jaxpf.targets.adapter import Adapter
-from jaxpf.targets.target import Start
 
 if TYPE_CHECKING:
     from jaxpf.evaluation.work.worker import Work
 
 
-class Opened(NamedTuple):
-    """A plan with its opened scene.
-
-    Attributes:
-        plan: the requested plan.
-        folder: for the results.
-        scene: the scene.
-        adapter: for the type of its objects.
-        start: state of the objects in the start frame.
-        truth: ``[T, P, S]`` in the frames after the start frame.
-        stored: settings of the evaluation that is resumed; None for a new one.
-    """
-
-    plan: Plan
-    folder: Path
-    scene: Any
-    adapter: Adapter
-    start: Start
-    truth: np.ndarray
-    stored: dict[str, Any] | None
-
-
-class Settled(NamedTuple):
-    """What an evaluation runs, and what is done of it.
-
-    Attributes:
-        settings: for ``settings.json``.
-        configurations: all configurations.
-        done: bool ``[R]`` per configuration, whether each run is on disk.
-        damaged: damaged batch files; their runs count as missing.
-    """
-
-    settings: dict[str, Any]
-    configurations: list[Configuration]
-    done: list[np.ndarray]
-    damaged: list[Path]
-
-
-class Prepared(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class Prepared:
     """An evaluation that is ready to run.
 
     Attributes:
-        opened: the plan with its scene.
-        settled: its configurations and finished runs.
+        plan: the requested plan.
+        scene: its opened scene.
+        adapter: for the type of its objects.
+        results: what is on disk, with settings, truth and configurations.
+        done: bool ``[R]`` per configuration, whether each run is on disk.
+        damaged: damaged batch files; their runs count as missing.
         work: missing batches.
         imports: missing imported tracks, as (index of the configuration, batch).
         import_seconds: seconds to make the tracks in ``imports`` that were computed here, by
@@ -87,8 +54,12 @@ class Prepared(NamedTuple):
         memory: estimated bytes per worker process.
     """
 
-    opened: Opened
-    settled: Settled
+    plan: Plan
+    scene: Any
+    adapter: Adapter
+    results: Results
+    done: list[np.ndarray]
+    damaged: list[Path]
     work: list["Work"]
     imports: list[tuple[int, Batch]]
     import_seconds: dict[int, float]
@@ -155,7 +126,7 @@ def finished(plan: Plan, folder: str | os.PathLike[str]) -> Results | None:
     if settings["scene"].get("files") != fingerprint(plan.scene):
         return None
     results = Results.open(folder, functools.partial(open_scene, plan.scene))
-    done, damaged = _surveyed(results, plan.runs)
+    done, damaged = results.survey()
     return results if not damaged and all(runs.all() for runs in done) else None
 
 
@@ -164,70 +135,44 @@ def prepare(
 ) -> Prepared:
     """Determine the missing work without writing; arguments and errors as for ``evaluate``."""
     check_type("limits", limits, Limits)
-    opened = open_evaluation(plan, folder)
-    return divide_work(opened, settle(opened), limits)
-
-
-def open_evaluation(plan: Plan, folder: str | os.PathLike[str]) -> Opened:
-    """Open the scene of a plan, and read the settings of the evaluation that it resumes.
-
-    Raises:
-        InputError: see ``evaluate``.
-    """
     check_type("plan", plan, Plan)
-    stored = stored_settings(plan, Path(folder))
+    folder = Path(folder)
+    settings = stored_settings(plan, folder)
+    from jaxpf.evaluation.work.schedule import batches
+    from jaxpf.evaluation.work.settings import check_continues, new_settings
+
     scene = open_scene(plan.scene)
     check_scene(scene)
     adapter = adapter_of_scene(scene, plan.target)
-    start, truth = adapter.scene_start(scene), adapter.scene_shapes(scene)[1:]
-    return Opened(plan, Path(folder), scene, adapter, start, truth, stored)
-
-
-def settle(opened: Opened) -> Settled:
-    """Settle the configurations, or read those of a resumed evaluation and find its runs.
-
-    Raises:
-        InputError: see ``evaluate``.
-    """
-    from jaxpf.evaluation.work.settings import check_continues, new_settings
-
-    plan, scene, settings = opened.plan, opened.scene, opened.stored
+    start = adapter.scene_start(scene)
     if settings is None:
-        settings = new_settings(plan, scene, opened.adapter.target, opened.start)
+        settings = new_settings(plan, scene, adapter.target, start)
     else:
-        check_continues(settings, scene, opened.folder)
+        check_continues(settings, scene, folder)
         about_scene = {**settings["scene"], "files": fingerprint(plan.scene)}
         settings = {**settings, "runs": plan.runs, "scene": about_scene}
-    results = Results(opened.folder, settings, opened.truth, opened.start)
-    return Settled(settings, results.configurations, *_surveyed(results, plan.runs))
-
-
-def divide_work(opened: Opened, settled: Settled, limits: Limits = DEFAULT_LIMITS) -> Prepared:
-    """Divide the missing runs into batches, and read or compute missing imported tracks.
-
-    Raises:
-        InputError: see ``evaluate``.
-    """
-    from jaxpf.evaluation.work.schedule import batches
-
-    digest = settled.settings["scene"]["digest"]
-    remember_scene(opened.scene, digest)
-    work, memory = batches(
-        opened.plan,
-        opened.scene,
-        opened.adapter,
-        digest,
-        settled.configurations,
-        settled.done,
-        limits,
-    )
-    imports = list(_missing_imports(opened, settled))
+    digest = settings["scene"]["digest"]
+    reopen = functools.partial(same_scene, plan.scene, digest)
+    results = Results(folder, settings, adapter.scene_shapes(scene)[1:], start, reopen)
+    done, damaged = results.survey()
+    configurations = results.configurations
+    remember_scene(scene, digest)
+    work, memory = batches(plan, scene, adapter, digest, configurations, done, limits)
+    imports = {
+        index: _imported(plan, scene, adapter, configuration)
+        for index, configuration in enumerate(configurations)
+        if configuration.is_imported and not done[index].all()
+    }
     return Prepared(
-        opened=opened,
-        settled=settled,
+        plan=plan,
+        scene=scene,
+        adapter=adapter,
+        results=results,
+        done=done,
+        damaged=damaged,
         work=work,
-        imports=[(index, batch) for index, batch, _ in imports],
-        import_seconds={index: seconds for index, _, seconds in imports if seconds is not None},
+        imports=[(index, batch) for index, (batch, _) in imports.items()],
+        import_seconds={i: seconds for i, (_, seconds) in imports.items() if seconds is not None},
         memory=memory,
     )
 
@@ -242,70 +187,48 @@ def carry_out(
     """Run what ``prepare`` found missing; arguments and errors as for ``evaluate``."""
     from jaxpf.evaluation.work.worker import run_batch
 
-    opened, settled = prepared.opened, prepared.settled
-    folder = opened.folder
+    results, folder = prepared.results, prepared.results.folder
+
+    def finished_batches() -> Iterator[tuple[int, Batch]]:
+        yield from prepared.imports
+        for work, batch in in_turn(run_batch, prepared.work, executor, retries=retries):
+            yield work.index, batch
+
     with locked(folder, "evaluating"):
         remove_leavings(folder)
-        for path in settled.damaged:
+        for path in prepared.damaged:
             with report_os_errors("replace", path):
                 path.unlink(missing_ok=True)
-        write_settings(folder, settled.settings, opened.truth, opened.start)
-        for index, batch in prepared.imports:
+        write_settings(folder, results.settings, results.truth, results.start)
+        for index, batch in finished_batches():
             write_batch(folder, index, batch)
             if progress is not None:
-                progress(1)
-        for work, batch in in_turn(run_batch, prepared.work, executor, retries=retries):
-            write_batch(folder, work.index, batch)
-            if progress is not None:
-                progress(work.num_runs)
-    digest = settled.settings["scene"]["digest"]
-    return Results.open(folder, functools.partial(_remembered, digest, opened.plan.scene))
+                progress(len(batch))
+    return results
 
 
-def _remembered(digest: str, scene: Any) -> Any:
-    """Return this process's open scene if there is one, to avoid a second copy; else open it."""
-    remembered = remembered_scene(digest)
-    return open_scene(scene) if remembered is None else remembered
-
-
-def _surveyed(results: Results, num_runs: int) -> tuple[list[np.ndarray], list[Path]]:
-    """Finished runs of each configuration as bool arrays, and the damaged files."""
-    done, damaged = [], []
-    for index, configuration in enumerate(results.configurations):
-        wanted = 1 if configuration.is_imported else num_runs
-        runs, broken = survey(results.folder, index, wanted, results.truth.shape)
-        done.append(runs)
-        damaged += broken
-    return done, damaged
-
-
-def _missing_imports(opened: Opened, settled: Settled) -> Iterator[tuple[int, Batch, float | None]]:
-    """Yield (index, batch, seconds or None) for imported tracks that are not on disk."""
+def _imported(
+    plan: Plan, scene: Any, adapter: Adapter, configuration: Configuration
+) -> tuple[Batch, float | None]:
+    """Read or compute another tracker's tracks; also the seconds that computing them took."""
     from jaxpf.evaluation.work.trackers import own_tracker
     from jaxpf.evaluation.work.worker import imported_batch
 
-    plan, scene, target = opened.plan, opened.scene, opened.adapter.target
-    for index, configuration in enumerate(settled.configurations):
-        if not configuration.is_imported or settled.done[index].all():
-            continue
-        name = configuration.method
-        if not target.has_boxes:
-            raise InputError(
-                f"{name!r} gives boxes, but the objects of {scene.name!r} are {target.name}; "
-                "leave it out."
-            )
-        seconds: float | None = None
-        if name in plan.trackers:
-            function: Any = plan.trackers[name]
-            began = time.perf_counter()
-            boxes = own_tracker(name, function, scene)
-            seconds = time.perf_counter() - began
-            if hasattr(function, "seconds"):  # a baseline caches its boxes, so ask it
-                seconds = function.seconds(scene)
-        else:
-            from jaxpf.evaluation.work.other_tracks import read_tracks
+    name, seconds = configuration.method, None
+    if not adapter.target.has_boxes:
+        raise InputError(
+            f"{name!r} gives boxes, but the objects of {scene.name!r} are {adapter.target.name}; "
+            "leave it out."
+        )
+    if name in plan.trackers:
+        function: Any = plan.trackers[name]
+        began = time.perf_counter()
+        boxes = own_tracker(name, function, scene)
+        seconds = time.perf_counter() - began
+        if hasattr(function, "seconds"):  # a baseline caches its boxes, so ask it
+            seconds = function.seconds(scene)
+    else:
+        from jaxpf.evaluation.work.other_tracks import read_tracks
 
-            boxes = read_tracks(
-                plan.tracks[name], scene.boxes, object_ids(scene), start_frame(scene)
-            )
-        yield index, imported_batch(boxes[1:], plan.seed), seconds
+        boxes = read_tracks(plan.tracks[name], scene.boxes, object_ids(scene), start_frame(scene))
+    return imported_batch(boxes[1:], plan.seed), seconds

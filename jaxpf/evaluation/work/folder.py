@@ -13,9 +13,8 @@ from jaxpf.evaluation.plan import Plan
 from jaxpf.evaluation.work.batches import FOLDER
 from jaxpf.evaluation.work.fingerprint import describe_plan
 from jaxpf.evaluation.work.results import TRUTH, read_settings
-from jaxpf.files.locking import LOCK
-from jaxpf.files.store import SETTINGS, Store, differences
-from jaxpf.files.writing import PARTIAL, report_os_errors
+from jaxpf.files.pieces import SETTINGS, Pieces, differences
+from jaxpf.files.writing import is_left_over, report_os_errors
 from jaxpf.targets.target import Start
 
 
@@ -60,12 +59,8 @@ def _change(before: dict[str, Any], now: dict[str, Any]) -> str | None:
     for kind in ("trackers", "tracks"):
         old, new = before.get(kind, {}), now.get(kind, {})
         for name in dict.fromkeys([*old, *new]):
-            if name not in old:
-                return f"other {kind}, without {name!r}"
-            if name not in new:
-                return f"the {kind} {name!r}, too"
-            if old[name] != new[name]:
-                return f"another file or text of the {kind} {name!r}"
+            if old.get(name) != new.get(name):
+                return f"other {kind}: {name!r} is new, missing or changed"
     return next(iter(differences(before, now)), None)
 
 
@@ -77,7 +72,7 @@ def write_settings(folder: Path, settings: dict[str, Any], truth: np.ndarray, st
     """
     with report_os_errors("create the folder", folder):
         (folder / FOLDER).mkdir(parents=True, exist_ok=True)
-    store = Store(folder)
+    store = Pieces(folder)
     if not store.path(TRUTH).exists():
         store.write(TRUTH, {"truth": truth, "start": start.shapes, "sizes": start.sizes})
     store.begin(settings)
@@ -86,7 +81,7 @@ def write_settings(folder: Path, settings: dict[str, Any], truth: np.ndarray, st
 def remove_leavings(folder: Path) -> None:
     """Remove partial files of a killed process."""
     for place in (folder, folder / FOLDER):
-        Store(place).remove_leavings()
+        Pieces(place).remove_leavings()
 
 
 def _check_empty(folder: Path) -> None:
@@ -96,10 +91,9 @@ def _check_empty(folder: Path) -> None:
     with report_os_errors("read the folder", folder):
         names = sorted(os.listdir(folder))
     for name in names:
-        ours = name in (f"{TRUTH}.npz", LOCK) or (name.startswith(".") and PARTIAL in name)
-        if ours or (name == FOLDER and not os.listdir(folder / FOLDER)):
-            continue
-        raise InputError(
-            f"'{folder}' holds '{name}' but no evaluation ('{SETTINGS}' is missing); choose "
-            "another output folder."
-        )
+        is_empty = name == FOLDER and not os.listdir(folder / FOLDER)
+        if not (is_empty or name == f"{TRUTH}.npz" or is_left_over(name)):
+            raise InputError(
+                f"'{folder}' holds '{name}' but no evaluation ('{SETTINGS}' is missing); choose "
+                "another output folder."
+            )

@@ -13,7 +13,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.evaluation.work.batches import Batch, batch_files, read_batch
-from jaxpf.files.store import SETTINGS, Store
+from jaxpf.files.pieces import SETTINGS, Damaged, Pieces
 from jaxpf.targets import find_adapter
 from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.target import Start, Target
@@ -108,7 +108,7 @@ class Results:
         """
         folder = Path(folder)
         settings = read_settings(folder)
-        with Store(folder, _REMEDY).opened(TRUTH) as content:
+        with Pieces(folder, _REMEDY).opened(TRUTH) as content:
             truth, shapes, sizes = (content[name] for name in ("truth", "start", "sizes"))
         scene = settings["scene"]
         try:
@@ -206,6 +206,26 @@ class Results:
         for path in batch_files(self.folder, self._index(configuration)):
             yield read_batch(path)
 
+    def survey(self) -> tuple[list[np.ndarray], list[Path]]:
+        """Read every batch to its end to find the finished runs.
+
+        Returns:
+            For each configuration ``[runs]`` bool, whether a run is finished; and the damaged
+            files.
+        """
+        done, damaged = [], []
+        for index, configuration in enumerate(self.configurations):
+            finished = np.zeros(1 if configuration.is_imported else self.runs, bool)
+            for path in batch_files(self.folder, index):
+                with contextlib.suppress(Damaged):
+                    batch = read_batch(path)
+                    if batch.shapes.shape == (len(batch), *self.truth.shape):
+                        finished[batch.runs[batch.runs < len(finished)]] = True
+                        continue
+                damaged.append(path)
+            done.append(finished)
+        return done, damaged
+
     def _index(self, configuration: Configuration) -> int:
         check_type("configuration", configuration, Configuration)
         configurations = self.configurations
@@ -237,7 +257,7 @@ def read_settings(folder: Path) -> dict[str, Any]:
         InputError: the file is missing or damaged.
     """
     path = folder / SETTINGS
-    settings = Store(folder, _REMEDY).settings()
+    settings = Pieces(folder, _REMEDY).settings()
     if settings is None:
         raise InputError(f"'{folder}' holds no evaluation: '{path}' is missing.")
     if not isinstance(settings, dict) or not settings.keys() >= _KEYS:

@@ -31,13 +31,28 @@ def scene_digest(scene: Any) -> str:
 
 
 def remember_scene(scene: Any, digest: str) -> None:
-    """Cache an open scene so that ``run_batch`` in this process does not open it again."""
+    """Cache an open scene so that ``same_scene`` in this process does not open it again."""
     _last_scene[:] = [(digest, scene)]
 
 
-def remembered_scene(digest: str) -> Any:
-    """The cached scene with this digest, or None."""
-    return next((scene for stored, scene in list(_last_scene) if stored == digest), None)
+def same_scene(scene: Any, digest: str) -> Any:
+    """This process's open scene with a digest; without one, the plan's scene is opened.
+
+    Raises:
+        InputError: it cannot be opened, or has another digest.
+    """
+    for stored, remembered in list(_last_scene):
+        if stored == digest:
+            return remembered
+    opened = open_scene(scene)
+    if scene_digest(opened) != digest:
+        raise InputError(
+            f"scene {opened.name!r} is not the same in every process: its pictures or boxes "
+            "differ from those the evaluation began with; give all workers the same files and "
+            "the same versions of the libraries that decode them."
+        )
+    remember_scene(opened, digest)
+    return opened
 
 
 #: The scene that this process used last, as (digest, scene).

@@ -8,10 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import model_error
-from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.work.batches import Batch
 from jaxpf.evaluation.work.results import BUILT_IN, Configuration
-from jaxpf.evaluation.work.scene import open_scene, remember_scene, remembered_scene, scene_digest
+from jaxpf.evaluation.work.scene import same_scene
 from jaxpf.evaluation.work.trackers import shapes_of, tracker_of
 from jaxpf.running.blocks import Blocks, run_blocks
 from jaxpf.targets import find_adapter
@@ -71,7 +70,7 @@ def run_batch(work: Work, attempt: int = 0) -> Batch:
         InputError: the scene cannot be opened in this process, or differs from the planned one.
     """
     with jax.enable_x64(work.float64):
-        scene = _opened(work)
+        scene = same_scene(work.scene, work.digest)
         of = find_adapter(work.target)
         start, tracker = of.scene_start(scene), _tracker(scene, work)
         error = model_error(tracker, start.num_partitions).astype(np.float32)
@@ -156,18 +155,3 @@ def _tracker(scene: Any, work: Work) -> Any:
 
 #: The last user-defined tracker made in this process, with its key (scene digest, name).
 _own_tracker: dict[str, Any] = {}
-
-
-def _opened(work: Work) -> Any:
-    scene = remembered_scene(work.digest)
-    if scene is None:
-        scene = open_scene(work.scene)
-        digest = scene_digest(scene)
-        if digest != work.digest:
-            raise InputError(
-                f"scene {scene.name!r} is not the same in every process: its pictures or boxes "
-                "differ from those the evaluation began with; give all workers the same files and "
-                "the same versions of the libraries that decode them."
-            )
-        remember_scene(scene, digest)
-    return scene

@@ -232,7 +232,7 @@ def test_methods_with_numbers_of_particles_of_their_own_are_planned(tmp_path):
 def test_a_tracker_that_its_file_has_not_is_refused_before_settings_are_compared(whole, tmp_path):
     _, output = whole
     (tmp_path / "tr.py").write_text("def present(scene):\n    return None\n")
-    for name, said in (("missing", "has no function 'missing'"), ("present", "without 'present'")):
+    for name, said in (("missing", "has no function 'missing'"), ("present", "'present' is new")):
         own = ("--tracker", f"{tmp_path / 'tr.py'}:{name}", "-o", output)
         outcome = jaxpf("evaluate", "distracter", *SMALL, *COMMON, *own)
         assert outcome.code == 2

@@ -70,7 +70,7 @@ def test_mistakes_are_one_sentence(refuse, arguments, sentence):
 
 
 def test_a_folder_where_somebody_is_at_work_is_refused_before_planning(tmp_path, monkeypatch):
-    monkeypatch.setattr("jaxpf.evaluation.open_evaluation", lambda *_: 1 / 0)
+    monkeypatch.setattr("jaxpf.evaluation.prepare", lambda *_: 1 / 0)
     with locked(tmp_path / "out", "evaluating"):
         outcome = jaxpf("evaluate", "distracter", *SMALL, *COMMON, "-o", tmp_path / "out")
     assert outcome.code == 2

@@ -1,6 +1,7 @@
-"""A resumable store: the settings of a job and the pieces of its results finished so far.
+"""Pieces of a long job, each a file of arrays that exists only once it is complete.
 
-Evaluations store batches of runs, papers parts of experiments, tuning its descents.
+A job that was interrupted computes only the pieces that it does not find.  Evaluations keep batches
+of runs, papers parts of experiments, tuning its descents.
 """
 
 import contextlib
@@ -17,16 +18,14 @@ from jaxpf.contract.options import plain
 from jaxpf.files.writing import PARTIAL, atomic_write, report_os_errors, write_text
 
 SETTINGS = "settings.json"
-#: Name of the array that holds a piece's metadata as JSON.
-_ABOUT = "about"
 
 
 class Damaged(InputError):
     """A piece is missing, truncated or altered."""
 
 
-class Store:
-    """Named pieces in one folder, each a file of arrays that is either complete or absent.
+class Pieces:
+    """The settings of a job in one folder, and its finished pieces by name.
 
     Attributes:
         folder: holds the pieces, ``NAME.npz``, and ``settings.json``.
@@ -57,17 +56,10 @@ class Store:
         """Return the path of a piece."""
         return self.folder / f"{name}.npz"
 
-    def write(self, name: str, arrays: Mapping[str, Any], about: Any = None) -> Path:
-        """Write a piece and return its path; the file appears only once it is complete.
-
-        Args:
-            name: valid as a file name.
-            arrays: by name.
-            about: metadata, JSON-serialisable.
-        """
-        said = {} if about is None else {_ABOUT: np.array(json.dumps(about))}
+    def write(self, name: str, arrays: Mapping[str, Any]) -> Path:
+        """Write a piece, whose name is valid as a file name, and return its path."""
         with atomic_write(self.path(name), "wb") as file:
-            np.savez(file, allow_pickle=False, **said, **arrays)
+            np.savez(file, allow_pickle=False, **arrays)
         return self.path(name)
 
     @contextlib.contextmanager
@@ -85,11 +77,6 @@ class Store:
             cause = " ".join(str(error).split())[:100]
             raise Damaged(f"'{path}' is damaged ({cause}); {self.remedy}.") from None
 
-    def read(self, name: str) -> dict[str, np.ndarray]:
-        """Read all arrays of a piece; errors as for ``opened``."""
-        with self.opened(name) as content:
-            return {key: content[key] for key in content}
-
     def remove_leavings(self) -> None:
         """Remove incomplete files left by a killed process."""
         for path in self.folder.glob(f".*{PARTIAL}*"):
@@ -99,11 +86,6 @@ class Store:
     def remove(self) -> None:
         """Remove the folder with all pieces, if it exists."""
         shutil.rmtree(self.folder, ignore_errors=True)
-
-
-def about(arrays: Mapping[str, np.ndarray]) -> Any:
-    """Return the metadata that ``Store.write`` stored; call it within ``Store.opened``."""
-    return json.loads(str(arrays[_ABOUT]))
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterable[str]:

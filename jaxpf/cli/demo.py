@@ -70,7 +70,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, particles: int 
             f"({time.perf_counter() - began:.1f} s)"
         )
         began = time.perf_counter()
-    print_table("smith2004's synthetic test", *_table(results))
+    print_table("smith2004's synthetic test", *_table(results, scene.boxes[1:]))
     _overlay(scene, trackers[_SHOWN], seeds, output / "overlay.mp4")
     click.echo(
         "This scene is made to separate the methods by a single distracter; results vary with "
@@ -80,26 +80,23 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, particles: int 
 
 
 def _percent(interval: Any, index: Any) -> str:
-    value, low, high = (100 * np.mean(x[index]) for x in (interval[0], *interval[2:]))
-    return f"{value:.0f} % [{low:.0f}, {high:.0f}]"
+    value, low, high = (100 * np.asarray(x)[index] for x in (interval[0], *interval[2:]))
+    return f"{value:.0f} % [{low:.0f}, {high:.0f}]" if low < high else f"{value:.0f} %"
 
 
-def _table(results: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
-    from jaxpf.measures import metrics
+def _table(results: dict[str, Any], truth: Any) -> tuple[list[str], list[list[str]]]:
+    from jaxpf.measures import mean_interval, success
 
     columns = ["", "recovery, object 1", "success, objects 2-7", "precision", "recall", "unique"]
     rows = []
     for name, result in results.items():
-        tracked_runs = metrics.wilson_interval(
-            np.sum(result.measures["success_rate"].value[1:]) * len(result.boxes),
-            len(result.boxes) * (result.boxes.shape[2] - 1),
-        )
+        others_tracked = np.asarray(success(result.boxes, truth))[:, 1:].mean(axis=1)
         others = slice(1, None)
         rows.append(
             [
                 name,
                 _percent(result.measures["recovery_rate"], 0),
-                _percent([np.atleast_1d(np.asarray(x)) for x in tracked_runs], 0),
+                _percent(mean_interval(others_tracked, bounds=(0.0, 1.0)), ()),
                 f"{100 * np.mean(result.measures['precision'].value[others]):.0f} %",
                 f"{100 * np.mean(result.measures['recall'].value[others]):.0f} %",
                 f"{100 * np.mean(result.summary.uniqueness):.0f} %",

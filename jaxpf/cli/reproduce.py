@@ -52,7 +52,8 @@ def command(
     """Repeat a paper's experiment, print its figures beside ours, and judge its claims.
 
     Published figures stand left of ours, which have 95 % intervals.  Every claim is supported,
-    contradicted or open.  After an interruption, the same command resumes.
+    contradicted or open; fewer than ten scenes are a preview without verdicts.  After an
+    interruption, the same command resumes.
 
     PAPER is one of smith2004, gonzales2011, rowe2005, eskil2014, maccormick1999.
     """

@@ -9,13 +9,13 @@ from .calibration import (
 )
 from .intervals import (
     Interval as Interval,
-    as_float as as_float,
-    masked_mean as masked_mean,
+    difference_interval as difference_interval,
+    has_width as has_width,
     mean_interval as mean_interval,
+    median_interval as median_interval,
     student_interval as student_interval,
-    student_quantile as student_quantile,
-    wilson_interval as wilson_interval,
 )
+from .means import as_float as as_float, masked_mean as masked_mean
 from .metrics import (
     centre_error as centre_error,
     has_truth as has_truth,
@@ -42,11 +42,6 @@ from .particle_sets import (
     uniqueness as uniqueness,
 )
 from .points import point_distances as point_distances
-from .scene_intervals import (
-    has_width as has_width,
-    paired_rates_interval as paired_rates_interval,
-    scene_interval as scene_interval,
-)
 from .scores import (
     CENTRE_THRESHOLDS as CENTRE_THRESHOLDS,
     OVERLAP_THRESHOLDS as OVERLAP_THRESHOLDS,

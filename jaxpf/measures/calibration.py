@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array, check_together, check_whole, numbers_in
-from jaxpf.measures.intervals import Interval, share_interval, student_quantile
+from jaxpf.measures.intervals import Interval, mean_interval
 
 #: Number of bins in ``confidence_counts``.
 CONFIDENCE_BINS = 100
@@ -93,7 +93,7 @@ def confidence_counts(confidence: ArrayLike, on_object: ArrayLike) -> np.ndarray
 
 
 class Reliability:
-    """Reliability of confidence over runs, from running sums, so memory does not grow with them.
+    """Reliability of confidence over runs, from a few counts of each.
 
     Attributes:
         bins: number B of equal bins of confidence.
@@ -106,8 +106,8 @@ class Reliability:
             raise InputError(f"bins={bins} must divide {CONFIDENCE_BINS}, such as 5 or 10.")
         self.bins = bins
         self.counts = np.zeros((2, CONFIDENCE_BINS), np.int64)
-        # Of each bin and of all: runs, frames n, frames on their object k, and n n, n k, k k.
-        self._sums = np.zeros((6, bins + 1))
+        # Of each run: frames off and on their object in each bin, and in all of them.
+        self._by_run = np.zeros((0, 2, bins + 1), np.int64)
 
     def add(self, counts: np.ndarray) -> None:
         """Add the ``counts [R, 2, 100]`` of R runs."""
@@ -116,35 +116,26 @@ class Reliability:
         self.counts += counts.sum(axis=0)
         by_bin = counts.reshape(len(counts), 2, self.bins, -1).sum(axis=-1)
         by_bin = np.concatenate([by_bin, by_bin.sum(axis=-1, keepdims=True)], axis=-1)
-        frames, on = by_bin.sum(axis=1), by_bin[:, 1]
-        parts = (frames > 0, frames, on, frames**2, frames * on, on**2)
-        self._sums += np.stack([part.sum(axis=0) for part in parts])
+        self._by_run = np.concatenate([self._by_run, by_bin])
 
     @property
     def runs(self) -> np.ndarray:
         """``[B + 1]``: number of runs with frames in each bin, and at all."""
-        return self._sums[0].astype(int)
+        return (self._by_run.sum(axis=1) > 0).sum(axis=0)
 
     @property
     def frames(self) -> np.ndarray:
         """``[B + 1]``: number of frames in each bin, and of all."""
-        return self._sums[1].astype(int)
+        return self._by_run.sum(axis=(0, 1))
 
     def shares(self) -> Interval:
         """Share of frames on their object in each bin, and of all; ``[B + 1]`` each.
 
-        Confidence is calibrated if the share equals it.  The intervals are Wilson's over runs, see
-        ``share_interval``; NaN in an empty bin, and without an interval for a single run.
+        Confidence is calibrated if the share equals it.  The intervals are over runs, see
+        ``mean_interval``; NaN in an empty bin.
         """
-        runs, frames, on, frames_2, both, on_2 = self._sums
-        value = np.where(frames > 0, on / np.maximum(frames, 1), np.nan)
-        squares = np.maximum(on_2 - 2 * value * both + value**2 * frames_2, 0)
-        error = np.sqrt(squares * runs / np.maximum(runs - 1, 1)) / np.maximum(frames, 1)
-        error = np.where(runs > 1, error, np.nan)
-        reach = student_quantile(np.inf) * error
-        ends = np.clip(value - reach, 0, 1), np.clip(value + reach, 0, 1)
-        interval = share_interval(Interval(value, error, *ends))
-        return Interval(*(np.array(x, float) for x in interval))
+        frames, on = self._by_run.sum(axis=1), self._by_run[:, 1]
+        return mean_interval(on / np.maximum(frames, 1), frames, bounds=(0.0, 1.0))
 
     def area(self) -> float:
         """Area under the ROC curve, over all runs.

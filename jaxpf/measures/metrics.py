@@ -25,13 +25,8 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array, check_together
-from jaxpf.measures.intervals import (
-    Interval,
-    masked_mean,
-    mean_interval,
-    share_interval,
-    wilson_interval,
-)
+from jaxpf.measures.intervals import Interval, check_level, mean_interval, median_interval
+from jaxpf.measures.means import masked_mean
 from jaxpf.shapes.rectangles import area, centres, intersection_area, is_proper
 
 Over = Literal["tracked", "all"]
@@ -163,11 +158,11 @@ def mean_recall(
     return masked_mean(recall(estimate, truth), counts, axis)
 
 
-# Many runs
+# Many runs: intervals, in NumPy
 
 
-def success_rate(estimate: ArrayLike, truth: ArrayLike, level: ArrayLike = 0.95) -> Interval:
-    """Share of runs with ``success``, with Wilson's interval.
+def success_rate(estimate: ArrayLike, truth: ArrayLike, level: float = 0.95) -> Interval:
+    """Share of runs with ``success``, with its interval over runs; see ``mean_interval``.
 
     Args:
         estimate: ``[R, T, P, 4]`` boxes.
@@ -175,22 +170,22 @@ def success_rate(estimate: ArrayLike, truth: ArrayLike, level: ArrayLike = 0.95)
         level: confidence of the interval, in (0, 1).
 
     Returns:
-        ``[P]`` each; NaN with the interval [0, 1] for an object without truth.
+        ``[P]`` each; NaN for an object without truth.
     """
     return _rate(success(estimate, truth), truth, level)
 
 
-def recovery_rate(estimate: ArrayLike, truth: ArrayLike, level: ArrayLike = 0.95) -> Interval:
+def recovery_rate(estimate: ArrayLike, truth: ArrayLike, level: float = 0.95) -> Interval:
     """Share of runs with ``recovery``; arguments and result as for ``success_rate``."""
     return _rate(recovery(estimate, truth), truth, level)
 
 
 def summarise(
-    boxes_estimate: ArrayLike, boxes_truth: ArrayLike, level: ArrayLike = 0.95
+    boxes_estimate: ArrayLike, boxes_truth: ArrayLike, level: float = 0.95
 ) -> dict[str, Interval]:
     """All measures of many runs, for each object.
 
-    Means pool the frames of all runs; their errors treat runs, not frames, as independent.
+    Means pool the frames of all runs; their intervals treat runs, not frames, as independent.
 
     Args:
         boxes_estimate: ``[R, T, P, 4]``.
@@ -200,50 +195,50 @@ def summarise(
     Returns:
         An ``Interval`` of ``[P]`` arrays for each of
 
-        * ``success_rate``, ``recovery_rate``: shares of runs, with Wilson's interval;
+        * ``success_rate``, ``recovery_rate``: shares of runs;
         * ``tracked``: share of frames with T = 1;
         * ``precision``, ``recall``: over frames with T = 1, as in smith2004's table 2;
         * ``precision_all``, ``recall_all``, ``overlap``: over all frames with truth;
-        * ``centre_error``: in pixels, over frames with truth and a finite estimate.
+        * ``centre_error``: in pixels, the median over runs of each run's mean over frames with
+          truth and a finite estimate, because errors have no bound.
     """
     check_same_boxes(boxes_estimate, boxes_truth)
+    check_level(level)
     estimate, truth = jnp.asarray(boxes_estimate), jnp.asarray(boxes_truth)
     if estimate.ndim != 4 or estimate.shape[1:] != truth.shape or truth.shape[-1] != 4:
         raise InputError(
             f"summarise: boxes_estimate has the shape {list(estimate.shape)} and boxes_truth "
             f"{list(truth.shape)}; they must be [R, T, P, 4] and [T, P, 4]"
         )
-    return _summarise(estimate, truth, level)
+    found = {
+        name: median_interval(values, level=level)
+        if name == "centre_error"
+        else mean_interval(values, frames, level=level, bounds=(0.0, 1.0))
+        for name, (values, frames) in _of_runs(estimate, truth).items()
+    }
+    rates = {each.__name__: each(estimate, truth, level) for each in (success_rate, recovery_rate)}
+    return rates | found
 
 
 # Compiled as a whole, because otherwise the first call compiles about a hundred small operations.
 @jax.jit
-def _summarise(estimate: Array, truth: Array, level: ArrayLike) -> dict[str, Interval]:
-    tracked = track_state(estimate, truth)
-    present = _presence(estimate, truth)
+def _of_runs(estimate: Array, truth: Array) -> dict[str, tuple[Array, Array]]:
+    """Mean of each measure over the frames of each run that count, and their number, ``[R, P]``."""
+    tracked, present = track_state(estimate, truth), _presence(estimate, truth)
 
-    def pooled(values: Array, counts: Array) -> Interval:
+    def over(values: Array, counts: Array) -> tuple[Array, Array]:
         counts = counts & jnp.isfinite(values)
-        frames = jnp.sum(counts, axis=-2)
-        return mean_interval(masked_mean(values, counts, -2), frames, axis=0, level=level)
-
-    def share(values: Array, counts: Array) -> Interval:
-        interval = share_interval(pooled(values, counts), level)
-        # Where the runs do not vary the ends are not Wilson's; clipping leaves coverage unchanged.
-        lower, upper = (jnp.clip(end, 0, 1) for end in interval[2:])
-        return interval._replace(lower=lower, upper=upper)
+        return masked_mean(values, counts, -2), jnp.sum(counts, axis=-2)
 
     precisions, recalls = precision(estimate, truth), recall(estimate, truth)
     return {
-        "success_rate": success_rate(estimate, truth, level),
-        "recovery_rate": recovery_rate(estimate, truth, level),
-        "tracked": share(tracked.astype(precisions.dtype), present),
-        "precision": share(precisions, tracked),
-        "recall": share(recalls, tracked),
-        "precision_all": share(precisions, present),
-        "recall_all": share(recalls, present),
-        "overlap": share(overlap(estimate, truth), present),
-        "centre_error": pooled(centre_error(estimate, truth), present),
+        "tracked": over(tracked.astype(precisions.dtype), present),
+        "precision": over(precisions, tracked),
+        "recall": over(recalls, tracked),
+        "precision_all": over(precisions, present),
+        "recall_all": over(recalls, present),
+        "overlap": over(overlap(estimate, truth), present),
+        "centre_error": over(centre_error(estimate, truth), present),
     }
 
 
@@ -298,8 +293,7 @@ def _frames_that_count(estimate: ArrayLike, truth: ArrayLike, over: Over) -> Arr
     raise InputError(f'over = {over!r} must be "tracked" or "all"')
 
 
-def _rate(outcome: Array, truth: ArrayLike, level: ArrayLike) -> Interval:
-    """Rate of ``outcome [R, P]`` over runs; objects without truth have no trials."""
+def _rate(outcome: Array, truth: ArrayLike, level: float) -> Interval:
+    """Rate of ``outcome [R, P]`` over runs; objects without truth have none."""
     ever = jnp.any(has_truth(truth), axis=-2)
-    trials = jnp.sum(jnp.broadcast_to(ever, outcome.shape), axis=0)
-    return wilson_interval(jnp.sum(outcome, axis=0), trials, level)
+    return mean_interval(outcome, ever, level=level, bounds=(0.0, 1.0))

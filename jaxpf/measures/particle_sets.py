@@ -6,7 +6,7 @@ from jax.scipy.special import logsumexp
 from jax.typing import ArrayLike
 
 from jaxpf.contract.numbers import check_array, check_together
-from jaxpf.measures.intervals import as_float
+from jaxpf.measures.means import as_float
 
 
 def effective_dynamics(spread: ArrayLike, scale: ArrayLike) -> Array:

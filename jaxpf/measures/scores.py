@@ -18,7 +18,7 @@ from jax.typing import ArrayLike
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.measures.association import pairwise_overlap
-from jaxpf.measures.intervals import masked_mean
+from jaxpf.measures.means import masked_mean
 from jaxpf.measures.metrics import centre_error, check_same_boxes, has_truth, overlap
 
 __all__ = [

@@ -24,12 +24,3 @@ def interleaved(
             jax.block_until_ready(candidates[name]())
             seconds[name].append(clock() - began)
     return {name: np.array(values) for name, values in seconds.items()}
-
-
-def median_interval(values: np.ndarray) -> tuple[float, float, float]:
-    """Median and its 95 % interval from order statistics (an inverted sign test)."""
-    ordered = np.sort(values)
-    n = len(ordered)
-    reach = int(np.floor(0.5 * n - 0.98 * np.sqrt(n))) - 1
-    reach = min(max(reach, 0), (n - 1) // 2)
-    return float(np.median(ordered)), float(ordered[reach]), float(ordered[n - 1 - reach])

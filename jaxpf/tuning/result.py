@@ -5,13 +5,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.special import stdtrit
 
 from jaxpf.contract.pytree import described
 from jaxpf.tuning.parameters import Parameter, replace
 from jaxpf.tuning.settings import Settings
 
-#: Half-width of a 95 % interval in standard errors.
-_REACH = 1.96
 #: Maximum number of array entries that are printed.
 _SHOWN = 6
 
@@ -76,7 +75,8 @@ class Result:
         for name, value in values.items():
             numbers = [np.ravel(x)[:_SHOWN] for x in (value, *intervals[name])]
             shown = [
-                f"{x:.4g} [{low:.4g}, {high:.4g}]" for x, low, high in zip(*numbers, strict=True)
+                f"{x:.4g} [{low:.4g}, {high:.4g}]" if low < high else f"{x:.4g}"
+                for x, low, high in zip(*numbers, strict=True)
             ]
             shown += ["..."] * (np.size(value) > _SHOWN)
             lines.append(f"  {name} = {', '.join(shown)}")
@@ -137,10 +137,20 @@ class Result:
         }
 
     def intervals(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """path -> ends of the 95 % interval, always within the bounds."""
-        total = self.total_errors()
-        low = self._values({name: z - _REACH * total[name] for name, z in self.free.items()})
-        high = self._values({name: z + _REACH * total[name] for name, z in self.free.items()})
+        """path -> ends of Student's 95 % interval, always within the bounds.
+
+        NaN below two degrees of freedom: two repeats alone do not tell how much they vary.
+        """
+        ends: tuple[dict[str, np.ndarray], ...] = ({}, {})
+        repeats = len(self.descents)
+        for name, total in self.total_errors().items():
+            # Welch and Satterthwaite: of the two errors only the spread is estimated from repeats.
+            share = np.nan_to_num(self.spread_errors[name]) / np.where(total > 0, total, 1)
+            freedom = np.maximum(repeats - 1, 1) / np.maximum(share, 1e-3) ** 4
+            reach = np.where(freedom >= 2, stdtrit(freedom, 0.975) * total, np.nan)
+            for end, side in zip(ends, (-1, 1), strict=True):
+                end[name] = self.free[name] + side * reach
+        low, high = map(self._values, ends)
         return {name: (low[name], high[name]) for name in self.free}
 
     def apply(self, tracker: Any) -> Any:

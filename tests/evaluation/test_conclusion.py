@@ -10,9 +10,9 @@ from jaxpf.evaluation.output.layout import MOST_PRINTED
 from jaxpf.evaluation.output.tables import printed_tables, write_tables
 
 
-def conclusion(folder, **shrunk):
+def conclusion(folder, runs=60, **shrunk):
     """Of SIR and others, whose errors are those of SIR times a factor, with noise of their own."""
-    truth, boxes = walks(seed=3, runs=30, frames=12, objects=2)
+    truth, boxes = walks(seed=3, runs=runs, frames=12, objects=2)
     configurations = {"sir": SIR, "ps": PS, "dps": DPS}
     batches = []
     for number, (name, factor) in enumerate(shrunk.items()):
@@ -28,9 +28,17 @@ def test_the_best_is_named_with_its_interval_over_the_first(tmp_path):
     assert "] over SIR, and better than PS 21." in sentence
 
 
+@pytest.mark.parametrize(("runs", "named"), [(9, "9 runs"), (1, "one run")])
+def test_fewer_than_ten_runs_are_a_preview(tmp_path, runs, named):
+    sentence, ranking = conclusion(tmp_path, runs, sir=1.0, dps=0.1)
+    assert sentence.startswith(f"Preview of {named}: DPS shifts is ahead, success area .")
+    assert sentence.endswith("; fewer than 10 runs decide nothing.")
+    assert ranking == [1, 0]
+
+
 def test_methods_are_compared_at_the_settings_of_the_best(tmp_path):
     """PS beats SIR by a little with each sharpness, and 30 beats 20 by far."""
-    truth, boxes = walks(seed=3, runs=30, frames=12, objects=2)
+    truth, boxes = walks(seed=3, runs=60, frames=12, objects=2)
     batches = []
     for sharpness, factor in ((20.0, 1.0), (30.0, 0.1)):
         for method, gain in (("SIR", 1.0), ("PS", 0.5)):
@@ -80,7 +88,7 @@ def test_a_best_among_equals_is_rarely_claimed(tmp_path):
 
 
 def test_an_imported_track_is_compared_with_every_run(tmp_path):
-    truth, boxes = walks(seed=3, runs=30, frames=12, objects=2)
+    truth, boxes = walks(seed=3, runs=60, frames=12, objects=2)
     batches = [(SIR, [batch(boxes)]), (OTHER, [imported(truth)])]
     tables = write_tables(make(tmp_path / "made", batches, truth))
     assert tables.conclusion.sentence.startswith(f"{OTHER.method} follows best: success area +.")

@@ -18,7 +18,7 @@ from jaxpf.evaluation.measuring.summary import configuration_name
 from jaxpf.evaluation.output import tables
 from jaxpf.evaluation.output.tables import write_tables
 from jaxpf.evaluation.work.settings import new_settings
-from jaxpf.measures import wilson_interval
+from jaxpf.measures import mean_interval
 from jaxpf.targets import find_adapter
 
 
@@ -85,9 +85,9 @@ def test_measures_of_runs_by_hand(by_hand, name, expected):
 def test_summary_by_hand(by_hand):
     folder = by_hand[0].folder
     success = found(folder, "success", 4)
-    wilson = quick(wilson_interval)(1, 3)
-    for field, end in (("value", 0), ("lower", 2), ("upper", 3)):
-        assert success[field] == pytest.approx(float(wilson[end]), rel=1e-6)
+    wanted = mean_interval([1, 0, 0], bounds=(0, 1))
+    for field in ("value", "lower", "upper"):
+        assert success[field] == pytest.approx(getattr(wanted, field), rel=1e-6)
     # Tracked frames of the runs: two with a precision of .75, then one of 1 and one of 1.
     assert found(folder, "precision", 4)["value"] == pytest.approx((2 * 0.75 + 1 + 1) / 4)
     # All objects: 1, .5, 0 of their frames weigh in (2, 1).
@@ -143,7 +143,8 @@ def test_summary_agrees_with_the_librarys_measures(tmp_path, size):
             row = found(results.folder, measure, identity)
             for field in ("value", "standard_error", "lower", "upper"):
                 wanted = float(getattr(expected[name], field)[place])
-                assert row[field] == pytest.approx(wanted, rel=2e-5, abs=1e-7), (name, field)
+                close = pytest.approx(wanted, rel=2e-5, abs=1e-7, nan_ok=True)
+                assert row[field] == close, (name, field)
 
 
 def test_methods_are_compared_on_common_runs_at_equal_parameters(tmp_path):
@@ -220,8 +221,8 @@ def test_markdown_holds_the_summary(by_hand):
     lines = [line for line in table.splitlines() if line.startswith("|")]
     assert len(lines) == 4  # header, rule, two methods
     cells = [cell.strip() for cell in lines[2].strip("|").split("|")]
-    assert cells[:3] == ["SIR", "3", "50.0"], "success at .5 leads"
-    assert cells[4] == "33 [6, 79]"
+    assert cells[:3] == ["SIR", "3", "50 [15, 85]"], "success at .5 leads"
+    assert cells[4] == "33 [0, 100]"
     assert r"a\|b \<i\>\_100%$x$" in lines[3]
 
 
@@ -243,13 +244,9 @@ def test_scores_of_the_benchmarks_are_means_over_runs(by_hand):
     from jaxpf.measures import tracking_scores
 
     runs = [tracking_scores(boxes, TRUTH) for boxes in BOXES]
-    for name in ("HOTA", "MOTA", "IDF1", "IDSW"):
-        values = [run[name] for run in runs]
+    for name, middle in (("HOTA", np.mean), ("IDF1", np.mean), ("MOTA", np.median)):
         row = found(by_hand[0].folder, name, "all")
-        assert row["value"] == pytest.approx(np.mean(values), abs=1e-6)
-        assert row["standard_error"] == pytest.approx(
-            np.std(values, ddof=1) / math.sqrt(3), abs=1e-6
-        )
+        assert row["value"] == pytest.approx(middle([run[name] for run in runs]), abs=1e-6)
     objects = {
         r["object"] for r in rows_of(by_hand[0].folder / "summary.csv") if r["measure"] == "HOTA"
     }

@@ -11,7 +11,6 @@ from jaxpf.measures import (
     mean_interval,
     transforms,
 )
-from jaxpf.measures.intervals import share_interval
 
 N = 40_000
 
@@ -72,7 +71,7 @@ def test_what_is_not_known_is_no_number():
 
 
 def test_reliability_of_streamed_runs_is_that_of_pooled_frames():
-    """Running sums give the weighted mean over runs and its interval, however runs are divided."""
+    """Shares are weighted means over runs with their interval, however runs are divided."""
     random = np.random.default_rng(4)
     confidence = random.random((40, 30, 2))
     on_object = (random.random(confidence.shape) < confidence).astype(float)
@@ -90,7 +89,7 @@ def test_reliability_of_streamed_runs_is_that_of_pooled_frames():
         inside = known & (np.floor(bins) == place)
         frames = inside.sum(axis=(1, 2))
         values = np.where(inside, on_object, 0).sum(axis=(1, 2)) / np.maximum(frames, 1)
-        expected = share_interval(mean_interval(np.where(frames > 0, values, np.nan), frames))
+        expected = mean_interval(values, frames, bounds=(0, 1))
         for ours, theirs in zip(shares, expected, strict=True):
             assert ours[place] == pytest.approx(float(theirs), rel=1e-4)
         assert shares.lower[place] < 0.1 + 0.2 * place < shares.upper[place] + 0.05

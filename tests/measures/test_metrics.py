@@ -27,8 +27,6 @@ def compiled(names, estimate, truth):
 success, recovery = jax.jit(measures.success), jax.jit(measures.recovery)
 mean_precision = jax.jit(measures.mean_precision, static_argnames=("over", "axis"))
 mean_recall = jax.jit(measures.mean_recall, static_argnames=("over", "axis"))
-mean_interval = jax.jit(measures.mean_interval)
-wilson_interval = jax.jit(measures.wilson_interval)
 effective_sample_size = jax.jit(measures.effective_sample_size)
 
 
@@ -102,14 +100,14 @@ def test_frames_without_truth_do_not_count_for_success_and_recovery():
 def test_an_object_that_never_has_truth_is_neither_tracked_nor_counted():
     truth = np.array([[TRUTH, NOWHERE]] * 2)
     estimate = np.broadcast_to(np.array(TRUTH), (5, 2, 2, 4))
-    rates = "success_rate", "recovery_rate"
-    measured = compiled(("success", "recovery", *rates), estimate, truth)
+    measured = compiled(("success", "recovery"), estimate, truth)
     assert measured["success"].tolist() == [[True, False]] * 5
     assert measured["recovery"].tolist() == [[True, False]] * 5
-    for interval in map(jax.device_get, (measured[rate] for rate in rates)):
+    for rate in (measures.success_rate, measures.recovery_rate):
+        interval = rate(estimate, truth)
         np.testing.assert_array_equal(interval.value, [1, np.nan])
-        assert (interval.lower[1], interval.upper[1]) == (0, 1)
-        assert interval.lower[0] > 0.5
+        np.testing.assert_array_equal(interval.upper, [1, np.nan])
+        assert interval.lower[0] == pytest.approx(0.025 ** (1 / 5), abs=0.02)
 
 
 def test_mean_precision_and_recall_over_tracked_and_over_all_frames():
@@ -154,78 +152,6 @@ def test_masked_mean_leaves_out_what_is_masked_or_not_finite():
     mask = np.array([True, True, True, False])
     np.testing.assert_allclose(masked_mean(values, mask, -1), [2, 5])
     assert np.isnan(masked_mean(values, np.zeros(4, bool), (0, 1)))
-
-
-@pytest.mark.parametrize(
-    ("successes", "trials", "lower", "upper"),
-    [
-        # z = 1.959964, z^2 = 3.841459.  At 0 of 10 the upper end is z^2 / (10 + z^2).
-        (0, 10, 0.0, 3.841459 / 13.841459),
-        (10, 10, 1 - 3.841459 / 13.841459, 1.0),
-        # At 5 of 10: .5 +- z sqrt(10) / 2 / (10 + z^2) * sqrt(1 + z^2 / 10) = .5 +- .263406.
-        (5, 10, 0.236594, 0.763406),
-        # Newcombe (1998), table I, method 3: 81/263, 15/148, 0/20, 1/29.
-        (81, 263, 0.2553, 0.3662),
-        (15, 148, 0.0624, 0.1605),
-        (0, 20, 0.0, 0.1611),
-        (1, 29, 0.0061, 0.1718),
-    ],
-)
-def test_wilson_interval_matches_published_values(successes, trials, lower, upper):
-    interval = wilson_interval(successes, trials)
-    np.testing.assert_allclose(interval.value, successes / trials, rtol=1e-6)
-    np.testing.assert_allclose([interval.lower, interval.upper], [lower, upper], atol=5e-5)
-
-
-def test_wilson_interval_ends_exactly_at_the_border():
-    assert wilson_interval(0, 50).lower == 0
-    assert wilson_interval(50, 50).upper == 1
-
-
-def test_wilson_interval_widens_with_its_level_and_knows_nothing_without_trials():
-    narrow = wilson_interval(5, 10, level=0.5)
-    wide = wilson_interval(5, 10, level=0.99)
-    assert wide.lower < narrow.lower < 0.5 < narrow.upper < wide.upper
-    with pytest.raises(InputError, match="level=95 must be above 0 and below 1"):
-        measures.wilson_interval(5, 10, level=95)
-    nothing = wilson_interval(0, 0)
-    assert np.isnan(nothing.value)
-    assert (nothing.lower, nothing.upper) == (0, 1)
-
-
-def test_mean_interval_by_hand():
-    # Mean 14; deviations -3, -1, 4: squares 26, over R - 1 = 2: 13; error sqrt(13 / 3).
-    interval = mean_interval(np.array([11.0, 13.0, 18.0]))
-    error = np.sqrt(13 / 3)
-    np.testing.assert_allclose(
-        [interval.value, interval.standard_error, interval.lower, interval.upper],
-        [14, error, 14 - 1.959964 * error, 14 + 1.959964 * error],
-        rtol=1e-5,
-    )
-
-
-def test_weighted_mean_interval_by_hand():
-    # Weights 1, 3: mean (1 * 2 + 3 * 6) / 4 = 5; w (x - m) = -3, 3: squares 18, times
-    # R / (R - 1) = 2 over 4^2: 36 / 16.
-    interval = mean_interval(np.array([2.0, 6.0]), weights=np.array([1.0, 3.0]))
-    np.testing.assert_allclose([interval.value, interval.standard_error], [5, 1.5], rtol=1e-6)
-
-
-def test_mean_interval_leaves_out_what_is_missing():
-    values = np.array([[1.0, np.nan, np.nan], [3.0, 7.0, np.nan], [8.0, np.inf, np.nan]])
-    interval = mean_interval(values)
-    np.testing.assert_allclose(interval.value, [4, 7, np.nan])
-    # One value has no standard error.
-    np.testing.assert_allclose(interval.standard_error, [np.sqrt(13 / 3), np.nan, np.nan])
-
-
-def test_mean_interval_covers_the_mean_as_often_as_it_says():
-    draws = np.random.default_rng(3).normal(2, 5, (60, 2000))
-    interval = jax.device_get(mean_interval(draws, level=0.8))
-    covered = np.mean((interval.lower < 2) & (interval.upper > 2))
-    # A standard error of sqrt(.8 * .2 / 2000) = .009; 60 runs in place of infinitely many cost
-    # another .003.
-    assert abs(covered - 0.8) < 0.04
 
 
 def test_effective_dynamics_by_hand():
@@ -292,10 +218,11 @@ def test_summary_by_hand():
         "precision_all": [(1 + 0.5 + 0.25 + 1) / 6, (0.5 + 0.5) / 4],
         "recall_all": [(1 + 0.5 + 1 + 1) / 6, (0.5 + 0.5) / 4],
         "overlap": [(1 + 50 / 150 + 100 / 400 + 1) / 6, (2 * 50 / 150) / 4],
-        # Distances: FAR sqrt(5000), LARGE sqrt(50), HALF 5; the NaN estimate is left out.
+        # Distances: FAR sqrt(5000), LARGE sqrt(50), HALF 5; the NaN estimate is left out.  The
+        # median of two runs is their mean.
         "centre_error": [
-            (0 + 5 + 50**0.5 + 0 + 2 * 5000**0.5) / 6,
-            (5 + 5 + 5000**0.5) / 3,
+            ((0 + 5 + 50**0.5) / 3 + (0 + 2 * 5000**0.5) / 3) / 2,
+            (5 + 5000**0.5) / 2,
         ],
     }
     assert set(result) == set(expected)
@@ -304,21 +231,6 @@ def test_summary_by_hand():
     # Tracked, object 2: per run 1 and 0, two frames each: error sqrt(2 * 2 * (2 * .5)^2 / 4^2).
     error = np.asarray(result["tracked"].standard_error)
     np.testing.assert_allclose(error[1], 0.5, rtol=1e-6)
-
-
-def test_summary_is_the_same_under_jit():
-    rng = np.random.default_rng(4)
-    truth = rng.uniform(5, 20, (3, 2, 4)).astype(np.float32)  # as in the test by hand
-    estimate = (truth + rng.normal(0, 8, (2, 3, 2, 4))).astype(np.float32)
-    truth[2, 1] = np.nan
-    estimate[1, 1, 0] = np.nan
-    plain = measures.summarise(estimate, truth)
-    traced = jax.jit(measures.summarise)(estimate, truth)
-    for name, interval in plain.items():
-        assert interval.value.shape == (2,)
-        assert np.isfinite(interval.value).all(), name
-        for one, other in zip(interval, traced[name], strict=True):
-            np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-6, err_msg=name)
 
 
 def test_summary_refuses_shapes_that_do_not_match():
@@ -355,12 +267,12 @@ def test_boxes_of_other_frames_or_objects_are_refused(measure, shape):
 
 def test_intervals_of_shares_stay_within_shares():
     truth = np.tile([0.0, 0, 4, 4], (2, 1, 1))
-    runs = np.stack([truth, truth + np.array([1.0, 0, 0, 0])])  # two runs, which differ
+    runs = np.stack([truth, truth + np.array([1.0, 0, 0, 0]), truth])  # runs that differ
     for name, interval in measures.summarise(runs, truth).items():
         assert name == "centre_error" or (interval.lower >= 0).all(), name
         assert name == "centre_error" or (interval.upper <= 1).all(), name
     overlap = measures.summarise(runs, truth)["overlap"]
-    assert 0 < overlap.lower < overlap.value < overlap.upper < 1
+    assert 0 < overlap.lower < overlap.value < overlap.upper <= 1
 
 
 @pytest.mark.parametrize("name", FRAME_MEASURES)

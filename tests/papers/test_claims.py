@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from jaxpf.measures import paired_rates_interval, scene_interval
+from jaxpf.measures import difference_interval, mean_interval
 from jaxpf.papers.judging.claims import (
     CONTRADICTED,
     NOT_SEEN,
     OPEN,
+    PREVIEW,
     SUPPORTED,
     Claim,
     Quantity,
@@ -87,7 +88,7 @@ def test_more_figures_make_it_harder_to_contradict():
 
 
 def test_a_zero_width_interval_resolves_nothing_unless_it_is_computed():
-    equal = mean_of(np.full(10, -0.08) + 1e-9 * np.arange(10))
+    equal = mean_of(np.full(30, -0.08) + 1e-9 * np.arange(30))
     assert verdict(equal, at_least=-0.0801) == OPEN
     assert verdict(equal, at_least=-0.02) == OPEN
     assert verdict(computed(10), at_least=0) == SUPPORTED
@@ -129,22 +130,40 @@ def test_a_judged_claim_shows_its_figures_and_their_span():
     )
 
 
-def test_figures_are_those_of_scene_intervals():
+def test_few_scenes_are_a_preview_and_show_no_nan():
+    assert verdict(fixed(10, 5, count=9), at_least=0) == PREVIEW
+    assert verdict(fixed(-10, 5, count=2), at_least=0) == PREVIEW
+    assert verdict(fixed(-10, 5, count=9), at_least=0, group="once") == PREVIEW
+    assert verdict(fixed(10, 5, count=10), at_least=0) == SUPPORTED
+    judged = judge(claim(at_least=0), [mean_of([1.0, 2.0]), mean_of([3.0, 5.0], "x")])
+    assert (judged.verdict, judged.ours, judged.figures) == (PREVIEW, "2 to 4", "2; x: 4")
+
+
+def test_unbounded_means_of_few_scenes_are_open():
+    values = 1 + 0.1 * np.random.default_rng(0).normal(size=25)
+    assert verdict(mean_of(values), at_least=0) == SUPPORTED
+    few = judge(claim(at_least=0), [mean_of(values[:24])])
+    assert (few.verdict, few.remark) == (OPEN, "too few scenes to say more")
+
+
+def test_figures_are_those_of_the_measures_intervals():
     rng = np.random.default_rng(0)
     values, trials = rng.exponential(size=30), rng.random((30, 4)) < 0.7
-    found = scene_interval(values)
+    found = mean_interval(values)
     assert mean_of([*values, math.nan]).measured() == (found.value, found.lower, found.upper)
-    found = scene_interval(trials.mean(axis=1), bounds=(0, 1))
+    found = mean_interval(trials.mean(axis=1), bounds=(0, 1))
     np.testing.assert_allclose(share_of(trials).measured(), 100 * np.array(found)[[0, 2, 3]])
-    found = paired_rates_interval(trials[:, 0], trials[:, 1])
+    found = difference_interval(1.0 * trials[:, 0], trials[:, 1], bounds=(0, 1))
     gap = gap_of(trials[:, :1], trials[:, 1:2])
     np.testing.assert_allclose(gap.measured(), 100 * np.array(found)[[0, 2, 3]])
     assert rate_of([1.0] * 20).measured().high == 100
 
 
 def test_a_ratio_is_the_geometric_mean():
-    ratio = ratio_of([1.0, 4.0, 0.0, 2.0], [2.0, 2.0, 1.0, math.nan])
-    assert ratio.value == pytest.approx(1)
-    assert ratio.units == 2
+    few = ratio_of([1.0, 4.0, 0.0, 2.0], [2.0, 2.0, 1.0, math.nan])
+    assert few.value == pytest.approx(1)
+    assert few.units == 2
+    assert math.isnan(few.measured().low)
+    ratio = ratio_of([1.0, 4.0] * 15, [2.0, 2.0] * 15)
     low, high = ratio.interval(0.95)
     assert low == pytest.approx(1 / high, rel=0.05)

@@ -44,11 +44,12 @@ def test_noise_is_scaled_to_our_film():
 
 
 def test_a_lost_run_does_not_hide_among_the_others():
-    errors = np.full((3, 5, 40, 3), 0.1) + 1e-3 * np.random.default_rng(0).random((3, 5, 40, 3))
+    shape = 30, 5, 40, 3
+    errors = np.full(shape, 0.1) + 1e-3 * np.random.default_rng(0).random(shape)
     errors[:, 0, -5:] = 1.5  # its mean with the other four is .38, above .25
     errors[:, 1, :5] = 0.6  # but this one's would be .2
     names = ("head", "left hand", "right hand")
-    found = Outcome("skydivers", names, {methods.PROPOSED: errors}, np.ones((3, 40, 3), bool))
+    found = Outcome("skydivers", names, {methods.PROPOSED: errors}, np.ones((30, 40, 3), bool))
     measured = claims.quantities({"skydivers": found})
     (peak,), (near,) = measured["skydivers_peak"], measured["skydivers_near"]
     assert peak.value == pytest.approx((1.5 + 0.6 + 3 * 0.1) / 5, abs=0.02)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf.papers.judging.claims import CONTRADICTED, OPEN, SUPPORTED, judge_all
+from jaxpf.papers.judging.claims import CONTRADICTED, PREVIEW, SUPPORTED, judge_all
 from jaxpf.papers.maccormick1999 import (
     claims,
     one_line,
@@ -206,7 +206,7 @@ def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost
     assert set(found.values()) == {SUPPORTED}
     found = judged(all_bad, all_good)
     # Nothing is said about the spreads of lost targets.
-    assert (found.pop("walkers_widen"), found.pop("walkers_narrow")) == (OPEN, OPEN)
+    assert [found.pop("walkers_widen"), found.pop("walkers_narrow")] == [PREVIEW] * 2
     assert found.pop("leaves_printed") == SUPPORTED
     assert set(found.values()) == {CONTRADICTED}
 
@@ -238,8 +238,8 @@ def test_slow_filters_track_the_first_sequences(monkeypatch):
     blank = cases.Case("leaves", np.zeros((3, 2)), *[None] * 6)._replace(hidden=np.zeros(3))
     methods = {"a": passing.Method("opaque", "ps", 1), "b": passing.Method("opaque", "sir", 2, 3)}
     found = passing.measure([blank] * 4, range(4), methods, lambda line: None)
-    assert seen == [(1, 0), (2, 0), (1, 1), (2, 1), (1, 2), (1, 3)]
-    assert [len(found.outcomes[name]) for name in methods] == [4, 2]
+    assert seen == [(1, 0), (2, 0), (1, 1), (2, 1), (1, 2), (2, 2), (1, 3)]
+    assert [len(found.outcomes[name]) for name in methods] == [4, 3]
     # Figures show the first; the others need not be kept in memory.
     assert [len(case.frames) for case in found.cases] == [3, 0, 0, 0]
 

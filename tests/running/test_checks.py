@@ -281,7 +281,7 @@ def test_a_number_of_particles_is_a_whole_number(number):
         (lambda: dynamics.RandomWalk([1, -1]), r"scale=\[1, -1\] must be finite"),
         (lambda: shapes.even_places(10**12, closed=True), "count = 1000000000000 must be a whole"),
         (lambda: shapes.area(np.ones((2, 3))), r"boxes has shape \[2, 3\]; give x, y, w, h"),
-        (lambda: measures.scene_interval([1, 2], bounds=3), "bounds=3 must be the smallest"),
+        (lambda: measures.mean_interval([1, 2], bounds=3), "bounds=3 must be the smallest"),
         (lambda: measures.crps([1, 2], [1, 2, 3]), r"offset \[2\] and spread \[3\] do not go"),
         (lambda: media.object_colours("a"), "num_objects = 'a' must be a whole number"),
         (lambda: populations.open_box_tracker(3), "frame_shape=3 must be height and width"),

@@ -17,7 +17,8 @@ from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.dynamics.gaussian import LinearGaussian
 from jaxpf.likelihoods.gaussian import Gaussian
 from jaxpf.likelihoods.histogram import histogram
-from jaxpf.measures.timing import interleaved, median_interval
+from jaxpf.measures.intervals import Interval, median_interval
+from jaxpf.measures.timing import interleaved
 
 RUNS, PARTICLES, OBJECTS = 50, 300, 7
 #: Noise of x, y (pixels) and of the scale.
@@ -48,10 +49,10 @@ class Section(NamedTuple):
     title: str
     cases: list[Case]
 
-    def measure(self, repeats: int) -> list[tuple[float, tuple[float, float, float]]]:
+    def measure(self, repeats: int) -> list[tuple[float, Interval]]:
         """Median nanoseconds per unit of every case, and its ratio to the baseline's time.
 
-        Ratios are medians of interleaved pairs with a 95 % interval; 1 without a baseline.
+        Ratios are medians of interleaved pairs; 1 without a baseline.
         """
         runs = {case.what: case.run for case in self.cases}
         seconds = interleaved(runs, repeats)

@@ -44,14 +44,14 @@ def evaluate_each(
         evaluate(request.of_sequence(folder, kind, frames))
     if options.dry_run:
         return
-    from jaxpf.evaluation.output.overall import FILES, UNITS, write_overall
+    from jaxpf.evaluation.output.overall import FILES, about_units, write_overall
 
     tables = write_overall(output, [folder.name for folder in chosen], request.varied)
     click.echo()
     for table in tables:
         print_table(table.title, table.columns, table.texts())
     write_config(output / "run.toml", "evaluate", request.table())
-    click.echo(UNITS)
+    click.echo(about_units(len(chosen)))
     click.echo(f"{output}/: {', '.join(FILES)}, run.toml, and a folder for each sequence")
 
 

@@ -2,15 +2,15 @@
 
 import importlib.util
 import warnings
-from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
 
+from jaxpf.evaluation.measuring.estimates import LEVEL
 from jaxpf.evaluation.measuring.measures import COLUMNS, FRAMES, SCORES, measure_batch
 from jaxpf.evaluation.work.results import BUILT_IN, Configuration, Results
 from jaxpf.measures.calibration import Reliability
-from jaxpf.measures.estimates import LEVEL
+from jaxpf.measures.intervals import mean_interval
 from jaxpf.measures.scores import tracking_scores
 
 #: Quantiles of the centre error in the figure over time.
@@ -119,17 +119,13 @@ def error_quantiles(errors: np.ndarray) -> np.ndarray:
 
 
 def _curve(curves: np.ndarray, frames: np.ndarray) -> Curve:
-    """Mean of curves ``[R, P, K]`` over runs, with normal intervals; objects weigh by frames."""
+    """Mean of curves ``[R, P, K]`` over runs, with intervals; objects weigh by frames."""
     curves = curves.astype(np.float64)  # NaN for an object that never has truth
     total = np.maximum(np.sum(frames, axis=1, keepdims=True), 1)
     pooled = np.sum(frames * np.nan_to_num(curves), axis=1, keepdims=True) / total
     curves = np.concatenate([curves, pooled], axis=1)
-    value = curves.mean(axis=0)
-    error = np.full_like(value, np.nan)
-    if len(curves) > 1:
-        error = curves.std(axis=0, ddof=1) / np.sqrt(len(curves))
-    reach = NormalDist().inv_cdf((1 + LEVEL) / 2) * error
-    return Curve(value, value - reach, value + reach)
+    value, _, lower, upper = mean_interval(curves, level=LEVEL, bounds=(0.0, 1.0))
+    return Curve(value, lower, upper)
 
 
 def has_scores() -> bool:

@@ -3,7 +3,8 @@
 Configurations are compared by their success area over all objects, paired by run.  Methods are
 compared at equal settings, those of the best configuration; settings are compared only if there is
 a single method.  Naming the best of C configurations involves C (C - 1) / 2 differences, so
-intervals are Bonferroni-corrected for that number: together they hold with 95 % confidence.
+intervals are Bonferroni-corrected for that number: together they hold with 95 % confidence.  Fewer
+than ten runs decide nothing: the sentence is a preview.
 """
 
 import itertools
@@ -11,8 +12,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
 
+from jaxpf.evaluation.measuring.estimates import LEVEL, difference
 from jaxpf.evaluation.measuring.measures import by_name
 from jaxpf.evaluation.measuring.summary import (
     Runs,
@@ -23,7 +24,7 @@ from jaxpf.evaluation.measuring.summary import (
     run_values,
 )
 from jaxpf.evaluation.work.results import Configuration, Results
-from jaxpf.measures.estimates import LEVEL, mean_difference
+from jaxpf.measures.intervals import DECISIVE
 
 #: The measure that ranks configurations.
 RANKED_BY = by_name("success_area")
@@ -58,10 +59,16 @@ def conclude(results: Results, summaries: Sequence[Summary]) -> Conclusion:
     start = f"With {settings}, where the mean is highest, " if held else ""
     if not others:
         return Conclusion(f"{names[best]}: success area {_share(areas[best])}.", ranking)
+    fewest = min((s.runs for s in summaries if not s.configuration.is_imported), default=DECISIVE)
+    if fewest < DECISIVE:
+        runs = "one run" if fewest == 1 else f"{fewest} runs"
+        return Conclusion(
+            f"Preview of {runs}: {start[:1].lower() + start[1:]}{names[best]} is ahead, success "
+            f"area {_share(areas[best])}; fewer than {DECISIVE} runs decide nothing.",
+            ranking,
+        )
     pairs = len(list(itertools.combinations(ranking, 2)))
-    intervals = {
-        other: _difference(summaries[best], summaries[other], LEVEL, pairs) for other in others
-    }
+    intervals = {other: _difference(summaries[best], summaries[other], pairs) for other in others}
     worse = [other for other in others if intervals[other][1] > 0]
     tied = [other for other in others if other not in worse]
     if not worse:
@@ -93,9 +100,7 @@ def _agree(ours: Configuration, other: Configuration, names: Sequence[str]) -> b
     return all(theirs.get(name, mine[name]) == mine[name] for name in names)
 
 
-def _difference(
-    first: Summary, second: Summary, level: float, pairs: int
-) -> tuple[float, float, float]:
+def _difference(first: Summary, second: Summary, pairs: int) -> tuple[float, float, float]:
     """First minus second, with the ends of an interval Bonferroni-corrected for ``pairs``."""
     ours, theirs = (run_values(each.collected, RANKED_BY) for each in (first, second))
     if first.configuration.is_imported and second.configuration.is_imported:
@@ -108,12 +113,11 @@ def _difference(
     if second.configuration.is_imported:
         theirs = _repeated(theirs, ours.runs)
     ours, theirs = common_runs(ours, theirs)
-    difference = mean_difference(ours.values, ours.weights, theirs.values, theirs.weights)
-    value, error, runs = difference.value[-1], difference.standard_error[-1], difference.runs[-1]
-    if not np.isfinite(error):
-        return float(value), -np.inf, np.inf
-    reach = float(stdtrit(runs - 1, 1 - (1 - level) / 2 / pairs)) * error
-    return float(value), float(value - reach), float(value + reach)
+    level = 1 - (1 - LEVEL) / pairs
+    found = difference(ours[1:], theirs[1:], RANKED_BY.bounds, level=level)
+    value, lower, upper = (float(x[-1]) for x in (found.value, found.lower, found.upper))
+    known = np.isfinite(lower)
+    return value, lower if known else -np.inf, upper if known else np.inf
 
 
 def _repeated(track: Runs, runs: np.ndarray) -> Runs:

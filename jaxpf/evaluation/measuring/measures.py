@@ -51,9 +51,12 @@ class Measure(NamedTuple):
     unit: str = ""
 
     @property
-    def is_share(self) -> bool:
-        """Whether it is a share of frames, or a mean over frames of shares, so within [0, 1]."""
-        return self.percent and self.weight != ""
+    def bounds(self) -> tuple[float, float] | None:
+        """Smallest and largest possible value; None without, where tables show medians.
+
+        False alarms lower MOTA without a bound.
+        """
+        return (0.0, 1.0) if self.percent and self.name != "MOTA" else None
 
 
 #: Standard scores of a run over all objects; see ``jaxpf.measures.tracking_scores``.

@@ -16,7 +16,6 @@ ONE_OBJECT = (
     "One object: there is nothing to order, so all orderings coincide (SIR, PS, DPS, SPS) and one "
     "is run unless methods are named."
 )
-_ENOUGH = 20  # runs; there the normal quantile is 6 % below Student's
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,12 +68,6 @@ def _remarks(results: Results, summaries: Sequence[Summary]) -> Iterator[str]:
     ordered = any(filters.filter_of(c.method.lower()).by_default for c in ours)
     if len(results.object_ids) == 1 and ordered:
         yield ONE_OBJECT
-    fewest = min((s.runs for s in summaries if not s.configuration.is_imported), default=_ENOUGH)
-    if fewest < _ENOUGH:
-        yield (
-            f"With fewer than {_ENOUGH} runs the normal intervals of means are too narrow; those "
-            "of rates and of differences are not."
-        )
     if not has_scores():
         yield "HOTA, MOTA and IDF1 are left out; pip install --no-deps trackeval adds them."
     elif any(summary.runs > SCORED_RUNS for summary in summaries):

@@ -8,18 +8,16 @@ import numpy as np
 
 from jaxpf.contract.options import plain
 from jaxpf.evaluation.measuring.collection import Collected
-from jaxpf.evaluation.measuring.measures import FIGURES, MEASURES, SCORES, Measure
-from jaxpf.evaluation.work.results import Configuration, Results
-from jaxpf.measures.estimates import (
+from jaxpf.evaluation.measuring.estimates import (
     Difference,
     Estimate,
+    difference,
+    estimate,
     holm,
-    mean,
-    mean_difference,
-    rate,
-    rate_difference,
     without_interval,
 )
+from jaxpf.evaluation.measuring.measures import FIGURES, MEASURES, SCORES, Measure
+from jaxpf.evaluation.work.results import Configuration, Results
 
 
 class Runs(NamedTuple):
@@ -84,10 +82,9 @@ def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]
         for summary, given in zip(summaries, values, strict=True):
             summary.estimates[measure.name] = _estimate(summary.collected, measure, given)
             if summary.reference is not None:
-                difference = _difference(
+                summary.differences[measure.name] = _difference(
                     summary.collected, measure, given, values[summary.reference]
                 )
-                summary.differences[measure.name] = difference
         if compared:
             p = np.stack([summary.differences[measure.name].p for summary in compared])
             family = np.stack([holm(column) for column in p.T], axis=1)
@@ -164,34 +161,29 @@ def common_runs(ours: Runs, theirs: Runs) -> tuple[Runs, Runs]:
 
 
 def _estimate(entry: Collected, measure: Measure, given: Runs) -> Estimate:
-    if measure.is_rate:
-        estimate = rate(given.values)
-    else:
-        estimate = mean(given.values, given.weights, measure.is_share)
+    found = estimate(given.values, given.weights, measure.bounds)
     if measure in SCORES:
-        estimate = Estimate(*_of_all_objects(estimate, entry.num_objects))
-    return without_interval(estimate) if entry.configuration.is_imported else estimate
+        found = Estimate(*_of_all_objects(found, entry.num_objects))
+    return without_interval(found) if entry.configuration.is_imported else found
 
 
 def _difference(entry: Collected, measure: Measure, given: Runs, other: Runs) -> Difference:
-    given, other = common_runs(given, other)
-    if measure.is_rate:
-        return rate_difference(given.values, other.values)
-    difference = mean_difference(given.values, given.weights, other.values, other.weights)
+    ours, theirs = common_runs(given, other)
+    found = difference(ours[1:], theirs[1:], measure.bounds, measure.is_rate)
     if measure in SCORES:
-        difference = Difference(*_of_all_objects(difference, entry.num_objects))
-    return difference
+        found = Difference(*_of_all_objects(found, entry.num_objects))
+    return found
 
 
 def _figure(value: float, num_objects: int) -> Estimate:
     """A single figure of all objects, without an interval."""
     unknown = np.array([np.nan])
     is_finite = np.array([float(np.isfinite(value))])
-    estimate = (np.array([value]), unknown, unknown, unknown, is_finite)
-    return Estimate(*_of_all_objects(estimate, num_objects))
+    figure = (np.array([value]), unknown, unknown, unknown, is_finite)
+    return Estimate(*_of_all_objects(figure, num_objects))
 
 
-def _of_all_objects(estimate: Sequence[np.ndarray], num_objects: int) -> list[np.ndarray]:
+def _of_all_objects(found: Sequence[np.ndarray], num_objects: int) -> list[np.ndarray]:
     """Spread figures of all objects to ``[P + 1]``; single objects get NaN unless P is 1."""
     has = np.arange(num_objects + 1) == num_objects
-    return [np.where(has | (num_objects == 1), figures[-1], np.nan) for figures in estimate]
+    return [np.where(has | (num_objects == 1), figures[-1], np.nan) for figures in found]

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from jaxpf.evaluation.measuring.estimates import Difference, Estimate
 from jaxpf.evaluation.measuring.measures import (
     COMPARED,
     ON_OBJECT,
@@ -16,7 +17,7 @@ from jaxpf.evaluation.measuring.measures import (
 )
 from jaxpf.evaluation.measuring.summary import Summary
 from jaxpf.files.tables import Rows, Table, escaped, markdown_table
-from jaxpf.measures.estimates import Difference, Estimate
+from jaxpf.measures.intervals import DECISIVE
 
 #: Measures in the tables; ``summary.csv`` has all measures.
 HEADLINE = tuple(
@@ -57,20 +58,24 @@ SIGNIFICANT = 0.05
 ABOUT_MEASURES, ABOUT_DIFFERENCES, ABOUT_CALIBRATION, ABOUT_CONFIDENCE = range(1, 5)
 NOTES = (
     "Values with 95 % intervals in brackets. Runs are the independent units: frames and objects "
-    "of a run add to the value, not to the certainty. Rates have Wilson's interval (over all "
-    "objects, at the effective number of trials), and so have shares of frames; other means have "
-    "the normal interval of their standard error over runs.",
+    "of a run add to the value, not to the certainty. Shares and rates are means over runs, with "
+    "Gaffke's interval between their bounds (of rates Clopper and Pearson's), below 12 runs at "
+    "least as wide as Student's. Errors and counts have no bound, so a few lost runs may dominate "
+    "their mean: shown is the median over runs, with order statistics as its interval. Without "
+    "brackets, the runs are too few: three are needed, of a median six.",
     "Overlap is intersection over union. Success at .5: the share of frames whose overlap exceeds "
     ".5. Success area: the mean of that share over all thresholds from 0 to 1 (Wu, Lim and Yang "
     "2013). Smith2004's success and recovery ask for one shared pixel only, in every frame of a "
     "run or in its last one with truth, and do not say how well a box fits. Precision and recall "
     "are over the frames that share a pixel, the others over all frames with truth. The start "
     "frame never counts.",
-    "Differences are paired by run: equal seeds share their random numbers. Differences of rates "
-    "have Newcombe's interval (method 10) for one object and are tested by McNemar's exact test; "
-    "those of means have Student's interval and test of the runs' differences. A star marks "
-    f"p < {SIGNIFICANT} after Holm's correction over the comparisons in its column. Points are "
-    "percentage points.",
+    "Differences are paired by run: equal seeds share their random numbers. Shares and rates: the "
+    "mean difference, with Gaffke's interval, from 50 runs of which ten differ Newcombe's "
+    "(method 10). Errors: the median difference, with order statistics. A star marks "
+    f"p < {SIGNIFICANT} after Holm's correction over the comparisons in its column, by Student's "
+    "test of the runs' differences, for rates McNemar's exact test and for medians the sign test, "
+    f"where the interval excludes 0, too; of fewer than {DECISIVE} runs nothing is marked. Points "
+    "are percentage points.",
     "Calibration: how often the 50, 80 and 95 % regions of x and of y, and those of a box's size "
     "(the square root of its area), hold the truth. A region is as wide as the particles' standard "
     "deviation and the model's declared error say (of points the slip, of learned boxes .3 in the "
@@ -140,12 +145,20 @@ def difference_tables(object_ids: Sequence[int], summaries: Sequence[Summary]) -
         for measure in COMPARED:
             values = triples([each.differences[measure.name] for each in compared], place)
             if are_known(values):
-                p = [each.adjusted[measure.name][place] for each in compared]
-                texts = zip(cells_of(measure, values, sign="+"), p, strict=True)
-                starred = (f"{text} *" if p < SIGNIFICANT else text for text, p in texts)
+                clear = (_is_clear(each, measure.name, place) for each in compared)
+                texts = zip(cells_of(measure, values, sign="+"), clear, strict=True)
+                starred = (f"{text} *" if star else text for text, star in texts)
                 table.add(heading(measure).replace("(%)", "(points)"), starred)
         tables.append(table)
     return tables
+
+
+def _is_clear(summary: Summary, measure: str, place: int) -> bool:
+    """Whether a difference gets a star."""
+    found = summary.differences[measure]
+    excludes = found.lower[place] > 0 or found.upper[place] < 0
+    many = found.runs[place] >= DECISIVE
+    return bool(many and excludes and summary.adjusted[measure][place] < SIGNIFICANT)
 
 
 def object_name(object_ids: Sequence[int], place: int) -> str:
@@ -170,9 +183,10 @@ def are_known(values: np.ndarray) -> bool:
 
 
 def heading(measure: Measure) -> str:
-    """Title and unit of a measure."""
+    """Title and unit of a measure, and whether it is a median over the units."""
     unit = "%" if measure.percent else measure.unit
-    return f"{measure.title} ({unit})" if unit else measure.title
+    about = ", ".join(filter(None, [unit, "" if measure.bounds else "median"]))
+    return f"{measure.title} ({about})" if about else measure.title
 
 
 def cells_of(measure: Measure, values: np.ndarray, sign: str = "") -> list[str]:

@@ -1,8 +1,8 @@
 """Combines the evaluations of several sequences.
 
 Sequences are the units, as in benchmark tables.  A sequence's value covers all its objects and
-runs; for a method with several orders it is their mean.  Intervals are Student's over sequences,
-so they are wide for few sequences, regardless of the number of runs.
+runs; for a method with several orders it is their mean.  Intervals are over sequences, so they are
+wide for few sequences, regardless of the number of runs.
 """
 
 import csv
@@ -25,7 +25,13 @@ from jaxpf.evaluation.output.layout import (
 )
 from jaxpf.files.tables import Table
 from jaxpf.files.writing import csv_text, write_text
-from jaxpf.measures.intervals import student_interval
+from jaxpf.measures.intervals import (
+    DECISIVE,
+    Bounds,
+    difference_interval,
+    mean_interval,
+    median_interval,
+)
 
 #: Measures in the terminal's tables.
 PRINTED = (
@@ -38,18 +44,16 @@ SHOWN = (
     *("size_coverage_50", "size_coverage_95", "confidence_area", "frames_per_second"),
     *("HOTA", "IDF1"),
 )
-#: Note on the units, for readers of the tables.
-UNITS = "Sequences are the units: 95 % intervals (Student's) are over their means."
 FILES = ("overall.md", "overall.csv", "sequences.csv", "overall.png", "overall.pdf")
 
 
 class OverSequences(NamedTuple):
-    """A mean over sequences with its 95 % interval, which is NaN for fewer than two.
+    """A mean over sequences with its 95 % interval; a median where values have no bounds.
 
     Attributes:
         sequences: number of sequences that count.
-        value: the mean.
-        lower: lower end of the interval.
+        value: the mean or median.
+        lower: lower end of the interval; NaN for too few sequences.
         upper: upper end of the interval.
     """
 
@@ -87,11 +91,9 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
         for measure in measures
     }
     first = methods[0]
-    means = {key: over_sequences(of, _range_of(key[1])) for key, of in values.items()}
+    means = {key: over_sequences(of, by_name(key[1]).bounds) for key, of in values.items()}
     differences = {
-        (method, measure): over_sequences(
-            of - values[first, measure], _range_of(measure, of_difference=True)
-        )
+        (method, measure): over_sequences(of, by_name(measure).bounds, values[first, measure])
         for (method, measure), of in values.items()
         if method != first
     }
@@ -104,7 +106,10 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
             tables.append(_table(title, methods[1:], differences, compared))
         return tables
 
-    notes = [UNITS, *(NOTES[n] for n in (ABOUT_MEASURES, ABOUT_CALIBRATION, ABOUT_CONFIDENCE))]
+    notes = [
+        about_units(len(names)),
+        *(NOTES[n] for n in (ABOUT_MEASURES, ABOUT_CALIBRATION, ABOUT_CONFIDENCE)),
+    ]
     text = to_markdown("Over all sequences", tables_of(SHOWN), [", ".join(names)], notes)
     write_text(folder / "overall.md", text)
     write_text(folder / "overall.csv", csv_text(_rows(means, differences)))
@@ -120,24 +125,31 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
     return tables_of(PRINTED)
 
 
+def about_units(sequences: int) -> str:
+    """Note on the units, for readers of the tables."""
+    text = (
+        "Sequences are the units of the 95 % intervals: of means of shares from three on, of "
+        "medians of other values from six on."
+    )
+    few = f" Fewer than {DECISIVE} sequences are a preview and decide nothing."
+    return text + few * (sequences < DECISIVE)
+
+
 def over_sequences(
-    values: np.ndarray, ends: tuple[float, float] = (-np.inf, np.inf)
+    values: np.ndarray, bounds: Bounds | None, reference: np.ndarray | None = None
 ) -> OverSequences:
-    """Mean of the finite ``values [S]`` with Student's interval, clipped to ``ends``."""
-    interval = student_interval(values)
-    lower, upper = (float(np.clip(end, *ends)) for end in interval[2:])
-    return OverSequences(np.isfinite(values).sum(), interval.value, lower, upper)
+    """Mean of the finite ``values [S]``, or of their paired differences from a reference.
 
-
-def _range_of(measure: str, of_difference: bool = False) -> tuple[float, float]:
-    """Smallest and largest possible value of a measure; a share is from 0 to 1."""
-    if measure == "frames_per_second" and not of_difference:
-        return 0, np.inf
-    if not by_name(measure).percent:
-        return -np.inf, np.inf
-    if measure == "MOTA":  # unbounded below: each false alarm lowers it
-        return -np.inf, np.inf if of_difference else 1
-    return (-1, 1) if of_difference else (0, 1)
+    Without bounds it is the median.
+    """
+    apart = values if reference is None else values - reference
+    if bounds is None:
+        found = median_interval(apart)
+    elif reference is None:
+        found = mean_interval(values, bounds=bounds)
+    else:
+        found = difference_interval(values, reference, bounds=bounds)
+    return OverSequences(np.isfinite(apart).sum(), found.value, found.lower, found.upper)
 
 
 def _of_sequence(

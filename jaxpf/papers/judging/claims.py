@@ -10,6 +10,7 @@ evaluated once.
 * *contradicted*: the interval of some figure, at the level 1 - .05 / k for k figures (Bonferroni),
   lies outside the range by more than the margin.
 * *open*: everything else, and all intervals of zero width except for computed figures.
+* *preview*: fewer than ten scenes, which decide nothing.
 """
 
 import csv
@@ -18,9 +19,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from jaxpf.measures.scene_intervals import has_width
+from jaxpf.measures.intervals import DECISIVE, has_width
 
-SUPPORTED, CONTRADICTED, OPEN = "supported", "contradicted", "open"
+SUPPORTED, CONTRADICTED, OPEN, PREVIEW = "supported", "contradicted", "open", "preview"
 #: Replaces ``CONTRADICTED`` where the paper shows one film: other scenes do not contradict it.
 NOT_SEEN = "not seen"
 #: Kinds of claims, in display order; summaries count only the first.
@@ -34,7 +35,8 @@ GROUPS: Mapping[str, str] = {
 RULE = (
     "A claim is supported if the 95 % interval of every figure lies in the claimed range, "
     "contradicted if that of one (Bonferroni-corrected) lies outside by more than our margin, and "
-    "otherwise open.  The number of scenes is planned, and they are looked at once.  "
+    f"otherwise open.  Fewer than {DECISIVE} scenes are a preview and decide nothing.  The number "
+    "of scenes is planned, and they are looked at once.  "
     "Rows are not independent: several may share one claim."
 )
 #: Maximum number of scenes that a remark suggests.
@@ -110,7 +112,7 @@ class Judged(NamedTuple):
     Attributes:
         claim: the claim.
         ours: figure and interval; several figures are shown from smallest to largest.
-        verdict: ``SUPPORTED``, ``CONTRADICTED``, ``OPEN`` or ``NOT_SEEN``.
+        verdict: ``SUPPORTED``, ``CONTRADICTED``, ``OPEN``, ``NOT_SEEN`` or ``PREVIEW``.
         figures: every figure with its interval.
         level: level of the intervals in per cent.
         units: such as "50 scenes".
@@ -158,7 +160,9 @@ def judge(claim: Claim, figures: Sequence[Quantity], level: float = 0.95) -> Jud
     """Judge a claim by measured figures; see the module's docstring."""
     count = min((each.units for each in figures), default=0)
     verdict = _verdict(claim, figures, level)
-    if verdict == CONTRADICTED and claim.group == "once":
+    if 0 < count < DECISIVE:
+        verdict = PREVIEW
+    elif verdict == CONTRADICTED and claim.group == "once":
         verdict = NOT_SEEN
     return Judged(
         claim,
@@ -253,7 +257,7 @@ def _square(reach: float, distance: float) -> float:
 def _shown(figure: Quantity, digits: int, level: float) -> str:
     value, low, high = figure.measured(level)
     text = f"{value:z.{digits}f}"
-    if figure.units:
+    if figure.units and math.isfinite(high - low):
         text += f" [{low:z.{digits}f}, {high:z.{digits}f}]"
     return f"{figure.what}: {text}" if figure.what else text
 
@@ -269,7 +273,9 @@ def _hull(figures: Sequence[Quantity], digits: int, level: float) -> str:
 def hull(
     values: Sequence[float], lows: Sequence[float], highs: Sequence[float], digits: int
 ) -> str:
-    """``smallest to largest [lowest end, highest end]``."""
+    """``smallest to largest [lowest end, highest end]``, without ends if one is unknown."""
+    if not math.isfinite(sum(highs) - sum(lows)):
+        return _span(values, digits)
     return f"{_span(values, digits)} [{min(lows):z.{digits}f}, {max(highs):z.{digits}f}]"
 
 

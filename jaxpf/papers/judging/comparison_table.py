@@ -60,6 +60,11 @@ class Comparison:
     notes: Sequence[str] = ()
 
 
+#: How to read the tables.
+CELLS = (
+    "Cells read: published | measured [95 % interval].  Too few scenes have no interval: shares "
+    "below three, means of unbounded values below 25."
+)
 #: Columns of ``verdicts.csv``.
 VERDICT_FIELDS = ("key", *Judged._fields[1:])
 
@@ -68,7 +73,7 @@ def markdown(comparison: Comparison) -> str:
     """The whole comparison as one Markdown text; figures are linked by file name."""
     lines = [f"# {comparison.title}", ""]
     if comparison.tables:
-        lines += ["Cells read: published | measured [95 % interval].", ""]
+        lines += [CELLS, ""]
     for table in comparison.tables:
         lines += [f"## {table.title}", "", *markdown_table(table.columns, table.texts()), ""]
         if table.note:
@@ -145,6 +150,7 @@ def table_csv(table: Table) -> str:
                 lines.append((label, column, "", "", "", "", cell))
                 continue
             published = "" if cell.published is None else cell.published
-            measured = [""] * 3 if cell.measured is None else [f"{x:.6g}" for x in cell.measured]
+            known = cell.measured or (math.nan,) * 3
+            measured = [f"{x:.6g}" if math.isfinite(x) else "" for x in known]
             lines.append((label, column, published, *measured, ""))
     return csv_text(lines)

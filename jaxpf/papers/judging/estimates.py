@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.measures.scene_intervals import paired_rates_interval, scene_interval
+from jaxpf.measures.intervals import difference_interval, mean_interval
 from jaxpf.papers.judging.claims import Quantity
 from jaxpf.papers.judging.comparison_table import Cell
 
@@ -15,12 +15,12 @@ def mean_of(
     what: str = "",
     bounds: tuple[float, float] | None = None,
 ) -> Quantity:
-    """The mean of the scenes' values ``[S]``, ignoring NaN.  See ``scene_interval``."""
+    """The mean of the scenes' values ``[S]``, ignoring NaN.  See ``mean_interval``."""
     values = np.asarray(values, float)
     values = values[np.isfinite(values)]
 
     def interval(level: float) -> tuple[float, float]:
-        ends = scene_interval(values, level, bounds)
+        ends = mean_interval(values, level=level, bounds=bounds)
         return float(ends.lower), float(ends.upper)
 
     value = float(values.mean()) if len(values) else math.nan
@@ -58,7 +58,7 @@ def gap_of(first: Any, second: Any, what: str = "") -> Quantity:
     rates = _by_scene(first), _by_scene(second)
 
     def interval(level: float) -> tuple[float, float]:
-        ends = paired_rates_interval(*rates, level)
+        ends = difference_interval(*rates, level, (0.0, 1.0))
         return 100 * float(ends.lower), 100 * float(ends.upper)
 
     value = 100 * float(rates[0].mean() - rates[1].mean()) if len(rates[0]) else math.nan

@@ -11,6 +11,7 @@ from jaxpf.papers.judging.claims import (
     CONTRADICTED,
     GROUPS,
     OPEN,
+    PREVIEW,
     SUPPORTED,
     Judged,
     claims_of,
@@ -52,6 +53,8 @@ def of_group(judged: Iterable[Judged], group: str) -> list[Judged]:
 def summary(paper: str, judged: Sequence[Judged]) -> str:
     """Count the paper's own claims that hold: "smith2004: 10 of 13 hold, 1 does not, 2 open"."""
     own = [each.verdict for each in of_group(judged, "paper")]
+    if PREVIEW in own:
+        return f"{paper}: a preview, too few scenes to judge its claims"
     hold, not_, open_ = (own.count(verdict) for verdict in (SUPPORTED, CONTRADICTED, OPEN))
     negation = "does" if not_ == 1 else "do"
     return f"{paper}: {hold} of {len(own)} hold, {not_} {negation} not, {open_} open"

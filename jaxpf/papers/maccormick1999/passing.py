@@ -168,8 +168,8 @@ def measure(
 ) -> Passing:
     """Track every case once by each method; its seed determines the run."""
     kept: list[Case] = []
-    # At least two, for an interval.
-    least = min(len(seeds), 2)
+    # At least three, for an interval.
+    least = min(len(seeds), 3)
     last = {name: max(len(seeds) // method.one_in, least) for name, method in methods.items()}
     tracked = [[name for name in methods if number < last[name]] for number in range(len(seeds))]
     outcomes: dict[str, list[Outcome]] = {name: [] for name in methods}

@@ -4,13 +4,12 @@ Nothing is asserted about time.  For figures, run ``jaxpf bench``.
 """
 
 from functools import partial
-from math import comb
 
 import numpy as np
 import pytest
 
 from jaxpf.cli.benchmarks import measurements
-from jaxpf.measures.timing import interleaved, median_interval
+from jaxpf.measures.timing import interleaved
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_quickly")]
 
@@ -30,7 +29,7 @@ def test_every_case_is_timed_against_its_baseline(make, sizes, goals):
     measured = section.measure(repeats=1)
     for case, (nanoseconds, ratio) in zip(section.cases, measured, strict=True):
         assert nanoseconds > 0
-        assert np.isfinite(ratio).all()
+        assert np.isfinite(ratio.value)
         assert case.baseline in names | {""}
         if case.baseline in ("", case.what):
             assert ratio[0] == 1
@@ -47,13 +46,3 @@ def test_a_ratio_is_of_one_unit(monkeypatch):
     measured = measurements.Section("", cases).measure(3)
     assert measured[1][0] == pytest.approx(1e7)
     assert measured[1][1][0] == pytest.approx(0.1)
-
-
-@pytest.mark.parametrize("repeats", [9, 15, 31])
-def test_the_interval_of_the_median_covers_95_percent(repeats):
-    median, low, high = median_interval(np.arange(float(repeats)))
-    assert median == (repeats - 1) / 2
-    assert high == repeats - 1 - low
-    # The median lies outside if at most `low` values fall on one side of it.
-    outside = 2 * sum(comb(repeats, k) for k in range(int(low) + 1)) / 2**repeats
-    assert outside <= 0.05

@@ -3,7 +3,7 @@
 import numpy as np
 from smith2004_outcomes import outcome_of
 
-from jaxpf.papers.judging.claims import CONTRADICTED, OPEN, SUPPORTED, judge_all
+from jaxpf.papers.judging.claims import CONTRADICTED, OPEN, PREVIEW, SUPPORTED, judge_all
 from jaxpf.papers.smith2004 import scenes, tables
 from jaxpf.papers.smith2004.claims import of_scenes
 from jaxpf.papers.smith2004.figures import figure_4
@@ -25,9 +25,10 @@ def test_verdicts_follow_the_recovery_rates():
         assert (clear[key], reverse[key], same[key]) == (SUPPORTED, CONTRADICTED, OPEN)
 
 
-def test_one_scene_resolves_nothing():
+def test_few_scenes_are_a_preview():
     rates = {"Non-PS": 0.0, "PS": 0.5, "DPS": 1.0, "SPS": 1.0}
-    assert set(verdicts(outcome_of(rates, scenes_=1)).values()) == {OPEN}
+    for count in (1, 9):
+        assert set(verdicts(outcome_of(rates, scenes_=count)).values()) == {PREVIEW}
 
 
 def test_orders_that_differ_are_told_from_luck():

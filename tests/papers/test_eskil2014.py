@@ -37,6 +37,22 @@ def test_claims_follow_the_figures():
     assert list(turned.values()).count(CONTRADICTED) == 6
 
 
+def test_spot_is_compared_on_the_scenes_that_it_has():
+    def spot_rows(shape, errors):
+        rng = np.random.default_rng(1)
+        scene = {"skydivers": ("head", "left hand", "right hand"), "face": ("right lip corner",)}
+        names = scene.get(shape, NAMES)
+        noise = rng.uniform(0.9, 1.1, (2, 50, 1, 100, len(names)))
+        found = {methods.PROPOSED: 0.02 * noise[0], methods.SPOT: errors * noise[1, :25]}
+        found[methods.PFFL] = found[methods.PROPOSED]
+        outcome = Outcome(shape, names, found, np.ones((50, 100, len(names)), bool))
+        return verdicts(claims.quantities({shape: outcome}))[f"{shape}_spot"]
+
+    assert [spot_rows("fish", error) for error in (0.02, 0.2)] == [SUPPORTED, CONTRADICTED]
+    assert [spot_rows("skydivers", error) for error in (0.02, 0.9)] == [CONTRADICTED, SUPPORTED]
+    assert [spot_rows("face", error) for error in (0.01, 0.2)] == [CONTRADICTED, SUPPORTED]
+
+
 def test_noise_is_scaled_to_our_film():
     assert published.SEQUENCES["platty"].scale == 10
     assert published.SEQUENCES["platty"].scale_here == 5

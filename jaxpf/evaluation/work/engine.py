@@ -289,12 +289,7 @@ def _missing_imports(opened: Opened, settled: Settled) -> Iterator[tuple[int, Ba
         if not configuration.is_imported or settled.done[index].all():
             continue
         name = configuration.method
-        if not target.has_boxes:
-            raise InputError(
-                f"{name!r} gives boxes, but the objects of {scene.name!r} are {target.name}; "
-                "leave it out."
-            )
-        seconds: float | None = None
+        boxes, seconds = None, None
         if name in plan.trackers:
             function: Any = plan.trackers[name]
             began = time.perf_counter()
@@ -302,10 +297,16 @@ def _missing_imports(opened: Opened, settled: Settled) -> Iterator[tuple[int, Ba
             seconds = time.perf_counter() - began
             if hasattr(function, "seconds"):  # a baseline caches its boxes, so ask it
                 seconds = function.seconds(scene)
-        else:
+        elif target.has_boxes:
             from jaxpf.evaluation.work.other_tracks import read_tracks
 
             boxes = read_tracks(
                 plan.tracks[name], scene.boxes, object_ids(scene), start_frame(scene)
+            )
+        given = "points" if boxes is not None and boxes.shape[-1] == 2 else "boxes"
+        if boxes is None or given != ("boxes" if target.has_boxes else target.name):
+            raise InputError(
+                f"{name!r} gives {given}, but the objects of {scene.name!r} are {target.name}; "
+                "leave it out."
             )
         yield index, imported_batch(boxes[1:], plan.seed), seconds

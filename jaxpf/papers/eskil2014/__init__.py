@@ -21,7 +21,7 @@ NOTES = (
     "sigma_t is the published number of pixels, scaled to our film: 5 instead of 10 for the fish, "
     "because our film, 960 x 540, is half as wide and high.",
     "SIR, PS and SPS have 100 particles: as many likelihoods for every point as PFFL.",
-    "SPOT, a tracker of others to which the paper compares, is not repeated.",
+    "SPOT is implemented from its published description, not its authors' program.",
 )
 
 PAPER = Paper(

@@ -33,7 +33,8 @@ def _errors(outcome: Outcome, method: str, frames: slice = slice(None)) -> np.nd
 
 def _gap(outcome: Outcome, other: str, frames: slice = slice(None)) -> Quantity:
     """Error of another method minus the error of the proposed method."""
-    return mean_of(_errors(outcome, other, frames) - _errors(outcome, methods.PROPOSED, frames))
+    error = _errors(outcome, other, frames)
+    return mean_of(error - _errors(outcome, methods.PROPOSED, frames)[: len(error)])
 
 
 def _fish(outcome: Outcome) -> dict[str, Quantity]:
@@ -46,6 +47,9 @@ def _fish(outcome: Outcome) -> dict[str, Quantity]:
         ),
         "fish_found_again": rate_of(by_scene(outcome, methods.PROPOSED, found_again)),
     }
+    if methods.SPOT in share:
+        spot, ours = (_errors(outcome, name, last) for name in (methods.SPOT, methods.PROPOSED))
+        figures["fish_spot"] = ratio_of(spot, ours[: len(spot)])
     if methods.PRINTED in share:
         figures["fish_kept_printed"] = rate_of(share[methods.PRINTED])
     for key, pffl in (
@@ -81,6 +85,8 @@ def _skydivers(outcome: Outcome) -> dict[str, Quantity]:
     if methods.PFFL in outcome.errors and outcome.visible.shape[1] > after:
         figures["skydivers_before"] = _gap(outcome, methods.PFFL, slice(0, after))
         figures["skydivers_after"] = _gap(outcome, methods.PFFL, slice(after, None))
+    if methods.SPOT in outcome.errors and outcome.visible.shape[1] > published.SPOT_LOST:
+        figures["skydivers_spot"] = _gap(outcome, methods.SPOT, slice(published.SPOT_LOST, None))
     return figures
 
 
@@ -90,6 +96,8 @@ def _face(outcome: Outcome) -> dict[str, Quantity]:
     if methods.PFFL in outcome.errors and num_frames > after:
         figures["face_before"] = _gap(outcome, methods.PFFL, slice(0, after))
         figures["face_after"] = _gap(outcome, methods.PFFL, slice(after, None))
+        if methods.SPOT in outcome.errors:
+            figures["face_spot"] = _gap(outcome, methods.SPOT, slice(after, None))
     if num_frames > published.BLINKS[-1] + _OPEN.stop:
         eyes = [place for place, name in enumerate(outcome.names) if "eye" in name]
         frames = [blink + after for blink in published.BLINKS for after in _OPEN]

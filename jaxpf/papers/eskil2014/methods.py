@@ -10,7 +10,7 @@ import jaxpf.points
 from jaxpf.dynamics.gaussian import AR2
 from jaxpf.papers.eskil2014.published import PFFL_PARTICLES, SHAPE_SCALE, SIGMA
 
-PROPOSED, PFFL, FLOW = "eskil2014", "PFFL", "Lucas-Kanade"
+PROPOSED, PFFL, SPOT, FLOW = "eskil2014", "PFFL", "SPOT", "Lucas-Kanade"
 PRINTED, WITH_DRIFT = "eskil2014 as printed", "PFFL with drift"
 #: Share of the last displacement that a particle of "PFFL with drift" repeats; not published.
 MOMENTUM = 0.25
@@ -48,7 +48,9 @@ _OPTIONS: Mapping[str, dict[str, Any]] = {
 }
 FILTERS = tuple(_OPTIONS)
 #: Deterministic methods.
-OTHERS = (FLOW, "not moving")
+OTHERS = (FLOW, SPOT, "not moving")
+#: Scenes of each kind on which SPOT runs, which takes a quarter of a second per frame.
+SPOT_SCENES = 25
 QUICK = (PROPOSED, PFFL, "PS")
 
 

@@ -6,7 +6,7 @@ import pytest
 from jaxpf.papers import eskil2014
 from jaxpf.papers.eskil2014 import claims, figures, methods, published, tables
 from jaxpf.papers.eskil2014.scenes import Outcome
-from jaxpf.papers.judging.claims import CONTRADICTED, SUPPORTED, judge_all
+from jaxpf.papers.judging.claims import NOT_SEEN, SUPPORTED, judge_all
 
 NAMES = ("nose", "eye", "dorsal front", "tail")
 
@@ -31,10 +31,10 @@ def made(proposed: float, pffl: float) -> Outcome:
 
 def test_claims_follow_the_figures():
     found = verdicts(claims.quantities({"fish": made(0.02, 0.2)}))
-    assert found.pop("fish_together") == CONTRADICTED  # PFFL's error grows from the first frame on
+    assert found.pop("fish_together") == NOT_SEEN  # PFFL's error grows from the first frame on
     assert set(found.values()) == {SUPPORTED}
     turned = verdicts(claims.quantities({"fish": made(0.2, 0.02)}))
-    assert list(turned.values()).count(CONTRADICTED) == 6
+    assert list(turned.values()).count(NOT_SEEN) == 6
 
 
 def test_spot_is_compared_on_the_scenes_that_it_has():
@@ -48,9 +48,9 @@ def test_spot_is_compared_on_the_scenes_that_it_has():
         outcome = Outcome(shape, names, found, np.ones((50, 100, len(names)), bool))
         return verdicts(claims.quantities({shape: outcome}))[f"{shape}_spot"]
 
-    assert [spot_rows("fish", error) for error in (0.02, 0.2)] == [SUPPORTED, CONTRADICTED]
-    assert [spot_rows("skydivers", error) for error in (0.02, 0.9)] == [CONTRADICTED, SUPPORTED]
-    assert [spot_rows("face", error) for error in (0.01, 0.2)] == [CONTRADICTED, SUPPORTED]
+    assert [spot_rows("fish", error) for error in (0.02, 0.2)] == [SUPPORTED, NOT_SEEN]
+    assert [spot_rows("skydivers", error) for error in (0.02, 0.9)] == [NOT_SEEN, SUPPORTED]
+    assert [spot_rows("face", error) for error in (0.01, 0.2)] == [NOT_SEEN, SUPPORTED]
 
 
 def test_noise_is_scaled_to_our_film():
@@ -69,7 +69,7 @@ def test_a_lost_run_does_not_hide_among_the_others():
     measured = claims.quantities({"skydivers": found})
     (peak,), (near,) = measured["skydivers_peak"], measured["skydivers_near"]
     assert peak.value == pytest.approx((1.5 + 0.6 + 3 * 0.1) / 5, abs=0.02)
-    assert verdicts(measured)["skydivers_peak"] == CONTRADICTED
+    assert verdicts(measured)["skydivers_peak"] == NOT_SEEN
     # Frames count in which all three are near: 190 of 200.
     assert near.value == pytest.approx(95)
 
@@ -113,7 +113,7 @@ def test_blinks_are_judged_by_the_eyes_alone():
     assert verdict(errors) == SUPPORTED
     errors[:, :, 70:, 0] = rng.uniform(0.2, 0.4, errors[:, :, 70:, 0].shape)
     errors[0, 0, 73:79, 0] = 0.02
-    assert verdict(errors) == CONTRADICTED
+    assert verdict(errors) == NOT_SEEN
 
 
 def test_the_table_has_a_row_for_every_method():

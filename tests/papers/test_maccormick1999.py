@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf.papers.judging.claims import CONTRADICTED, PREVIEW, SUPPORTED, judge_all
+from jaxpf.papers.judging.claims import NOT_SEEN, PREVIEW, SUPPORTED, judge_all
 from jaxpf.papers.maccormick1999 import (
     claims,
     one_line,
@@ -125,7 +125,7 @@ def test_claims_follow_from_the_rates(wires):
         return verdicts(claims.of_wires(meeting))
 
     assert list(judged(good, bad).values()) == [SUPPORTED] * 6
-    assert list(judged(bad, good).values()) == [CONTRADICTED] * 6
+    assert list(judged(bad, good).values()) == [NOT_SEEN] * 6
 
 
 @pytest.fixture(scope="module")
@@ -202,13 +202,13 @@ def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost
 
     found = judged(all_good, all_bad)
     assert len(found) == 10
-    assert found.pop("leaves_printed") == CONTRADICTED
+    assert found.pop("leaves_printed") == NOT_SEEN
     assert set(found.values()) == {SUPPORTED}
     found = judged(all_bad, all_good)
     # Nothing is said about the spreads of lost targets.
     assert [found.pop("walkers_widen"), found.pop("walkers_narrow")] == [PREVIEW] * 2
     assert found.pop("leaves_printed") == SUPPORTED
-    assert set(found.values()) == {CONTRADICTED}
+    assert set(found.values()) == {NOT_SEEN}
 
 
 def test_labels_that_were_always_right_may_be_wrong_on_the_next_sequence(one_kept_one_lost):

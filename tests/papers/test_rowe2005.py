@@ -10,7 +10,7 @@ import scenes
 from jaxpf.papers import rowe2005
 from jaxpf.papers.checkpoints import keeping
 from jaxpf.papers.judging import comparison_table
-from jaxpf.papers.judging.claims import CONTRADICTED, SUPPORTED, judge_all
+from jaxpf.papers.judging.claims import NOT_SEEN, SUPPORTED, judge_all
 from jaxpf.papers.rowe2005 import claims, published, scenes as synthetic, tables
 
 SCENES, RUNS, FRAMES, TARGETS = 25, synthetic.RUNS_PER_SCENE, 20, 2
@@ -60,13 +60,13 @@ def test_what_agrees_with_the_paper_is_supported():
 
 def test_what_disagrees_is_contradicted():
     found = outcome(neither=0.05, both=0.2)
-    assert verdicts(found)["error"] == CONTRADICTED
+    assert verdicts(found)["error"] == NOT_SEEN
     kept = found._replace(area_ratio=1 + 0.1 * found.error)
-    assert verdicts(kept)["collapse"] == CONTRADICTED
+    assert verdicts(kept)["collapse"] == NOT_SEEN
     lost = verdicts(outcome(both=3.0))
-    assert lost["never_lost"] == lost["power"] == CONTRADICTED
+    assert lost["never_lost"] == lost["power"] == NOT_SEEN
     steady = found._replace(between=0.01 * found.between)
-    assert verdicts(steady)["condensation"] == CONTRADICTED
+    assert verdicts(steady)["condensation"] == NOT_SEEN
 
 
 def test_lost_targets_do_not_count_in_the_tracked_error():

@@ -9,6 +9,7 @@ from jaxpf.files.tables import Rows, Table
 from jaxpf.measures import points as measures
 from jaxpf.papers.eskil2014 import methods, published
 from jaxpf.papers.eskil2014.scenes import Outcome
+from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.judging.estimates import mean_cell
 
 #: A point counts as kept or recovered within this distance, relative to the body's length.
@@ -89,14 +90,16 @@ def scene_table(outcome: Outcome) -> Table:
                 ],
             )
         )
-    scenes = len(outcome.visible)
+    scenes = counted(len(outcome.visible), "scenes")
+    if methods.SPOT in outcome.errors:
+        scenes += f", of SPOT {len(outcome.errors[methods.SPOT])}"
     return Table(
         f"errors_{outcome.scene}",
         f"{outcome.scene}: mean distance over the body's length (%), {num_points} points; "
         "published | measured",
         ["", "all frames", "while hidden", "last 10 frames", "points kept", "recovered (%)"],
         rows,
-        f"{scenes} scenes.  A point is kept if its median distance in the last 10 frames is at "
+        f"{scenes}.  A point is kept if its median distance in the last 10 frames is at "
         f"most {NEAR:g} of the body's length, and recovered if it comes that near within "
         f"{WITHIN} frames of its return, and stays.",
     )

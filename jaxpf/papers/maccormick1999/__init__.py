@@ -44,6 +44,7 @@ PAPER = Paper(
     measure=measure.measure,
     tables=tables.tables,
     quantities=claims.quantities,
+    computed=lambda: {"line": [claims.of_line()]},
     figures=figures.figures,
     notes=NOTES,
 )

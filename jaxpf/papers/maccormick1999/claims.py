@@ -29,7 +29,6 @@ Quantities = dict[str, Quantity]
 def quantities(measured: Measurement) -> dict[str, list[Quantity]]:
     """Key of a claim -> its figures; methods that were not run are omitted."""
     figures = {
-        "line": of_line(),
         "toy": of_toy(measured.toy),
         **of_wires(measured.wires),
         **of_leaves(measured.leaves),

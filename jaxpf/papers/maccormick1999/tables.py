@@ -4,7 +4,7 @@ import numpy as np
 
 from jaxpf.files.tables import Table
 from jaxpf.papers.judging import estimates
-from jaxpf.papers.judging.claims import Quantity
+from jaxpf.papers.judging.claims import Quantity, counted
 from jaxpf.papers.judging.comparison_table import Cell
 from jaxpf.papers.judging.estimates import mean_cell, ratio_of, share_cell
 from jaxpf.papers.maccormick1999 import published
@@ -36,7 +36,7 @@ def meeting_table(meeting: Passing) -> Table:
     """Final positions of the contours of look-alikes."""
     return Table(
         f"figure_4_{meeting.name}",
-        f"Figure 4: {len(meeting.cases)} sequences of {meeting.name}, one run on each, "
+        f"Figure 4: {counted(len(meeting.cases), 'sequences')} of {meeting.name}, one run on each, "
         f"{WIRE_PARTICLES} particles (%)",
         ["likelihood", "both on their own", "both on one", "exchanged"],
         [
@@ -114,7 +114,7 @@ def ess_table(passing: Passing) -> Table:
         f"Figure 11: effective sample size, mean over {published.FIRST_FRAMES} frames",
         ["method", "effective sample size"],
         [(name, [mean_cell(passing.ess(name), 1)]) for name in passing.methods],
-        f"{len(passing.cases)} sequences of leaves; every measurement line counts in full.",
+        f"{counted(len(passing.cases), 'sequences')} of leaves; every line counts in full.",
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 import jaxpf.points
 from jaxpf.dynamics.gaussian import AR2
-from jaxpf.papers.eskil2014.published import PFFL_PARTICLES, SHAPE_SCALE, SIGMA
+from jaxpf.papers.eskil2014.published import PFFL_PARTICLES, SIGMA
 
 PROPOSED, PFFL, SPOT, FLOW = "eskil2014", "PFFL", "SPOT", "Lucas-Kanade"
 PRINTED, WITH_DRIFT = "eskil2014 as printed", "PFFL with drift"
@@ -20,13 +20,7 @@ _MODEL: Mapping[str, Any] = {"window_size": 21, "sigma": 0.1, "momentum": 0.0, "
 #: Options of ``jaxpf.points.tracker`` beside them.
 _OPTIONS: Mapping[str, dict[str, Any]] = {
     PROPOSED: {},
-    PRINTED: {
-        "norm": "sum",
-        "sigma": SIGMA,
-        "shape": "pixels",
-        "shape_scale": SHAPE_SCALE,
-        "drift": "literal",
-    },
+    PRINTED: {"like": "eskil2014"},
     "without drift": {"drift": "none"},
     "without shape": {"shape": "none"},
     "signed drift": {"drift": "signed"},

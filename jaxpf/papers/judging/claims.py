@@ -100,6 +100,10 @@ class Claim(NamedTuple):
         unit: unit of counting, such as "scenes".
         settings: ``PAPERS_OWN`` if every free setting is the paper's or every plausible reading
             was tried; otherwise empty.
+        measure: name of the measure that judges it, see ``jaxpf.papers.judging.measures``; empty
+            if a function of the paper does.
+        variant: whose measure.
+        against: the variant to compare with, or empty.
     """
 
     key: str
@@ -114,6 +118,9 @@ class Claim(NamedTuple):
     digits: int
     unit: str
     settings: str = ""
+    measure: str = ""
+    variant: str = ""
+    against: str = ""
 
 
 class Judged(NamedTuple):
@@ -163,7 +170,7 @@ def _read(row: Mapping[str, str]) -> Claim:
         margin=float(row["margin"] or 0),
         digits=int(row["digits"] or 0),
         unit=row["unit"],
-        settings=row["settings"],
+        **{name: row.get(name, "") for name in Claim._fields[11:]},
     )
 
 

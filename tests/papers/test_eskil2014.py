@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxpf.papers import eskil2014
-from jaxpf.papers.eskil2014 import claims, figures, methods, published, tables
+from jaxpf.papers.eskil2014 import figures, measures, methods, published, tables
 from jaxpf.papers.eskil2014.scenes import Outcome
 from jaxpf.papers.judging.claims import NOT_SEEN, SUPPORTED, judge_all
 
@@ -30,10 +30,10 @@ def made(proposed: float, pffl: float) -> Outcome:
 
 
 def test_claims_follow_the_figures():
-    found = verdicts(claims.quantities({"fish": made(0.02, 0.2)}))
+    found = verdicts(eskil2014.PAPER.quantities({"fish": made(0.02, 0.2)}))
     assert found.pop("fish_together") == NOT_SEEN  # PFFL's error grows from the first frame on
     assert set(found.values()) == {SUPPORTED}
-    turned = verdicts(claims.quantities({"fish": made(0.2, 0.02)}))
+    turned = verdicts(eskil2014.PAPER.quantities({"fish": made(0.2, 0.02)}))
     assert list(turned.values()).count(NOT_SEEN) == 6
 
 
@@ -46,7 +46,7 @@ def test_spot_is_compared_on_the_scenes_that_it_has():
         found = {methods.PROPOSED: 0.02 * noise[0], methods.SPOT: errors * noise[1, :25]}
         found[methods.PFFL] = found[methods.PROPOSED]
         outcome = Outcome(shape, names, found, np.ones((50, 100, len(names)), bool))
-        return verdicts(claims.quantities({shape: outcome}))[f"{shape}_spot"]
+        return verdicts(eskil2014.PAPER.quantities({shape: outcome}))[f"{shape}_spot"]
 
     assert [spot_rows("fish", error) for error in (0.02, 0.2)] == [SUPPORTED, NOT_SEEN]
     assert [spot_rows("skydivers", error) for error in (0.02, 0.9)] == [NOT_SEEN, SUPPORTED]
@@ -66,7 +66,7 @@ def test_a_lost_run_does_not_hide_among_the_others():
     errors[:, 1, :5] = 0.6  # but this one's would be .2
     names = ("head", "left hand", "right hand")
     found = Outcome("skydivers", names, {methods.PROPOSED: errors}, np.ones((30, 40, 3), bool))
-    measured = claims.quantities({"skydivers": found})
+    measured = eskil2014.PAPER.quantities({"skydivers": found})
     (peak,), (near,) = measured["skydivers_peak"], measured["skydivers_near"]
     assert peak.value == pytest.approx((1.5 + 0.6 + 3 * 0.1) / 5, abs=0.02)
     assert verdicts(measured)["skydivers_peak"] == NOT_SEEN
@@ -80,8 +80,8 @@ def test_a_point_that_passes_by_is_not_found_again():
     errors = np.full((2, 45, 1), 0.5)
     errors[0, 30:] = 0.02  # the first run's stays, the second's passes
     errors[1, 35:38] = 0.02
-    np.testing.assert_array_equal(tables.found_again(errors, visible), [1, 0])
-    assert np.isnan(tables.found_again(errors[:, :35], visible[:35])).all()
+    np.testing.assert_array_equal(measures.found_again(errors, visible), [1, 0])
+    assert np.isnan(measures.found_again(errors[:, :35], visible[:35])).all()
 
 
 def test_the_printed_drift_divides_by_the_plain_sum():
@@ -106,7 +106,7 @@ def test_blinks_are_judged_by_the_eyes_alone():
     def verdict(errors):
         found = {methods.PROPOSED: errors}
         face = Outcome("face", (*names, "right lip corner"), found, np.ones((40, 127, 3), bool))
-        return verdicts(claims.quantities({"face": face}))["face_blinks"]
+        return verdicts(eskil2014.PAPER.quantities({"face": face}))["face_blinks"]
 
     errors = np.concatenate([errors, errors[..., :1]], axis=-1)
     errors[0, 0, 28, 0] = 0.3

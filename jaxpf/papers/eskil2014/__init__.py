@@ -3,7 +3,10 @@
 The three sequences on synthetic scenes modelled on them, with ablations and common baselines.
 """
 
-from jaxpf.papers.eskil2014 import claims, figures, measure, methods, tables
+from functools import partial
+
+from jaxpf.papers.eskil2014 import figures, measure, measures, methods, tables
+from jaxpf.papers.judging.measures import quantities
 from jaxpf.papers.paper import Paper
 
 NOTES = (
@@ -30,7 +33,7 @@ PAPER = Paper(
     scenes=50,
     measure=measure.measure,
     tables=tables.tables,
-    quantities=claims.quantities,
+    quantities=partial(quantities, "eskil2014", measures.MEASURES),
     figures=figures.figures,
     notes=NOTES,
 )

@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxpf.boxes.target import BOXES
 from jaxpf.contract.errors import InputError
-from jaxpf.targets.adapter import Adapter, Marks
+from jaxpf.targets.adapter import Adapter, Marks, starts_by_frame
 from jaxpf.targets.target import Start
 
 
@@ -23,7 +23,8 @@ class BoxAdapter(Adapter):
         "boxes": {
             "type": Path,
             "help": "CSV of start boxes, such as frame,id,x,y,w,h.  With that header, or that of a "
-            "tracks.csv, frames and x, y count from 0; without a header, as in MOT files, from 1.",
+            "tracks.csv, frames and x, y count from 0; without a header, as in MOT files, from 1.  "
+            "A box in a later frame starts its object there, or puts it right.",
         },
         "ids": {"type": [int], "help": "Objects of --boxes, such as 1,2,5."},
         "births": {
@@ -52,11 +53,31 @@ class BoxAdapter(Adapter):
             return BOXES.start(np.zeros((0, 4)))
         else:
             raise InputError(
-                "no start box: give --box x,y,w,h for every object, or --boxes FILE.csv "
-                f"(`jaxpf frame {source.path}` saves a frame with a pixel grid to read them off)."
+                "no start box: give --box x,y,w,h for every object, or --boxes FILE.csv.  Draw the "
+                f"start boxes with `jaxpf mark {source.path}`."
             )
         tracks.check_boxes(boxes, source.width, source.height, [f"object {i}" for i in ids])
         return BOXES.start(boxes, ids)
+
+    def later_starts(
+        self, given: Mapping[str, Any], number: int, source: Any
+    ) -> tuple[dict[int, Start], str | None]:
+        """See ``Adapter``: boxes of later frames in the file of --boxes."""
+        from jaxpf.boxes import tracks
+
+        if not given["boxes"]:
+            return {}, None
+        table = tracks.read_boxes(given["boxes"])
+        ids = table.id if given["ids"] is None else given["ids"]
+        named = np.isin(table.id, ids)
+
+        def start_at(frame: int) -> Start:
+            rows = named & (table.frame == frame)
+            names = [f"object {i} in frame {frame}" for i in table.id[rows]]
+            tracks.check_boxes(table.box[rows], source.width, source.height, names)
+            return BOXES.start(table.box[rows], table.id[rows])
+
+        return starts_by_frame(table.frame[named], table.id[named], number, start_at)
 
     def fits_scene(self, scene: Any) -> bool:
         """Every scene has boxes."""

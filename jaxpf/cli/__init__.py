@@ -14,13 +14,15 @@ try:
 except ModuleNotFoundError:  # pragma: no cover - depends on the installed extras
     sys.exit("the command line needs its extra packages: pip install 'jaxpf[cli]'")
 
-# Name -> (module, one-line help).  Stated here so that `jaxpf --help` imports no command.
+# Name -> (module[:command], one-line help).  Stated here so that `jaxpf --help` imports no command.
 _COMMANDS = {
     "example": ("jaxpf.cli.example", "Write a small clip to try, and print how to track it."),
     "track": (
         "jaxpf.cli.tracking.command",
         "Track objects through a video; write tracks, video and plots.",
     ),
+    "mark": ("jaxpf.cli.marking.command:mark", "Draw start boxes and other shapes in the browser."),
+    "view": ("jaxpf.cli.marking.command:view", "Review tracks in the browser, and correct them."),
     "frame": ("jaxpf.cli.frame", "Save one frame with a pixel grid, for reading off boxes."),
     "contour": ("jaxpf.cli.contour", "Learn what contours look like and how they move."),
     "evaluate": (
@@ -52,7 +54,8 @@ class _LazyGroup(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in _COMMANDS:
             return None
-        return importlib.import_module(_COMMANDS[name][0]).command
+        module, _, attribute = _COMMANDS[name][0].partition(":")
+        return getattr(importlib.import_module(module), attribute or "command")
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):

@@ -57,6 +57,7 @@ def command() -> None:
     "which it returns, or the past of all coordinates.",
 )
 @plain.output("File for `jaxpf track --learned`.", "learned.json")
+@plain.overwrite_file
 def learn(
     folder: Path,
     kind: str | None,
@@ -69,6 +70,7 @@ def learn(
     order: int,
     coefficients: str,
     output: Path,
+    overwrite: bool,
 ) -> None:
     """Learn a shape space and dynamics from the contours in FOLDER.
 
@@ -81,7 +83,7 @@ def learn(
     from jaxpf.contours.learned_files import write_learned
     from jaxpf.files.writing import check_output_file
 
-    check_output_file(output)
+    check_output_file(output, overwrite=overwrite)
     annotated = read_annotated(folder, kind, value=value, first=first, last=last)
     use_compile_cache()
     from jaxpf.contours.learning import learn_contours

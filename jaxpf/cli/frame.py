@@ -19,7 +19,10 @@ from jaxpf.cli.shared.plain import PlainCommand
     help="Pixels between grid lines.  [default: by the picture's size]",
 )
 @plain.output("PNG file to write.  [default: NAME-frame-NUMBER.png]")
-def command(video: str, number: int, step: int | None, output: Path | None) -> None:
+@plain.overwrite_file
+def command(
+    video: str, number: int, step: int | None, output: Path | None, overwrite: bool
+) -> None:
     """Save one frame of VIDEO with a pixel grid, to read boxes, points and contours off.
 
     A box is x,y,w,h: the pixel of its top left corner, its width and its height.  VIDEO may be
@@ -28,7 +31,7 @@ def command(video: str, number: int, step: int | None, output: Path | None) -> N
     import cv2
 
     from jaxpf.contract.errors import InputError
-    from jaxpf.files.writing import atomic_write
+    from jaxpf.files.writing import atomic_write, check_output_file
     from jaxpf.media.overlay import draw_pixel_grid
     from jaxpf.media.video import open_frames
 
@@ -41,6 +44,7 @@ def command(video: str, number: int, step: int | None, output: Path | None) -> N
             f"output '{output}' would lie among the frames of '{source.path}'; choose another "
             "--output."
         )
+    check_output_file(output, overwrite=overwrite)
     picture = draw_pixel_grid(next(source.frames(number)), step)
     done, encoded = cv2.imencode(".png", picture[..., ::-1])
     if not done:

@@ -45,8 +45,8 @@ class ContourAdapter(Adapter):
 
         if not given["contours"]:
             raise InputError(
-                "no start contour: give --contours FILE.json with control points "
-                f"(`jaxpf frame {source.path}` saves a frame with a pixel grid to read them off)."
+                "no start contour: give --contours FILE.json with control points.  Draw contours "
+                f"with `jaxpf mark {source.path} --target contours`."
             )
         contours = read_contours(given["contours"])
         learned = None

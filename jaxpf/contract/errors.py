@@ -1,6 +1,8 @@
 """The exception type for errors that the user can fix."""
 
+import os
 from collections.abc import Callable, Collection
+from pathlib import Path
 from typing import Any, NamedTuple
 
 
@@ -72,7 +74,19 @@ def check_type(name: str, value: Any, *kinds: type) -> None:
     """
     if not isinstance(value, kinds):
         wanted = " or ".join(kind.__name__ for kind in kinds)
-        raise InputError(f"{name} is {type(value).__name__}: give a {wanted}.")
+        article = "an" if wanted[0] in "AEIOU" else "a"
+        raise InputError(f"{name} is {type(value).__name__}: give {article} {wanted}.")
+
+
+def check_path(name: str, value: Any) -> Path:
+    """Convert the argument ``name`` to a path, which is text or ``os.PathLike`` and not empty."""
+    try:
+        path = os.fspath(value)
+    except TypeError:
+        path = None
+    if not isinstance(path, str) or not path or "\0" in path:
+        raise InputError(f"{name}={value!r:.60} is not a path; give the name of a file or folder.")
+    return Path(path)
 
 
 def check_tracker(tracker: Any) -> None:

@@ -204,8 +204,9 @@ class DynamicsWithDensity(Dynamics):
     ) -> jax.Array:
         """Log of the density ``[]`` from which ``propagate`` draws ``new`` ``[D]``.
 
-        Leave out dimensions without noise: they have no density, and ``new`` is assumed to follow
-        the deterministic motion there.
+        Leave out dimensions in which all particles hold the same value.  If a direction in which
+        particles differ has no noise, such as the position under a constant velocity, there is no
+        density; ``jaxpf.smooth(..., method="genealogy")`` needs none.
         """
         _check_defined(self, DynamicsWithDensity, "log_density", "log_density_all")
         columns = (x[:, None] for x in (new, current, previous, parent))

@@ -40,8 +40,8 @@ class ParticleState:
             carry no labels.
         log_odds: ``[P]``, log odds that each object is at its estimate, smoothed over past frames;
             None if the likelihood has no ``log_odds``.
-        sources: ``[P, N]`` int32, the particle of the previous frame that each draw continues, for
-            ``jaxpf.filters``; None unless requested.
+        sources: ``[P, N]`` int32, the particle of the previous frame that each draw continues, by
+            partition; None unless ``Partitioned(keep_ancestors=True)`` or a wrapper requests them.
         selections: ``[]``, number of selections in this frame; the initial draws count as one.  A
             selection in some components counts as their share of the particles.  None unless
             requested.

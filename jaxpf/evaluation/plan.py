@@ -74,6 +74,7 @@ class Plan:
             check_type(name, getattr(self, name), Mapping)
         built_in = filters.methods()
         if self.methods is not None:
+            check_type("methods", self.methods, Iterable)
             for method in self.methods:
                 filters.filter_of(method)
             if self.methods or not (self.tracks or self.trackers):

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract.errors import InputError, check_tracker
+from jaxpf.contract.errors import InputError, check_path, check_tracker
 from jaxpf.files.writing import atomic_write
 
 #: Version of the file format; other versions are refused.
@@ -28,9 +28,13 @@ def save(path: str | os.PathLike[str], state: Any) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    if not _leaves(state):
-        raise InputError(f"state is {state!r:.60}, without arrays; give one that a run returned.")
-    arrays = {_STATE + place: _plain(leaf) for place, leaf in _leaves(state)}
+    path = check_path("path", path)
+    try:
+        arrays = {_STATE + place: _plain(leaf) for place, leaf in _leaves(state)}
+    except TypeError:  # of JAX
+        arrays = {}
+    if not arrays:
+        raise InputError(f"state={state!r:.60} holds no arrays; give one that a run returned.")
     with atomic_write(path, "wb") as file:
         np.savez(file, allow_pickle=False, **{_FORMAT_NAME: np.array(_FORMAT)}, **arrays)
 
@@ -73,6 +77,7 @@ def load(path: str | os.PathLike[str], tracker: Any) -> Any:
 
 
 def _content(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
+    path = check_path("path", path)
     try:
         with np.load(path, allow_pickle=False) as file:
             content = {name: file[name] for name in file}

@@ -154,9 +154,13 @@ class LineWriter:
         self.close()
 
 
-def check_output_file(path: str | os.PathLike[str], flag: str = "--output") -> None:
+def check_output_file(
+    path: str | os.PathLike[str], flag: str = "--output", overwrite: bool = False
+) -> None:
     """Check before the work whether a file can be written; ``flag`` names it in messages."""
     path = Path(path)
+    if path.is_file() and not overwrite:
+        raise InputError(f"output file '{path}' exists; choose another {flag} or add --overwrite")
     if path.exists() and not path.is_file():
         what = "a folder" if path.is_dir() else "a device or a pipe"
         raise InputError(f"output file '{path}' is {what}; choose another {flag}")

@@ -29,7 +29,10 @@ def transforms(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
         spread: standard deviations, of the same shape.
 
     Returns:
-        Values from 0 to 1; NaN if an argument is not finite or the spread is not positive.
+        Values from 0 to 1; NaN if an argument is not finite or the spread is 0.
+
+    Raises:
+        InputError: a spread is negative.
     """
     from scipy.special import ndtr
 
@@ -154,5 +157,9 @@ class Reliability:
 def _standard(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
     check_together(offset=offset, spread=spread)
     offset, spread = np.asarray(offset, float), np.asarray(spread, float)
+    if (spread < 0).any():
+        raise InputError(
+            f"spread={np.nanmin(spread):.6g} is negative; give standard deviations, 0 or above."
+        )
     is_given = np.isfinite(offset) & np.isfinite(spread) & (spread > 0)
     return np.where(is_given, offset / np.where(is_given, spread, 1), np.nan)

@@ -6,6 +6,10 @@ from .overlay import (
     draw_spreads as draw_spreads,
     object_colours as object_colours,
 )
+from .page.notebook import (
+    mark as mark,
+    view as view,
+)
 from .plotting import (
     bars_with_intervals as bars_with_intervals,
     colours as colours,

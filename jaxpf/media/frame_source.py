@@ -1,23 +1,18 @@
 """The interface of every source of frames: file, folder or camera."""
 
 from collections.abc import Generator
+from fractions import Fraction
+from numbers import Integral
 from pathlib import Path
+from typing import Any
 
-import cv2
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_type
+from jaxpf.media.clock import Clock
 
 #: Frames per second if the source does not specify it.
 DEFAULT_FPS = 25.0
-
-
-def announced(capture: cv2.VideoCapture) -> tuple[float | None, int | None]:
-    """Frames per second and number of frames according to the container; None where unlikely."""
-    fps, count = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
-    # Above 1000 it is the container's clock rate, not a frame rate.
-    has_fps, has_count = 0 < fps <= 1000, 1 <= count < 1e9
-    return fps if has_fps else None, int(count) if has_count else None
 
 
 class FrameSource:
@@ -33,13 +28,14 @@ class FrameSource:
         is_camera: whether, in addition, frames are dropped if they are not read in time.
         width: of every frame, pixels.
         height: of every frame, pixels.
-        fps: frames per second; 25 for folders and if the container does not specify it.
+        pixel_aspect: width of a pixel over its height.  Coordinates count pixels, whatever their
+            shape.
         frames_expected: number of frames according to the container, often inexact; None if it
             gives none.
         num_frames: exact number of frames; None until known.  Folders know it at once, videos
             after a pass to the end.
-        truncated: True once a pass has shown that the video is cut off or damaged: every
-            decodable frame was yielded, and ``note`` describes the missing rest.
+        truncated: True once a pass has shown that the video is cut off: every decodable frame was
+            yielded, and ``note`` describes the missing rest.
         note: one sentence to show the user, or None.
     """
 
@@ -51,11 +47,21 @@ class FrameSource:
         self.name = name
         self.width = 0
         self.height = 0
-        self.fps = DEFAULT_FPS if fps is None else fps
+        self.pixel_aspect = Fraction(1)
+        self._given_fps = fps
+        self._clock = Clock(DEFAULT_FPS)
         self.frames_expected: int | None = None
         self.num_frames: int | None = None
         self.truncated = False
         self.note: str | None = None
+
+    @property
+    def fps(self) -> float:
+        """Frames per second: as given, else by the time stamps of the latest pass, or 25.
+
+        It is a mean without pauses; ``shown_at`` has the time of each frame.
+        """
+        return self._given_fps or self._clock.rate
 
     def frames(self, start: int = 0) -> Generator[np.ndarray]:
         """Yield the frames from number ``start`` (counting from 0) to the end.
@@ -69,6 +75,7 @@ class FrameSource:
         Raises:
             InputError: ``start`` is negative or past the end, or a frame is unusable.
         """
+        check_type("start", start, Integral)
         if start < 0:
             raise InputError(f"frame {start} of '{self.path}' is negative; frames count from 0")
         if self.num_frames is not None and start >= self.num_frames:
@@ -78,9 +85,12 @@ class FrameSource:
     def shown_at(self, number: int) -> float:
         """Seconds after the first frame at which a frame that has been read is shown.
 
-        The timestamp for a video, whose frame rate may vary; index / fps otherwise.
+        By the time stamps of a video, whose frame rate may vary; number / fps for a folder, or if
+        ``fps`` was given.
         """
-        return number / self.fps
+        if self._given_fps or number >= len(self._clock):
+            return number / self.fps
+        return self._clock[number]
 
     def __iter__(self) -> Generator[np.ndarray]:
         return self.frames()
@@ -93,3 +103,38 @@ class FrameSource:
             f"frame {start} is past the end of '{self.path}', which has {count} frame(s); "
             f"choose one from 0 to {count - 1}"
         )
+
+    def _check_size(self, picture: np.ndarray, number: int) -> None:
+        height, width = picture.shape[:2]
+        if (height, width) != (self.height, self.width):
+            raise InputError(
+                f"'{self.path}' changes its size at frame {number}, from "
+                f"{self.width}x{self.height} to {width}x{height}; convert it to one size"
+            )
+
+    def _describe(self, film: Any) -> None:
+        """Take what a ``Decoder`` knows once its first frame is upright."""
+        self.frames_expected = film.frames_expected
+        self.pixel_aspect = film.pixel_aspect
+        if film.pixel_aspect != 1:
+            self.note = (
+                f"pixels of '{self.path}' are {float(film.pixel_aspect):.3g} times as wide as "
+                "high; coordinates count pixels"
+            )
+
+    def _reached_end(self, film: Any, count: int) -> None:
+        """Judge a ``Decoder`` that has yielded all ``count`` frames."""
+        self.num_frames = count
+        self.truncated = film.is_cut(self._clock.rate)
+        if self.truncated:
+            expected = film.frames_expected
+            self.note = (
+                f"'{self.path}' announces {expected} frames, and {count} can be decoded: it is cut "
+                f"off or damaged after frame {count - 1}; copy or convert it again if the rest "
+                "matters"
+            )
+        elif film.damaged:
+            self.note = (
+                f"'{self.path}' is damaged: {film.damaged} frame(s) are missing or decoded only in "
+                "part; copy it again"
+            )

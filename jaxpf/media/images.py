@@ -1,5 +1,6 @@
 """Single images as frames: sorts them by name and decodes them to RGB."""
 
+import contextlib
 import itertools
 import re
 import statistics
@@ -15,6 +16,8 @@ from jaxpf.media.quiet import quiet_opencv
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
 #: Share of pixels that change as edges and noise do, above which a picture is a photograph.
 _OF_PHOTOGRAPH = 0.25
+#: Number of images that are read to know the range of 16 bits.
+_SAMPLED = 9
 VIDEO_SUFFIXES = (".avi", ".mkv", ".mov", ".mp4", ".webm", ".wmv")
 
 
@@ -180,15 +183,20 @@ def frames_inside(folder: Path) -> Path | None:
     return None
 
 
-def full_range(path: Path) -> int:
-    """Return the value of white in a 16-bit image: 65535, or 4095 for 12-bit data.
+def full_range(files: Sequence[Path]) -> int:
+    """Return the value of white in images of 16 bits: 65535, or 4095 for 12-bit data.
 
-    Cameras store 12 bits in 16-bit images; an image with no pixel above 4095 counts as 12-bit.
+    Cameras store 12 bits in 16-bit images.  The images count as 12-bit if no pixel of some of
+    them, spread evenly, is above 4095.
     """
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)  # alpha is full anyway
-    if image is None or image.dtype != np.uint16:
-        return 65535
-    return 4095 if 255 < image.max() <= 4095 else 65535
+    places = np.unique(np.linspace(0, len(files) - 1, _SAMPLED).astype(int))
+    highest = 0
+    for place in places:
+        image = _decode(files[place])
+        if image.dtype != np.uint16:
+            break
+        highest = max(highest, int(image.max()))
+    return 4095 if 255 < highest <= 4095 else 65535
 
 
 def read_image(path: Path, most: int = 65535) -> np.ndarray:
@@ -196,22 +204,36 @@ def read_image(path: Path, most: int = 65535) -> np.ndarray:
 
     Args:
         path: the file.
-        most: value of white in a 16-bit image, see ``full_range``.
+        most: value of white in a 16-bit image, see ``full_range``; a higher value is refused.
     """
+    image = _decode(path)
+    if image.dtype == np.uint16:
+        if (highest := image.max()) > most:
+            raise InputError(
+                f"'{path}' has a value of {highest}, and the images before it are of 12 bits, at "
+                f"most {most}; save all with the same number of bits"
+            )
+        image = ((image.astype(np.uint32) * 255 + most // 2) // most).astype(np.uint8)
+    return to_rgb(image, path)
+
+
+def _decode(path: Path) -> np.ndarray:
+    """Decode to BGR [H, W, 3] of 8 or 16 bits; alpha is dropped."""
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise InputError(f"cannot read image '{path}': {error.strerror}; remove it") from error
+        reason = (error.strerror or str(error)).lower()
+        raise InputError(f"cannot read image '{path}': {reason}; remove it") from error
     image = None
     if data:
-        with quiet_opencv():
-            image = cv2.imdecode(
-                np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
-            )
+        flags = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
+        with quiet_opencv(), contextlib.suppress(cv2.error):  # as if beyond 2^30 pixels
+            image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     if image is None:
-        state = "damaged, of 32 bits per channel, or not an image" if data else "empty (0 bytes)"
+        wrong = "damaged, too large (2^30 pixels), of 32 bits per channel, or not an image"
+        state = wrong if data else "empty (0 bytes)"
         raise InputError(f"image '{path}' cannot be decoded: it is {state}; replace or remove it")
-    return to_rgb(image, path, most)
+    return image
 
 
 def check_single(path: Path) -> None:
@@ -226,14 +248,11 @@ def check_single(path: Path) -> None:
             )
 
 
-def to_rgb(image: np.ndarray, path: Path | str, most: int = 65535) -> np.ndarray:
-    """Convert OpenCV's BGR [H, W, 3] or grey [H, W], 8 or 16 bits, to uint8 RGB [H, W, 3].
+def to_rgb(image: np.ndarray, path: Path | str) -> np.ndarray:
+    """Convert OpenCV's BGR [H, W, 3] or grey [H, W] of 8 bits to uint8 RGB [H, W, 3].
 
     ``path`` names the image in messages.
     """
-    if image.dtype == np.uint16:
-        scaled = (image.astype(np.uint32) * 255 + most // 2) // most
-        image = np.minimum(scaled, 255).astype(np.uint8)
     if image.dtype != np.uint8:
         raise InputError(
             f"'{path}' holds {image.dtype} pixels; convert it to 8 or 16 bits per channel"

@@ -1,43 +1,49 @@
 """Live frames of cameras, streams and pipes, read once, in a separate thread."""
 
 import collections
+import contextlib
+import numbers
 import os
 import re
 import threading
 import time
 from collections.abc import Generator
 from pathlib import Path
-from typing import Any
 from urllib.parse import urlsplit
 
 import cv2
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_path
 from jaxpf.contract.numbers import check_whole
-from jaxpf.media.frame_source import FrameSource, announced
+from jaxpf.media.clock import Clock
+from jaxpf.media.decoder import Decoder, NoFilm
+from jaxpf.media.frame_source import DEFAULT_FPS, FrameSource
 from jaxpf.media.images import to_rgb
 from jaxpf.media.quiet import quiet_opencv
 
 # At least two letters: a single one is a Windows drive.
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://")
-#: Timeout of a stream in milliseconds, for opening and for each frame.
-_PATIENCE = 10_000
+#: Timeout of a stream in seconds, for opening and for each frame.
+_PATIENCE = 10.0
 #: Maximum queue of a stream's frames: absorbs uneven pace, needs little memory.
 _WAITING = 4
 #: Polling interval for Ctrl-C in seconds, because waiting itself may not be interruptible.
 _LOOK = 0.2
 
+#: Time stamp in seconds, None if it is missing, and picture.
+_Frame = tuple[float | None, np.ndarray]
+
 
 def live_address(source: str | os.PathLike[str] | int) -> str | int | None:
     """Return a camera's index, or the address of a stream, device or pipe; None for other paths."""
-    if isinstance(source, int):
+    if isinstance(source, numbers.Integral):
         check_whole("path", source, 0)  # OpenCV crashes at -1
-        return source
-    text = os.fspath(source)
+        return int(source)
+    path = check_path("path", source)
+    text = f"{source}"
     if _URL.match(text):
         return text
-    path = Path(text)
     if path.is_fifo() or _is_camera(path):
         return text
     # More digits than an index can have: probably a missing file.
@@ -69,23 +75,25 @@ class LiveSource(FrameSource):
         super().__init__(shown, name, fps)
         self.is_camera = isinstance(address, int) or _is_camera(Path(address))
         self._noun = "camera" if self.is_camera else "stream"
-        self._address, self._fps_given = address, fps
-        self.num_left_out = 0
-        self._waiting: collections.deque[np.ndarray] = collections.deque()
+        self._address = address
+        self._film: Decoder | None = None
+        self.num_left_out = self._counted_from = 0
+        self._latest: float | None = None
+        self._waiting: collections.deque[_Frame] = collections.deque()
         self._news = threading.Condition()
-        self._opened = self._ended = self._closed = self._begun = self._silent = False
+        self._opened = self._ended = self._closed = self._begun = False
         self._error: Exception | None = None
         # A daemon thread, so that a silent source cannot keep the program from ending.
         threading.Thread(target=self._read_all, daemon=True).start()
         try:
-            frame = self._next()
-            if frame is None:
+            first = self._next()
+            if first is None:
                 raise self._no_picture()
         except BaseException:
             self.close()
             raise
-        self.height, self.width = frame.shape[:2]
-        self._first: np.ndarray | None = frame
+        self.height, self.width = first[1].shape[:2]
+        self._first: _Frame | None = first
 
     def close(self) -> None:
         """Stop reading; further calls do nothing."""
@@ -93,26 +101,39 @@ class LiveSource(FrameSource):
             self._closed = True
             self._news.notify_all()
 
+    def count_from(self, number: int) -> None:
+        """Give the latest camera frame this number; numbers and times go on from it."""
+        self.num_left_out, self._counted_from = 0, number
+        self._clock = Clock(self._clock.rate)
+        self._clock.add(self._latest)
+
+    def shown_at(self, number: int) -> float:
+        """See ``FrameSource``; frames of a camera are shown when they arrive."""
+        return super().shown_at(number - self._counted_from)
+
     def _frames(self, start: int) -> Generator[np.ndarray]:
         if self._begun:
             raise InputError(f"the frames of {self._noun} '{self.path}' come once; open it again")
         self._begun = True
-        count, frame = 0, self._first
+        count, following = 0, self._first
         self._first = None
         try:
-            while frame is not None:
-                if frame.shape[:2] != (self.height, self.width):
-                    raise InputError(
-                        f"{self._noun} '{self.path}' changes its size at frame {count}, from "
-                        f"{self.width}x{self.height} to {frame.shape[1]}x{frame.shape[0]}; send "
-                        "one size"
-                    )
+            while following is not None:
+                self._latest, frame = following
+                self._clock.add(self._latest)
+                self._check_size(frame, count)
                 count += 1
                 if count > start:
                     yield frame
-                frame = self._next()
+                following = self._next()
             self.num_frames = count
-            self._compare(count)
+            if self._film is not None:
+                self._reached_end(self._film, count)
+                if self._film.was_silent and not self.truncated:
+                    self.note = (
+                        f"stream '{self.path}' sent nothing for {_PATIENCE:g} s after frame "
+                        f"{count - 1}, and was taken to have ended"
+                    )
             if count <= start:
                 raise self._past_the_end(start, count)
         finally:
@@ -123,21 +144,7 @@ class LiveSource(FrameSource):
                     "were tracked, and were left out; fewer particles or --no-overlay may keep up"
                 )
 
-    def _compare(self, count: int) -> None:
-        expected = self.frames_expected
-        if expected is not None and count < expected - max(2, expected // 100):
-            self.truncated = True
-            self.note = (
-                f"stream '{self.path}' announces {expected} frames, and {count} came: it broke "
-                f"off after frame {count - 1}"
-            )
-        elif self._silent:
-            self.note = (
-                f"stream '{self.path}' sent nothing for {_PATIENCE / 1000:g} s after frame "
-                f"{count - 1}, and was taken to have ended"
-            )
-
-    def _next(self) -> np.ndarray | None:
+    def _next(self) -> _Frame | None:
         """Return the next frame, or None after the last one."""
         with self._news:
             while not (self._waiting or self._ended):
@@ -153,15 +160,19 @@ class LiveSource(FrameSource):
     def _read_all(self) -> None:
         """Read frames into the queue; runs in the thread."""
         try:
-            with quiet_opencv():
-                capture = _capture(self._address)
-            try:
-                if capture.isOpened():
-                    self._describe(capture)
-                    self._opened = True
-                    self._read_frames(capture)
-            finally:
-                capture.release()
+            pictures = self._of_camera() if self.is_camera else self._of_stream()
+            with contextlib.closing(pictures):
+                for frame in pictures:
+                    with self._news:
+                        while len(self._waiting) >= _WAITING and not self._closed:
+                            self._news.wait()
+                        if self._closed:
+                            return
+                        if self.is_camera and self._waiting:
+                            self._waiting.clear()
+                            self.num_left_out += 1
+                        self._waiting.append(frame)
+                        self._news.notify_all()
         except Exception as error:  # raised by ``_next``
             self._error = error
         finally:
@@ -169,30 +180,35 @@ class LiveSource(FrameSource):
                 self._ended = True
                 self._news.notify_all()
 
-    def _describe(self, capture: Any) -> None:
-        rate, count = announced(capture)
-        self.fps = self._fps_given or rate or self.fps
-        self.frames_expected = None if self.is_camera else count
-
-    def _read_frames(self, capture: Any) -> None:
-        while not self._closed:
-            asked = time.monotonic()
-            with quiet_opencv():
+    def _of_camera(self) -> Generator[_Frame]:
+        with quiet_opencv():
+            capture = cv2.VideoCapture(self._address)
+        try:
+            self._opened = capture.isOpened()
+            rate = capture.get(cv2.CAP_PROP_FPS)
+            self._clock = Clock(rate if 0 < rate <= 1000 else DEFAULT_FPS)
+            while self._opened:
                 decoded, frame = capture.read()
-            patient = time.monotonic() - asked > 0.9 * _PATIENCE / 1000
-            # An incomplete last frame is decoded only after the timeout; then the stream ends.
-            self._silent = patient or (self._silent and not decoded)
-            if not decoded:
-                return
-            frame = to_rgb(frame, self.path)
-            with self._news:
-                while len(self._waiting) >= _WAITING and not (self.is_camera or self._closed):
-                    self._news.wait()
-                if self.is_camera and self._waiting:
-                    self._waiting.clear()
-                    self.num_left_out += 1
-                self._waiting.append(frame)
-                self._news.notify_all()
+                if not decoded:
+                    return
+                yield time.monotonic(), to_rgb(frame, self.path)
+        finally:
+            capture.release()
+
+    def _of_stream(self) -> Generator[_Frame]:
+        is_address = isinstance(self._address, str) and _URL.match(self._address)
+        try:
+            film = Decoder(str(self._address), _PATIENCE if is_address else None, threads=False)
+        except NoFilm:
+            return
+        with film:
+            self._opened, self._clock = True, Clock(film.rate or DEFAULT_FPS)
+            for stamp, frame in film.frames():
+                picture = film.upright(frame)
+                if self._film is None:
+                    self._film = film
+                    self._describe(film)
+                yield stamp, picture
 
     def _no_picture(self) -> InputError:
         if self.is_camera:
@@ -202,23 +218,12 @@ class LiveSource(FrameSource):
                 f"camera '{self.path}' {does}; check that it is plugged in, that you may use it "
                 f"and that no other program does{index}"
             )
-        does = "sends no picture that OpenCV can decode" if self._opened else "does not open"
+        does = "sends no picture that can be decoded" if self._opened else "does not open"
         if isinstance(self._address, str) and _URL.match(self._address):
-            check = "check the address, that it is being sent, and that OpenCV knows its protocol"
+            check = "check the address, that it is being sent, and that PyAV knows its protocol"
         else:
             check = "check what is written into it: a format that streams, of a known protocol"
         return InputError(f"stream '{self.path}' {does}; {check} and codec")
-
-
-def _capture(address: str | int) -> Any:
-    if isinstance(address, str) and _URL.match(address):
-        patience = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _PATIENCE]
-        patience += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, _PATIENCE]
-        return cv2.VideoCapture(address, cv2.CAP_FFMPEG, patience)
-    if isinstance(address, str) and Path(address).is_fifo():
-        # Other backends would reopen the pipe and wait for a writer that is already gone.
-        return cv2.VideoCapture(address, cv2.CAP_FFMPEG)
-    return cv2.VideoCapture(address)
 
 
 def _is_camera(path: Path) -> bool:

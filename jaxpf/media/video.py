@@ -3,17 +3,19 @@
 Frames are uint8 RGB arrays [H, W, 3].  See :mod:`jaxpf.media.live` for live sources.
 """
 
-import math
+import itertools
 import os
 from collections.abc import Generator, Sequence
-from numbers import Real
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from jaxpf.contract.errors import InputError, check_type
-from jaxpf.media.frame_source import DEFAULT_FPS, FrameSource, announced
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_number
+from jaxpf.files.writing import report_os_errors
+from jaxpf.media.clock import Clock
+from jaxpf.media.decoder import Decoder, NoFilm
+from jaxpf.media.frame_source import DEFAULT_FPS, FrameSource
 from jaxpf.media.images import (
     IMAGE_SUFFIXES,
     check_consecutive,
@@ -23,17 +25,16 @@ from jaxpf.media.images import (
     full_range,
     pictures_in,
     read_image,
-    to_rgb,
 )
 from jaxpf.media.live import LiveSource, live_address
-from jaxpf.media.quiet import quiet_opencv
-from jaxpf.media.sizes import SizeWatch
 from jaxpf.media.video_writer import VideoWriter
 
 __all__ = ["DEFAULT_FPS", "FrameSource", "VideoWriter", "open_frames"]
 
 # Signatures of common containers; used only to distinguish "damaged" from "not a video".
 _CONTAINERS = ((4, b"ftyp", "MP4"), (8, b"AVI ", "AVI"), (0, b"\x1a\x45\xdf\xa3", "WebM or MKV"))
+#: Number of frames that are decoded on opening.
+_SHOWN = 16
 
 
 def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) -> FrameSource:
@@ -43,15 +44,20 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
     (``img2.png`` before ``img10.png``); hidden files are skipped.  The numbers in their names
     must have a constant step.  Grey becomes RGB with three equal channels.  Alpha is
     dropped and the stored colours are kept, even where transparent.  16 bits per channel are
-    scaled to 8, full range to full range; if no value of the first image is above 4095, the full
-    range is 12 bits.  Rotation marks of cameras (EXIF, video metadata) are applied.
+    scaled to 8, full range to full range, which is 12 bits if some images are sampled and no value
+    is above 4095; a later image that contradicts this is refused.
+
+    Frames are turned and mirrored as EXIF and video metadata say.  Those of interlaced video are
+    whole, with both fields, as stored; a film to be deinterlaced must be converted.  Frames keep
+    their stored size where pixels are not square (``pixel_aspect``): coordinates count pixels.
+    Videos and streams need PyAV.
 
     Live sources are a camera by index (from 0, unless a file has that name) or device, a stream
-    by address (``http://``, ``rtsp://``, ...) and a pipe, if OpenCV can open them.
+    by address (``http://``, ``rtsp://``, ...) and a pipe.
 
     Args:
-        path: a video in any format that OpenCV decodes, a folder, or a live source.
-        fps: frames per second, overriding the container's value.
+        path: a video in any format that PyAV decodes, a folder, or a live source.
+        fps: frames per second, in place of time stamps; 25 for a folder.
 
     Returns:
         A source that has at least one frame.
@@ -61,28 +67,24 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
     """
     if path == "":
         raise InputError("no video is named; give its path, or . for the images in this folder")
-    address = live_address(path)
-    path = Path(f"{path}")
     if fps is not None:
-        check_type("fps", fps, Real)
-    if fps is not None and not (math.isfinite(fps) and fps > 0):
-        raise InputError(f"fps {fps} for '{path}' is not a positive number; give one such as 25")
+        check_number("fps", fps, above=0)
+    with report_os_errors("read", f"{path}"):
+        address = live_address(path)
     if address is not None:
         return LiveSource(address, fps)
+    path = Path(f"{path}")
     check_name(path)
-    if path.is_dir():
-        return _ImageFolder(path, fps)
-    if not path.exists():
-        raise InputError(
-            f"there is no video or folder at '{path}'; check the path (current folder: "
-            f"'{Path.cwd()}')"
-        )
-    try:
-        beginning = _read_beginning(path)
-    except OSError as error:
-        raise InputError(
-            f"cannot read '{path}': {(error.strerror or str(error)).lower()}; check its permissions"
-        ) from error
+    with report_os_errors("read", f"{path}"):
+        if path.is_dir():
+            return _ImageFolder(path, fps)
+        if not path.exists():
+            raise InputError(
+                f"there is no video or folder at '{path}'; check the path (current folder: "
+                f"'{Path.cwd()}')"
+            )
+        with open(path, "rb") as file:
+            beginning = file.read(16)
     if not beginning:
         raise InputError(f"video '{path}' is empty (0 bytes); copy or record it again")
     if path.suffix.lower() in IMAGE_SUFFIXES:
@@ -90,9 +92,6 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
         raise InputError(
             f"'{path}' is a single image; give the folder that holds the images, or a video"
         )
-    if _is_text(beginning):
-        # FFmpeg would render the text as pictures.
-        raise InputError(f"'{path}' is a text file; give a video or a folder of images")
     return _VideoFile(path, fps, beginning)
 
 
@@ -109,98 +108,41 @@ def open_pictures(files: Sequence[Path], fps: float | None = None) -> FrameSourc
 
 
 class _VideoFile(FrameSource):
-    """A file decoded by OpenCV."""
+    """A file decoded by PyAV."""
 
     def __init__(self, path: Path, fps: float | None, beginning: bytes):
         super().__init__(path, path.stem, fps)
-        capture, frame, rate = self._open(), None, None
+        picture = None
         try:
-            with quiet_opencv():
-                if capture.isOpened():
-                    rate, self.frames_expected = announced(capture)
-                    frame = capture.read()[1]
-        finally:
-            capture.release()
-        if frame is None:
-            raise _undecodable(path, beginning)
+            with Decoder(path) as film:
+                self._clock = Clock(film.rate or DEFAULT_FPS)
+                # Some headers give a clock rate as frame rate, so the first frames show it.
+                for stamp, frame in itertools.islice(film.frames(), _SHOWN):
+                    self._clock.add(stamp)
+                    if picture is None:
+                        picture = film.upright(frame)
+                        self._describe(film)
+        except NoFilm as error:
+            raise _undecodable(path, beginning, str(error)) from error
+        if picture is None:
+            raise _undecodable(path, beginning, "")
         # From a decoded frame, because rotation can swap the header's width and height.
-        self.height, self.width = frame.shape[:2]
-        self._announced_fps = rate or DEFAULT_FPS
-        self.fps = fps or self._announced_fps
-        self._has_timestamps = fps is None
-        self._seconds: list[float] = []  # timestamps of the frames read in the latest pass
-
-    def _open(self) -> cv2.VideoCapture:
-        with quiet_opencv():
-            # An absolute path, because FFmpeg reads text before a colon as a protocol.
-            return cv2.VideoCapture(str(Path(self.path).absolute()))
-
-    def shown_at(self, number: int) -> float:
-        """See ``FrameSource``; a given ``fps`` replaces the timestamps."""
-        if not self._has_timestamps or not 0 < number < len(self._seconds):
-            return super().shown_at(number)
-        shown = self._seconds[number] - self._seconds[0]
-        is_later = math.isfinite(shown) and self._seconds[number] > self._seconds[number - 1]
-        return shown if is_later else super().shown_at(number)
+        self.height, self.width = picture.shape[:2]
 
     def _frames(self, start: int) -> Generator[np.ndarray]:
-        capture, watch = self._open(), SizeWatch(self.path, start)
-        self._seconds = seconds = []
-        try:
-            for skipped in range(start):
-                with quiet_opencv():
-                    decoded = capture.grab()
-                seconds.append(capture.get(cv2.CAP_PROP_POS_MSEC) / 1000)
-                if not decoded:
-                    self._reached_end(skipped, last_time=0.0)
-                    raise self._past_the_end(start, skipped)
-            count, last_time = start, 0.0
-            while True:
-                with quiet_opencv():
-                    decoded, frame = capture.read()
-                if not decoded:
-                    break
-                if change := watch.change():
-                    raise InputError(
-                        f"video '{self.path}' changes its size at frame {count}, from {change}; "
-                        "convert it to one size"
-                    )
-                last_time = capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
-                seconds.append(last_time)
+        clock = self._clock = Clock(self._clock.rate)
+        count = 0
+        with Decoder(self.path) as film:
+            for stamp, frame in film.frames():
+                clock.add(stamp)
+                if count >= start:
+                    picture = film.upright(frame)
+                    self._check_size(picture, count)
+                    yield picture
                 count += 1
-                yield to_rgb(frame, self.path)
-            if count == start:
-                self._reached_end(count, last_time)
-                raise self._past_the_end(start, count)
-            self._reached_end(count, last_time)
-        finally:
-            watch.close()
-            capture.release()
-
-    def _reached_end(self, count: int, last_time: float) -> None:
-        """Compare the number of decoded frames, ``count``, with the announced number."""
-        self.num_frames = count
-        expected = self.frames_expected
-        if expected is None or count >= expected:
-            return
-        tolerance = max(2, expected // 100)
-        # If the announced count is only duration times rate, a variable frame rate makes it wrong,
-        # but the last timestamp still lies at the announced end.
-        end = (last_time * self._announced_fps) + 1
-        what = f"'{self.path}' announces {expected} frames, and {count} can be decoded"
-        if expected - count <= tolerance:
-            self.note = f"{what}; such a small difference is usually rounding by the container"
-        elif end >= expected - tolerance:
-            self.note = (
-                f"{what}, up to its announced end: the frame rate varies, or frames within it "
-                "are damaged"
-            )
-        else:
-            self.truncated = True
-            self.note = (
-                f"{what}: it is cut off or damaged after frame {count - 1}; copy or convert it "
-                "again if the rest matters"
-            )
+            self._reached_end(film, count)
+        if count <= start:
+            raise self._past_the_end(start, count)
 
 
 class _ImageFolder(FrameSource):
@@ -225,9 +167,9 @@ class _ImageFolder(FrameSource):
             check_name(entry)
             check_single(entry)
         self.frames_expected = self.num_frames = len(self._files)
-        self.height, self.width = read_image(self._files[0]).shape[:2]
-        self._most = full_range(self._files[0])
-        if self._most == 4095:
+        self._most = full_range(self._files)
+        self.height, self.width = read_image(self._files[0], self._most).shape[:2]
+        if self._most < 65535:
             self.note = f"no value in '{self._files[0]}' is above 4095, so its 16 bits count as 12"
         if len(files) == 1:
             self.note = f"folder '{path}' holds {content}"
@@ -244,32 +186,11 @@ class _ImageFolder(FrameSource):
             yield frame
 
 
-def _read_beginning(path: Path) -> bytes:
-    with open(path, "rb") as file:
-        return file.read(4096)
-
-
-def _is_text(beginning: bytes) -> bool:
-    if beginning.startswith(b"YUV4MPEG2"):
-        return False
-    if any(byte < 32 and byte not in b"\b\t\n\f\r\x1b" for byte in beginning):
-        return False
-    try:
-        beginning.decode("utf-8")
-    except UnicodeDecodeError as error:
-        # The bytes read may end within a character.
-        return error.start >= len(beginning) - 3
-    return True
-
-
-def _undecodable(path: Path, beginning: bytes) -> InputError:
-    for offset, magic, container in _CONTAINERS:
-        if beginning[offset : offset + len(magic)] == magic:
-            return InputError(
-                f"video '{path}' cannot be decoded: it begins as {container} but is cut off, "
-                "damaged or in a codec that OpenCV lacks; copy it again or convert it"
-            )
+def _undecodable(path: Path, beginning: bytes, why: str) -> InputError:
+    known = [kind for at, magic, kind in _CONTAINERS if beginning[at:].startswith(magic)]
+    if why or known:
+        why = why or f"it begins as {known[0]} but is cut off or damaged"
+        return InputError(f"video '{path}' cannot be decoded: {why}; copy it again or convert it")
     return InputError(
-        f"'{path}' is not a video that OpenCV can read; give a video (mp4, avi, webm, mkv) or a "
-        "folder of images"
+        f"'{path}' is not a video; give a video (mp4, avi, webm, mkv) or a folder of images"
     )

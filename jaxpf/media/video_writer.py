@@ -2,23 +2,26 @@
 
 import math
 import os
+from contextlib import suppress
 from fractions import Fraction
 from numbers import Real
-from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
-from jaxpf.contract.errors import InputError, check_type
-from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.errors import InputError, check_path, check_type
+from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.files.writing import report_os_errors, temporary_sibling
 
 # With this preset a 640x480 frame takes 2 ms on one core, and a file half as large again as with
 # "superfast", which takes 5 ms; "crf" fixes the quality whatever the file size.
 _ENCODER, _SETTINGS = "libx264", {"preset": "ultrafast", "crf": "22"}
-# The index comes first: browsers play while loading.
-_CONTAINER = {"movflags": "+faststart"}
+# The index grows with every frame, so that the video can be played even if the program is killed;
+# on closing it becomes one, which every player reads.
+_CONTAINER = {"movflags": "+hybrid_fragmented+frag_every_frame", "flush_packets": "1"}
+#: Unit of times in seconds; divides the usual frame rates.
+_TICK = Fraction(1, 90_000)
 # Lowest frame rate; containers cannot store much longer frame durations.
 _SLOWEST = 0.0001
 # Largest width and height, pixels; that of H.264.
@@ -30,16 +33,23 @@ _BT601, _LIMITED = 6, 1
 class VideoWriter:
     """Writes frames to a ``.mp4`` file (H.264), which every browser and player supports.
 
-    Use it as a context manager.  The video is written under a temporary name in the same folder and
-    renamed on close, even if Ctrl-C or an error ends the block: the frames written up to then form
-    a playable video.  If there are no frames, or encoding fails, no file is left.
+    Use it as a context manager.  The video gets its name, and replaces an earlier one, with its
+    first frame.  It can be played whenever the program ends: the frames written up to then form a
+    video.  If there are no frames, or encoding fails, no file is left.
 
     Attributes:
         path: the final name.
         num_frames: number of frames written.
     """
 
-    def __init__(self, path: str | os.PathLike[str], width: int, height: int, fps: float):
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        width: int,
+        height: int,
+        fps: float,
+        pixel_aspect: Fraction | float = 1,
+    ):
         """Open the video.
 
         Args:
@@ -48,11 +58,12 @@ class VideoWriter:
                 last column or row, because the codec requires even sizes.
             height: of the frames, pixels.
             fps: frames per second.
+            pixel_aspect: width of a pixel over its height, as players show it.
 
         Raises:
             InputError: the name, rate or folder is unusable, or the codec is missing.
         """
-        self.path = Path(path)
+        self.path = check_path("path", path)
         if self.path.suffix.lower() != ".mp4":
             raise InputError(f"video '{path}' must end in .mp4; rename the output")
         check_type("fps", fps, Real)
@@ -62,6 +73,9 @@ class VideoWriter:
             )
         for name, size in (("width", width), ("height", height)):
             check_whole(name, size, most=_LARGEST)
+        check_type("pixel_aspect", pixel_aspect, Real)
+        check_number("pixel_aspect", float(pixel_aspect), above=0)
+        self._period, self._latest = 1 / fps, -1
         self.num_frames = 0
         self._shape = (height, width, 3)
         self._padding = (height % 2, width % 2)
@@ -71,12 +85,14 @@ class VideoWriter:
         with report_os_errors("write", self.path):
             self._temporary.touch()
         try:
-            self._container, self._stream = self._open(Fraction(fps).limit_denominator(60_000))
+            rate = Fraction(fps).limit_denominator(60_000)
+            aspect = Fraction(pixel_aspect).limit_denominator(1000)
+            self._container, self._stream = self._open(rate, aspect)
         except BaseException:
             self._temporary.unlink(missing_ok=True)
             raise
 
-    def _open(self, rate: Fraction) -> tuple[Any, Any]:
+    def _open(self, rate: Fraction, pixel_aspect: Fraction) -> tuple[Any, Any]:
         try:
             import av
         except ModuleNotFoundError:
@@ -91,6 +107,7 @@ class VideoWriter:
             stream.options = _SETTINGS
             stream.pix_fmt = "yuv420p"
             context = stream.codec_context
+            context.time_base, context.sample_aspect_ratio = _TICK, pixel_aspect
             context.colorspace, context.color_range = _BT601, _LIMITED
             context.open()
         except av.codec.codec.UnknownCodecError:
@@ -106,8 +123,12 @@ class VideoWriter:
             ) from None
         return container, stream
 
-    def write(self, frame: np.ndarray) -> None:
-        """Append one frame, uint8 RGB [height, width, 3]; the caller may change it afterwards.
+    def write(self, frame: np.ndarray, time: float | None = None) -> None:
+        """Append one frame.
+
+        Args:
+            frame: uint8 RGB [height, width, 3]; the caller may change it afterwards.
+            time: when to show it, seconds after the first; by default its number / ``fps``.
 
         Raises:
             InputError: a frame could not be encoded or written, or has another shape or type.
@@ -124,10 +145,16 @@ class VideoWriter:
         if any(self._padding):
             bottom, right = self._padding
             frame = cv2.copyMakeBorder(frame, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
+        time = self.num_frames * self._period if time is None else time
+        check_number("time", time, least=0)
+        self._latest = max(round(time / _TICK), self._latest + 1)
         if self._error is None:
             self._attempt(self._encode, cv2.cvtColor(frame, cv2.COLOR_RGB2YUV_I420))
         self._report()
         self.num_frames += 1
+        if self._temporary.exists():
+            with suppress(OSError):  # Windows renames no open file; ``close`` does
+                os.replace(self._temporary, self.path)
 
     def close(self) -> None:
         """Finish the file and rename it to its final name; further calls do nothing.
@@ -149,9 +176,11 @@ class VideoWriter:
     def _give_name(self) -> None:
         if self._error is not None or not self.num_frames:
             self._temporary.unlink(missing_ok=True)
-            return
-        with report_os_errors("write", self.path):
-            os.replace(self._temporary, self.path)
+            if self.num_frames:
+                self.path.unlink(missing_ok=True)
+        elif self._temporary.exists():
+            with report_os_errors("write", self.path):
+                os.replace(self._temporary, self.path)
 
     def _report(self) -> None:
         if self._error is not None:
@@ -165,6 +194,9 @@ class VideoWriter:
         import av
 
         frame = None if picture is None else av.VideoFrame.from_ndarray(picture, "yuv420p")
+        if frame is not None:
+            frame.pts, frame.time_base = self._latest, _TICK
+            frame.duration = round(self._period / _TICK)
         self._container.mux(self._stream.encode(frame))
 
     def _attempt(self, action: Any, *arguments: Any) -> None:

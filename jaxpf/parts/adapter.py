@@ -35,7 +35,10 @@ class PartAdapter(Adapter):
 
         path = given["parts_file"]
         if path is None:
-            raise InputError("no parts: give --parts-file FILE.csv.")
+            raise InputError(
+                "no parts: give --parts-file FILE.csv.  Draw parts with "
+                f"`jaxpf mark {source.path} --target parts`."
+            )
         parts = read_parts(path)
         for name, (x, y, _) in zip(parts.names, parts.poses, strict=True):
             if not (0 <= x < source.width and 0 <= y < source.height):

@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.points.target import POINTS
-from jaxpf.targets.adapter import Adapter, Marks
+from jaxpf.targets.adapter import Adapter, Marks, starts_by_frame
 from jaxpf.targets.target import Start
 
 #: Default spacing of a grid of points, pixels.
@@ -22,7 +22,11 @@ class PointAdapter(Adapter):
     example = "--point 120,80,nose --point 161,95,shoulder"
     start_flags: Mapping[str, Mapping[str, Any]] = {
         "point": {"multiple": True, "metavar": "X,Y[,NAME]", "help": "A start point; repeat it."},
-        "points": {"type": Path, "help": "CSV of start points: lines x,y or x,y,name."},
+        "points": {
+            "type": Path,
+            "help": "CSV of start points: lines x,y or x,y,name.  With the header frame,id,x,y a "
+            "point in a later frame starts there, or is put right.",
+        },
         "mask": {
             "type": Path,
             "help": "A picture of the start frame's size; a grid of points starts where it is not "
@@ -41,8 +45,7 @@ class PointAdapter(Adapter):
         if not said:
             raise InputError(
                 "no start point: give --point x,y for every point, --points FILE.csv or --mask "
-                f"PICTURE (`jaxpf frame {source.path}` saves a frame with a pixel grid to read "
-                "points off)."
+                f"PICTURE.  Draw the points with `jaxpf mark {source.path} --target points`."
             )
         if given["mask_step"] is not None and not given["mask"]:
             raise InputError("--mask-step is about the grid on a --mask, and none was given.")
@@ -51,15 +54,29 @@ class PointAdapter(Adapter):
             points = _on_mask(given["mask"], step, source)
         else:
             points = (
-                read_points(given["points"]) if given["points"] else parse_points(given["point"])
+                read_points(given["points"]).at(number)
+                if given["points"]
+                else parse_points(given["point"])
             )
-        for name, (x, y) in zip(points.names, points.places, strict=True):
-            if not (0 <= x < source.width and 0 <= y < source.height):
-                raise InputError(
-                    f"point '{name}' is at ({x:g}, {y:g}), outside the frame of {source.width} x "
-                    f"{source.height} pixels: move it inside, or leave it out."
-                )
+        _check_inside(points, source)
         return POINTS.start(points.places, points.names)
+
+    def later_starts(
+        self, given: Mapping[str, Any], number: int, source: Any
+    ) -> tuple[dict[int, Start], str | None]:
+        """See ``Adapter``: points of later frames in the file of --points."""
+        from jaxpf.points.files import read_points
+
+        points = read_points(given["points"]) if given["points"] else None
+        if points is None or points.frames is None:
+            return {}, None
+
+        def start_at(frame: int) -> Start:
+            there = points.at(frame)
+            _check_inside(there, source)
+            return POINTS.start(there.places, there.names)
+
+        return starts_by_frame(points.frames, np.array(points.names), number, start_at)
 
     def fits_scene(self, scene: Any) -> bool:
         """Whether the ground truth has points."""
@@ -104,6 +121,16 @@ class PointAdapter(Adapter):
 
 
 ADAPTER = PointAdapter()
+
+
+def _check_inside(points: Any, source: Any) -> None:
+    """Refuse a point outside the frame."""
+    for name, (x, y) in zip(points.names, points.places, strict=True):
+        if not (0 <= x < source.width and 0 <= y < source.height):
+            raise InputError(
+                f"point '{name}' is at ({x:g}, {y:g}), outside the frame of {source.width} x "
+                f"{source.height} pixels: move it inside, or leave it out."
+            )
 
 
 def _on_mask(path: Path, step: float, source: Any) -> Any:

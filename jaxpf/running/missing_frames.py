@@ -15,7 +15,7 @@ weights), and has a derivative if the weights have one (``StopGradient``,
 import dataclasses
 import inspect
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import jax
@@ -24,7 +24,7 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.numbers import check_array
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass
 from jaxpf.running.chunks import come_one_by_one
@@ -270,7 +270,9 @@ def unmarked(tracker: Any, frames: Any) -> tuple[Any, Any]:
 
 def marked_one_by_one(tracker: Any, frames: Any, observed: Any = None) -> Iterator[Any]:
     """Yield each frame, the tracker for it, and the frame in that tracker's format."""
+    check_type("frames", frames, Iterable)
     if observed is not None:
+        check_type("observed", observed, Iterable)
         check_gaps(tracker)
         for frame, seen in _pairs(tracker, frames, observed):
             yield frame, WithGaps(tracker), (frame, seen)

@@ -1,7 +1,8 @@
 """Smoothing: the posterior of every frame given the whole clip, by backward simulation.
 
 A filter's estimate uses only past frames.  Smoothing goes back over the filter's weighted sets from
-the last frame to the first, and draws whole trajectories from the posterior given all frames.
+the last frame to the first, and draws whole trajectories from the posterior given all frames; or
+it traces the particles' ancestors back, which needs no density of moves.
 ``particle_gibbs`` draws a sequence of trajectories, each given the previous one; it leaves the
 posterior invariant at any number of particles.
 """

@@ -1,9 +1,4 @@
 from .gibbs import particle_gibbs as particle_gibbs
 from .groups import check_smoothing as check_smoothing
-from .look_back import LookBack as LookBack
-from .smoother import (
-    Smoothed as Smoothed,
-    SmoothedFrame as SmoothedFrame,
-    smooth as smooth,
-    stream as stream,
-)
+from .look_back import LookBack as LookBack, SmoothedFrame as SmoothedFrame, stream as stream
+from .smoother import Smoothed as Smoothed, smooth as smooth

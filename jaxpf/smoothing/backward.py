@@ -11,10 +11,15 @@ previous frame.  At the second-to-last frame there is no second factor.
 
 If the likelihood depends on x_{t-1} too, its factor g(y_{t+1} | x_{t+1}, x_t) joins the weights.
 
-The cost is quadratic: each of M trajectories evaluates all N particles of every frame.
+The cost is quadratic: each of M trajectories evaluates all N particles of every frame.  With a few
+Metropolis steps instead it is linear (Bunch & Godsill 2013): a particle is proposed by its weight
+and accepted by the ratio of the two densities.  Starting from the filter's own ancestor of the
+substates drawn, which follows the right law already, the steps leave this law as it is and only
+renew paths that would coalesce (Dau & Chopin 2023).
 """
 
 import dataclasses
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -41,16 +46,20 @@ class History(NamedTuple):
         previous: ``[T, D, P, N]``, substates of the previous frame; None for first-order motion.
         log_weights: ``[T, N]``.
         label: ``[T, N]`` int32; None if particles carry no labels.
+        sources: ``[T, P, N]`` int32, ancestors, see ``ParticleState``; None if not kept.
     """
 
     current: jax.Array
     previous: jax.Array | None
     log_weights: jax.Array
     label: jax.Array | None
+    sources: jax.Array | None = None
 
 
 class Drawn(NamedTuple):
-    """A trajectory's substates in the next two frames; for M trajectories, with a leading axis.
+    """A trajectory's substates in the next two frames.
+
+    For M trajectories there is a leading axis; ``log_densities`` also takes one on the right.
 
     Attributes:
         next: ``[D, G]``, the substates of the next frame.
@@ -69,13 +78,13 @@ class Pass(NamedTuple):
     Attributes:
         estimate: ``[T, D, G]``, mean of the trajectories.
         spread: ``[T, D, G]``, their standard deviation.
-        trajectories: ``[T, M, D, G]``; None unless requested.
-        broken: ``[]`` int32, number of moves with zero density from every particle.
+        paths: ``[T, K, D, G]``, the first K trajectories.
+        broken: ``[]`` int32, number of moves with zero density from every particle tried.
     """
 
     estimate: jax.Array
     spread: jax.Array
-    trajectories: jax.Array | None
+    paths: jax.Array
     broken: jax.Array
 
 
@@ -131,8 +140,9 @@ def backward(
     parts: jax.Array,
     parents: jax.Array,
     num_trajectories: int,
-    keep: bool,
+    num_paths: int,
     first: Any = 0,
+    num_steps: int = 0,
 ) -> Pass:
     """Draw trajectories of one group of partitions.
 
@@ -143,8 +153,9 @@ def backward(
         parts: ``[G]`` int32, partitions of the group.
         parents: ``[G]`` int32, index in the group of each partition's parent, -1 for a root.
         num_trajectories: M.
-        keep: whether to return the trajectories.
+        num_paths: K, number of trajectories to return.
         first: number of the history's first frame.
+        num_steps: number of Metropolis steps per frame; 0 draws exactly.
     """
     num_frames = history.log_weights.shape[0]
     dimension, dtype = history.current.shape[1], history.current.dtype
@@ -156,9 +167,9 @@ def backward(
     )
     chunk = max(1, _CHUNK // (parts.shape[0] * history.log_weights.shape[1]))
 
-    def step_back(drawn: Drawn, item: Any) -> tuple[Drawn, Any]:
-        (current, previous, log_weights, label), time, key = item
-        uniforms = jax.random.uniform(key, (num_trajectories,), dtype)
+    def step_back(carry: tuple[Drawn, jax.Array], item: Any) -> Any:
+        drawn, origin = carry
+        (current, previous, log_weights, label, sources), time, key = item
         here = History(
             current[:, parts], None if previous is None else previous[:, parts], log_weights, label
         )
@@ -173,7 +184,22 @@ def backward(
             by_move = jnp.where(possible, log_weights + log_moves, -jnp.inf)
             return _pick(drawn_and_noise[1], jnp.where(broken, log_weights, by_move)), broken
 
-        index, broken = lax.map(draw, (drawn, uniforms), batch_size=min(chunk, num_trajectories))
+        def log_moves_from(index: jax.Array) -> jax.Array:
+            chosen = jax.tree.map(lambda x: x[..., index], here)
+            last = jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), drawn)
+            log_moves = log_densities(
+                tracker, chosen, last, parts, parents, frames_left, first + time
+            )
+            return jnp.where(jnp.isfinite(log_moves), log_moves, -jnp.inf)
+
+        if num_steps:
+            index, broken = _metropolis(key, log_weights, log_moves_from, origin, num_steps)
+            origin = sources[parts[0], index]
+        else:
+            uniforms = jax.random.uniform(key, (num_trajectories,), dtype)
+            index, broken = lax.map(
+                draw, (drawn, uniforms), batch_size=min(chunk, num_trajectories)
+            )
         chosen = jnp.moveaxis(here.current[:, :, index], -1, 0)  # [M, D, G]
         drawn = Drawn(
             next=chosen,
@@ -183,11 +209,17 @@ def backward(
         estimate = jnp.mean(chosen, axis=0)
         spread = jnp.sqrt(jnp.mean((chosen - estimate) ** 2, axis=0))
         broken = jnp.sum(broken, dtype=jnp.int32)
-        return drawn, (estimate, spread, chosen if keep else None, broken)
+        return (drawn, origin), (estimate, spread, chosen[:num_paths], broken)
 
     items = history, jnp.arange(num_frames), jax.random.split(key, num_frames)
-    estimate, spread, trajectories, broken = lax.scan(step_back, start, items, reverse=True)[1]
-    return Pass(estimate, spread, trajectories, jnp.sum(broken))
+    origin = jnp.zeros((num_trajectories,), jnp.int32)
+    moments_and_paths = lax.scan(step_back, (start, origin), items, reverse=True)[1]
+    estimate, spread, paths, broken = moments_and_paths
+    if num_steps:  # parts of one particle with several ancestors have no one to start from
+        of_parts = jnp.asarray(history.sources)[:, parts]
+        one = jnp.all(of_parts == of_parts[:, :1])
+        estimate = jnp.where(one, estimate, jnp.nan)
+    return Pass(estimate, spread, paths, jnp.sum(broken))
 
 
 def log_densities(
@@ -204,7 +236,7 @@ def log_densities(
     Args:
         tracker: the tracker whose dynamics moved the particles.
         here: the frame's weighted set, with substates ``[D, G, N]``.
-        drawn: one trajectory.
+        drawn: one trajectory; or one for each particle, with a last axis ``[N]``.
         parts: see ``backward``.
         parents: see ``backward``.
         frames_left: ``[]``, number of frames after this one.
@@ -214,10 +246,13 @@ def log_densities(
     to_next, to_after = (contract.at_frame(tracker, time + step).dynamics for step in (1, 2))
 
     def columns(values: jax.Array) -> jax.Array:
+        if values.ndim == 2:
+            return values
         return jnp.broadcast_to(values[:, None], (values.shape[0], num_particles))
 
     def parents_of(values: jax.Array) -> jax.Array:
-        return jnp.where(parents >= 0, values[:, jnp.maximum(parents, 0)], 0.0)
+        has_parent = jnp.reshape(parents >= 0, (-1, *[1] * (values.ndim - 2)))
+        return jnp.where(has_parent, values[:, jnp.maximum(parents, 0)], 0.0)
 
     def move(dynamics, part, new, current, previous, parent):
         partition = jnp.full((num_particles,), part)
@@ -242,6 +277,11 @@ def log_densities(
         log_moves += jnp.where(frames_left > 1, jnp.sum(of_parts, axis=0), 0.0)
     if here.label is None:
         return log_moves
+    if drawn.label is not None and drawn.label.ndim:
+        log_label = jax.vmap(contract.log_label, in_axes=(None, 0, 0, -1))(
+            to_next, drawn.label, here.label, jnp.swapaxes(drawn.next, 0, 1)
+        )
+        return log_moves + jnp.where(frames_left > 0, log_label.astype(log_moves.dtype), 0.0)
     # Labels are few: compute for every label, then look up.
     labels = jnp.arange(jnp.shape(tracker.initial_label)[0])
     log_label = jax.vmap(contract.log_label, in_axes=(None, None, 0, None))(
@@ -249,6 +289,44 @@ def log_densities(
     )
     log_label = log_label.astype(log_moves.dtype)
     return log_moves + jnp.where(frames_left > 0, log_label[here.label], 0.0)
+
+
+def _metropolis(
+    key: jax.Array,
+    log_weights: jax.Array,
+    log_moves_from: Callable[[jax.Array], jax.Array],
+    index: jax.Array,
+    num_steps: int,
+) -> tuple[jax.Array, jax.Array]:
+    """Renew the particles ``index`` ``[M]`` of M trajectories; also return which are impossible.
+
+    Args:
+        key: a random key.
+        log_weights: ``[N]``.
+        log_moves_from: function of particles ``[M]`` that returns the log-densities ``[M]`` of the
+            trajectories' next moves.
+        index: ``[M]`` int32, where the steps start.
+        num_steps: number of steps.
+    """
+    sums = running_sum(jnp.exp(log_weights - jnp.max(log_weights)))
+    most = jnp.nextafter(sums[-1], jnp.zeros_like(sums[-1]))
+
+    def step(carry: Any, key: jax.Array) -> Any:
+        index, log_moves = carry
+        propose, accept = jax.random.uniform(key, (2, *index.shape), sums.dtype)
+        target = jnp.minimum(propose * sums[-1], most)
+        other = jnp.searchsorted(sums, target, side="right").astype(index.dtype)
+        log_other = log_moves_from(other)
+        # Of two impossible moves the difference is NaN, and the old one stays.
+        accepted = jnp.log(accept) < log_other - log_moves
+        return (
+            jnp.where(accepted, other, index),
+            jnp.where(accepted, log_other, log_moves),
+        ), None
+
+    start = index, log_moves_from(index)
+    index, log_moves = lax.scan(step, start, jax.random.split(key, num_steps))[0]
+    return index, jnp.isneginf(log_moves)
 
 
 def _pick(uniform: jax.Array, log_weights: jax.Array) -> jax.Array:

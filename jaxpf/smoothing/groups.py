@@ -6,6 +6,7 @@ smoothed together: given only its parent's current value, a part still depends o
 (a pass per part was biased, z = 10.6 where the joint pass had 2.3).
 """
 
+import math
 from typing import Any
 
 import jax
@@ -15,14 +16,19 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.refusals import refused
 from jaxpf.filters.functions import FunctionDynamics
 from jaxpf.filters.partitioned.labels import moves_labels
 from jaxpf.filters.partitioned.tracker import Partitioned
+from jaxpf.smoothing.singular import singular_partitions
 
 _SUPPORTED = (
     "supported are methods sir, ps, dps, branched, and sps but for swap='sorted' and for roots "
     "with children that are exchanged"
+)
+_TRACE = (
+    'trace ancestors back by jaxpf.smooth(..., method="genealogy"), which needs no density of moves'
 )
 
 
@@ -82,15 +88,11 @@ def sees_previous(tracker: Any) -> bool:
     return isinstance(tracker.dynamics, FunctionDynamics) and tracker.dynamics.copies == 2
 
 
-def check_smoothing(tracker: Any, whole: bool = False) -> Any:
-    """Refuse trackers whose smoothed distribution is undefined or would be wrong.
-
-    Args:
-        tracker: any tracker.
-        whole: whether the frames of the whole clip are at hand in the backward pass.
+def check_genealogy(tracker: Any) -> Any:
+    """Refuse trackers whose particles have no ancestors, or the wrong weights.
 
     Returns:
-        Bool, whether a traced ordering is one to refuse, see ``contract.refusals``; or None.
+        As ``check_smoothing``.
 
     Raises:
         InputError: names the setting and an alternative.
@@ -100,35 +102,10 @@ def check_smoothing(tracker: Any, whole: bool = False) -> Any:
             f"{type(tracker).__name__} cannot be smoothed, as its particles hold no whole states "
             f"with one weight each; {_SUPPORTED}."
         )
-    check_uncoupled(tracker.dynamics, "smoothing")
-    dynamics = type(tracker.dynamics).__name__
-    if not contract.has_log_density(tracker.dynamics):
-        raise InputError(
-            f"smoothing needs the density of a move, and {dynamics} has none; add the method "
-            "log_density(partition, new, current, previous, parent) -> [], the log of the density "
-            "from which propagate draws (see jaxpf.contract.DynamicsWithDensity), or give "
-            "jaxpf.state_space a transition_log_density."
-        )
-    if moves_labels(tracker) and not contract.has_log_label(tracker.dynamics):
-        raise InputError(
-            f"smoothing needs the probability of a label's move, and {dynamics} has none; add the "
-            "method log_label(new, label, substates) -> [], the log-probability with which "
-            "propagate_label draws (see jaxpf.contract)."
-        )
     if tracker.gradient.blends:
         raise InputError(
             "Transport blends particles, which then come from no single move, and "
             "cannot be smoothed; use another gradient."
-        )
-    if tracker.relocation is not None:
-        raise InputError(
-            "relocation lets lost objects jump, and the density of a jump is not known to the "
-            "dynamics; smooth with relocation=None (--relocate 0)."
-        )
-    if sees_previous(tracker) and not whole:
-        raise InputError(
-            "a log_likelihood that asks for the previous state is smoothed over the whole clip "
-            "alone; use jaxpf.smooth without a lag."
         )
     ordering, parents = tracker.ordering, tracker.parents
     paired = sorted({parent for parent in parents if parent >= 0 and parents[parent] < 0})
@@ -153,3 +130,62 @@ def check_smoothing(tracker: Any, whole: bool = False) -> Any:
             ),
         ),
     )
+
+
+def check_smoothing(tracker: Any, whole: bool = False) -> Any:
+    """Refuse trackers whose smoothed distribution is undefined or would be wrong.
+
+    Args:
+        tracker: any tracker.
+        whole: whether the frames of the whole clip are at hand in the backward pass.
+
+    Returns:
+        Bool, whether a traced ordering is one to refuse, see ``contract.refusals``; or None.
+
+    Raises:
+        InputError: names the setting and an alternative.
+    """
+    refuse = check_genealogy(tracker)
+    check_uncoupled(tracker.dynamics, "smoothing")
+    dynamics = type(tracker.dynamics).__name__
+    if not contract.has_log_density(tracker.dynamics):
+        raise InputError(
+            f"smoothing needs the density of a move, and {dynamics} has none; add the method "
+            "log_density(partition, new, current, previous, parent) -> [], the log of the density "
+            "from which propagate draws (see jaxpf.contract.DynamicsWithDensity), give "
+            f"jaxpf.state_space a transition_log_density, or {_TRACE}."
+        )
+    if moves_labels(tracker) and not contract.has_log_label(tracker.dynamics):
+        raise InputError(
+            f"smoothing needs the probability of a label's move, and {dynamics} has none; add the "
+            "method log_label(new, label, substates) -> [], the log-probability with which "
+            "propagate_label draws (see jaxpf.contract)."
+        )
+    if tracker.relocation is not None:
+        raise InputError(
+            "relocation lets lost objects jump, and the density of a jump is not known to the "
+            "dynamics; smooth with relocation=None (--relocate 0)."
+        )
+    if sees_previous(tracker) and not whole:
+        raise InputError(
+            "a log_likelihood that asks for the previous state is smoothed over the whole clip "
+            "alone; use jaxpf.smooth without a lag."
+        )
+    if is_concrete(tracker.dynamics, tracker.initial):
+        _check_noise(tracker)
+    return refuse
+
+
+def _check_noise(tracker: Partitioned) -> None:
+    dynamics, size = tracker.dynamics, None
+    if sees_previous(tracker):  # the likelihood has its own factor for the previous state
+        size = math.prod(dynamics.shape)
+    singular = singular_partitions(dynamics, tracker.initial, tracker.parents, size)
+    if singular:
+        name = "transition_log_density"
+        if not isinstance(dynamics, FunctionDynamics):
+            name = f"{type(dynamics).__name__}.log_density (partitions {singular})"
+        raise InputError(
+            f"{name} leaves out a direction in which particles differ and the motion has no "
+            f"noise, so that smoothing by densities would be wrong; {_TRACE}."
+        )

@@ -1,17 +1,81 @@
-"""Smoothing alongside a tracking loop: takes states frame by frame, returns smoothed frames."""
+"""Smoothing with a fixed lag, beside a loop over frames: takes states, returns smoothed frames."""
 
+from collections import deque
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
 from jaxpf import running
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import check_not_traced
+from jaxpf.running.checks import check_run
+from jaxpf.running.chunks import come_one_by_one
+from jaxpf.smoothing import passes
 from jaxpf.smoothing.backward import History
 from jaxpf.smoothing.groups import check_smoothing, looks_back
-from jaxpf.smoothing.smoother import SmoothedFrame, back_over, backward_key, check_length
+
+
+class SmoothedFrame(NamedTuple):
+    """One smoothed frame, in NumPy arrays.
+
+    Attributes:
+        time: number of the frame, from 0.
+        estimate: ``[P, D]``.
+        spread: ``[P, D]``.
+        summary: the filter's summary; None from ``LookBack``.
+        broken: number of moves in all passes so far with zero density from every particle.
+    """
+
+    time: int
+    estimate: np.ndarray
+    spread: np.ndarray
+    summary: Any
+    broken: int
+
+
+def stream(
+    tracker: Any,
+    key: jax.Array,
+    frames: Any,
+    lag: int,
+    num_trajectories: int | None = None,
+    observed: Any = None,
+) -> Iterator[SmoothedFrame]:
+    """Smooth frames as they arrive, each given the ``lag`` to ``2 * lag`` frames after it.
+
+    After every ``lag`` frames, a backward pass over the last ``2 * lag`` smooths the first half of
+    them.  The states of ``2 * lag`` frames are kept.
+
+    Args:
+        tracker: as for ``smooth``.
+        key: as for ``smooth``.
+        frames: an array or pytree ``[T, ...]``, or an iterable of single frames.
+        lag: minimum number of later frames to use.
+        num_trajectories: as for ``smooth``.
+        observed: as for ``jaxpf.run``.
+
+    Raises:
+        InputError: as for ``smooth``.
+    """
+    check_whole("lag", lag)
+    look_back = LookBack(tracker, key, lag, num_trajectories=num_trajectories)
+    if not come_one_by_one(frames):
+        check_not_traced("smoothing with a lag", "jaxpf.smooth without a lag", tracker, key, frames)
+        check_run(tracker, frames)
+        whole, length = frames, running.num_frames(frames)
+        frames = (jax.tree.map(lambda x, time=time: x[time], whole) for time in range(length))
+    summaries: deque[Any] = deque()
+    for tracked in running.stream(tracker, key, frames, observed):
+        summaries.append(tracked.summary)
+        for smoothed in look_back.add(tracked.state):
+            yield smoothed._replace(summary=summaries.popleft())
+    if not summaries:
+        raise InputError("frames has no frame; give at least one.")
+    for smoothed in look_back.finish():
+        yield smoothed._replace(summary=summaries.popleft())
 
 
 class LookBack:
@@ -28,6 +92,7 @@ class LookBack:
         lag: int | None = None,
         num_frames: int | None = None,
         first: int = 0,
+        num_trajectories: int | None = None,
     ):
         """Start before the first state.
 
@@ -37,6 +102,7 @@ class LookBack:
             lag: as for ``jaxpf.smooth``.
             num_frames: number of frames to track, if known.
             first: number of the first frame, if earlier frames were tracked before.
+            num_trajectories: as for ``jaxpf.smooth``.
 
         Raises:
             InputError: a tracker that cannot be smoothed; a lag below 1; not enough memory.
@@ -46,11 +112,12 @@ class LookBack:
             check_whole("lag", lag)
         check_whole("first", first, 0)
         self._tracker, self._lag = tracker, lag
-        self._key = backward_key(running.as_key(key))
+        self._key = passes.backward_key(running.as_key(key))
+        self._num_trajectories = passes.checked_number(tracker, num_trajectories)
+        self._has_two_lags = looks_back(tracker)
         kept = num_frames if lag is None else 2 * lag
         if kept is not None:
-            check_length(tracker, kept, tracker.num_particles)
-        self._has_two_lags = looks_back(tracker)
+            passes.check_length(tracker, kept, 1 + self._has_two_lags)
         self._kept: list[History] = []
         self._start, self._passes, self.broken = first, 0, 0
 
@@ -65,9 +132,8 @@ class LookBack:
             state.log_weights,
             state.label,
         )
-        self._kept.append(
-            History._make(None if array is None else np.array(array) for array in kept)
-        )
+        arrays: list[Any] = [None if x is None else np.array(x) for x in kept]
+        self._kept.append(History(*arrays))
         if self._lag is None or len(self._kept) < 2 * self._lag:
             return []
         return list(self._pass(self._lag))
@@ -83,8 +149,8 @@ class LookBack:
         if self._lag is not None:
             key = jax.random.fold_in(key, self._passes)
         history = jax.tree.map(lambda *x: np.stack(x), *self._kept)
-        num_trajectories = self._tracker.num_particles
-        passed = back_over(self._tracker, key, history, num_trajectories, False, self._start)
+        sizes = self._num_trajectories, 0, self._start
+        passed = passes.back_over(self._tracker, key, history, *sizes)
         self.broken += int(passed.broken)
         estimate, spread = np.asarray(passed.estimate), np.asarray(passed.spread)
         for place in range(min(length, len(self._kept))):

@@ -29,6 +29,9 @@ from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.refusals import biased_evidence, poisoned
 from jaxpf.running import missing_frames
 from jaxpf.running.checks import as_arrays, check_run
+from jaxpf.smoothing.genealogy import draw_paths
+from jaxpf.smoothing.groups import check_genealogy, sees_previous
+from jaxpf.smoothing.passes import backward_key
 from jaxpf.tuning.objectives import keep_log_evidence
 from jaxpf.tuning.posterior import Posterior
 
@@ -55,6 +58,7 @@ def pmmh(
     num_particles: int | None = None,
     blocks: int = 1,
     observed: Any = None,
+    paths: bool = False,
     inputs: Any = None,
     biased: bool = False,
 ) -> Posterior:
@@ -82,6 +86,9 @@ def pmmh(
         blocks: number of blocks of frames, of which a move redraws the random numbers of one, in
             turn; 10 needs fewer particles than 1, which redraws all.
         observed: as for ``jaxpf.run``.
+        paths: whether to keep a trajectory of the states with each draw of parameters; the pairs
+            are draws from their joint posterior.  Missing frames at the end of ``frames`` are
+            forecast.
         inputs: as for ``jaxpf.run``.
         biased: whether a biased evidence may serve; the draws are then not of the posterior.
 
@@ -112,21 +119,27 @@ def pmmh(
         raise InputError(f"log_prior returns {prior}; return one number, a sum over parameters.")
     frames, inputs = as_arrays(frames), as_arrays(inputs)
     check_run(running.with_inputs(tracker, inputs, frames), frames)
+    if paths:
+        check_genealogy(tracker)
     marked, frames = missing_frames.marked(tracker, frames, observed)
     frames = frames, inputs
     is_known = is_concrete(key, frames, initial, tracker)
     if is_known and not np.isfinite(prior):
         raise InputError(f"the prior excludes the start {initial!r:.200}; start inside of it.")
-    model = _Model(build, log_prior, marked is not tracker, num_particles or tracker.num_particles)
+    number = num_particles or tracker.num_particles
+    model = _Model(build, log_prior, marked is not tracker, number, paths)
     choice_key, start_key, *keys = jax.random.split(running.as_key(key), 4)
     start, unravel = ravel_pytree(initial)
     spread = _FIRST_STEP * jnp.maximum(jnp.abs(start), _FIRST_STEP)
     walk = _Walk(start, jnp.diag(spread**2), jnp.log(2.38 / math.sqrt(start.size)))
     place = jnp.tile(start, (num_chains, 1))
     unknown = jnp.full((num_chains, running.num_frames(frames)), -jnp.inf)  # accepts the first move
-    chains = _Chains(
-        place, unknown[:, 0], unknown, jax.random.split(start_key, (num_chains, blocks))
-    )
+    chain_keys = jax.random.split(start_key, (num_chains, blocks))
+    path = None
+    if paths:
+        shaped = jax.eval_shape(partial(model.run, frames=frames), initial, chain_keys[0])[1]
+        path = jnp.zeros((num_chains, *shaped.shape), shaped.dtype)
+    chains = _Chains(place, unknown[:, 0], unknown, chain_keys, path)
     steps = np.arange(num_warmup + num_draws)
     rates = np.where(steps < num_warmup, (steps + 2.0) ** -0.6, 0.0)
     if is_known and num_particles is None:
@@ -135,14 +148,15 @@ def pmmh(
         model = _with_chosen_number(model, choice_key, frames, initial, chains)
         rates = rates[half:]
     kept = _advance(model, keys[1], frames, initial, chains, walk, rates)[2]
-    places, priors, evidences, accepted = (jnp.swapaxes(x[-num_draws:], 0, 1) for x in kept)
+    kept = jax.tree.map(lambda x: jnp.swapaxes(x[-num_draws:], 0, 1), kept)
+    places, priors, evidences, accepted, path = kept
     if is_known and np.isneginf(evidences[:, -1]).any():  # a chain accepted no move
         raise InputError(
             f"the parameters {initial!r:.200} cannot explain the frames with "
             f"{model.num_particles} particles; start elsewhere, or give more particles."
         )
     parameters = jax.vmap(jax.vmap(unravel))(places)
-    drawn = Posterior(parameters, evidences, priors, accepted, model.num_particles)
+    drawn = Posterior(parameters, evidences, priors, accepted, model.num_particles, path)
     return poisoned(refuse, drawn)
 
 
@@ -153,11 +167,20 @@ class _Model(NamedTuple):
     log_prior: Callable
     has_gaps: bool
     num_particles: int
+    has_paths: bool
 
     def increments(self, parameters: Any, keys: jax.Array, frames: Any) -> jax.Array:
         """Estimate the frames' log evidence ``[T]``, with a random key for each block of them."""
+        return self._replace(has_paths=False).run(parameters, keys, frames)[0]
+
+    def run(self, parameters: Any, keys: jax.Array, frames: Any) -> tuple[jax.Array, Any]:
+        """Return ``increments``, and a draw of the states ``[T, P, D]``; None without paths."""
         frames, inputs = frames
         tracker = dataclasses.replace(self.build(parameters), num_particles=self.num_particles)
+        record, halves = keep_log_evidence, 1
+        if self.has_paths:
+            tracker = dataclasses.replace(tracker, keep_ancestors=True)
+            record, halves = _keep_ancestors, 2 if sees_previous(tracker) else 1
         tracker = contract.with_inputs(tracker, inputs)
         if self.has_gaps:
             tracker = missing_frames.WithGaps(tracker)
@@ -165,23 +188,33 @@ class _Model(NamedTuple):
 
         def step(state, item):
             key, *item = item
-            return running.one_run(tracker, key, keep_log_evidence)(state, item)
+            return running.one_run(tracker, key, record)(state, item)
 
         items = keys[times * len(keys) // len(times)], times, frames
-        return jax.lax.scan(step, running.init(tracker, keys[0]), items)[1]
+        state, kept = jax.lax.scan(step, running.init(tracker, keys[0]), items)
+        if not self.has_paths:
+            return kept, None
+        increments, *ancestry = kept
+        path = draw_paths(backward_key(keys[0]), *ancestry, state.log_weights, 1)[0]
+        return increments, path[..., : path.shape[-1] // halves]
+
+
+def _keep_ancestors(state: Any, summary: Any) -> Any:
+    return summary.log_evidence, state.lagged[0], state.sources
 
 
 class _Chains(NamedTuple):
     """Current parameters ``[C, d]``, their log prior ``[C]``, and keys ``[C, B]``.
 
     ``increments``, ``[C, T]``, are the frames' log evidence: their differences are summed, because
-    a difference of sums would be rounded like the sums.
+    a difference of sums would be rounded like the sums.  ``path``, ``[C, T, P, D]``, holds states.
     """
 
     place: jax.Array
     log_prior: jax.Array
     increments: jax.Array
     keys: jax.Array
+    path: Any
 
 
 class _Walk(NamedTuple):
@@ -233,7 +266,7 @@ def _advance(model, key, frames, initial, chains, walk, rates):
 
     def target(place, keys):
         parameters = unravel(place)
-        return model.log_prior(parameters), model.increments(parameters, keys, frames)
+        return model.log_prior(parameters), *model.run(parameters, keys, frames)
 
     def step(carry, item):
         chains, walk = carry
@@ -243,8 +276,8 @@ def _advance(model, key, frames, initial, chains, walk, rates):
         moves = jnp.exp(walk.log_scale) * jax.random.normal(move_key, (num_chains, size)) @ root.T
         place = chains.place + moves
         keys = chains.keys.at[:, block].set(jnp.stack(keys))
-        priors, increments = jax.vmap(target)(place, keys)
-        proposed = _Chains(place, priors, increments, keys)
+        priors, increments, path = jax.vmap(target)(place, keys)
+        proposed = _Chains(place, priors, increments, keys, path)
         change = proposed.log_prior - chains.log_prior
         change += sum_evenly(proposed.increments - chains.increments)
         chance = jnp.nan_to_num(jnp.exp(jnp.minimum(change, 0)))  # 0 of NaN
@@ -262,6 +295,7 @@ def _advance(model, key, frames, initial, chains, walk, rates):
             *chains[:2],
             sum_evenly(chains.increments),
             accepted,
+            chains.path,
         )
 
     rates = jnp.asarray(rates, walk.log_scale.dtype)

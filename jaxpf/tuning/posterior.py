@@ -19,6 +19,8 @@ class Posterior:
         log_prior: ``[C, S]``.
         accepted: ``[C, S]`` bool, whether the move was accepted.
         num_particles: number of particles of the filters.
+        paths: ``[C, S, T, P, D]``, a trajectory of the states with each draw; None unless
+            requested.
     """
 
     parameters: Any
@@ -26,6 +28,7 @@ class Posterior:
     log_prior: jax.Array
     accepted: jax.Array
     num_particles: int = static_field()
+    paths: Any = None
 
     def datatree(self) -> Any:
         """An ``xarray.DataTree`` in ArviZ's layout, for ``arviz_stats.summary`` and plots."""

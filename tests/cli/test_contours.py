@@ -241,6 +241,13 @@ def test_masks_are_learned_from(tmp_path):
     assert kept < 1.5
 
 
+def test_what_was_learned_before_is_not_replaced_unless_asked(annotated, tmp_path):
+    (tmp_path / "learned.json").write_text("old")
+    outcome = jaxpf("contour", "learn", annotated, "-o", tmp_path / "learned.json")
+    assert outcome.code == 2
+    assert "exists; choose another --output or add --overwrite" in outcome.err
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -65,10 +65,14 @@ def test_a_wider_step_draws_fewer_lines(images, tmp_path):
     assert changed[0] > 2 * changed[1] > 0
 
 
-def test_an_earlier_picture_is_replaced(images, tmp_path):
+def test_an_earlier_picture_is_replaced_only_if_asked(images, tmp_path, capsys):
     path = tmp_path / "frame.PNG"
     path.write_text("old")
-    cli.main(["frame", str(images), "-o", str(path)])
+    with pytest.raises(SystemExit):
+        cli.main(["frame", str(images), "-o", str(path)])
+    assert "exists; choose another --output or add --overwrite" in capsys.readouterr().err
+    assert path.read_text() == "old"
+    cli.main(["frame", str(images), "-o", str(path), "--overwrite"])
     assert picture_of(path) is not None
 
 

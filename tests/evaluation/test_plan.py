@@ -136,6 +136,7 @@ def test_auto_is_decided_once_and_merges_with_what_it_stands_for():
         ({"orders": []}, "orders is empty; give at least one value"),
         ({"target": "ghosts"}, "target 'ghosts' is unknown; choose one of"),
         ({"grid": 3}, "grid is int: give a Mapping"),
+        ({"methods": 5}, "methods is int: give an Iterable"),
         ({"tracks": None}, "tracks is NoneType: give a Mapping"),
         ({"tracks": {"a": 3}}, "tracks['a'] is int: give a str or PathLike"),
         ({"tracks": {3: "a.csv"}}, "the name of a tracker is int: give a str"),

@@ -70,7 +70,7 @@ def test_what_is_no_state_is_refused(tmp_path):
         jaxpf.load(tmp_path / "none.npz", one())
     with pytest.raises(InputError, match="tracker is None; give a tracker"):
         jaxpf.load(path, None)
-    with pytest.raises(InputError, match="state is None, without arrays"):
+    with pytest.raises(InputError, match="state=None holds no arrays"):
         jaxpf.save(path, None)
     for other in (1, 99):  # files of format 1 do not say when the state was
         np.savez(path, format=other)
@@ -145,7 +145,7 @@ def test_a_stream_takes_keys_as_a_run_does():
 
 
 def test_a_file_without_a_name_is_refused(saved):
-    with pytest.raises(InputError, match="names no file to write"):
+    with pytest.raises(InputError, match="is not a path; give the name"):
         jaxpf.save("", jaxpf.load(saved, one()))
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from jaxpf import InputError
 from jaxpf.measures import (
     Reliability,
     confidence_counts,
@@ -65,9 +66,11 @@ def test_honest_spreads_score_best(drawn):
 
 
 def test_what_is_not_known_is_no_number():
-    offset, spread = [0.0, np.nan, 1.0, np.inf, 1.0], [0.0, 1.0, -1.0, 1.0, np.nan]
+    offset, spread = [0.0, np.nan, np.inf, 1.0], [0.0, 1.0, 1.0, np.nan]
     for measure in (transforms, crps, log_score):
         assert np.isnan(measure(offset, spread)).all()
+        with pytest.raises(InputError, match="spread=-1 is negative; give standard deviations"):
+            measure([0.0, 1.0], [1.0, -1.0])
 
 
 def test_reliability_of_streamed_runs_is_that_of_pooled_frames():

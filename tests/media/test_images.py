@@ -1,6 +1,8 @@
 """Folders of images as videos."""
 
 import os
+import struct
+import zlib
 
 import cv2
 import numpy as np
@@ -151,6 +153,39 @@ def test_12_bits_in_images_of_16_are_scaled_by_their_range(tmp_path):
     source = open_frames(tmp_path)
     assert "count as 12" in source.note
     assert {int(frame[0, 0, 0]) for frame in source} == {128}
+
+
+def test_one_dark_image_does_not_make_a_folder_12_bit(tmp_path):
+    for number, value in enumerate((3000, 60_000, 30_000)):
+        write_images(tmp_path, f"{number}.png", value=value, dtype=np.uint16)
+    levels = [int(frame[0, 0, 0]) for frame in open_frames(tmp_path)]
+    assert levels == [round(value / 257) for value in (3000, 60_000, 30_000)]
+
+
+def test_an_image_that_contradicts_12_bits_is_refused(tmp_path):
+    names = [f"{number}.png" for number in range(20)]
+    write_images(tmp_path, *names, value=3000, dtype=np.uint16)
+    write_images(tmp_path, "1.png", value=4096, dtype=np.uint16)  # is not sampled
+    frames = open_frames(tmp_path).frames()
+    next(frames)
+    assert "'1.png' has a value of 4096, and the images before it are of 12 bits" in message_of(
+        next, frames
+    ).replace(f"{tmp_path}/", "")
+
+
+def test_links_in_a_circle_and_images_beyond_all_limits_are_one_sentence(tmp_path):
+    (tmp_path / "here").symlink_to(tmp_path / "there")
+    (tmp_path / "there").symlink_to(tmp_path / "here")
+    assert "there is no video or folder at" in message_of(open_frames, tmp_path / "here")
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    (folder / "0.png").symlink_to(folder / "0.png")
+    assert "0.png': too many levels of symbolic links" in message_of(open_frames, folder)
+    (folder / "0.png").unlink()
+    header = struct.pack(">4sIIBBBBB", b"IHDR", 60_000, 60_000, 8, 2, 0, 0, 0)
+    checked = struct.pack(">I", zlib.crc32(header)) + struct.pack(">I4sI", 0, b"IDAT", 0x35AF061E)
+    (folder / "0.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"\0\0\0\r" + header + checked)
+    assert "it is damaged, too large (2^30 pixels)" in message_of(open_frames, folder)
 
 
 def test_full_alpha_does_not_hide_that_an_image_has_12_bits(tmp_path):

@@ -63,7 +63,7 @@ def test_a_stream_that_breaks_off_says_so(clip, tmp_path):
         count = len(list(source))
     assert 0 < count < LENGTH
     assert source.truncated
-    assert f"announces {LENGTH} frames, and {count} came: it broke off" in source.note
+    assert f"announces {LENGTH} frames, and {count} can be decoded: it is cut off" in source.note
 
 
 @pytest.mark.slow
@@ -137,7 +137,7 @@ def test_a_size_that_changes_is_refused_naming_both(monkeypatch):
     )
     source = open_frames(0)
     taken.set()
-    with pytest.raises(InputError, match="at frame 1, from 6x4 to 8x4; send one size"):
+    with pytest.raises(InputError, match="at frame 1, from 6x4 to 8x4; convert it to one size"):
         list(source)
 
 

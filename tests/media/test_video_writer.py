@@ -1,6 +1,7 @@
 import os
 import subprocess
 import sys
+from fractions import Fraction
 
 import av
 import numpy as np
@@ -16,7 +17,6 @@ def test_a_written_video_plays_back(tmp_path, width, height):
     with VideoWriter(path, width, height, 12.5) as writer:
         for index in range(12):
             writer.write(numbered_frame(index, width, height))
-        assert not path.exists()
     assert os.listdir(tmp_path) == ["out.mp4"]
     source = open_frames(path)
     assert (source.width, source.height, source.fps) == (
@@ -38,8 +38,44 @@ def test_a_video_is_of_the_kind_that_every_player_shows(tmp_path):
         context = container.streams.video[0].codec_context
         assert (context.name, context.pix_fmt) == ("h264", "yuv420p")
         assert (context.colorspace, context.color_range) == (6, 1), "BT.601, 16 to 235"
-    content = (tmp_path / "out.mp4").read_bytes()
-    assert 0 < content.find(b"moov") < content.find(b"mdat"), "it plays while it loads"
+
+
+def test_frames_are_shown_when_and_as_wide_as_asked(tmp_path):
+    times = [0, 0.033, 0.067, 60.0, 60.0, 60.04]
+    with VideoWriter(tmp_path / "out.mp4", 64, 48, 25, Fraction(16, 15)) as writer:
+        for number, time in enumerate(times):
+            writer.write(numbered_frame(number), time)
+    source = open_frames(tmp_path / "out.mp4")
+    shown = [source.shown_at(number) for number, _ in enumerate(source)]
+    np.testing.assert_allclose(shown, times, atol=2e-5)
+    assert source.pixel_aspect == Fraction(16, 15)
+    with av.open(str(tmp_path / "out.mp4")) as container:
+        assert container.duration == pytest.approx(60.08e6, abs=100)
+
+
+def test_a_killed_writer_leaves_a_playable_video(tmp_path):
+    program = (
+        "import os, numpy as np; from jaxpf.media import VideoWriter\n"
+        "writer = VideoWriter('out.mp4', 64, 48, 25)\n"
+        "for n in range(40): writer.write(np.full((48, 64, 3), 5 * n, np.uint8))\n"
+        "os.kill(os.getpid(), 9)\n"
+    )
+    subprocess.run([sys.executable, "-c", program], cwd=tmp_path, timeout=600)
+    assert os.listdir(tmp_path) == ["out.mp4"]
+    levels = [frame[0, 0, 0] for frame in open_frames(tmp_path / "out.mp4")]
+    assert 20 < len(levels) <= 40
+    np.testing.assert_allclose(levels, 5 * np.arange(len(levels)), atol=2)
+
+
+def test_an_earlier_video_is_replaced_by_the_first_frame(tmp_path):
+    (tmp_path / "out.mp4").write_bytes(b"earlier")
+    with VideoWriter(tmp_path / "out.mp4", 64, 48, 25):
+        pass
+    assert (tmp_path / "out.mp4").read_bytes() == b"earlier"
+    with VideoWriter(tmp_path / "out.mp4", 64, 48, 25) as writer:
+        writer.write(numbered_frame(0))
+        assert os.listdir(tmp_path) == ["out.mp4"]
+    assert len(list(open_frames(tmp_path / "out.mp4"))) == 1
 
 
 def test_a_frame_may_be_changed_once_it_is_written(tmp_path):

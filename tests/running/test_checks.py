@@ -214,6 +214,11 @@ def test_a_number_of_particles_is_a_whole_number(number):
         (lambda: next(jaxpf.stream(None, KEYS[0], FRAMES)), "tracker is None; give a tracker"),
         (lambda: next(jaxpf.stream(tracker(), KEYS[0], FRAMES, state=3)), "state is int, no state"),
         (lambda: next(jaxpf.stream(tracker(), KEYS[0], [None])), "frame 0 is None, as an"),
+        (lambda: next(jaxpf.stream(tracker(), KEYS[0], 0)), "frames is int: give an Iterable"),
+        (
+            lambda: next(jaxpf.stream(tracker(), KEYS[0], FRAMES, observed=5.5)),
+            "observed is float: give an Iterable",
+        ),
         (
             lambda: next(jaxpf.stream(tracker(), KEYS[0], FRAMES, observed=np.ones((3, 5)))),
             "observed must be one bool for each frame",
@@ -262,7 +267,7 @@ def test_a_number_of_particles_is_a_whole_number(number):
         (lambda: proposals.Mixture(3), "proposal is 3, without a method propose"),
         (lambda: tracker(initial_label=[[1], []]), "initial_label=.* must be the probability"),
         (lambda: media.open_frames(-1), "path = -1 must be a whole number from 0"),
-        (lambda: media.open_frames(".", fps="a"), "fps is str: give a Real"),
+        (lambda: media.open_frames(".", fps="a"), "fps='a' must be one finite number above 0"),
         (lambda: media.VideoWriter("a.mp4", None, 48, 25), "width = None must be a whole number"),
         (lambda: media.VideoWriter("a.mp4", 64, 48, None), "fps is NoneType: give a Real"),
         (

@@ -66,7 +66,8 @@ class OfLabels:
         return observation[place(substates[0]), label]
 
 
-def test_smoothing_knows_that_labels_move():
+@pytest.mark.parametrize("method", ["backward", "metropolis"])
+def test_smoothing_knows_that_labels_move(method):
     flip = np.array([[1 - FLIP, FLIP], [FLIP, 1 - FLIP]])
     move = np.kron(STEP, flip)  # over (place, label)
     seen = np.exp(JOINT).reshape(FRAMES, -1)
@@ -92,9 +93,11 @@ def test_smoothing_knows_that_labels_move():
     )
     keys = jax.random.split(jax.random.key(0), 100)
     frames = jnp.asarray(JOINT, jnp.float32)
-    smooth = quick(
-        lambda keys: jax.lax.map(lambda key: jaxpf.smooth(its, key, frames, 200).estimate, keys)
-    )
+
+    def one(key):
+        return jaxpf.smooth(its, key, frames, 200, method=method).estimate
+
+    smooth = quick(lambda keys: jax.lax.map(one, keys))
     estimates = np.asarray(smooth(keys), float)[..., 0, 0]
     assert z_scores(estimates, expected).max() < LIMIT
 

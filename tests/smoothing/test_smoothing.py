@@ -49,24 +49,55 @@ class OnePerParticle:
 
 def test_shapes_and_the_filter_are_those_of_a_run():
     key, its = jax.random.key(1), tracker()
-    found = jaxpf.smooth(its, key, FRAMES, 20, keep_trajectories=True)
+    found = jaxpf.smooth(its, key, FRAMES, 20, paths=20)
     assert found.estimate.shape == found.spread.shape == (5, 2, 1)
-    assert found.trajectories.shape == (20, 5, 2, 1)
-    np.testing.assert_allclose(found.trajectories.mean(0), found.estimate, atol=1e-6)
-    np.testing.assert_allclose(found.trajectories.std(0), found.spread, atol=1e-6)
+    assert found.paths.shape == (20, 5, 2, 1)
+    np.testing.assert_allclose(found.paths.mean(0), found.estimate, atol=1e-6)
+    np.testing.assert_allclose(found.paths.std(0), found.spread, atol=1e-6)
     summaries = jaxpf.run(its, key, FRAMES)[1]
     assert jnp.array_equal(found.summaries.estimate, summaries.estimate)
-    assert jax.eval_shape(lambda: jaxpf.smooth(its, key, FRAMES)).trajectories is None
+    assert jax.eval_shape(lambda: jaxpf.smooth(its, key, FRAMES)).paths is None
 
 
-def test_trajectories_go_through_particles_of_their_frames():
+@pytest.mark.parametrize("method", ["backward", "metropolis", "genealogy"])
+def test_paths_go_through_particles_of_their_frames(method):
     its, key = tracker(), jax.random.key(1)
-    found = jaxpf.smooth(its, key, FRAMES, 20, keep_trajectories=True)
+    found = jaxpf.smooth(its, key, FRAMES, method=method, paths=20)
     particles = jaxpf.run(its, key, FRAMES, lambda state, summary: state.substates)[1]
     for time in range(5):
         for part in range(2):
             held = set(np.asarray(particles[time, :, part, 0]).tolist())
-            assert set(np.asarray(found.trajectories[:, time, part, 0]).tolist()) <= held
+            on_paths = np.asarray(found.paths[:, time, part, 0]).tolist()
+            assert set(on_paths) <= held
+            if method == "genealogy":
+                assert len(set(on_paths)) <= found.num_ancestors[time, part] <= 30
+
+
+def keep_sources(state, summary):
+    return state.lagged[0], state.lagged[1], state.sources
+
+
+def test_ancestors_are_the_particles_that_were_moved():
+    """With exchange each partition has its own; chunks of frames give the same."""
+    its = tracker(ordering.sps([-1, -1]), keep_ancestors=True)
+    keys = jax.random.split(jax.random.key(3), 2)
+    kept = jaxpf.monte_carlo(its, keys, FRAMES, keep_sources)
+    in_chunks = jaxpf.monte_carlo(its, keys, FRAMES, keep_sources, frames_per_chunk=2)
+    jax.tree.map(np.testing.assert_array_equal, kept, in_chunks)
+    current, previous, sources = map(np.asarray, kept)  # [R, T, D, P, N]
+    before = np.take_along_axis(current[:, :-1], sources[:, 1:, None], axis=-1)
+    np.testing.assert_array_equal(before, previous[:, 1:])
+    assert (sources[:, :, 0] != sources[:, :, 1]).any()
+
+
+def test_the_genealogy_needs_no_density_and_counts_ancestors():
+    its, key = tracker(dynamics=Wandering()), jax.random.key(1)
+    found = jaxpf.smooth(its, key, FRAMES, method="genealogy")
+    assert found.paths is None
+    assert (np.diff(found.num_ancestors, axis=0) >= 0).all()
+    assert (found.num_ancestors[0] < 30).all()
+    last = found.summaries.estimate[-1], found.summaries.spread[-1]
+    np.testing.assert_allclose((found.estimate[-1], found.spread[-1]), last, rtol=1e-5)
 
 
 def test_a_motion_written_for_one_particle_is_smoothed_alike():
@@ -138,6 +169,7 @@ def forest(**changes):
     [
         (lambda: tracker(dynamics=Wandering()), "add the method log_density"),
         (lambda: tracker(gradient=Transport()), "Transport blends particles"),
+        (lambda: tracker(gradient=Transport(), keep_ancestors=True), "have no ancestors"),
         (lambda: tracker(ordering.sps([-1, -1], "sorted")), "swap='sorted'"),
         (forest, "exchanges roots that have children"),
         (
@@ -163,7 +195,12 @@ def test_roots_that_stay_can_be_smoothed():
     [
         ({"num_trajectories": 0}, "num_trajectories = 0"),
         ({"lag": 0}, "lag = 0"),
-        ({"lag": 2, "keep_trajectories": True}, "leave out one of the two"),
+        ({"lag": 2, "paths": 3}, "leave out one of the two"),
+        ({"lag": 2, "method": "genealogy"}, "leave out one of the two"),
+        ({"num_trajectories": 2, "paths": 3}, "paths=3 are more"),
+        ({"num_trajectories": 2, "method": "genealogy"}, "traces all particles"),
+        ({"method": "metropolis", "num_steps": 0}, "num_steps = 0"),
+        ({"method": "ancestry"}, "backward, metropolis, genealogy"),
     ],
 )
 def test_bad_numbers_are_refused(options, sentence):

@@ -62,11 +62,12 @@ def log_prior(p):
     return jnp.where(inside, -3.0 * p["s"], -jnp.inf)
 
 
-def exact_margins():
-    """Grids of a and s with their cumulative posteriors, from a Kalman filter at every pair."""
+def exact_on_grid():
+    """Grids of a and s; at every pair the posterior, and a Kalman smoother's moments ``[T]``."""
     a, s = np.linspace(-1, 1, 161)[1:-1], np.linspace(0, 3, 181)[1:]
     step, noise = np.meshgrid(a, s, indexing="ij")
     mean, variance, log_posterior = 0 * noise, noise**2, -3 * noise
+    filtered = []
     for y in FRAMES:
         mean, variance = step * mean, step**2 * variance + noise**2
         if np.isfinite(y):
@@ -74,7 +75,20 @@ def exact_margins():
             log_posterior += scipy.stats.norm.logpdf(y, mean, total**0.5)
             mean = mean + variance / total * (y - mean)
             variance = variance * NOISE**2 / total
-    weights = np.exp(log_posterior - log_posterior.max())
+        filtered.append((mean, variance))
+    smoothed = [filtered[-1]]
+    for mean, variance in filtered[-2::-1]:
+        predicted = step**2 * variance + noise**2
+        gain = step * variance / predicted
+        later = smoothed[-1]
+        mean = mean + gain * (later[0] - step * mean)
+        smoothed.append((mean, variance + gain**2 * (later[1] - predicted)))
+    return a, s, np.exp(log_posterior - log_posterior.max()), smoothed[::-1]
+
+
+def exact_margins():
+    """Grids of a and s with their cumulative posteriors."""
+    a, s, weights, _ = exact_on_grid()
     for grid, axis in ((a, 1), (s, 0)):
         margin = weights.sum(axis)
         steps = np.concatenate([[0], np.cumsum((margin[1:] + margin[:-1]) / 2)])
@@ -86,7 +100,7 @@ def drawn_by(num_particles, blocks):
     return jaxpf.pmmh(
         build, log_prior, KEY, FRAMES, START,
         num_draws=800, num_warmup=300, num_chains=CHAINS,
-        num_particles=num_particles, blocks=blocks,
+        num_particles=num_particles, blocks=blocks, paths=True,
     )  # fmt: skip
 
 
@@ -114,12 +128,25 @@ def test_the_posterior_is_that_of_the_kalman_filter(posterior, blocks):
         assert (distance / errors).max() < 4.5, name
 
 
+@pytest.mark.statistical
+def test_paths_are_drawn_with_their_parameters(posterior):
+    """Moments of states, the last of them times s, in standard errors over independent chains."""
+    _, s, weights, smoothed = exact_on_grid()
+    weights = weights / weights.sum()
+    path, drawn_s = np.asarray(posterior.paths)[..., 0, 0], np.asarray(posterior.parameters["s"])
+    of_chains = np.stack([path, path**2, path * drawn_s[..., None]]).mean(2)  # [3, C, T]
+    exact = [[(weights * x).sum() for x in (m, m**2 + v, m * s)] for m, v in smoothed]
+    errors = of_chains.std(1, ddof=1) / CHAINS**0.5
+    assert errors.max() < 0.2
+    assert np.abs((of_chains.mean(1).T - exact) / errors.T).max() < 4.5
+
+
 def test_draws_keep_what_they_were_accepted_with(posterior):
     assert posterior.parameters["a"].shape == posterior.log_evidence.shape == (CHAINS, 800)
     assert posterior.num_particles == 12
     assert 0.1 < posterior.accepted.mean() < 0.35
     stayed = ~np.asarray(posterior.accepted)[:, 1:]
-    for kept in (posterior.log_evidence, posterior.parameters["a"]):
+    for kept in (posterior.log_evidence, posterior.parameters["a"], posterior.paths[..., 5, 0, 0]):
         np.testing.assert_array_equal((np.diff(kept) == 0) & stayed, stayed)
     s = np.asarray(posterior.parameters["s"])
     np.testing.assert_allclose(posterior.log_prior, -3 * s, rtol=1e-5)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.contract.errors import InputError
 
@@ -12,7 +13,7 @@ from jaxpf.contract.errors import InputError
 @click.argument("folder", type=GivenPath())
 @click.argument("form", metavar="FORMAT", type=click.Choice(["coco", "cvat", "mot"]))
 @click.argument("output", metavar="FILE", type=GivenPath())
-@click.option("--overwrite", is_flag=True, help="Replace an existing file.")
+@plain.overwrite_file
 def command(folder: Path, form: str, output: Path, overwrite: bool) -> None:
     """Write the tracks of `jaxpf track` in FOLDER to FILE, in FORMAT.
 
@@ -27,9 +28,7 @@ def command(folder: Path, form: str, output: Path, overwrite: bool) -> None:
     suffix, write = FORMATS[form]
     if output.suffix != suffix:
         raise InputError(f"output '{output}' must end in {suffix}; rename it.")
-    if output.exists() and not overwrite:
-        raise InputError(f"'{output}' exists; choose another FILE or add --overwrite.")
-    check_output_file(output)
+    check_output_file(output, "FILE", overwrite)
     tracked = read_tracked(folder)
     write(output, tracked)
     count, frames = len(tracked.names), len(tracked.times)

@@ -63,3 +63,6 @@ def output(help: str, default: str | None = None) -> Callable:
 
 #: The option ``--overwrite`` of an output folder.
 overwrite = click.option("--overwrite", is_flag=True, help="Replace files in an existing folder.")
+
+#: The option ``--overwrite`` of an output file.
+overwrite_file = click.option("--overwrite", is_flag=True, help="Replace an existing file.")

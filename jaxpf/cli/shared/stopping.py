@@ -18,7 +18,11 @@ _MEANT = 1.0
 
 
 class Terminated(KeyboardInterrupt):
-    """The system asked the program to end (SIGTERM); handled like Ctrl-C."""
+    """The system asked the program to end (SIGTERM, SIGHUP); handled like Ctrl-C."""
+
+
+#: Signals that ask the program to end; SIGHUP comes when the terminal is closed.
+_ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
 def heed_ctrl_c() -> None:
@@ -73,8 +77,8 @@ def _end_at_second(read: socket.socket, written: socket.socket) -> None:
 def announced_stop(saying: str) -> Iterator[None]:
     """Print at once what happens when the program is asked to stop, then raise.
 
-    Ctrl-C raises ``KeyboardInterrupt``, SIGTERM ``Terminated``.  Signals that the program was
-    started to ignore stay ignored.
+    Ctrl-C raises ``KeyboardInterrupt``, SIGTERM and SIGHUP ``Terminated``.  Signals that the
+    program was started to ignore stay ignored.
 
     Args:
         saying: the line to print on standard error.
@@ -84,12 +88,17 @@ def announced_stop(saying: str) -> Iterator[None]:
         return
 
     def stop(number: int, frame: Any) -> None:
-        click.echo(f"\n{saying}", err=True)
-        raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
+        try:
+            click.echo(f"\n{saying}", err=True)
+        except OSError:  # the terminal is gone, and later messages must not fail either
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            for stream in (1, 2):
+                os.dup2(nowhere, stream)
+        raise Terminated if number in _ENDING else KeyboardInterrupt
 
     before = {
         number: signal.getsignal(number)
-        for number in (signal.SIGINT, signal.SIGTERM)
+        for number in (signal.SIGINT, *_ENDING)
         if signal.getsignal(number) not in (signal.SIG_IGN, None)
     }
     try:

@@ -10,6 +10,7 @@ import numpy as np
 
 from jaxpf.boxes.tracks import read_tracks
 from jaxpf.cli.tracking.births import nobody_came
+from jaxpf.cli.tracking.later import all_names
 from jaxpf.cli.tracking.recorder import Recording
 from jaxpf.cli.tracking.verdict import object_verdicts, sentences
 from jaxpf.contract.errors import InputError
@@ -33,7 +34,7 @@ def _finish(recording: Recording, truth: Any) -> None:
     output, start = recording.output, recording.opened.start
     table = read_tracks(output / "tracks.csv")
     diagnostics = np.loadtxt(output / "diagnostics.csv", delimiter=",", skiprows=1, ndmin=2)
-    names = list(start.ids.tolist())
+    names = all_names(start, recording.opened.later).tolist()
     if recording.population is not None:
         names = [birth["id"] for birth in recording.population.births]
     verdicts = object_verdicts(table, names)
@@ -72,7 +73,7 @@ def _summary(
             for name, value in recording.table.items()
         },
         "likelihood_method": _likelihood_method(recording),
-        "model_error": _model_errors(recording, names),
+        "model_error": _model_errors(recording, recording.opened.start.ids.tolist()),
         "ids": names,
         **kept,
         "objects": verdicts,

@@ -69,7 +69,7 @@ def start_when_compiled(
     click.echo("Compiling: leave the objects at their boxes.", err=True)
     for _ in range(_ATTEMPTS):
         collections.deque(stream(tracker, jax.random.key(0), [frame]), maxlen=0)
-        source.num_left_out, compiled_for = 0, _kind(tracker)
+        compiled_for = _kind(tracker)
         latest = next(frames, None)
         if latest is None:
             raise InputError(f"camera '{source.path}' stopped; check that it is still plugged in.")

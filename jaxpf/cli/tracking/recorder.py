@@ -4,7 +4,7 @@ import contextlib
 import dataclasses
 import itertools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,8 @@ import numpy as np
 from jaxpf.cli.shared import console
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.stopping import announced_stop
-from jaxpf.cli.tracking.records import Scene, changing_population, fixed_population
+from jaxpf.cli.tracking.later import all_names, starting_later
+from jaxpf.cli.tracking.records import Record, Scene, changing_population, fixed_population
 from jaxpf.cli.tracking.request import Request
 from jaxpf.cli.tracking.writers import (
     Counts,
@@ -56,6 +57,7 @@ class Recording:
         population: births and deaths; None for a fixed population.
         stopped: the exception that ended the run early, or None.
         seconds: time of the first frame, which includes compilation, and of all others.
+        has_begun: whether files of an earlier run have been replaced.
     """
 
     request: Request
@@ -66,6 +68,7 @@ class Recording:
     population: Population | None
     stopped: KeyboardInterrupt | InputError | None = None
     seconds: tuple[float, float] = (0.0, 0.0)
+    has_begun: bool = False
 
     @property
     def output(self) -> Path:
@@ -88,12 +91,14 @@ def record_run(
     opened: Any,
     built: Any,
     restart: Callable[[], tuple[Any, np.ndarray]] | None,
+    make: Callable[[np.ndarray, Any], Any],
 ) -> Recording:
     """Track every frame and pass it to the writers.
 
     Args:
         request, opened, built: results of the previous steps.
         restart: for a camera, returns the tracker and the start frame after compilation.
+        make: function from a frame and a start to a tracker, for objects that start later.
     """
     births = request.births
     recording = Recording(
@@ -101,13 +106,11 @@ def record_run(
         opened=opened,
         built=built,
         tracker=built.tracker,
-        counts=Counts(opened.start.ids if births is None else ()),
+        counts=Counts(all_names(opened.start, opened.later) if births is None else ()),
         population=None if births is None else Population(),
     )
     with locked(opened.output, "tracking", keep=False):
         try:
-            remove_outputs(opened.output)
-            write_config(opened.output / "run.toml", "track", recording.table)
             first = opened.first
             if restart is not None:
                 recording.tracker, first = restart()
@@ -117,15 +120,17 @@ def record_run(
                 contextlib.ExitStack() as stack,
                 contextlib.closing(opened.frames),
             ):
-                _record_frames(recording, first, stack)
+                _record_frames(recording, first, stack, make)
         except (KeyboardInterrupt, InputError) as error:
             recording.stopped = error
-        if not recording.is_kept:
+        if recording.has_begun and not recording.is_kept:
             remove_outputs(opened.output)
     return recording
 
 
-def _record_frames(recording: Recording, first: np.ndarray, stack: contextlib.ExitStack) -> None:
+def _record_frames(
+    recording: Recording, first: np.ndarray, stack: contextlib.ExitStack, make: Callable
+) -> None:
     import jax
 
     from jaxpf.files import states
@@ -135,15 +140,14 @@ def _record_frames(recording: Recording, first: np.ndarray, stack: contextlib.Ex
     key, before = jax.random.key(run.seed), recording.built.before
     frames = itertools.islice(recording.opened.frames, before[1], run.frames)
     total = _expected_frames(source, run)
-    scene = _scene(recording)
-    smoothed = None
+    scene, smoothed, look_back = _scene(recording), None, None
     if run.smooths:
         from jaxpf.smoothing import LookBack
 
         look_back = LookBack(scene.tracker, key, run.smooth_lag, total, first=before[1])
-        smoothed = Smoothed(opened.output, scene, look_back, stack)
-    writers = _writers(recording, scene, smoothed, stack)
-    if births is None:
+    if opened.later:
+        records = starting_later(scene, recording.tracker, key, first, frames, opened.later, make)
+    elif births is None:
         records = fixed_population(scene, recording.tracker, key, first, frames, before)
     else:
         records = changing_population(scene, recording.tracker, key, first, frames, births)
@@ -152,7 +156,14 @@ def _record_frames(recording: Recording, first: np.ndarray, stack: contextlib.Ex
     with console.progress_bar("frames") as progress:
         task = progress.add_task("compiling", total=total)
         try:
-            for record in records:
+            beginning = _until_tracked(records)
+            remove_outputs(opened.output)
+            recording.has_begun = True
+            write_config(opened.output / "run.toml", "track", recording.table)
+            if look_back is not None:
+                smoothed = Smoothed(opened.output, scene, look_back, stack)
+            writers = _writers(recording, scene, smoothed, stack)
+            for record in itertools.chain(beginning, records):
                 for writer in writers:
                     writer.write(record)
                 state = record.state
@@ -177,6 +188,16 @@ def _record_frames(recording: Recording, first: np.ndarray, stack: contextlib.Ex
         raise nothing_follows(source, run.start + before[1])
 
 
+def _until_tracked(records: Iterator[Record]) -> list[Record]:
+    """The records until the first tracked frame; old results stay until it is there."""
+    beginning = []
+    for record in records:
+        beginning.append(record)
+        if record.summary is not None:
+            break
+    return beginning
+
+
 def _expected_frames(source: Any, run: Any) -> int | None:
     """Number of frames after the start frame according to the video, or None."""
     expected = source.num_frames or source.frames_expected
@@ -195,7 +216,6 @@ def _scene(recording: Recording) -> Scene:
         tracker=recording.tracker.tracker if repeats else recording.tracker,
         start=recording.opened.start,
         size=(source.width, source.height),
-        fps=source.fps,
         shown_at=source.shown_at,
         first=request.run.start,
         cloud=lambda state: state.state if has_errors else state,
@@ -207,7 +227,7 @@ def _writers(
     recording: Recording, scene: Scene, smoothed: Smoothed | None, stack: contextlib.ExitStack
 ) -> list[Writer]:
     request, opened = recording.request, recording.opened
-    names: Any = opened.start.ids
+    names: Any = all_names(opened.start, opened.later)
     if request.births is not None:
         names = [f"slot_{number}" for number in range(1, request.births.rules.capacity + 1)]
     writers: list[Writer] = [
@@ -220,7 +240,8 @@ def _writers(
     if recording.population is not None:
         writers.append(recording.population)
     if request.run.overlay:
-        writers.append(Overlay(opened.output, scene, stack))
+        source = opened.source
+        writers.append(Overlay(opened.output, scene, source.fps, source.pixel_aspect, stack))
     return writers
 
 

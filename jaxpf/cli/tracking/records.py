@@ -36,6 +36,8 @@ class Record(NamedTuple):
         state: holds the particles; None in a frame that is not filtered.
         slots: partitions occupied by the objects.
         changes: births and deaths; None for a fixed population.
+        scene: the scene of the tracker that this record comes from, if not the run's.
+        parts: records of groups of objects with trackers of their own; () for one tracker.
     """
 
     number: int
@@ -52,6 +54,8 @@ class Record(NamedTuple):
     state: Any = None
     slots: Any = _ALL
     changes: Any = None
+    scene: Any = None
+    parts: tuple[Any, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,7 +67,6 @@ class Scene:
         tracker: the filter itself, without the wrapper that repeats it.
         start: where objects start.
         size: width and height of the frames, pixels.
-        fps: frames per second.
         shown_at: function from a frame's number to the seconds at which it is shown.
         first: number of the start frame.
         cloud: function from a state of the run to the state that holds the particles.
@@ -74,7 +77,6 @@ class Scene:
     tracker: Any
     start: Start
     size: tuple[int, int]
-    fps: float
     shown_at: Callable[[int], float]
     first: int
     cloud: Callable[[Any], Any]
@@ -104,12 +106,20 @@ class Scene:
         return np.asarray(shapes_of(self.tracker, self.adapter.target, start, estimate), float)
 
     def places(
-        self, start: Start, shapes: Any, state: Any = None, before: Any = None, slots: Any = _ALL
+        self,
+        number: int,
+        start: Start,
+        shapes: Any,
+        state: Any = None,
+        before: Any = None,
+        slots: Any = _ALL,
     ) -> tuple[Places, np.ndarray]:
-        """See ``places_of``."""
-        error, fps = self.model_error(len(shapes)), self.fps
+        """Places in the frame of this number; see ``places_of``."""
+        error, step = self.model_error(len(shapes)), np.nan
+        if number > self.first:
+            step = self.shown_at(number) - self.shown_at(number - 1)
         to_shapes = functools.partial(self.shapes, start)
-        return places_of(self.adapter, start, to_shapes, shapes, state, slots, fps, before, error)
+        return places_of(self.adapter, start, to_shapes, shapes, state, slots, step, before, error)
 
 
 def fixed_population(
@@ -132,7 +142,7 @@ def fixed_population(
     colours, nobody = object_colours(len(start.ids)), np.zeros(len(start.ids), bool)
 
     cloud = scene.cloud(state) if time and not scene.has_own_boxes else None
-    places, centres = scene.places(start, start.shapes, cloud)
+    places, centres = scene.places(scene.first, start, start.shapes, cloud)
     if not time:
         places = Places(places.values)
         yield Record(scene.first, frame, start, colours, start.shapes, places, nobody)
@@ -147,12 +157,13 @@ def fixed_population(
         hopeless = nobody if getattr(summary, "lost", None) is None else summary.lost
         confidence, lost = judge(outside, hopeless, getattr(summary, "confidence", None))
         cloud = None if scene.has_own_boxes else scene.cloud(tracked.state)
-        places, centres = scene.places(start, shapes, cloud, centres)
+        number = scene.first + 1 + tracked.time
+        places, centres = scene.places(number, start, shapes, cloud, centres)
         variance = getattr(summary, "estimate_variance", None)
         if variance is not None and scene.adapter.target.has_places:
             places = places._replace(error=np.sqrt(variance)[:, :2])
         yield Record(
-            number=scene.first + 1 + tracked.time,
+            number=number,
             frame=tracked.frame,
             start=start,
             colours=colours,
@@ -198,7 +209,8 @@ def changing_population(
         if centres is not None:
             centres = np.where((tracked.ids == ids)[:, None], centres, np.nan)
         state = None if tracked.summary is None else tracked.state
-        places, centres = scene.places(all_, tracked.boxes, state, centres, slots)
+        number = scene.first + tracked.time
+        places, centres = scene.places(number, all_, tracked.boxes, state, centres, slots)
         if tracked.summary is None:
             places = Places(places.values)
         ids = tracked.ids
@@ -211,7 +223,7 @@ def changing_population(
             confidence = confidence[slots]
         confidence, lost = judge(outside, tracked.lost[slots], confidence)
         yield Record(
-            number=scene.first + tracked.time,
+            number=number,
             frame=tracked.frame,
             start=start,
             colours=palette[start.ids % NUM_COLOURS],

@@ -34,6 +34,12 @@ class Run:
     frames: int | None = option(
         None, "Track at most this many frames after the start.", least=1, most=_MOST_FRAMES
     )
+    fps: float | None = option(
+        None,
+        "Frames per second of a folder of images, 25 unless given, or of a video in place of its "
+        "time stamps.",
+        above=0.0,
+    )
     seed: int = option(0, "Random seed: same seed, same tracks.", least=0, most=2**32 - 1)
     runs: int | None = option(
         None,
@@ -167,7 +173,7 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
     request = Request(values["video"], adapter, starts, run, model, filter_, filter_options, births)
     _check_together(request)
     if run.save_state is not None:
-        check_output_file(run.save_state, "--save-state")
+        check_output_file(run.save_state, "--save-state", overwrite=True)
     return request
 
 

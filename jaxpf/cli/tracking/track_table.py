@@ -115,7 +115,7 @@ def places_of(
     shapes: np.ndarray,
     state: Any,
     slots: Any,
-    fps: float,
+    step: float,
     before: np.ndarray | None,
     error: np.ndarray,
 ) -> tuple[Places, np.ndarray]:
@@ -128,7 +128,7 @@ def places_of(
         shapes: ``[P, S]``, the estimate, NaN for a partition without an object.
         state: holds the weighted particles; a state without ``substates`` has no intervals.
         slots: partitions to report.
-        fps: frames per second.
+        step: seconds since the previous frame.
         before: ``[P, 2]``, centres in the previous frame; None if unknown.
         error: ``[P, 3]``, ``model_error`` of ``jaxpf.contract.Likelihood``.
     """
@@ -137,7 +137,7 @@ def places_of(
     substates = getattr(state, "substates", None)
     if substates is None:
         centres = centres_of(adapter, values)
-        speed = fps * np.linalg.norm(centres - before, axis=-1)
+        speed = np.linalg.norm(centres - before, axis=-1) / step
         return Places(values[slots], speed=speed[slots]), centres
     from jaxpf.filters import quantiles
 
@@ -151,14 +151,14 @@ def places_of(
         interval = _widened(values[slots], interval, error[slots], adapter.target.has_boxes)
     middles = centres_of(adapter, particles)
     centres = _mean(middles, weights)
-    moved = fps * (centres - before)
+    moved = (centres - before) / step
     speed = np.linalg.norm(moved, axis=-1)
     places = Places(values[slots], interval, speed[slots])
     previous = getattr(state, "previous_substates", None)
     if previous is None:
         return places, centres
     earlier = adapter.column_values(start, to_shapes(np.asarray(previous)[kept]))
-    steps = fps * (middles - centres_of(adapter, earlier))
+    steps = (middles - centres_of(adapter, earlier)) / step
     # Deviation of each particle's step from the mean step, along the estimate's direction.
     along = np.sum((steps - _mean(steps, weights)) * moved, -1) / np.maximum(speed, 1e-9)
     ends = speed[slots] + quantiles(along[:, slots, None], shown, levels)[..., 0]

@@ -12,6 +12,7 @@ import numpy as np
 from jaxpf.cli.shared.startup import use_compile_cache
 from jaxpf.cli.tracking import births as births_of
 from jaxpf.cli.tracking.finishing import finish
+from jaxpf.cli.tracking.later import check_later
 from jaxpf.cli.tracking.live import check_live, start_when_compiled, used_to_the_light
 from jaxpf.cli.tracking.recorder import OUTPUTS, nothing_follows, record_run
 from jaxpf.cli.tracking.request import Request
@@ -35,6 +36,7 @@ class Opened:
         first: the start frame.
         frames: frames after the start frame.
         start: where objects start.
+        later: frame -> objects that start, or start again, after the start frame.
         truth: boxes of --truth, or None.
         output: folder for the results.
     """
@@ -43,6 +45,7 @@ class Opened:
     first: np.ndarray
     frames: Generator[np.ndarray]
     start: Start
+    later: dict[int, Start]
     truth: Any
     output: Path
 
@@ -79,9 +82,16 @@ def track(request: Request) -> None:
         def make(frame: np.ndarray) -> Any:
             return tracker_at(frame, request, opened)
 
-        return start_when_compiled(make, built.tracker, opened.first, opened.frames, opened.source)
+        source = opened.source
+        started = start_when_compiled(make, built.tracker, opened.first, opened.frames, source)
+        source.count_from(request.run.start)
+        return started
 
-    recording = record_run(request, opened, built, restart if opened.source.is_camera else None)
+    def make(frame: np.ndarray, start: Start) -> Any:
+        return tracker_at(frame, request, dataclasses.replace(opened, start=start))
+
+    restart_camera = restart if opened.source.is_camera else None
+    recording = record_run(request, opened, built, restart_camera, make)
     if not recording.is_kept and not existed:
         with contextlib.suppress(OSError):
             opened.output.rmdir()
@@ -91,13 +101,18 @@ def track(request: Request) -> None:
 def open_input(request: Request) -> Opened:
     """Open the video, read where objects start, and check the request against both."""
     run_options = request.run
-    source = open_frames(request.video)
+    source = open_frames(request.video, run_options.fps)
     frames = source.frames(run_options.start)
     click.get_current_context().call_on_close(frames.close)
     check_live(request, source)
     first = used_to_the_light(frames) if source.is_camera else next(frames)
     start = request.adapter.read_start(request.starts, run_options.start, source)
-    for remark in start.remarks:
+    later, note = request.adapter.later_starts(request.starts, run_options.start, source)
+    if run_options.frames is not None:
+        later = {at: s for at, s in later.items() if at <= run_options.start + run_options.frames}
+    if later:
+        check_later(request)
+    for remark in (*start.remarks, *([note] if note else [])):
         click.echo(f"Note: {remark}", err=True)
     if request.births is not None:
         births_of.check_births(request.births, start, run_options.start, source)
@@ -115,7 +130,7 @@ def open_input(request: Request) -> Opened:
             f"--smooth waits for the end of the clip, and the end of '{source.path}' is unknown; "
             "use --smooth-lag 50, or --frames."
         )
-    return Opened(source, first, frames, start, truth, output)
+    return Opened(source, first, frames, start, later, truth, output)
 
 
 def _after(frame: np.ndarray, frames: Generator[np.ndarray]) -> Generator[np.ndarray]:

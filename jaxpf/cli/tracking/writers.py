@@ -2,6 +2,7 @@
 
 import collections
 import contextlib
+from fractions import Fraction
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -89,19 +90,27 @@ class Diagnostics:
 
 
 class Overlay:
-    """Writes overlay.mp4.
+    """Writes overlay.mp4, whose frames have the times and the shape of pixels of the video's.
 
     A recovered object is drawn as doubtful until it has been followed for ``_CONFIRMED_AFTER``
     frames.
     """
 
-    def __init__(self, output: Path, scene: Scene, stack: contextlib.ExitStack):
+    def __init__(
+        self,
+        output: Path,
+        scene: Scene,
+        fps: float,
+        pixel_aspect: Fraction,
+        stack: contextlib.ExitStack,
+    ):
         from jaxpf.media.video_writer import VideoWriter
 
         self._scene = scene
         self._video = stack.enter_context(
-            VideoWriter(output / "overlay.mp4", *scene.size, scene.fps)
+            VideoWriter(output / "overlay.mp4", *scene.size, fps, pixel_aspect)
         )
+        self._began: float | None = None
         self._past: collections.deque[np.ndarray] = collections.deque(maxlen=_TRAIL)
         self._unconfirmed: dict[Any, int] = {}
 
@@ -109,8 +118,12 @@ class Overlay:
         """See ``Writer``."""
         doubtful = self._doubtful(record)
         if record.changes is None:
+            if self._past and len(self._past[-1]) != len(record.shapes):
+                self._past.clear()  # an object has started
             self._past.append(record.shapes)
-        self._video.write(self._draw(record, doubtful))
+        time = self._scene.shown_at(record.number)
+        self._began = time if self._began is None else self._began
+        self._video.write(self._draw(record, doubtful), time - self._began)
 
     def _doubtful(self, record: Record) -> np.ndarray:
         """``[P]`` bool: the object was lost, and is recovered but not yet confirmed."""
@@ -123,23 +136,25 @@ class Overlay:
     def _draw(self, record: Record, doubtful: np.ndarray) -> np.ndarray:
         from jaxpf.media.overlay import draw_spreads
 
-        adapter, frame, summary = self._scene.adapter, record.frame, record.summary
-        if summary is not None:
-            colours = np.zeros((len(summary.estimate), 3), np.uint8)
-            colours[record.slots] = record.colours
-            cloud = self._scene.cloud(record.state)
-            frame = adapter.draw_particles(
-                frame, self._scene.start, self._scene.tracker, cloud, colours
-            )
+        adapter, frame = self._scene.adapter, record.frame
+        parts = [part for part in record.parts or (record,) if part.summary is not None]
+        for part in parts:
+            scene = part.scene or self._scene
+            colours = np.zeros((len(part.summary.estimate), 3), np.uint8)
+            colours[part.slots] = part.colours
+            cloud = scene.cloud(part.state)
+            frame = adapter.draw_particles(frame, scene.start, scene.tracker, cloud, colours)
         past = np.stack(self._past) if self._past else None
         marks = Marks(record.colours, record.lost, past, doubtful)
         picture = adapter.draw(frame, record.start, record.shapes, marks)
-        spread = getattr(summary, "spread", None)
-        if spread is None or self._scene.has_own_boxes or not adapter.target.has_places:
-            return picture
-        centres = centres_of(adapter, record.places.values)
-        spread = np.hypot(spread[:, :2], self._scene.model_error(len(spread))[:, :2])[record.slots]
-        return draw_spreads(picture, centres, spread, record.colours)
+        for part in parts:
+            scene, spread = part.scene or self._scene, getattr(part.summary, "spread", None)
+            if spread is None or scene.has_own_boxes or not adapter.target.has_places:
+                continue
+            centres = centres_of(adapter, part.places.values)
+            spread = np.hypot(spread[:, :2], scene.model_error(len(spread))[:, :2])[part.slots]
+            picture = draw_spreads(picture, centres, spread, part.colours)
+        return picture
 
 
 class Smoothed:
@@ -157,7 +172,7 @@ class Smoothed:
     def write(self, record: Record) -> None:
         """See ``Writer``."""
         if record.summary is None:
-            self._before = self._scene.places(record.start, record.shapes)[1]
+            self._before = self._scene.places(record.number, record.start, record.shapes)[1]
             self._tracks.append(record.number, record.start.ids, record.shapes, record.places)
             return
         self._filtered.append(record.summary.spread)
@@ -179,8 +194,9 @@ class Smoothed:
             shapes = scene.shapes(start, frame.estimate)
             spread = np.maximum(frame.spread, _LEAST_SPREAD * self._filtered.popleft())
             draws = _NormalDraws(frame.estimate, spread)
-            places, self._before = scene.places(start, shapes, draws, self._before)
-            self._tracks.append(scene.first + 1 + frame.time, start.ids, shapes, places)
+            number = scene.first + 1 + frame.time
+            places, self._before = scene.places(number, start, shapes, draws, self._before)
+            self._tracks.append(number, start.ids, shapes, places)
 
 
 class _NormalDraws:

@@ -40,6 +40,11 @@ def check_tracker(tracker: Any) -> Any:
                 f"initial has shape {shape}; it must be [P, D] with P = {ordering.num_partitions} "
                 "partitions, or a sampler key -> [P, D]."
             )
+    if tracker.keep_ancestors and tracker.gradient.blends:
+        raise InputError(
+            "Transport blends particles, which then have no ancestors; leave keep_ancestors=True "
+            "out, or use another gradient."
+        )
     check_labels(tracker)
     tracker.motion.check(tracker)
     tracker.weighing.check(tracker)

@@ -61,6 +61,8 @@ class Partitioned(Tracker):
         gradient: gradient strategy for resampling, from ``jaxpf.gradients``.
         parents: static, the part tree of the model, -1 for a root; default all roots.
         num_particles: static, N.
+        keep_ancestors: static, whether states hold the particles' ancestors, ``state.sources``,
+            which a ``record`` may keep; ``jaxpf.smooth(..., method="genealogy")`` sets it.
         motion_gradient: static, gradient strategy for the motion, one of
             ``jaxpf.gradients.MOTION_GRADIENTS``.
         refused: set by the constructor: ``[]`` bool, whether an ordering that is traced there, in a
@@ -82,6 +84,7 @@ class Partitioned(Tracker):
     look_ahead: bool = static_field(default=False)
     parents: Any = static_field(default=None)
     num_particles: int = static_field(default=300)
+    keep_ancestors: bool = static_field(default=False)
     motion_gradient: str = static_field(default="pathwise")
     refused: Any = dataclasses.field(default=None, init=False)
 
@@ -168,6 +171,7 @@ class Partitioned(Tracker):
             path_scores=path_scores,
             label=label,
             log_odds=confidence.at_start(self.likelihood, self.num_partitions, values.dtype),
+            sources=jnp.zeros(shape, jnp.int32) if self.keep_ancestors else None,
             time=jnp.zeros((), jnp.int32),
         )
 

@@ -119,7 +119,7 @@ class SideBySide(contract.Tracker):
         shares, increment = multiplied(shares, summaries.log_evidence)
         pooled = _pooled(summaries, increment, shares)
         for bias in contract.evidence_biases(self.tracker):
-            if bias.gross:
+            if bias.gross and pooled.evidence_variance is not None:
                 variance = jnp.where(bias.applies, jnp.nan, pooled.evidence_variance)
                 pooled = dataclasses.replace(pooled, evidence_variance=variance)
         return RunsState(runs, shares), pooled

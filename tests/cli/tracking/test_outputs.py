@@ -6,6 +6,7 @@ import tomllib
 import numpy as np
 import pytest
 from command_line import jaxpf
+from films import write_film
 from small_video import (
     BOXES,
     HEIGHT,
@@ -216,6 +217,7 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
         | options_of(Rules).keys()
         | {
             "frames",
+            "fps",
             "order",
             "ess_threshold",
             "tracker",
@@ -337,6 +339,49 @@ def test_overwrite_leaves_no_file_of_the_earlier_run_and_every_other_file(track,
     left = {path.name for path in (tmp_path / "out").iterdir()}
     assert "notes.txt" in left
     assert not left & {"overlay.mp4", "metrics.csv"}
+
+
+def test_old_results_stay_until_the_first_frame_is_tracked(track, tmp_path, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+        yield
+
+    old = {name: f"old {name}" for name in ("tracks.csv", "run.toml", "overlay.mp4")}
+    (tmp_path / "out").mkdir()
+    for name, text in old.items():
+        (tmp_path / "out" / name).write_text(text)
+    monkeypatch.setattr("jaxpf.running.streaming.stream", interrupted)
+    assert track(*BOXES, "--overwrite").code == 130
+    assert {path.name: path.read_text() for path in (tmp_path / "out").iterdir()} == old
+
+
+def test_times_speeds_and_overlay_are_those_of_the_film(track, tmp_path):
+    stamps = [40 * number + 60_000 * (number > 4) for number in range(LENGTH)]
+    frames = [picture(number) for number in range(LENGTH)]
+    film = write_film(tmp_path / "film.mkv", frames, "ffv1", "bgr0", rate=1000, stamps=stamps)
+    outcome = track(*BOXES, video=film)
+    assert outcome.code == 0, outcome.err
+    table = read_tracks(tmp_path / "out" / "tracks.csv")
+    times = np.array(stamps) / 1000
+    np.testing.assert_allclose(table["time"][::2], times, atol=1e-3)
+    places = table["x"] + table["w"] / 2, table["y"] + table["h"] / 2
+    steps = np.hypot(*(np.diff(place.reshape(LENGTH, 2), axis=0) for place in places))
+    # The first step is from the given box; speeds are of the particles' mean.
+    speeds = table["speed"].reshape(LENGTH, 2)[1:]
+    np.testing.assert_allclose(speeds[1:], (steps / np.diff(times)[:, None])[1:], rtol=0.1, atol=3)
+    assert summary_of(tmp_path / "out")["fps"] == pytest.approx(25)
+    overlay = open_frames(tmp_path / "out" / "overlay.mp4")
+    shown = [overlay.shown_at(number) for number, _ in enumerate(overlay)]
+    np.testing.assert_allclose(shown, times, atol=1e-3)
+
+
+def test_the_rate_of_a_folder_is_the_one_that_is_given(track, place, tmp_path):
+    outcome = track(*BOXES, "--fps", 10, video=place / "images")
+    assert outcome.code == 0, outcome.err
+    table = read_tracks(tmp_path / "out" / "tracks.csv")
+    np.testing.assert_allclose(table["time"], table["frame"] / 10)
+    assert summary_of(tmp_path / "out")["fps"] == 10
+    assert open_frames(tmp_path / "out" / "overlay.mp4").fps == 10
 
 
 def test_a_run_in_two_pieces_gives_the_tracks_of_one(whole_run, track, tmp_path):

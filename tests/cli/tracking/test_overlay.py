@@ -22,8 +22,9 @@ class _Video(contextlib.nullcontext):
         super().__init__(self)
         self.frames = []
 
-    def write(self, frame):
+    def write(self, frame, time):
         self.frames.append(frame)
+        assert time == len(self.frames[1:]) / 10
 
 
 def test_an_object_found_again_is_doubtful_until_five_frames_confirm_it(tmp_path, monkeypatch):
@@ -32,8 +33,8 @@ def test_an_object_found_again_is_doubtful_until_five_frames_confirm_it(tmp_path
     story = "--LL??L????---L????--"
     colours = object_colours(2)
     with contextlib.ExitStack() as stack:
-        scene = SimpleNamespace(adapter=ADAPTER, size=(120, 90), fps=25)
-        overlay = Overlay(tmp_path, scene, stack)
+        scene = SimpleNamespace(adapter=ADAPTER, size=(120, 90), shown_at=lambda n: n / 10)
+        overlay = Overlay(tmp_path, scene, 25, 1, stack)
         for number, mark in enumerate(story):
             lost = np.array([mark == "L", False])
             overlay.write(Record(number, FRAME, START, colours, START.shapes, None, lost))

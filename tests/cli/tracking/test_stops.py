@@ -47,7 +47,8 @@ def test_two_runs_do_not_write_into_one_folder(track, tmp_path):
 
 
 @posix
-def test_a_request_to_end_leaves_what_was_tracked_and_is_answered_at_once(tmp_path):
+@pytest.mark.parametrize("name", ["SIGTERM", pytest.param("SIGHUP", marks=pytest.mark.slow)])
+def test_a_request_to_end_leaves_what_was_tracked_and_is_answered_at_once(tmp_path, name):
     frames = (picture(number % LENGTH, noise=False) for number in range(1000))
     clip = write_lossless_video(tmp_path / "long.avi", frames)
     output = tmp_path / "out"
@@ -60,7 +61,7 @@ def test_a_request_to_end_leaves_what_was_tracked_and_is_answered_at_once(tmp_pa
                 if (output / "tracks.csv").read_text().count("\n") > 10:
                     break
             time.sleep(0.02)
-        process.send_signal(signal.SIGTERM)
+        process.send_signal(getattr(signal, name))
         code, errors = process.wait(600), process.stderr.read()
     finally:
         process.kill()

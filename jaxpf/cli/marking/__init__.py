@@ -1,0 +1,1 @@
+"""``jaxpf mark`` and ``jaxpf view``: draw start shapes, and review tracks, in the browser."""

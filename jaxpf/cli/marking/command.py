@@ -1,0 +1,222 @@
+"""``jaxpf mark`` and ``jaxpf view``."""
+
+import shlex
+import subprocess
+import sys
+import webbrowser
+from pathlib import Path
+from typing import Any
+
+import click
+
+from jaxpf.cli.marking.starts import FLAGS, SUFFIXES, Shapes, read_start, write_start
+from jaxpf.cli.shared import plain
+from jaxpf.cli.shared.plain import GivenPath, PlainCommand
+from jaxpf.contract.errors import InputError
+
+#: Lines of a run's output that the page shows.
+_LINES = 8
+
+_keep = click.option("--keep", is_flag=True, help="Go on when the page has been closed.")
+_open = click.option("--open/--no-open", "opens", default=True, help="Open the browser.")
+_kind = click.option(
+    "--target", "kind", type=click.Choice(list(FLAGS)), help="Kind of target.  [default: boxes]"
+)
+
+
+@click.command("mark", cls=PlainCommand)
+@click.argument("video")
+@_kind
+@plain.whole("--start", default=0, most=2**31 - 1, help="Frame shown first, from 0.")
+@plain.output("Start file to write, or to edit.  [default: NAME-TARGET.csv beside VIDEO]")
+@_open
+@_keep
+def mark(
+    video: str, kind: str | None, start: int, output: Path | None, opens: bool, keep: bool
+) -> None:
+    """Draw boxes, points, part trees or contours on VIDEO in the browser.
+
+    The start file is written as you draw, and an existing one is opened for editing.  The page
+    prints the command that tracks from it, and its button Track runs it.  The page is served on
+    this machine alone, until it has been closed for a minute.
+    """
+    marking = _Marking(video, kind, output)
+    shapes = marking.existing(start)
+    _serve(marking, shapes, [], start if not shapes else shapes[0]["frame"], opens, keep)
+
+
+@click.command("view", cls=PlainCommand)
+@click.argument("folder", type=GivenPath())
+@click.argument("beside", type=GivenPath(), required=False)
+@click.option("--video", help="The film.  [default: the one that was tracked]")
+@_open
+@_keep
+def view(folder: Path, beside: Path | None, video: str | None, opens: bool, keep: bool) -> None:
+    """Review the tracks in FOLDER, finished or running, in the browser.
+
+    BESIDE is a second run's folder, or a CSV of true boxes, shown beside the first.  A box or
+    point drawn in a doubtful frame corrects its object there: it is added to the start file, and
+    the button Track runs again.
+    """
+    from jaxpf.media.page.runs import Run
+
+    run = Run(folder)
+    second = [] if beside is None else [Run(beside) if beside.is_dir() else _Truth(beside)]
+    marking = _Marking(video or run.video, run.kind, run.start_file, folder)
+    _serve(marking, marking.existing(run.start), [run, *second], run.start, opens, keep)
+
+
+class _Truth:
+    """True boxes of a CSV, in the place of a run."""
+
+    def __init__(self, path: Path):
+        from jaxpf.boxes.tracks import read_boxes
+
+        table = read_boxes(path, truth=True)
+        rows = [
+            ",".join(map(str, (frame, name, *box)))
+            for frame, name, box in zip(
+                table.frame.tolist(), table.id.tolist(), table.box.tolist(), strict=True
+            )
+        ]
+        self.name = str(path)
+        self._text = "\n".join(["frame,id,x,y,w,h", *rows]) + "\n"
+
+    def since(self, at: dict[str, int]) -> dict[str, Any]:
+        """See ``jaxpf.media.page.runs.Run``."""
+        text = "" if at["tracks"] else self._text
+        return {
+            "tracks": text,
+            "outlines": "",
+            "at": {"file": 0, "tracks": 1, "outlines": 0},
+            "is_new": False,
+            "closed": False,
+            "running": False,
+        }
+
+
+class _Marking:
+    """What is drawn on a film, where it is written, and the run that tracks from it."""
+
+    def __init__(
+        self, video: str, kind: str | None, output: Path | None, folder: Path | None = None
+    ):
+        from jaxpf.media.video import open_frames
+
+        self.source = open_frames(video)
+        if self.source.is_live:
+            raise InputError(f"'{video}' is live; record it to a file, and mark that.")
+        self.video = video
+        self.kind = kind or ("contours" if output and output.suffix == ".json" else "boxes")
+        self.output = output
+        self.folder = folder or Path(f"jaxpf-{self.source.name}")
+        self.run: subprocess.Popen[str] | None = None
+
+    def file(self, kind: str) -> Path:
+        """The start file of a kind of target."""
+        if self.output is not None and kind == self.kind:
+            return self.output
+        beside = Path(self.source.path).parent
+        return beside / f"{self.source.name}-{kind}{SUFFIXES[kind]}"
+
+    def existing(self, frame: int) -> Shapes:
+        """The shapes of start files that exist."""
+        kinds = [kind for kind in FLAGS if self.file(kind).is_file()]
+        return [shape for kind in kinds for shape in read_start(self.file(kind), kind, frame)]
+
+    def command(self, kind: str, shapes: Shapes) -> list[str]:
+        """Arguments of the command that tracks from the start file."""
+        first = min(shape["frame"] for shape in shapes)
+        named = [] if kind == "boxes" else [kind]
+        start = ["--start", str(first)] if first else []
+        file = str(self.file(kind))
+        return ["track", *named, str(self.video), f"--{FLAGS[kind]}", file, *start]
+
+    def save(self, content: Any) -> dict[str, str]:
+        """Write the start file, as the page asks; an emptied drawing removes it."""
+        kind, shapes = content["kind"], content["items"]
+        if kind not in FLAGS:
+            raise InputError(f"there is no kind of target {kind!r:.60}.")
+        path = self.file(kind)
+        if not shapes:
+            path.unlink(missing_ok=True)
+            return {"file": "", "command": ""}
+        write_start(path, kind, shapes)
+        return {"file": str(path), "command": shlex.join(["jaxpf", *self.command(kind, shapes)])}
+
+    def track(self, content: Any) -> dict[str, str]:
+        """Start the run of the drawn shapes."""
+        self.stop()
+        self.save(content)
+        given = self.command(content["kind"], content["items"])
+        with open(self.log, "w") as log:
+            self.run = subprocess.Popen(
+                [sys.executable, "-m", "jaxpf", *given, "-o", str(self.folder), "--overwrite"],
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                text=True,
+            )
+        return {"output": str(self.folder)}
+
+    @property
+    def log(self) -> Path:
+        """What the run prints."""
+        return self.folder.with_name(f".{self.folder.name}.log")
+
+    def progress(self, content: Any) -> dict[str, Any]:
+        """Whether the run goes on, and its last lines."""
+        if self.run is None:
+            return {"running": False, "text": "", "failed": False}
+        lines = self.log.read_text(errors="replace").splitlines()[-_LINES:]
+        return {
+            "running": self.run.poll() is None,
+            "text": "\n".join(lines),
+            "failed": bool(self.run.poll()),
+        }
+
+    def stop(self) -> None:
+        """End the run, which keeps what it has tracked, and remove its log."""
+        if self.run is not None and self.run.poll() is None:
+            self.run.terminate()
+            self.run.wait()
+        self.log.unlink(missing_ok=True)
+
+
+def _serve(
+    marking: _Marking, shapes: Shapes, runs: list[Any], start: int, opens: bool, keep: bool
+) -> None:
+    from jaxpf.media.page.runs import Run
+    from jaxpf.media.page.server import Server, described
+
+    source, shown = marking.source, list(runs)
+
+    def result(content: Any) -> dict[str, Any]:
+        return shown[content["index"]].since(content["at"])
+
+    def track(content: Any) -> dict[str, str]:
+        started = marking.track(content)
+        run = Run(marking.folder, is_waited_for=True)
+        run.kind, run.start_file = content["kind"], marking.file(content["kind"])
+        shown[:] = [run]
+        return started
+
+    about = described(
+        source, kind=marking.kind, items=shapes, start=start, results=[run.name for run in runs]
+    )
+    answers = {
+        "save": marking.save,
+        "track": track,
+        "progress": marking.progress,
+        "result": result,
+    }
+    server = Server(source, about | {"can_track": True}, answers)
+    click.echo(f"{server.url}\nThe page is open until you press Ctrl-C or close it.")
+    try:
+        if opens:
+            webbrowser.open(server.url)
+        server.wait(keep)
+    except KeyboardInterrupt:
+        click.echo("Closed.")
+    finally:
+        server.close()
+        marking.stop()

@@ -1,0 +1,172 @@
+"""Start files as shapes on the page, and back.
+
+A shape is a dictionary as the page keeps it: ``kind``, ``name``, ``frame``, and for boxes ``x, y,
+w, h``; for points ``x, y``; for parts the ends of a limb ``x1, y1, x2, y2``, its ``width`` and
+``parent``; for contours ``points`` on the curve, ``closed`` and the ``width`` of a wire.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+from jaxpf.files.writing import csv_text, write_text
+
+Shapes = list[dict[str, Any]]
+#: Flag of each kind's start file, and its suffix.
+FLAGS = {"boxes": "boxes", "points": "points", "parts": "parts-file", "contours": "contours"}
+SUFFIXES = {"boxes": ".csv", "points": ".csv", "parts": ".csv", "contours": ".json"}
+#: Number of control points of closed and of open contours.
+_CONTROL = {True: 16, False: 12}
+
+
+def write_start(path: Path, kind: str, shapes: Shapes) -> None:
+    """Write the start file of one kind of target.
+
+    Raises:
+        InputError: a box's name is no number, or parts or contours lie in several frames.
+    """
+    frames = sorted({shape["frame"] for shape in shapes})
+    if kind in ("parts", "contours") and len(frames) > 1:
+        raise InputError(
+            f"{kind} were drawn in frames {frames[0]} and {frames[1]}; draw all in one frame."
+        )
+    _WRITERS[kind](path, sorted(shapes, key=lambda shape: shape["frame"]))
+
+
+def read_start(path: Path, kind: str, frame: int) -> Shapes:
+    """The shapes of a start file; ``frame`` is that of files that do not name frames."""
+    return [{"kind": kind, **shape} for shape in _READERS[kind](path, frame)]
+
+
+def _write_boxes(path: Path, shapes: Shapes) -> None:
+    for shape in shapes:
+        if not shape["name"].isdigit():
+            raise InputError(
+                f"box '{shape['name']}' must be named by a whole number, such as 1; rename it."
+            )
+    write_text(path, _table("frame,id,x,y,w,h", "frame,name,x,y,w,h", shapes))
+
+
+def _read_boxes(path: Path, frame: int) -> Shapes:
+    from jaxpf.boxes.tracks import read_boxes
+
+    table = read_boxes(path)
+    return [
+        {"name": str(name), "frame": int(at), **dict(zip("xywh", box.tolist(), strict=True))}
+        for at, name, box in zip(table.frame, table.id, table.box, strict=True)
+    ]
+
+
+def _write_points(path: Path, shapes: Shapes) -> None:
+    write_text(path, _table("frame,id,x,y", "frame,name,x,y", shapes))
+
+
+def _read_points(path: Path, frame: int) -> Shapes:
+    from jaxpf.points.files import read_points
+
+    points = read_points(path)
+    frames = [frame] * len(points.names) if points.frames is None else points.frames.tolist()
+    return [
+        {"name": name, "frame": at, "x": x, "y": y}
+        for name, at, (x, y) in zip(points.names, frames, points.places.tolist(), strict=True)
+    ]
+
+
+def _write_parts(path: Path, shapes: Shapes) -> None:
+    rows = []
+    for shape in shapes:
+        first, second = (np.array([shape[f"x{end}"], shape[f"y{end}"]], float) for end in (1, 2))
+        (x, y), along = (first + second) / 2, second - first
+        angle = np.degrees(np.arctan2(along[1], along[0]))
+        numbers = (x, y, np.hypot(*along), shape["width"], angle)
+        rows.append([shape["name"], shape["parent"], *(f"{number:.2f}" for number in numbers)])
+    write_text(path, csv_text([["part", "parent", "x", "y", "w", "h", "angle"], *rows]))
+
+
+def _read_parts(path: Path, frame: int) -> Shapes:
+    from jaxpf.parts.files import read_parts
+
+    parts = read_parts(path)
+    shapes = []
+    for number, name in enumerate(parts.names):
+        (x, y, angle), (length, width) = parts.poses[number], parts.sizes[number]
+        reach = length / 2 * np.array([np.cos(angle), np.sin(angle)])
+        ends = zip(("x1", "y1", "x2", "y2"), (x, y, x, y), (*-reach, *reach), strict=True)
+        shape = {key: round(float(centre + shift), 2) for key, centre, shift in ends}
+        parent = "" if parts.parents[number] < 0 else parts.names[parts.parents[number]]
+        shapes.append({"name": name, "frame": frame, "parent": parent, "width": width, **shape})
+    return shapes
+
+
+def _write_contours(path: Path, shapes: Shapes) -> None:
+    from jaxpf.contours.data import Contours
+    from jaxpf.contours.files import write_contours
+
+    if len({(shape["closed"], shape["width"]) for shape in shapes}) > 1:
+        raise InputError(
+            "a file of contours holds either closed contours, or open ones of one width; draw the "
+            "others with another --output."
+        )
+    closed, width = shapes[0]["closed"], shapes[0]["width"]
+    for shape in shapes:
+        if len(shape["points"]) < 3:
+            raise InputError(f"contour '{shape['name']}' has fewer than three points; add some.")
+    control = [_control_points(shape["points"], closed) for shape in shapes]
+    names = tuple(shape["name"] for shape in shapes)
+    write_contours(path, Contours(names, np.array(control), closed=closed, width=width))
+
+
+def _control_points(points: list[list[float]], closed: bool) -> np.ndarray:
+    """Control points of the spline closest to a smooth curve through the points."""
+    from scipy.interpolate import CubicSpline
+
+    from jaxpf.shapes.splines import fit_spline
+
+    line = np.array([*points, points[0]] if closed else points, float)
+    along = np.concatenate([[0.0], np.cumsum(np.maximum(np.hypot(*np.diff(line.T)), 1e-3))])
+    curve = CubicSpline(along, line, bc_type="periodic" if closed else "natural")
+    dense = curve(np.linspace(0, along[-1], 200, endpoint=not closed))
+    return fit_spline(dense, _CONTROL[closed], closed=closed)
+
+
+def _read_contours(path: Path, frame: int) -> Shapes:
+    from jaxpf.contours.files import read_contours
+    from jaxpf.shapes.splines import points_on
+
+    contours = read_contours(path)
+    lines = points_on(
+        contours.points,
+        contours.points.shape[1],
+        closed=contours.closed,
+        degree=contours.degree,
+    )
+    same = {"frame": frame, "closed": contours.closed, "width": contours.width}
+    return [
+        {"name": name, "points": line, **same}
+        for name, line in zip(contours.names, lines.round(2).tolist(), strict=True)
+    ]
+
+
+def _table(header: str, keys: str, shapes: Shapes) -> str:
+    rows = [
+        [f"{shape[key]:.2f}" if key in "xywh" else shape[key] for key in keys.split(",")]
+        for shape in shapes
+    ]
+    return csv_text([header.split(","), *rows])
+
+
+_WRITERS: dict[str, Callable[[Path, Shapes], None]] = {
+    "boxes": _write_boxes,
+    "points": _write_points,
+    "parts": _write_parts,
+    "contours": _write_contours,
+}
+_READERS: dict[str, Callable[[Path, int], Shapes]] = {
+    "boxes": _read_boxes,
+    "points": _read_points,
+    "parts": _read_parts,
+    "contours": _read_contours,
+}

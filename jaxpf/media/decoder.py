@@ -1,0 +1,159 @@
+"""Decodes films and streams with PyAV."""
+
+import os
+from collections.abc import Generator
+from fractions import Fraction
+from typing import Any, Self
+
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+
+#: Formats that a file may have.  Others name further files or addresses (playlists), or show text.
+_FORMATS = (
+    "apng,asf,av1,avi,cavsvideo,cine,dhav,dirac,dnxhd,dv,evc,flic,flv,gif,gxf,h261,h263,h264,hevc,"
+    "ivf,lxf,m4v,matroska,mjpeg,mjpeg_2000,mov,mp4,mpeg,mpegts,mpegvideo,mxf,nsv,nut,nuv,obu,ogg,"
+    "rm,ser,smjpeg,swf,vc1,vc1test,vvc,webm,webp,wtv,yuv4mpegpipe"
+)
+#: Formats whose header announces the duration.
+_ANNOUNCING = {"asf", "avi", "flv", "matroska", "mov", "mxf"}
+#: A film that ends earlier than announced by more than this many frames and this share is cut off.
+_TOLERANCE = 2, 0.01
+
+
+class NoFilm(Exception):
+    """Nothing was found that can be decoded; the message says why, if it is known."""
+
+
+class Decoder:
+    """One pass over the frames of a film; use it as a context manager.
+
+    Attributes:
+        rate: frames per second according to the header; None if unlikely.
+        frames_expected: number of frames according to the header; None if it gives none.
+        pixel_aspect: width over height of the pixels of upright frames.
+        damaged: number of frames that could not be decoded, or only in part.
+        was_silent: whether the pass ended because a stream sent nothing for too long.
+    """
+
+    def __init__(
+        self, address: str | os.PathLike[str], patience: float | None = None, threads: bool = True
+    ):
+        """Open a film.
+
+        Args:
+            address: a file or pipe; with ``patience``, the address of a stream.
+            patience: seconds to wait for a stream to open, and for each of its frames.
+            threads: decode several frames at once, which delays each.
+
+        Raises:
+            InputError: PyAV is missing.
+            NoFilm: there is nothing to decode.
+        """
+        try:
+            import av
+            from av.sidedata.sidedata import Type
+            from av.video.reformatter import VideoReformatter
+        except ModuleNotFoundError:
+            raise InputError(
+                f"reading the video '{address}' needs PyAV, which is missing; pip install "
+                "'jaxpf[cli]'"
+            ) from None
+        self._av, self._matrix, self._to_rgb = av, Type.DISPLAYMATRIX, VideoReformatter()
+        self.damaged, self.was_silent, self._end = 0, False, 0.0
+        try:
+            if patience is None:
+                # An absolute path, because FFmpeg reads text before a colon as a protocol.
+                options = {"format_whitelist": _FORMATS, "protocol_whitelist": "file"}
+                self._container: Any = av.open(os.path.abspath(address), options=options)
+            else:
+                self._container = av.open(os.fspath(address), timeout=patience)
+        except (av.FFmpegError, ValueError) as error:
+            raise NoFilm from error
+        try:
+            self._stream = self._film()
+            if threads:
+                self._stream.thread_type = "AUTO"
+        except BaseException:
+            self._container.close()
+            raise
+        rate = self._stream.average_rate or self._stream.guessed_rate
+        # Above 1000 it is the container's clock rate, not a frame rate.
+        self.rate = float(rate) if rate and 0 < rate < 1000 else None
+        self._seconds = (self._container.duration or 0) / av.time_base
+        seconds = float((self._stream.duration or 0) * self._stream.time_base) or self._seconds
+        # Of a film in fragments, the header counts the frames of the first.
+        count = max(self._stream.frames, round(seconds * (self.rate or 0)))
+        self.frames_expected: int | None = count or None
+        self._is_avi = self._container.format.name == "avi"
+        if self._is_avi and self.rate:
+            # The duration of an AVI without its index would be that of the frames found.
+            self._seconds = self._stream.frames / self.rate
+        self.pixel_aspect = Fraction(self._stream.sample_aspect_ratio or 1)
+
+    def _film(self) -> Any:
+        """The stream of frames; the cover of a recording is none."""
+        streams = self._container.streams.video
+        films = [one for one in streams if not one.disposition & one.disposition.attached_pic]
+        if not films:
+            raise NoFilm("it holds no moving pictures")
+        if films[0].codec_context is None:
+            raise NoFilm("its codec is unknown")
+        return films[0]
+
+    def frames(self) -> Generator[tuple[float | None, Any]]:
+        """Yield time stamps in seconds, None where missing, and frames for ``upright``."""
+        streams = self._container.streams
+        try:
+            for packet in self._container.demux([*streams.video, *streams.audio]):
+                if packet.stream is self._stream:
+                    yield from self._decoded(packet)
+                else:
+                    self._note_end(packet)
+        except self._av.ExitError:
+            self.was_silent = True
+        except self._av.FFmpegError:
+            self.damaged += 1
+
+    def _decoded(self, packet: Any) -> Generator[tuple[float | None, Any]]:
+        try:
+            frames = packet.decode()
+        except self._av.FFmpegError:
+            self.damaged += 1
+            return
+        for frame in frames:
+            self._note_end(frame)
+            self.damaged += frame.is_corrupt
+            # AVI stores no presentation times; those that FFmpeg guesses are out of order.
+            at = frame.dts if self._is_avi or frame.pts is None else frame.pts
+            yield None if at is None else float(at * frame.time_base), frame
+
+    def _note_end(self, part: Any) -> None:
+        at = part.dts if part.pts is None else part.pts
+        if at is not None and part.time_base:
+            self._end = max(self._end, float((at + (part.duration or 0)) * part.time_base))
+
+    def upright(self, frame: Any) -> np.ndarray:
+        """Convert a frame to uint8 RGB ``[H, W, 3]``, turned and mirrored as it is to be shown."""
+        picture = self._to_rgb.reformat(frame, format="rgb24").to_ndarray()
+        turned = frame.side_data.get(self._matrix)
+        if turned is None:
+            return picture
+        a, b, _, c, d = np.frombuffer(turned, np.int32)[:5].tolist()
+        if abs(b) > abs(a):
+            picture, a, d = picture.transpose(1, 0, 2), c, b
+            self.pixel_aspect = 1 / Fraction(self._stream.sample_aspect_ratio or 1)
+        return np.ascontiguousarray(picture[:: -1 if d < 0 else 1, :: -1 if a < 0 else 1])
+
+    def is_cut(self, rate: float) -> bool:
+        """Whether, after a pass at ``rate`` frames per second, all streams ended too early."""
+        if not _ANNOUNCING.intersection(self._container.format.name.split(",")):
+            return False
+        frames, share = _TOLERANCE
+        return self._end < self._seconds - max(frames / rate, share * self._seconds)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._container.close()

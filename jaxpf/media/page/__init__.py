@@ -1,0 +1,1 @@
+"""A page in the browser that draws start shapes on a film and shows finished tracks."""

@@ -1,0 +1,258 @@
+"""``jaxpf mark`` and ``jaxpf view`` as a person uses them: a mouse in a real browser."""
+
+import csv
+import json
+import shutil
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from command_line import jaxpf
+
+Keys = pytest.importorskip("selenium.webdriver.common.keys").Keys
+
+pytestmark = pytest.mark.slow
+_BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
+_DRIVER = shutil.which("chromedriver")
+_QUIETLY = (
+    "--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run "
+    "--disable-background-networking --disable-component-update --disable-sync "
+    "--window-size=1400,900"
+)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if not (_BROWSER and _DRIVER):
+        pytest.skip("no browser: install chromium and chromium-driver from the system's packages")
+    from selenium import webdriver
+
+    options = webdriver.ChromeOptions()
+    for argument in _QUIETLY.split():
+        options.add_argument(argument)
+    options.binary_location = _BROWSER
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    service = webdriver.chrome.service.Service(_DRIVER)
+    driver = webdriver.Chrome(options=options, service=service)
+    driver.implicitly_wait(20)
+    driver.set_script_timeout(200)
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("page") / "street"
+    assert jaxpf("example", "boxes", folder).code == 0
+    return folder
+
+
+class Page:
+    """An opened page."""
+
+    def __init__(self, browser, url):
+        self.browser = browser
+        browser.set_window_size(1400, 900)
+        browser.get(url)
+        self.until(lambda: self.canvas.get_attribute("data-shown") != "")
+
+    def one(self, selector):
+        return self.browser.find_element("css selector", selector)
+
+    @property
+    def canvas(self):
+        return self.one("#pictures canvas")
+
+    @property
+    def status(self):
+        return self.one("#status").text
+
+    def until(self, is_true, seconds=20.0):
+        end = time.monotonic() + seconds
+        while not is_true():
+            assert time.monotonic() < end, self.status
+            time.sleep(0.05)
+
+    def mouse(self, *places):
+        """Press at the first place, in pixels of the film, move through the others, release."""
+        from selenium.webdriver import ActionChains
+
+        actions = ActionChains(self.browser, duration=20)
+        for number, (x, y) in enumerate(places):
+            offset = self.browser.execute_script(
+                "const c = document.querySelector('#pictures canvas');"
+                "return [view.x + view.scale * arguments[0] - c.clientWidth / 2,"
+                "        view.y + view.scale * arguments[1] - c.clientHeight / 2]",
+                x,
+                y,
+            )
+            actions.move_to_element_with_offset(self.canvas, *map(round, offset))
+            if number == 0:
+                actions.click_and_hold()
+        actions.release().perform()
+
+    def keys(self, *keys):
+        self.one("body").send_keys(*keys)
+
+    def choose(self, kind):
+        self.browser.execute_script(
+            "const k = document.getElementById('kind'); k.value = arguments[0]; k.onchange()", kind
+        )
+
+    def rename(self, number, name):
+        field = self.browser.find_elements("css selector", "#objects li input[type=text]")[number]
+        field.send_keys(Keys.CONTROL + "a")
+        field.send_keys(name + "\n")
+
+
+@pytest.fixture
+def opened(browser):
+    """Open ``jaxpf mark`` or ``view`` with arguments, in a process of its own."""
+    processes = []
+
+    def run(*arguments):
+        command = [sys.executable, "-m", "jaxpf", *map(str, arguments), "--no-open"]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        processes.append(process)
+        return Page(browser, process.stdout.readline().strip())
+
+    yield run
+    for process in processes:
+        process.terminate()
+        process.wait()
+    wrong = [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
+    assert not wrong
+
+
+def rows_of(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_from_a_film_to_a_reviewed_and_corrected_track(opened, street, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    starts = tmp_path / "starts.csv"
+    page = opened("mark", street / "clip.mp4", "-o", starts)
+    page.mouse((120, 80), (150, 100), (160, 170))
+    page.mouse((300, 78), (344, 177))
+    page.until(lambda: "--boxes" in page.status)
+    drawn = [[float(row[key]) for key in "xywh"] for row in rows_of(starts)]
+    np.testing.assert_allclose(drawn, [[120, 80, 40, 90], [300, 78, 44, 99]], atol=1)
+    page.one("#track").click()
+    page.until(lambda: "frames tracked" in page.status, 400)
+    output = tmp_path / "jaxpf-clip"
+    assert len(rows_of(output / "tracks.csv")) == 2 * 90
+
+    page = opened("view", output)
+    page.until(lambda: page.browser.execute_script("return results[0].rows.size") == 90)
+    page.keys("n")
+    page.until(lambda: "doubtful in frame" in page.status or "lost in frame" in page.status)
+    name, frame = page.status.split()[0], int(page.one("#number").get_attribute("value"))
+    truth = [row for row in rows_of(street / "truth.csv") if int(row["frame"]) == frame]
+    row = next(row for row in rows_of(output / "tracks.csv") if row["id"] == name)
+    centre = float(row["x"])
+    x, y, w, h = (float(truth[0][key]) for key in "xywh")
+    assert frame > 0
+    assert centre > 0
+    # Draw the object again where it is doubtful.
+    page.mouse((x, y), (x + w, y + h))
+    page.until(lambda: len(rows_of(starts)) == 3 and rows_of(starts)[-1]["id"] == name)
+    page.one("#track").click()
+    page.until(lambda: "compiling" in page.status or "frame" in page.status)
+    page.until(lambda: "frames tracked" in page.status, 400)
+    again = next(
+        row
+        for row in rows_of(output / "tracks.csv")
+        if row["id"] == name and int(row["frame"]) == frame
+    )
+    assert float(again["x"]) == pytest.approx(x, abs=1)
+    assert again["x_2.5"] == ""
+
+
+def test_points_keep_names_that_look_like_markup(opened, street, tmp_path):
+    starts = tmp_path / "points.csv"
+    page = opened("mark", street / "clip.mp4", "--target", "points", "-o", starts)
+    for place in ((60, 60), (200, 100), (300, 150)):
+        page.mouse(place)
+    page.rename(0, "<b>")
+    page.rename(1, "$x$")
+    page.keys("z")  # no shortcut
+    page.until(
+        lambda: starts.exists() and [r["id"] for r in rows_of(starts)] == ["<b>", "$x$", "3"]
+    )
+    assert not page.browser.find_elements("css selector", "#objects b")
+    page.one("#undo").click()
+    page.until(lambda: [r["id"] for r in rows_of(starts)] == ["<b>", "2", "3"])
+
+
+def test_part_trees_and_contours(opened, street, tmp_path):
+    parts = tmp_path / "parts.csv"
+    page = opened("mark", street / "clip.mp4", "--target", "parts", "-o", parts)
+    for place in ((100, 60), (100, 120), (60, 170)):
+        page.mouse(place)
+    page.mouse((100, 120))  # continue from this joint
+    page.mouse((140, 170))
+    page.until(lambda: parts.exists() and len(rows_of(parts)) == 3)
+    assert [row["parent"] for row in rows_of(parts)] == ["", "1", "1"]
+    page.choose("contours")
+    for angle in np.linspace(0, 2 * np.pi, 7, endpoint=False):
+        page.mouse((300 + 60 * np.cos(angle), 150 + 40 * np.sin(angle)))
+    page.keys(Keys.ENTER)
+    page.until(lambda: "--contours" in page.status)
+    file = street / "clip-contours.json"
+    content = json.loads(file.read_text())
+    file.unlink()
+    assert content["closed"] is True
+    points = np.array(content["contours"]["1"])
+    np.testing.assert_allclose(points.mean(axis=0), (300, 150), atol=2)
+
+
+def test_a_page_is_used_at_any_width_and_by_keys(opened, street, tmp_path):
+    page = opened("mark", street / "clip.mp4", "-o", tmp_path / "starts.csv")
+    page.browser.set_window_size(600, 800)
+    assert page.canvas.size["width"] > 400
+    page.keys(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT)
+    page.until(lambda: page.canvas.get_attribute("data-shown") == "2")
+    page.one("#add").click()
+    page.until(lambda: (tmp_path / "starts.csv").exists())
+    width = page.one("input[aria-label='w of 1']")
+    width.send_keys(Keys.CONTROL + "a")
+    width.send_keys("50\n")
+    page.until(lambda: float(rows_of(tmp_path / "starts.csv")[0]["w"]) == 50)
+    unnamed = page.browser.execute_script(
+        "return [...document.querySelectorAll('input, select, button, canvas')].filter("
+        "e => !e.textContent.trim() && !e.closest('label') && !e.ariaLabel).length"
+    )
+    assert unnamed == 0
+
+
+def test_a_thousand_frames_scroll_fast(opened, tmp_path):
+    import av
+
+    with av.open(str(tmp_path / "long.mp4"), "w") as film:
+        stream = film.add_stream("libx264", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 640, 480, "yuv420p"
+        rng = np.random.default_rng(0)
+        still = rng.integers(0, 255, (480, 640, 3), np.uint8) // 4
+        for number in range(1000):
+            still[200:240, number % 600 : number % 600 + 40] = number % 255
+            film.mux(stream.encode(av.VideoFrame.from_ndarray(still, "rgb24")))
+        film.mux(stream.encode())
+    page = opened("mark", tmp_path / "long.mp4")
+    milliseconds = page.browser.execute_async_script(
+        """
+        const done = arguments[0], times = [];
+        (async () => {
+          for (let number = 1; number < 1000; number++) {
+            const begin = performance.now();
+            go(number);
+            await pictures.get(number).decode();
+            times.push(performance.now() - begin);
+          }
+          done(times);
+        })();
+        """
+    )
+    assert np.median(milliseconds) < 100

@@ -1,0 +1,110 @@
+"""Objects that a start file names in later frames."""
+
+import numpy as np
+import pytest
+from command_line import jaxpf
+from small_video import LENGTH, PARTICLES, true_boxes
+
+from jaxpf.boxes import read_tracks
+
+
+def boxes_at(path, *rows, header="frame,id,x,y,w,h"):
+    lines = [",".join(map(str, (frame, name, *box))) for frame, name, box in rows]
+    path.write_text("\n".join([header, *lines]) + "\n")
+    return path
+
+
+def rows_of(output, name):
+    table = read_tracks(output / "tracks.csv")
+    return {key: values[table["id"] == name] for key, values in table.items()}
+
+
+def test_an_object_starts_later_and_another_is_put_right(track, tmp_path):
+    wrong, (left, right) = [30, 30, 12, 16], true_boxes(4)  # wrong: background
+    starts = boxes_at(
+        tmp_path / "starts.csv",
+        (0, 1, true_boxes(0)[0]),
+        (0, 3, wrong),
+        (4, 2, left),
+        (4, 3, right),
+    )
+    outcome = track("--boxes", starts)
+    assert outcome.code == 0, outcome.err
+    output = tmp_path / "out"
+    one, two, three = (rows_of(output, name) for name in (1, 2, 3))
+    np.testing.assert_array_equal(one["frame"], np.arange(LENGTH))
+    np.testing.assert_array_equal(two["frame"], np.arange(4, LENGTH))
+    np.testing.assert_array_equal(three["frame"], np.arange(LENGTH))
+    # Where a start is given it is the track, without an interval.
+    assert [three[key][4] for key in "xywh"] == list(right)
+    assert np.isnan(three["x_2.5"][4])
+    assert np.isfinite(three["x_2.5"][[3, 5]]).all()
+    truth = np.array([true_boxes(time) for time in range(LENGTH)])
+    for rows, index, begin in ((one, 0, 1), (two, 0, 5), (three, 1, 5)):
+        times = rows["frame"][rows["frame"] >= begin]
+        x = rows["x"][rows["frame"] >= begin]
+        assert np.abs(x - truth[times, index, 0]).max() < 4
+    columns = (output / "diagnostics.csv").read_text().splitlines()[0].split(",")
+    assert [name for name in columns if name.startswith("confidence")] == [
+        f"confidence_{name}" for name in (1, 3, 2)
+    ]
+
+
+@pytest.mark.slow
+def test_the_start_frames_objects_are_tracked_as_without_later_ones(track, tmp_path, place):
+    first, second = true_boxes(0)
+    starts = boxes_at(tmp_path / "a.csv", (0, 1, first), (0, 2, second))
+    assert track("--boxes", starts).code == 0
+    alone = (tmp_path / "out" / "tracks.csv").read_text().splitlines()
+    both = boxes_at(
+        tmp_path / "b.csv", (0, 1, first), (0, 2, second), (7, 2, true_boxes(7)[1] + [1, 0, 0, 0])
+    )
+    video = place / "clip.avi"
+    outcome = jaxpf("track", video, *PARTICLES, "--boxes", both, "-o", tmp_path / "b")
+    assert outcome.code == 0, outcome.err
+    rows = (tmp_path / "b" / "tracks.csv").read_text().splitlines()
+    assert rows[: 1 + 2 * 7] == alone[: 1 + 2 * 7]
+    of_first = [row for row in rows if row.split(",")[2] == "1"]
+    assert of_first == [row for row in alone if row.split(",")[2] == "1"]
+
+
+def test_a_file_of_whole_tracks_starts_objects_once(track, tmp_path, place):
+    outcome = track("--boxes", place / "gt.csv")
+    assert outcome.code == 0, outcome.err
+    assert "the start file holds whole tracks; only its frame 0 is used" in outcome.err
+    assert np.isfinite(rows_of(tmp_path / "out", 1)["x_2.5"][1:]).all()
+
+
+def test_options_of_one_tracker_are_refused_with_later_starts(refuse, tmp_path_factory):
+    starts = boxes_at(
+        tmp_path_factory.mktemp("starts") / "starts.csv",
+        (0, 1, true_boxes(0)[0]),
+        (4, 2, true_boxes(4)[1]),
+    )
+    assert "--smooth works with objects that all start" in refuse("--boxes", starts, "--smooth")
+
+
+def test_a_start_after_the_last_frame_is_an_error_and_the_tracks_are_kept(track, tmp_path):
+    starts = boxes_at(
+        tmp_path / "s.csv",
+        (0, 1, true_boxes(0)[0]),
+        (0, 2, true_boxes(0)[1]),
+        (99, 2, [1, 2, 9, 9]),
+    )
+    outcome = track("--boxes", starts)
+    assert outcome.code == 2
+    assert f"names frame 99, and the last frame is {LENGTH - 1}" in outcome.err
+    assert rows_of(tmp_path / "out", 1)["frame"][-1] == LENGTH - 1
+
+
+@pytest.mark.slow
+def test_points_name_their_frames(tmp_path, place):
+    rows = ((0, "<b>", (12, 16)), (5, "$x$", (41, 25)))
+    starts = boxes_at(tmp_path / "points.csv", *rows, header="frame,id,x,y")
+    arguments = ("track", "points", place / "clip.avi", "-n", 60, "--points", starts)
+    outcome = jaxpf(*arguments, "-o", tmp_path / "out")
+    assert outcome.code == 0, outcome.err
+    np.testing.assert_array_equal(rows_of(tmp_path / "out", "$x$")["frame"], np.arange(5, LENGTH))
+    outcome = jaxpf(*arguments, "--start", 3, "-o", tmp_path / "none")
+    assert outcome.code == 2
+    assert "no point is given for frame 3; the first is in frame 0" in outcome.err

@@ -52,8 +52,9 @@ def tracker(
     if like == "rowe2005":
         if method is not None or likelihood is not None or ordering is not None:
             raise InputError("like='rowe2005' has a method and likelihood of its own; leave them.")
-        more = {} if particles is None else {"num_particles": particles}
-        return rowe2005_tracker(frame, _start(boxes).shapes, patches=patches, **more, **options)
+        if particles is not None:
+            options["num_particles"] = particles
+        return rowe2005_tracker(frame, _start(boxes).shapes, patches=patches, **options)
     given = {"like": like, "method": method, "particles": particles, **options}
     own = {"likelihood": likelihood, "ordering": ordering, "patches": patches}
     return building.make(BOXES, frame, _start(boxes), given, **own)

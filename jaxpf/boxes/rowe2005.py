@@ -73,7 +73,7 @@ def rowe2005_tracker(
         [boxes[:, :2] + boxes[:, 2:] / 2, boxes[:, 2:], np.zeros_like(boxes[:, :2])]
     )
     scales = (settings.position_scale, settings.size_scale, settings.speed_scale)
-    defaults = {
+    defaults: dict[str, Any] = {
         "num_particles": 100,
         "resampling": "multinomial",
         "feedback": "estimate",

@@ -35,6 +35,7 @@ class Measure(NamedTuple):
         """Estimate over scenes, or the comparison of two variants on their common scenes."""
         first = self.values(measured, variant)
         if not against:
+            alone: dict[str, Callable[..., Quantity]]
             alone = {"mean": mean_of, "percent": share_of, "ratio": _ratio_to_one}
             return alone[self.kind](first, what)
         second = self.values(measured, against)

@@ -11,7 +11,7 @@ from jaxpf import running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import check_not_traced
-from jaxpf.running.checks import check_run
+from jaxpf.running.checks import check_frames, check_run
 from jaxpf.running.chunks import come_one_by_one
 from jaxpf.smoothing import passes
 from jaxpf.smoothing.backward import History
@@ -64,6 +64,8 @@ def stream(
     look_back = LookBack(tracker, key, lag, num_trajectories=num_trajectories)
     if not come_one_by_one(frames):
         check_not_traced("smoothing with a lag", "jaxpf.smooth without a lag", tracker, key, frames)
+        check_frames(frames)
+        running.num_frames(frames)
         check_run(tracker, frames)
         whole, length = frames, running.num_frames(frames)
         frames = (jax.tree.map(lambda x, time=time: x[time], whole) for time in range(length))

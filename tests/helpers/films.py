@@ -43,4 +43,7 @@ def write_film(
                 picture.pts, picture.time_base = stamps[number], Fraction(1, 1000)
             file.mux(stream.encode(picture))
         file.mux(stream.encode(None))
+    if codec == "libsvtav1" and hasattr(os, "sched_setscheduler"):
+        # As root it gives the process real-time priority, which would starve all others.
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     return path

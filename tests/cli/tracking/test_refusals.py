@@ -59,9 +59,9 @@ def test_options_that_change_others_say_so_in_one_line(arguments, note):
     ("name", "content", "message"),
     [
         ("empty.mp4", b"", "is empty"),
-        ("junk.mp4", bytes(range(256)) * 20, "is not a video that OpenCV can read"),
+        ("junk.mp4", bytes(range(256)) * 20, "is not a video; give a video"),
         ("stub.avi", b"RIFF\x00\x00\x00\x00AVI LIST" + bytes(99), "begins as AVI but is cut off"),
-        ("text.mp4", b"hello\n" * 50, "is a text file"),
+        ("text.mp4", b"hello\n" * 50, "is not a video; give a video"),
     ],
 )
 def test_a_file_that_is_no_video_is_refused(refuse, tmp_path, name, content, message):

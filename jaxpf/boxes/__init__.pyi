@@ -8,6 +8,7 @@ from .models import (
     relative_box_model as relative_box_model,
     relative_steps as relative_steps,
 )
+from .rowe2005 import Rowe2005Settings as Rowe2005Settings, rowe2005_tracker as rowe2005_tracker
 from .tracks import (
     BoxTable as BoxTable,
     check_boxes as check_boxes,

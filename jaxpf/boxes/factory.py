@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.boxes.models import boxes_at
+from jaxpf.boxes.rowe2005 import rowe2005_tracker
 from jaxpf.boxes.target import BOXES
 from jaxpf.contract.errors import InputError, check_tracker
 from jaxpf.contract.numbers import check_array, numbers_in
+from jaxpf.likelihoods.pixels import PixelLikelihood
 from jaxpf.targets import building
 
 
@@ -16,6 +18,7 @@ def tracker(
     frame: Any,
     boxes: ArrayLike,
     *,
+    like: str | None = None,
     method: str | None = None,
     particles: int | None = None,
     likelihood: Any = None,
@@ -31,6 +34,8 @@ def tracker(
         frame: uint8 RGB ``[H, W, 3]`` that contains the boxes; tracking continues with the next
             frame.  It may be None with a user-defined likelihood.
         boxes: x, y, w, h in pixels, ``[P, 4]``.
+        like: ``"smith2004"`` or ``"rowe2005"`` for that paper's system as printed; other arguments
+            override it.  Options of rowe2005 are those of ``jaxpf.boxes.rowe2005_tracker``.
         method: ``"dps"`` (default), ``"sir"``, ``"ps"``, ``"sps"``, ``"labelled"``, ...
         particles: number of particles; default 300.
         likelihood: a user-defined likelihood of substates (u, v, a), the centre in pixels and the
@@ -44,7 +49,13 @@ def tracker(
     Raises:
         InputError: an unknown option or a value out of range; the message names it.
     """
-    given = {"method": method, "particles": particles, **options}
+    if like == "rowe2005":
+        if method is not None or likelihood is not None or ordering is not None:
+            raise InputError("like='rowe2005' has a method and likelihood of its own; leave them.")
+        if particles is not None:
+            options["num_particles"] = particles
+        return rowe2005_tracker(frame, _start(boxes).shapes, patches=patches, **options)
+    given = {"like": like, "method": method, "particles": particles, **options}
     own = {"likelihood": likelihood, "ordering": ordering, "patches": patches}
     return building.make(BOXES, frame, _start(boxes), given, **own)
 
@@ -60,6 +71,10 @@ def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
         InputError: the tracker's dynamics do not know the sizes.
     """
     check_tracker(tracker)
+    if isinstance(tracker.likelihood, PixelLikelihood):
+        check_array("estimate", estimate, "u, v, w, h, [..., P, >= 4]")
+        centre, sides = np.split(np.asarray(estimate)[..., :4], 2, axis=-1)
+        return np.concatenate([centre - sides / 2, sides], axis=-1)
     sizes = getattr(tracker.dynamics, "sizes", None)
     if sizes is None:
         raise InputError(

@@ -51,9 +51,9 @@ def command(
 ) -> None:
     """Repeat a paper's experiment, print its figures beside ours, and judge its claims.
 
-    Published figures stand left of ours, which have 95 % intervals.  Every claim is supported,
-    contradicted or open; fewer than ten scenes are a preview without verdicts.  After an
-    interruption, the same command resumes.
+    Published figures stand left of ours, which have 95% intervals.  Every claim gets
+    a verdict, such as supported or open; fewer than ten scenes are a preview without one.  After
+    an interruption, the same command resumes.
 
     PAPER is one of smith2004, gonzales2011, rowe2005, eskil2014, maccormick1999.
     """
@@ -78,12 +78,13 @@ def command(
     folder = prepare_output_folder(output, overwrite or resumes)
     if resumes:
         click.echo(f"Resuming from '{folder}'.")
+    click.echo("The first scenes take longest: their programs are compiled.")
     with checkpoints.sharing(executor), checkpoints.keeping(output, options):
         comparison = chosen.compare(request)
         explicit = options | {"scenes": len(request.seeds)}
         written = comparison_table.write(comparison, folder, _typed(explicit))
     for table in comparison.tables:
-        print_table(table.title, table.columns, table.texts())
+        print_table(table.title, table.columns, table.texts(), explain=False)
         if table.note:
             click.echo(f"{table.note}\n")
     for line in verdicts.report(paper, comparison.claims, details=True):

@@ -1,22 +1,29 @@
 """``jaxpf verdicts``: the stored verdicts on the papers' claims."""
 
 import textwrap
+from pathlib import Path
+from typing import Any
 
 import click
 
 from jaxpf.cli.reproduce import PAPERS
+from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.plain import PlainCommand
 
 
 @click.command("verdicts", cls=PlainCommand)
 @click.argument("papers", nargs=-1, type=click.Choice(PAPERS), metavar="[PAPER]...")
+@plain.output(
+    "Folder that also gets the verdicts as PAPER/verdicts.csv, judged again by today's rule.  "
+    "[default: none]"
+)
 @click.option(
     "--details",
     is_flag=True,
-    help="Print the sentence behind each line, and claims of other kinds: corrected methods, equal "
-    "time, events seen once, beyond the papers, not judged.",
+    help="Print the sentence behind each line, and claims of other kinds: corrected methods, "
+    "events seen once, beyond the papers, not judged, measured earlier.",
 )
-def command(papers: tuple[str, ...], details: bool) -> None:
+def command(papers: tuple[str, ...], output: Path | None, details: bool) -> None:
     """Print the claims of the papers with their stored verdicts.
 
     Nothing is run; `jaxpf reproduce PAPER` measures a paper again.
@@ -26,7 +33,21 @@ def command(papers: tuple[str, ...], details: bool) -> None:
     from jaxpf.papers.judging.claims import RULE
 
     for paper in papers or PAPERS:
-        for line in verdicts.report(paper, verdicts.stored(paper), details):
+        judged = verdicts.stored(paper) if output is None else _written(paper, output)
+        for line in verdicts.report(paper, judged, details):
             click.echo(line)
         click.echo()
     click.echo(textwrap.fill(RULE, 100))
+
+
+def _written(paper: str, output: Path) -> list[Any]:
+    """Judge a paper's stored figures again, and write them."""
+    from jaxpf.files.writing import report_os_errors, write_text
+    from jaxpf.papers.judging.comparison_table import verdicts_csv
+    from jaxpf.papers.paper import paper_of
+
+    judged = paper_of(paper).judge_again()
+    with report_os_errors("create the folder", output / paper):
+        (output / paper).mkdir(parents=True, exist_ok=True)
+    write_text(output / paper / "verdicts.csv", verdicts_csv(judged))
+    return judged

@@ -15,6 +15,7 @@ def tracker(
     frame: Any,
     contours: Contours,
     *,
+    like: str | None = None,
     method: str | None = None,
     particles: int | None = None,
     likelihood: Any = None,
@@ -28,6 +29,7 @@ def tracker(
         frame: uint8 RGB ``[H, W, 3]``, from which clutter is learned; tracking continues with the
             next frame.  It may be None with a user-defined likelihood.
         contours: the start contours.
+        like: ``"maccormick1999"`` for that paper's system as printed; other arguments override it.
         method: ``"ps"`` (default) or ``"sir"``.
         particles: number of particles; default 500.
         likelihood: a user-defined likelihood of points of the shape space.
@@ -42,7 +44,7 @@ def tracker(
     check_type("contours", contours, Contours)
     if learned is not None:
         check_type("learned", learned, Learned)
-    given = {"method": method, "particles": particles, **options}
+    given = {"like": like, "method": method, "particles": particles, **options}
     start = contour_start(contours, learned)
     return building.make(CONTOURS, frame, start, given, likelihood=likelihood, ordering=ordering)
 

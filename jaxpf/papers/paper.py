@@ -1,9 +1,10 @@
 """The framework shared by all papers.
 
 Each paper has a folder with the same files: ``published`` (its figures, as data), ``scenes`` (drawn
-or filmed scenes, and the runs on them), ``measure``, ``tables``, ``figures``, ``claims`` (key of a
-claim -> measured figures), ``claims.csv``, ``settings.csv`` (settings that the paper leaves open,
-and how they were chosen) and ``__init__`` with the ``PAPER``.
+or filmed scenes, and the runs on them), ``measure``, ``measures`` (by the names in ``claims.csv``;
+``claims`` where a function gives the figures of a claim), ``tables``, ``figures``, ``claims.csv``,
+``settings.csv`` (settings that the paper leaves open, and how they were chosen) and ``__init__``
+with the ``PAPER``.
 """
 
 import dataclasses
@@ -12,8 +13,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from jaxpf.files.tables import Table
-from jaxpf.papers.judging.claims import Quantity, judge_all, read_rows
+from jaxpf.papers.judging.claims import Judged, Quantity, judge_all, read_rows
 from jaxpf.papers.judging.comparison_table import Comparison
+from jaxpf.papers.judging.verdicts import judged_again, stored
 
 #: Papers that can be repeated; each is a module here with a ``PAPER``.
 PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")
@@ -55,6 +57,7 @@ class Paper:
         quantities: key of a claim -> the figures that judge it.
         figures: file-name stem -> matplotlib figure.
         notes: sentences on the method and its limits.
+        computed: those of ``quantities`` that are computed without a measurement.
         quick_scenes: number of scenes in the quick version.
     """
 
@@ -66,6 +69,7 @@ class Paper:
     quantities: Callable[[Any], Mapping[str, Sequence[Quantity]]]
     figures: Callable[[Any], Mapping[str, Any]]
     notes: Sequence[str]
+    computed: Callable[[], Mapping[str, Sequence[Quantity]]] = dict
     quick_scenes: int = 2
 
     def request(
@@ -94,10 +98,21 @@ class Paper:
             paper=self.name,
             title=self.title,
             tables=[*self.tables(measured), *settings_tables(self.name)],
-            claims=judge_all(self.name, self.quantities(measured)),
+            claims=judge_all(self.name, {**self.quantities(measured), **self.computed()}),
             figures=self.figures(measured),
             notes=self.notes,
         )
+
+    def judge_again(self) -> list[Judged]:
+        """The stored figures, judged by today's claims; computed figures are computed again."""
+        computed = {each.claim.key: each for each in judge_all(self.name, self.computed())}
+        again = []
+        for each in stored(self.name):
+            if (new := computed.get(each.claim.key)) is not None:
+                again.append(new._replace(command=each.command, version=each.version))
+            else:
+                again.append(judged_again(each))
+        return again
 
     def run(self, **asked: Any) -> Comparison:
         """``request`` and ``compare`` in one call."""

@@ -14,6 +14,7 @@ def tracker(
     frame: Any,
     parts: Parts,
     *,
+    like: str | None = None,
     method: str | None = None,
     particles: int | None = None,
     likelihood: Any = None,
@@ -27,6 +28,7 @@ def tracker(
         frame: uint8 RGB ``[H, W, 3]`` that contains the parts; tracking continues with the next
             frame.  It may be None with a user-defined likelihood.
         parts: tree, poses and sizes of the parts of one or several objects.
+        like: ``"gonzales2011"`` for that paper's system as printed; other arguments override it.
         method: ``"sps"`` (default), ``"ps"`` or ``"sir"``.
         particles: number of particles; default 300.
         likelihood: a user-defined likelihood of (u, v, scale, theta), or the name of a method to
@@ -40,7 +42,7 @@ def tracker(
     Raises:
         InputError: an unknown option or a value out of range; the message names it.
     """
-    given = {"method": method, "particles": particles, **options}
+    given = {"like": like, "method": method, "particles": particles, **options}
     own = {"likelihood": likelihood, "ordering": ordering, "patches": patches}
     return building.make(PARTS, frame, PARTS.start(parts), given, **own)
 

@@ -14,6 +14,7 @@ def tracker(
     frame: Any,
     points: ArrayLike,
     *,
+    like: str | None = None,
     method: str | None = None,
     particles: int | None = None,
     likelihood: Any = None,
@@ -26,6 +27,7 @@ def tracker(
         frame: uint8 RGB ``[H, W, 3]`` that contains the points; tracking continues with the next
             frame.  It may be None with a user-defined likelihood.
         points: x and y in pixels, ``[P, 2]``.
+        like: ``"eskil2014"`` for that paper's system as printed; other arguments override it.
         method: ``"sps"`` (default), ``"ps"``, ``"pffl"``, ``"eskil"``, ...
         particles: number of particles; by default 1000, or 10 for eskil and 50 for pffl.
         likelihood: a user-defined likelihood of substates (u, v).
@@ -39,7 +41,7 @@ def tracker(
             at the same position, or a single point with eskil's drift; the message says which.
     """
     start = POINTS.start(points)
-    given = {"method": method, "particles": particles, **options}
+    given = {"like": like, "method": method, "particles": particles, **options}
     own = {"likelihood": likelihood, "ordering": ordering}
     return building.make(POINTS, frame, start, given, **own)
 

@@ -105,7 +105,8 @@ def make(
         target: the kind of target.
         frame: the start frame, uint8 RGB ``[H, W, 3]``; may be None with your own likelihood.
         start: where tracking starts.
-        given: options of the target and of the method's filter; None means the default.
+        given: options of the target and of the method's filter, and ``like``, a paper's system
+            (``jaxpf.targets.presets``) from which they differ; None means the default.
             ``resampling`` may be your own scheme, see ``jaxpf.resampling``.
         likelihood: the name of a built-in likelihood, or your own likelihood.
         ordering: from ``jaxpf.ordering``, instead of a method.
@@ -116,6 +117,15 @@ def make(
         InputError: an option is unknown, or a value is out of range.
     """
     values = {name: _plain(value) for name, value in given.items() if value is not None}
+    if (like := values.pop("like", None)) is not None:
+        from jaxpf.targets.presets import preset
+
+        options, own_ordering = preset(like, target.name, start)
+        if ordering is None and "method" not in values:
+            ordering = own_ordering
+        elif ordering is not None:
+            options.pop("method", None)
+        values = options | values
     if isinstance(likelihood, str):
         values["likelihood"], likelihood = likelihood, None
     elif likelihood is not None and not hasattr(likelihood, "observe"):

@@ -112,10 +112,17 @@ def _verdicts():
             f"Method: {verdicts.FORMS[paper]}; {verdicts.origin(judged)}.\n",
             *claims_markdown(judged, level=3),
             "### Not judged\n",
-            *markdown_table(list(left[0]), [list(each.values()) for each in left]),
-            "",
+            *_rows(left),
+            f"### {verdicts.EARLIER.capitalize()}\n",
+            *_rows(verdicts.earlier(paper)),
         ]
     return "\n".join(blocks)
+
+
+def _rows(rows):
+    """A table of dictionaries, without their keys."""
+    rows = [{name: text for name, text in row.items() if name != "key"} for row in rows]
+    return [*markdown_table(list(rows[0]), [list(row.values()) for row in rows]), ""]
 
 
 def _pictures():

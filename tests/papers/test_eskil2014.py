@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from jaxpf.papers import eskil2014
-from jaxpf.papers.eskil2014 import claims, figures, methods, published, tables
+from jaxpf.papers.eskil2014 import figures, measures, methods, published, tables
 from jaxpf.papers.eskil2014.scenes import Outcome
-from jaxpf.papers.judging.claims import CONTRADICTED, SUPPORTED, judge_all
+from jaxpf.papers.judging.claims import NOT_SEEN, SUPPORTED, judge_all
 
 NAMES = ("nose", "eye", "dorsal front", "tail")
 
@@ -30,11 +30,27 @@ def made(proposed: float, pffl: float) -> Outcome:
 
 
 def test_claims_follow_the_figures():
-    found = verdicts(claims.quantities({"fish": made(0.02, 0.2)}))
-    assert found.pop("fish_together") == CONTRADICTED  # PFFL's error grows from the first frame on
+    found = verdicts(eskil2014.PAPER.quantities({"fish": made(0.02, 0.2)}))
+    assert found.pop("fish_together") == NOT_SEEN  # PFFL's error grows from the first frame on
     assert set(found.values()) == {SUPPORTED}
-    turned = verdicts(claims.quantities({"fish": made(0.2, 0.02)}))
-    assert list(turned.values()).count(CONTRADICTED) == 6
+    turned = verdicts(eskil2014.PAPER.quantities({"fish": made(0.2, 0.02)}))
+    assert list(turned.values()).count(NOT_SEEN) == 6
+
+
+def test_spot_is_compared_on_the_scenes_that_it_has():
+    def spot_rows(shape, errors):
+        rng = np.random.default_rng(1)
+        scene = {"skydivers": ("head", "left hand", "right hand"), "face": ("right lip corner",)}
+        names = scene.get(shape, NAMES)
+        noise = rng.uniform(0.9, 1.1, (2, 50, 1, 100, len(names)))
+        found = {methods.PROPOSED: 0.02 * noise[0], methods.SPOT: errors * noise[1, :25]}
+        found[methods.PFFL] = found[methods.PROPOSED]
+        outcome = Outcome(shape, names, found, np.ones((50, 100, len(names)), bool))
+        return verdicts(eskil2014.PAPER.quantities({shape: outcome}))[f"{shape}_spot"]
+
+    assert [spot_rows("fish", error) for error in (0.02, 0.2)] == [SUPPORTED, NOT_SEEN]
+    assert [spot_rows("skydivers", error) for error in (0.02, 0.9)] == [NOT_SEEN, SUPPORTED]
+    assert [spot_rows("face", error) for error in (0.01, 0.2)] == [NOT_SEEN, SUPPORTED]
 
 
 def test_noise_is_scaled_to_our_film():
@@ -50,10 +66,10 @@ def test_a_lost_run_does_not_hide_among_the_others():
     errors[:, 1, :5] = 0.6  # but this one's would be .2
     names = ("head", "left hand", "right hand")
     found = Outcome("skydivers", names, {methods.PROPOSED: errors}, np.ones((30, 40, 3), bool))
-    measured = claims.quantities({"skydivers": found})
+    measured = eskil2014.PAPER.quantities({"skydivers": found})
     (peak,), (near,) = measured["skydivers_peak"], measured["skydivers_near"]
     assert peak.value == pytest.approx((1.5 + 0.6 + 3 * 0.1) / 5, abs=0.02)
-    assert verdicts(measured)["skydivers_peak"] == CONTRADICTED
+    assert verdicts(measured)["skydivers_peak"] == NOT_SEEN
     # Frames count in which all three are near: 190 of 200.
     assert near.value == pytest.approx(95)
 
@@ -64,8 +80,8 @@ def test_a_point_that_passes_by_is_not_found_again():
     errors = np.full((2, 45, 1), 0.5)
     errors[0, 30:] = 0.02  # the first run's stays, the second's passes
     errors[1, 35:38] = 0.02
-    np.testing.assert_array_equal(tables.found_again(errors, visible), [1, 0])
-    assert np.isnan(tables.found_again(errors[:, :35], visible[:35])).all()
+    np.testing.assert_array_equal(measures.found_again(errors, visible), [1, 0])
+    assert np.isnan(measures.found_again(errors[:, :35], visible[:35])).all()
 
 
 def test_the_printed_drift_divides_by_the_plain_sum():
@@ -90,14 +106,14 @@ def test_blinks_are_judged_by_the_eyes_alone():
     def verdict(errors):
         found = {methods.PROPOSED: errors}
         face = Outcome("face", (*names, "right lip corner"), found, np.ones((40, 127, 3), bool))
-        return verdicts(claims.quantities({"face": face}))["face_blinks"]
+        return verdicts(eskil2014.PAPER.quantities({"face": face}))["face_blinks"]
 
     errors = np.concatenate([errors, errors[..., :1]], axis=-1)
     errors[0, 0, 28, 0] = 0.3
     assert verdict(errors) == SUPPORTED
     errors[:, :, 70:, 0] = rng.uniform(0.2, 0.4, errors[:, :, 70:, 0].shape)
     errors[0, 0, 73:79, 0] = 0.02
-    assert verdict(errors) == CONTRADICTED
+    assert verdict(errors) == NOT_SEEN
 
 
 def test_the_table_has_a_row_for_every_method():

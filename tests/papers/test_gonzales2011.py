@@ -9,7 +9,7 @@ from jaxpf.papers import gonzales2011
 from jaxpf.papers.checkpoints import keeping
 from jaxpf.papers.gonzales2011 import claims, figures, published, scenes, tables
 from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, RUNS_PER_SCENE, Outcome
-from jaxpf.papers.judging.claims import CONTRADICTED, OPEN, SUPPORTED, judge_all
+from jaxpf.papers.judging.claims import NOT_SEEN, OPEN, SUPPORTED, judge_all
 from jaxpf.papers.judging.comparison_table import Comparison, write
 
 FRAMES = 7
@@ -118,15 +118,15 @@ def test_claims_follow_what_was_measured():
     outcomes = everything(fake_outcome(gains, {"SPS sorted": 0.0}, num_scenes=25))
     for dynamics, swap, expected in (
         ("absolute", "sorted", SUPPORTED),
-        ("absolute", "combinatorial", CONTRADICTED),
-        ("relative", "combinatorial", CONTRADICTED),
+        ("absolute", "combinatorial", NOT_SEEN),
+        ("relative", "combinatorial", NOT_SEEN),
     ):
         found = verdicts(claims.of_curves(outcomes, dynamics, swap))
         assert len(found) == 5
         for key, verdict in found.items():
-            # No gain is not a considerable one, but may be a small one.
-            without = CONTRADICTED if "erratic" in key else OPEN
-            assert verdict == (without if key.endswith("variance") else expected), key
+            # No gain is not a considerable one, and within the margin of a gain.
+            without = {NOT_SEEN} if "erratic" in key else {"equal within 3", OPEN}
+            assert verdict in (without if key.endswith("variance") else {expected}), key
     assert verdicts({"resamplings": claims.resamplings()}) == {"resamplings": SUPPORTED}
     assert [part.what for part in claims.resamplings()] == ["7 parts, 7 / 4", "9 parts, 9 / 5"]
 
@@ -135,12 +135,12 @@ def test_one_bad_cell_contradicts_its_claim_alone():
     outcomes = everything(fake_outcome({"SPS sorted": 8.0}, num_scenes=25))
     outcomes["smooth", 7, 40] = fake_outcome({"SPS sorted": -8.0}, num_scenes=25)
     found = verdicts(claims.of_curves(outcomes, "absolute", "sorted"))
-    assert [key for key, verdict in found.items() if verdict == CONTRADICTED] == ["error"]
+    assert [key for key, verdict in found.items() if verdict == NOT_SEEN] == ["error"]
     assert claims.of_curves({}, "absolute", "sorted")["error"] == []
 
 
 def test_gains_are_per_cent_of_ps_sequence_by_sequence():
-    ours, base = np.array([15.0, 60.0]), np.array([20.0, 60.0])
+    ours, base = np.array([15.0, 60.0] * 15), np.array([20.0, 60.0] * 15)
     found = tables.gain(ours, base)
     np.testing.assert_allclose(found.value, 100 * (1 - np.sqrt(0.75)))
     low, high = found.interval(0.9)

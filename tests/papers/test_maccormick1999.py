@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf.papers.judging.claims import CONTRADICTED, PREVIEW, SUPPORTED, judge_all
+from jaxpf.papers import maccormick1999
+from jaxpf.papers.judging.claims import NOT_SEEN, PREVIEW, SUPPORTED, judge_all
 from jaxpf.papers.maccormick1999 import (
-    claims,
+    measures,
     one_line,
     passing,
     published,
@@ -16,12 +17,15 @@ from jaxpf.papers.maccormick1999 import (
     toy,
     tracking,
 )
-from jaxpf.papers.maccormick1999.tables import rate_of_labels
+from jaxpf.papers.maccormick1999.measure import Measurement
 
 
-def verdicts(quantities):
-    measured = {key: [figure] for key, figure in quantities.items()}
-    return {each.claim.key: each.verdict for each in judge_all("maccormick1999", measured)}
+def verdicts(**measured):
+    """Key of a claim -> verdict, of what was measured."""
+    nothing = passing.Passing([], {}, {})
+    whole = dict.fromkeys(Measurement._fields, nothing) | {"toy": {}} | measured
+    figures = maccormick1999.PAPER.quantities(Measurement(**whole))
+    return {each.claim.key: each.verdict for each in judge_all("maccormick1999", figures)}
 
 
 def test_one_target_peaks_at_every_feature_and_two_do_not_share_one():
@@ -29,7 +33,7 @@ def test_one_target_peaks_at_every_feature_and_two_do_not_share_one():
     assert together.max() < 0.1 * apart.min()
     alone = one_line.likelihood(np.array([[-50.0, -32.0]]))
     assert alone[0] > 5 * alone[1]
-    assert verdicts({"line": claims.of_line()}) == {"line": SUPPORTED}
+    assert measures.of_line().value < 0.1
 
 
 @pytest.fixture(scope="module")
@@ -122,10 +126,10 @@ def test_claims_follow_from_the_rates(wires):
             for name, method in passing.WIRES.items()
         }
         meeting = passing.Passing([wires] * 50, outcomes, passing.WIRES)
-        return verdicts(claims.of_wires(meeting))
+        return verdicts(wires=meeting)
 
     assert list(judged(good, bad).values()) == [SUPPORTED] * 6
-    assert list(judged(bad, good).values()) == [CONTRADICTED] * 6
+    assert list(judged(bad, good).values()) == [NOT_SEEN] * 6
 
 
 @pytest.fixture(scope="module")
@@ -191,31 +195,34 @@ def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost
             passing.INDEPENDENT: second,
             passing.OCCLUSION + passing.PRINTED: first,
         }
-        walkers = claims.of_walkers(with_outcomes(one_kept_one_lost, methods))
+        walkers = with_outcomes(one_kept_one_lost, methods)
         methods = {
             passing.PARTITIONED: first,
             passing.PARTITIONED + passing.PRINTED: second,
             passing.ENOUGH: first,
+            passing.AS_MANY: second,
+            passing.FOUR_TIMES: second,
         }
-        leaves = claims.of_leaves(with_outcomes(one_kept_one_lost, methods))
-        return verdicts(walkers | leaves)
+        return verdicts(walkers=walkers, leaves=with_outcomes(one_kept_one_lost, methods))
 
     found = judged(all_good, all_bad)
-    assert len(found) == 10
-    assert found.pop("leaves_printed") == CONTRADICTED
+    assert len(found) == 12
+    assert found.pop("leaves_printed") == NOT_SEEN
     assert set(found.values()) == {SUPPORTED}
     found = judged(all_bad, all_good)
     # Nothing is said about the spreads of lost targets.
     assert [found.pop("walkers_widen"), found.pop("walkers_narrow")] == [PREVIEW] * 2
     assert found.pop("leaves_printed") == SUPPORTED
-    assert set(found.values()) == {CONTRADICTED}
+    assert set(found.values()) == {NOT_SEEN}
 
 
 def test_labels_that_were_always_right_may_be_wrong_on_the_next_sequence(one_kept_one_lost):
     (outcome,) = one_kept_one_lost.outcomes["PS"]
     right = outcome._replace(in_front=outcome.in_front[:1])
     found = with_outcomes(one_kept_one_lost, {"PS": [right] * 10})
-    value, low, high = rate_of_labels(found, "PS").measured()
+    whole = Measurement(*[None] * 5)._replace(leaves=found)
+    figure = measures.MEASURES["leaves: label right"].figure(whole, "PS")
+    value, low, high = figure.measured()
     assert (value, high) == (100, 100)
     assert low == pytest.approx(100 * 0.025**0.1, abs=1.5)  # Clopper and Pearson's of ten trials
 
@@ -274,4 +281,4 @@ def test_the_steps_of_the_toy_are_the_filters_own(method):
 
 @pytest.mark.slow
 def test_the_toy_shows_that_partitioned_sets_are_finer():
-    assert verdicts({"toy": claims.of_toy(toy.steps(0))}) == {"toy": SUPPORTED}
+    assert verdicts(toy=toy.steps(0)) == {"toy": SUPPORTED}

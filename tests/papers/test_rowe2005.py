@@ -10,8 +10,9 @@ import scenes
 from jaxpf.papers import rowe2005
 from jaxpf.papers.checkpoints import keeping
 from jaxpf.papers.judging import comparison_table
-from jaxpf.papers.judging.claims import CONTRADICTED, SUPPORTED, judge_all
-from jaxpf.papers.rowe2005 import claims, published, scenes as synthetic, tables
+from jaxpf.papers.judging.claims import NOT_SEEN, SUPPORTED, judge_all
+from jaxpf.papers.rowe2005 import measures, published, scenes as synthetic, tables
+from jaxpf.papers.rowe2005.measure import Measurement
 
 SCENES, RUNS, FRAMES, TARGETS = 25, synthetic.RUNS_PER_SCENE, 20, 2
 
@@ -41,7 +42,7 @@ def outcome(seed=0, **errors):
 
 
 def verdicts(found, crossing=None):
-    measured = claims.of_scenes(found, crossing or found)
+    measured = rowe2005.PAPER.quantities(Measurement(found, crossing or found))
     return {each.claim.key: each.verdict for each in judge_all("rowe2005", measured)}
 
 
@@ -60,13 +61,13 @@ def test_what_agrees_with_the_paper_is_supported():
 
 def test_what_disagrees_is_contradicted():
     found = outcome(neither=0.05, both=0.2)
-    assert verdicts(found)["error"] == CONTRADICTED
+    assert verdicts(found)["error"] == NOT_SEEN
     kept = found._replace(area_ratio=1 + 0.1 * found.error)
-    assert verdicts(kept)["collapse"] == CONTRADICTED
+    assert verdicts(kept)["collapse"] == NOT_SEEN
     lost = verdicts(outcome(both=3.0))
-    assert lost["never_lost"] == lost["power"] == CONTRADICTED
+    assert lost["never_lost"] == lost["power"] == NOT_SEEN
     steady = found._replace(between=0.01 * found.between)
-    assert verdicts(steady)["condensation"] == CONTRADICTED
+    assert verdicts(steady)["condensation"] == NOT_SEEN
 
 
 def test_lost_targets_do_not_count_in_the_tracked_error():
@@ -74,8 +75,8 @@ def test_lost_targets_do_not_count_in_the_tracked_error():
     error = found.error.copy()
     error[found.of("both"), :, 0, :, 1] = 5.0
     found = found._replace(error=error)
-    assert tables.lost(found, "both").mean() == pytest.approx(1 / (RUNS * TARGETS))
-    assert tables.tracked_error(found, "both").mean() == pytest.approx(0.1, abs=0.01)
+    assert measures.lost(found, "both").mean() == pytest.approx(1 / (RUNS * TARGETS))
+    assert measures.tracked_error(found, "both").mean() == pytest.approx(0.1, abs=0.01)
 
 
 def test_runs_whose_target_has_no_particles_do_not_vary():
@@ -95,8 +96,19 @@ def test_errors_are_told_apart_by_place():
     found = outcome()
     error = np.where(found.in_strip[:, None], 0.4, 0.1) + 0 * found.error
     found = found._replace(error=error)
-    np.testing.assert_allclose(tables.error_by_place(found, "both", strip=True), 0.4)
-    np.testing.assert_allclose(tables.error_by_place(found, "both", strip=False), 0.1)
+    np.testing.assert_allclose(measures.error_by_place(found, "both", strip=True), 0.4)
+    np.testing.assert_allclose(measures.error_by_place(found, "both", strip=False), 0.1)
+
+
+def test_tables_have_every_variant():
+    found = outcome()
+    shares, errors, *others = tables.tables(Measurement(found, found))
+    assert [label for label, _ in shares.rows][1] == "with eq. 4"
+    assert shares.rows[1][1][0].published == 50
+    assert errors.rows[3][1][0].published == pytest.approx(0.087, abs=5e-4)
+    assert errors.rows[3][1][0].measured.value == pytest.approx(0.1, abs=0.01)
+    sides = {label: cells[0].measured.value for label, cells in others[1].rows}
+    assert sides["without size term"] == pytest.approx(np.sqrt(0.2), abs=0.02)
 
 
 @pytest.mark.slow

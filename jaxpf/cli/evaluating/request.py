@@ -60,8 +60,9 @@ class Compared:
     )
     baseline: tuple[str, ...] = option(
         (),
-        "Baseline trackers, comma-separated: mil, csrt, kcf, meanshift, still; or all.  Boxes of "
-        "still do not move.  csrt and kcf need opencv-contrib; all takes those that are installed.",
+        "Baseline trackers, comma-separated: mil, csrt, kcf, meanshift, still; or all; for points "
+        "spot (Zhang and van der Maaten 2013) and flow (optical flow).  Boxes of still do not "
+        "move.  csrt and kcf need opencv-contrib; all takes the installed ones for boxes.",
     )
 
 

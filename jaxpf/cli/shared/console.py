@@ -45,10 +45,14 @@ _TERMS = {
     "frames/s": "of a single run, without compilation",
     "ms a frame": "of a single run, without compilation",
 }
+#: Width of a pipe in characters.
+_UNBOUNDED = 10_000
 
 
-def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table and an explanation of its terms.
+def print_table(
+    title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], explain: bool = True
+) -> None:
+    """Print a table and an explanation of its terms, unless its note has one.
 
     The first column is left-aligned, numbers right-aligned.  Texts are printed without markup.
     """
@@ -61,9 +65,11 @@ def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]
     rows = list(rows)
     for row in rows:
         table.add_row(*row)
-    # A pipe or a file has no width: do not truncate the table.
-    Console(width=None if sys.stdout.isatty() else 120, markup=False, emoji=False).print(table)
-    if terms := _terms([*columns, *(row[0] for row in rows if row)]):
+    # A pipe or a file has no width: no cell breaks over lines.
+    Console(width=None if sys.stdout.isatty() else _UNBOUNDED, markup=False, emoji=False).print(
+        table
+    )
+    if explain and (terms := _terms([*columns, *(row[0] for row in rows if row)])):
         click.echo(terms)
 
 

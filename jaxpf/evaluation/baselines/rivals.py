@@ -1,8 +1,8 @@
-"""Baseline trackers: functions of the scene that return boxes.
+"""Baseline trackers: functions of the scene that return boxes or points.
 
-A baseline starts from the true boxes in the first frame and tracks each object independently; a
-lost object stays at its last position.  To add one, write a function of the frames and one box,
-and register it in ``BASELINES``.
+A baseline starts from the truth in the first frame; a lost object stays at its last position.  To
+add one, write a function of the frames and one box, and register it in ``BASELINES``, or of the
+frames and all points, in ``POINT_BASELINES``.
 
 OpenCV's trackers use its default settings: MIL (Babenko, Yang and Belongie 2009), CSRT (Lukezic
 et al. 2017) and KCF (Henriques et al. 2015); the last two are in opencv-contrib.  OpenCV seeds
@@ -19,6 +19,8 @@ import cv2
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.evaluation.baselines.optical_flow import follow_points
+from jaxpf.evaluation.baselines.spot import spot
 
 _SHIFTS = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.5)
 
@@ -30,7 +32,7 @@ class Baseline:
     name: str
 
     def __call__(self, scene: Any) -> np.ndarray:
-        """Track the scene; returns boxes ``[T, P, 4]``, including the start frame.
+        """Track the scene; returns boxes ``[T, P, 4]`` or points ``[T, P, 2]``, start included.
 
         Raises:
             InputError: the installed OpenCV lacks the tracker, or the tracker fails.
@@ -48,24 +50,34 @@ def baselines(names: Collection[str]) -> dict[str, Baseline]:
     Raises:
         InputError: a name is unknown.
     """
+    known = [*BASELINES, *POINT_BASELINES]
     for name in names:
-        if name not in BASELINES:
+        if name not in known:
             raise InputError(
-                f"baseline {name!r} is unknown; choose from {', '.join(BASELINES)}, or all."
+                f"baseline {name!r} is unknown; choose from {', '.join(known)}, or all."
             )
     return {name: Baseline(name) for name in names}
 
 
 def available() -> list[str]:
-    """The names of all baselines that the installed OpenCV has."""
+    """The names of all baselines for boxes that the installed OpenCV has."""
     return [name for name in BASELINES if name not in _OPENCV or _maker(_OPENCV[name]) is not None]
 
 
 # Cached because an evaluation needs the result several times: for its type, boxes and time.
 @functools.lru_cache(maxsize=8)
 def _followed(scene: Any, baseline: str) -> tuple[np.ndarray, float]:
-    follow = BASELINES[baseline]
     began = time.perf_counter()
+    if baseline in POINT_BASELINES:
+        if "points" not in scene.extras:
+            raise InputError(
+                f"the baseline {baseline!r} tracks points, and {scene.name!r} has none; leave it "
+                "out."
+            )
+        start = np.asarray(scene.extras["points"][0], np.float64)
+        points = POINT_BASELINES[baseline](scene.frames, start)
+        return np.concatenate([start[None], points]), time.perf_counter() - began
+    follow = BASELINES[baseline]
     try:
         tracks = [follow(scene.frames, box) for box in scene.boxes[0]]
     except cv2.error as error:
@@ -140,4 +152,9 @@ BASELINES: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
     **{name: functools.partial(_opencv, of_opencv) for name, of_opencv in _OPENCV.items()},
     "meanshift": _mean_shift,
     "still": _still,
+}
+#: Name -> function from frames ``[T, H, W, 3]`` and points ``[P, 2]`` to ``[T - 1, P, 2]``.
+POINT_BASELINES: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
+    "spot": spot,
+    "flow": lambda frames, points: follow_points(frames, points)[0],
 }

@@ -214,12 +214,8 @@ def _imported(
     from jaxpf.evaluation.work.trackers import own_tracker
     from jaxpf.evaluation.work.worker import imported_batch
 
-    name, seconds = configuration.method, None
-    if not adapter.target.has_boxes:
-        raise InputError(
-            f"{name!r} gives boxes, but the objects of {scene.name!r} are {adapter.target.name}; "
-            "leave it out."
-        )
+    name, target = configuration.method, adapter.target
+    boxes, seconds = None, None
     if name in plan.trackers:
         function: Any = plan.trackers[name]
         began = time.perf_counter()
@@ -227,8 +223,14 @@ def _imported(
         seconds = time.perf_counter() - began
         if hasattr(function, "seconds"):  # a baseline caches its boxes, so ask it
             seconds = function.seconds(scene)
-    else:
+    elif target.has_boxes:
         from jaxpf.evaluation.work.other_tracks import read_tracks
 
         boxes = read_tracks(plan.tracks[name], scene.boxes, object_ids(scene), start_frame(scene))
+    given = "points" if boxes is not None and boxes.shape[-1] == 2 else "boxes"
+    if boxes is None or given != ("boxes" if target.has_boxes else target.name):
+        raise InputError(
+            f"{name!r} gives {given}, but the objects of {scene.name!r} are {target.name}; leave "
+            "it out."
+        )
     return imported_batch(boxes[1:], plan.seed), seconds

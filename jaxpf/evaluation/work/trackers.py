@@ -42,7 +42,7 @@ def built_in_tracker(scene: Any, adapter: Adapter, configuration: Configuration)
 
 
 def own_tracker(name: str, function: Any, scene: Any) -> Any:
-    """Call a user's function on a scene; returns a tracker or boxes ``[T, P, 4]``.
+    """Call a user's function on a scene; returns a tracker, boxes ``[T, P, 4]`` or points.
 
     Raises:
         InputError: the function fails or returns something else.
@@ -63,7 +63,7 @@ def own_tracker(name: str, function: Any, scene: Any) -> Any:
             raise InputError(
                 f"the tracker {name!r} returned boxes that are no numbers; return [T, P, 4]."
             ) from None
-        if boxes.shape != scene.boxes.shape:
+        if boxes.shape not in (scene.boxes.shape, np.shape(scene.extras.get("points"))):
             raise InputError(
                 f"the tracker {name!r} returned boxes of shape {list(boxes.shape)}; the scene has "
                 f"{list(scene.boxes.shape)}: all frames, the start frame included."

@@ -3,7 +3,10 @@
 The three sequences on synthetic scenes modelled on them, with ablations and common baselines.
 """
 
-from jaxpf.papers.eskil2014 import claims, figures, measure, methods, tables
+from functools import partial
+
+from jaxpf.papers.eskil2014 import figures, measure, measures, methods, tables
+from jaxpf.papers.judging.measures import quantities
 from jaxpf.papers.paper import Paper
 
 NOTES = (
@@ -21,7 +24,7 @@ NOTES = (
     "sigma_t is the published number of pixels, scaled to our film: 5 instead of 10 for the fish, "
     "because our film, 960 x 540, is half as wide and high.",
     "SIR, PS and SPS have 100 particles: as many likelihoods for every point as PFFL.",
-    "SPOT, a tracker of others to which the paper compares, is not repeated.",
+    "SPOT is implemented from its published description, not its authors' program.",
 )
 
 PAPER = Paper(
@@ -30,7 +33,7 @@ PAPER = Paper(
     scenes=50,
     measure=measure.measure,
     tables=tables.tables,
-    quantities=claims.quantities,
+    quantities=partial(quantities, "eskil2014", measures.MEASURES),
     figures=figures.figures,
     notes=NOTES,
 )

@@ -15,7 +15,7 @@ _SHOWN = {
     "face": ("left lip corner", "right lip corner", "profile eye", "profile upper lip"),
 }
 _NUMBERS = {"fish": (3, 4), "skydivers": (6, 7), "face": (9, 10)}
-_COMPARED = (methods.PROPOSED, methods.PFFL, methods.FLOW, "PS", "SPS")
+_COMPARED = (methods.PROPOSED, methods.PFFL, methods.SPOT, methods.FLOW, "PS", "SPS")
 
 
 def figures(outcomes: Mapping[str, Outcome]) -> dict[str, Any]:
@@ -26,6 +26,7 @@ def figures(outcomes: Mapping[str, Outcome]) -> dict[str, Any]:
         proposed = outcome.errors[methods.PROPOSED].mean(axis=(0, 1))
         drawn[f"figure_{single}"] = _curves(
             {name: proposed[:, outcome.names.index(name)] for name in _SHOWN[scene]},
+            outcome.visible,
             f"{scene}: {methods.PROPOSED}, single points (the paper's figure {single})",
         )
         drawn[f"figure_{mean}"] = _curves(
@@ -34,18 +35,29 @@ def figures(outcomes: Mapping[str, Outcome]) -> dict[str, Any]:
                 for method in _COMPARED
                 if method in outcome.errors
             },
+            outcome.visible,
             f"{scene}: mean over all points (the paper's figure {mean})",
             yscale="log",
         )
     return drawn
 
 
-def _curves(series: Mapping[str, np.ndarray], title: str, yscale: str = "linear") -> Any:
+def _curves(
+    series: Mapping[str, np.ndarray], visible: np.ndarray, title: str, yscale: str = "linear"
+) -> Any:
+    """Errors over time, on grey that darkens with the share of hidden points."""
     figure, axes = plotting.new_figure(figsize=(8, 3.5))
     axis = axes[0, 0]
     for name, errors in series.items():
         axis.plot(np.arange(1, len(errors) + 1), errors, label=name)
-    axis.set(xlabel="frame", ylabel="distance / body length", yscale=yscale)
+    for frame, share in enumerate(1 - visible.mean(axis=(0, 2)), start=1):
+        if share > 0:
+            axis.axvspan(frame - 0.5, frame + 0.5, color="black", alpha=0.5 * share, lw=0)
+    axis.set(
+        xlabel="frame (grey: share of hidden points)",
+        ylabel="distance / body length",
+        yscale=yscale,
+    )
     axis.set_title(title, fontsize=10)
     axis.legend(fontsize=8, ncols=2)
     axis.grid(alpha=0.3)

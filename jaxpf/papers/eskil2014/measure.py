@@ -4,6 +4,7 @@ from typing import Any
 
 from jaxpf.papers.eskil2014 import methods, published
 from jaxpf.papers.eskil2014.scenes import Outcome, measure as measure_scenes
+from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.paper import Request
 
 _QUICK_FRAMES = 60
@@ -21,6 +22,6 @@ def measure(request: Request) -> dict[str, Outcome]:
     for name in names:
         scene, scale = published.SEQUENCES[name].scene, published.SEQUENCES[name].scale_here
         chosen = seeds[: -(-len(seeds) // 2)] if name in _LONG else seeds
-        report(f"{name}: {len(chosen)} scenes, one run of every method on each")
+        report(f"{name}: {counted(len(chosen), 'scenes')}, one run of every method on each")
         outcomes[scene] = measure_scenes(scene, scale, chosen, filters, report=report, **shorter)
     return outcomes

@@ -8,9 +8,9 @@ import numpy as np
 
 import jaxpf.points
 from jaxpf.dynamics.gaussian import AR2
-from jaxpf.papers.eskil2014.published import PFFL_PARTICLES, SHAPE_SCALE, SIGMA
+from jaxpf.papers.eskil2014.published import PFFL_PARTICLES, SIGMA
 
-PROPOSED, PFFL, FLOW = "eskil2014", "PFFL", "Lucas-Kanade"
+PROPOSED, PFFL, SPOT, FLOW = "eskil2014", "PFFL", "SPOT", "Lucas-Kanade"
 PRINTED, WITH_DRIFT = "eskil2014 as printed", "PFFL with drift"
 #: Share of the last displacement that a particle of "PFFL with drift" repeats; not published.
 MOMENTUM = 0.25
@@ -20,13 +20,7 @@ _MODEL: Mapping[str, Any] = {"window_size": 21, "sigma": 0.1, "momentum": 0.0, "
 #: Options of ``jaxpf.points.tracker`` beside them.
 _OPTIONS: Mapping[str, dict[str, Any]] = {
     PROPOSED: {},
-    PRINTED: {
-        "norm": "sum",
-        "sigma": SIGMA,
-        "shape": "pixels",
-        "shape_scale": SHAPE_SCALE,
-        "drift": "literal",
-    },
+    PRINTED: {"like": "eskil2014"},
     "without drift": {"drift": "none"},
     "without shape": {"shape": "none"},
     "signed drift": {"drift": "signed"},
@@ -48,7 +42,9 @@ _OPTIONS: Mapping[str, dict[str, Any]] = {
 }
 FILTERS = tuple(_OPTIONS)
 #: Deterministic methods.
-OTHERS = (FLOW, "not moving")
+OTHERS = (FLOW, SPOT, "not moving")
+#: Scenes of each kind on which SPOT runs, which takes a quarter of a second per frame.
+SPOT_SCENES = 25
 QUICK = (PROPOSED, PFFL, "PS")
 
 

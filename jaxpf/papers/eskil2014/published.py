@@ -43,6 +43,8 @@ KEPT_PFFL, KEPT_PROPOSED = 7, 12
 SKYDIVER_MOSTLY = 0.2
 #: Frames after which PFFL's curve parts from the proposed method's (figures 7 and 10).
 PARTING = {"skydivers": 50, "face": 85}
+#: Frame from which SPOT is lost on the skydivers (figure 7).
+SPOT_LOST = 75
 #: Frames of the fish before PFFL's points drift ("as early as frame 15"), and after its curve parts
 #: ("from frame 20"); errors begin with frame 1.
 FISH_TOGETHER, FISH_PARTED = slice(0, 14), slice(19, 30)

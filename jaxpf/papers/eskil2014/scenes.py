@@ -10,6 +10,7 @@ import numpy as np
 
 import scenes
 from jaxpf.evaluation.baselines.optical_flow import follow_points
+from jaxpf.evaluation.baselines.spot import spot
 from jaxpf.measures import points as measures
 from jaxpf.papers.checkpoints import Measure, each
 from jaxpf.papers.eskil2014 import methods
@@ -21,6 +22,8 @@ RUNS_PER_SCENE = 1
 
 class Outcome(NamedTuple):
     """S scenes of one kind, R runs per scene (1 for a deterministic method), T frames, P points.
+
+    SPOT has only the first ``methods.SPOT_SCENES`` scenes.
 
     Attributes:
         scene: name of the kind.
@@ -59,8 +62,10 @@ def measure(
     visible, names = [], ()
 
     def parts() -> Iterator[tuple[str, Measure]]:
-        for seed in seeds:
-            args = scene, seed, parameters, scale, filters, others
+        for place, seed in enumerate(seeds):
+            with_spot = place < methods.SPOT_SCENES
+            here = [name for name in others if name != methods.SPOT or with_spot]
+            args = scene, seed, parameters, scale, filters, here
             yield f"{scene}-{seed}", functools.partial(_on_scene, *args)
 
     for done, (seed, places) in enumerate(zip(seeds, each(parts()), strict=True), start=1):
@@ -110,6 +115,8 @@ def track(
     }
     if methods.FLOW in others:
         places[methods.FLOW] = follow_points(frames, points)[0][None]
+    if methods.SPOT in others:
+        places[methods.SPOT] = spot(frames, points)[None]
     if "not moving" in others:
         places["not moving"] = np.broadcast_to(points, (1, len(later), *points.shape))
     return places

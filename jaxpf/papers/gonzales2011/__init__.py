@@ -40,6 +40,7 @@ PAPER = Paper(
     measure=measure.measure,
     tables=tables.tables,
     quantities=claims.quantities,
+    computed=claims.computed_quantities,
     figures=figures.figures,
     notes=NOTES,
 )

@@ -4,7 +4,7 @@ Keys without a prefix refer to the paper's own swap and dynamics.  "combinatoria
 swap; under "relative" dynamics parts follow their parents.
 """
 
-import itertools
+import math
 from collections.abc import Sequence
 from functools import partial
 
@@ -32,10 +32,16 @@ _JUDGED = (("absolute", "sorted"), ("absolute", "combinatorial"), ("relative", "
 
 def quantities(outcomes: Outcomes) -> Quantities:
     """Key of a claim -> its figures; claims without a measured cell are omitted."""
-    figures: Quantities = {"resamplings": resamplings(), "unaltered": [computed(sorted_evidence())]}
+    figures: Quantities = {}
     for dynamics, swap in _JUDGED:
         figures |= of_curves(outcomes, dynamics, swap)
     return figures
+
+
+def computed_quantities() -> Quantities:
+    """Figures that need no measurement."""
+    growth = [computed(sorted_evidence(number), f"N = {number}") for number in (2, 10, 100)]
+    return {"resamplings": resamplings(), "unaltered": growth}
 
 
 def of_curves(outcomes: Outcomes, dynamics: str, swap: str) -> Quantities:
@@ -66,15 +72,17 @@ def of_curves(outcomes: Outcomes, dynamics: str, swap: str) -> Quantities:
     }
 
 
-def sorted_evidence() -> float:
-    """Mean evidence estimate of the sorted swap over the exact evidence, by counting.
+def sorted_evidence(num_particles: int) -> float:
+    """Mean evidence estimate of the sorted swap over the exact evidence, over all draws.
 
-    Two particles share a parent; each of their two arms fits (likelihood 1) or not (0), with equal
-    chances, so that the evidence is 1/4.  The mean is over the sixteen draws.
+    The particles share a parent; each of their two arms fits (likelihood 1) or not (0), with equal
+    chances, so that the evidence is 1/4.  Sorted, as many particles fit as arms of the rarer side:
+    4 E[min(L, R)] / N with binomial L and R, which is 1.25 for two particles and grows to 2.
     """
-    draws = np.array(list(itertools.product((0, 1), repeat=4))).reshape(-1, 2, 2)
-    left, right = np.sort(draws, axis=2).swapaxes(0, 1)
-    return float(np.mean(left * right) / 0.25)
+    counts = np.arange(num_particles + 1)
+    chances = [math.comb(num_particles, count) / 2**num_particles for count in counts]
+    fitting = np.minimum.outer(counts, counts)
+    return float(4 * np.einsum("i,j,ij", chances, chances, fitting) / num_particles)
 
 
 def resamplings() -> list[Quantity]:

@@ -2,6 +2,7 @@
 
 from jaxpf.papers.gonzales2011 import published, scenes
 from jaxpf.papers.gonzales2011.scenes import Cell, Outcomes
+from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.paper import Request
 
 _QUICK_FRAMES, _QUICK_PARTS, _QUICK_PARTICLES = 40, 5, (5, 10)
@@ -10,7 +11,8 @@ _QUICK_FRAMES, _QUICK_PARTS, _QUICK_PARTICLES = 40, 5, (5, 10)
 def measure(request: Request) -> Outcomes:
     """Run all measurements."""
     quick, report = request.quick, request.report
-    report(f"Figures 8 to 11: {len(request.seeds)} sequences, one run of 8 trackers on each")
+    sequences = counted(len(request.seeds), "sequences")
+    report(f"Figures 8 to 11: {sequences}, one run of 8 trackers on each")
     frames = _QUICK_FRAMES if quick else published.FRAMES
     return scenes.measure(_cells(quick), request.seeds, frames, progress=report)
 

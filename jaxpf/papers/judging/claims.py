@@ -5,10 +5,14 @@ figures, and our margin, by which an interval must lie outside that range to con
 Range, margin and number of scenes (``Paper.scenes``) are fixed before measuring; the scenes are
 evaluated once.
 
-* *supported*: the 95 % interval of every figure lies in the claimed range.  A false claim is false
-  in some figure, which passes in at most 2.5 % of the replications on either side.
-* *contradicted*: the interval of some figure, at the level 1 - .05 / k for k figures (Bonferroni),
-  lies outside the range by more than the margin.
+* *supported*: the 95% interval of every figure lies in the claimed range.  A false claim is false
+  in some figure, which passes in at most 2.5% of the replications on either side.
+* *not seen with our settings*: the interval of some figure, at the level 1 - 0.05 / k for k figures
+  (Bonferroni), lies outside the range by more than the margin.
+* *contradicted*: the same, where every free setting is the paper's or every plausible reading fails
+  (column ``settings`` of ``claims.csv``: "paper").
+* *weaker than claimed*, *equal within m*: not all figures lie in the range, but every interval lies
+  within the margin; "equal" if all lie within m of a difference of 0.
 * *open*: everything else, and all intervals of zero width except for computed figures.
 * *preview*: fewer than ten scenes, which decide nothing.
 """
@@ -22,8 +26,9 @@ from typing import NamedTuple
 from jaxpf.measures.intervals import DECISIVE, has_width
 
 SUPPORTED, CONTRADICTED, OPEN, PREVIEW = "supported", "contradicted", "open", "preview"
-#: Replaces ``CONTRADICTED`` where the paper shows one film: other scenes do not contradict it.
-NOT_SEEN = "not seen"
+NOT_SEEN, WEAKER, EQUAL = "not seen with our settings", "weaker than claimed", "equal within"
+#: Value of ``Claim.settings`` where no free setting is ours.
+PAPERS_OWN = "paper"
 #: Kinds of claims, in display order; summaries count only the first.
 GROUPS: Mapping[str, str] = {
     "paper": "claims of the paper",
@@ -33,11 +38,13 @@ GROUPS: Mapping[str, str] = {
 }
 #: The rule in one sentence, for reports.
 RULE = (
-    "A claim is supported if the 95 % interval of every figure lies in the claimed range, "
-    "contradicted if that of one (Bonferroni-corrected) lies outside by more than our margin, and "
-    f"otherwise open.  Fewer than {DECISIVE} scenes are a preview and decide nothing.  The number "
-    "of scenes is planned, and they are looked at once.  "
-    "Rows are not independent: several may share one claim."
+    "A claim is supported if the 95% interval of every figure lies in the claimed range.  It is "
+    "not seen with our settings if that of one (Bonferroni-corrected) lies outside by more than "
+    "our margin, and contradicted if no setting is ours.  It is weaker than claimed, or equal "
+    "within a number, if every interval lies within the margin; otherwise open.  "
+    f"Fewer than {DECISIVE} scenes are a preview and decide nothing.  The number of scenes is "
+    "planned, and the data are analysed once.  Rows are not independent: several may share one "
+    "claim."
 )
 #: Maximum number of scenes that a remark suggests.
 _MOST_SCENES = 100_000
@@ -91,6 +98,12 @@ class Claim(NamedTuple):
         margin: our margin.
         digits: decimal places to show.
         unit: unit of counting, such as "scenes".
+        settings: ``PAPERS_OWN`` if every free setting is the paper's or every plausible reading
+            was tried; otherwise empty.
+        measure: name of the measure that judges it, see ``jaxpf.papers.judging.measures``; empty
+            if a function of the paper does.
+        variant: whose measure.
+        against: the variant to compare with, or empty.
     """
 
     key: str
@@ -104,6 +117,10 @@ class Claim(NamedTuple):
     margin: float
     digits: int
     unit: str
+    settings: str = ""
+    measure: str = ""
+    variant: str = ""
+    against: str = ""
 
 
 class Judged(NamedTuple):
@@ -112,7 +129,7 @@ class Judged(NamedTuple):
     Attributes:
         claim: the claim.
         ours: figure and interval; several figures are shown from smallest to largest.
-        verdict: ``SUPPORTED``, ``CONTRADICTED``, ``OPEN``, ``NOT_SEEN`` or ``PREVIEW``.
+        verdict: see the module's docstring.
         figures: every figure with its interval.
         level: level of the intervals in per cent.
         units: such as "50 scenes".
@@ -153,6 +170,7 @@ def _read(row: Mapping[str, str]) -> Claim:
         margin=float(row["margin"] or 0),
         digits=int(row["digits"] or 0),
         unit=row["unit"],
+        **{name: row.get(name, "") for name in Claim._fields[11:]},
     )
 
 
@@ -162,15 +180,13 @@ def judge(claim: Claim, figures: Sequence[Quantity], level: float = 0.95) -> Jud
     verdict = _verdict(claim, figures, level)
     if 0 < count < DECISIVE:
         verdict = PREVIEW
-    elif verdict == CONTRADICTED and claim.group == "once":
-        verdict = NOT_SEEN
     return Judged(
         claim,
         _hull(figures, claim.digits, level),
         verdict,
         "; ".join(_shown(each, claim.digits, level) for each in figures),
         f"{100 * level:.4g}",
-        f"{count} {claim.unit}" if count else "computed",
+        counted(count, claim.unit) if count else "computed",
         _remark(claim, figures, level, count) if verdict == OPEN else "",
     )
 
@@ -187,10 +203,31 @@ def _verdict(claim: Claim, figures: Sequence[Quantity], level: float) -> str:
         return OPEN
     corrected = 1 - (1 - level) / len(figures)
     if any(_clearly(_is_beyond, claim, each, corrected) for each in figures):
-        return CONTRADICTED
+        return CONTRADICTED if claim.settings == PAPERS_OWN else NOT_SEEN
     if all(_clearly(_is_inside, claim, each, level) for each in figures):
         return SUPPORTED
+    if all(claim.at_least < each.value < claim.at_most for each in figures):
+        return OPEN
+    if not all(_clearly(_is_near, claim, each, level) for each in figures):
+        return OPEN
+    return _within(claim, [each.interval(level) for each in figures])
+
+
+def _within(claim: Claim, intervals: Sequence[tuple[float, float]]) -> str:
+    """The verdict on a claim that is not met but every interval of which is near its range."""
+    ends = [abs(end) for end in (claim.at_least, claim.at_most) if math.isfinite(end)]
+    reach = max(ends) + claim.margin
+    is_difference = min(ends) == max(ends) and (len(ends) == 2 or reach == claim.margin)
+    if is_difference and all(-reach < low and high < reach for low, high in intervals):
+        return f"{EQUAL} {reach:g}"
+    if any(high < claim.at_least or low > claim.at_most for low, high in intervals):
+        return WEAKER
     return OPEN
+
+
+def counted(count: int, unit: str) -> str:
+    """A number with its unit, such as "1 scene" or "50 scenes"."""
+    return f"{count} {unit.removesuffix('s') if count == 1 else unit}"
 
 
 def _clearly(holds: Callable[..., bool], claim: Claim, figure: Quantity, level: float) -> bool:
@@ -216,11 +253,7 @@ def _is_near(claim: Claim, low: float, high: float) -> bool:
 
 
 def _remark(claim: Claim, figures: Sequence[Quantity], level: float, count: int) -> str:
-    """A remark on an open claim."""
-    values = [figure.measured(level)[0] for figure in figures]
-    is_met = all(claim.at_least < value < claim.at_most for value in values)
-    if not is_met and all(_clearly(_is_near, claim, each, level) for each in figures):
-        return f"within our margin of {claim.margin:g}"
+    """A remark on an open claim: how many scenes would resolve it."""
     times = growth(claim, figures, level)
     if math.isnan(times):
         return f"too few {claim.unit} to say more"

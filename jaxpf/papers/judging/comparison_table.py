@@ -5,7 +5,7 @@ A ``Comparison`` is written as Markdown, CSV and PNG.
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -62,11 +62,9 @@ class Comparison:
 
 #: How to read the tables.
 CELLS = (
-    "Cells read: published | measured [95 % interval].  Too few scenes have no interval: shares "
+    "Cells read: published | measured [95% interval].  Too few scenes have no interval: shares "
     "below three, means of unbounded values below 25."
 )
-#: Columns of ``verdicts.csv``.
-VERDICT_FIELDS = ("key", *Judged._fields[1:])
 
 
 def markdown(comparison: Comparison) -> str:
@@ -127,7 +125,8 @@ def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
     for table in comparison.tables:
         text(f"{table.name}.csv", table_csv(table))
     if comparison.claims:
-        text("verdicts.csv", csv_text([VERDICT_FIELDS, *_verdict_rows(comparison, command)]))
+        judged = (each._replace(command=command) for each in comparison.claims)
+        text("verdicts.csv", verdicts_csv(each._replace(version=__version__) for each in judged))
     for stem, figure in comparison.figures.items():
         plotting.save_figure(figure, folder / f"{stem}.png")
         written.append(f"{stem}.png")
@@ -135,9 +134,10 @@ def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
     return written
 
 
-def _verdict_rows(comparison: Comparison, command: str) -> list[list[str]]:
-    judged = (each._replace(command=command, version=__version__) for each in comparison.claims)
-    return [[each.claim.key, *each[1:]] for each in judged]
+def verdicts_csv(judged: Iterable[Judged]) -> str:
+    """The content of ``verdicts.csv``."""
+    rows = [[each.claim.key, *each[1:]] for each in judged]
+    return csv_text([("key", *Judged._fields[1:]), *rows])
 
 
 def table_csv(table: Table) -> str:

@@ -4,7 +4,10 @@ multiple objects", ICCV 1999.
 Figures 1, 3, 4, 6, 7 and 9 to 11 on drawn scenes.
 """
 
-from jaxpf.papers.maccormick1999 import claims, figures, measure, tables
+from functools import partial
+
+from jaxpf.papers.judging.measures import quantities
+from jaxpf.papers.maccormick1999 import figures, measure, measures, tables
 from jaxpf.papers.paper import Paper
 
 NOTES = (
@@ -43,7 +46,8 @@ PAPER = Paper(
     scenes=50,
     measure=measure.measure,
     tables=tables.tables,
-    quantities=claims.quantities,
+    quantities=partial(quantities, "maccormick1999", measures.MEASURES),
+    computed=lambda: {"line": [measures.of_line()]},
     figures=figures.figures,
     notes=NOTES,
 )

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.media import plotting
+from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.judging.estimates import mean_of
 from jaxpf.papers.maccormick1999 import toy
 from jaxpf.papers.maccormick1999.measure import Measurement
@@ -76,17 +77,14 @@ def ess_figure(leaves: Passing) -> Any:
     for name, colour in zip((PARTITIONED, AS_MANY), plotting.colours(2), strict=True):
         curve = np.array([mean_of(each).measured() for each in leaves.ess_by_frame(name).T])
         values, lows, highs = curve.T
+        of_sequences = counted(len(leaves.outcomes[name]), "sequences")
         frames = np.arange(1, len(curve) + 1)
-        axis.plot(frames, values, color=colour, label=f"{name} ({_sequences(leaves, name)})")
+        axis.plot(frames, values, color=colour, label=f"{name} ({of_sequences})")
         axis.fill_between(frames, lows, highs, color=colour, alpha=0.2, lw=0)
     axis.set(xlabel="frame", ylabel="effective sample size", ylim=(0, None))
     axis.legend()
     drawing.suptitle("Figure 11 repeated on leaves, every line in full", fontsize=10)
     return drawing
-
-
-def _sequences(passing: Passing, method: str) -> str:
-    return f"{len(passing.outcomes[method])} sequence(s)"
 
 
 def meeting_figure(meeting: Passing) -> Any:

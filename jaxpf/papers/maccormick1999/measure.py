@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
+from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.maccormick1999 import passing, scenes, toy
 from jaxpf.papers.maccormick1999.passing import Method, Passing
 from jaxpf.papers.maccormick1999.toy import Step
@@ -39,7 +40,7 @@ def measure(request: Request) -> Measurement:
     def passed(
         name: str, make: Callable[[int], scenes.Case], methods: Mapping[str, Method]
     ) -> Passing:
-        report(f"{name}: {len(seeds)} sequences, one run of each method")
+        report(f"{name}: {counted(len(seeds), 'sequences')}, one run of each method")
         cases: Iterable[scenes.Case] = map(make, seeds)
         return passing.measure(cases, seeds, methods, report)
 

@@ -46,6 +46,7 @@ PRINTED = " as printed"
 #: Suffix for the paper's probability that labels change.
 PUBLISHED_FLIP = f", delta {published.DELTA:g}".replace("0.", ".")
 PARTITIONED, AS_MANY = f"PS, {published.LEAF_PARTICLES}", f"SIR, {published.LEAF_PARTICLES}"
+FOUR_TIMES = f"SIR, {4 * published.LEAF_PARTICLES}"
 ENOUGH = f"SIR, {published.LEAF_PARTICLES_ENOUGH}"
 LEAVES = {
     PARTITIONED: Method("opaque", "ps", published.LEAF_PARTICLES),
@@ -53,7 +54,8 @@ LEAVES = {
         "opaque", "ps", published.LEAF_PARTICLES, 2, published.DELTA
     ),
     PARTITIONED + PRINTED: Method("opaque-literal", "ps", published.LEAF_PARTICLES),
-    AS_MANY: Method("opaque", "sir", published.LEAF_PARTICLES, 5),
+    AS_MANY: Method("opaque", "sir", published.LEAF_PARTICLES),
+    FOUR_TIMES: Method("opaque", "sir", 4 * published.LEAF_PARTICLES),
     ENOUGH: Method("opaque", "sir", published.LEAF_PARTICLES_ENOUGH, 2),
 }
 WIRES = {
@@ -66,7 +68,7 @@ WIRES = {
 }
 FIGURE_11 = {
     PARTITIONED: LEAVES[PARTITIONED],
-    AS_MANY: LEAVES[AS_MANY]._replace(one_in=1),
+    AS_MANY: LEAVES[AS_MANY],
 }
 OCCLUSION, INDEPENDENT = "occlusion", "two trackers"
 WALKERS = {

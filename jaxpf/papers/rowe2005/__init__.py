@@ -5,8 +5,11 @@ Its synthetic test, two projectiles in front of strips that look like them: figu
 1, and its arguments that have no table.
 """
 
+from functools import partial
+
+from jaxpf.papers.judging.measures import quantities
 from jaxpf.papers.paper import Paper
-from jaxpf.papers.rowe2005 import claims, figures, measure, tables
+from jaxpf.papers.rowe2005 import figures, measure, measures, tables
 from jaxpf.papers.rowe2005.scenes import RUNS_PER_SCENE
 
 NOTES = (
@@ -32,7 +35,7 @@ PAPER = Paper(
     scenes=75,  # 72 scenes without an event bound its rate by 5 %
     measure=measure.measure,
     tables=tables.tables,
-    quantities=claims.quantities,
+    quantities=partial(quantities, "rowe2005", measures.MEASURES),
     figures=figures.figures,
     notes=NOTES,
 )

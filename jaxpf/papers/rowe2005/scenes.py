@@ -10,9 +10,8 @@ import numpy as np
 
 import jaxpf
 import scenes
-from jaxpf.dynamics.gaussian import FirstOrder
+from jaxpf.boxes.rowe2005 import Rowe2005Settings
 from jaxpf.evaluation.work.worker import run_keys
-from jaxpf.likelihoods.pixels import pixels
 from jaxpf.papers.checkpoints import each
 from jaxpf.papers.rowe2005.published import PARTICLES
 from jaxpf.shapes.rectangles import area, intersection_area
@@ -21,36 +20,14 @@ from jaxpf.shapes.rectangles import area, intersection_area
 RUNS_PER_SCENE = 4
 
 
-class Settings(NamedTuple):
-    """Tracker settings that the paper leaves open.
-
-    Attributes:
-        position_scale: noise xi_x, pixels per frame.
-        speed_scale: noise xi_u, pixels per frame squared.
-        size_scale: noise xi_w of width and height, pixels per frame.
-        sigma: width of the pixels' Gaussians, grey levels.
-        min_slope: minimum slope of the overlap's power, per pixel.
-        size_term: exponent of the size term.
-        rates: a_x and a_u.
-    """
-
-    position_scale: float
-    speed_scale: float
-    size_scale: float
-    sigma: float
-    min_slope: float
-    size_term: float
-    rates: tuple[float, float]
-
-
 #: Chosen separately for each variant; see ``settings.csv``.
 TUNED = {
-    "both": Settings(1.5, 0.02, 1.2, 50.0, 1.0, 0.5, (0.7, 0.2)),
-    "neither": Settings(2.5, 0.02, 1.2, 40.0, 1.0, 0.5, (0.9, 0.4)),
-    "feedback only": Settings(1.5, 0.05, 1.2, 50.0, 1.0, 0.25, (0.9, 0.4)),
-    "without eq. 4": Settings(1.5, 0.05, 1.2, 50.0, 1.0, 0.12, (0.9, 0.4)),
-    "Condensation": Settings(2.5, 0.1, 1.2, 40.0, 1.0, 0.5, (0.9, 0.4)),
-    "product": Settings(1.5, 0.02, 1.2, 80.0, 1.0, 1.0, (0.9, 0.4)),
+    "both": Rowe2005Settings(1.5, 0.02, 1.2, 50.0, 1.0, 0.5, (0.7, 0.2)),
+    "neither": Rowe2005Settings(2.5, 0.02, 1.2, 40.0, 1.0, 0.5, (0.9, 0.4)),
+    "feedback only": Rowe2005Settings(1.5, 0.05, 1.2, 50.0, 1.0, 0.25, (0.9, 0.4)),
+    "without eq. 4": Rowe2005Settings(1.5, 0.05, 1.2, 50.0, 1.0, 0.12, (0.9, 0.4)),
+    "Condensation": Rowe2005Settings(2.5, 0.1, 1.2, 40.0, 1.0, 0.5, (0.9, 0.4)),
+    "product": Rowe2005Settings(1.5, 0.02, 1.2, 80.0, 1.0, 1.0, (0.9, 0.4)),
 }
 SETTINGS = TUNED["both"]
 
@@ -71,7 +48,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
 }
 
 
-def settings_of(variant: str) -> Settings:
+def settings_of(variant: str) -> Rowe2005Settings:
     """The settings of a variant: its own, or those of the filter that it modifies.
 
     Without feedback, regularisation only changes the reported values, so "regularising only" has
@@ -84,46 +61,21 @@ def settings_of(variant: str) -> Settings:
     return TUNED.get(variant, SETTINGS)
 
 
-def tracker(scene: Any, settings: Settings = SETTINGS, **changes: Any) -> jaxpf.Labelled:
+def tracker(scene: Any, settings: Rowe2005Settings = SETTINGS, **changes: Any) -> jaxpf.Labelled:
     """Build the paper's tracker on a scene, or a variant of it.
-
-    A substate is (u, v, w, h, du, dv): centre and sides of a box in pixels, and speed in pixels
-    per frame.  Targets start at their true boxes of the first frame, at rest.
 
     Args:
         scene: scene whose targets have patches.
         settings: settings that the paper leaves open.
-        changes: ``weights``, ``feedback``, ``resampling``, ``pool``, or a field of ``Settings``.
+        changes: further arguments of ``jaxpf.boxes.rowe2005_tracker``.
     """
-    own = {name: changes.pop(name) for name in Settings._fields if name in changes}
-    settings = settings._replace(**own)
-    pool = changes.pop("pool", "mean")
-    likelihood = pixels(
-        scene.patches,
-        sigma=settings.sigma,
-        window=(8, 12),
-        pool=pool,
-        colour="grey",
-        min_slope=settings.min_slope,
-        size_term=settings.size_term,
-    )
-    boxes = np.asarray(scene.boxes[0], np.float32)
-    initial = np.hstack(
-        [boxes[:, :2] + boxes[:, 2:] / 2, boxes[:, 2:], np.zeros_like(boxes[:, :2])]
-    )
-    scales = (settings.position_scale, settings.size_scale, settings.speed_scale)
-    options: dict[str, Any] = {
-        "num_particles": PARTICLES,
-        "resampling": "multinomial",
-        "feedback": "estimate",
-        "speed": (4, 5),
-    }
-    return jaxpf.Labelled(
-        dynamics=FirstOrder(scale=np.repeat(np.array(scales, np.float32), 2), speed=(4, 5)),
-        likelihood=likelihood,
-        initial=initial,
-        regularise=np.array(settings.rates, np.float32),
-        **(options | changes),
+    return jaxpf.boxes.tracker(
+        scene.frames[0],
+        scene.boxes[0],
+        like="rowe2005",
+        patches=scene.patches,
+        particles=PARTICLES,
+        **(settings._asdict() | changes),
     )
 
 
@@ -199,7 +151,7 @@ def _on_scene(
 
 
 def run_on(
-    scene: Any, seed: int, changes: Mapping[str, Any], settings: Settings
+    scene: Any, seed: int, changes: Mapping[str, Any], settings: Rowe2005Settings
 ) -> list[np.ndarray]:
     """Fields of an ``Outcome`` for ``RUNS_PER_SCENE`` runs of one variant on a scene."""
     keys = run_keys(seed, 0, RUNS_PER_SCENE)

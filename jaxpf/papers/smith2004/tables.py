@@ -37,6 +37,11 @@ def table_1(outcome: Outcome) -> list[Table]:
         "precision": outcome.precision,
         "recall": outcome.recall,
     }
+    notes = {
+        "success": "Success: objects that are tracked (IoU above 0) in every frame.",
+        "precision": "Precision: share of the estimated box that lies on the true one.",
+        "recall": "Recall: share of the true box that the estimate covers.",
+    }
     tables = []
     for measure, values in measures.items():
         rows: Rows = []
@@ -57,6 +62,7 @@ def table_1(outcome: Outcome) -> list[Table]:
                 f"Table 1, objects 2-7: {measure} (%)",
                 ["sharpness", *METHODS],
                 rows,
+                notes[measure],
             )
         )
     return tables
@@ -71,7 +77,8 @@ def table_2(outcome: Outcome) -> list[Table]:
     }
     notes = {
         "recovery": (
-            "Worst and best are selected by chance too: of seven orders that were all alike, the "
+            "Recovery: object 1 is tracked in the last frame.  Worst and best are selected by "
+            "chance too: of seven orders that were all alike, the "
             f"worst would show {_extremes(outcome)} at these sharpness values."
         ),
         "precision": "Over the frames in which object 1 is tracked, as in the paper.",
@@ -150,6 +157,7 @@ def uniqueness_table(outcome: Outcome) -> Table:
         f"Section 3.3: uniqueness (%) at sharpness {SHARPNESS[0]:g}",
         ["", *(str(k + 1) for k in range(NUM_OBJECTS))],
         [("PS, by stage", cells), ("DPS, by object", distributed)],
+        "Uniqueness: particles that carry different draws of the object.",
     )
 
 

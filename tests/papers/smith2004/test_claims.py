@@ -3,7 +3,7 @@
 import numpy as np
 from smith2004_outcomes import outcome_of
 
-from jaxpf.papers.judging.claims import CONTRADICTED, OPEN, PREVIEW, SUPPORTED, judge_all
+from jaxpf.papers.judging.claims import NOT_SEEN, OPEN, PREVIEW, SUPPORTED, judge_all
 from jaxpf.papers.smith2004 import scenes, tables
 from jaxpf.papers.smith2004.claims import of_scenes
 from jaxpf.papers.smith2004.figures import figure_4
@@ -22,7 +22,7 @@ def test_verdicts_follow_the_recovery_rates():
     )
     same = verdicts(outcome_of({"Non-PS": 0.3, "PS": 0.3, "DPS": 0.3, "SPS": 0.3}))
     for key in ("ps_recovers", "dps_recovers_each"):
-        assert (clear[key], reverse[key], same[key]) == (SUPPORTED, CONTRADICTED, OPEN)
+        assert (clear[key], reverse[key], same[key]) == (SUPPORTED, NOT_SEEN, OPEN)
 
 
 def test_few_scenes_are_a_preview():

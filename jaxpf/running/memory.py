@@ -3,6 +3,7 @@
 import contextlib
 import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +79,13 @@ def machine_memory() -> int | None:
         if soft != resource.RLIM_INFINITY:
             limits.append(soft)
     return min(limits, default=None)
+
+
+def device_memory(devices: Sequence[Any]) -> float:
+    """Free memory of the fullest device, in bytes; infinite if unknown, as on a CPU."""
+    known = [stats for device in devices if (stats := device.memory_stats())]
+    free = [x["bytes_limit"] - x.get("bytes_in_use", 0) for x in known if "bytes_limit" in x]
+    return min(free, default=math.inf)
 
 
 def _gigabytes(size: float) -> str:

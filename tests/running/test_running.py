@@ -13,7 +13,7 @@ import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian
-from jaxpf.running.blocks import WIDE, blocks_of
+from jaxpf.running.widths import WIDE, blocks_of
 
 FRAMES = np.random.default_rng(0).normal(size=(4, 3, 1))
 

@@ -27,7 +27,7 @@ from jaxpf.running import (
 )
 from jaxpf.running.checks import as_arrays, check_frames, check_run, warn_if_nan
 from jaxpf.running.chunks import come_one_by_one, in_chunks
-from jaxpf.running.memory import device_memory
+from jaxpf.running.memory import device_memory, num_idle_cores, say_that_cores_are_idle
 from jaxpf.running.widths import Blocks, blocks_of, even_blocks, widest
 
 _AXIS = "runs"
@@ -60,8 +60,8 @@ def monte_carlo(
     Frames are sent to the devices in chunks, which does not change the results.  Memory does not
     grow with T, except for the recorded values.
 
-    On a CPU one device uses little more than one core.  Call
-    ``jax.config.update("jax_num_cpu_devices", 2)`` before first using JAX to use more cores.
+    On a CPU one device uses little more than one core: call ``jaxpf.use_cores()`` before anything
+    is computed to use all.
 
     Args:
         tracker: as for ``run``.
@@ -90,6 +90,8 @@ def monte_carlo(
     keys = as_keys(keys)
     count = keys.shape[0]
     blocks = blocks_of(count) if batch_size is None else ((-(-count // batch_size), batch_size),)
+    if devices is None and num_idle_cores() and max(count for count, _ in blocks) > 1:
+        say_that_cores_are_idle()
     frames = as_arrays(frames)
     tracker = with_inputs(tracker, inputs, frames)
     recorded = run_blocks(

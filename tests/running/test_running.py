@@ -144,6 +144,35 @@ def test_changing_parameters_compiles_nothing_new():
     assert len(traced) == before
 
 
+def test_steps_outside_jit_compile_once_and_give_the_bits_of_those_inside():
+    made, key = tracker(dynamics=TracedWalk(np.float64(1.0))), jax.random.key(3)
+    state, summaries, counts = made.init(jax.random.fold_in(key, 0)), [], []
+    for time, frame in enumerate(FRAMES, 1):
+        state, summary = made.step(jax.random.fold_in(key, time), state, frame)
+        summaries.append(summary)
+        counts.append(len(traced))
+    assert counts[0] == counts[-1]
+    for one, other in zip(summaries, jaxpf.stream(made, key, FRAMES), strict=True):
+        trees_equal(one, other.summary)
+    before = len(traced)
+    other = tracker(dynamics=TracedWalk(np.float64(2.0)))
+    trees_equal(other.init(key), made.init(key))
+    moved = other.step(key, state, FRAMES[0])[0]
+    assert len(traced) == before
+    assert not np.array_equal(moved.substates, made.step(key, state, FRAMES[0])[0].substates)
+
+
+def test_a_tracker_that_is_no_pytree_steps_as_it_is_written():
+    class Plain(jaxpf.contract.Tracker):
+        def init(self, key):
+            return 0.0
+
+        def step_observed(self, key, state, observation):
+            return state + float(observation), type(observation)
+
+    assert Plain().step(None, 1.0, 2.0) == (3.0, float)
+
+
 @pytree_dataclass
 class CountingLikelihood:
     """Counts, while the program runs, how often a frame is observed."""

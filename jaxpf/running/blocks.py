@@ -14,6 +14,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.recognised import recognised
 from jaxpf.lowering import platform
 from jaxpf.running import (
     as_keys,
@@ -92,7 +93,7 @@ def monte_carlo(
     blocks = blocks_of(count) if batch_size is None else ((-(-count // batch_size), batch_size),)
     if devices is None and num_idle_cores() and max(count for count, _ in blocks) > 1:
         say_that_cores_are_idle()
-    frames = as_arrays(frames)
+    frames, record = as_arrays(frames), recognised("record", record)
     tracker = with_inputs(tracker, inputs, frames)
     recorded = run_blocks(
         tracker, keys, frames, blocks, record, devices, frames_per_chunk, observed, batch_size

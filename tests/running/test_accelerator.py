@@ -1,12 +1,17 @@
 """What changes on a GPU, tried on a CPU that takes itself for one."""
 
+import re
+
 import jax
 import numpy as np
 import pytest
 
 import jaxpf
+from jaxpf.dynamics import RandomWalk
+from jaxpf.likelihoods import Gaussian
 from jaxpf.lowering import platform
 from jaxpf.running import blocks
+from jaxpf.running.runs import run_compiled, summary_only
 from jaxpf.running.widths import blocks_of
 
 Y = np.random.default_rng(0).normal(size=(4,)).astype(np.float32)
@@ -97,3 +102,41 @@ def test_one_block_gives_the_results_of_many_to_rounding(accelerator, monkeypatc
     narrow = jaxpf.monte_carlo(model(), KEYS, Y)
     np.testing.assert_allclose(wide.estimate, narrow.estimate, atol=1e-5)
     np.testing.assert_allclose(wide.log_evidence, narrow.log_evidence, atol=1e-5)
+
+
+def parts():
+    """Three partitions, each resampled, so that every form with components is used."""
+    return jaxpf.Partitioned(
+        likelihood=Gaussian(noise=np.ones((3, 1, 1), np.float32)),
+        dynamics=RandomWalk(np.float32(1.0)),
+        ordering=jaxpf.ordering.dps(3),
+        initial=np.zeros((3, 1), np.float32),
+        num_particles=30,
+    )
+
+
+def test_both_forms_give_the_same_results(accelerator, monkeypatch):
+    frames = np.stack([Y, -Y, 2 * Y], axis=1)[:2, :, None]
+    found = []
+    for is_one in (True, False):
+        monkeypatch.setattr(platform, "on_accelerator", lambda is_one=is_one: is_one)
+        jax.clear_caches()
+        found.append(jax.device_get(jaxpf.run(parts(), KEYS[0], frames)))
+    (one, told), (other, said) = found
+    np.testing.assert_array_equal(one.lineage, other.lineage)
+    np.testing.assert_array_equal(told.uniqueness, said.uniqueness)
+    np.testing.assert_allclose(one.substates, other.substates, atol=1e-6)
+    np.testing.assert_allclose(told.log_evidence, said.log_evidence, atol=1e-5)
+    assert said.uniqueness.min() < 1  # resampled inside the frame
+
+
+@pytest.mark.parametrize(("make", "most"), [(model, (0, 1)), (parts, (6, 3))])
+def test_few_branches_and_loops_are_left(accelerator, make, most):
+    """Loops over frames, partitions and levels remain, and branches that save much work."""
+    frames = Y[:, None, None] * np.ones((3, 1), np.float32) if make is parts else Y
+    lowered = run_compiled.trace(make(), KEYS[0], frames, summary_only).lower(
+        lowering_platforms=("cuda",)
+    )
+    text = lowered.as_text()
+    branches = len(re.findall(r"stablehlo\.(?:case|if)\b", text))
+    assert (branches, len(re.findall(r"stablehlo\.while\b", text))) == most

@@ -49,8 +49,6 @@ def test_use_cores_comes_before_jax_starts():
         jaxpf.use_cores(5)
     with pytest.raises(InputError, match="cores = 0 must be a whole number from 1"):
         jaxpf.use_cores(0)
-    program = (
-        "import jaxpf; jaxpf.use_cores(3); import jax; print(jaxpf.use_cores(3), jax.devices())"
-    )
+    program = "import jax, jaxpf; jaxpf.use_cores(3); print(len(jax.devices()), jaxpf.use_cores(3))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.stdout.strip().endswith("CpuDevice(id=2)] 3"), done
+    assert done.stdout.strip() == "3 3", done

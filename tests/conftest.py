@@ -22,6 +22,15 @@ _COMPILE_QUICKLY = (
 _GARBAGE = 50_000, 10, 10
 
 
+def _has_accelerator() -> bool:
+    """Whether JAX will use a GPU, where flags of the CPU's compiler end workers.
+
+    Asking JAX would start it before the workers' settings.
+    """
+    wanted = os.environ.get("JAX_PLATFORMS", "")
+    return "cpu" not in wanted and Path("/dev/nvidiactl").exists()
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Share one compile cache: what a test compiles, workers and started programs find again.
 
@@ -34,7 +43,7 @@ def pytest_configure(config: pytest.Config) -> None:
         return  # pytest-xdist's workers inherit the environment
     # Workers of the next run find the tests' bytecode: rewriting assertions takes 8 seconds each.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-    if "not slow" in config.option.markexpr:
+    if "not slow" in config.option.markexpr and not _has_accelerator():
         os.environ.setdefault("XLA_FLAGS", _COMPILE_QUICKLY)
     folder = str(config.cache.mkdir("jaxpf-compiled"))
     os.environ |= {

@@ -42,7 +42,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, particles: int 
     import scenes
     from jaxpf import ordering
     from jaxpf.papers.smith2004.comparison import compare, scene_tracker
-    from jaxpf.running.blocks import WIDE
+    from jaxpf.running.widths import WIDE
 
     scene = scenes.make("distracter", seed=seed)
     methods = {

@@ -45,6 +45,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import compiled_alone
 
 
 class Tracker:
@@ -87,8 +88,9 @@ class Tracker:
         _check_defined(self, Tracker, "step", "step_observed")
         return self.step(key, state, observation)  # the observation is the frame itself
 
+    @compiled_alone
     def step(self, key: jax.Array, state: Any, frame: Any) -> tuple[Any, Any]:
-        """Return the next state and the frame's summary.
+        """Return the next state and the frame's summary; compiled once, outside of ``jit`` too.
 
         Args:
             key: this frame's random key; ``jaxpf.run`` uses ``fold_in(key, t)``, t from 1.

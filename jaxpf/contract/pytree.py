@@ -8,6 +8,7 @@ object, never inside a transformation.
 
 import dataclasses
 import functools
+from collections.abc import Callable
 from typing import Any, TypeVar, dataclass_transform
 
 import jax
@@ -17,6 +18,9 @@ import numpy as np
 from jaxpf.contract.errors import InputError, check_fields
 
 T = TypeVar("T")
+
+#: What ``jax.jit`` takes as an array.
+_ARRAYS = jax.Array | np.ndarray | np.generic | int | float | complex
 
 #: Limits of ``described``: line length; largest array whose range, and whose values, are shown.
 _LINE, _READ, _SHOWN = 96, 10_000, 6
@@ -80,6 +84,24 @@ def is_concrete(*values: Any) -> bool:
     """Whether no leaf is a tracer, so that values can be checked, not only shapes."""
     leaves = jax.tree_util.tree_leaves(values)
     return not any(isinstance(leaf, jax.core.Tracer) for leaf in leaves)
+
+
+def compiled_alone(method: Callable) -> Callable:
+    """Compile a tracker's method: called outside of ``jit``, it costs what it costs inside.
+
+    All trackers of one structure share a program, as the tracker is an argument.  A call with
+    traced values, or of a class that is no pytree of arrays, runs the method as it is.
+    """
+    # Inlined, a call without traced values in a user's program is the same program as without jit.
+    program = jax.jit(method, inline=True)
+
+    @functools.wraps(method)
+    def call(*arguments, **named):
+        leaves = jax.tree.leaves((arguments, named))
+        plain = is_concrete(leaves) and all(isinstance(leaf, _ARRAYS) for leaf in leaves)
+        return (program if plain else method)(*arguments, **named)
+
+    return call
 
 
 def check_not_traced(what: str, remedy: str, *values: Any) -> None:

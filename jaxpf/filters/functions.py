@@ -12,6 +12,7 @@ from jax import lax
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.contract.recognised import recognised
 from jaxpf.filters.initial import as_floats
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.filters.user_functions import (
@@ -59,10 +60,9 @@ def state_space(
     ``parameters`` are traced: ``vmap`` over calls of ``state_space`` to sweep them, use ``grad`` to
     differentiate; new values do not recompile.  ``jaxpf.tune`` names them ``parameters.a``.
 
-    A new function object recompiles, and every evaluation of a lambda creates one.  Outside
-    ``jit``, pass named functions, or call ``state_space`` once and change values with
-    ``jaxpf.tuning.replace(tracker, {"parameters.a": 0.5})``.  Functions should read all varying
-    values from ``parameters``.
+    Another function recompiles, unless it does the same (``jaxpf.contract.recognised``), as the
+    lambdas above do at every evaluation.  Functions should read all varying values from
+    ``parameters``; ``jaxpf.tuning.replace(tracker, {"parameters.a": 0.5})`` changes them.
 
     Args:
         initial: ``(key, parameters) -> x``, draws the state just before the first frame; or that
@@ -104,6 +104,10 @@ def state_space(
             f"state_space has no option {unknown[0]!r}; besides its own arguments it takes "
             f"{', '.join(sorted(options_of_filters))}."
         )
+    initial = recognised("initial", initial)
+    transition = recognised("transition", transition)
+    log_likelihood = recognised("log_likelihood", log_likelihood)
+    transition_log_density = recognised("transition_log_density", transition_log_density)
     shape = state_shape(initial, transition, transition_log_density, parameters)
     copies = 2 if asks_for(log_likelihood, "previous") else 1
     if copies == 2 and options.get("proposal") is not None:

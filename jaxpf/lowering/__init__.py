@@ -8,6 +8,8 @@
     Sums, gathers and draws of rows in a form that vectorises.
 ``integers``
     Division and sorting of integers.
+``platform``
+    Whether programs run on an accelerator, on which the fastest form depends.
 ``prefix``
     Running sums and maxima.
 ``threefry``

@@ -2,14 +2,20 @@
 
 XLA fuses a computation into its users and recomputes it for every use.  That is right for a
 multiplication and wrong for a likelihood.
+
+A branch keeps XLA from computing more than is needed.  On an accelerator it costs as much as a few
+small kernels, as the predicate must reach the host first; there, cheap results are selected.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jax import lax
+
+from jaxpf.lowering import platform
 
 
 def choose(
@@ -18,6 +24,7 @@ def choose(
     false: Callable[[], Any],
     *,
     is_never_true: bool = False,
+    cheap: bool = False,
 ) -> Any:
     """``true()`` or ``false()``; only the chosen one is computed.
 
@@ -26,10 +33,13 @@ def choose(
         true: the computation if the predicate holds.
         false: the computation otherwise, with results of the same shapes.
         is_never_true: whether shapes alone rule out ``true``; the predicate is then ignored.
+        cheap: whether both take less time than a branch on an accelerator, which computes both.
     """
     if is_never_true:
         # The barrier replaces the boundary of the branch.
         return computed_before(false())
+    if cheap and platform.on_accelerator():
+        return jax.tree.map(partial(jnp.where, predicate), true(), false())
     return lax.cond(predicate, true, false)
 
 
@@ -39,14 +49,24 @@ def computed_once(
     """``function()``, computed once for all its uses.
 
     On a CPU, XLA would fuse it into each use and recompute it, even across a barrier, but not
-    across a branch whose predicate is unknown at compile time.
+    across a branch whose predicate is unknown at compile time.  On an accelerator a barrier is
+    enough.
 
     Args:
         function: the computation.
         like: an array of the same shape and dtype.
         unforeseen: ``[]`` bool, true at run time but unknown to the compiler.
     """
+    if platform.on_accelerator():
+        return computed_before(function())
     return lax.cond(unforeseen, function, lambda: like)
+
+
+def repeated(count: int, body: Callable[[jax.Array, Any], Any], carry: Any) -> Any:
+    """``lax.fori_loop(0, count, body, carry)``; on an accelerator, a single turn without a loop."""
+    if count == 1 and platform.on_accelerator():
+        return body(jnp.zeros((), jnp.int32), carry)
+    return lax.fori_loop(0, count, body, carry)
 
 
 def computed_before(tree: Any) -> Any:

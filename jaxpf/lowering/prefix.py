@@ -15,6 +15,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxpf.lowering import platform
+
 #: Up to this number of values, doubling is faster than the sequential scan.
 _SHORT = 2048
 
@@ -32,7 +34,7 @@ def running_sum(values: jax.Array, rank: jax.Array | None = None) -> jax.Array:
     exact = jnp.issubdtype(values.dtype, jnp.integer)
     if exact and _is_short(values):
         return _doubling(jnp.add, zero, values, rank)
-    if _on_cpu():
+    if not platform.on_accelerator():
         return _sequential(jnp.add, zero, values, rank)
     sums = _parallel(jnp.add, values, rank)
     if exact:
@@ -47,19 +49,13 @@ def running_max(values: jax.Array, rank: jax.Array | None = None) -> jax.Array:
     smallest = jnp.array(-jnp.inf, values.dtype)
     if _is_short(values):
         return _doubling(jnp.maximum, smallest, values, rank)
-    if _on_cpu():
+    if not platform.on_accelerator():
         return _sequential(jnp.maximum, smallest, values, rank)
     return _parallel(jnp.maximum, values, rank)
 
 
-def _on_cpu() -> bool:
-    # Not lax.platform_dependent: it traces both forms at every call, and the parallel form
-    # dominated the time to trace a filter.
-    return jax.default_backend() == "cpu"
-
-
 def _is_short(values: jax.Array) -> bool:
-    return _on_cpu() and values.shape[0] <= _SHORT
+    return not platform.on_accelerator() and values.shape[0] <= _SHORT
 
 
 def _doubling(
@@ -96,9 +92,9 @@ def _sequential(
 
 
 def _parallel(combine: Callable, values: jax.Array, rank: jax.Array | None) -> jax.Array:
-    """Prefix combination in logarithmic depth, for accelerators."""
+    """Prefix combination for accelerators: one operation, in segments of logarithmic depth."""
     if rank is None:
-        return lax.associative_scan(combine, values)
+        return {jnp.add: lax.cumsum, jnp.maximum: lax.cummax}[combine](values)
 
     def join(left, right):
         return jnp.where(right[1], right[0], combine(left[0], right[0])), left[1] | right[1]

@@ -17,6 +17,8 @@ import jax.numpy as jnp
 from jax import lax
 from jax.extend import random as extended
 
+from jaxpf.lowering import platform
+
 _THREEFRY = extended.threefry_prng_impl
 _ROTATIONS = (13, 15, 26, 6), (17, 29, 16, 24)
 #: Fewer keys than this are split by JAX's implementation, which compiles faster.
@@ -31,7 +33,7 @@ def written_out(key: jax.Array) -> jax.Array:
     # Without this setting JAX numbers the draws differently.
     partitionable = getattr(jax.config, "jax_threefry_partitionable", True)
     is_threefry = jax.random.key_impl(key) == "threefry2x32"
-    if jax.default_backend() != "cpu" or not (partitionable and is_threefry):
+    if platform.on_accelerator() or not (partitionable and is_threefry):
         return key
     return jax.random.wrap_key_data(jax.random.key_data(key), impl=_WRITTEN_OUT)
 

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.lowering import platform
 from jaxpf.lowering.derivatives import weighted, with_gradient_of
 from jaxpf.lowering.prefix import running_max, running_sum
 
@@ -105,6 +106,10 @@ def component_max(values: jax.Array, components: Components) -> jax.Array:
     values = lax.stop_gradient(values)
     if components.size.shape[0] == 1:
         return jnp.max(values)[None]
+
+    if platform.on_accelerator():  # one kernel, and no branch
+        mine = components.index == jnp.arange(components.size.shape[0])[:, None]
+        return jnp.max(jnp.where(mine, values, -jnp.inf), axis=1)
 
     def of_each():
         largest = components.last_of(running_max(values, ranks(components)))

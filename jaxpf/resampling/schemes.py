@@ -16,6 +16,9 @@ from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.lowering.prefix import running_sum
 from jaxpf.resampling.components import ComponentCDF, Components, ranks
 
+#: Relative error of expected offspring, in units of the precision.
+_ROUNDING = 8
+
 
 @pytree_dataclass
 class BuiltIn:
@@ -188,7 +191,8 @@ def _residual(key, cdf, components):
     start, size = components.spread(components.start), components.spread(components.size)
     rank = ranks(components)
     expected = _expected(cdf.weights, cdf.total, components)
-    copies = jnp.floor(expected)
+    # Rounding, which differs between platforms, must not cost a particle its whole copies.
+    copies = jnp.floor(expected * (1 + _ROUNDING * jnp.finfo(expected.dtype).eps))
     # Rounding may push the sum of the floors past n if all n w are integers.
     certain = jnp.minimum(running_sum(copies.astype(jnp.int32), rank), size)
     from_copies = ancestors_of_thresholds(start + certain)

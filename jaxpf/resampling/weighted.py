@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.logs import normalised
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.resampling.components import (
@@ -22,6 +23,9 @@ from jaxpf.resampling.components import (
     one_component,
 )
 from jaxpf.resampling.schemes import BuiltIn, Own, scheme_of
+
+#: Uniform draws in float32 are multiples of 2^-23: more particles are not all reached.
+_MOST_IN_SINGLE = 2**23
 
 
 def ancestors(
@@ -77,6 +81,12 @@ def weighted_resample(
         Ancestors ``[N]`` int32 and the new log-weights ``[N]``.
     """
     num_particles = log_weights.shape[0]
+    if num_particles > _MOST_IN_SINGLE and log_weights.dtype.itemsize < 8:
+        raise InputError(
+            f"{num_particles} particles are more than float32 can draw from ({_MOST_IN_SINGLE}: "
+            "beyond, running sums of weights skip particles); use fewer, "
+            "jaxpf.filters.SideBySide, or jax.config.update('jax_enable_x64', True)."
+        )
     if components is None:
         components = one_component(num_particles)
     by_weight = log_selection is log_weights

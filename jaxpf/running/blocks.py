@@ -13,6 +13,9 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.recognised import recognised
+from jaxpf.lowering import platform
 from jaxpf.running import (
     as_keys,
     frame_step,
@@ -25,14 +28,9 @@ from jaxpf.running import (
 )
 from jaxpf.running.checks import as_arrays, check_frames, check_order, check_run, warn_if_nan
 from jaxpf.running.chunks import come_one_by_one, in_chunks
+from jaxpf.running.memory import device_memory, num_idle_cores, say_that_cores_are_idle
+from jaxpf.running.widths import Blocks, blocks_of, even_blocks, widest
 
-#: Block widths for many and for few runs.  A block of 5 costs up to a third more per run than one
-#: of 25, but computing 25 runs to get one costs ten times as much.
-WIDE, NARROW = 25, 5
-#: From this number of remaining runs, one padded wide block is cheaper than narrow blocks.
-_MANY_LEFT = 20
-#: ``((count, width), ...)``: ``count`` blocks of ``width`` vectorised runs, in sequence.
-Blocks = tuple[tuple[int, int], ...]
 _AXIS = "runs"
 #: Sharding over devices: everything replicated, or split by batch, or by frame of a group.
 _REPLICATED, _OF_BATCHES = PartitionSpec(), PartitionSpec(_AXIS)
@@ -52,16 +50,19 @@ def monte_carlo(
 ) -> Any:
     """Track one sequence many times, independently.
 
-    Runs are vectorised in blocks (``blocks_of``), whose width depends on the number of runs, not on
-    devices or chunks.  A run's result depends only on its key: bit for bit between blocks of the
-    same width, up to rounding between widths.  ``tracker.observe`` runs once per frame for all
-    runs, on one device only.
+    Runs are vectorised in blocks.  A run's result depends only on its key: bit for bit between
+    blocks of the same width, up to rounding between widths.  On a CPU the width depends on the
+    number of runs alone (``jaxpf.running.widths``), not on devices or chunks.  On an accelerator
+    a block is as wide as its memory allows, and becomes narrower if that runs out: results equal
+    those of a CPU, of other numbers of devices and of other memory sizes up to rounding, unless
+    ``batch_size`` fixes the width.  ``tracker.observe`` runs once per frame for all runs, on one
+    device only.
 
     Frames are sent to the devices in chunks, which does not change the results.  Memory does not
     grow with T, except for the recorded values.
 
-    On a CPU one device uses little more than one core.  Call
-    ``jax.config.update("jax_num_cpu_devices", 2)`` before first using JAX to use more cores.
+    On a CPU one device uses little more than one core: call ``jaxpf.use_cores()`` before anything
+    is computed to use all.
 
     Args:
         tracker: as for ``run``.
@@ -70,7 +71,7 @@ def monte_carlo(
             chunks are kept at a time.
         record: as for ``run``.
         batch_size: width of all blocks, with the last block padded.  Fixing it makes results
-            identical bit for bit for any number of runs; by default it depends on this number.
+            identical bit for bit for any number of runs on one kind of device.
         devices: devices that share the blocks; default all of ``jax.local_devices()``.
         frames_per_chunk: rounded up to a multiple of the number of devices, at least two per
             device.  Default: as many as fit in ``jaxpf.running.chunks.CHUNK_BYTES``, or all frames
@@ -91,33 +92,15 @@ def monte_carlo(
     keys = as_keys(keys)
     count = keys.shape[0]
     blocks = blocks_of(count) if batch_size is None else ((-(-count // batch_size), batch_size),)
-    frames = as_arrays(frames)
+    if devices is None and num_idle_cores() and max(count for count, _ in blocks) > 1:
+        say_that_cores_are_idle()
+    frames, record = as_arrays(frames), recognised("record", record)
     tracker = with_inputs(tracker, inputs, frames)
     recorded = run_blocks(
-        tracker, keys, frames, blocks, record, devices, frames_per_chunk, observed
+        tracker, keys, frames, blocks, record, devices, frames_per_chunk, observed, batch_size
     )
     warn_if_nan(recorded)
     return recorded
-
-
-def blocks_of(num_runs: int, asked: int | None = None) -> Blocks:
-    """Divide runs into blocks of at most two widths, depending only on their number.
-
-    With 25 runs or more: blocks of 25, and the rest in blocks of 5, the last one padded.  With
-    fewer: blocks of 5 and one block of the rest.
-
-    Args:
-        num_runs: number of runs to do.
-        asked: total number of runs requested, of which ``num_runs`` remain; default ``num_runs``.
-    """
-    if (num_runs if asked is None else asked) < WIDE:
-        blocks = (num_runs // NARROW, NARROW), (1, num_runs % NARROW)
-    else:
-        wide, left = divmod(num_runs, WIDE)
-        if left >= _MANY_LEFT:
-            wide, left = wide + 1, 0
-        blocks = (wide, WIDE), (-(-left // NARROW), NARROW)
-    return tuple((count, width) for count, width in blocks if count * width)
 
 
 def run_blocks(
@@ -129,8 +112,11 @@ def run_blocks(
     devices: Sequence[jax.Device] | None = None,
     frames_per_chunk: int | None = None,
     observed: Any = None,
+    batch_size: int | None = None,
 ) -> Any:
     """``monte_carlo`` in given blocks, the last of which may be padded.
+
+    Unless ``batch_size`` fixes their width, blocks are narrowed to fit an accelerator's memory.
 
     Raises:
         InputError: as for ``monte_carlo``.
@@ -142,31 +128,28 @@ def run_blocks(
     devices = tuple(jax.local_devices() if devices is None else devices)
     if not devices:
         raise InputError("devices is empty; give at least one, or None for all there are.")
+    may_narrow = platform.on_accelerator() and batch_size is None
+    if may_narrow:
+        share = -(-keys.shape[0] // len(devices))
+        blocks = even_blocks(keys.shape[0], min(share, widest(blocks)))
     used = devices[: max(count for count, _ in blocks)]
-    # For each width: the number of runs, and the keys [B, W], padded so that every device has the
-    # same number of blocks.
-    sizes, batches, first = [], [], 0
-    for count, width in blocks:
-        sizes.append(min(count * width, keys.shape[0] - first))
-        places = np.arange(-(-count // len(used)) * len(used) * width)
-        places = first + np.minimum(places, sizes[-1] - 1)
-        batches.append(_taken(keys, places.reshape(-1, width)))
-        first += sizes[-1]
 
-    states, kept, length = None, [], 0
+    kept, length = [], 0
     for first, count, chunk in in_chunks(frames, frames_per_chunk, len(used)):
         of_chunk = tracker
         if come_one_by_one(frames):
             # Missing frames are known only now.
             of_chunk, chunk = missing_frames.marked(tracker, chunk, first=first)
-        if states is None:
+        grouped = in_groups(first, chunk, used)
+        if not kept:
             check_run(*missing_frames.unmarked(of_chunk, chunk))
-            states = _begin_compiled(tracker, batches, used)
+            narrow = may_narrow and is_concrete(tracker, keys, chunk)
+            begun = _begin_narrowing if narrow else _begin
+            sizes, batches, states, recorded = begun(of_chunk, keys, blocks, grouped, record, used)
         else:
             # Compute one chunk while reading the next, without queueing more.
             jax.block_until_ready(kept[-1])
-        times, groups = in_groups(first, chunk, used)
-        states, recorded = _advance_compiled(of_chunk, batches, states, times, groups, record, used)
+            states, recorded = _advance_compiled(of_chunk, batches, states, *grouped, record, used)
         kept.append(recorded)
         length = first + count
 
@@ -176,6 +159,67 @@ def run_blocks(
         # ... may be stuck").
         jax.block_until_ready(kept)
     return _joined(kept, tuple(sizes), length)
+
+
+def _begin(
+    tracker: Any,
+    keys: jax.Array,
+    blocks: Blocks,
+    grouped: tuple,
+    record: Callable,
+    used: tuple,
+    has_room: Callable = lambda *_: True,
+) -> Any:
+    """Advance all runs through the first chunk of frames, if ``has_room`` says that they fit.
+
+    Returns:
+        For each width: the number of runs, their keys ``[B, W]``, padded so that every device has
+        the same number of blocks, their states and the recorded values.
+    """
+    sizes, batches, first = [], [], 0
+    for count, width in blocks:
+        sizes.append(min(count * width, keys.shape[0] - first))
+        places = np.arange(-(-count // len(used)) * len(used) * width)
+        places = first + np.minimum(places, sizes[-1] - 1)
+        batches.append(_taken(keys, places.reshape(-1, width)))
+        first += sizes[-1]
+    arguments = tracker, batches, _begin_compiled(tracker, batches, used), *grouped, record, used
+    if not has_room(*arguments):
+        return None
+    return sizes, batches, *_advance_compiled(*arguments)
+
+
+def _begin_narrowing(tracker, keys, blocks, grouped, record, used) -> Any:
+    """``_begin`` in blocks that are narrowed until they fit into the devices' memory.
+
+    The compiled program's own estimate comes first.  Where there is none or it is too low, the
+    width is halved at every failure.
+    """
+    while True:
+        width, share = widest(blocks), 1.0
+
+        def has_room(*arguments, width=width):
+            nonlocal share
+            share = device_memory(used) / _bytes_needed(_advance_compiled, *arguments)
+            return share >= 1 or width == 1
+
+        try:
+            begun = _begin(tracker, keys, blocks, grouped, record, used, has_room)
+            if begun is not None:
+                return jax.block_until_ready(begun)
+        except jax.errors.JaxRuntimeError as error:
+            if "RESOURCE_EXHAUSTED" not in str(error) or width == 1:
+                raise
+            share = 0.5
+        blocks = even_blocks(keys.shape[0], min(int(width * share), width - 1))
+
+
+def _bytes_needed(function: Any, *arguments: Any) -> float:
+    """Memory of a compiled function beyond its arguments, on each device; the call reuses it."""
+    analysis = function.lower(*arguments).compile().memory_analysis()
+    if analysis is None:
+        return 1.0
+    return max(1.0, analysis.temp_size_in_bytes + analysis.output_size_in_bytes)
 
 
 # Compiled as a whole: otherwise JAX compiles each operation separately in every process.

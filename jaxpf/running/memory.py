@@ -1,14 +1,19 @@
 """The machine: its cores, and whether work fits in its memory, checked before starting."""
 
 import contextlib
+import functools
 import math
 import os
+import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_whole
+from jaxpf.lowering import platform
 
 #: Memory of JAX, its libraries and a compiled kernel, bytes.
 _BASE = 450 * 2**20
@@ -63,6 +68,55 @@ def num_cores() -> int:
     return os.cpu_count() or 1
 
 
+def use_cores(cores: int | None = None) -> int:
+    """Let ``monte_carlo`` use several cores of a CPU; by default all that this process may use.
+
+    One device of JAX uses little more than one core, so each core becomes a device.  Call it before
+    the first computation; on a machine with a GPU it changes nothing there.
+
+    Args:
+        cores: number of cores.
+
+    Returns:
+        The number of cores.
+
+    Raises:
+        InputError: JAX has already started, with another number.
+    """
+    import jax
+
+    cores = num_cores() if cores is None else cores
+    check_whole("cores", cores)
+    try:
+        jax.config.update("jax_num_cpu_devices", cores)
+    except RuntimeError:
+        started = len(jax.devices("cpu"))
+        if started != cores:
+            raise InputError(
+                f"JAX has already started with {started} of {cores} cores; call jaxpf.use_cores() "
+                "first, before anything is computed."
+            ) from None
+    return cores
+
+
+def num_idle_cores() -> int:
+    """Number of cores that JAX leaves unused because it has a single CPU device."""
+    import jax
+
+    single = jax.local_device_count() == 1 and not platform.on_accelerator()
+    return num_cores() - 1 if single else 0
+
+
+@functools.cache
+def say_that_cores_are_idle() -> None:
+    """Warn once of cores that a single CPU device leaves unused."""
+    warnings.warn(
+        f"runs use one of {num_cores()} cores; to use all, call jaxpf.use_cores() before anything "
+        "is computed.  Passing devices=jax.devices() silences this warning.",
+        stacklevel=3,
+    )
+
+
 def machine_memory() -> int | None:
     """Memory of this machine or container, in bytes; None if unknown."""
     limits = []
@@ -78,6 +132,13 @@ def machine_memory() -> int | None:
         if soft != resource.RLIM_INFINITY:
             limits.append(soft)
     return min(limits, default=None)
+
+
+def device_memory(devices: Sequence[Any]) -> float:
+    """Free memory of the fullest device, in bytes; infinite if unknown, as on a CPU."""
+    known = [stats for device in devices if (stats := device.memory_stats())]
+    free = [x["bytes_limit"] - x.get("bytes_in_use", 0) for x in known if "bytes_limit" in x]
+    return min(free, default=math.inf)
 
 
 def _gigabytes(size: float) -> str:

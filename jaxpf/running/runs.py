@@ -12,6 +12,7 @@ from jax import lax
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.recognised import recognised
 from jaxpf.running import missing_frames
 from jaxpf.running.checks import as_arrays, check_frames, check_order, check_run, warn_if_nan
 from jaxpf.running.chunks import come_one_by_one
@@ -45,8 +46,8 @@ def run(
         key: the run's random key; frame t uses ``fold_in(key, t + 1)``.
         frames: array or pytree with a leading time axis ``[T, ...]``; also a pandas Series or
             DataFrame.
-        record: function of ``(state, summary)`` that returns what to keep of each frame.  Pass a
-            named function: a new lambda recompiles.
+        record: function of ``(state, summary)`` that returns what to keep of each frame.  Another
+            function recompiles, unless it does the same (``jaxpf.contract.recognised``).
         observed: ``[T]`` bool, false for a missing frame, in which particles move by their dynamics
             alone; or ``[T, P]``, false for a missing partition, such as a landmark out of view.  By
             default, float frames that are entirely NaN are missing.  The log-evidence increment of
@@ -78,6 +79,7 @@ def run(
     tracker = with_inputs(tracker, inputs, frames, first)
     check_run(tracker, frames)
     tracker, frames = missing_frames.marked(tracker, frames, observed)
+    record = recognised("record", record)
     state, recorded = run_compiled(tracker, key, frames, record, state)
     warn_if_nan(recorded)
     return state, recorded
@@ -117,6 +119,7 @@ def forecast(
     nothing = np.zeros(steps, bool)
     tracker = with_inputs(tracker, inputs, nothing, first)
     blind = missing_frames.WithoutFrames(tracker)
+    record = recognised("record", record)
     return run_compiled(blind, key, (nothing, nothing), record, state)
 
 

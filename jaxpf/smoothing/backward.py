@@ -31,11 +31,13 @@ from jaxpf import contract
 from jaxpf.contract.logs import finite
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import sanitised
+from jaxpf.lowering import platform
 from jaxpf.lowering.prefix import running_sum
 from jaxpf.running import missing_frames
 
-#: Array size in a pass over particles and trajectories that fits into a core's cache.
-_CHUNK = 2**17
+#: Array size in a pass over particles and trajectories: fits into a core's cache, or a small part
+#: of an accelerator's memory.
+_CHUNK, _CHUNK_ON_ACCELERATOR = 2**17, 2**26
 
 
 class History(NamedTuple):
@@ -165,7 +167,8 @@ def backward(
         after=None if history.previous is None else whole,
         label=None if history.label is None else jnp.zeros((num_trajectories,), jnp.int32),
     )
-    chunk = max(1, _CHUNK // (parts.shape[0] * history.log_weights.shape[1]))
+    most = _CHUNK_ON_ACCELERATOR if platform.on_accelerator() else _CHUNK
+    chunk = max(1, most // (parts.shape[0] * history.log_weights.shape[1]))
 
     def step_back(carry: tuple[Drawn, jax.Array], item: Any) -> Any:
         drawn, origin = carry

@@ -27,6 +27,7 @@ from jaxpf.contract.logs import sum_evenly
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.refusals import biased_evidence, poisoned
+from jaxpf.lowering import platform
 from jaxpf.running import missing_frames
 from jaxpf.running.checks import as_arrays, check_run
 from jaxpf.smoothing.genealogy import draw_paths
@@ -251,7 +252,8 @@ def _noise(model, key, frames, initial, chains):
         before, after = map(partial(model.increments, frames=frames), places, ends)
         return sum_evenly(after - before)
 
-    return jnp.var(jax.lax.map(change, ends, batch_size=16), ddof=1) / 2
+    together = _PILOT_RUNS if platform.on_accelerator() else 16
+    return jnp.var(jax.lax.map(change, ends, batch_size=together), ddof=1) / 2
 
 
 @partial(jax.jit, static_argnums=0)

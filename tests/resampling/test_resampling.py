@@ -16,6 +16,7 @@ from jaxpf.resampling import (
     components_of_sizes,
     few_effective,
     one_component,
+    schemes as schemes_of,
     weighted_resample,
 )
 
@@ -148,6 +149,35 @@ def test_residual_counts_are_at_least_the_floor():
     counts = offspring(drawn("residual"), 8)
     assert (counts >= np.floor(8 * WEIGHTS)).all()
     assert len(np.unique(counts, axis=0)) > 10  # the rest is random
+
+
+@pytest.mark.parametrize("rounding", [0, 1, -1])
+def test_residual_keeps_every_particle_of_equal_weights(rounding, monkeypatch):
+    """Even if a platform's division is off in the last place."""
+    weights = np.ones(300, np.float32)
+    weights[::7] -= np.float32(2**-24)
+    expected = schemes_of._expected
+    step = np.float32(rounding)
+
+    def rounded(values, total, components):
+        found = expected(values, total, components)
+        return found if rounding == 0 else jnp.nextafter(found, found + step)
+
+    monkeypatch.setattr(schemes_of, "_expected", rounded)
+    draw = quick(lambda key, x: ancestors(key, x, "residual"))
+    for given in (weights, np.ones(300, np.float32)):
+        chosen = draw(jax.random.key(0), np.log(given))
+        np.testing.assert_array_equal(np.sort(chosen), np.arange(300))
+
+
+def test_more_particles_than_float32_reaches_are_refused():
+    def draw(count):
+        weights = jax.ShapeDtypeStruct((count,), jnp.float32)
+        return jax.eval_shape(lambda x: ancestors(jax.random.key(0), x, "multinomial"), weights)
+
+    assert draw(2**23).shape == (2**23,)
+    with pytest.raises(InputError, match="8388609 particles are more than float32 can draw from"):
+        draw(2**23 + 1)
 
 
 @pytest.mark.statistical

@@ -13,7 +13,7 @@ import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian
-from jaxpf.running.blocks import WIDE, blocks_of
+from jaxpf.running.widths import WIDE, blocks_of
 
 FRAMES = np.random.default_rng(0).normal(size=(4, 3, 1))
 
@@ -142,6 +142,35 @@ def test_changing_parameters_compiles_nothing_new():
     assert before > 0
     jaxpf.run(tracker(dynamics=TracedWalk(np.float64(2.0))), key, FRAMES)
     assert len(traced) == before
+
+
+def test_steps_outside_jit_compile_once_and_give_the_bits_of_those_inside():
+    made, key = tracker(dynamics=TracedWalk(np.float64(1.0))), jax.random.key(3)
+    state, summaries, counts = made.init(jax.random.fold_in(key, 0)), [], []
+    for time, frame in enumerate(FRAMES, 1):
+        state, summary = made.step(jax.random.fold_in(key, time), state, frame)
+        summaries.append(summary)
+        counts.append(len(traced))
+    assert counts[0] == counts[-1]
+    for one, other in zip(summaries, jaxpf.stream(made, key, FRAMES), strict=True):
+        trees_equal(one, other.summary)
+    before = len(traced)
+    other = tracker(dynamics=TracedWalk(np.float64(2.0)))
+    trees_equal(other.init(key), made.init(key))
+    moved = other.step(key, state, FRAMES[0])[0]
+    assert len(traced) == before
+    assert not np.array_equal(moved.substates, made.step(key, state, FRAMES[0])[0].substates)
+
+
+def test_a_tracker_that_is_no_pytree_steps_as_it_is_written():
+    class Plain(jaxpf.contract.Tracker):
+        def init(self, key):
+            return 0.0
+
+        def step_observed(self, key, state, observation):
+            return state + float(observation), type(observation)
+
+    assert Plain().step(None, 1.0, 2.0) == (3.0, float)
 
 
 @pytree_dataclass

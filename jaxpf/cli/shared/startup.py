@@ -4,7 +4,8 @@ import contextlib
 import os
 from pathlib import Path
 
-from jaxpf.running.memory import num_cores
+from jaxpf.contract.errors import InputError
+from jaxpf.running.memory import num_cores, use_cores
 
 
 def start_jax(devices: int | None = None, processes: int = 1) -> int:
@@ -17,11 +18,9 @@ def start_jax(devices: int | None = None, processes: int = 1) -> int:
     Returns:
         The number of devices.
     """
-    import jax
-
     devices = devices or max(1, num_cores() // processes)
-    with contextlib.suppress(RuntimeError):  # a calling program already uses JAX
-        jax.config.update("jax_num_cpu_devices", devices)
+    with contextlib.suppress(InputError):  # a calling program already uses JAX
+        use_cores(devices)
     use_compile_cache()
     return devices
 

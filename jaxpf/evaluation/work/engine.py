@@ -84,7 +84,7 @@ def evaluate(
 
     The same call resumes, or adds runs if ``plan.runs`` is larger.  On one machine, the results of
     a seed are identical bit for bit for any batches, executor, and number of workers or devices.
-    With another number of runs, blocks may have other widths (``jaxpf.running.blocks.blocks_of``)
+    With another number of runs, blocks may have other widths (``jaxpf.running.widths.blocks_of``)
     and results can differ by rounding.
 
     Args:

@@ -14,14 +14,17 @@ from jaxpf.evaluation.plan import Limits, Plan
 from jaxpf.evaluation.work.results import BUILT_IN, Configuration
 from jaxpf.evaluation.work.trackers import tracker_of
 from jaxpf.evaluation.work.worker import Work
-from jaxpf.running.blocks import WIDE, Blocks, blocks_of
+from jaxpf.lowering import platform
 from jaxpf.running.chunks import chunk_length
+from jaxpf.running.widths import WIDE, Blocks, blocks_of
 from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.target import Target
 
 #: Largest number of likelihoods per batch and core, which an interrupted process can lose: about 15
 #: seconds of colour histograms.
 _MOST_QUERIES = 5e7
+#: How many times as many in the same time on an accelerator.
+_ACCELERATION = 100
 #: Share of a batch's memory that a chunk of frames may use.
 _SHARE_OF_FRAMES = 1 / 4
 #: Chunks in memory at once: the current one on host and devices, and the one being read.
@@ -126,7 +129,8 @@ def costs(configuration: Configuration, scene: Any, adapter: Adapter) -> Costs |
 
 def most_runs(cost: Costs, memory: int, devices: int) -> int:
     """Largest number of runs per batch, limited by memory and by the work lost if interrupted."""
-    by_work = devices * _MOST_QUERIES / cost.queries_per_run
+    faster = _ACCELERATION if platform.on_accelerator() else 1
+    by_work = devices * faster * _MOST_QUERIES / cost.queries_per_run
     unit = WIDE * devices
     return max(1, int(min(memory / cost.bytes_per_run, by_work)) // unit) * unit
 
@@ -135,7 +139,8 @@ def divide(done: np.ndarray, largest: int) -> Iterator[tuple[int, int, Blocks]]:
     """Divide the missing runs into batches of whole blocks, nearly equal in size.
 
     Blocks are counted from the first run of a gap.  A run's block thus has the same width however
-    the gap is divided and whichever batches survive an interruption.
+    the gap is divided and whichever batches survive an interruption; not so on an accelerator,
+    where a batch is one block.
 
     Args:
         done: ``[R]`` bool, whether each run is finished.
@@ -146,7 +151,7 @@ def divide(done: np.ndarray, largest: int) -> Iterator[tuple[int, int, Blocks]]:
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[True], done, [True]]).astype(np.int8)))
     for start, stop in edges.reshape(-1, 2).tolist():
-        blocks = blocks_of(stop - start, len(done))
+        blocks = blocks_of(stop - start, len(done), largest)
         if stop - start <= largest:
             yield start, stop - start, blocks
             continue

@@ -12,7 +12,8 @@ from jaxpf.evaluation.work.batches import Batch
 from jaxpf.evaluation.work.results import BUILT_IN, Configuration
 from jaxpf.evaluation.work.scene import same_scene
 from jaxpf.evaluation.work.trackers import shapes_of, tracker_of
-from jaxpf.running.blocks import Blocks, run_blocks
+from jaxpf.running.blocks import run_blocks
+from jaxpf.running.widths import Blocks
 from jaxpf.targets import find_adapter
 
 

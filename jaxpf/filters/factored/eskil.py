@@ -16,7 +16,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_known, choice
 from jaxpf.contract.names import DRIFTS, SHAPES
 from jaxpf.contract.numbers import FINITE, check_array, check_number, check_whole
-from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
+from jaxpf.contract.pytree import as_array, compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.refusals import Bias
 from jaxpf.contract.state import Summary
 from jaxpf.filters import confidence
@@ -106,6 +106,7 @@ class Eskil(contract.Tracker):
             Bias(drifts, f"drift={self.drift!r}", "drift='none' or proper=True"),
         )
 
+    @compiled_alone
     @with_written_out_key
     def init(self, key: jax.Array) -> FactoredState:
         """Draw the state just before the first frame, with equal weights."""

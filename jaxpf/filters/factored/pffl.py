@@ -15,7 +15,7 @@ from jaxpf.contract import Tracker
 from jaxpf.contract.errors import check_known
 from jaxpf.contract.names import FORMS
 from jaxpf.contract.numbers import check_number, check_whole
-from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.refusals import Bias
 from jaxpf.contract.state import Summary
 from jaxpf.filters import confidence
@@ -79,6 +79,7 @@ class PFFL(Tracker):
         """See ``jaxpf.contract.evidence_biases``."""
         return (Bias(self.form != "auxiliary", f"form={self.form!r}", "form='auxiliary'"),)
 
+    @compiled_alone
     @with_written_out_key
     def init(self, key: jax.Array) -> FactoredState:
         """Draw the state just before the first frame, with equal weights."""

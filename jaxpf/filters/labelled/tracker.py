@@ -11,7 +11,7 @@ import numpy as np
 
 from jaxpf.contract import Tracker
 from jaxpf.contract.numbers import coordinates_in
-from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.refusals import Bias
 from jaxpf.filters import confidence
 from jaxpf.filters.initial import as_floats, checked_initial
@@ -112,6 +112,7 @@ class Labelled(Tracker):
             Bias(self.reseed is not None, "reseed", "reseed=None", False),
         )
 
+    @compiled_alone
     @with_written_out_key
     def init(self, key: jax.Array) -> LabelledState:
         """Draw the state just before the first frame; each target has 1/L of the weight."""

@@ -49,6 +49,7 @@ def finish(
         lambda: ordering.rank[components.index].T,
         lambda: jnp.broadcast_to(ordering.rank[0][:, None], carry.lineage.shape),
         is_never_true=one_partition,
+        cheap=True,
     )
     lineage, lagged = _gathered(tracker, carry, row)
     drawn = row * tracker.num_particles + lineage  # index of each particle's draws
@@ -84,6 +85,7 @@ def finish(
         lambda: weighted.renormalised(log_weights, components),
         lambda: log_weights,
         is_never_true=one_partition,
+        cheap=True,
     )
     log_weights = computed_before(log_weights)
     if path_scores is not None:
@@ -113,6 +115,7 @@ def finish(
         lambda: count_unique(lineage),
         lambda: jnp.full(lineage.shape[:1], lineage.shape[1], jnp.int32),
         is_never_true=one_partition,
+        cheap=True,
     )
     summary = summarise(state, log_evidence, status, lost, carry.num_invalid, num_unique)
     if label is None:
@@ -142,6 +145,7 @@ def _gathered(tracker: "Partitioned", carry: Carry, row: jax.Array) -> tuple[jax
         gathered,
         own_draws,
         is_never_true=tracker.num_partitions == 1,
+        cheap=True,
     )
 
 

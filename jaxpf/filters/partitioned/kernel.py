@@ -29,7 +29,7 @@ from jaxpf.contract.state import ParticleState, Summary, sanitised
 from jaxpf.filters import confidence
 from jaxpf.filters.partitioned import ending, exchange as rules, levels, selection
 from jaxpf.filters.partitioned.carry import Carry, Drawn, Keys, Shared, Turn
-from jaxpf.lowering.branches import choose, computed_before
+from jaxpf.lowering.branches import choose, computed_before, repeated
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.lowering.integers import order_by_group
 from jaxpf.resampling.components import Components, component_max, components_of_sizes
@@ -58,7 +58,7 @@ def step(
         chosen = partial(select, shared, key.select, stage, before)
         return exchange(shared, key.exchange, stage, carry, chosen)
 
-    carry = lax.fori_loop(0, tracker.num_partitions, take_turn, carry)
+    carry = repeated(tracker.num_partitions, take_turn, carry)
     label_key = jax.random.fold_in(stages_key, tracker.num_partitions)
     after = ending.finish(tracker, label_key, observation, components, carry)
     return confidence.reported(tracker.likelihood, state, *after, observation)
@@ -179,11 +179,11 @@ def select(
     ``before``, ``[N]``, are the log-weights before the stage.
     """
     tracker = shared.tracker
-    return lax.cond(
+    return choose(
         tracker.ordering.resample_after[stage],
-        lambda carry: selection.select(tracker, key, carry, before, shared.components),
-        lambda carry: carry,
-        carry,
+        lambda: selection.select(tracker, key, carry, before, shared.components),
+        lambda: carry,
+        cheap=not tracker.gradient.blends,
     )
 
 

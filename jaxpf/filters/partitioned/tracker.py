@@ -12,7 +12,7 @@ from jaxpf import contract
 from jaxpf.contract import Tracker
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import check_tree
-from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.refusals import Bias, poisoned
 from jaxpf.contract.state import ParticleState, Summary, moments
 from jaxpf.filters import confidence
@@ -142,6 +142,7 @@ class Partitioned(Tracker):
             Bias(self.gradient.blends, "gradient Transport", "another gradient", False),
         )
 
+    @compiled_alone
     @with_written_out_key
     def init(self, key: jax.Array) -> ParticleState:
         """Draw the state just before the first frame, with equal weights."""

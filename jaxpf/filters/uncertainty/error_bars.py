@@ -45,7 +45,7 @@ from jax import lax
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
-from jaxpf.contract.pytree import is_concrete, pytree_dataclass, static_field
+from jaxpf.contract.pytree import compiled_alone, is_concrete, pytree_dataclass, static_field
 from jaxpf.contract.refusals import poisoned, refused
 from jaxpf.contract.state import ParticleState, Summary
 from jaxpf.filters.partitioned.tracker import Partitioned
@@ -163,6 +163,7 @@ class WithErrorBars(contract.Tracker):
         """Number of partitions, P."""
         return self.tracker.num_partitions
 
+    @compiled_alone
     def init(self, key: jax.Array) -> Ancestry:
         """Return the filter's initial state, in which every particle is its own ancestor."""
         state = self.tracker.init(key)

@@ -17,7 +17,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import check_tracker
 from jaxpf.contract.logs import multiplied
 from jaxpf.contract.numbers import check_whole
-from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.state import Summary
 from jaxpf.filters.uncertainty.error_bars import ErrorBars
 
@@ -94,6 +94,7 @@ class SideBySide(contract.Tracker):
         """Number of particles of all runs."""
         return self.tracker.num_particles * self.num_runs
 
+    @compiled_alone
     def init(self, key: jax.Array) -> RunsState:
         """Return the runs' initial states."""
         runs = jax.vmap(self.tracker.init)(self._keys(key))

@@ -12,6 +12,7 @@ from jaxpf import ordering as orderings
 from jaxpf.dynamics.occlusion import WithOcclusion
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods.contours import contours
+from jaxpf.lowering import platform
 from jaxpf.papers.maccormick1999.scenes import Case, distances
 
 #: Number of runs vectorised together.
@@ -90,7 +91,8 @@ def track(case: Case, tracker: Partitioned, runs: int, seed: int) -> Outcome:
     """Track a case in independent runs."""
     keys = jax.random.split(jax.random.key(seed), runs)
     frames = jnp.asarray(case.frames)
-    recorded = jaxpf.monte_carlo(tracker, keys, frames, _keep, batch_size=min(runs, _BATCH))
+    width = None if platform.on_accelerator() else min(runs, _BATCH)
+    recorded = jaxpf.monte_carlo(tracker, keys, frames, _keep, batch_size=width)
     estimates, ess, spread, in_front = (np.asarray(each) for each in recorded)
     outlines = np.asarray(tracker.likelihood.outline_points(jnp.asarray(estimates)))
     spread = np.sqrt((spread**2).sum(axis=-1))

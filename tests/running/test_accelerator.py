@@ -1,0 +1,142 @@
+"""What changes on a GPU, tried on a CPU that takes itself for one."""
+
+import re
+
+import jax
+import numpy as np
+import pytest
+
+import jaxpf
+from jaxpf.dynamics import RandomWalk
+from jaxpf.likelihoods import Gaussian
+from jaxpf.lowering import platform
+from jaxpf.running import blocks
+from jaxpf.running.runs import run_compiled, summary_only
+from jaxpf.running.widths import blocks_of
+
+Y = np.random.default_rng(0).normal(size=(4,)).astype(np.float32)
+KEYS = jax.random.split(jax.random.key(0), 7)
+
+
+def model():
+    return jaxpf.state_space(
+        initial=initial, transition=move, log_likelihood=weigh, num_particles=20
+    )
+
+
+def initial(key, p):
+    return jax.random.normal(key)
+
+
+def move(key, x, p):
+    return 0.9 * x + jax.random.normal(key)
+
+
+def weigh(y, x, p):
+    return -0.5 * (y - x) ** 2
+
+
+@pytest.fixture
+def accelerator(monkeypatch):
+    jax.clear_caches()  # programs in the other form
+    monkeypatch.setattr(platform, "on_accelerator", lambda: True)
+    yield
+    jax.clear_caches()
+
+
+@pytest.fixture
+def widths(monkeypatch):
+    """Widths of the blocks in which first chunks are advanced; those above 3 run out of memory."""
+    tried = []
+    compiled = blocks._advance_compiled
+
+    class Limited:
+        lower = staticmethod(compiled.lower)
+
+        def __call__(self, tracker, batches, *arguments):
+            tried.append([batch.shape for batch in batches])
+            if max(width for _, width in tried[-1]) > 3:
+                raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: out of memory")
+            return compiled(tracker, batches, *arguments)
+
+    monkeypatch.setattr(blocks, "_advance_compiled", Limited())
+    return tried
+
+
+def test_a_block_is_halved_when_memory_runs_out(accelerator, widths):
+    found = jaxpf.monte_carlo(model(), KEYS, iter(Y), frames_per_chunk=2)
+    assert widths[:3] == [[(1, 7)], [(3, 3)], [(3, 3)]]  # the second chunk needs no attempt
+    assert len(widths) == 3
+    assert found.estimate.shape == (7, 4, 1, 1)
+    narrow = jaxpf.monte_carlo(model(), KEYS, Y, batch_size=3)
+    np.testing.assert_allclose(found.estimate, narrow.estimate, atol=1e-5)
+    with pytest.raises(jax.errors.JaxRuntimeError, match="RESOURCE_EXHAUSTED"):
+        jaxpf.monte_carlo(model(), KEYS, Y, batch_size=7)
+
+
+def test_a_block_is_as_wide_as_the_estimated_memory_allows(accelerator, monkeypatch):
+    shapes, compiled = [], blocks._advance_compiled
+    needed = []
+
+    def bytes_needed(function, tracker, batches, *arguments):
+        shapes.append(batches[0].shape)
+        needed.append(actual(function, tracker, batches, *arguments))
+        return float(batches[0].shape[1])
+
+    actual = blocks._bytes_needed
+    monkeypatch.setattr(blocks, "_bytes_needed", bytes_needed)
+    monkeypatch.setattr(blocks, "device_memory", lambda devices: 4.0)
+    jaxpf.monte_carlo(model(), KEYS, Y)
+    assert shapes == [(1, 7), (2, 4)]
+    assert min(needed) > 7 * 20 * 4
+    assert compiled._cache_size() == 1  # the estimate's program is the one that runs
+
+
+def test_one_block_gives_the_results_of_many_to_rounding(accelerator, monkeypatch):
+    wide = jaxpf.monte_carlo(model(), KEYS, Y)
+    assert blocks_of(1000) == ((1, 1000),)
+    assert blocks_of(1000, most=400) == ((3, 334),)
+    monkeypatch.setattr(platform, "on_accelerator", lambda: False)
+    jax.clear_caches()
+    assert blocks_of(7) == ((1, 5), (1, 2))
+    narrow = jaxpf.monte_carlo(model(), KEYS, Y)
+    np.testing.assert_allclose(wide.estimate, narrow.estimate, atol=1e-5)
+    np.testing.assert_allclose(wide.log_evidence, narrow.log_evidence, atol=1e-5)
+
+
+def parts():
+    """Three partitions, each resampled, so that every form with components is used."""
+    return jaxpf.Partitioned(
+        likelihood=Gaussian(noise=np.ones((3, 1, 1), np.float32)),
+        dynamics=RandomWalk(np.float32(1.0)),
+        ordering=jaxpf.ordering.dps(3),
+        initial=np.zeros((3, 1), np.float32),
+        num_particles=30,
+    )
+
+
+def test_both_forms_give_the_same_results(accelerator, monkeypatch):
+    frames = np.stack([Y, -Y, 2 * Y], axis=1)[:2, :, None]
+    found = []
+    for is_one in (True, False):
+        monkeypatch.setattr(platform, "on_accelerator", lambda is_one=is_one: is_one)
+        jax.clear_caches()
+        found.append(jax.device_get(jaxpf.run(parts(), KEYS[0], frames)))
+    (one, told), (other, said) = found
+    np.testing.assert_array_equal(one.lineage, other.lineage)
+    np.testing.assert_array_equal(told.uniqueness, said.uniqueness)
+    np.testing.assert_allclose(one.substates, other.substates, atol=1e-6)
+    np.testing.assert_allclose(told.log_evidence, said.log_evidence, atol=1e-5)
+    assert said.uniqueness.min() < 1  # resampled inside the frame
+
+
+@pytest.mark.parametrize(("make", "most"), [(model, (0, 1)), (parts, (6, 3))])
+def test_few_branches_and_loops_are_left(accelerator, make, most):
+    """Loops over frames, partitions and levels remain, and branches that save much work."""
+    frames = Y[:, None, None] * np.ones((3, 1), np.float32) if make is parts else Y
+    lowered = run_compiled.trace(make(), KEYS[0], frames, summary_only).lower(
+        lowering_platforms=("cuda",)
+    )
+    text = lowered.as_text()
+    branches = len(re.findall(r"stablehlo\.(?:case|if)\b", text))
+    assert (branches, len(re.findall(r"stablehlo\.while\b", text))) == most

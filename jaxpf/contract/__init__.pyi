@@ -23,6 +23,7 @@ from .calls import (
     log_prob_all as log_prob_all,
     method_of as method_of,
     model_error as model_error,
+    moments as moments,
     observe_nearby as observe_nearby,
     observed_apart as observed_apart,
     of_frame as of_frame,
@@ -33,6 +34,7 @@ from .calls import (
     proposal_log_density_all as proposal_log_density_all,
     proposal_of as proposal_of,
     propose_all as propose_all,
+    states as states,
     time_of as time_of,
     with_inputs as with_inputs,
 )

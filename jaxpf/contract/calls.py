@@ -46,6 +46,16 @@ def time_of(state: Any) -> Any:
     return time
 
 
+def moments(tracker: Any, values: Any) -> Any:
+    """Name means or standard deviations ``[..., P, D]``, if the tracker's states are pytrees."""
+    return tracker.moments(values) if hasattr(tracker, "moments") else values
+
+
+def states(tracker: Any, substates: Any) -> Any:
+    """Return substates ``[..., P, D]`` as the tracker's states, if those are pytrees."""
+    return tracker.states(substates) if hasattr(tracker, "states") else substates
+
+
 def observe_nearby(observer: Any, frame: Any, near: Any) -> Any:
     """The observation of some parts of a frame, by a tracker or likelihood; None if it has none.
 

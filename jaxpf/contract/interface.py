@@ -8,7 +8,9 @@ classes derive the remaining methods.
               required                                                     optional
 ============  ===========================================================  =====================
 tracker       ``init``, ``step`` (or ``observe`` with ``step_observed``)   ``num_partitions``,
-                                                                           ``evidence_biases``
+                                                                           ``evidence_biases``,
+                                                                           ``moments``,
+                                                                           ``states``
 dynamics      ``propagate`` or ``propagate_all``                           ``log_density``,
                                                                            ``log_density_all``,
                                                                            ``predict``,

@@ -30,6 +30,7 @@ likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log
                                                                            ``log_odds``,
                                                                            ``model_error``,
                                                                            ``handles_nan``,
+                                                                           ``sample``,
                                                                            ``at_frame``,
                                                                            ``with_inputs``
 proposal      ``propose`` or ``propose_all``,                              ``of_model``
@@ -262,6 +263,7 @@ class Likelihood:
       same, if it also depends on the particle's label.  Used when particles carry labels.
     * ``log_joint_all`` and ``log_joint_labelled_all``: the same for all particles at once, with
       ``substates [P, D, N]``, ``log_probs [P, N]``, ``label [N]`` and result ``[N]``.
+    * ``sample(key, substates [P, D]) -> frame``: draws an observation, for ``jaxpf.simulate``.
     * ``at_frame`` and ``with_inputs``: for a likelihood that changes with time, as for
       ``Dynamics``.  ``observe`` stays that of the likelihood without a time.
     """

@@ -38,6 +38,8 @@ def state_space(
     log_likelihood: Callable,
     parameters: Any = None,
     transition_log_density: Callable | None = None,
+    observation: Callable | None = None,
+    guide: Callable | None = None,
     num_values: int | Mapping[str, int] | None = None,
     num_particles: int = 1000,
     **options: Any,
@@ -82,6 +84,8 @@ def state_space(
         transition_log_density: ``(new, x, parameters) -> []``, the log-density of ``transition``,
             for ``jaxpf.smooth`` and ``motion_gradient="score"``; may take ``previous``, ``time``
             and ``u``.
+        observation: ``(key, x, parameters) -> y``, draws a frame, for ``jaxpf.simulate`` and the
+            predictive draws of ``jaxpf.pmmh``; may take ``previous``, ``time`` and ``u``.
         num_values: K, if integers in the state take the values 0 to K - 1; or K by name of a leaf,
             such as ``{"regime": 3}``.  The estimate of an integer is then the probability of each
             value, ``[..., K]``, instead of the mean.
@@ -96,8 +100,10 @@ def state_space(
     check_arguments("log_likelihood", log_likelihood)
     if callable(initial):
         check_arguments("initial", initial)
-    if transition_log_density is not None:
-        check_arguments("transition_log_density", transition_log_density)
+    optional = {"observation": observation, "guide": guide}
+    for name, function in (optional | {"transition_log_density": transition_log_density}).items():
+        if function is not None:
+            check_arguments(name, function)
     for path, leaf in jax.tree_util.tree_leaves_with_path(parameters):
         if not hasattr(leaf, "dtype") and not isinstance(leaf, int | float | complex):
             raise InputError(
@@ -120,7 +126,7 @@ def state_space(
         start = start[None]
     return (Partitioned if layout.is_array else WithTrees)(
         dynamics=FunctionDynamics(parameters, transition, transition_log_density, layout, copies),
-        likelihood=FunctionLikelihood(parameters, log_likelihood, layout),
+        likelihood=FunctionLikelihood(parameters, log_likelihood, layout, **optional),
         ordering=sir(1),
         initial=start,
         num_particles=num_particles,
@@ -245,6 +251,8 @@ class FunctionLikelihood(contract.Likelihood):
     parameters: Any
     function: Callable = static_field()
     layout: Layout = static_field()
+    observation: Callable | None = static_field(default=None)
+    guide: Callable | None = static_field(default=None)
     inputs: Any = None
     frame: Any = None
 
@@ -256,20 +264,33 @@ class FunctionLikelihood(contract.Likelihood):
     @property
     def at_frame(self):
         """Return the likelihood of a frame."""
-        return _at_frame(self, self.function)
+        return _at_frame(self, self.function, self.observation, self.guide)
 
     @property
     def with_inputs(self):
         """Return the likelihood with known inputs."""
-        return _with_inputs(self, self.function)
+        return _with_inputs(self, self.function, self.observation, self.guide)
 
     def log_prob(self, observation, partition, substate):
         """Log-likelihood ``[]`` of a substate ``[D]``."""
-        previous = substate[self.layout.size :]
-        extras = extras_of(self.function, self.frame, lambda: self.layout.unpack(previous))
-        x = self.layout.unpack(substate)
         name = "log_likelihood"
-        return number(name, call(name, self.function, observation, x, self.parameters, **extras))
+        return number(name, self._called(name, self.function, observation, substate))
+
+    @property
+    def sample(self):
+        """Draw a frame, given substates ``[1, D]``; exists only with an ``observation``."""
+        if self.observation is None:
+            raise AttributeError("sample")
+        return lambda key, substates: jax.tree.map(
+            jnp.asarray, self._called("observation", self.observation, key, substates[0])
+        )
+
+    def _called(self, name: str, function: Callable, first: Any, substate: jax.Array) -> Any:
+        """Call a function with the state of a substate ``[D]``, and what it asks for."""
+        previous = substate[self.layout.size :]
+        extras = extras_of(function, self.frame, lambda: self.layout.unpack(previous))
+        x = self.layout.unpack(substate)
+        return call(name, function, first, x, self.parameters, **extras)
 
 
 def _at_frame(part: Any, *functions: Any) -> Callable:

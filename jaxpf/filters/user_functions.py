@@ -74,6 +74,8 @@ _ARGUMENTS = {
     "initial": (("key", "parameters"), ()),
     "transition": (("key", "x", "parameters"), ("previous", "time", "u")),
     "log_likelihood": (("y", "x", "parameters"), ("previous", "time", "u")),
+    "observation": (("key", "x", "parameters"), ("previous", "time", "u")),
+    "guide": (("y", "x", "parameters"), ("time", "u")),
     "transition_log_density": (("new", "x", "parameters"), ("previous", "time", "u")),
 }
 

@@ -86,6 +86,9 @@ def state_space(
             and ``u``.
         observation: ``(key, x, parameters) -> y``, draws a frame, for ``jaxpf.simulate`` and the
             predictive draws of ``jaxpf.pmmh``; may take ``previous``, ``time`` and ``u``.
+        guide: ``(y, x, parameters) -> []``, log of a first-stage weight of the state before it
+            moves to frame y, such as a rough log-density of y given it: the auxiliary particle
+            filter.  Any guide leaves the evidence unbiased.  It may take ``time`` and ``u``.
         num_values: K, if integers in the state take the values 0 to K - 1; or K by name of a leaf,
             such as ``{"regime": 3}``.  The estimate of an integer is then the probability of each
             value, ``[..., K]``, instead of the mean.
@@ -275,6 +278,15 @@ class FunctionLikelihood(contract.Likelihood):
         """Log-likelihood ``[]`` of a substate ``[D]``."""
         name = "log_likelihood"
         return number(name, self._called(name, self.function, observation, substate))
+
+    @property
+    def log_guide(self):
+        """Log of a first-stage weight; exists only with a ``guide``."""
+        if self.guide is None:
+            raise AttributeError("log_guide")
+        return lambda observation, substates: number(
+            "guide", self._called("guide", self.guide, observation, substates[0])
+        )
 
     @property
     def sample(self):

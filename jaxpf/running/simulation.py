@@ -30,13 +30,17 @@ class Simulated(NamedTuple):
 
     def interval(self, level: float = 0.95) -> tuple[Any, Any]:
         """Ends of the central predictive intervals of the observations, over M draws."""
-        check_array("level", level, "a share from 0 to 1, []", least=0, most=1)
-        ends = (1 - level) / 2, (1 + level) / 2
-        lower, upper = (
-            jax.tree.map(lambda x, end=end: jnp.quantile(x, end, axis=0), self.frames)
-            for end in ends
-        )
-        return lower, upper
+        return central_interval(self.frames, level, 0)
+
+
+def central_interval(draws: Any, level: float, axes: Any) -> tuple[Any, Any]:
+    """Ends of the intervals that contain the share ``level`` of the draws along some axes."""
+    check_array("level", level, "a share from 0 to 1, []", least=0, most=1)
+    lower, upper = (
+        jax.tree.map(partial(jnp.quantile, q=end, axis=axes), draws)
+        for end in ((1 - level) / 2, (1 + level) / 2)
+    )
+    return lower, upper
 
 
 def simulate(

@@ -46,11 +46,16 @@ def log_likelihood(y, x, p):
     return norm.logpdf(y, x, NOISE)
 
 
+def observation(key, x, p):
+    return x + NOISE * jax.random.normal(key)
+
+
 def build(p):
     return jaxpf.state_space(
         initial=initial,
         transition=transition,
         log_likelihood=log_likelihood,
+        observation=observation,
         parameters=p,
         num_particles=40,
     )
@@ -139,6 +144,24 @@ def test_paths_are_drawn_with_their_parameters(posterior):
     errors = of_chains.std(1, ddof=1) / CHAINS**0.5
     assert errors.max() < 0.2
     assert np.abs((of_chains.mean(1).T - exact) / errors.T).max() < 4.5
+
+
+@pytest.mark.statistical
+def test_observations_are_drawn_with_their_parameters(posterior):
+    """Their moments, and the interval of the missing frame."""
+    _, _, weights, smoothed = exact_on_grid()
+    weights = weights / weights.sum()
+    drawn = np.asarray(posterior.frames)
+    of_chains = np.stack([drawn, drawn**2]).mean(2)  # [2, C, T]
+    exact = [[(weights * x).sum() for x in (m, m**2 + v + NOISE**2)] for m, v in smoothed]
+    errors = of_chains.std(1, ddof=1) / CHAINS**0.5
+    assert np.abs((of_chains.mean(1).T - exact) / errors.T).max() < 4.5
+    (low, high), (mean, variance) = posterior.interval(0.95), smoothed[7]
+    ends = scipy.stats.norm.cdf(np.array([low[7], high[7]])[:, None, None], mean, variance**0.5)
+    assert abs(((ends[1] - ends[0]) * weights).sum() - 0.95) > 0.03  # of the state it is another
+    spread = (variance + NOISE**2) ** 0.5
+    ends = scipy.stats.norm.cdf(np.array([low[7], high[7]])[:, None, None], mean, spread)
+    assert abs(((ends[1] - ends[0]) * weights).sum() - 0.95) < 0.015
 
 
 def test_draws_keep_what_they_were_accepted_with(posterior):

@@ -81,8 +81,8 @@ class Layout(NamedTuple):
         """Flatten a state to ``[D]``."""
         parts = []
         for leaf, x in zip(self.leaves, jax.tree.leaves(state), strict=True):
-            one_hot = leaf.num_values is not None
-            parts.append(jnp.ravel(jax.nn.one_hot(x, leaf.num_values) if one_hot else x))
+            count = leaf.num_values
+            parts.append(jnp.ravel(x if count is None else jax.nn.one_hot(x, count)))
         parts = [as_floats(x) for x in parts]
         return parts[0] if len(parts) == 1 else jnp.concatenate(parts)
 

@@ -155,7 +155,7 @@ def _run(filters, draw_prior, settings, key, frames, inputs) -> Online:
         state = running.init(tracker_of(place), key)
         zero = jnp.zeros((), place.dtype)
         return lax.fori_loop(
-            0, time + 1, lambda t, carry: advance(place, key, *carry, t)[:2], (state, zero)
+            0, time + 1, lambda t, old: advance(place, key, old[0], old[1], t)[:2], (state, zero)
         )
 
     def moved(key, draws, time, root):
@@ -191,7 +191,9 @@ def _run(filters, draw_prior, settings, key, frames, inputs) -> Online:
     def take(carry, item):
         draws, log_weights = carry
         time, key = item
-        states, log_evidence, increments = jax.vmap(advance, (0, 0, 0, 0, None))(*draws, time)
+        states, log_evidence, increments = jax.vmap(advance, (0, 0, 0, 0, None))(
+            draws.place, draws.keys, draws.states, draws.log_evidence, time
+        )
         draws = draws._replace(states=states, log_evidence=log_evidence)
         log_weights, total = normalised(log_weights + increments)
         weights = jnp.exp(log_weights)

@@ -33,6 +33,7 @@ from .filters.partitioned.tracker import Partitioned as Partitioned
 from .running.blocks import monte_carlo as monte_carlo
 from .running.memory import use_cores as use_cores
 from .running.runs import forecast as forecast, run as run
+from .running.simulation import simulate as simulate
 from .running.streaming import stream as stream
 from .smoothing.smoother import smooth as smooth
 from .tuning.loop import tune as tune

@@ -1,4 +1,4 @@
-"""Orderings as data: SIR, PS, DPS, SPS and branched partitioned sampling.
+"""Orderings as data: SIR, PS, DPS, SPS, branched partitioned sampling, and blocks.
 
 A frame of partitioned sampling consists of P stages of the same operation.  The methods differ
 only in small arrays: which partition a component processes at each stage, after which stages to
@@ -8,6 +8,7 @@ every ordering of the same number of partitions.
 The tables are padded to at least C = P components; unused components are empty.
 """
 
+import dataclasses
 import operator
 from collections.abc import Sequence
 from typing import Any
@@ -30,7 +31,7 @@ _MOST_PARTITIONS = 10_000
 class Ordering:
     """The order in which, and the components by which, a frame's partitions are processed.
 
-    Build one with ``sir``, ``ps``, ``dps``, ``sps`` or ``branched``.
+    Build one with ``sir``, ``ps``, ``dps``, ``sps``, ``blocks`` or ``branched``.
 
     Attributes:
         order: ``[C, P]`` int32, the partition that component c processes at stage j.
@@ -46,6 +47,8 @@ class Ordering:
         swap: ``[]`` int32, index into ``SWAPS``.
         literal: ``[]`` bool, whether to use smith2004's literal reassembly.
         tree: ``[P]`` int32, parents of the part tree of ``sps``; -1 for a root.
+        forgets_coupling: ``[]`` bool, whether coupled dynamics are allowed with an exchange, which
+            is then biased (``blocks``).
         keeps_components: static, whether particles keep their component from frame to frame
             (branched) instead of being split again in every frame.
     """
@@ -61,6 +64,7 @@ class Ordering:
     swap: jax.Array
     literal: jax.Array
     tree: jax.Array
+    forgets_coupling: jax.Array
     keeps_components: bool = static_field(default=False)
 
     @property
@@ -229,6 +233,23 @@ def sps(
     )
 
 
+def blocks(num_partitions: int) -> Ordering:
+    """Block particle filter: partitions, the blocks, are resampled independently of each other.
+
+    For many coupled coordinates, where filters of whole states collapse.  Every block is weighted
+    by its own likelihood; a particle's next state is made of blocks of different particles.  This
+    forgets the dependence between blocks after every frame.  With coupled dynamics the results are
+    biased: the bias does not vanish with more particles and does not grow with the number of
+    blocks, and it is smaller for larger blocks (Rebeschini & van Handel 2015).  ``log_evidence`` is
+    biased as well.  With independent partitions nothing is forgotten, and this is ``sps``.
+
+    Args:
+        num_partitions: P, number of blocks.
+    """
+    ordering = sps(num_partitions=num_partitions)
+    return dataclasses.replace(ordering, forgets_coupling=as_array(True, bool))
+
+
 def named(
     method: str,
     parents: Sequence[int],
@@ -360,6 +381,7 @@ def _ordering(
         swap=as_array(swap, np.int32),
         literal=as_array(literal, bool),
         tree=as_array(tree, np.int32),
+        forgets_coupling=as_array(False, bool),
         keeps_components=keeps_components,
     )
 

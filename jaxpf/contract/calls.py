@@ -21,6 +21,9 @@ from jaxpf.contract.interface import (
     of_shape,
 )
 
+#: Least log of a first-stage weight, relative to the largest.
+_LEAST_GUIDE = -30.0
+
 
 def observed_apart(tracker: Any) -> tuple[Callable, Callable]:
     """Split a step into the work that depends on the frame alone, and the rest."""
@@ -44,6 +47,16 @@ def time_of(state: Any) -> Any:
             "step increases by 1."
         )
     return time
+
+
+def moments(tracker: Any, values: Any) -> Any:
+    """Name means or standard deviations ``[..., P, D]``, if the tracker's states are pytrees."""
+    return tracker.moments(values) if hasattr(tracker, "moments") else values
+
+
+def states(tracker: Any, substates: Any) -> Any:
+    """Return substates ``[..., P, D]`` as the tracker's states, if those are pytrees."""
+    return tracker.states(substates) if hasattr(tracker, "states") else substates
 
 
 def observe_nearby(observer: Any, frame: Any, near: Any) -> Any:
@@ -237,6 +250,29 @@ def log_prob_all(likelihood, observation, partition, substates) -> jax.Array:
     """Log-likelihoods ``[N]`` of substates ``[D, N]``, from the batched method if defined."""
     method = method_of(likelihood, Likelihood, "log_prob_all")
     return method(observation, partition, substates)
+
+
+def has_log_guide(likelihood: Any) -> bool:
+    """Whether a likelihood offers first-stage weights, see ``log_guide_all``."""
+    return hasattr(likelihood, "log_guide")
+
+
+def log_guide_all(likelihood, observation, substates) -> jax.Array | None:
+    """First-stage log-weights ``[N]`` of particles before they move, ``[D, P, N]``; or None.
+
+    Any positive guide leaves the evidence unbiased, so those that are not finite or too small for
+    their weights are raised, and a frame that was not seen in full has none.
+    """
+    likelihood, observation, seen = as_seen(likelihood, observation)
+    if seen is np.False_ or not has_log_guide(likelihood):
+        return None
+    guide = jax.vmap(likelihood.log_guide, in_axes=(None, 2))
+    values = lax.stop_gradient(guide(observation, jnp.swapaxes(substates, 0, 1)))
+    values = jnp.where(jnp.isfinite(values), values, -jnp.inf)
+    largest = jnp.max(values)
+    values = jnp.maximum(values - jnp.where(jnp.isfinite(largest), largest, 0), _LEAST_GUIDE)
+    values = values.astype(substates.dtype)
+    return values if seen is None else jnp.where(jnp.all(seen), values, 0)
 
 
 def has_log_joint(likelihood: Any) -> bool:

@@ -8,7 +8,9 @@ classes derive the remaining methods.
               required                                                     optional
 ============  ===========================================================  =====================
 tracker       ``init``, ``step`` (or ``observe`` with ``step_observed``)   ``num_partitions``,
-                                                                           ``evidence_biases``
+                                                                           ``evidence_biases``,
+                                                                           ``moments``,
+                                                                           ``states``
 dynamics      ``propagate`` or ``propagate_all``                           ``log_density``,
                                                                            ``log_density_all``,
                                                                            ``predict``,
@@ -28,6 +30,8 @@ likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log
                                                                            ``log_odds``,
                                                                            ``model_error``,
                                                                            ``handles_nan``,
+                                                                           ``log_guide``,
+                                                                           ``sample``,
                                                                            ``at_frame``,
                                                                            ``with_inputs``
 proposal      ``propose`` or ``propose_all``,                              ``of_model``
@@ -154,7 +158,8 @@ class CoupledDynamics:
     Examples are pedestrians avoiding each other, or a chaotic system on a grid.  Define
     ``propagate`` or ``propagate_all`` as for ``Dynamics``, with one more argument: ``others``, the
     particle's whole state in the previous frame; ``current`` is the partition's own entry.
-    Requires ``jaxpf.Partitioned`` without exchange, whose particles hold whole states.
+    Requires ``jaxpf.Partitioned`` without exchange, whose particles hold whole states, or with
+    ``jaxpf.ordering.blocks``, which is biased.
     """
 
     coupled = True
@@ -262,6 +267,9 @@ class Likelihood:
       same, if it also depends on the particle's label.  Used when particles carry labels.
     * ``log_joint_all`` and ``log_joint_labelled_all``: the same for all particles at once, with
       ``substates [P, D, N]``, ``log_probs [P, N]``, ``label [N]`` and result ``[N]``.
+    * ``log_guide(observation, substates [P, D]) -> []``: log of a first-stage weight of a particle
+      before it moves, such as a rough predictive density of the frame (auxiliary particle filter).
+    * ``sample(key, substates [P, D]) -> frame``: draws an observation, for ``jaxpf.simulate``.
     * ``at_frame`` and ``with_inputs``: for a likelihood that changes with time, as for
       ``Dynamics``.  ``observe`` stays that of the likelihood without a time.
     """

@@ -1,8 +1,7 @@
 """A particle filter from plain functions: a state-space model with a single state, no classes."""
 
 import dataclasses
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax
@@ -13,16 +12,16 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.recognised import recognised
-from jaxpf.filters.initial import as_floats
+from jaxpf.filters.layout import Layout
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.filters.user_functions import (
     asks_for,
     call,
     check_arguments,
     extras_of,
+    layout_of,
     number,
     of_state,
-    state_shape,
 )
 from jaxpf.ordering import sir
 
@@ -40,13 +39,18 @@ def state_space(
     log_likelihood: Callable,
     parameters: Any = None,
     transition_log_density: Callable | None = None,
+    observation: Callable | None = None,
+    guide: Callable | None = None,
+    num_values: int | Mapping[str, int] | None = None,
     num_particles: int = 1000,
     **options: Any,
 ) -> Partitioned:
     """Build a particle filter for a state-space model from plain functions.
 
-    The functions handle one particle.  A state x is an array of any shape, including ``[]``;
-    summaries hold it flattened, such as ``summary.estimate`` ``[1, D]``::
+    The functions handle one particle.  A state x is an array of any shape, including ``[]``, or a
+    pytree of arrays, such as ``{"position": ..., "regime": ...}``.  Integers stay integers.
+    Summaries hold an array flattened, such as ``summary.estimate`` ``[1, D]``, and a pytree as
+    that pytree, such as ``summary.estimate["position"]``::
 
         tracker = jaxpf.state_space(
             initial=lambda key, p: p["s"] * jax.random.normal(key),
@@ -80,6 +84,14 @@ def state_space(
         transition_log_density: ``(new, x, parameters) -> []``, the log-density of ``transition``,
             for ``jaxpf.smooth`` and ``motion_gradient="score"``; may take ``previous``, ``time``
             and ``u``.
+        observation: ``(key, x, parameters) -> y``, draws a frame, for ``jaxpf.simulate`` and the
+            predictive draws of ``jaxpf.pmmh``; may take ``previous``, ``time`` and ``u``.
+        guide: ``(y, x, parameters) -> []``, log of a first-stage weight of the state before it
+            moves to frame y, such as a rough log-density of y given it: the auxiliary particle
+            filter.  Any guide leaves the evidence unbiased.  It may take ``time`` and ``u``.
+        num_values: K, if integers in the state take the values 0 to K - 1; or K by name of a leaf,
+            such as ``{"regime": 3}``.  The estimate of an integer is then the probability of each
+            value, ``[..., K]``, instead of the mean.
         num_particles: N.
         options: further fields of ``Partitioned``, such as ``resampling``, ``ess_threshold`` or
             ``gradient``.
@@ -91,8 +103,10 @@ def state_space(
     check_arguments("log_likelihood", log_likelihood)
     if callable(initial):
         check_arguments("initial", initial)
-    if transition_log_density is not None:
-        check_arguments("transition_log_density", transition_log_density)
+    optional = {"observation": observation, "guide": guide}
+    for name, function in (optional | {"transition_log_density": transition_log_density}).items():
+        if function is not None:
+            check_arguments(name, function)
     for path, leaf in jax.tree_util.tree_leaves_with_path(parameters):
         if not hasattr(leaf, "dtype") and not isinstance(leaf, int | float | complex):
             raise InputError(
@@ -108,20 +122,44 @@ def state_space(
     transition = recognised("transition", transition)
     log_likelihood = recognised("log_likelihood", log_likelihood)
     transition_log_density = recognised("transition_log_density", transition_log_density)
-    shape = state_shape(initial, transition, transition_log_density, parameters)
+    optional = {name: recognised(name, function) for name, function in optional.items()}
+    layout = layout_of(initial, transition, transition_log_density, parameters, num_values)
     copies = 2 if asks_for(log_likelihood, "previous") else 1
     if copies == 2 and options.get("proposal") is not None:
         options["proposal"] = FunctionProposal(options["proposal"])
-    return Partitioned(
-        dynamics=FunctionDynamics(parameters, transition, transition_log_density, shape, copies),
-        likelihood=FunctionLikelihood(parameters, log_likelihood, shape),
+    if callable(initial):
+        start: Any = FunctionSampler(parameters, initial, layout, copies)
+    else:
+        start = jnp.tile(layout.pack(jnp.asarray(initial) if layout.is_array else initial), copies)
+        start = start[None]
+    return (Partitioned if layout.is_array else WithTrees)(
+        dynamics=FunctionDynamics(parameters, transition, transition_log_density, layout, copies),
+        likelihood=FunctionLikelihood(parameters, log_likelihood, layout, **optional),
         ordering=sir(1),
-        initial=FunctionSampler(parameters, initial, copies)
-        if callable(initial)
-        else jnp.tile(jnp.ravel(jnp.asarray(initial)), copies)[None],
+        initial=start,
         num_particles=num_particles,
         **options,
     )
+
+
+@pytree_dataclass
+class WithTrees(Partitioned):
+    """A particle filter of states that are pytrees; summaries name their leaves."""
+
+    def step_observed(self, key, state, observation):
+        """See ``Partitioned``."""
+        state, summary = super().step_observed(key, state, observation)
+        named = (self.moments(values) for values in (summary.estimate, summary.spread))
+        estimate, spread = named
+        return state, dataclasses.replace(summary, estimate=estimate, spread=spread)
+
+    def moments(self, values: jax.Array) -> Any:
+        """Means or standard deviations ``[..., 1, D]`` of substates, by leaf of the state."""
+        return self.dynamics.layout.split(values[..., 0, :])
+
+    def states(self, substates: jax.Array) -> Any:
+        """States of particles, from their substates ``[..., 1, D]``."""
+        return self.dynamics.layout.unpack(substates[..., 0, :])
 
 
 @pytree_dataclass
@@ -130,13 +168,14 @@ class FunctionSampler:
 
     parameters: Any
     function: Callable = static_field()
+    layout: Layout = static_field()
     copies: int = static_field()
 
     independent = True
 
     def __call__(self, key: jax.Array) -> jax.Array:
         """Draw an initial state."""
-        x = as_floats(jnp.ravel(call("initial", self.function, key, self.parameters)))
+        x = self.layout.pack(call("initial", self.function, key, self.parameters))
         return jnp.tile(x, self.copies)[None]
 
 
@@ -151,18 +190,18 @@ class FunctionDynamics(contract.Dynamics):
     parameters: Any
     transition: Callable = static_field()
     density: Callable | None = static_field()
-    shape: tuple[int, ...] = static_field()
+    layout: Layout = static_field()
     copies: int = static_field()
     inputs: Any = None
     frame: Any = None
 
     def propagate(self, key, partition, current, previous, parent):
         """Draw the new substate ``[D]``."""
-        x = _state(current, self.shape)
-        extras = extras_of(self.transition, self.frame, lambda: _state(previous, self.shape))
+        x = self.layout.unpack(current)
+        extras = extras_of(self.transition, self.frame, lambda: self.layout.unpack(previous))
         new = call("transition", self.transition, key, x, self.parameters, **extras)
-        new = jnp.ravel(of_state(new, self.shape))
-        return new if self.copies == 1 else jnp.concatenate([new, jnp.ravel(x)])
+        new = self.layout.pack(of_state(new, self.layout))
+        return new if self.copies == 1 else jnp.concatenate([new, current[: self.layout.size]])
 
     @property
     def log_density(self):
@@ -172,8 +211,8 @@ class FunctionDynamics(contract.Dynamics):
             raise AttributeError("log_density")
 
         def log_density(partition, new, current, previous, parent):
-            states = (_state(x, self.shape) for x in (new, current))
-            extras = extras_of(density, self.frame, lambda: _state(previous, self.shape))
+            states = (self.layout.unpack(x) for x in (new, current))
+            extras = extras_of(density, self.frame, lambda: self.layout.unpack(previous))
             name = "transition_log_density"
             return number(name, call(name, density, *states, self.parameters, **extras))
 
@@ -219,7 +258,9 @@ class FunctionLikelihood(contract.Likelihood):
 
     parameters: Any
     function: Callable = static_field()
-    shape: tuple[int, ...] = static_field()
+    layout: Layout = static_field()
+    observation: Callable | None = static_field(default=None)
+    guide: Callable | None = static_field(default=None)
     inputs: Any = None
     frame: Any = None
 
@@ -231,20 +272,42 @@ class FunctionLikelihood(contract.Likelihood):
     @property
     def at_frame(self):
         """Return the likelihood of a frame."""
-        return _at_frame(self, self.function)
+        return _at_frame(self, self.function, self.observation, self.guide)
 
     @property
     def with_inputs(self):
         """Return the likelihood with known inputs."""
-        return _with_inputs(self, self.function)
+        return _with_inputs(self, self.function, self.observation, self.guide)
 
     def log_prob(self, observation, partition, substate):
         """Log-likelihood ``[]`` of a substate ``[D]``."""
-        previous = substate[math.prod(self.shape) :]
-        extras = extras_of(self.function, self.frame, lambda: _state(previous, self.shape))
-        x = _state(substate, self.shape)
         name = "log_likelihood"
-        return number(name, call(name, self.function, observation, x, self.parameters, **extras))
+        return number(name, self._called(name, self.function, observation, substate))
+
+    @property
+    def log_guide(self):
+        """Log of a first-stage weight; exists only with a ``guide``."""
+        if self.guide is None:
+            raise AttributeError("log_guide")
+        return lambda observation, substates: number(
+            "guide", self._called("guide", self.guide, observation, substates[0])
+        )
+
+    @property
+    def sample(self):
+        """Draw a frame, given substates ``[1, D]``; exists only with an ``observation``."""
+        if self.observation is None:
+            raise AttributeError("sample")
+        return lambda key, substates: jax.tree.map(
+            jnp.asarray, self._called("observation", self.observation, key, substates[0])
+        )
+
+    def _called(self, name: str, function: Callable, first: Any, substate: jax.Array) -> Any:
+        """Call a function with the state of a substate ``[D]``, and what it asks for."""
+        previous = substate[self.layout.size :]
+        extras = extras_of(function, self.frame, lambda: self.layout.unpack(previous))
+        x = self.layout.unpack(substate)
+        return call(name, function, first, x, self.parameters, **extras)
 
 
 def _at_frame(part: Any, *functions: Any) -> Callable:
@@ -270,7 +333,3 @@ def _with_inputs(part: Any, *functions: Any) -> Callable:
     if not any(asks_for(function, "u") for function in functions):
         raise AttributeError("with_inputs")
     return lambda inputs, first: dataclasses.replace(part, inputs=(inputs, first))
-
-
-def _state(substate: jax.Array, shape: tuple[int, ...]) -> jax.Array:
-    return substate[: math.prod(shape)].reshape(shape)

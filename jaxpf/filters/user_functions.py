@@ -12,6 +12,7 @@ import numpy as np
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.initial import checked_initial
+from jaxpf.filters.layout import Layout
 
 
 def extras_of(
@@ -73,6 +74,8 @@ _ARGUMENTS = {
     "initial": (("key", "parameters"), ()),
     "transition": (("key", "x", "parameters"), ("previous", "time", "u")),
     "log_likelihood": (("y", "x", "parameters"), ("previous", "time", "u")),
+    "observation": (("key", "x", "parameters"), ("previous", "time", "u")),
+    "guide": (("y", "x", "parameters"), ("time", "u")),
     "transition_log_density": (("new", "x", "parameters"), ("previous", "time", "u")),
 }
 
@@ -95,8 +98,8 @@ def check_arguments(name: str, function: Any) -> None:
         ) from None
 
 
-def state_shape(initial, transition, log_density, parameters) -> tuple[int, ...]:
-    """Return the shape of a state; refuse other return values.  Only traces the functions."""
+def layout_of(initial, transition, log_density, parameters, num_values=None) -> Layout:
+    """Return the layout of a state; refuse other return values.  Only traces the functions."""
     key = jax.eval_shape(lambda: jax.random.key(0))
 
     def returned(name, function, *arguments):
@@ -109,22 +112,53 @@ def state_shape(initial, transition, log_density, parameters) -> tuple[int, ...]
         arguments = (*arguments, parameters), extras
         value = jax.eval_shape(with_extras, *arguments)
         _check_repeats(name, with_extras, arguments)
-        return _array(name, value) if log_density is not function else number(name, value)
+        return _state(name, value) if log_density is not function else number(name, value)
 
     x = None
-    if callable(initial):
-        x = returned("initial", initial, key)
-    elif jax.tree_util.all_leaves([initial]) or isinstance(initial, list | tuple):
-        x = jax.eval_shape(jnp.asarray, checked_initial(initial))
-    else:
-        raise InputError(f"initial is a {type(initial).__name__}; give the state as one array.")
-    x = jax.ShapeDtypeStruct(x.shape, jnp.promote_types(x.dtype, jnp.float32))
+    x = returned("initial", initial, key) if callable(initial) else _known(initial)
+    x = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, _at_least_single(leaf)), x)
     # The kind of an input is not known yet; such functions are tried with the frames.
-    if not asks_for(transition, "u"):
-        of_state(returned("transition", transition, key, x), x.shape)
+    while not asks_for(transition, "u"):
+        new = returned("transition", transition, key, x)
+        new = of_state(new, Layout.of(x, as_floats=True))
+        # Whole numbers that move by floats are floats, as those of an initial 0.
+        kept = jax.tree.map(
+            lambda old, new: jax.ShapeDtypeStruct(
+                old.shape,
+                _at_least_single(new if jnp.issubdtype(new.dtype, jnp.floating) else old),
+            ),
+            x,
+            new,
+        )
+        is_settled = Layout.of(kept) == Layout.of(x)
+        x = x if is_settled else kept
+        if is_settled:
+            break
     if log_density is not None and not asks_for(log_density, "u"):
         returned("transition_log_density", log_density, x, x)
-    return x.shape
+    return Layout.of(x, num_values)
+
+
+def _known(initial: Any) -> Any:
+    """Shapes and dtypes of a state given by its values; a list of numbers is one array."""
+    if isinstance(initial, list) or type(initial) is tuple:
+        return jax.eval_shape(jnp.asarray, checked_initial(initial))
+    if not jax.tree.leaves(initial):
+        raise InputError(
+            f"initial is a {type(initial).__name__}; give the state as one array, or a pytree."
+        )
+
+    def of_leaf(leaf: Any) -> Any:
+        shape = jax.eval_shape(jnp.asarray, checked_initial(leaf)).shape
+        return jax.ShapeDtypeStruct(shape, jnp.result_type(leaf))
+
+    return jax.tree.map(of_leaf, initial)
+
+
+def _at_least_single(leaf: Any) -> Any:
+    """The dtype of a leaf; half precision cannot separate particles."""
+    is_float = jnp.issubdtype(leaf.dtype, jnp.floating)
+    return jnp.promote_types(leaf.dtype, jnp.float32) if is_float else leaf.dtype
 
 
 def _check_repeats(name: str, function: Callable, arguments: tuple) -> None:
@@ -148,25 +182,43 @@ def _check_repeats(name: str, function: Callable, arguments: tuple) -> None:
         )
 
 
-def of_state(new: Any, shape: tuple[int, ...]) -> Any:
-    """Return what ``transition`` returns; refuse another shape than that of the state."""
-    new = _array("transition", new)
-    if new.shape != shape:
+def of_state(new: Any, layout: Layout) -> Any:
+    """Return what ``transition`` returns; refuse another structure than that of the state."""
+    new = _state("transition", new)
+    if (structure := jax.tree.structure(new)) != layout.structure:
+        one, other = (str(each)[len("PyTreeDef(") : -1] for each in (structure, layout.structure))
         raise InputError(
-            f"transition returns shape {list(new.shape)}, and initial {list(shape)}; both must "
-            "return a state of one shape."
+            f"transition returns {one}, and initial {other}; both must return a state of one "
+            "structure (* is an array)."
         )
+    leaves = jax.tree_util.tree_leaves_with_path(new)
+    for (path, x), leaf in zip(leaves, layout.leaves, strict=True):
+        name = jax.tree_util.keystr(path)
+        if x.shape != leaf.shape:
+            raise InputError(
+                f"transition returns shape {list(x.shape)}{name}, and initial {list(leaf.shape)}; "
+                "both must return a state of one shape."
+            )
+        if leaf.dtype is not None and jnp.issubdtype(x.dtype, jnp.floating):
+            raise InputError(
+                f"transition returns floats{name}, and initial integers; write 0.0 for 0."
+            )
     return new
 
 
-def _array(name: str, value: Any) -> Any:
-    if isinstance(value, int | float):
-        value = np.asarray(value)
-    if not hasattr(value, "shape"):
-        raise InputError(f"{name} returns {type(value).__name__}; return the state as one array.")
-    if jnp.issubdtype(value.dtype, jnp.complexfloating):
-        raise InputError(f"{name} returns complex numbers; return real ones.")
-    return value
+def _state(name: str, state: Any) -> Any:
+    def array(value: Any) -> Any:
+        if isinstance(value, int | float):
+            value = np.asarray(value)
+        if not hasattr(value, "shape"):
+            raise InputError(f"{name} returns {type(value).__name__}; return arrays.")
+        if jnp.issubdtype(value.dtype, jnp.complexfloating):
+            raise InputError(f"{name} returns complex numbers; return real ones.")
+        return value
+
+    if not jax.tree.leaves(state):
+        raise InputError(f"{name} returns {type(state).__name__}; return the state.")
+    return jax.tree.map(array, state)
 
 
 def number(name: str, value: Any) -> Any:

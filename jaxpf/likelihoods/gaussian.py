@@ -53,6 +53,15 @@ class Gaussian(Likelihood):
             squares = squares + residual**2
         return -0.5 * squares - of_partition(log_normaliser, partition)
 
+    def sample(self, key, substates):
+        """Draw a frame ``[P, E]``, given substates ``[P, D]``."""
+        noise = jnp.asarray(self.noise, substates.dtype)
+        drawn = jax.random.normal(key, noise.shape[:-1], noise.dtype)
+        seen = substates
+        if self.observation is not None:
+            seen = jnp.einsum("ped,pd->pe", jnp.asarray(self.observation, noise.dtype), substates)
+        return seen + jnp.einsum("pef,pf->pe", noise, drawn)
+
 
 def kalman(
     transition: np.ndarray,

@@ -96,6 +96,7 @@ def forecast(
     """Predict targets after the last frame: ``run`` over missing frames.
 
     Particles move by their dynamics alone; ``summary.spread`` shows the growing uncertainty.
+    ``jaxpf.simulate(tracker, key, steps, state=state, num_draws=1000)`` draws observations too.
 
     Args:
         tracker: the tracker of the previous frames.

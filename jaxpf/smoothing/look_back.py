@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from jaxpf import running
+from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import check_not_traced
@@ -157,6 +157,7 @@ class LookBack:
         estimate, spread = np.asarray(passed.estimate), np.asarray(passed.spread)
         for place in range(min(length, len(self._kept))):
             time = self._start + place
-            yield SmoothedFrame(time, estimate[place], spread[place], None, self.broken)
+            named = (contract.moments(self._tracker, x[place]) for x in (estimate, spread))
+            yield SmoothedFrame(time, *named, None, self.broken)
         self._kept, self._start = self._kept[length:], self._start + length
         self._passes += 1

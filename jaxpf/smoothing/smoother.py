@@ -114,12 +114,9 @@ def smooth(
                 "one of the two."
             )
         found = list(stream(tracker, key, frames, lag, num_trajectories, observed))
-        return Smoothed(
-            estimate=jnp.stack([frame.estimate for frame in found]),
-            spread=jnp.stack([frame.spread for frame in found]),
-            summaries=jax.tree.map(lambda *x: jnp.stack(x), *[frame.summary for frame in found]),
-            broken=jnp.asarray(found[-1].broken),
-        )
+        values = [(frame.estimate, frame.spread, frame.summary) for frame in found]
+        stacked = jax.tree.map(lambda *x: jnp.stack(x), *values)
+        return Smoothed(*stacked, broken=jnp.asarray(found[-1].broken))
     if method == "genealogy":
         refuse = check_genealogy(tracker)
     else:
@@ -153,8 +150,12 @@ def smooth(
             lambda x: x[..., :half], (smoothed.estimate, smoothed.spread, smoothed.paths)
         )
         smoothed = dataclasses.replace(smoothed, estimate=estimate, spread=spread, paths=kept)
-    if not paths:
-        smoothed = dataclasses.replace(smoothed, paths=None)
+    smoothed = dataclasses.replace(
+        smoothed,
+        estimate=contract.moments(tracker, smoothed.estimate),
+        spread=contract.moments(tracker, smoothed.spread),
+        paths=contract.states(tracker, smoothed.paths) if paths else None,
+    )
     return poisoned(refuse, smoothed)
 
 

@@ -24,3 +24,4 @@ from .problem import (
 from .result import Descent as Descent, Result as Result
 from .sequences import Recipe as Recipe, training_sequence as training_sequence
 from .settings import Settings as Settings
+from .smc2 import Online as Online, smc2 as smc2

@@ -89,7 +89,7 @@ def pmmh(
         observed: as for ``jaxpf.run``.
         paths: whether to keep a trajectory of the states with each draw of parameters; the pairs
             are draws from their joint posterior.  Missing frames at the end of ``frames`` are
-            forecast.
+            forecast.  If the model draws observations, their predictive draws are kept too.
         inputs: as for ``jaxpf.run``.
         biased: whether a biased evidence may serve; the draws are then not of the posterior.
 
@@ -157,7 +157,14 @@ def pmmh(
             f"{model.num_particles} particles; start elsewhere, or give more particles."
         )
     parameters = jax.vmap(jax.vmap(unravel))(places)
-    drawn = Posterior(parameters, evidences, priors, accepted, model.num_particles, path)
+    observations = None
+    if paths and hasattr(tracker.likelihood, "sample") and not sees_previous(tracker):
+        sample_key = backward_key(running.as_key(key))
+        observations = _observed(build, sample_key, parameters, path, inputs)
+    path = contract.states(tracker, path) if paths else None
+    drawn = Posterior(
+        parameters, evidences, priors, accepted, model.num_particles, path, observations
+    )
     return poisoned(refuse, drawn)
 
 
@@ -202,6 +209,22 @@ class _Model(NamedTuple):
 
 def _keep_ancestors(state: Any, summary: Any) -> Any:
     return summary.log_evidence, state.lagged[0], state.sources
+
+
+@partial(jax.jit, static_argnums=0)
+def _observed(build, key, parameters, path, inputs):
+    """Draw observations ``[C, S, T, ...]`` given parameters and states ``[C, S, T, P, D]``."""
+
+    def of_draw(key, parameters, path):
+        tracker = contract.with_inputs(build(parameters), inputs)
+
+        def of_frame(key, time, substates):
+            return contract.at_frame(tracker, time).likelihood.sample(key, substates)
+
+        return jax.vmap(of_frame)(jax.random.split(key, len(path)), jnp.arange(len(path)), path)
+
+    keys = jax.random.split(key, path.shape[:2])
+    return jax.vmap(jax.vmap(of_draw))(keys, parameters, path)
 
 
 class _Chains(NamedTuple):

@@ -7,6 +7,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.running.simulation import central_interval
 
 
 @pytree_dataclass
@@ -19,8 +20,11 @@ class Posterior:
         log_prior: ``[C, S]``.
         accepted: ``[C, S]`` bool, whether the move was accepted.
         num_particles: number of particles of the filters.
-        paths: ``[C, S, T, P, D]``, a trajectory of the states with each draw; None unless
-            requested.
+        paths: ``[C, S, T, P, D]``, a trajectory of the states with each draw, for states that are
+            pytrees those of ``[C, S, T, ...]``; None unless requested.
+        frames: ``[C, S, T, ...]``, observations drawn given each trajectory and its parameters:
+            predictive draws, of missing frames too; None without paths, or if the likelihood has
+            no ``sample`` or sees the previous state.
     """
 
     parameters: Any
@@ -29,6 +33,16 @@ class Posterior:
     accepted: jax.Array
     num_particles: int = static_field()
     paths: Any = None
+    frames: Any = None
+
+    def interval(self, level: float = 0.95) -> tuple[Any, Any]:
+        """Ends of the central predictive intervals of the observations, ``[T, ...]``."""
+        if self.frames is None:
+            raise InputError(
+                "the posterior holds no observations; give pmmh paths=True, and the model an "
+                "observation."
+            )
+        return central_interval(self.frames, level, (0, 1))
 
     def datatree(self) -> Any:
         """An ``xarray.DataTree`` in ArviZ's layout, for ``arviz_stats.summary`` and plots."""

@@ -7,8 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.special
 import scipy.stats
 from jax.scipy.stats import norm
+from quick_compiling import quick
 
 import jaxpf
 from jaxpf import InputError, pytree_dataclass
@@ -46,11 +48,16 @@ def log_likelihood(y, x, p):
     return norm.logpdf(y, x, NOISE)
 
 
+def observation(key, x, p):
+    return x + NOISE * jax.random.normal(key)
+
+
 def build(p):
     return jaxpf.state_space(
         initial=initial,
         transition=transition,
         log_likelihood=log_likelihood,
+        observation=observation,
         parameters=p,
         num_particles=40,
     )
@@ -63,7 +70,7 @@ def log_prior(p):
 
 
 def exact_on_grid():
-    """Grids of a and s; at every pair the posterior, and a Kalman smoother's moments ``[T]``."""
+    """Grids of a and s; at every pair the log posterior, and a smoother's moments ``[T]``."""
     a, s = np.linspace(-1, 1, 161)[1:-1], np.linspace(0, 3, 181)[1:]
     step, noise = np.meshgrid(a, s, indexing="ij")
     mean, variance, log_posterior = 0 * noise, noise**2, -3 * noise
@@ -83,12 +90,13 @@ def exact_on_grid():
         later = smoothed[-1]
         mean = mean + gain * (later[0] - step * mean)
         smoothed.append((mean, variance + gain**2 * (later[1] - predicted)))
-    return a, s, np.exp(log_posterior - log_posterior.max()), smoothed[::-1]
+    return a, s, log_posterior, smoothed[::-1]
 
 
 def exact_margins():
     """Grids of a and s with their cumulative posteriors."""
-    a, s, weights, _ = exact_on_grid()
+    a, s, log_posterior, _ = exact_on_grid()
+    weights = np.exp(log_posterior - log_posterior.max())
     for grid, axis in ((a, 1), (s, 0)):
         margin = weights.sum(axis)
         steps = np.concatenate([[0], np.cumsum((margin[1:] + margin[:-1]) / 2)])
@@ -131,14 +139,32 @@ def test_the_posterior_is_that_of_the_kalman_filter(posterior, blocks):
 @pytest.mark.statistical
 def test_paths_are_drawn_with_their_parameters(posterior):
     """Moments of states, the last of them times s, in standard errors over independent chains."""
-    _, s, weights, smoothed = exact_on_grid()
-    weights = weights / weights.sum()
+    _, s, log_posterior, smoothed = exact_on_grid()
+    weights = scipy.special.softmax(log_posterior)
     path, drawn_s = np.asarray(posterior.paths)[..., 0, 0], np.asarray(posterior.parameters["s"])
     of_chains = np.stack([path, path**2, path * drawn_s[..., None]]).mean(2)  # [3, C, T]
     exact = [[(weights * x).sum() for x in (m, m**2 + v, m * s)] for m, v in smoothed]
     errors = of_chains.std(1, ddof=1) / CHAINS**0.5
     assert errors.max() < 0.2
     assert np.abs((of_chains.mean(1).T - exact) / errors.T).max() < 4.5
+
+
+@pytest.mark.statistical
+def test_observations_are_drawn_with_their_parameters(posterior):
+    """Their moments, and the interval of the missing frame."""
+    _, _, log_posterior, smoothed = exact_on_grid()
+    weights = scipy.special.softmax(log_posterior)
+    drawn = np.asarray(posterior.frames)
+    of_chains = np.stack([drawn, drawn**2]).mean(2)  # [2, C, T]
+    exact = [[(weights * x).sum() for x in (m, m**2 + v + NOISE**2)] for m, v in smoothed]
+    errors = of_chains.std(1, ddof=1) / CHAINS**0.5
+    assert np.abs((of_chains.mean(1).T - exact) / errors.T).max() < 4.5
+    (low, high), (mean, variance) = posterior.interval(0.95), smoothed[7]
+    ends = scipy.stats.norm.cdf(np.array([low[7], high[7]])[:, None, None], mean, variance**0.5)
+    assert abs(((ends[1] - ends[0]) * weights).sum() - 0.95) > 0.03  # of the state it is another
+    spread = (variance + NOISE**2) ** 0.5
+    ends = scipy.stats.norm.cdf(np.array([low[7], high[7]])[:, None, None], mean, spread)
+    assert abs(((ends[1] - ends[0]) * weights).sum() - 0.95) < 0.015
 
 
 def test_draws_keep_what_they_were_accepted_with(posterior):
@@ -300,3 +326,44 @@ def test_a_start_that_explains_no_frame_is_refused_for_a_given_number_of_particl
     few = {"num_draws": 2, "num_warmup": 2, "num_chains": 2, "num_particles": 4}
     with pytest.raises(InputError, match="cannot explain the frames with 4 particles; start else"):
         jaxpf.pmmh(build, log_prior, KEY, np.full(3, 1e30, np.float32), START, **few)
+
+
+# SMC^2: the posterior after every frame
+
+
+def draw_prior(key):
+    keys = jax.random.split(key)
+    a = jax.random.uniform(keys[0], minval=-1.0, maxval=1.0)
+    return {"a": a, "s": jax.random.exponential(keys[1]) / 3}
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("ratio", [1.0, pytest.param(0.0, marks=pytest.mark.slow)])
+def test_smc2_has_the_exact_posterior_and_evidence(ratio):
+    """In standard errors over independent runs; moves that ignore the prior are noticed."""
+    num_runs = 60
+
+    def prior(p):
+        return jnp.where(jnp.isfinite(log_prior(p)), ratio * log_prior(p), -jnp.inf)
+
+    def one(key):
+        return jaxpf.tuning.smc2(
+            build, prior, draw_prior, key, FRAMES, num_draws=100, num_particles=12
+        )
+
+    keys = jax.random.split(KEY, num_runs)
+    found = quick(lambda keys: jax.lax.map(one, keys))(keys)
+    scores = []
+    for name, (grid, exact) in zip("as", exact_margins(), strict=True):
+        places = np.interp(np.linspace(0.05, 0.95, 19), exact, grid)
+        below = np.asarray(found.parameters[name])[..., None] <= places
+        shares = (np.exp(np.asarray(found.log_weights))[..., None] * below).sum(1)
+        scores.append((shares.mean(0) - np.linspace(0.05, 0.95, 19)) / shares.std(0, ddof=1))
+    a, s, log_posterior, _ = exact_on_grid()
+    volume = (a[1] - a[0]) * (s[1] - s[0]) * 0.5 * 3  # of the prior's density
+    log_evidence = scipy.special.logsumexp(log_posterior) + np.log(volume)
+    quotient = np.exp(np.asarray(found.log_evidence, float).sum(1) - log_evidence)
+    scores.append([(quotient.mean() - 1) / quotient.std(ddof=1)])
+    worst = np.abs(np.concatenate(scores)).max() * num_runs**0.5
+    assert worst < 4.5 if ratio else worst > 10
+    assert np.nanmean(found.acceptance) > 0.1

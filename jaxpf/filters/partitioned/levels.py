@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxpf import contract
 from jaxpf.filters.partitioned import exchange
 from jaxpf.filters.partitioned.carry import Carry
 
@@ -95,5 +96,5 @@ def may_exchange(tracker) -> bool:
 
 
 def _always_equal(tracker) -> bool:
-    """Whether weights are equal at the start of every level because no resampling is skipped."""
-    return tracker.trigger.threshold is None
+    """Whether weights are equal at the start of every level because all resampling is by weight."""
+    return tracker.trigger.threshold is None and not contract.has_log_guide(tracker.likelihood)

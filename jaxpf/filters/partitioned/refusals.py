@@ -100,10 +100,6 @@ def _of_exchange(tracker: Any) -> Iterator[tuple[Any, tuple[Any, ...]]]:
             ),
         ),
         (
-            contract.is_coupled(contract.first_motion(tracker.dynamics)),
-            coupled_with(tracker.dynamics, swap),
-        ),
-        (
             contract.has_log_joint(tracker.likelihood),
             (
                 swap,
@@ -135,6 +131,11 @@ def _of_exchange(tracker: Any) -> Iterator[tuple[Any, tuple[Any, ...]]]:
         ),
     )
     yield from ((ordering.exchanges, pieces) for applies, pieces in cases if applies)
+    if contract.is_coupled(contract.first_motion(tracker.dynamics)):
+        yield (
+            ordering.exchanges & ~ordering.forgets_coupling,
+            (*coupled_with(tracker.dynamics, swap), " Or use ordering.blocks, which is biased."),
+        )
     yield (
         ordering.exchanges & (tree != parents).any(-1),
         (

@@ -58,11 +58,17 @@ class Selected(NamedTuple):
 
 
 def select_between_frames(
-    tracker: "Partitioned", key: jax.Array, state: ParticleState
+    tracker: "Partitioned",
+    key: jax.Array,
+    state: ParticleState,
+    log_guide: jax.Array | None = None,
 ) -> tuple[ParticleState, Selected]:
     """Select among all particles of the previous frame; also return that state, maybe blended.
 
     The initial set has equal weights: resampling it would only lose particles.
+
+    With ``log_guide``, ``[N]``, particles are selected by weight times guide, and the guide is
+    divided out of the weights (auxiliary particle filter, Pitt & Shephard 1999).
     """
     if tracker.gradient.blends:
         state = tracker.gradient.blend_state(state, tracker.trigger.threshold)
@@ -70,7 +76,9 @@ def select_between_frames(
     if state.path_scores is not None:
         incoming = lax.stop_gradient(incoming)  # the scores hold their derivative
     whole = one_component(tracker.num_particles)
-    ancestors, log_weights, equal, share = resample(tracker, key, incoming, incoming, whole)
+    selection = incoming if log_guide is None else incoming + log_guide
+    ancestors, log_weights, equal, share = resample(tracker, key, incoming, selection, whole)
+    equal &= log_guide is None
     uniform = jnp.full_like(log_weights, -np.log(tracker.num_particles))
     return state, Selected(
         ancestors=jnp.where(state.weighted, ancestors, _slots(tracker)),

@@ -125,12 +125,19 @@ class Partitioned(Tracker):
         """See ``jaxpf.contract.evidence_biases``."""
         ordering, exchanging = self.ordering, levels.may_exchange(self)
         has_parts = any(parent >= 0 for parent in self.parents)
+        is_coupled = contract.is_coupled(contract.first_motion(self.dynamics))
         return (
             Bias(exchanging & ordering.exchanges_best, "swap='sorted'", "swap='combinatorial'"),
             Bias(
                 exchanging & has_parts & ordering.exchanges_roots,
                 "an exchange of roots that have parts",
                 "sps(..., exchange_roots=False)",
+                gross=False,
+            ),
+            Bias(
+                exchanging & ordering.known.forgets_coupling & is_coupled,
+                "ordering.blocks of coupled dynamics",
+                "ordering.ps",
                 gross=False,
             ),
             Bias(

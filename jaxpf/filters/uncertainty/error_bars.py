@@ -136,6 +136,10 @@ class WithErrorBars(contract.Tracker):
                 f"error bars from one run follow the ancestors of whole particles, which "
                 f"{type(tracker).__name__} has not; use jaxpf.Partitioned, or compare many runs."
             )
+        if hasattr(tracker, "moments"):
+            raise InputError(
+                "error bars are of states that are arrays, not pytrees; let the state be one array."
+            )
         if tracker.gradient.blends:
             raise InputError(
                 "Transport blends particles, which then have no ancestors; use another gradient."

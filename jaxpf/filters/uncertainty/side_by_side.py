@@ -142,27 +142,30 @@ def _pooled(runs: Summary, log_evidence: jax.Array, log_shares: jax.Array) -> Er
     """Combine the summaries ``[R, ...]`` of R runs."""
 
     def mean(values: Any) -> Any:
-        return None if values is None else jnp.mean(values, axis=0)
+        return jax.tree.map(lambda x: jnp.mean(x, axis=0), values)
 
     def pooled_size(sizes: Any) -> Any:
         return None if sizes is None else len(sizes) ** 2 / jnp.sum(1 / sizes, axis=0)
 
-    num_runs = len(runs.estimate)
-    between = jnp.var(runs.estimate, axis=0)
-    variance = jnp.mean(runs.spread**2, axis=0) + between
+    def pooled_spread(spread: jax.Array, between: jax.Array) -> jax.Array:
+        # As in a single run: zero derivative where the spread is 0.
+        variance = jnp.mean(spread**2, axis=0) + between
+        return jnp.where(variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1.0)), 0.0)
+
+    num_runs = len(runs.ess)
+    between = jax.tree.map(lambda x: jnp.var(x, axis=0), runs.estimate)
     return ErrorBars(
         estimate=mean(runs.estimate),
         log_evidence=log_evidence,
         ess=pooled_size(runs.ess),
         uniqueness=mean(runs.uniqueness),
-        # As in a single run: zero derivative where the spread is 0.
-        spread=jnp.where(variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1.0)), 0.0),
+        spread=jax.tree.map(pooled_spread, runs.spread, between),
         status=jnp.bitwise_or.reduce(runs.status),
         lost=jnp.all(runs.lost, axis=0),
         num_invalid=jnp.sum(runs.num_invalid),
         ess_parts=pooled_size(runs.ess_parts),
         label_probabilities=mean(runs.label_probabilities),
         confidence=mean(runs.confidence),
-        estimate_variance=between / (num_runs - 1),
+        estimate_variance=jax.tree.map(lambda x: x / (num_runs - 1), between),
         evidence_variance=_relative_variance(log_shares),
     )

@@ -1,0 +1,128 @@
+"""Draws of states and observations from a model: before, during and after the data."""
+
+import dataclasses
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from jaxpf import contract
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_array, check_whole
+from jaxpf.contract.state import ParticleState
+from jaxpf.running.missing_frames import WithoutFrames
+from jaxpf.running.runs import as_key, check_resumed, init, one_run, summary_only, with_inputs
+
+
+class Simulated(NamedTuple):
+    """Draws from a model, with a leading axis M if ``num_draws`` was given.
+
+    Attributes:
+        states: ``[T, P, D]``, or for states that are pytrees those of ``[T, ...]``.
+        frames: ``[T, ...]``, observations.
+    """
+
+    states: Any
+    frames: Any
+
+    def interval(self, level: float = 0.95) -> tuple[Any, Any]:
+        """Ends of the central predictive intervals of the observations, over M draws."""
+        return central_interval(self.frames, level, 0)
+
+
+def central_interval(draws: Any, level: float, axes: Any) -> tuple[Any, Any]:
+    """Ends of the intervals that contain the share ``level`` of the draws along some axes."""
+    check_array("level", level, "a share from 0 to 1, []", least=0, most=1)
+    lower, upper = (
+        jax.tree.map(partial(jnp.quantile, q=end, axis=axes), draws)
+        for end in ((1 - level) / 2, (1 + level) / 2)
+    )
+    return lower, upper
+
+
+def simulate(
+    tracker: Any,
+    key: jax.Array,
+    num_frames: int,
+    *,
+    state: Any = None,
+    num_draws: int | None = None,
+    inputs: Any = None,
+) -> Simulated:
+    """Draw states and observations of T frames from the model.
+
+    With a ``state`` after observed frames, these are predictive draws of what follows::
+
+        state, _ = jaxpf.run(tracker, key, y)
+        low, high = jaxpf.simulate(tracker, key, 30, state=state, num_draws=1000).interval(0.95)
+
+    Args:
+        tracker: a ``jaxpf.Partitioned`` whose likelihood defines ``sample``, such as a
+            ``jaxpf.state_space`` with an ``observation``.
+        key: random key.
+        num_frames: T.
+        state: state to continue from, with its ``time``; a particle is drawn for each draw.  None
+            starts with the initial state.
+        num_draws: M, number of independent draws; None gives one, without the axis M.
+        inputs: known inputs of these T frames, as for ``jaxpf.run``.
+
+    Raises:
+        InputError: another filter, a likelihood without ``sample``, or a number below 1.
+    """
+    check_whole("num_frames", num_frames)
+    if num_draws is not None:
+        check_whole("num_draws", num_draws)
+    key = as_key(key)
+    likelihood = getattr(tracker, "likelihood", None)
+    if not isinstance(jax.eval_shape(init, tracker, key), ParticleState):
+        raise InputError(
+            f"{type(tracker).__name__} cannot be simulated; use jaxpf.Partitioned with its model."
+        )
+    if not hasattr(likelihood, "sample"):
+        raise InputError(
+            f"{type(likelihood).__name__} draws no observations; write its method sample(key, "
+            "substates [P, D]), or give jaxpf.state_space an observation."
+        )
+    first = check_resumed(tracker, key, state, summary_only)
+    tracker = with_inputs(tracker, inputs, np.zeros(num_frames), first)
+    drawn = _simulated(tracker, key, state, num_frames, num_draws or 1)
+    return drawn if num_draws is not None else jax.tree.map(lambda x: x[0], drawn)
+
+
+@partial(jax.jit, static_argnums=(3, 4))
+def _simulated(tracker, key, state, num_frames, num_draws) -> Simulated:
+    """Filters of one particle each, in which all frames are missing."""
+    one = contract.changed_inside(tracker, "num_particles", lambda _: 1)
+    blind, unseen = WithoutFrames(one), (np.False_, np.False_)
+    choice_key, *keys = jax.random.split(key, 1 + num_draws)
+    chosen = jnp.zeros(num_draws, jnp.int32)
+    if state is not None:
+        chosen = jax.random.categorical(choice_key, state.log_weights, shape=(num_draws,))
+    times = (0 if state is None else state.time) + jnp.arange(num_frames)
+
+    def draw(key: jax.Array, chosen: jax.Array) -> Simulated:
+        move_key, seen_key = jax.random.split(key)
+        step = one_run(blind, move_key, lambda state, _: state.substates[0])
+
+        def advance(state: Any, time: jax.Array) -> Any:
+            state, substates = step(state, (time, unseen))
+            likelihood = contract.at_frame(one, time).likelihood
+            frame = likelihood.sample(jax.random.fold_in(seen_key, time), substates)
+            return state, Simulated(contract.states(tracker, substates), frame)
+
+        start = init(one, move_key) if state is None else _of_particle(state, chosen)
+        return lax.scan(advance, start, times)[1]
+
+    return jax.vmap(draw)(jnp.stack(keys), chosen)
+
+
+def _of_particle(state: ParticleState, index: jax.Array) -> ParticleState:
+    """One particle of a state, as a state."""
+    names = ("lagged", "log_weights", "lineage", "component", "path_scores", "label", "sources")
+    kept = {name: getattr(state, name) for name in names}
+    kept = {name: x[..., index, None] for name, x in kept.items() if x is not None}
+    zeros = {name: jnp.zeros_like(kept[name]) for name in ("log_weights", "lineage")}
+    return dataclasses.replace(state, **kept | zeros)

@@ -1,0 +1,217 @@
+"""Posterior of a model's parameters frame by frame: SMC^2 (Chopin, Jacob & Papaspiliopoulos 2013).
+
+Weighted parameters, each with a particle filter of its own, take in one frame after the other.
+When few parameters carry the weight, they are resampled and moved by particle marginal
+Metropolis-Hastings, whose filters run again from the first frame.  The target is the exact
+posterior for any number of state particles.  With filters whose evidence is exact this is IBIS
+(Chopin 2002).
+"""
+
+import dataclasses
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.flatten_util import ravel_pytree
+
+from jaxpf import contract, running
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.logs import normalised
+from jaxpf.contract.numbers import check_number, check_whole
+from jaxpf.contract.refusals import biased_evidence, poisoned
+from jaxpf.contract.state import moments
+from jaxpf.resampling.weighted import ancestors
+from jaxpf.running import missing_frames
+from jaxpf.running.checks import as_arrays, check_run
+from jaxpf.tuning.objectives import keep_log_evidence
+
+
+class Online(NamedTuple):
+    """Parameters' posterior after every frame, by M weighted draws.
+
+    Attributes:
+        parameters: pytree of the draws after the last frame; leaves ``[M, ...]``.
+        log_weights: ``[M]``, their normalised log-weights.
+        mean: pytree ``[T, ...]``, posterior mean given the frames so far.
+        spread: pytree ``[T, ...]``, posterior standard deviation given the frames so far.
+        log_evidence: ``[T]``, each frame's factor in an unbiased estimate of the evidence of the
+            model, with the parameters integrated out.
+        ess: ``[T]``, effective number of draws, before a move.
+        acceptance: ``[T]``, share of accepted moves; NaN in frames without.
+    """
+
+    parameters: Any
+    log_weights: jax.Array
+    mean: Any
+    spread: Any
+    log_evidence: jax.Array
+    ess: jax.Array
+    acceptance: jax.Array
+
+
+def smc2(
+    build: Callable[[Any], Any],
+    log_prior: Callable[[Any], jax.Array],
+    draw_prior: Callable[[jax.Array], Any],
+    key: jax.Array,
+    frames: Any,
+    *,
+    num_draws: int = 256,
+    num_particles: int | None = None,
+    num_moves: int = 3,
+    ess_threshold: float = 0.5,
+    observed: Any = None,
+    inputs: Any = None,
+) -> Online:
+    """Draw parameters from their posterior after every frame.
+
+    Args:
+        build: as for ``jaxpf.pmmh``.
+        log_prior: parameters -> log prior density ``[]``, up to a constant.
+        draw_prior: key -> parameters, a pytree of floats, from the same prior.
+        key: random key.
+        frames: as for ``jaxpf.run``.
+        num_draws: M, number of draws of parameters.
+        num_particles: N of every filter; default the trackers' own.
+        num_moves: Metropolis-Hastings moves after a resampling.
+        ess_threshold: resample and move if the effective number of draws is below this share.
+        observed: as for ``jaxpf.run``.
+        inputs: as for ``jaxpf.run``.
+
+    Raises:
+        InputError: a number out of range, a function or parameters of the wrong kind, or a biased
+            evidence.
+    """
+    for name, value in (("num_draws", num_draws), ("num_moves", num_moves)):
+        check_whole(name, value)
+    check_number("ess_threshold", ess_threshold, least=0, most=1)
+    functions = {"build": build, "log_prior": log_prior, "draw_prior": draw_prior}
+    for name, function in functions.items():
+        if not callable(function):
+            raise InputError(f"{name}={function!r:.60} must be a function.")
+    key = running.as_key(key)
+    start = draw_prior(key)
+    if not all(jnp.issubdtype(jnp.result_type(x), jnp.floating) for x in jax.tree.leaves(start)):
+        raise InputError(f"draw_prior returns {start!r:.60}; return floats alone.")
+    tracker = build(start)
+    refuse = biased_evidence(tracker, "smc2", "another filter")
+    frames, inputs = as_arrays(frames), as_arrays(inputs)
+    check_run(running.with_inputs(tracker, inputs, frames), frames)
+    marked, frames = missing_frames.marked(tracker, frames, observed)
+    filters = _Filters(build, log_prior, marked is not tracker, num_particles)
+    settings = num_draws, num_moves, float(ess_threshold)
+    return poisoned(refuse, _run(filters, draw_prior, settings, key, frames, inputs))
+
+
+class _Filters(NamedTuple):
+    """Static definition of the filters."""
+
+    build: Callable
+    log_prior: Callable
+    has_gaps: bool
+    num_particles: int | None
+
+    def tracker(self, parameters: Any, inputs: Any) -> Any:
+        """Return the filter of some parameters."""
+        tracker = self.build(parameters)
+        if self.num_particles is not None:
+            tracker = dataclasses.replace(tracker, num_particles=self.num_particles)
+        tracker = contract.with_inputs(tracker, inputs)
+        return missing_frames.WithGaps(tracker) if self.has_gaps else tracker
+
+
+class _Draws(NamedTuple):
+    """Parameters ``[M, d]``, their filters' keys and states, and log evidence so far ``[M]``."""
+
+    place: jax.Array
+    keys: jax.Array
+    states: Any
+    log_evidence: jax.Array
+
+
+@partial(jax.jit, static_argnums=(0, 1, 2))
+def _run(filters, draw_prior, settings, key, frames, inputs) -> Online:
+    num_draws, num_moves, threshold = settings
+    prior_key, filter_key, move_key = jax.random.split(key, 3)
+    first = jax.vmap(draw_prior)(jax.random.split(prior_key, num_draws))
+    place = jax.vmap(lambda x: ravel_pytree(x)[0])(first)
+    unravel = ravel_pytree(jax.tree.map(lambda x: x[0], first))[1]
+
+    def tracker_of(place):
+        return filters.tracker(unravel(place), inputs)
+
+    def advance(place, key, state, log_evidence, time):
+        frame = jax.tree.map(lambda x: jnp.asarray(x)[time], frames)
+        step = running.one_run(tracker_of(place), key, keep_log_evidence)
+        state, increment = step(state, (time, frame))
+        return state, log_evidence + increment, increment
+
+    def from_start(place, key, time):
+        """The state and the log evidence of all frames up to this one."""
+        state = running.init(tracker_of(place), key)
+        zero = jnp.zeros((), place.dtype)
+        return lax.fori_loop(
+            0, time + 1, lambda t, old: advance(place, key, old[0], old[1], t)[:2], (state, zero)
+        )
+
+    def moved(key, draws, time, root):
+        noise_key, filter_key, accept_key = jax.random.split(key, 3)
+        new = draws.place + jax.random.normal(noise_key, draws.place.shape) @ root.T
+        keys = jax.random.split(filter_key, num_draws)
+        proposed = _Draws(new, keys, *jax.vmap(from_start, (0, 0, None))(new, keys, time))
+        prior = jax.vmap(lambda x: filters.log_prior(unravel(x)))
+        change = prior(new) - prior(draws.place) + proposed.log_evidence - draws.log_evidence
+        accepted = jnp.log(jax.random.uniform(accept_key, (num_draws,))) < change  # not if NaN
+
+        def chosen(new, old):
+            if jnp.issubdtype(new.dtype, jax.dtypes.prng_key):
+                return jnp.where(accepted, new, old)
+            return jnp.where(accepted.reshape(-1, *[1] * (new.ndim - 1)), new, old)
+
+        return jax.tree.map(chosen, proposed, draws), jnp.mean(accepted, dtype=new.dtype)
+
+    def rejuvenated(key, draws, log_weights, time):
+        select_key, *keys = jax.random.split(key, 1 + num_moves)
+        mean = jnp.exp(log_weights) @ draws.place
+        offset = draws.place - mean
+        covariance = (offset.T * jnp.exp(log_weights)) @ offset
+        size = len(covariance)
+        jitter = 1e-6 * jnp.diag(jnp.diag(covariance)) + 1e-12 * jnp.eye(size)
+        root = 2.38 / size**0.5 * jnp.linalg.cholesky(covariance + jitter)
+        chosen = ancestors(select_key, log_weights)
+        draws = jax.tree.map(lambda x: x[chosen], draws)
+        move = partial(moved, time=time, root=root)
+        draws, shares = lax.scan(lambda draws, key: move(key, draws), draws, jnp.stack(keys))
+        return draws, jnp.full_like(log_weights, -np.log(num_draws)), jnp.mean(shares)
+
+    def take(carry, item):
+        draws, log_weights = carry
+        time, key = item
+        states, log_evidence, increments = jax.vmap(advance, (0, 0, 0, 0, None))(
+            draws.place, draws.keys, draws.states, draws.log_evidence, time
+        )
+        draws = draws._replace(states=states, log_evidence=log_evidence)
+        log_weights, total = normalised(log_weights + increments)
+        weights = jnp.exp(log_weights)
+        ess = 1 / (weights @ weights)
+        mean, spread = moments(draws.place.T, weights, jnp.matmul)
+        draws, log_weights, acceptance = lax.cond(
+            ess < threshold * num_draws,
+            partial(rejuvenated, time=time),
+            lambda _, draws, log_weights: (draws, log_weights, jnp.full((), jnp.nan, ess.dtype)),
+            *(key, draws, log_weights),
+        )
+        return (draws, log_weights), (unravel(mean), unravel(spread), total, ess, acceptance)
+
+    keys = jax.random.split(filter_key, num_draws)
+    states = jax.vmap(lambda place, key: running.init(tracker_of(place), key))(place, keys)
+    draws = _Draws(place, keys, states, jnp.zeros(num_draws, place.dtype))
+    start = draws, jnp.full(num_draws, -np.log(num_draws), place.dtype)
+    times = jnp.arange(running.num_frames(frames))
+    items = times, jax.random.split(move_key, len(times))
+    (draws, log_weights), kept = lax.scan(take, start, items)
+    return Online(jax.vmap(unravel)(draws.place), log_weights, *kept)

@@ -1,0 +1,102 @@
+"""The auxiliary particle filter: unbiased with any guide, and less variable with a good one."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from exact import LIMIT, WRONG, problem
+from jax.scipy.stats import norm
+
+import jaxpf
+from jaxpf.filters.partitioned import selection
+from jaxpf.likelihoods import Gaussian, kalman
+from jaxpf.resampling import SCHEMES
+
+KEY = jax.random.key(7)
+FRAMES = np.array([0.5, 2.5, np.nan, -3.0, 1.0])
+A, S, NOISE = 0.9, 1.0, 0.5
+
+
+def predictive(y, x, p):
+    return norm.logpdf(y, A * x, p * (S**2 + NOISE**2) ** 0.5)
+
+
+def residual(y, partition, x):
+    return (y - x) / NOISE
+
+
+def walk(**changes):
+    settings = {
+        "initial": lambda key, p: S * jax.random.normal(key),
+        "transition": lambda key, x, p: A * x + S * jax.random.normal(key),
+        "log_likelihood": lambda y, x, p: norm.logpdf(y, x, NOISE),
+        "transition_log_density": lambda new, x, p: norm.logpdf(new, A * x, S),
+        "parameters": 1.0,
+        "guide": predictive,
+        "num_particles": 12,
+    }
+    return jaxpf.state_space(**settings | changes)
+
+
+def scores(tracker, num_runs=4000):
+    """z-scores of evidence and of the means that it weights, by frame."""
+    log_evidence, means, _ = kalman(
+        np.eye(1) * A, np.eye(1) * S**2, np.eye(1), np.eye(1) * NOISE**2,
+        np.zeros(1), np.eye(1) * S**2, FRAMES[:, None],
+    )  # fmt: skip
+    runs = jaxpf.monte_carlo(tracker, jax.random.split(KEY, num_runs), FRAMES, batch_size=2000)
+    ratio = np.exp(np.cumsum(np.asarray(runs.log_evidence, float) - log_evidence, axis=1))
+    parts = ratio * np.asarray(runs.estimate)[..., 0, 0]
+    return np.abs(
+        [
+            (x.mean(0) - exact) / (x.std(0) / num_runs**0.5 + 1e-12)
+            for x, exact in ((ratio, 1), (parts, means[:, 0]))
+        ]
+    ).max()
+
+
+@pytest.mark.parametrize(
+    "scheme",
+    [pytest.param(x, marks=[pytest.mark.slow] * (x != "systematic")) for x in SCHEMES],
+)
+def test_evidence_with_a_guide_is_unbiased(scheme):
+    assert scores(walk(resampling=scheme)) < LIMIT
+
+
+def test_a_guide_that_is_not_divided_out_is_noticed(monkeypatch):
+    resample = selection.resample
+
+    def undivided(tracker, key, log_weights, by, *rest):
+        return resample(tracker, key, by, by, *rest)
+
+    monkeypatch.setattr(selection, "resample", undivided)
+    assert scores(walk()) > WRONG
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("guide", [lambda y, x, p: -jnp.inf, lambda y, x, p: 1.5 * jnp.sin(9 * x)])
+@pytest.mark.parametrize("threshold", [None, 0.5])
+@pytest.mark.parametrize("proposal", [None, residual])
+def test_evidence_is_unbiased_with_a_bad_guide(guide, threshold, proposal):
+    proposal = proposal and jaxpf.proposals.Linearised(proposal)
+    assert scores(walk(guide=guide, ess_threshold=threshold, proposal=proposal)) < LIMIT
+
+
+@jaxpf.pytree_dataclass
+class Guided(Gaussian):
+    """Guides by the first object."""
+
+    def log_guide(self, observation, substates):
+        return norm.logpdf(observation[0, 0], substates[0, 0], 2.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", ["ps", "sps"])
+def test_a_guide_of_several_objects_leaves_the_evidence_unbiased(order):
+    its = problem((-1, -1), initial_scale=1.0)
+    its = its._replace(likelihood=Guided(its.likelihood.noise, its.likelihood.observation))
+    ordering = jaxpf.ordering.ps([0, 1]) if order == "ps" else jaxpf.ordering.sps((-1, -1))
+    keys = jax.random.split(KEY, 6000)
+    runs = jaxpf.monte_carlo(its.tracker(ordering), keys, its.frames, batch_size=2000)
+    ratio = np.exp(np.asarray(runs.log_evidence, float).sum(1) - its.log_evidence.sum())
+    assert abs(ratio.mean() - 1) / (ratio.std() / 6000**0.5) < LIMIT

@@ -1,0 +1,88 @@
+"""Draws from a model: their moments, and the coverage of predictive intervals."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from exact import LIMIT, TREE, WRONG, problem
+
+import jaxpf
+from jaxpf import InputError
+from jaxpf.likelihoods import stacked_model
+
+KEY = jax.random.key(5)
+NUM_DRAWS = 4000
+
+
+def walk(**changes):
+    settings = {
+        "initial": lambda key, p: jax.random.normal(key),
+        "transition": lambda key, x, p: p * x + jax.random.normal(key),
+        "log_likelihood": lambda y, x, p: jax.scipy.stats.norm.logpdf(y, x),
+        "observation": lambda key, x, p: x + jax.random.normal(key),
+        "parameters": 0.9,
+        "num_particles": 100,
+    }
+    return jaxpf.state_space(**settings | changes)
+
+
+@pytest.mark.parametrize("of_states", [False, True])
+def test_moments_of_simulated_parts_are_those_of_the_model(of_states):
+    """Second moments of the observations of a part tree; those of the states differ."""
+    its = problem(TREE)
+    drawn = jaxpf.simulate(its.tracker(jaxpf.ordering.ps([0, 1, 2])), KEY, 2, num_draws=NUM_DRAWS)
+    system, process = stacked_model(its.dynamics, TREE)
+    covariance = np.zeros((6, 6))
+    for _ in range(2):
+        covariance = system @ covariance @ system.T + process
+    values = np.asarray(drawn.states if of_states else drawn.frames)[:, -1, :, 0]
+    products = values[:, :, None] * values[:, None, :]
+    error = products.std(0) / NUM_DRAWS**0.5
+    score = np.abs((products.mean(0) - covariance[:3, :3] - np.eye(3)) / error).max()
+    assert score > WRONG if of_states else score < LIMIT
+
+
+@pytest.mark.parametrize("of_states", [False, True])
+def test_predictive_intervals_cover_95_percent(of_states):
+    """Of simulated futures; intervals of the state instead are too narrow."""
+
+    def covered(key):
+        keys = jax.random.split(key, 3)
+        its, tracker = jaxpf.simulate(walk(), keys[0], 7), walk()
+        state, _ = jaxpf.run(tracker, keys[1], its.frames[:5])
+        ahead = jaxpf.simulate(tracker, keys[2], 2, state=state, num_draws=500)
+        if of_states:
+            ahead = ahead._replace(frames=ahead.states[..., 0, 0])
+        low, high = ahead.interval(0.95)
+        return (low <= its.frames[5:]) & (its.frames[5:] <= high)
+
+    share = np.asarray(jax.jit(jax.vmap(covered))(jax.random.split(KEY, 1000))).mean(0)
+    scores = (share - 0.95) / (0.95 * 0.05 / 1000) ** 0.5
+    assert scores.max() < -WRONG / 2 if of_states else np.abs(scores).max() < LIMIT
+
+
+def test_states_of_a_tree_inputs_and_time_are_drawn_by_name():
+    its = jaxpf.state_space(
+        initial={"at": 0.0, "turns": jnp.int32(0)},
+        transition=lambda key, x, p, u: {"at": x["at"] + u, "turns": x["turns"] + 1},
+        log_likelihood=lambda y, x, p: 0.0,
+        observation=lambda key, x, p, time: {"sum": x["at"], "time": time},
+    )
+    states, frames = jaxpf.simulate(its, KEY, 3, inputs=np.array([1.0, 2.0, 4.0]))
+    np.testing.assert_array_equal(states["turns"], [1, 2, 3])
+    np.testing.assert_array_equal(frames["sum"], [1, 3, 7])
+    state = jaxpf.run(its, KEY, np.zeros(3), inputs=np.ones(3))[0]
+    later = jaxpf.simulate(its, KEY, 2, inputs=np.ones(2), state=state, num_draws=4)
+    np.testing.assert_array_equal(later.frames["time"], [[3, 4]] * 4)
+
+
+@pytest.mark.parametrize(
+    ("tracker", "words"),
+    [
+        (lambda: walk(observation=None), "draws no observations; write its method sample"),
+        (lambda: walk(observation=lambda x, p: x), "observation takes .* but must take"),
+    ],
+)
+def test_a_model_that_draws_no_observations_is_refused(tracker, words):
+    with pytest.raises(InputError, match=words):
+        jaxpf.simulate(tracker(), KEY, 3)

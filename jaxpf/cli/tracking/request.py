@@ -36,8 +36,7 @@ class Run:
     )
     fps: float | None = option(
         None,
-        "Frames per second of a folder of images, 25 unless given, or of a video in place of its "
-        "time stamps.",
+        "Frames per second.  [default: a video's time stamps; 25 for images]",
         above=0.0,
     )
     seed: int = option(0, "Random seed: same seed, same tracks.", least=0, most=2**32 - 1)
@@ -84,7 +83,7 @@ class Run:
     overwrite: bool = option(False, "Replace files in an existing folder.")
     overlay: bool = option(True, "Write the overlay video.")
     truth: Path | None = option(  # noqa: RUF009
-        None, "Compare with these true boxes, a CSV as for --boxes, or a sequence's folder."
+        None, "True boxes to compare with: a CSV, or a sequence's folder."
     )
     tracker: str | None = option(
         None,

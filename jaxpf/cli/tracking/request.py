@@ -36,7 +36,7 @@ class Run:
     )
     fps: float | None = option(
         None,
-        "Frames per second.  [default: a video's time stamps; 25 for images]",
+        "Frames per second, 25 unless the film says.",
         above=0.0,
     )
     seed: int = option(0, "Random seed: same seed, same tracks.", least=0, most=2**32 - 1)
@@ -83,7 +83,7 @@ class Run:
     overwrite: bool = option(False, "Replace files in an existing folder.")
     overlay: bool = option(True, "Write the overlay video.")
     truth: Path | None = option(  # noqa: RUF009
-        None, "True boxes to compare with: a CSV, or a sequence's folder."
+        None, "True boxes to compare with, CSV or folder."
     )
     tracker: str | None = option(
         None,

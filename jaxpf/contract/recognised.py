@@ -42,9 +42,9 @@ def recognised(name: str, function: Any) -> Any:
         name: of the argument, for the warning.
         function: a user's function; others than plain functions are returned as they are.
     """
-    code = getattr(function, "__code__", None)
     if not isinstance(function, types.FunctionType):
         return function
+    code = function.__code__
     reason = "holds other values each time"
     try:
         key = _key_of(function, set())
@@ -119,7 +119,7 @@ def _key_of(value: Any, seen: set[Callable]) -> Any:
         return kind, value.__code__, _Same(value.__globals__), tuple(read.items())
     if kind is functools.partial:
         return kind, of(value.func), of(value.args), of(tuple(sorted(value.keywords.items())))
-    if dataclasses.is_dataclass(value) and kind.__dataclass_params__.frozen:  # type: ignore
+    if dataclasses.is_dataclass(value) and kind.__dataclass_params__.frozen:
         return _Same(kind), *(of(getattr(value, f.name)) for f in dataclasses.fields(value))
     raise _UnknownError(f"a {kind.__name__}")
 

@@ -94,7 +94,7 @@ def _sequential(
 def _parallel(combine: Callable, values: jax.Array, rank: jax.Array | None) -> jax.Array:
     """Prefix combination for accelerators: one operation, in segments of logarithmic depth."""
     if rank is None:
-        return {jnp.add: lax.cumsum, jnp.maximum: lax.cummax}[combine](values)
+        return (lax.cumsum if combine is jnp.add else lax.cummax)(values)
 
     def join(left, right):
         return jnp.where(right[1], right[0], combine(left[0], right[0])), left[1] | right[1]

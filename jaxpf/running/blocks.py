@@ -134,7 +134,8 @@ def run_blocks(
         blocks = even_blocks(keys.shape[0], min(share, widest(blocks)))
     used = devices[: max(count for count, _ in blocks)]
 
-    kept, length = [], 0
+    kept: list[Any] = []
+    length = 0
     for first, count, chunk in in_chunks(frames, frames_per_chunk, len(used)):
         of_chunk = tracker
         if come_one_by_one(frames):

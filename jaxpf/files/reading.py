@@ -8,6 +8,7 @@ import unicodedata
 from pathlib import Path
 
 from jaxpf.contract.errors import InputError
+from jaxpf.files.digests import check_unchanged
 
 #: Limits of a coordinate in pixels and of a whole number, beyond which floats lose precision.
 FARTHEST, LARGEST_WHOLE = 1e9, 2**53 - 1
@@ -92,8 +93,10 @@ def check_name(name: str, place: str) -> None:
 def read_rows(path: Path, what: str, expected: str) -> list[tuple[int, list[str]]]:
     """Read a table; return line number and stripped fields of every non-blank line.
 
-    The separator is a comma, unless the first line contains semicolons or tabs.
+    The separator is a comma, unless the first line contains semicolons or tabs.  A table of a run
+    that was cut or changed is refused, see ``check_unchanged``.
     """
+    check_unchanged(path)
     lines = read_text(path, what, expected).splitlines()
     first = next((line.strip() for line in lines if line.strip()), "")
     separator = next((mark for mark in ";\t" if mark in first), ",")

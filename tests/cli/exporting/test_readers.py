@@ -86,7 +86,7 @@ def test_motmetrics_reads_mot_lines(export):
     assert found.keys() == BOXES.keys()
     for key, box in BOXES.items():
         np.testing.assert_allclose(found[key], box)
-    np.testing.assert_allclose(table["Confidence"], [0.9, 0.8, 0.9, 0.7, 0.2])
+    np.testing.assert_allclose(table["Confidence"], [0.9, 0.8, 0.7, 0.9, 0.2])
 
 
 def test_trackeval_reads_mot_lines(export, tmp_path):

@@ -29,6 +29,8 @@ from jaxpf.contract.errors import InputError
 from jaxpf.files import writing
 from jaxpf.files.locking import locked
 
+#: Seconds between two saves of the state, from which a killed run goes on.
+_SAVE_EVERY = 60.0
 #: All files that a run may leave in its output folder.
 OUTPUTS = (
     "tracks.csv",
@@ -152,7 +154,8 @@ def _record_frames(
     else:
         records = changing_population(scene, recording.tracker, key, first, frames, births)
     total = None if total is None else max(total - before[1], 0)
-    state, clock, counts = None, time.perf_counter(), recording.counts
+    state, counts, saved = None, recording.counts, time.monotonic()
+    clock = time.perf_counter()
     with console.progress_bar("frames") as progress:
         task = progress.add_task("compiling", total=total)
         try:
@@ -169,6 +172,9 @@ def _record_frames(
                 state = record.state
                 if record.summary is None:
                     continue
+                if run.save_state is not None and time.monotonic() - saved > _SAVE_EVERY:
+                    states.save(run.save_state, state)
+                    saved = time.monotonic()
                 elapsed, clock = time.perf_counter() - clock, time.perf_counter()
                 if counts.tracked == 1:
                     recording.seconds = elapsed, 0.0

@@ -10,7 +10,7 @@ import click
 
 from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.config import config_option, write_config
-from jaxpf.cli.shared.console import print_table
+from jaxpf.cli.shared.console import print_table, say
 from jaxpf.cli.shared.plain import PlainCommand
 from jaxpf.cli.shared.startup import start_jax
 
@@ -86,15 +86,15 @@ def command(
     for table in comparison.tables:
         print_table(table.title, table.columns, table.texts(), explain=False)
         if table.note:
-            click.echo(f"{table.note}\n")
+            say(f"{table.note}\n")
     for line in verdicts.report(paper, comparison.claims, details=True):
-        click.echo(line)
-    click.echo(f"\n{textwrap.fill(RULE, 100)}")
+        say(line)
+    say(f"\n{textwrap.fill(RULE, 100)}")
     for note in comparison.notes:
-        click.echo(f"- {note}")
+        say(f"- {note}")
     write_config(folder / "run.toml", "reproduce", options)
     seconds = time.perf_counter() - began
-    click.echo(f"{folder}/: {', '.join([*written, 'run.toml'])} ({seconds:.0f} s)")
+    say(f"{folder}/: {', '.join([*written, 'run.toml'])} ({seconds:.0f} s)")
 
 
 def _typed(options: Mapping[str, Any]) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from jaxpf.contract.errors import InputError
 from jaxpf.files.digests import check_unchanged
+from jaxpf.files.writing import FORMULA
 
 #: Limits of a coordinate in pixels and of a whole number, beyond which floats lose precision.
 FARTHEST, LARGEST_WHOLE = 1e9, 2**53 - 1
@@ -102,12 +103,17 @@ def read_rows(path: Path, what: str, expected: str) -> list[tuple[int, list[str]
     separator = next((mark for mark in ";\t" if mark in first), ",")
     reader = csv.reader(lines, delimiter=separator, skipinitialspace=True)
     try:
-        rows = [(reader.line_num, [field.strip() for field in row]) for row in reader]
+        rows = [(reader.line_num, [_text_of(field.strip()) for field in row]) for row in reader]
     except csv.Error as error:
         raise InputError(
             f"line {reader.line_num} of '{path}' is no CSV ({error}); correct the line"
         ) from None
     return [(line, fields) for line, fields in rows if any(fields)]
+
+
+def _text_of(field: str) -> str:
+    """A field without the apostrophe of ``csv_text``."""
+    return field[1:] if field[:1] == "'" and field.lstrip("'").startswith(FORMULA) else field
 
 
 def read_below(path: Path, what: str, *headers: str) -> list[tuple[str, list[str]]]:

@@ -29,6 +29,8 @@ def report_os_errors(action: str, path: str | os.PathLike[str]) -> Iterator[None
         ) from error
 
 
+#: What formulas of spreadsheets begin with.
+FORMULA = ("=", "+", "-", "@")
 #: Part of the names of incomplete files.
 PARTIAL = ".partial"
 #: Name of a folder's lock file, see ``jaxpf.files.locking``.
@@ -96,10 +98,24 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
 
 
 def csv_text(rows: Iterable[Iterable[Any]]) -> str:
-    """Format rows as CSV lines."""
+    """Format rows as CSV lines; ``jaxpf.files.reading.read_rows`` reads the same texts.
+
+    A text that a spreadsheet would take for a formula gets an apostrophe before it.
+    """
     buffer = io.StringIO()
-    csv.writer(buffer, lineterminator="\n").writerows(rows)
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerows([_no_formula(cell) for cell in row] for row in rows)
     return buffer.getvalue()
+
+
+def _no_formula(cell: Any) -> Any:
+    if not isinstance(cell, str) or not cell.lstrip("'").startswith(FORMULA):
+        return cell
+    try:
+        float(cell)
+    except ValueError:
+        return f"'{cell}"
+    return cell
 
 
 class LineWriter:

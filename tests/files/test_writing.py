@@ -6,7 +6,8 @@ import sys
 import pytest
 
 from jaxpf import InputError
-from jaxpf.files.writing import LineWriter, atomic_write, prepare_output_folder
+from jaxpf.files.reading import read_rows
+from jaxpf.files.writing import LineWriter, atomic_write, csv_text, prepare_output_folder
 
 
 def message_of(call, *arguments):
@@ -138,3 +139,12 @@ def test_a_full_disk_is_reported_and_the_last_line_is_whole(tmp_path):
     text = (tmp_path / "tracks.csv").read_text()
     assert text.endswith("length\n")
     assert 30 < text.count("\n") < 45
+
+
+def test_texts_that_look_like_formulas_are_marked_and_come_back(tmp_path):
+    texts = ["=1+1", "@x", "+a", "-b", "'=1", "''-c", "'quoted", "a=b", "-1.5", "+2", "-inf", "-"]
+    (tmp_path / "a.csv").write_text(csv_text([texts]))
+    written = (tmp_path / "a.csv").read_text().strip().split(",")
+    formulas = [text for text in written if text[0] in "=+-@"]
+    assert formulas == ["-1.5", "+2", "-inf"]  # numbers
+    assert read_rows(tmp_path / "a.csv", "texts", "texts") == [(1, texts)]

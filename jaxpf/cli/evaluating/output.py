@@ -4,9 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-import click
-
-from jaxpf.cli.shared.console import print_table
+from jaxpf.cli.shared.console import print_table, say
 from jaxpf.contract.options import chosen, counting, plain
 from jaxpf.files.writing import write_text
 
@@ -43,7 +41,7 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
     place = f"on {devices} device{'s' if devices > 1 else ''}"
     if workers > 1:
         place = f"in each of {workers} processes {place}"
-    click.echo(
+    say(
         f"{prepared.missing_runs} runs to do, with {prepared.memory / 2**30:.1f} GB of memory "
         + place
         + (", trackers of your own not counted" if has_own else "")
@@ -113,6 +111,6 @@ def _print(folder: Path, printed: dict[str, Any]) -> None:
     for table in printed["tables"]:
         print_table(table["title"], table["columns"], table["rows"])
     for remark in printed["remarks"]:
-        click.echo(remark)
-    click.echo(f"{folder}/: {', '.join(_WRITTEN)}")
-    click.echo(printed["conclusion"])
+        say(remark)
+    say(f"{folder}/: {', '.join(_WRITTEN)}")
+    say(printed["conclusion"])

@@ -1,7 +1,8 @@
 """Tracks in the formats of other projects: COCO, CVAT and MOT.
 
-All read the output folder of ``jaxpf track``, which needs no video, and keep the objects' ids.  In memory, frames and
-pixels count from 0, and pixel (0, 0) is the square [0, 1) x [0, 1).  File conventions:
+All read the output folder of ``jaxpf track``, without the video, and keep the objects' ids.  In
+memory, frames and pixels count from 0, and pixel (0, 0) is the square [0, 1) x [0, 1).  File
+conventions:
 
 ==============  ===========  ===========  =================================
 format          first frame  first pixel  position
@@ -14,7 +15,6 @@ cvat (MOT 1.1)  1            0            top left corner, width and height
 COCO's times are frame timestamps, which differ from index / fps where the frame rate varies.
 """
 
-import csv
 import dataclasses
 import json
 import zipfile
@@ -26,9 +26,9 @@ import numpy as np
 
 from jaxpf.boxes.tracks import read_tracks, write_mot
 from jaxpf.contract.errors import InputError
-from jaxpf.files.digests import SUMMARY, check_unchanged
-from jaxpf.files.reading import read_text
-from jaxpf.files.writing import atomic_write, report_os_errors, write_text
+from jaxpf.files.digests import SUMMARY
+from jaxpf.files.reading import read_rows, read_text
+from jaxpf.files.writing import atomic_write, write_text
 
 #: Category of all tracked objects.
 _LABEL = "object"
@@ -155,21 +155,23 @@ def _lines_of(table: dict[str, np.ndarray], target: str) -> np.ndarray:
 
 
 def _read_outlines(path: Path, names: tuple[str, ...], numbers: np.ndarray) -> np.ndarray:
-    check_unchanged(path)
     try:
-        with report_os_errors("read", path), path.open(newline="", encoding="utf-8") as file:
-            rows = [row for row in csv.DictReader(file) if row["kind"] == "outline"]
+        (_, header), *lines = read_rows(path, "outlines", "the outlines.csv of a run")
+        table = [dict(zip(header, fields, strict=True)) for _, fields in lines]
+        rows = [row for row in table if row["kind"] == "outline"]
         length = 1 + max(int(row["point"]) for row in rows)
-        lines = np.full((len(numbers), len(names), length, 2), np.nan)
+        places = np.full((len(numbers), len(names), length, 2), np.nan)
         for row in rows:
             place = float(row["x"]), float(row["y"])
             time = int(row["frame"]) - numbers[0]
-            lines[time, names.index(row["contour"]), int(row["point"])] = place
-    except (ValueError, TypeError, IndexError, KeyError, csv.Error):
+            places[time, names.index(row["contour"]), int(row["point"])] = place
+    except (ValueError, IndexError, KeyError) as error:
+        if isinstance(error, InputError):
+            raise
         raise InputError(
             f"'{path}' is damaged, or does not belong to the tracks beside it; track again."
         ) from None
-    return lines
+    return places
 
 
 def write_coco(path: Path, tracked: Tracked) -> None:

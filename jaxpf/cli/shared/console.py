@@ -1,11 +1,17 @@
-"""Tables with an explanation of their terms, and progress bars."""
+"""All that is printed: lines, tables with an explanation of their terms, and progress bars."""
 
+import re
 import sys
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 import click
 
+#: Controls, overrides of the direction, and halves of characters, which cannot be encoded.
+_CONTROLS = re.compile(
+    "[\0-\b\x0b-\x1f\x7f-\x9f\N{LEFT-TO-RIGHT EMBEDDING}-\N{RIGHT-TO-LEFT OVERRIDE}"
+    "\N{LEFT-TO-RIGHT ISOLATE}-\N{POP DIRECTIONAL ISOLATE}\ud800-\udfff]"
+)
 _TRACKED = "overlapping the truth at all"
 #: Prefix of a term -> explanation; a line under each table explains the terms it uses.
 _TERMS = {
@@ -59,9 +65,9 @@ def print_table(
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left")
+    table = Table(title=visible(title), title_justify="left")
     for index, column in enumerate(columns):
-        table.add_column(column, justify="left" if index == 0 else "right")
+        table.add_column(visible(column), justify="left" if index == 0 else "right")
     rows = list(rows)
     for row in rows:
         table.add_row(*row)

@@ -5,10 +5,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 
 from jaxpf.boxes.tracks import read_tracks
+from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking.births import nobody_came
 from jaxpf.cli.tracking.later import all_names
 from jaxpf.cli.tracking.recorder import Recording
@@ -156,7 +156,7 @@ def _tell(
     if (errors := content["mean_error"]) is not None:
         estimated = [f"{name} {error:.2g}" for name, error in errors.items() if error is not None]
         if estimated:
-            click.echo(f"Monte-Carlo error of places in pixels: {', '.join(estimated)}")
+            say(f"Monte-Carlo error of places in pixels: {', '.join(estimated)}")
         else:
             _warn(
                 "Note: too few ancestors were left to estimate the Monte-Carlo error; ask for "
@@ -184,7 +184,7 @@ def _tell(
     if recording.population is not None:
         population = recording.population
         came = counted(len(population.births), "object")
-        click.echo(f"{came} came, {len(population.deaths)} went")
+        say(f"{came} came, {len(population.deaths)} went")
         births = recording.request.births
         if births is not None and not population.births and not population.refused:
             _warn(f"Note: {nobody_came(births, recording.request.run.start)}")
@@ -197,7 +197,7 @@ def _tell(
 
 
 def _warn(text: str) -> None:
-    click.echo(text, err=True)
+    say(text, err=True)
 
 
 def _report_truth(recording: Recording, truth: Any, names: list[Any]) -> None:

@@ -58,6 +58,7 @@ def command(
     PAPER is one of smith2004, gonzales2011, rowe2005, eskil2014, maccormick1999.
     """
     from jaxpf.cli.shared.cluster import cluster
+    from jaxpf.files.locking import locked
     from jaxpf.files.writing import prepare_output_folder
 
     options = {"paper": paper, "scenes": scenes, "seed": seed, "quick": quick}
@@ -83,6 +84,7 @@ def command(
         comparison = chosen.compare(request)
         explicit = options | {"scenes": len(request.seeds)}
         written = comparison_table.write(comparison, folder, _typed(explicit))
+        write_config(folder / "run.toml", "reproduce", options)
     for table in comparison.tables:
         print_table(table.title, table.columns, table.texts(), explain=False)
         if table.note:
@@ -92,7 +94,6 @@ def command(
     say(f"\n{textwrap.fill(RULE, 100)}")
     for note in comparison.notes:
         say(f"- {note}")
-    write_config(folder / "run.toml", "reproduce", options)
     seconds = time.perf_counter() - began
     say(f"{folder}/: {', '.join([*written, 'run.toml'])} ({seconds:.0f} s)")
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import plain
-from jaxpf.files.writing import PARTIAL, atomic_write, report_os_errors, write_text
+from jaxpf.files.writing import atomic_write, report_os_errors, write_text
 
 SETTINGS = "settings.json"
 

@@ -252,12 +252,10 @@ def _writers(
 
 
 def remove_outputs(output: Path) -> None:
-    """Remove the files of an earlier run, including unfinished ones, and no others."""
-    for name in map(Path, OUTPUTS):
-        unfinished = output.glob(f".{name.stem}.*.partial{name.suffix}")
-        for path in (output / name, *unfinished):
-            with writing.report_os_errors("replace", path):
-                path.unlink(missing_ok=True)
+    """Remove the files of an earlier run and no others."""
+    for path in (output / name for name in OUTPUTS):
+        with writing.report_os_errors("replace", path):
+            path.unlink(missing_ok=True)
 
 
 def nothing_follows(source: Any, start: int) -> InputError:

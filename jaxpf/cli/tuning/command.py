@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import click
+
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import progress_bar, say
 from jaxpf.cli.shared.flags import as_typed, picked, refuse_others, report_implied
@@ -99,6 +101,7 @@ def _command(**values: Any) -> None:
     from jaxpf import tuning
     from jaxpf.cli.tuning import output as outputs
     from jaxpf.cli.tuning.scenes import scenes_to_tune_on, unseen
+    from jaxpf.files.locking import locked
     from jaxpf.files.writing import prepare_output_folder, report_os_errors
     from jaxpf.tuning.checkpoint import NAME
 
@@ -122,8 +125,8 @@ def _command(**values: Any) -> None:
     tracker, longest = sequences[0].tracker, max(len(each.frames) for each in sequences)
     _check_parameters(tracker, before.of, parameters)
     check_memory(num_bytes + needed_by(tracker, settings.runs, longest), _LESS_MEMORY)
-    if not continues:
-        prepare_output_folder(folder)
+    prepare_output_folder(folder, overwrite=continues)
+    click.get_current_context().with_resource(locked(folder, "tuning", keep=False))
     try:
         result = _tune(sequences, parameters, settings, options.objective, folder)
     except tuning.Diverged as error:

@@ -91,6 +91,7 @@ def write_overall(folder: Path, tables: Tables, varied: Sequence[str]) -> list[T
         *(NOTES[n] for n in (ABOUT_MEASURES, ABOUT_CALIBRATION, ABOUT_CONFIDENCE)),
     ]
     text = to_markdown("Over all sequences", tables_of(SHOWN), [", ".join(names)], notes)
+    remove_leavings(folder)
     write_text(folder / "overall.md", text)
     rows = [
         [what, *key, found.runs[0], *(x[0] for x in (found.value, found.lower, found.upper))]

@@ -160,12 +160,13 @@ def _record_frames(
         task = progress.add_task("compiling", total=total)
         try:
             beginning = _until_tracked(records)
+            overlay = _overlay(recording, scene, stack)  # may fail, so old results are still there
             remove_outputs(opened.output)
             recording.has_begun = True
             write_config(opened.output / "run.toml", "track", recording.table)
             if look_back is not None:
                 smoothed = Smoothed(opened.output, scene, look_back, stack)
-            writers = _writers(recording, scene, smoothed, stack)
+            writers = [*_writers(recording, scene, smoothed, stack), *overlay]
             for record in itertools.chain(beginning, records):
                 for writer in writers:
                     writer.write(record)
@@ -245,10 +246,15 @@ def _writers(
     writers.append(recording.counts)
     if recording.population is not None:
         writers.append(recording.population)
-    if request.run.overlay:
-        source = opened.source
-        writers.append(Overlay(opened.output, scene, source.fps, source.pixel_aspect, stack))
     return writers
+
+
+def _overlay(recording: Recording, scene: Scene, stack: contextlib.ExitStack) -> list[Writer]:
+    """The writer of the overlay, if one is wanted; its file gets its name with the first frame."""
+    source, output = recording.opened.source, recording.opened.output
+    if not recording.request.run.overlay:
+        return []
+    return [Overlay(output, scene, source.fps, source.pixel_aspect, stack)]
 
 
 def remove_outputs(output: Path) -> None:

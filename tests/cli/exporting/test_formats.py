@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from command_line import jaxpf
 
+from jaxpf import InputError
 from jaxpf.boxes import read_boxes, read_tracks
-from jaxpf.contract.errors import InputError
 from jaxpf.files.digests import digests
 from jaxpf.files.writing import csv_text
 

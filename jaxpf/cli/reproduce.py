@@ -70,7 +70,7 @@ def command(
 
     began = time.perf_counter()
     chosen = paper_of(paper)
-    request = chosen.request(scenes, seed, quick, click.echo)
+    request = chosen.request(scenes, seed, quick, say)
     executor = None
     if dask is not None:
         executor = click.get_current_context().with_resource(cluster(dask))

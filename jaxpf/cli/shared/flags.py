@@ -143,7 +143,7 @@ def _help_all() -> click.Option:
     def show(ctx: click.Context, param: click.Parameter, wanted: bool) -> None:
         if wanted and not ctx.resilient_parsing:
             ctx.meta[ALL] = True
-            say(ctx.get_help(), color=ctx.color)
+            say(ctx.get_help())
             ctx.exit()
 
     return click.Option(

@@ -157,7 +157,7 @@ class Eskil(contract.Tracker):
             weighted=jnp.ones((), bool),
             history=motion.after(cloud.means(posterior, new)[:2].T),
         )
-        if not exact and jax.config.jax_debug_nans:
+        if not exact and jax.config.jax_debug_nans:  # type: ignore[attr-defined]
             raise InputError(
                 "Eskil gives NaN for the evidence that it does not estimate, and jax_debug_nans "
                 'refuses any NaN; switch it off, or use shape="none" with drift="none".'

@@ -4,10 +4,11 @@ import contextlib
 import difflib
 import errno
 import importlib
-import io
 import os
 import sys
 from typing import Any, NoReturn
+
+from jaxpf.cli.shared.console import say
 
 try:
     import click
@@ -137,7 +138,7 @@ def main(arguments: list[str] | None = None) -> Any:
 
 
 def _refuse(sentence: str, code: int = 2) -> NoReturn:
-    click.echo(f"Error: {sentence}", err=True)
+    say(f"Error: {sentence}".replace("\n", "\\n"), err=True)
     sys.exit(code)
 
 

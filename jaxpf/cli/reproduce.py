@@ -58,7 +58,6 @@ def command(
     PAPER is one of smith2004, gonzales2011, rowe2005, eskil2014, maccormick1999.
     """
     from jaxpf.cli.shared.cluster import cluster
-    from jaxpf.files.locking import locked
     from jaxpf.files.writing import prepare_output_folder
 
     options = {"paper": paper, "scenes": scenes, "seed": seed, "quick": quick}
@@ -78,8 +77,8 @@ def command(
     resumes = checkpoints.can_resume(output, options)
     folder = prepare_output_folder(output, overwrite or resumes)
     if resumes:
-        click.echo(f"Resuming from '{folder}'.")
-    click.echo("The first scenes take longest: their programs are compiled.")
+        say(f"Resuming from '{folder}'.")
+    say("The first scenes take longest: their programs are compiled.")
     with checkpoints.sharing(executor), checkpoints.keeping(output, options):
         comparison = chosen.compare(request)
         explicit = options | {"scenes": len(request.seeds)}

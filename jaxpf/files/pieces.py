@@ -77,12 +77,6 @@ class Pieces:
             cause = " ".join(str(error).split())[:100]
             raise Damaged(f"'{path}' is damaged ({cause}); {self.remedy}.") from None
 
-    def remove_leavings(self) -> None:
-        """Remove incomplete files left by a killed process."""
-        for path in self.folder.glob(f".*{PARTIAL}*"):
-            with contextlib.suppress(OSError):
-                path.unlink()
-
     def remove(self) -> None:
         """Remove the folder with all pieces, if it exists."""
         shutil.rmtree(self.folder, ignore_errors=True)

@@ -191,9 +191,18 @@ def _probe(path: Path) -> None:
     probe.unlink()
 
 
-def is_left_over(name: str) -> bool:
-    """Whether a killed program left a file of that name: its lock, or an incomplete file."""
-    return name == LOCK or (name.startswith(".") and PARTIAL in name)
+def remove_leavings(folder: Path) -> None:
+    """Remove the incomplete files of killed processes; no other may be writing there."""
+    for path in folder.glob(f".*{PARTIAL}*"):
+        with suppress(OSError):
+            path.unlink()
+
+
+def is_left_over(path: Path) -> bool:
+    """Whether a killed program left it: its lock, an incomplete file, or a folder of only those."""
+    if path.is_dir():
+        return all(map(is_left_over, path.iterdir()))
+    return path.name == LOCK or (path.name.startswith(".") and PARTIAL in path.name)
 
 
 def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
@@ -212,8 +221,7 @@ def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False)
                 f"output folder '{path}' is a file; choose another folder or remove the file"
             )
         path.mkdir(parents=True, exist_ok=True)
-        names = sorted(entry.name for entry in path.iterdir())
-        first = next((name for name in names if not is_left_over(name)), None)
+        first = next((each.name for each in sorted(path.iterdir()) if not is_left_over(each)), None)
     if first is not None and not overwrite:
         raise InputError(
             f"output folder '{path}' is not empty (it holds '{first}'); choose another folder "

@@ -75,9 +75,9 @@ def _prepare(request: Request) -> tuple[Any, Any]:
     elif options.workers > 1:
         pool = local_pool(options.workers, devices, use_compile_cache)
     workers = pool.workers if pool else 1
-    click.echo(f"Reading {request.scene}", err=True)
+    say(f"Reading {request.scene}", err=True)
     if options.baseline:
-        click.echo(f"Baselines come first: {', '.join(options.baseline)}", err=True)
+        say(f"Baselines come first: {', '.join(options.baseline)}", err=True)
     limits = Limits(options.memory * 2**20, workers=workers, devices=devices)
     prepared = prepare(request.plan, request.output, limits)
     target = prepared.adapter.target

@@ -27,16 +27,16 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
 
     results, scene = prepared.results, prepared.results.settings["scene"]
     count, frames = len(scene["object_ids"]), len(results.truth)
-    click.echo(
+    say(
         f"{scene['name']}: {count} object{'s' if count != 1 else ''}, {frames} frames "
         f"after the start frame {scene['start_frame']}, {scene['width']} x {scene['height']} pixels"
     )
     columns, rows, common_to_all = _plan_table(prepared)
     print_table("Plan", columns, rows)
     if common_to_all:
-        click.echo(", ".join(f"{name} {value}" for name, value in common_to_all.items()))
+        say(", ".join(f"{name} {value}" for name, value in common_to_all.items()))
     if prepared.damaged:
-        click.echo(f"{len(prepared.damaged)} damaged file(s) will be made again.")
+        say(f"{len(prepared.damaged)} damaged file(s) will be made again.")
     has_own = any(each.kind == OWN for each in results.configurations)
     place = f"on {devices} device{'s' if devices > 1 else ''}"
     if workers > 1:

@@ -40,7 +40,7 @@ def evaluate_each(
         )
     made = {}
     for number, (folder, frames) in enumerate(chosen.items(), start=1):
-        click.echo(f"\n{folder.name} ({number} of {len(chosen)})")
+        say(f"\n{folder.name} ({number} of {len(chosen)})")
         made[folder.name] = evaluate(request.of_sequence(folder, kind, frames))
     if options.dry_run:
         return
@@ -48,7 +48,7 @@ def evaluate_each(
     from jaxpf.evaluation.output.tables import stored_tables
 
     tables = {name: each or stored_tables(output / name) for name, each in made.items()}
-    click.echo()
+    say()
     for table in write_overall(output, tables, request.varied):
         print_table(table.title, table.columns, table.texts())
     write_config(output / "run.toml", "evaluate", request.table())

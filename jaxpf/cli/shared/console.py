@@ -55,6 +55,19 @@ _TERMS = {
 _UNBOUNDED = 10_000
 
 
+def say(text: str = "", err: bool = False) -> None:
+    """Print text on standard output, or on standard error with ``err``; see ``visible``."""
+    click.echo(visible(text), err=err)
+
+
+def visible(text: str) -> str:
+    """Escape all characters that would control the terminal, except for ends of lines and tabs.
+
+    Names of files and objects may hold any, such as escape codes or marks that reverse the text.
+    """
+    return _CONTROLS.sub(lambda mark: mark[0].encode("unicode_escape").decode("ascii"), text)
+
+
 def print_table(
     title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], explain: bool = True
 ) -> None:
@@ -70,13 +83,13 @@ def print_table(
         table.add_column(visible(column), justify="left" if index == 0 else "right")
     rows = list(rows)
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(visible, row))
     # A pipe or a file has no width: no cell breaks over lines.
     Console(width=None if sys.stdout.isatty() else _UNBOUNDED, markup=False, emoji=False).print(
         table
     )
     if explain and (terms := _terms([*columns, *(row[0] for row in rows if row)])):
-        click.echo(terms)
+        say(terms)
 
 
 def _terms(names: Iterable[str]) -> str:

@@ -149,10 +149,10 @@ def _tell(
 ) -> None:
     counts, rate = recording.counts, content["frames_per_second"]
     speed = "" if rate is None else f", {rate:.1f} frames/s"
-    click.echo(f"{recording.output}: {counted(counts.tracked)} tracked{speed}")
+    say(f"{recording.output}: {counted(counts.tracked)} tracked{speed}")
     place = recording.request.adapter.place
     for line in sentences(verdicts, ess, num_particles, place):
-        click.echo(line)
+        say(line)
     if (errors := content["mean_error"]) is not None:
         estimated = [f"{name} {error:.2g}" for name, error in errors.items() if error is not None]
         if estimated:

@@ -26,7 +26,7 @@ from jaxpf.evaluation.output.layout import (
 )
 from jaxpf.evaluation.output.tables import write_csv
 from jaxpf.files.tables import Table
-from jaxpf.files.writing import write_text
+from jaxpf.files.writing import remove_leavings, write_text
 from jaxpf.measures.intervals import DECISIVE
 
 #: Measures in the terminal's tables.

@@ -14,7 +14,7 @@ import numpy as np
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.numbers import check_whole
 from jaxpf.evaluation.plan import DEFAULT_LIMITS, Limits, Plan
-from jaxpf.evaluation.work.batches import Batch, write_batch
+from jaxpf.evaluation.work.batches import FOLDER, Batch, write_batch
 from jaxpf.evaluation.work.execution import RETRIES, Factory, Pool, in_turn
 from jaxpf.evaluation.work.fingerprint import fingerprint
 from jaxpf.evaluation.work.folder import stored_settings, write_settings
@@ -195,7 +195,7 @@ def carry_out(
             yield work.index, batch
 
     with locked(folder, "evaluating"):
-        remove_leavings(folder)
+        remove_leavings(folder / FOLDER)
         for path in prepared.damaged:
             with report_os_errors("replace", path):
                 path.unlink(missing_ok=True)

@@ -8,10 +8,13 @@ import os
 import sys
 from typing import Any, NoReturn
 
+from jaxpf.cli.shared.console import say
+
 try:
     import click
 
     from jaxpf import __version__
+    from jaxpf.cli.shared.console import say
 except ModuleNotFoundError:  # pragma: no cover - depends on the installed extras
     sys.exit("the command line needs its extra packages: pip install 'jaxpf[cli]'")
 
@@ -88,6 +91,10 @@ def main(arguments: list[str] | None = None) -> Any:
     """Run the command line; a user error prints one sentence and exits with code 2."""
     from jaxpf.contract.errors import InputError
 
+    if sys.stderr is None:  # closed, as by `2>&-`
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115
+    if sys.stdout is None:
+        _refuse("standard output is closed; leave it open, or send it to a file.")
     try:
         if arguments is None:
             from jaxpf.cli.shared.stopping import heed_ctrl_c
@@ -108,12 +115,14 @@ def main(arguments: list[str] | None = None) -> Any:
     except (KeyboardInterrupt, click.Abort) as stop:
         # click wraps KeyboardInterrupt.
         terminated = "Terminated" in (type(stop).__name__, type(stop.__cause__).__name__)
-        click.echo("Terminated." if terminated else "Interrupted.", err=True)
+        say("Terminated." if terminated else "Interrupted.", err=True)
         sys.exit(143 if terminated else 130)
     except BrokenPipeError:
-        # The reader of the pipe has exited (`jaxpf ... | head`); this is not an error.
-        sys.stderr.close()
-        sys.exit(0)
+        _end_quietly()
+    except SystemExit:
+        if hasattr(sys.stdout, "wrapped"):  # by click, which ends with 1 on a broken pipe
+            _end_quietly()
+        raise
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         if error.filename is not None:
@@ -129,12 +138,18 @@ def main(arguments: list[str] | None = None) -> Any:
 
 
 def _refuse(sentence: str, code: int = 2) -> NoReturn:
-    click.echo(f"Error: {sentence}", err=True)
+    say(f"Error: {sentence}".replace("\n", "\\n"), err=True)
     sys.exit(code)
 
 
-#: Errors of writing to a full or broken disk, or beyond a quota.
-_NOT_WRITTEN = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
+def _end_quietly() -> NoReturn:
+    """The reader of the pipe has exited (`jaxpf ... | head`), which is no error."""
+    _discard_output()
+    sys.exit(0)
+
+
+#: Errors of writing to a full or broken disk, beyond a quota, or to what is open for reading only.
+_NOT_WRITTEN = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF}
 
 
 def _discard_output() -> None:

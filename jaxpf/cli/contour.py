@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from jaxpf.cli.shared import plain
+from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.cli.shared.startup import use_compile_cache
 from jaxpf.contract.names import ANNOTATIONS, COEFFICIENTS
@@ -98,7 +99,5 @@ def learn(
     )
     write_learned(output, learned)
     for line in report:
-        click.echo(line)
-    click.echo(
-        f"{output}: for `jaxpf track contours VIDEO --contours FILE.json --learned {output}`"
-    )
+        say(line)
+    say(f"{output}: for `jaxpf track contours VIDEO --contours FILE.json --learned {output}`")

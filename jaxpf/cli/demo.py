@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from jaxpf.cli.shared import plain
-from jaxpf.cli.shared.console import print_table
+from jaxpf.cli.shared.console import print_table, say
 from jaxpf.cli.shared.flags import declared_flags, picked
 from jaxpf.cli.shared.plain import PlainCommand
 from jaxpf.cli.shared.startup import start_jax
@@ -56,7 +56,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, particles: int 
     check_memory(needed_by(tracker, min(runs, WIDE)), "ask for fewer particles (-n)")
     prepare_output_folder(output, overwrite)
     trackers = {name: dataclasses.replace(tracker, ordering=o) for name, o in methods.items()}
-    click.echo(
+    say(
         f"{runs} runs per method, {scene.num_objects} objects, {count} particles, "
         f"{scene.num_frames} frames"
     )
@@ -65,18 +65,18 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, particles: int 
     for result in compare(scene, trackers, seeds):
         results[result.name] = result
         recovery = result.measures["recovery_rate"]
-        click.echo(
+        say(
             f"{result.name:>4}: object 1 recovered in {_percent(recovery, 0)} of the runs "
             f"({time.perf_counter() - began:.1f} s)"
         )
         began = time.perf_counter()
     print_table("smith2004's synthetic test", *_table(results, scene.boxes[1:]))
     _overlay(scene, trackers[_SHOWN], seeds, output / "overlay.mp4")
-    click.echo(
+    say(
         "This scene is made to separate the methods by a single distracter; results vary with "
         "--seed.  `jaxpf evaluate` compares the methods on a clip of your own."
     )
-    click.echo(f"{output}/: overlay.mp4 (a run of {_SHOWN}, the default of `jaxpf track`)")
+    say(f"{output}/: overlay.mp4 (a run of {_SHOWN}, the default of `jaxpf track`)")
 
 
 def _percent(interval: Any, index: Any) -> str:

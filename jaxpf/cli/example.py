@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import click
 
+from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand, overwrite
 
 _SEED = 1
@@ -43,11 +44,11 @@ def command(kind: str, folder: Path, overwrite: bool) -> None:
             video.write(frame)
     example.write(folder, scene)
     names = ", ".join(sorted(path.name for path in folder.iterdir()))
-    click.echo(f"{folder}/: {names}; {scene.num_frames} frames of {width}x{height} pixels.  Try:")
+    say(f"{folder}/: {names}; {scene.num_frames} frames of {width}x{height} pixels.  Try:")
     place = shlex.quote(str(folder))
     if kind == "boxes":
-        click.echo(f"  jaxpf frame {place}/clip.mp4 -o {place}/frame.png")
-    click.echo(f"  jaxpf {example.track.format(place)} -o {place}/tracks")
+        say(f"  jaxpf frame {place}/clip.mp4 -o {place}/frame.png")
+    say(f"  jaxpf {example.track.format(place)} -o {place}/tracks")
 
 
 def _write_boxes(folder: Path, scene: Any) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from jaxpf.cli.shared import plain
+from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import PlainCommand
 
 
@@ -52,6 +53,4 @@ def command(
         raise RuntimeError("OpenCV could not encode a PNG image")
     with atomic_write(output, "wb") as file:
         file.write(encoded.tobytes())
-    click.echo(
-        f"{output}: frame {number} of '{source.path}', {source.width}x{source.height} pixels"
-    )
+    say(f"{output}: frame {number} of '{source.path}', {source.width}x{source.height} pixels")

@@ -10,7 +10,7 @@ import click
 
 from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.config import config_option, write_config
-from jaxpf.cli.shared.console import print_table
+from jaxpf.cli.shared.console import print_table, say
 from jaxpf.cli.shared.plain import PlainCommand
 from jaxpf.cli.shared.startup import start_jax
 
@@ -69,7 +69,7 @@ def command(
 
     began = time.perf_counter()
     chosen = paper_of(paper)
-    request = chosen.request(scenes, seed, quick, click.echo)
+    request = chosen.request(scenes, seed, quick, say)
     executor = None
     if dask is not None:
         executor = click.get_current_context().with_resource(cluster(dask))
@@ -77,24 +77,24 @@ def command(
     resumes = checkpoints.can_resume(output, options)
     folder = prepare_output_folder(output, overwrite or resumes)
     if resumes:
-        click.echo(f"Resuming from '{folder}'.")
-    click.echo("The first scenes take longest: their programs are compiled.")
+        say(f"Resuming from '{folder}'.")
+    say("The first scenes take longest: their programs are compiled.")
     with checkpoints.sharing(executor), checkpoints.keeping(output, options):
         comparison = chosen.compare(request)
         explicit = options | {"scenes": len(request.seeds)}
         written = comparison_table.write(comparison, folder, _typed(explicit))
+        write_config(folder / "run.toml", "reproduce", options)
     for table in comparison.tables:
         print_table(table.title, table.columns, table.texts(), explain=False)
         if table.note:
-            click.echo(f"{table.note}\n")
+            say(f"{table.note}\n")
     for line in verdicts.report(paper, comparison.claims, details=True):
-        click.echo(line)
-    click.echo(f"\n{textwrap.fill(RULE, 100)}")
+        say(line)
+    say(f"\n{textwrap.fill(RULE, 100)}")
     for note in comparison.notes:
-        click.echo(f"- {note}")
-    write_config(folder / "run.toml", "reproduce", options)
+        say(f"- {note}")
     seconds = time.perf_counter() - began
-    click.echo(f"{folder}/: {', '.join([*written, 'run.toml'])} ({seconds:.0f} s)")
+    say(f"{folder}/: {', '.join([*written, 'run.toml'])} ({seconds:.0f} s)")
 
 
 def _typed(options: Mapping[str, Any]) -> str:

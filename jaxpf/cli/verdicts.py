@@ -8,6 +8,7 @@ import click
 
 from jaxpf.cli.reproduce import PAPERS
 from jaxpf.cli.shared import plain
+from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import PlainCommand
 
 
@@ -35,9 +36,9 @@ def command(papers: tuple[str, ...], output: Path | None, details: bool) -> None
     for paper in papers or PAPERS:
         judged = verdicts.stored(paper) if output is None else _written(paper, output)
         for line in verdicts.report(paper, judged, details):
-            click.echo(line)
-        click.echo()
-    click.echo(textwrap.fill(RULE, 100))
+            say(line)
+        say()
+    say(textwrap.fill(RULE, 100))
 
 
 def _written(paper: str, output: Path) -> list[Any]:

@@ -72,9 +72,12 @@ class Plan:
     def __post_init__(self) -> None:
         for name in ("grid", "tracks", "trackers"):
             check_type(name, getattr(self, name), Mapping)
+        for name in ("methods", "orders", "swaps"):
+            values = getattr(self, name)
+            if values is not None or name != "methods":
+                object.__setattr__(self, name, _listed(name, values))
         built_in = filters.methods()
         if self.methods is not None:
-            check_type("methods", self.methods, Iterable)
             for method in self.methods:
                 filters.filter_of(method)
             if self.methods or not (self.tracks or self.trackers):
@@ -168,6 +171,13 @@ class Plan:
                     "the methods."
                 )
         return InputError(f"{name} is no option{whose}; the options are {', '.join(known)}.")
+
+
+def _listed(name: str, values: Any) -> tuple[Any, ...]:
+    try:
+        return tuple(values)
+    except TypeError:
+        raise InputError(f"{name} is {values!r:.60}; give a list.") from None
 
 
 def _methods_with(option: str) -> set[str]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from jaxpf.contract.errors import InputError
-from jaxpf.files.writing import LOCK as LOCK, report_os_errors
+from jaxpf.files.writing import LOCK as LOCK, remove_leavings, report_os_errors
 
 #: Seconds to retry: acquiring fails briefly while another process removes the lock's file.
 _PATIENCE = 0.1
@@ -18,6 +18,7 @@ _NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP)
 def locked(folder: Path, doing: str, *, keep: bool = True) -> Iterator[None]:
     """Lock a folder, so that no other process or thread writes into it at the same time.
 
+    Incomplete files that killed processes left there are removed.
     The system releases the lock when the process ends, even after a crash.
 
     Args:
@@ -42,6 +43,7 @@ def locked(folder: Path, doing: str, *, keep: bool = True) -> Iterator[None]:
             if error.errno not in _NO_LOCKS:
                 raise
     try:
+        remove_leavings(folder)
         yield
     finally:
         if not keep:

@@ -15,7 +15,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import plain
-from jaxpf.files.writing import PARTIAL, atomic_write, report_os_errors, write_text
+from jaxpf.files.writing import atomic_write, report_os_errors, write_text
 
 SETTINGS = "settings.json"
 
@@ -76,12 +76,6 @@ class Pieces:
         except Exception as error:  # a damaged archive can raise almost anything
             cause = " ".join(str(error).split())[:100]
             raise Damaged(f"'{path}' is damaged ({cause}); {self.remedy}.") from None
-
-    def remove_leavings(self) -> None:
-        """Remove incomplete files left by a killed process."""
-        for path in self.folder.glob(f".*{PARTIAL}*"):
-            with contextlib.suppress(OSError):
-                path.unlink()
 
     def remove(self) -> None:
         """Remove the folder with all pieces, if it exists."""

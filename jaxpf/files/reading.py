@@ -8,6 +8,8 @@ import unicodedata
 from pathlib import Path
 
 from jaxpf.contract.errors import InputError
+from jaxpf.files.digests import check_unchanged
+from jaxpf.files.writing import FORMULA
 
 #: Limits of a coordinate in pixels and of a whole number, beyond which floats lose precision.
 FARTHEST, LARGEST_WHOLE = 1e9, 2**53 - 1
@@ -92,19 +94,26 @@ def check_name(name: str, place: str) -> None:
 def read_rows(path: Path, what: str, expected: str) -> list[tuple[int, list[str]]]:
     """Read a table; return line number and stripped fields of every non-blank line.
 
-    The separator is a comma, unless the first line contains semicolons or tabs.
+    The separator is a comma, unless the first line contains semicolons or tabs.  A table of a run
+    that was cut or changed is refused, see ``check_unchanged``.
     """
+    check_unchanged(path)
     lines = read_text(path, what, expected).splitlines()
     first = next((line.strip() for line in lines if line.strip()), "")
     separator = next((mark for mark in ";\t" if mark in first), ",")
     reader = csv.reader(lines, delimiter=separator, skipinitialspace=True)
     try:
-        rows = [(reader.line_num, [field.strip() for field in row]) for row in reader]
+        rows = [(reader.line_num, [_text_of(field.strip()) for field in row]) for row in reader]
     except csv.Error as error:
         raise InputError(
             f"line {reader.line_num} of '{path}' is no CSV ({error}); correct the line"
         ) from None
     return [(line, fields) for line, fields in rows if any(fields)]
+
+
+def _text_of(field: str) -> str:
+    """A field without the apostrophe of ``csv_text``."""
+    return field[1:] if field[:1] == "'" and field.lstrip("'").startswith(FORMULA) else field
 
 
 def read_below(path: Path, what: str, *headers: str) -> list[tuple[str, list[str]]]:

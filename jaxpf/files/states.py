@@ -31,7 +31,7 @@ def save(path: str | os.PathLike[str], state: Any) -> None:
     path = check_path("path", path)
     try:
         arrays = {_STATE + place: _plain(leaf) for place, leaf in _leaves(state)}
-    except TypeError:  # of JAX
+    except (TypeError, ValueError):  # of JAX
         arrays = {}
     if not arrays:
         raise InputError(f"state={state!r:.60} holds no arrays; give one that a run returned.")

@@ -29,6 +29,8 @@ def report_os_errors(action: str, path: str | os.PathLike[str]) -> Iterator[None
         ) from error
 
 
+#: What formulas of spreadsheets begin with.
+FORMULA = ("=", "+", "-", "@")
 #: Part of the names of incomplete files.
 PARTIAL = ".partial"
 #: Name of a folder's lock file, see ``jaxpf.files.locking``.
@@ -96,10 +98,24 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
 
 
 def csv_text(rows: Iterable[Iterable[Any]]) -> str:
-    """Format rows as CSV lines."""
+    """Format rows as CSV lines; ``jaxpf.files.reading.read_rows`` reads the same texts.
+
+    A text that a spreadsheet would take for a formula gets an apostrophe before it.
+    """
     buffer = io.StringIO()
-    csv.writer(buffer, lineterminator="\n").writerows(rows)
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerows([_no_formula(cell) for cell in row] for row in rows)
     return buffer.getvalue()
+
+
+def _no_formula(cell: Any) -> Any:
+    if not isinstance(cell, str) or not cell.lstrip("'").startswith(FORMULA):
+        return cell
+    try:
+        float(cell)
+    except ValueError:
+        return f"'{cell}"
+    return cell
 
 
 class LineWriter:
@@ -175,9 +191,18 @@ def _probe(path: Path) -> None:
     probe.unlink()
 
 
-def is_left_over(name: str) -> bool:
-    """Whether a killed program left a file of that name: its lock, or an incomplete file."""
-    return name == LOCK or (name.startswith(".") and PARTIAL in name)
+def remove_leavings(folder: Path) -> None:
+    """Remove the incomplete files of killed processes; no other may be writing there."""
+    for path in folder.glob(f".*{PARTIAL}*"):
+        with suppress(OSError):
+            path.unlink()
+
+
+def is_left_over(path: Path) -> bool:
+    """Whether a killed program left it: its lock, an incomplete file, or a folder of only those."""
+    if path.is_dir():
+        return all(map(is_left_over, path.iterdir()))
+    return path.name == LOCK or (path.name.startswith(".") and PARTIAL in path.name)
 
 
 def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
@@ -196,8 +221,7 @@ def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False)
                 f"output folder '{path}' is a file; choose another folder or remove the file"
             )
         path.mkdir(parents=True, exist_ok=True)
-        names = sorted(entry.name for entry in path.iterdir())
-        first = next((name for name in names if not is_left_over(name)), None)
+        first = next((each.name for each in sorted(path.iterdir()) if not is_left_over(each)), None)
     if first is not None and not overwrite:
         raise InputError(
             f"output folder '{path}' is not empty (it holds '{first}'); choose another folder "

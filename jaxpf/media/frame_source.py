@@ -34,6 +34,7 @@ class FrameSource:
             gives none.
         num_frames: exact number of frames; None until known.  Folders know it at once, videos
             after a pass to the end.
+        pictures: the file names of a folder's frames; None for other sources.
         truncated: True once a pass has shown that the video is cut off: every decodable frame was
             yielded, and ``note`` describes the missing rest.
         note: one sentence to show the user, or None.
@@ -52,6 +53,7 @@ class FrameSource:
         self._clock = Clock(DEFAULT_FPS)
         self.frames_expected: int | None = None
         self.num_frames: int | None = None
+        self.pictures: list[str] | None = None
         self.truncated = False
         self.note: str | None = None
 

@@ -151,7 +151,7 @@ class _ImageFolder(FrameSource):
     def __init__(self, path: Path, fps: float | None, files: Sequence[Path] | None = None):
         super().__init__(path, path.resolve().name, fps)
         given, files = files, list(files or pictures_in(path))
-        self._files = files
+        self._files, self.pictures = files, [file.name for file in files]
         # A single picture beside a video or a folder of frames is a preview, not the sequence.
         meant = frames_inside(path) if len(files) < 2 and not given else None
         content = f"one image only, '{files[0].name}'" if files else "no images"
@@ -162,7 +162,7 @@ class _ImageFolder(FrameSource):
             raise InputError(
                 f"folder '{path}' holds no images ({suffixes}); give a folder that does"
             )
-        self.note = check_consecutive(path, [entry.name for entry in self._files])
+        self.note = check_consecutive(path, self.pictures)
         for entry in self._files:
             check_name(entry)
             check_single(entry)

@@ -35,14 +35,6 @@ def test_what_cannot_be_read_is_not_taken_for_settings(tmp_path):
         Pieces(tmp_path).settings()
 
 
-def test_what_a_killed_process_left_is_removed(tmp_path):
-    store = Pieces(tmp_path)
-    store.write("a", {"x": np.zeros(1)})
-    (tmp_path / ".a.77.partial.npz").write_bytes(b"half")
-    store.remove_leavings()
-    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
-
-
 def test_differences_are_told_by_name_with_both_values():
     old, new = {"seed": 0, "grid": {"n": (1, 2)}}, {"seed": 0, "grid": {"n": (1,)}, "more": None}
     assert list(differences(old, new)) == ["grid: n = 1,2, now 1"]

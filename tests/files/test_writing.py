@@ -6,7 +6,9 @@ import sys
 import pytest
 
 from jaxpf import InputError
-from jaxpf.files.writing import LineWriter, atomic_write, prepare_output_folder
+from jaxpf.files.locking import LOCK, locked
+from jaxpf.files.reading import read_rows
+from jaxpf.files.writing import LineWriter, atomic_write, csv_text, prepare_output_folder
 
 
 def message_of(call, *arguments):
@@ -138,3 +140,24 @@ def test_a_full_disk_is_reported_and_the_last_line_is_whole(tmp_path):
     text = (tmp_path / "tracks.csv").read_text()
     assert text.endswith("length\n")
     assert 30 < text.count("\n") < 45
+
+
+def test_texts_that_look_like_formulas_are_marked_and_come_back(tmp_path):
+    texts = ["=1+1", "@x", "+a", "-b", "'=1", "''-c", "'quoted", "a=b", "-1.5", "+2", "-inf", "-"]
+    (tmp_path / "a.csv").write_text(csv_text([texts]))
+    written = (tmp_path / "a.csv").read_text().strip().split(",")
+    formulas = [text for text in written if text[0] in "=+-@"]
+    assert formulas == ["-1.5", "+2", "-inf"]  # numbers
+    assert read_rows(tmp_path / "a.csv", "texts", "texts") == [(1, texts)]
+
+
+def test_what_a_killed_program_left_stands_in_no_ones_way_and_is_removed(tmp_path):
+    folder, parts = tmp_path / "out", tmp_path / "out" / "parts"
+    parts.mkdir(parents=True)
+    for leaving in (folder / LOCK, folder / ".a.77.partial.md", parts / ".b.77.partial.json"):
+        leaving.touch()
+    prepare_output_folder(folder)
+    with locked(folder, "testing", keep=False):
+        assert sorted(os.listdir(folder)) == [LOCK, "parts"]
+    (parts / "whole.npz").touch()
+    assert "is not empty (it holds 'parts')" in message_of(prepare_output_folder, folder)

@@ -226,3 +226,9 @@ def test_eskil_refuses_what_cannot_work(settings, message):
 def test_pffl_refuses_what_cannot_work(settings, message):
     with pytest.raises(jaxpf.InputError, match=message):
         jaxpf.PFFL(RandomWalk(1.0), Seen(), START, **settings)
+
+
+def test_eskil_says_why_it_cannot_be_checked_for_nan():
+    sentence = "NaN for the evidence .* switch it off"
+    with jax.debug_nans(True), pytest.raises(jaxpf.InputError, match=sentence):
+        jaxpf.run(trackers()["eskil"], jax.random.key(0), moving())

@@ -11,7 +11,7 @@ from jaxpf.cli.evaluating.output import FINISHED, print_again, print_results, sh
 from jaxpf.cli.evaluating.request import VARIED, Compared, Request, Work, parse
 from jaxpf.cli.evaluating.sequences import evaluate_each
 from jaxpf.cli.shared.config import write_config
-from jaxpf.cli.shared.console import progress_bar
+from jaxpf.cli.shared.console import progress_bar, say
 from jaxpf.cli.shared.flags import report_implied
 from jaxpf.cli.shared.scene_options import SceneCommand, SceneOptions
 from jaxpf.cli.shared.startup import start_jax, use_compile_cache
@@ -49,7 +49,7 @@ def _is_finished(request: Request) -> bool:
     if finished(request.plan, request.output) is None:
         return False
     if request.options.dry_run:
-        click.echo(f"{request.output}/: finished, nothing left to do")
+        say(f"{request.output}/: finished, nothing left to do")
         return True
     return not request.options.speed and print_again(request.output, request.plan.runs)
 
@@ -75,9 +75,9 @@ def _prepare(request: Request) -> tuple[Any, Any]:
     elif options.workers > 1:
         pool = local_pool(options.workers, devices, use_compile_cache)
     workers = pool.workers if pool else 1
-    click.echo(f"Reading {request.scene}", err=True)
+    say(f"Reading {request.scene}", err=True)
     if options.baseline:
-        click.echo(f"Baselines come first: {', '.join(options.baseline)}", err=True)
+        say(f"Baselines come first: {', '.join(options.baseline)}", err=True)
     limits = Limits(options.memory * 2**20, workers=workers, devices=devices)
     prepared = prepare(request.plan, request.output, limits)
     target = prepared.adapter.target
@@ -107,16 +107,14 @@ def _run(request: Request, prepared: Any, pool: Any) -> Any:
 
             results = carry_out(prepared, executor=pool, progress=progress)
     except KeyboardInterrupt:
-        click.echo(
-            f"Finished runs are kept in '{request.output}'; the same command continues.", err=True
-        )
+        say(f"Finished runs are kept in '{request.output}'; the same command continues.", err=True)
         raise
     if prepared.import_seconds:
         keep_speeds(results, prepared.import_seconds)
     if request.options.speed:
 
         def announce(label: str) -> None:
-            click.echo(f"Timing one run alone: {label}", err=True)
+            say(f"Timing one run alone: {label}", err=True)
 
         measure_speeds(results, request.plan.trackers, announce)
     return results

@@ -4,9 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-import click
-
-from jaxpf.cli.shared.console import print_table
+from jaxpf.cli.shared.console import print_table, say
 from jaxpf.contract.options import chosen, counting, plain
 from jaxpf.files.writing import write_text
 
@@ -29,21 +27,21 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
 
     results, scene = prepared.results, prepared.results.settings["scene"]
     count, frames = len(scene["object_ids"]), len(results.truth)
-    click.echo(
+    say(
         f"{scene['name']}: {count} object{'s' if count != 1 else ''}, {frames} frames "
         f"after the start frame {scene['start_frame']}, {scene['width']} x {scene['height']} pixels"
     )
     columns, rows, common_to_all = _plan_table(prepared)
     print_table("Plan", columns, rows)
     if common_to_all:
-        click.echo(", ".join(f"{name} {value}" for name, value in common_to_all.items()))
+        say(", ".join(f"{name} {value}" for name, value in common_to_all.items()))
     if prepared.damaged:
-        click.echo(f"{len(prepared.damaged)} damaged file(s) will be made again.")
+        say(f"{len(prepared.damaged)} damaged file(s) will be made again.")
     has_own = any(each.kind == OWN for each in results.configurations)
     place = f"on {devices} device{'s' if devices > 1 else ''}"
     if workers > 1:
         place = f"in each of {workers} processes {place}"
-    click.echo(
+    say(
         f"{prepared.missing_runs} runs to do, with {prepared.memory / 2**30:.1f} GB of memory "
         + place
         + (", trackers of your own not counted" if has_own else "")
@@ -113,6 +111,6 @@ def _print(folder: Path, printed: dict[str, Any]) -> None:
     for table in printed["tables"]:
         print_table(table["title"], table["columns"], table["rows"])
     for remark in printed["remarks"]:
-        click.echo(remark)
-    click.echo(f"{folder}/: {', '.join(_WRITTEN)}")
-    click.echo(printed["conclusion"])
+        say(remark)
+    say(f"{folder}/: {', '.join(_WRITTEN)}")
+    say(printed["conclusion"])

@@ -4,11 +4,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import click
-
 from jaxpf.cli.evaluating.request import Request
 from jaxpf.cli.shared.config import write_config
-from jaxpf.cli.shared.console import print_table
+from jaxpf.cli.shared.console import print_table, say
 from jaxpf.contract.errors import InputError
 
 #: Options that apply to a single sequence only.
@@ -42,7 +40,7 @@ def evaluate_each(
         )
     made = {}
     for number, (folder, frames) in enumerate(chosen.items(), start=1):
-        click.echo(f"\n{folder.name} ({number} of {len(chosen)})")
+        say(f"\n{folder.name} ({number} of {len(chosen)})")
         made[folder.name] = evaluate(request.of_sequence(folder, kind, frames))
     if options.dry_run:
         return
@@ -50,12 +48,12 @@ def evaluate_each(
     from jaxpf.evaluation.output.tables import stored_tables
 
     tables = {name: each or stored_tables(output / name) for name, each in made.items()}
-    click.echo()
+    say()
     for table in write_overall(output, tables, request.varied):
         print_table(table.title, table.columns, table.texts())
     write_config(output / "run.toml", "evaluate", request.table())
-    click.echo(about_units(len(chosen)))
-    click.echo(f"{output}/: {', '.join(FILES)}, run.toml, and a folder for each sequence")
+    say(about_units(len(chosen)))
+    say(f"{output}/: {', '.join(FILES)}, run.toml, and a folder for each sequence")
 
 
 def _of_one_kind(
@@ -76,7 +74,7 @@ def _of_one_kind(
             scene = sequence.scene(num_frames=2)
             kind = adapter_of_scene(scene, kind).name
         except InputError as error:
-            click.echo(f"{folder.name} is left out: {error}", err=True)
+            say(f"{folder.name} is left out: {error}", err=True)
             continue
         available = sequence.num_frames - start_frame(scene)
         chosen[folder] = None if most is None else min(most, available)

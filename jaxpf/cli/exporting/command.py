@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from jaxpf.cli.shared import plain
+from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.contract.errors import InputError
 
@@ -32,4 +33,4 @@ def command(folder: Path, form: str, output: Path, overwrite: bool) -> None:
     tracked = read_tracked(folder)
     write(output, tracked)
     count, frames = len(tracked.names), len(tracked.times)
-    click.echo(f"{output}: {count} {tracked.target} in {frames} frames")
+    say(f"{output}: {count} {tracked.target} in {frames} frames")

@@ -1,7 +1,8 @@
 """Tracks in the formats of other projects: COCO, CVAT and MOT.
 
-All read the output folder of ``jaxpf track`` and keep the objects' ids.  In memory, frames and
-pixels count from 0, and pixel (0, 0) is the square [0, 1) x [0, 1).  File conventions:
+All read the output folder of ``jaxpf track``, without the video, and keep the objects' ids.  In
+memory, frames and pixels count from 0, and pixel (0, 0) is the square [0, 1) x [0, 1).  File
+conventions:
 
 ==============  ===========  ===========  =================================
 format          first frame  first pixel  position
@@ -14,7 +15,6 @@ cvat (MOT 1.1)  1            0            top left corner, width and height
 COCO's times are frame timestamps, which differ from index / fps where the frame rate varies.
 """
 
-import csv
 import dataclasses
 import json
 import zipfile
@@ -26,9 +26,9 @@ import numpy as np
 
 from jaxpf.boxes.tracks import read_tracks, write_mot
 from jaxpf.contract.errors import InputError
-from jaxpf.files.reading import read_text
-from jaxpf.files.writing import atomic_write, report_os_errors, write_text
-from jaxpf.media.video import open_frames
+from jaxpf.files.digests import SUMMARY
+from jaxpf.files.reading import read_rows, read_text
+from jaxpf.files.writing import atomic_write, write_text
 
 #: Category of all tracked objects.
 _LABEL = "object"
@@ -43,22 +43,22 @@ class Tracked:
         names: ``[P]``.
         first: number of the first of T frames, from 0.
         times: ``[T]``, timestamp of each frame, seconds.
+        pictures: ``[T]``, file name of each frame; those of a film are made up.
         lines: ``[T, P, S, 2]``, corners, outlines or points, pixels; NaN where missing.
         confidence: ``[T, P]``, confidence in the reported position; where the tracks have none,
             0 where an object is lost and else 1.
         lost: bool ``[T, P]``.
-        video: the tracked video.
-        size: width and height of its frames.
+        size: width and height of the frames.
     """
 
     target: str
     names: tuple[str, ...]
     first: int
     times: np.ndarray
+    pictures: tuple[str, ...]
     lines: np.ndarray
     confidence: np.ndarray
     lost: np.ndarray
-    video: str
     size: tuple[int, int]
 
     @property
@@ -84,27 +84,39 @@ class Tracked:
 
 def read_tracked(folder: Path) -> Tracked:
     """Read the results of ``jaxpf track``."""
-    text = read_text(folder / "summary.json", "results", "a folder that `jaxpf track` wrote")
+    text = read_text(folder / SUMMARY, "results", "a folder that `jaxpf track` wrote")
     try:
-        parameters = json.loads(text)["parameters"]
+        summary = json.loads(text)
+        parameters, tables = summary["parameters"], set(summary["tables"])
         target, video = str(parameters["target"]), str(parameters["video"])
-    except (json.JSONDecodeError, KeyError, TypeError, RecursionError):
+        times, first = np.array(summary["times"], float), int(parameters["start"])
+        size = int(summary["width"]), int(summary["height"])
+        made_up = [f"{Path(video).stem}_{first + number:06d}.png" for number in range(len(times))]
+        pictures = tuple(map(str, summary["pictures"] or made_up))
+        if times.shape != (len(pictures),) or "tracks.csv" not in tables:
+            raise ValueError
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise InputError(
-            f"'{folder / 'summary.json'}' is no summary of `jaxpf track`; give its output folder."
+            f"'{folder / SUMMARY}' is no summary of this version of `jaxpf track`; give its "
+            "output folder, or track again."
         ) from None
     table = read_tracks(folder / "tracks.csv")
     if not len(table["frame"]):
         raise InputError(f"'{folder / 'tracks.csv'}' holds no tracks, so nothing can be exported.")
     frames, ids = table["frame"].astype(int), [str(name) for name in table["id"].tolist()]
-    names, first = tuple(dict.fromkeys(ids)), int(frames.min())
-    numbers = np.arange(first, frames.max() + 1)
+    names, numbers = tuple(dict.fromkeys(ids)), np.arange(first, first + len(times))
+    if not np.isin(frames, numbers).all():
+        raise InputError(
+            f"'{folder / SUMMARY}' and 'tracks.csv' are of different runs, whose frames differ; "
+            "track again."
+        )
     rows = frames - first, np.array([names.index(name) for name in ids])
     confidence, lost = np.zeros((2, len(numbers), len(names)))
     outlines = folder / "outlines.csv"
     try:
         lost[rows], reported = table["lost"], table.get("confidence", np.nan)
         confidence[rows] = np.where(np.isnan(reported), 1 - table["lost"], reported)
-        if outlines.is_file():
+        if outlines.name in tables:
             lines = _read_outlines(outlines, names, numbers)
         else:
             shapes = _lines_of(table, target)
@@ -115,18 +127,16 @@ def read_tracked(folder: Path) -> Tracked:
             f"'{folder / 'tracks.csv'}' has no column {error}, which tracks of {target} have; "
             "track again."
         ) from None
-    source = open_frames(video)
-    tracked_frames, places = np.unique(frames, return_index=True)
     return Tracked(
         target=target,
         names=names,
         first=first,
-        times=np.interp(numbers, tracked_frames, table["time"][places]),
+        times=times,
+        pictures=pictures,
         lines=lines,
         confidence=confidence,
         lost=lost > 0,
-        video=video,
-        size=(source.width, source.height),
+        size=size,
     )
 
 
@@ -146,19 +156,22 @@ def _lines_of(table: dict[str, np.ndarray], target: str) -> np.ndarray:
 
 def _read_outlines(path: Path, names: tuple[str, ...], numbers: np.ndarray) -> np.ndarray:
     try:
-        with report_os_errors("read", path), path.open(newline="", encoding="utf-8") as file:
-            rows = [row for row in csv.DictReader(file) if row["kind"] == "outline"]
+        (_, header), *lines = read_rows(path, "outlines", "the outlines.csv of a run")
+        table = [dict(zip(header, fields, strict=True)) for _, fields in lines]
+        rows = [row for row in table if row["kind"] == "outline"]
         length = 1 + max(int(row["point"]) for row in rows)
-        lines = np.full((len(numbers), len(names), length, 2), np.nan)
+        places = np.full((len(numbers), len(names), length, 2), np.nan)
         for row in rows:
             place = float(row["x"]), float(row["y"])
             time = int(row["frame"]) - numbers[0]
-            lines[time, names.index(row["contour"]), int(row["point"])] = place
-    except (ValueError, TypeError, IndexError, KeyError, csv.Error):
+            places[time, names.index(row["contour"]), int(row["point"])] = place
+    except (ValueError, IndexError, KeyError) as error:
+        if isinstance(error, InputError):
+            raise
         raise InputError(
             f"'{path}' is damaged, or does not belong to the tracks beside it; track again."
         ) from None
-    return lines
+    return places
 
 
 def write_coco(path: Path, tracked: Tracked) -> None:
@@ -168,7 +181,6 @@ def write_coco(path: Path, tracked: Tracked) -> None:
     keys, as is usual for tracks.
     """
     width, height = tracked.size
-    name = Path(tracked.video).stem
     of_points = tracked.target == "points"
     category: dict[str, Any] = {"id": 1, "name": _LABEL}
     if of_points:
@@ -178,12 +190,14 @@ def write_coco(path: Path, tracked: Tracked) -> None:
         "images": [
             {
                 "id": number + 1,
-                "file_name": f"{name}_{number:06d}.png",
+                "file_name": name,
                 "width": width,
                 "height": height,
                 "time": round(float(time), 6),
             }
-            for number, time in enumerate(tracked.times, start=tracked.first)
+            for number, (name, time) in enumerate(
+                zip(tracked.pictures, tracked.times, strict=True), start=tracked.first
+            )
         ],
         "annotations": [
             {"id": number, "category_id": 1, "iscrowd": 0, **annotation}

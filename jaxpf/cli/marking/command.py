@@ -11,6 +11,7 @@ import click
 
 from jaxpf.cli.marking.starts import FLAGS, SUFFIXES, Shapes, read_start, write_start
 from jaxpf.cli.shared import plain
+from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.contract.errors import InputError
 
@@ -210,13 +211,13 @@ def _serve(
         "result": result,
     }
     server = Server(source, about | {"can_track": True}, answers)
-    click.echo(f"{server.url}\nThe page is open until you press Ctrl-C or close it.")
+    say(f"{server.url}\nThe page is open until you press Ctrl-C or close it.")
     try:
         if opens:
             webbrowser.open(server.url)
         server.wait(keep)
     except KeyboardInterrupt:
-        click.echo("Closed.")
+        say("Closed.")
     finally:
         server.close()
         marking.stop()

@@ -1,11 +1,17 @@
-"""Tables with an explanation of their terms, and progress bars."""
+"""All that is printed: lines, tables with an explanation of their terms, and progress bars."""
 
+import re
 import sys
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 import click
 
+#: Controls, overrides of the direction, and halves of characters, which cannot be encoded.
+_CONTROLS = re.compile(
+    "[\0-\b\x0b-\x1f\x7f-\x9f\N{LEFT-TO-RIGHT EMBEDDING}-\N{RIGHT-TO-LEFT OVERRIDE}"
+    "\N{LEFT-TO-RIGHT ISOLATE}-\N{POP DIRECTIONAL ISOLATE}\ud800-\udfff]"
+)
 _TRACKED = "overlapping the truth at all"
 #: Prefix of a term -> explanation; a line under each table explains the terms it uses.
 _TERMS = {
@@ -49,6 +55,19 @@ _TERMS = {
 _UNBOUNDED = 10_000
 
 
+def say(text: str = "", err: bool = False) -> None:
+    """Print text on standard output, or on standard error with ``err``; see ``visible``."""
+    click.echo(visible(text), err=err)
+
+
+def visible(text: str) -> str:
+    """Escape all characters that would control the terminal, except for ends of lines and tabs.
+
+    Names of files and objects may hold any, such as escape codes or marks that reverse the text.
+    """
+    return _CONTROLS.sub(lambda mark: mark[0].encode("unicode_escape").decode("ascii"), text)
+
+
 def print_table(
     title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], explain: bool = True
 ) -> None:
@@ -59,18 +78,18 @@ def print_table(
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left")
+    table = Table(title=visible(title), title_justify="left")
     for index, column in enumerate(columns):
-        table.add_column(column, justify="left" if index == 0 else "right")
+        table.add_column(visible(column), justify="left" if index == 0 else "right")
     rows = list(rows)
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(visible, row))
     # A pipe or a file has no width: no cell breaks over lines.
     Console(width=None if sys.stdout.isatty() else _UNBOUNDED, markup=False, emoji=False).print(
         table
     )
     if explain and (terms := _terms([*columns, *(row[0] for row in rows if row)])):
-        click.echo(terms)
+        say(terms)
 
 
 def _terms(names: Iterable[str]) -> str:

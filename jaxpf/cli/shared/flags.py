@@ -15,6 +15,7 @@ from typing import Any
 import click
 
 from jaxpf import filters
+from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, Option, counting, options_of, plain
@@ -142,7 +143,7 @@ def _help_all() -> click.Option:
     def show(ctx: click.Context, param: click.Parameter, wanted: bool) -> None:
         if wanted and not ctx.resilient_parsing:
             ctx.meta[ALL] = True
-            click.echo(ctx.get_help(), color=ctx.color)
+            say(ctx.get_help())
             ctx.exit()
 
     return click.Option(
@@ -361,7 +362,7 @@ def report_implied(values: Mapping[str, Any], usual: Any) -> None:
         if default != wanted:
             sets = "sets" if len(causes) == 1 else "set"
             without = ", which reports no confidence" if wanted == COLOUR else ""
-            click.echo(
+            say(
                 f"Note: {' and '.join(causes)} {sets} {declared[other].flag} {wanted}{without}; "
                 f"the default is {default}.",
                 err=True,

@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
-import click
+from jaxpf.cli.shared.console import say
 
 #: A second Ctrl-C ends the program only after these seconds, if the first had no effect yet.
 _MEANT = 1.0
@@ -89,7 +89,7 @@ def announced_stop(saying: str) -> Iterator[None]:
 
     def stop(number: int, frame: Any) -> None:
         try:
-            click.echo(f"\n{saying}", err=True)
+            say(f"\n{saying}", err=True)
         except OSError:  # the terminal is gone, and later messages must not fail either
             nowhere = os.open(os.devnull, os.O_WRONLY)
             for stream in (1, 2):

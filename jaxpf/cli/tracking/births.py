@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import click
 import numpy as np
 
 from jaxpf.boxes.tracks import BoxTable, check_boxes
+from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.flags import picked
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import options_of, plain
@@ -105,7 +105,7 @@ def check_births(births: Births, start: Start, number: int, source: Any) -> None
     check_boxes(table.box[named], source.width, source.height, names)
     outside = _outside(table.box[~named], source.width, source.height)
     if outside.any():
-        click.echo(
+        say(
             f"Note: {outside.sum()} of {len(outside)} detections of {table.source} lie outside the "
             "picture and are left out.",
             err=True,

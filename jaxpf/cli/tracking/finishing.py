@@ -5,17 +5,21 @@ import json
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 
 from jaxpf.boxes.tracks import read_tracks
+from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking.births import nobody_came
 from jaxpf.cli.tracking.later import all_names
 from jaxpf.cli.tracking.recorder import Recording
 from jaxpf.cli.tracking.verdict import object_verdicts, sentences
 from jaxpf.contract.errors import InputError
 from jaxpf.files import writing
+from jaxpf.files.digests import SUMMARY, digests
 from jaxpf.files.versions import versions
+
+#: Tables whose rows the summary counts.
+_TABLES = ("tracks.csv", "outlines.csv", "smoothed.csv", "smoothed_outlines.csv")
 
 
 def finish(recording: Recording, truth: Any) -> None:
@@ -43,7 +47,7 @@ def _finish(recording: Recording, truth: Any) -> None:
         sizes = sizes[sizes > 0]  # 0 while there is no object
     ess = float(np.median(sizes)) if len(sizes) and not np.isnan(sizes).any() else None
     content = _summary(recording, names, verdicts, table, ess)
-    writing.write_text(output / "summary.json", json.dumps(content, indent=2) + "\n")
+    writing.write_text(output / SUMMARY, json.dumps(content, indent=2) + "\n")
     lost = {name: about["lost"] for name, about in verdicts.items()}
     adapter = recording.request.adapter
     columns = [name for name in adapter.columns if name not in adapter.fixed_columns]
@@ -66,6 +70,8 @@ def _summary(
     counts, source = recording.counts, recording.opened.source
     population, stopped = recording.population, recording.stopped
     first, rest = recording.seconds
+    start = recording.request.run.start
+    frames = slice(start, start + recording.built.before[1] + counts.tracked + 1)
     kept = {} if population is None else vars(population)
     return {
         "parameters": {
@@ -79,6 +85,8 @@ def _summary(
         "objects": verdicts,
         "effective_sample_size": None if ess is None else round(ess, 3),
         "frames_tracked": counts.tracked,
+        "width": source.width,
+        "height": source.height,
         "fps": source.fps,
         "interrupted": isinstance(stopped, KeyboardInterrupt),
         "error": str(stopped) if isinstance(stopped, InputError) else None,
@@ -94,6 +102,10 @@ def _summary(
         "seconds_other_frames": round(rest, 3),
         "frames_per_second": round((counts.tracked - 1) / rest, 2) if rest > 0 else None,
         "versions": versions(),
+        "tables": digests(recording.output, _TABLES),
+        # Of the start frame and all that follow.
+        "times": [round(source.shown_at(n), 4) for n in range(frames.start, frames.stop)],
+        "pictures": source.pictures and source.pictures[frames],
     }
 
 
@@ -137,14 +149,14 @@ def _tell(
 ) -> None:
     counts, rate = recording.counts, content["frames_per_second"]
     speed = "" if rate is None else f", {rate:.1f} frames/s"
-    click.echo(f"{recording.output}: {counted(counts.tracked)} tracked{speed}")
+    say(f"{recording.output}: {counted(counts.tracked)} tracked{speed}")
     place = recording.request.adapter.place
     for line in sentences(verdicts, ess, num_particles, place):
-        click.echo(line)
+        say(line)
     if (errors := content["mean_error"]) is not None:
         estimated = [f"{name} {error:.2g}" for name, error in errors.items() if error is not None]
         if estimated:
-            click.echo(f"Monte-Carlo error of places in pixels: {', '.join(estimated)}")
+            say(f"Monte-Carlo error of places in pixels: {', '.join(estimated)}")
         else:
             _warn(
                 "Note: too few ancestors were left to estimate the Monte-Carlo error; ask for "
@@ -172,7 +184,7 @@ def _tell(
     if recording.population is not None:
         population = recording.population
         came = counted(len(population.births), "object")
-        click.echo(f"{came} came, {len(population.deaths)} went")
+        say(f"{came} came, {len(population.deaths)} went")
         births = recording.request.births
         if births is not None and not population.births and not population.refused:
             _warn(f"Note: {nobody_came(births, recording.request.run.start)}")
@@ -185,7 +197,7 @@ def _tell(
 
 
 def _warn(text: str) -> None:
-    click.echo(text, err=True)
+    say(text, err=True)
 
 
 def _report_truth(recording: Recording, truth: Any, names: list[Any]) -> None:

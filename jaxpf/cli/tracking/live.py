@@ -5,9 +5,9 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
-import click
 import numpy as np
 
+from jaxpf.cli.shared.console import say
 from jaxpf.contract.errors import InputError
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def start_when_compiled(
 
     from jaxpf.running.streaming import stream
 
-    click.echo("Compiling: leave the objects at their boxes.", err=True)
+    say("Compiling: leave the objects at their boxes.", err=True)
     for _ in range(_ATTEMPTS):
         collections.deque(stream(tracker, jax.random.key(0), [frame]), maxlen=0)
         compiled_for = _kind(tracker)
@@ -76,7 +76,7 @@ def start_when_compiled(
         tracker, frame = make(latest), latest
         if _kind(tracker) == compiled_for:
             break
-    click.echo("Tracking begins: the start frame is taken.  Ctrl-C ends it.", err=True)
+    say("Tracking begins: the start frame is taken.  Ctrl-C ends it.", err=True)
     return tracker, frame
 
 

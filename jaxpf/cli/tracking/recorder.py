@@ -29,6 +29,8 @@ from jaxpf.contract.errors import InputError
 from jaxpf.files import writing
 from jaxpf.files.locking import locked
 
+#: Seconds between two saves of the state, from which a killed run goes on.
+_SAVE_EVERY = 60.0
 #: All files that a run may leave in its output folder.
 OUTPUTS = (
     "tracks.csv",
@@ -152,23 +154,28 @@ def _record_frames(
     else:
         records = changing_population(scene, recording.tracker, key, first, frames, births)
     total = None if total is None else max(total - before[1], 0)
-    state, clock, counts = None, time.perf_counter(), recording.counts
+    state, counts, saved = None, recording.counts, time.monotonic()
+    clock = time.perf_counter()
     with console.progress_bar("frames") as progress:
         task = progress.add_task("compiling", total=total)
         try:
             beginning = _until_tracked(records)
+            overlay = _overlay(recording, scene, stack)  # may fail, so old results are still there
             remove_outputs(opened.output)
             recording.has_begun = True
             write_config(opened.output / "run.toml", "track", recording.table)
             if look_back is not None:
                 smoothed = Smoothed(opened.output, scene, look_back, stack)
-            writers = _writers(recording, scene, smoothed, stack)
+            writers = [*_writers(recording, scene, smoothed, stack), *overlay]
             for record in itertools.chain(beginning, records):
                 for writer in writers:
                     writer.write(record)
                 state = record.state
                 if record.summary is None:
                     continue
+                if run.save_state is not None and time.monotonic() - saved > _SAVE_EVERY:
+                    states.save(run.save_state, state)
+                    saved = time.monotonic()
                 elapsed, clock = time.perf_counter() - clock, time.perf_counter()
                 if counts.tracked == 1:
                     recording.seconds = elapsed, 0.0
@@ -239,19 +246,22 @@ def _writers(
     writers.append(recording.counts)
     if recording.population is not None:
         writers.append(recording.population)
-    if request.run.overlay:
-        source = opened.source
-        writers.append(Overlay(opened.output, scene, source.fps, source.pixel_aspect, stack))
     return writers
 
 
+def _overlay(recording: Recording, scene: Scene, stack: contextlib.ExitStack) -> list[Writer]:
+    """The writer of the overlay, if one is wanted; its file gets its name with the first frame."""
+    source, output = recording.opened.source, recording.opened.output
+    if not recording.request.run.overlay:
+        return []
+    return [Overlay(output, scene, source.fps, source.pixel_aspect, stack)]
+
+
 def remove_outputs(output: Path) -> None:
-    """Remove the files of an earlier run, including unfinished ones, and no others."""
-    for name in map(Path, OUTPUTS):
-        unfinished = output.glob(f".{name.stem}.*.partial{name.suffix}")
-        for path in (output / name, *unfinished):
-            with writing.report_os_errors("replace", path):
-                path.unlink(missing_ok=True)
+    """Remove the files of an earlier run and no others."""
+    for path in (output / name for name in OUTPUTS):
+        with writing.report_os_errors("replace", path):
+            path.unlink(missing_ok=True)
 
 
 def nothing_follows(source: Any, start: int) -> InputError:

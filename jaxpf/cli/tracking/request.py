@@ -68,7 +68,9 @@ class Run:
         most=_MOST_FRAMES,
     )
     save_state: Path | None = option(  # noqa: RUF009
-        None, "Save the filter's state after the last frame to this file, for --resume."
+        None,
+        "Save the filter's state to this file, for --resume: every minute, so that a run that is "
+        "killed can go on, and after the last frame.",
     )
     resume: Path | None = option(  # noqa: RUF009
         None,
@@ -172,7 +174,9 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
     request = Request(values["video"], adapter, starts, run, model, filter_, filter_options, births)
     _check_together(request)
     if run.save_state is not None:
-        check_output_file(run.save_state, "--save-state", overwrite=True)
+        # A chain of runs goes on from one file, which the user names twice.
+        goes_on = run.resume is not None and run.resume.resolve() == run.save_state.resolve()
+        check_output_file(run.save_state, "--save-state", run.overwrite or goes_on)
     return request
 
 

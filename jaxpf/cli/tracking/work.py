@@ -9,6 +9,7 @@ from typing import Any
 import click
 import numpy as np
 
+from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.startup import use_compile_cache
 from jaxpf.cli.tracking import births as births_of
 from jaxpf.cli.tracking.finishing import finish
@@ -113,7 +114,7 @@ def open_input(request: Request) -> Opened:
     if later:
         check_later(request)
     for remark in (*start.remarks, *([note] if note else [])):
-        click.echo(f"Note: {remark}", err=True)
+        say(f"Note: {remark}", err=True)
     if request.births is not None:
         births_of.check_births(request.births, start, run_options.start, source)
     truth = _read_truth(request, start)

@@ -6,9 +6,9 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, Protocol
 
-import click
 import numpy as np
 
+from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking.records import Record, Scene
 from jaxpf.cli.tracking.track_table import TrackTable, centres_of
 from jaxpf.files.writing import LineWriter
@@ -182,7 +182,7 @@ class Smoothed:
         """Smooth the remaining frames."""
         self._append(self._look_back.finish())
         if self._look_back.broken:
-            click.echo(
+            say(
                 f"Note: {self._look_back.broken} steps of smoothed tracks fit no particle; use "
                 "more particles (-n).",
                 err=True,

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from jaxpf.cli.shared.config import write_config
-from jaxpf.cli.shared.console import progress_bar
+from jaxpf.cli.shared.console import progress_bar, say
 from jaxpf.cli.shared.flags import as_typed, picked, refuse_others, report_implied
 from jaxpf.cli.shared.scene_options import (
     SceneCommand,
@@ -101,6 +101,7 @@ def _command(**values: Any) -> None:
     from jaxpf import tuning
     from jaxpf.cli.tuning import output as outputs
     from jaxpf.cli.tuning.scenes import scenes_to_tune_on, unseen
+    from jaxpf.files.locking import locked
     from jaxpf.files.writing import prepare_output_folder, report_os_errors
     from jaxpf.tuning.checkpoint import NAME
 
@@ -124,8 +125,8 @@ def _command(**values: Any) -> None:
     tracker, longest = sequences[0].tracker, max(len(each.frames) for each in sequences)
     _check_parameters(tracker, before.of, parameters)
     check_memory(num_bytes + needed_by(tracker, settings.runs, longest), _LESS_MEMORY)
-    if not continues:
-        prepare_output_folder(folder)
+    prepare_output_folder(folder, overwrite=continues)
+    click.get_current_context().with_resource(locked(folder, "tuning", keep=False))
     try:
         result = _tune(sequences, parameters, settings, options.objective, folder)
     except tuning.Diverged as error:
@@ -133,19 +134,17 @@ def _command(**values: Any) -> None:
         outputs.write_tuned(tuned, error.result, error.result.last_good, before)
         raise InputError(f"{error} They are kept in '{tuned}'.") from None
     except KeyboardInterrupt:
-        click.echo(
-            f"The steps so far are kept in '{folder}'; the same command continues.", err=True
-        )
+        say(f"The steps so far are kept in '{folder}'; the same command continues.", err=True)
         raise
     table = {"scene": source, **as_typed(options), **repeated, "output": None}
     write_config(folder / "run.toml", "tune", table)
     outputs.write_tuned(folder / outputs.TUNED, result, result.values, before)
     outputs.write_traces(folder / outputs.TRACES, result, options.objective)
     outputs.show(result)
-    click.echo(f"{folder}/: {outputs.TUNED}, {outputs.TRACES}, run.toml")
+    say(f"{folder}/: {outputs.TUNED}, {outputs.TRACES}, run.toml")
     others = shlex.join([source, *unseen(scenes, options)])
     config = shlex.quote(str(folder / outputs.TUNED))
-    click.echo(
+    say(
         "To compare on unseen frames, run this with and without --config: jaxpf evaluate "
         f"{others} --config {config}"
     )

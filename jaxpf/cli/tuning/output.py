@@ -3,10 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 
-from jaxpf.cli.shared.console import print_table
+from jaxpf.cli.shared.console import print_table, say
 from jaxpf.contract.options import options_of
 from jaxpf.files.writing import atomic_write
 from jaxpf.targets import DEFAULT
@@ -86,6 +85,6 @@ def show(result: Any) -> None:
     )
     for descent in result.descents:
         how = {"settled": "settled", "all steps": "stopped before it settled"}[descent.stopped]
-        click.echo(f"repeat {descent.repeat + 1}: {how} after {descent.num_steps} steps")
+        say(f"repeat {descent.repeat + 1}: {how} after {descent.num_steps} steps")
     for remark in result.remarks:
-        click.echo(remark)
+        say(remark)

@@ -117,13 +117,27 @@ def _opencv(name: str, frames: np.ndarray, box: np.ndarray) -> np.ndarray:
             f"the baseline {name.lower()!r} is missing in this OpenCV; put "
             "opencv-contrib-python-headless in the place of opencv-python-headless."
         )
+    x, y, width, height = _whole(box, frames)
+    if name == "MIL" and not _has_features(width - 1, height - 1):
+        raise InputError(
+            f"the baseline 'mil' finds no features in a box of {width}x{height} pixels; give boxes "
+            "of 5x5 pixels or more, or leave it out."
+        )
     tracker = maker()
-    tracker.init(_bgr(frames[0]), _whole(box, frames))
+    tracker.init(_bgr(frames[0]), (x, y, width, height))
     track = [np.asarray(box, np.float64)]
     for frame in frames[1:]:
         is_tracked, window = tracker.update(_bgr(frame))
         track.append(np.array(window, np.float64) if is_tracked else track[-1])
     return np.stack(track)
+
+
+def _has_features(width: int, height: int) -> bool:
+    """Whether OpenCV can draw one of MIL's features; otherwise it draws for ever.
+
+    Features have an area of at least 9 pixels and two equal halves.
+    """
+    return max(width // 2 * 2 * height, width * (height // 2 * 2)) >= 9
 
 
 def _maker(name: str) -> Callable[[], Any] | None:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from jaxpf.evaluation.measuring.overview import Overview
 from jaxpf.evaluation.output import charts
 from jaxpf.evaluation.work.results import Results
-from jaxpf.files.writing import atomic_write, report_os_errors
+from jaxpf.files.writing import atomic_write, remove_leavings, report_os_errors
 
 _STYLE: dict[Any, Any] = {
     "text.parse_math": False,  # names may contain dollar signs
@@ -55,6 +55,7 @@ def write_figures(results: Results, overview: Overview) -> list[Figure]:
     folder = results.folder / "figures"
     with report_os_errors("create the folder", folder):
         folder.mkdir(exist_ok=True)
+    remove_leavings(folder)
     written = []
     with in_style():
         for name, title, caption, drawn in _drawn(results, overview):

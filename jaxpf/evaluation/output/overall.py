@@ -26,7 +26,7 @@ from jaxpf.evaluation.output.layout import (
 )
 from jaxpf.evaluation.output.tables import write_csv
 from jaxpf.files.tables import Table
-from jaxpf.files.writing import write_text
+from jaxpf.files.writing import remove_leavings, write_text
 from jaxpf.measures.intervals import DECISIVE
 
 #: Measures in the terminal's tables.
@@ -91,6 +91,7 @@ def write_overall(folder: Path, tables: Tables, varied: Sequence[str]) -> list[T
         *(NOTES[n] for n in (ABOUT_MEASURES, ABOUT_CALIBRATION, ABOUT_CONFIDENCE)),
     ]
     text = to_markdown("Over all sequences", tables_of(SHOWN), [", ".join(names)], notes)
+    remove_leavings(folder)
     write_text(folder / "overall.md", text)
     rows = [
         [what, *key, found.runs[0], *(x[0] for x in (found.value, found.lower, found.upper))]

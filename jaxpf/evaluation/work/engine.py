@@ -14,10 +14,10 @@ import numpy as np
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.numbers import check_whole
 from jaxpf.evaluation.plan import DEFAULT_LIMITS, Limits, Plan
-from jaxpf.evaluation.work.batches import Batch, write_batch
+from jaxpf.evaluation.work.batches import FOLDER, Batch, write_batch
 from jaxpf.evaluation.work.execution import RETRIES, Factory, Pool, in_turn
 from jaxpf.evaluation.work.fingerprint import fingerprint
-from jaxpf.evaluation.work.folder import remove_leavings, stored_settings, write_settings
+from jaxpf.evaluation.work.folder import stored_settings, write_settings
 from jaxpf.evaluation.work.results import Configuration, Results
 from jaxpf.evaluation.work.scene import (
     check_scene,
@@ -28,7 +28,7 @@ from jaxpf.evaluation.work.scene import (
     start_frame,
 )
 from jaxpf.files.locking import locked
-from jaxpf.files.writing import report_os_errors
+from jaxpf.files.writing import remove_leavings, report_os_errors
 from jaxpf.targets import adapter_of_scene
 from jaxpf.targets.adapter import Adapter
 
@@ -195,7 +195,7 @@ def carry_out(
             yield work.index, batch
 
     with locked(folder, "evaluating"):
-        remove_leavings(folder)
+        remove_leavings(folder / FOLDER)
         for path in prepared.damaged:
             with report_os_errors("replace", path):
                 path.unlink(missing_ok=True)

@@ -78,12 +78,6 @@ def write_settings(folder: Path, settings: dict[str, Any], truth: np.ndarray, st
     store.begin(settings)
 
 
-def remove_leavings(folder: Path) -> None:
-    """Remove partial files of a killed process."""
-    for place in (folder, folder / FOLDER):
-        Pieces(place).remove_leavings()
-
-
 def _check_empty(folder: Path) -> None:
     """Reject a folder with foreign files; remains of an interrupted start are allowed."""
     if not folder.is_dir():
@@ -91,8 +85,7 @@ def _check_empty(folder: Path) -> None:
     with report_os_errors("read the folder", folder):
         names = sorted(os.listdir(folder))
     for name in names:
-        is_empty = name == FOLDER and not os.listdir(folder / FOLDER)
-        if not (is_empty or name == f"{TRUTH}.npz" or is_left_over(name)):
+        if not (name == f"{TRUTH}.npz" or is_left_over(folder / name)):
             raise InputError(
                 f"'{folder}' holds '{name}' but no evaluation ('{SETTINGS}' is missing); choose "
                 "another output folder."

@@ -158,6 +158,11 @@ class Eskil(contract.Tracker):
             weighted=jnp.ones((), bool),
             history=motion.after(cloud.means(posterior, new)[:2].T),
         )
+        if not exact and jax.config.jax_debug_nans:  # type: ignore[attr-defined]
+            raise InputError(
+                "Eskil gives NaN for the evidence that it does not estimate, and jax_debug_nans "
+                'refuses any NaN; switch it off, or use shape="none" with drift="none".'
+            )
         log_evidence = None if exact else jnp.full((), jnp.nan, new.dtype)
         summary = cloud.summarise(after, totals, invalid + invalid_before, log_evidence)
         return confidence.reported(self.likelihood, state, after, summary, observation)

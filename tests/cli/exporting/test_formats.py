@@ -1,14 +1,16 @@
-"""Tracks in the formats of other projects, read back, by their own readers where installed."""
+"""Tracks in the formats of other projects, read back by their own readers where installed."""
 
 import json
 import zipfile
 
-import cv2
 import numpy as np
 import pytest
 from command_line import jaxpf
 
-from jaxpf.boxes import read_boxes
+from jaxpf import InputError
+from jaxpf.boxes import read_boxes, read_tracks
+from jaxpf.files.digests import digests
+from jaxpf.files.writing import csv_text
 
 TRACKS = {
     "boxes": """frame,time,id,x,y,w,h,x_2.5,x_97.5,y_2.5,y_97.5,speed,confidence,lost
@@ -29,17 +31,23 @@ TRACKS = {
 
 @pytest.fixture
 def result(tmp_path):
-    """A function that makes the output folder of a target's tracks."""
-    video, folder = tmp_path / "clip", tmp_path / "result"
-    video.mkdir()
+    """A function that makes the output folder of a target's tracks; the video is gone."""
+    folder = tmp_path / "result"
     folder.mkdir()
-    for number in range(2):
-        cv2.imwrite(str(video / f"{number}.png"), np.zeros((40, 60, 3), np.uint8))
 
-    def make(target):
-        about = {"parameters": {"target": target, "video": str(video)}}
+    def make(target, tracks=None, outlines=None, start=0, times=(0.0, 0.04), pictures=None):
+        (folder / "tracks.csv").write_text(tracks or TRACKS[target])
+        if outlines is not None:
+            (folder / "outlines.csv").write_bytes(outlines)
+        about = {
+            "parameters": {"target": target, "video": "gone/clip.mp4", "start": start},
+            "width": 60,
+            "height": 40,
+            "tables": digests(folder, ("tracks.csv", "outlines.csv")),
+            "times": list(times),
+            "pictures": pictures,
+        }
         (folder / "summary.json").write_text(json.dumps(about))
-        (folder / "tracks.csv").write_text(TRACKS[target])
         return folder
 
     return make
@@ -157,8 +165,7 @@ def read_cvat(path):
     ],
 )
 def test_every_format_comes_back_with_its_ids_and_pixels(result, form, name, read):
-    folder = result("boxes")
-    (folder / "tracks.csv").write_text(ROUND_TRACKS)
+    folder = result("boxes", ROUND_TRACKS)
     found = read(folder / name if form is None else exported(folder, form, name))
     expected = {(0, 2): ROUND[0, 0], (0, 7): ROUND[0, 1], (1, 2): ROUND[1, 0]}
     assert set(found) == set(expected)
@@ -167,22 +174,16 @@ def test_every_format_comes_back_with_its_ids_and_pixels(result, form, name, rea
 
 
 def test_times_and_frames_are_those_of_the_tracks(result):
-    folder = result("boxes")
     rows = ["4,0.5,1,10,5,8,4,0", "6,0.7,1,10,5,8,4,0", "7,1.7,1,10,5,8,4,0"]
-    (folder / "tracks.csv").write_text("\n".join([HEADER, *rows]) + "\n")
+    tracks = "\n".join([HEADER, *rows]) + "\n"
+    folder = result("boxes", tracks, start=4, times=(0.5, 0.65, 0.7, 1.7))
     content = json.loads(exported(folder, "coco", "t.json").read_text())
     images = [(image["id"], image["time"]) for image in content["images"]]
-    # No object was in frame 5; its time is between those beside it.
-    assert images == [(5, 0.5), (6, 0.6), (7, 0.7), (8, 1.7)]
+    # No object was in frame 5.
+    assert images == [(5, 0.5), (6, 0.65), (7, 0.7), (8, 1.7)]
     assert [each["image_id"] for each in content["annotations"]] == [5, 7, 8]
     lines = exported(folder, "mot", "t.txt").read_text().splitlines()
     assert [line.split(",")[0] for line in lines] == ["5", "7", "8"]
-
-
-def with_tracks(result, target, tracks):
-    folder = result(target)
-    (folder / "tracks.csv").write_text(tracks)
-    return folder
 
 
 OUTLINES = "frame,contour,kind,point,x,y\n"
@@ -206,24 +207,21 @@ def outline(name):
 def test_every_object_has_an_id_of_its_own(result, names, ids, form, name):
     header, row, *_ = TRACKS["parts"].splitlines()
     rows = [row.replace("arm", given) for given in names]
-    path = exported(with_tracks(result, "parts", "\n".join([header, *rows])), form, name)
+    path = exported(result("parts", "\n".join([header, *rows])), form, name)
     lines = path.read_text().splitlines()
     found = [int(line.split(",")[1]) for line in lines] if form == "mot" else read_coco(path)
     assert sorted(number if form == "mot" else number[1] for number in found) == ids
 
 
 def test_names_that_start_with_0_keep_it(result):
-    folder = with_tracks(result, "points", TRACKS["points"].replace("nose", "01"))
+    folder = result("points", TRACKS["points"].replace("nose", "01"))
     content = json.loads(exported(folder, "coco", "t.json").read_text())
     assert content["categories"][0]["keypoints"] == ["01", "tail"]
     tracks = "frame,time,id,x,y,speed,lost\n0,0,01,1,2,,0\n0,0,02,3,4,,0\n"
-    about = json.loads((folder / "summary.json").read_text())
-    about["parameters"]["target"] = "contours"
-    (folder / "summary.json").write_text(json.dumps(about))
-    (folder / "tracks.csv").write_text(tracks)
-    (folder / "outlines.csv").write_text(OUTLINES + outline("01") + outline("02"))
+    outlines = OUTLINES + outline("01") + outline("02")
+    result("contours", tracks, outlines.encode())
     assert len(read_coco(exported(folder, "coco", "u.json"))) == 2
-    (folder / "outlines.csv").write_text(OUTLINES + outline("01") + "0,02,outline,0,1\n")
+    result("contours", tracks, f"{OUTLINES}{outline('01')}0,02,outline,0,1\n".encode())
     outcome = jaxpf("export", folder, "coco", folder / "v.json")
     assert outcome.code == 2
     assert "outlines.csv' is damaged" in outcome.err
@@ -241,7 +239,7 @@ def test_names_that_start_with_0_keep_it(result):
     ],
 )
 def test_damaged_tracks_are_refused(result, tracks, sentence):
-    folder = with_tracks(result, "boxes", tracks)
+    folder = result("boxes", tracks)
     outcome = jaxpf("export", folder, "coco", folder / "t.json")
     assert outcome.code == 2
     assert sentence in outcome.err
@@ -249,17 +247,71 @@ def test_damaged_tracks_are_refused(result, tracks, sentence):
 
 @pytest.mark.parametrize("outlines", [b"a,b\n1,2\n", b"\xff", b"", OUTLINES.encode()])
 def test_damaged_outlines_are_refused(result, outlines):
-    folder = result("boxes")
-    (folder / "outlines.csv").write_bytes(outlines)
+    folder = result("boxes", outlines=outlines)
     outcome = jaxpf("export", folder, "coco", folder / "t.json")
     assert outcome.code == 2
-    assert "outlines.csv' is damaged" in outcome.err
+    expected = "is not a text file" if outlines == b"\xff" else "outlines.csv' is damaged"
+    assert expected in outcome.err
 
 
 @pytest.mark.parametrize("target", ["boxes", "parts", "points"])
 def test_no_tracks_cannot_be_exported(result, target):
     header = TRACKS[target].splitlines()[0]
-    folder = with_tracks(result, target, f"{header}\n")
+    folder = result(target, f"{header}\n")
     outcome = jaxpf("export", folder, "mot", folder / "t.txt")
     assert outcome.code == 2
     assert "holds no tracks, so nothing can be exported" in outcome.err
+
+
+def test_images_have_the_names_of_the_folders_pictures(result):
+    folder = result("boxes", pictures=["img008.jpg", "img009.jpg"])
+    images = json.loads(exported(folder, "coco", "t.json").read_text())["images"]
+    assert [image["file_name"] for image in images] == ["img008.jpg", "img009.jpg"]
+    images = json.loads(exported(result("boxes"), "coco", "u.json").read_text())["images"]
+    assert [image["file_name"] for image in images] == ["clip_000000.png", "clip_000001.png"]
+
+
+@pytest.mark.parametrize("name", ["tracks.csv", "outlines.csv"])
+@pytest.mark.parametrize("harm", ["cut", "flipped", "doubled"])
+def test_a_table_that_was_cut_or_changed_is_refused(result, name, harm):
+    outlines = (OUTLINES + outline("1") + outline("2")).encode()
+    folder = result("contours", TRACKS["boxes"], outlines)
+    content = (folder / name).read_bytes()
+    last = content.rindex(b"\n", 0, -1) + 1
+    harmed = {
+        "cut": content[:last],
+        "flipped": content[: last - 2] + bytes([content[last - 2] ^ 1]) + content[last - 1 :],
+        "doubled": content + content[last:],
+    }
+    (folder / name).write_bytes(harmed[harm])
+    outcome = jaxpf("export", folder, "coco", folder / "t.json")
+    assert outcome.code == 2
+    assert f"{name}' was cut or changed after the run" in outcome.err
+    assert not (folder / "t.json").exists()
+    if name == "tracks.csv":
+        for read in (read_tracks, read_boxes):
+            with pytest.raises(InputError, match="was cut or changed"):
+                read(folder / name)
+
+
+def test_a_missing_table_and_a_summary_of_another_run_are_refused(result):
+    folder = result("contours", TRACKS["boxes"], (OUTLINES + outline("1")).encode())
+    (folder / "outlines.csv").unlink()
+    outcome = jaxpf("export", folder, "coco", folder / "t.json")
+    assert (outcome.code, "outlines.csv" in outcome.err) == (2, True)
+    outcome = jaxpf("export", result("boxes", start=1), "coco", folder / "t.json")
+    assert (outcome.code, "are of different runs" in outcome.err) == (2, True)
+    outcome = jaxpf("export", result("boxes", pictures=["a.png"]), "coco", folder / "t.json")
+    assert (outcome.code, "is no summary of this version" in outcome.err) == (2, True)
+
+
+def test_names_that_look_like_formulas_come_back(result):
+    name = "=cmd()"
+    tracks = csv_text([["frame", "time", "id", "x", "y", "lost"], [0, 0.0, name, 1, 2, 0]])
+    assert f"0,0.0,'{name},1" in tracks
+    path = exported(result("points", tracks), "coco", "t.json")
+    assert json.loads(path.read_text())["categories"][0]["keypoints"] == [name]
+    rows = [["frame", "contour", "kind", "point", "x", "y"]]
+    rows += [[0, name, "outline", k, k, k * k] for k in range(3)]
+    folder = result("contours", tracks, csv_text(rows).encode())
+    assert len(read_coco(exported(folder, "coco", "u.json"))) == 1

@@ -23,7 +23,7 @@ from small_video import (
     write_lossless_video,
 )
 
-from jaxpf import boxes
+from jaxpf import InputError, boxes
 from jaxpf.media import open_frames
 
 # What is reported rather than silent
@@ -164,6 +164,22 @@ def test_ctrl_c_leaves_valid_tracks_and_a_playable_video(whole_run, tmp_path):
     assert abs(len(table) / 2 - 1 - summary["frames_tracked"]) <= 1
     assert abs(shown - 1 - summary["frames_tracked"]) <= 1
     assert (output / "trajectories.png").exists()
+
+
+def test_an_overlay_that_cannot_be_opened_loses_no_old_results(track, tmp_path, monkeypatch):
+    def refuse(*_):
+        raise InputError("the encoder refuses")
+
+    (tmp_path / "out").mkdir()
+    old = {name: tmp_path / "out" / name for name in ("tracks.csv", "overlay.mp4", "summary.json")}
+    for name, path in old.items():
+        path.write_text(name)
+    monkeypatch.setattr("jaxpf.media.video_writer.VideoWriter._open", refuse)
+    outcome = track(*BOXES, "--overwrite")
+    assert (outcome.code, "the encoder refuses" in outcome.err) == (2, True)
+    assert {path.name: path.read_text() for path in (tmp_path / "out").iterdir()} == dict(
+        zip(old, old, strict=True)
+    )
 
 
 def test_ctrl_c_before_the_first_frame_leaves_no_folder(track, tmp_path, monkeypatch):

@@ -407,6 +407,47 @@ def test_a_run_in_two_pieces_gives_the_tracks_of_one(whole_run, track, tmp_path)
     assert "as many particles" in other.err
 
 
+def test_a_state_saved_on_the_way_goes_on_bit_for_bit(
+    whole_run, track, tmp_path, monkeypatch, place
+):
+    """As after kill -9: of all that the run saves, only a state from its middle is there."""
+    from jaxpf.cli.tracking import recorder
+    from jaxpf.files import states
+
+    kept, copies, save = tmp_path / "kept.npz", [], states.save
+
+    def save_and_copy(path, state):
+        save(path, state)
+        rows = (tmp_path / "out" / "tracks.csv").read_text().count("\n") - 1
+        copies.append((rows, shutil.copy(path, tmp_path / f"{len(copies)}.npz")))
+
+    monkeypatch.setattr(recorder, "_SAVE_EVERY", -1)
+    monkeypatch.setattr(states, "save", save_and_copy)
+    assert track(*BOXES, "--save-state", kept, "--no-overlay").code == 0
+    # After every frame, whose rows were written before; and at the end.
+    assert [rows for rows, _ in copies] == [2 * n for n in [*range(2, LENGTH + 1), LENGTH]]
+    monkeypatch.undo()
+    rows, middle = copies[3]
+    again = tmp_path / "again"
+    outcome = jaxpf(
+        *("track", place / "clip.avi", *BOXES, *PARTICLES, "--resume", middle, "-o", again)
+    )
+    assert outcome.code == 0, outcome.err
+    _, *found = (again / "tracks.csv").read_text().splitlines()
+    _, *expected = (whole_run[1] / "tracks.csv").read_text().splitlines()
+    assert found == expected[rows:]
+
+
+def test_a_state_replaces_only_the_one_it_goes_on_from(track, refuse, tmp_path):
+    kept = tmp_path / "kept.npz"
+    kept.write_text("precious")
+    assert f"'{kept}' exists; choose another --save-state" in refuse(*BOXES, "--save-state", kept)
+    assert kept.read_text() == "precious"
+    assert track(*BOXES, "--frames", 4, "--save-state", kept, "--overwrite").code == 0
+    outcome = track(*BOXES, "--resume", kept, "--save-state", kept, "-o", tmp_path / "more")
+    assert outcome.code == 0, outcome.err
+
+
 def test_relative_names_with_colons_are_files(track, tmp_path, place):
     shutil.copy(place / "clip.avi", tmp_path / "clip:1.avi")
     outcome = track(*BOXES, "--frames", "2", "-o", "run:1", video="clip:1.avi")

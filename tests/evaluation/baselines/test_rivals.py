@@ -101,3 +101,16 @@ def test_all_baselines_are_those_that_the_installed_opencv_has(monkeypatch):
     names = available()
     assert {"kcf", "meanshift", "still"} <= set(names)
     assert "csrt" not in names
+
+
+@pytest.mark.parametrize(("size", "is_large"), [((1, 40), False), ((3, 5), False), ((3, 6), True)])
+def test_boxes_without_features_for_mil_are_refused_and_others_end(scene, size, is_large):
+    """OpenCV would look for a feature for ever."""
+    boxes = np.tile([20.0, 20, *size], (LENGTH, 1, 1))
+    narrow = scenes.Scene("narrow", scene.frames[:2], boxes[:2], scene.patches[:1], 25.0, {})
+    mil = baselines(["mil"])["mil"]
+    if is_large:
+        assert mil(narrow).shape == (2, 1, 4)
+        return
+    with pytest.raises(InputError, match=f"'mil' finds no features in a box of {size[0]}x"):
+        mil(narrow)

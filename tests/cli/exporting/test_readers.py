@@ -1,0 +1,134 @@
+"""Exports are read back by the programs that they are made for, where these are installed."""
+
+import json
+
+import numpy as np
+import pytest
+from command_line import jaxpf
+
+from jaxpf.files.digests import digests
+
+#: Two objects in three frames; the second is lost in the last one and absent from the first.
+TRACKS = """frame,time,id,x,y,w,h,speed,confidence,lost
+0,0,1,10,5,8,4,,0.9,0
+1,0.04,1,11.5,6,8,4,,0.8,0
+1,0.04,2,30,20,6,9,,0.7,0
+2,0.08,1,13,7,8,4,,0.9,0
+2,0.08,2,31,20.25,6,9,,0.2,1
+"""
+#: By frame and id.
+BOXES = {
+    (0, 1): [10, 5, 8, 4],
+    (1, 1): [11.5, 6, 8, 4],
+    (1, 2): [30, 20, 6, 9],
+    (2, 1): [13, 7, 8, 4],
+    (2, 2): [31, 20.25, 6, 9],
+}
+
+
+@pytest.fixture
+def export(tmp_path):
+    """A function that exports the tracks to a file of that name."""
+    (tmp_path / "tracks.csv").write_text(TRACKS)
+    about = {
+        "parameters": {"target": "boxes", "video": "gone", "start": 0},
+        "width": 60,
+        "height": 40,
+        "tables": digests(tmp_path, ["tracks.csv"]),
+        "times": [0, 0.04, 0.08],
+        "pictures": ["a.png", "b.png", "c.png"],
+    }
+    (tmp_path / "summary.json").write_text(json.dumps(about))
+
+    def run(form, name):
+        outcome = jaxpf("export", tmp_path, form, tmp_path / name)
+        assert outcome.code == 0, outcome.err
+        return tmp_path / name
+
+    return run
+
+
+def test_pycocotools_reads_boxes_and_evaluates_them(export):
+    coco = pytest.importorskip("pycocotools.coco")
+    from pycocotools.cocoeval import COCOeval
+
+    truth = coco.COCO(str(export("coco", "tracks.json")))
+    names = {image["id"]: image["file_name"] for image in truth.loadImgs(truth.getImgIds())}
+    assert names == {1: "a.png", 2: "b.png", 3: "c.png"}
+    found = truth.loadAnns(truth.getAnnIds())
+    assert {(a["image_id"] - 1, a["track_id"]): a["bbox"] for a in found} == BOXES
+    evaluation = COCOeval(truth, truth.loadRes(found), "bbox")
+    evaluation.evaluate()
+    evaluation.accumulate()
+    evaluation.summarize()
+    assert evaluation.stats[0] == pytest.approx(1)
+
+
+def test_supervision_reads_boxes_and_polygons_by_picture(export, tmp_path):
+    supervision = pytest.importorskip("supervision")
+    path = export("coco", "tracks.json")
+    data = supervision.DetectionDataset.from_coco(str(tmp_path), str(path), force_masks=True)
+    assert data.classes == ["object"]
+    by_name = {str(name).rsplit("/", 1)[-1]: found for name, found in data.annotations.items()}
+    for number, name in enumerate(["a.png", "b.png", "c.png"]):
+        boxes = [np.add(b, [0, 0, *b[:2]]) for (frame, _), b in BOXES.items() if frame == number]
+        np.testing.assert_allclose(by_name[name].xyxy, boxes)
+        areas = [b[2] * b[3] for (frame, _), b in BOXES.items() if frame == number]
+        np.testing.assert_allclose(by_name[name].mask.sum(axis=(1, 2)), areas, rtol=0.5)
+
+
+def test_motmetrics_reads_mot_lines(export):
+    motmetrics = pytest.importorskip("motmetrics")
+    table = motmetrics.io.loadtxt(export("mot", "tracks.txt"), fmt="mot15-2D")
+    # It takes one from x and y, and counts frames as the file does.
+    boxes = table[["X", "Y", "Width", "Height"]].to_numpy()
+    found = {(frame - 1, name): box for (frame, name), box in zip(table.index, boxes, strict=True)}
+    assert found.keys() == BOXES.keys()
+    for key, box in BOXES.items():
+        np.testing.assert_allclose(found[key], box)
+    np.testing.assert_allclose(table["Confidence"], [0.9, 0.8, 0.7, 0.9, 0.2])
+
+
+def test_trackeval_reads_mot_lines(export, tmp_path):
+    trackeval = pytest.importorskip("trackeval")
+    path = export("mot", "tracks.txt")
+    for folder, name in (("truth/clip/gt", "gt.txt"), ("trackers/mine/data", "clip.txt")):
+        (tmp_path / folder).mkdir(parents=True)
+        lines = path.read_text().splitlines()
+        if name == "gt.txt":  # there, the fields after the box are: counts, class, visibility
+            lines = [",".join([*line.split(",")[:6], "1,1,1"]) for line in lines]
+        (tmp_path / folder / name).write_text("\n".join(lines) + "\n")
+    dataset = trackeval.datasets.MotChallenge2DBox(
+        {
+            "GT_FOLDER": str(tmp_path / "truth"),
+            "TRACKERS_FOLDER": str(tmp_path / "trackers"),
+            "SKIP_SPLIT_FOL": True,
+            "SEQ_INFO": {"clip": 3},
+            "PRINT_CONFIG": False,
+        }
+    )
+    data = dataset.get_preprocessed_seq_data(dataset.get_raw_seq_data("mine", "clip"), "pedestrian")
+    assert data["num_tracker_dets"] == len(BOXES)
+    first, second, third = data["tracker_dets"]
+    np.testing.assert_allclose(first, np.add([BOXES[0, 1]], [1, 1, 0, 0]))
+    assert (len(second), len(third)) == (2, 2)
+    assert trackeval.metrics.HOTA().eval_sequence(data)["HOTA"].mean() == pytest.approx(1)
+
+
+def test_cvat_imports_the_archive_by_its_documented_layout(export):
+    """CVAT, MOT 1.1: gt/gt.txt ``frame_id,track_id,x,y,w,h,not_ignored,class_id,visibility``.
+
+    Frames and classes count from 1 and pixels from 0; gt/labels.txt names the classes.
+    """
+    import zipfile
+
+    with zipfile.ZipFile(export("cvat", "tracks.zip")) as archive:
+        assert sorted(archive.namelist()) == ["gt/gt.txt", "gt/labels.txt"]
+        labels = archive.read("gt/labels.txt").decode().splitlines()
+        rows = [line.split(",") for line in archive.read("gt/gt.txt").decode().splitlines()]
+    found = {(int(row[0]) - 1, int(row[1])): list(map(float, row[2:6])) for row in rows}
+    assert found == BOXES
+    for *_, not_ignored, class_id, visibility in rows:
+        assert int(not_ignored) == 1
+        assert labels[int(class_id) - 1] == "object"
+        assert 0 <= float(visibility) <= 1

@@ -1,0 +1,71 @@
+"""What is printed controls no terminal, and ends in one sentence where it cannot be printed."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from command_line import jaxpf
+
+from jaxpf.cli.shared.console import print_table, visible
+
+COMMAND = f"{sys.executable} -m jaxpf.cli"
+#: Escape codes, a bell, one control byte that begins a code, and marks that reverse the text.
+HOSTILE = "a\x1b[31mred\x07\x9b2J\u202egnp.exe\r"
+
+
+@pytest.mark.parametrize("text", ["größe\tein\nzwei", "می‌خواهم", "👩‍🔬", "a\\x1b"])
+def test_text_without_controls_stays(text):
+    assert visible(text) == text
+
+
+def test_controls_are_escaped(capsys):
+    shown = r"a\x1b[31mred\x07\x9b2J\u202egnp.exe\r"
+    assert visible(HOSTILE) == shown
+    assert visible("\udcff") == r"\udcff"
+    print_table(HOSTILE, [HOSTILE], [[HOSTILE]])
+    assert capsys.readouterr().out.count(shown) == 3
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("track", HOSTILE, "--box", "1,1,5,5"),
+        ("track", "clip.mp4", f"--{HOSTILE}"),
+        ("export", HOSTILE, "coco", "x.json"),
+        ("export", ".", HOSTILE, "x.json"),
+        ("evaluate", HOSTILE),
+        (HOSTILE,),
+    ],
+)
+def test_names_on_the_command_line_reach_no_terminal(arguments, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    outcome = jaxpf(*arguments)
+    assert outcome.code == 2
+    assert r"a\x1b[31mred" in outcome.err
+    assert visible(outcome.err) == outcome.err
+
+
+def test_a_message_with_the_end_of_a_line_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    outcome = jaxpf("export", "a\nError: all is lost", "coco", "x.json")
+    assert outcome.err.count("\n") == 1
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a shell of POSIX")
+@pytest.mark.parametrize(
+    ("line", "code", "sentence"),
+    [
+        ("verdicts | head -1", 0, ""),
+        ("--help | true", 0, ""),
+        ("verdicts >&-", 2, "Error: standard output is closed; "),
+        ("verdicts 1</dev/null", 2, "Error: cannot write the output: bad file descriptor; "),
+        ("export . coco x.json 2>&-", 2, ""),
+    ],
+)
+def test_an_output_that_is_closed_is_no_traceback(line, code, sentence, tmp_path):
+    command = f"set -o pipefail; {COMMAND} {line}"
+    ended = subprocess.run(["bash", "-c", command], capture_output=True, text=True, cwd=tmp_path)
+    assert ended.returncode == code
+    assert ended.stderr.startswith(sentence)
+    assert ended.stderr.count("\n") == bool(sentence)

@@ -157,7 +157,9 @@ class LookBack:
         estimate, spread = np.asarray(passed.estimate), np.asarray(passed.spread)
         for place in range(min(length, len(self._kept))):
             time = self._start + place
-            named = (contract.moments(self._tracker, x[place]) for x in (estimate, spread))
-            yield SmoothedFrame(time, *named, None, self.broken)
+            mean, deviation = (
+                contract.moments(self._tracker, x[place]) for x in (estimate, spread)
+            )
+            yield SmoothedFrame(time, mean, deviation, None, self.broken)
         self._kept, self._start = self._kept[length:], self._start + length
         self._passes += 1

@@ -115,8 +115,8 @@ def smooth(
             )
         found = list(stream(tracker, key, frames, lag, num_trajectories, observed))
         values = [(frame.estimate, frame.spread, frame.summary) for frame in found]
-        stacked = jax.tree.map(lambda *x: jnp.stack(x), *values)
-        return Smoothed(*stacked, broken=jnp.asarray(found[-1].broken))
+        estimate, spread, summaries = jax.tree.map(lambda *x: jnp.stack(x), *values)
+        return Smoothed(estimate, spread, summaries, jnp.asarray(found[-1].broken))
     if method == "genealogy":
         refuse = check_genealogy(tracker)
     else:

@@ -439,7 +439,7 @@ async function read(index) {
   for (const fields of parse(answer.tracks)) {
     if (!result.header) { result.header = fields; continue; }
     const row = {};
-    result.header.forEach((key, i) => { row[key] = key === "id" ? fields[i] : fields[i] === "" ? NaN : Number(fields[i]); });
+    result.header.forEach((key, i) => { row[key] = key === "id" ? fields[i].replace(/^'(?='*[=+\-@])/, "") : fields[i] === "" ? NaN : Number(fields[i]); });
     const left = row.lost ? UNCONFIRMED : Math.max((result.left.get(row.id) || 0) - 1, 0);
     result.left.set(row.id, left);
     row.doubtful = Boolean(row.lost) || left > 0 || row.confidence < DOUBTFUL;

@@ -6,7 +6,6 @@ smoothed together: given only its parent's current value, a part still depends o
 (a pass per part was biased, z = 10.6 where the joint pass had 2.3).
 """
 
-import math
 from typing import Any
 
 import jax
@@ -179,7 +178,7 @@ def check_smoothing(tracker: Any, whole: bool = False) -> Any:
 def _check_noise(tracker: Partitioned) -> None:
     dynamics, size = tracker.dynamics, None
     if sees_previous(tracker):  # the likelihood has its own factor for the previous state
-        size = math.prod(dynamics.shape)
+        size = dynamics.layout.size
     singular = singular_partitions(dynamics, tracker.initial, tracker.parents, size)
     if singular:
         name = "transition_log_density"

@@ -43,8 +43,8 @@ class Compared:
     )
     orders: tuple[str, ...] = option(
         (GIVEN,),
-        f"Orders of ps, repeatable: {GIVEN!r} (as the scene lists the objects), {SHIFTS!r} (all "
-        "circular shifts), or the objects by their place from 1, such as 3,1,2.",
+        f"Orders of ps, repeatable: {GIVEN} (the scene's), {SHIFTS} (all circular shifts), or the "
+        "objects by their place from 1, such as 3,1,2.",
         length=-1,
     )
     swaps: str = option("combinatorial", "For sps: how objects change places.")
@@ -60,9 +60,9 @@ class Compared:
     )
     baseline: tuple[str, ...] = option(
         (),
-        "Baseline trackers, comma-separated: mil, csrt, kcf, meanshift, still; or all; for points "
-        "spot (Zhang and van der Maaten 2013) and flow (optical flow).  Boxes of still do not "
-        "move.  csrt and kcf need opencv-contrib; all takes the installed ones for boxes.",
+        "Baselines, comma-separated: mil, csrt, kcf, meanshift, still, all; points: spot, flow.  "
+        "Boxes of still do not move; csrt and kcf need opencv-contrib; all takes those installed "
+        "for boxes.  spot: Zhang and van der Maaten 2013; flow: optical flow (points only).",
     )
 
 
@@ -75,7 +75,7 @@ class Work:
     workers: int = option(1, "Processes that share the work.", least=1, most=_MOST)
     dask: str | None = option(
         None,
-        "Address of a Dask scheduler whose workers share the work, such as tcp://127.0.0.1:8786.",
+        "Dask scheduler, such as tcp://127.0.0.1:8786.",
     )
     devices: int | None = option(
         None,

@@ -3,6 +3,7 @@
 import csv
 import io
 import os
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -31,6 +32,8 @@ def report_os_errors(action: str, path: str | os.PathLike[str]) -> Iterator[None
 
 #: What formulas of spreadsheets begin with.
 FORMULA = ("=", "+", "-", "@")
+#: Numbers and intervals, which begin like formulas and are none.
+_NUMBERS = re.compile(r"[-+](inf|\.?\d[-+\d.,eE%\s\[\]]*)")
 #: Part of the names of incomplete files.
 PARTIAL = ".partial"
 #: Name of a folder's lock file, see ``jaxpf.files.locking``.
@@ -111,11 +114,7 @@ def csv_text(rows: Iterable[Iterable[Any]]) -> str:
 def _no_formula(cell: Any) -> Any:
     if not isinstance(cell, str) or not cell.lstrip("'").startswith(FORMULA):
         return cell
-    try:
-        float(cell)
-    except ValueError:
-        return f"'{cell}"
-    return cell
+    return cell if _NUMBERS.fullmatch(cell) else f"'{cell}"
 
 
 class LineWriter:

@@ -1,7 +1,7 @@
 """Options of pytest with which one run takes a part of the tests, and ends in time.
 
-``--share HASH`` keeps the tests of changed code and a third of the others, chosen by the hash, and
-at most half of all: the hash of each commit chooses others.  ``--changed-since REV`` names the
+``--share HASH`` keeps the tests of changed code, but no more than a third of all, and a third of the
+others, both chosen by the hash: that of each commit chooses others.  ``--changed-since REV`` names the
 commit since which code has changed.  ``JAXPF_TESTS_UNTIL``, in seconds since 1970, is when no
 further test begins; those that did not run are named, and do not fail the run.
 """
@@ -18,7 +18,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 UNTIL = "JAXPF_TESTS_UNTIL"
-SHARE, MOST = 1 / 3, 1 / 2
+SHARE = 1 / 3
 #: A function with more cases than this is divided.
 _MANY_CASES = 20
 #: Every filter stands on them, and the statistical tests are about filters.
@@ -109,9 +109,8 @@ def chosen(names, beginnings, share):
 
     changed = sorted((name for name in names if name.startswith(beginnings)), key=drawn)
     others = sorted((name for name in names if not name.startswith(beginnings)), key=drawn)
-    most = round(MOST * len(names))
-    first = changed[:most]
-    rest = others[: min(round(SHARE * len(others)), most - len(first))]
+    first = changed[: round(SHARE * len(names))]
+    rest = others[: round(SHARE * len(others))]
     return sorted(first, key=names.index), sorted(rest, key=names.index)
 
 

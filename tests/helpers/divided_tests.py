@@ -1,9 +1,9 @@
 """Options of pytest with which one run takes a part of the tests, and ends in time.
 
-``--share HASH`` keeps the tests of changed code, but no more than a third of all, and a third of the
-others, both chosen by the hash: that of each commit chooses others.  ``--changed-since REV`` names the
-commit since which code has changed.  ``JAXPF_TESTS_UNTIL``, in seconds since 1970, is when no
-further test begins; those that did not run are named, and do not fail the run.
+``--share HASH`` keeps the tests of changed code, but no more than a third of all, and a third of
+the others, both chosen by the hash: that of each commit chooses others.  ``--changed-since REV``
+names the commit since which code has changed.  ``JAXPF_TESTS_UNTIL``, in seconds since 1970, is
+when no further test begins; those that did not run are named, and do not fail the run.
 """
 
 import hashlib

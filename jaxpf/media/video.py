@@ -129,10 +129,19 @@ class _VideoFile(FrameSource):
         # From a decoded frame, because rotation can swap the header's width and height.
         self.height, self.width = picture.shape[:2]
 
+    def _decoder(self) -> Decoder:
+        """Open the film again, for a pass over its frames."""
+        try:
+            return Decoder(self.path)
+        except NoFilm:
+            raise InputError(
+                f"video '{self.path}' was removed or replaced after it was opened; open it again"
+            ) from None
+
     def _frames(self, start: int) -> Generator[np.ndarray]:
         clock = self._clock = Clock(self._clock.rate)
         count = 0
-        with Decoder(self.path) as film:
+        with self._decoder() as film:
             for stamp, frame in film.frames():
                 clock.add(stamp)
                 if count >= start:

@@ -84,7 +84,7 @@ def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatc
     context = TrackCommand(adapter).make_context("track", [str(tmp_path), *flags])
     request = request_of(context, adapter)
     place = adapter.read_start(request.starts, 0, source)
-    opened = Opened(source, FRAME, iter(()), place, None, tmp_path / "out")
+    opened = Opened(source, FRAME, iter(()), place, {}, None, tmp_path / "out")
     typed = build_tracker(request, opened).tracker
     module = getattr(jaxpf, name)
     made = module.tracker(FRAME, start, **(options if given else {}))

@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.errors import InputError
 from jaxpf.dynamics.gaussian import FirstOrder
 from jaxpf.filters.labelled.tracker import Labelled
 from jaxpf.likelihoods.pixels import pixels
@@ -79,13 +78,10 @@ def rowe2005_tracker(
         "feedback": "estimate",
         "speed": (4, 5),
     }
-    try:
-        return Labelled(
-            dynamics=FirstOrder(scale=np.repeat(np.array(scales, np.float32), 2), speed=(4, 5)),
-            likelihood=likelihood,
-            initial=initial,
-            regularise=np.array(settings.rates, np.float32),
-            **(defaults | options),
-        )
-    except TypeError as error:
-        raise InputError(f"like='rowe2005': {error}.") from None
+    return Labelled(
+        dynamics=FirstOrder(scale=np.repeat(np.array(scales, np.float32), 2), speed=(4, 5)),
+        likelihood=likelihood,
+        initial=initial,
+        regularise=np.array(settings.rates, np.float32),
+        **(defaults | options),
+    )

@@ -119,10 +119,12 @@ def opened(browser):
         return Page(browser, process.stdout.readline().strip())
 
     yield run
+    wrong = [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
+    browser.get("about:blank")  # a page without its server complains
     for process in processes:
         process.terminate()
         process.wait()
-    wrong = [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
+    browser.get_log("browser")
     assert not wrong
 
 

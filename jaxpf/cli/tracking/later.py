@@ -35,6 +35,10 @@ def all_names(start: Start, later: Mapping[int, Start]) -> np.ndarray:
     return np.array(list(dict.fromkeys(names)))
 
 
+#: Fields of a record with a row for each object.
+_ROWS = ("shapes", "lost", "confidence", "outside", "without_likelihood")
+
+
 class _Group(NamedTuple):
     """Objects that start in one frame: their scene, their names, and their records to come."""
 
@@ -107,7 +111,7 @@ def _part(group: _Group, colours: Mapping[Any, np.ndarray]) -> Record:
     )
     rows: dict[str, Any] = {
         name: None if getattr(record, name) is None else getattr(record, name)[kept]
-        for name in ("shapes", "lost", "confidence", "outside", "without_likelihood")
+        for name in _ROWS
     }
     colour = np.array([colours[name] for name in ids.tolist()])
     return record._replace(
@@ -143,9 +147,8 @@ def _joined(parts: list[Record], names: np.ndarray) -> Record:
         sizes=np.concatenate([part.start.sizes for part in parts]),
         parents=(-1,) * sum(len(part.slots) for part in parts),
     )
-    columns = ("shapes", "lost", "confidence", "outside", "without_likelihood")
     rows: dict[str, Any] = {
-        name: together([getattr(part, name) for part in parts]) for name in columns
+        name: together([getattr(part, name) for part in parts]) for name in _ROWS
     }
     return parts[0]._replace(
         start=start,

@@ -15,6 +15,8 @@ from jaxpf.contract.pytree import pytree_dataclass
 class Gaussian(Likelihood):
     """``y^p = H x^p + L n`` for each partition; a frame is ``y``, ``[P, E]``.
 
+    Components of y that are NaN are missing: the others keep their marginal density.
+
     Attributes:
         noise: L, ``[P, E, E]``, lower triangular square root of the noise covariance.
         observation: H, ``[P, E, D]``; None observes the substate itself.
@@ -25,6 +27,7 @@ class Gaussian(Likelihood):
 
     #: ``log_prob`` is differentiable in the substate.
     state_gradient = True
+    handles_nan = True
 
     def observe(self, frame):
         """The frame itself, ``[P, E]``."""
@@ -33,17 +36,19 @@ class Gaussian(Likelihood):
     def log_prob_all(self, observation, partition, substates):
         """Log-densities ``[N]`` given substates ``[D, N]``."""
         dtype = substates.dtype
-        noise = jnp.asarray(self.noise, dtype)
+        frame = jnp.asarray(observation, dtype)
+        seen = ~jnp.isnan(frame)
+        frame = jnp.where(seen, frame, 0)
+        noise = _noise_of_seen(jnp.asarray(self.noise, dtype), seen)
         whitener = jnp.linalg.inv(noise)
-        seen = jnp.asarray(observation, dtype)
         # Whiten the observation once per partition; per particle only E x D products remain.
-        target = jnp.einsum("pef,pf->pe", whitener, seen)
-        design = whitener
+        target = jnp.einsum("pef,pf->pe", whitener, frame)
+        design = whitener * seen[:, None, :]
         if self.observation is not None:
-            design = whitener @ jnp.asarray(self.observation, dtype)
+            design = design @ jnp.asarray(self.observation, dtype)
         log_normaliser = jnp.sum(
             jnp.log(jnp.abs(jnp.diagonal(noise, axis1=-2, axis2=-1))), axis=-1
-        ) + 0.5 * noise.shape[-1] * math.log(2 * math.pi)
+        ) + 0.5 * math.log(2 * math.pi) * jnp.sum(seen, axis=-1)
         squares = jnp.zeros(substates.shape[1:], dtype)
         for row in range(design.shape[1]):
             residual = of_partition(target[:, row], partition)
@@ -61,6 +66,18 @@ class Gaussian(Likelihood):
         if self.observation is not None:
             seen = jnp.einsum("ped,pd->pe", jnp.asarray(self.observation, noise.dtype), substates)
         return seen + jnp.einsum("pef,pf->pe", noise, drawn)
+
+
+def _noise_of_seen(noise: jax.Array, seen: jax.Array) -> jax.Array:
+    """Square roots ``[P, E, E]`` of the covariances of components ``seen`` ``[P, E]``.
+
+    The others get unit noise, independent of the rest.
+    """
+    both = seen[:, :, None] & seen[:, None, :]
+    covariance = jnp.where(both, noise @ jnp.swapaxes(noise, -1, -2), jnp.eye(noise.shape[-1]))
+    all_seen = seen.all(axis=-1)[:, None, None]
+    # The given root where nothing is missing: its signs and last bits stay.
+    return jnp.where(all_seen, noise, jnp.linalg.cholesky(covariance))
 
 
 def kalman(

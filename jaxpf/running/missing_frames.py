@@ -101,11 +101,12 @@ class LikelihoodWithGaps(contract.Likelihood):
         """The inner observation of a frame, zeros if it was not seen."""
         frame, seen = frame
         seen = jnp.asarray(seen)
+        can_be_nan = getattr(self.likelihood, "handles_nan", False)
 
         def without_nan(x):
             # The compiler may compute both branches, so the unused one must not see NaN.
             x = jnp.where(seen.any(), x, jnp.zeros_like(x))
-            is_part = seen.ndim and jnp.issubdtype(x.dtype, jnp.floating)
+            is_part = seen.ndim and not can_be_nan and jnp.issubdtype(x.dtype, jnp.floating)
             return jnp.where(jnp.isnan(x), 0, x) if is_part else x
 
         frame = jax.tree.map(without_nan, frame)
@@ -220,6 +221,7 @@ def marked(tracker: Any, frames: Any, observed: Any = None, first: int = 0) -> t
         frames: ``[T, ...]``, or an iterable of single frames.
         observed: ``[T]`` bool, which frames were seen, or ``[T, P]``, which partitions.  None: all
             frames except float frames that are entirely NaN; traced frames are tested at run time.
+            In the shape of ``frames``: which components, for a likelihood that handles NaN.
         first: number of the first frame, for messages.
 
     Raises:
@@ -228,6 +230,8 @@ def marked(tracker: Any, frames: Any, observed: Any = None, first: int = 0) -> t
     """
     if isinstance(tracker, WithGaps):
         return tracker, frames
+    if _names_components(tracker, frames, observed):
+        frames, observed = jnp.where(_as_bool(observed), frames, jnp.nan), None
     if observed is None:
         if come_one_by_one(frames) or not _can_have_gaps(tracker):
             return tracker, frames
@@ -246,9 +250,8 @@ def marked(tracker: Any, frames: Any, observed: Any = None, first: int = 0) -> t
         if parts == 1 and len(shape) == 2:
             raise InputError(
                 f"observed has shape {list(shape)}, and this model has one partition, which a "
-                f"frame shows or not: give [{total}]; if single components of y are missing, set "
-                "them to NaN, and let a log_likelihood that leaves them out say so by its "
-                "attribute handles_nan = True."
+                f"frame shows or not: give [{total}]; if single components of y are missing, let a "
+                "log_likelihood that leaves NaN out say so by its attribute handles_nan = True."
             )
         of_parts = "" if parts is None else f", or which partitions, [{total}, {parts}]"
         raise InputError(
@@ -293,6 +296,18 @@ def _pairs(tracker: Any, frames: Any, observed: Any) -> Iterator[Any]:
                 "observed must be one bool for each frame, or one for each of its partitions."
             )
         yield frame, _as_bool(seen)
+
+
+def _names_components(tracker: Any, frames: Any, observed: Any) -> bool:
+    """Whether ``observed`` names components ``[T, ...]`` of frames, not partitions."""
+    shape = np.shape(observed)
+    parts = getattr(tracker, "num_partitions", None)
+    return (
+        len(shape) > 1
+        and isinstance(frames, np.ndarray | jax.Array)
+        and shape == frames.shape != (len(frames), parts)
+        and contract.handles_nan(tracker)
+    )
 
 
 def _as_bool(observed: Any) -> Any:

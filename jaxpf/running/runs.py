@@ -49,8 +49,10 @@ def run(
         record: function of ``(state, summary)`` that returns what to keep of each frame.  Another
             function recompiles, unless it does the same (``jaxpf.contract.recognised``).
         observed: ``[T]`` bool, false for a missing frame, in which particles move by their dynamics
-            alone; or ``[T, P]``, false for a missing partition, such as a landmark out of view.  By
-            default, float frames that are entirely NaN are missing.  The log-evidence increment of
+            alone; or ``[T, P]``, false for a missing partition, such as a landmark out of view; or
+            of the shape of ``frames``, false for a missing component, with a likelihood that
+            handles NaN, such as ``jaxpf.likelihoods.Gaussian``.  By default, float frames that are
+            entirely NaN are missing.  The log-evidence increment of
             a missing frame is 0, unless it is random (``jaxpf.running.missing_frames``).
         state: state after the previous frames, to resume; None starts with ``tracker.init``.
             It must say its ``time``, see ``jaxpf.contract.Tracker``.

@@ -1,0 +1,95 @@
+"""Components of a frame that are missing: the others keep their marginal density."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from exact import LIMIT
+from scipy.stats import multivariate_normal
+
+import jaxpf
+from jaxpf import InputError, ordering
+from jaxpf.dynamics import LinearGaussian
+from jaxpf.likelihoods import Gaussian, kalman
+
+P, E, D, T = 2, 3, 2, 4
+RNG = np.random.default_rng(0)
+NOISE = np.tril(RNG.normal(size=(P, E, E))) + np.eye(E)
+SEES = RNG.normal(size=(P, E, D))
+FRAMES = RNG.normal(size=(T, P, E))
+SEEN = RNG.random((T, P, E)) < 0.6
+SEEN[1], SEEN[2, 0], SEEN[3] = False, False, True
+LIKELIHOOD = Gaussian(NOISE, SEES)
+
+
+def test_the_density_is_that_of_the_components_that_were_seen():
+    points = RNG.normal(size=(D, 5))
+    for frame, seen in zip(FRAMES, SEEN, strict=True):
+        for p in range(P):
+            covariance = (NOISE[p] @ NOISE[p].T)[np.ix_(seen[p], seen[p])]
+            mean = (SEES[p] @ points)[seen[p]]
+            expected = [
+                multivariate_normal.logpdf(frame[p, seen[p]], m, covariance) if seen[p].any() else 0
+                for m in mean.T
+            ]
+
+            def log_prob(points, p=p, given=np.where(seen, frame, np.nan)):  # noqa: B008
+                return LIKELIHOOD.log_prob_all(given, p, points)
+
+            np.testing.assert_allclose(
+                log_prob(jnp.asarray(points)), expected, rtol=1e-4, atol=1e-5
+            )
+            slope = jax.grad(lambda x, f=log_prob: f(x).sum())(jnp.asarray(points))
+            assert np.isfinite(slope).all()
+
+
+def tracker(num_particles=400):
+    one = np.broadcast_to(np.eye(D), (P, D, D))
+    return jaxpf.Partitioned(
+        dynamics=LinearGaussian(0.8 * one, one),
+        likelihood=LIKELIHOOD,
+        initial=np.zeros((P, D)),
+        ordering=ordering.ps([0, 1]),
+        num_particles=num_particles,
+    )
+
+
+@pytest.mark.statistical
+def test_the_evidence_is_unbiased():
+    eye, size = np.eye(P * D), P * D
+    sees, covariance = np.zeros((P * E, size)), np.zeros((P * E, P * E))
+    for p in range(P):
+        rows = slice(p * E, (p + 1) * E)
+        sees[rows, p * D : (p + 1) * D] = SEES[p]
+        covariance[rows, rows] = NOISE[p] @ NOISE[p].T
+    frames = np.where(SEEN, FRAMES, np.nan).reshape(T, -1)
+    exact = kalman(0.8 * eye, eye, sees, covariance, np.zeros(size), 0 * eye, frames)[0].sum()
+    keys = jax.random.split(jax.random.key(0), 4000)
+    found = jaxpf.monte_carlo(
+        tracker(), keys, FRAMES, record=lambda state, summary: summary.log_evidence, observed=SEEN
+    )
+    ratio = np.exp(np.asarray(found, float).sum(axis=1) - exact)
+    assert abs(ratio.mean() - 1) < LIMIT * ratio.std(ddof=1) / len(ratio) ** 0.5
+    assert ratio.std() / len(ratio) ** 0.5 < 0.01  # a bias of 5 % would be seen
+
+
+def test_nan_and_observed_say_the_same():
+    key = jax.random.key(1)
+    told = jaxpf.run(tracker(), key, FRAMES, observed=SEEN)[1]
+    marked = jaxpf.run(tracker(), key, np.where(SEEN, FRAMES, np.nan))[1]
+    np.testing.assert_array_equal(told.estimate, marked.estimate)
+    assert told.log_evidence[1] == 0  # nothing was seen
+    # Partitions that were seen, and components of them that were not.
+    parts = SEEN.any(axis=2)
+    both = jaxpf.run(tracker(), key, np.where(SEEN, FRAMES, np.nan), observed=parts)[1]
+    np.testing.assert_allclose(both.log_evidence, told.log_evidence, rtol=1e-5, atol=1e-5)
+
+
+def test_a_likelihood_that_cannot_tell_is_refused():
+    blind = jaxpf.state_space(
+        initial=np.zeros(2),
+        transition=lambda key, x, p: x + jax.random.normal(key, (2,)),
+        log_likelihood=lambda y, x, p: -jnp.sum((y - x) ** 2),
+    )
+    with pytest.raises(InputError, match="handles_nan = True"):
+        jaxpf.run(blind, jax.random.key(0), np.zeros((3, 2)), observed=np.ones((3, 2), bool))

@@ -52,12 +52,21 @@ def load(path: str | os.PathLike[str], tracker: Any) -> Any:
     """
     check_tracker(tracker)
     wanted = jax.eval_shape(tracker.init, jax.random.key(0))
+    return load_like(path, wanted, type(tracker).__name__)
+
+
+def load_like(path: str | os.PathLike[str], wanted: Any, kind: str) -> Any:
+    """Load what ``save`` wrote, of the structure, shapes and types of ``wanted``.
+
+    Raises:
+        InputError: as for ``load``; names the tracker's ``kind``.
+    """
     content = _content(path)
     names = {name for name in content if name.startswith(_STATE)}
     places = [(_STATE + place, leaf) for place, leaf in _leaves(wanted)]
     if names != {name for name, _ in places}:
         raise InputError(
-            f"'{path}' holds the state of another kind of tracker than {type(tracker).__name__}; "
+            f"'{path}' holds the state of another kind of tracker than {kind}; "
             "load it with a tracker made exactly like the saved one."
         )
     leaves = []

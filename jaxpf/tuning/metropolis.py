@@ -12,6 +12,7 @@ is a symmetric move of the random numbers, so the posterior stays exact.
 
 import dataclasses
 import math
+import os
 from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
@@ -33,6 +34,7 @@ from jaxpf.running.checks import as_arrays, check_run
 from jaxpf.smoothing.genealogy import draw_paths
 from jaxpf.smoothing.groups import check_genealogy, sees_previous
 from jaxpf.smoothing.passes import backward_key
+from jaxpf.tuning.in_pieces import LongScans, Progress
 from jaxpf.tuning.objectives import keep_log_evidence
 from jaxpf.tuning.posterior import Posterior
 
@@ -62,6 +64,8 @@ def pmmh(
     paths: bool = False,
     inputs: Any = None,
     biased: bool = False,
+    progress: Progress | None = None,
+    folder: str | os.PathLike[str] | None = None,
 ) -> Posterior:
     """Draw parameters from their posterior given frames.
 
@@ -92,10 +96,14 @@ def pmmh(
             forecast.  If the model draws observations, their predictive draws are kept too.
         inputs: as for ``jaxpf.run``.
         biased: whether a biased evidence may serve; the draws are then not of the posterior.
+        progress: called with the number of moves done, and of all.
+        folder: keeps finished moves; the same call goes on from there after an interruption, and
+            returns the same draws.  One folder for each model: functions are not compared.
 
     Raises:
-        InputError: a number is below 1, parameters are not floats, the evidence is biased, or the
-            start is excluded by the prior or cannot explain the frames.
+        InputError: a number is below 1, parameters are not floats, the evidence is biased, the
+            start is excluded by the prior or cannot explain the frames, or the folder was begun
+            with other data or settings.
     """
     counts = {"num_draws": num_draws, "num_warmup": num_warmup, "num_chains": num_chains}
     counts |= {"blocks": blocks, "num_particles": 1 if num_particles is None else num_particles}
@@ -142,13 +150,20 @@ def pmmh(
         path = jnp.zeros((num_chains, *shaped.shape), shaped.dtype)
     chains = _Chains(place, unknown[:, 0], unknown, chain_keys, path)
     steps = np.arange(num_warmup + num_draws)
+    scans = LongScans(
+        progress, folder, len(steps),
+        counts | {"num_particles": number, "paths": paths, "key": key, "frames": frames,
+                  "observed": observed, "initial": initial},
+    )  # fmt: skip
     rates = np.where(steps < num_warmup, (steps + 2.0) ** -0.6, 0.0)
     if is_known and num_particles is None:
         half = -(-num_warmup // 2)
-        chains, walk, _ = _advance(model, keys[0], frames, initial, chains, walk, rates[:half])
+        (chains, walk), _ = _advanced(
+            scans, model, keys[0], frames, initial, chains, walk, rates[:half]
+        )
         model = _with_chosen_number(model, choice_key, frames, initial, chains)
         rates = rates[half:]
-    kept = _advance(model, keys[1], frames, initial, chains, walk, rates)[2]
+    kept = _advanced(scans, model, keys[1], frames, initial, chains, walk, rates)[1]
     kept = jax.tree.map(lambda x: jnp.swapaxes(x[-num_draws:], 0, 1), kept)
     places, priors, evidences, accepted, path = kept
     if is_known and np.isneginf(evidences[:, -1]).any():  # a chain accepted no move
@@ -279,15 +294,25 @@ def _noise(model, key, frames, initial, chains):
     return jnp.var(jax.lax.map(change, ends, batch_size=together), ddof=1) / 2
 
 
-@partial(jax.jit, static_argnums=0)
-def _advance(model, key, frames, initial, chains, walk, rates):
+def _advanced(scans, model, key, frames, initial, chains, walk, rates):
     """Advance the chains by S steps and adapt the walk at ``rates`` ``[S]``; 0 does not adapt.
 
     Also returns the chains after each step without their keys, and the accepted moves,
     ``[S, C, ...]``.
     """
+    num_blocks = chains.keys.shape[1]
+    rates = jnp.asarray(rates, walk.log_scale.dtype)
+    items = rates, jax.random.split(key, len(rates)), np.arange(len(rates)) % num_blocks
+    name = f"{len(rates)}-moves-of-{model.num_particles}-particles"
+    advance = partial(_advance, model, frames, initial)
+    return scans.scan(name, advance, (chains, walk), items)
+
+
+@partial(jax.jit, static_argnums=0)
+def _advance(model, frames, initial, carry, items):
+    chains, _ = carry
     unravel = ravel_pytree(initial)[1]
-    (num_chains, size), num_blocks = chains.place.shape, chains.keys.shape[1]
+    num_chains, size = chains.place.shape
 
     def target(place, keys):
         parameters = unravel(place)
@@ -323,7 +348,4 @@ def _advance(model, key, frames, initial, chains, walk, rates):
             chains.path,
         )
 
-    rates = jnp.asarray(rates, walk.log_scale.dtype)
-    items = rates, jax.random.split(key, len(rates)), np.arange(len(rates)) % num_blocks
-    carry, kept = jax.lax.scan(step, (chains, walk), items)
-    return *carry, kept
+    return jax.lax.scan(step, carry, items)

@@ -8,6 +8,7 @@ posterior for any number of state particles.  With filters whose evidence is exa
 """
 
 import dataclasses
+import os
 from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
@@ -27,6 +28,7 @@ from jaxpf.contract.state import moments
 from jaxpf.resampling.weighted import ancestors
 from jaxpf.running import missing_frames
 from jaxpf.running.checks import as_arrays, check_run
+from jaxpf.tuning.in_pieces import LongScans, Progress
 from jaxpf.tuning.objectives import keep_log_evidence
 
 
@@ -66,6 +68,8 @@ def smc2(
     ess_threshold: float = 0.5,
     observed: Any = None,
     inputs: Any = None,
+    progress: Progress | None = None,
+    folder: str | os.PathLike[str] | None = None,
 ) -> Online:
     """Draw parameters from their posterior after every frame.
 
@@ -81,10 +85,12 @@ def smc2(
         ess_threshold: resample and move if the effective number of draws is below this share.
         observed: as for ``jaxpf.run``.
         inputs: as for ``jaxpf.run``.
+        progress: called with the number of frames done, and of all.
+        folder: as for ``jaxpf.pmmh``.
 
     Raises:
-        InputError: a number out of range, a function or parameters of the wrong kind, or a biased
-            evidence.
+        InputError: a number out of range, a function or parameters of the wrong kind, a biased
+            evidence, or a folder that was begun with other data or settings.
     """
     for name, value in (("num_draws", num_draws), ("num_moves", num_moves)):
         check_whole(name, value)
@@ -104,7 +110,18 @@ def smc2(
     marked, frames = missing_frames.marked(tracker, frames, observed)
     filters = _Filters(build, log_prior, marked is not tracker, num_particles)
     settings = num_draws, num_moves, float(ess_threshold)
-    return poisoned(refuse, _run(filters, draw_prior, settings, key, frames, inputs))
+    asked = {"num_draws": num_draws, "num_moves": num_moves, "num_particles": num_particles}
+    asked |= {"ess_threshold": ess_threshold, "key": key, "frames": (frames, inputs)}
+    asked |= {"observed": observed, "start": start}
+    scans = LongScans(progress, folder, running.num_frames(frames), asked)
+    prior_key, filter_key, move_key = jax.random.split(key, 3)
+    first = _begun(filters, draw_prior, num_draws, (prior_key, filter_key), inputs)
+    times = jnp.arange(running.num_frames(frames))
+    items = times, jax.random.split(move_key, len(times))
+    take = partial(_take, filters, settings, start, frames, inputs)
+    (draws, log_weights), kept = scans.scan("frames", take, first, items)
+    parameters = jax.vmap(ravel_pytree(start)[1])(draws.place)
+    return poisoned(refuse, Online(parameters, log_weights, *kept))
 
 
 class _Filters(NamedTuple):
@@ -134,12 +151,21 @@ class _Draws(NamedTuple):
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2))
-def _run(filters, draw_prior, settings, key, frames, inputs) -> Online:
-    num_draws, num_moves, threshold = settings
-    prior_key, filter_key, move_key = jax.random.split(key, 3)
-    first = jax.vmap(draw_prior)(jax.random.split(prior_key, num_draws))
+def _begun(filters, draw_prior, num_draws, keys, inputs):
+    """Draws from the prior before the first frame, and their equal log-weights."""
+    first = jax.vmap(draw_prior)(jax.random.split(keys[0], num_draws))
     place = jax.vmap(lambda x: ravel_pytree(x)[0])(first)
-    unravel = ravel_pytree(jax.tree.map(lambda x: x[0], first))[1]
+    keys = jax.random.split(keys[1], num_draws)
+    states = jax.vmap(lambda x, key: running.init(filters.tracker(x, inputs), key))(first, keys)
+    draws = _Draws(place, keys, states, jnp.zeros(num_draws, place.dtype))
+    return draws, jnp.full(num_draws, -np.log(num_draws), place.dtype)
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _take(filters, settings, start, frames, inputs, carry, items):
+    """Take in the frames of ``items``, their times and keys; ``start`` is like one draw."""
+    num_draws, num_moves, threshold = settings
+    unravel = ravel_pytree(start)[1]
 
     def tracker_of(place):
         return filters.tracker(unravel(place), inputs)
@@ -207,11 +233,4 @@ def _run(filters, draw_prior, settings, key, frames, inputs) -> Online:
         )
         return (draws, log_weights), (unravel(mean), unravel(spread), total, ess, acceptance)
 
-    keys = jax.random.split(filter_key, num_draws)
-    states = jax.vmap(lambda place, key: running.init(tracker_of(place), key))(place, keys)
-    draws = _Draws(place, keys, states, jnp.zeros(num_draws, place.dtype))
-    start = draws, jnp.full(num_draws, -np.log(num_draws), place.dtype)
-    times = jnp.arange(running.num_frames(frames))
-    items = times, jax.random.split(move_key, len(times))
-    (draws, log_weights), kept = lax.scan(take, start, items)
-    return Online(jax.vmap(unravel)(draws.place), log_weights, *kept)
+    return lax.scan(take, carry, items)

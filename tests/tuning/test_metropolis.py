@@ -367,3 +367,48 @@ def test_smc2_has_the_exact_posterior_and_evidence(ratio):
     worst = np.abs(np.concatenate(scores)).max() * num_runs**0.5
     assert worst < 4.5 if ratio else worst > 4.5
     assert np.nanmean(found.acceptance) > 0.1
+
+
+# Long jobs: progress, and going on after an interruption
+
+
+def by_pmmh(**settings):
+    few = {"num_draws": 60, "num_warmup": 70, "num_chains": 3, "blocks": 2, "paths": True}
+    return jaxpf.pmmh(build, log_prior, KEY, FRAMES, START, **few | settings)
+
+
+def by_smc2(**settings):
+    few = {"num_draws": 20, "num_particles": 10}
+    frames = np.tile(FRAMES, 4)
+    return jaxpf.tuning.smc2(build, log_prior, draw_prior, KEY, frames, **few | settings)
+
+
+@pytest.mark.parametrize(("job", "total"), [(by_pmmh, 130), (by_smc2, 80)])
+def test_an_interrupted_job_goes_on_and_ends_with_the_same_bits(tmp_path, job, total):
+    places = []
+
+    def interrupted(done, of):
+        raise KeyboardInterrupt
+
+    def reported(done, of):
+        assert of == total
+        places.append(done)
+
+    with pytest.raises(KeyboardInterrupt):
+        job(folder=tmp_path, progress=interrupted)
+    files = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.npz")}
+    assert files
+    places.clear()
+    resumed = job(folder=tmp_path, progress=reported)
+    assert places[-1] == total
+    assert places == sorted(places)
+    for path, time in files.items():
+        assert path.stat().st_mtime_ns == time  # read, not computed again
+    for one, other in zip(jax.tree.leaves(resumed), jax.tree.leaves(job()), strict=True):
+        np.testing.assert_array_equal(one, other)
+    with pytest.raises(InputError, match=r"was begun with num_draws = .*, now 61; choose another f"):
+        job(folder=tmp_path, num_draws=61)
+    with pytest.raises(InputError, match="outside of jit"):
+        jax.jit(lambda frames: jaxpf.pmmh(
+            build, log_prior, KEY, frames, START, num_particles=5, folder=tmp_path
+        ))(FRAMES)  # fmt: skip

@@ -3,13 +3,19 @@
 from collections.abc import Sequence
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.numbers import check_array
+from jaxpf.contract.pytree import is_concrete
 
 
-def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndarray:
+def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndarray | jax.Array:
     """Quantiles of weighted particles: the smallest values that reach each share of the weight.
+
+    Also inside a ``record`` of ``jaxpf.run``: ``record=lambda state, summary:
+    jaxpf.filters.quantiles(state.substates, state.log_weights, [0.025, 0.975])``.
 
     Args:
         values: ``[N, P, C]``, such as coordinates of ``state.substates``; NaN (a particle that
@@ -27,15 +33,18 @@ def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndar
     shares = np.asarray(levels, float)
     check_array("values", values, "coordinates of the particles, [N, P, C]")
     check_array("log_weights", log_weights, f"of the particles, [..., {np.shape(values)[0]}]")
-    values = np.moveaxis(np.asarray(values), 0, -1)
+    # NumPy, in float64, wherever the values are known.
+    xp: Any = np if is_concrete(values, log_weights) else jnp
+    values = xp.moveaxis(xp.asarray(values), 0, -1)
     if not values.shape[-1]:
-        return np.full((len(shares), *values.shape[:-1]), np.nan)
-    weights = np.exp(np.asarray(log_weights, np.float64))
-    weights = np.broadcast_to(weights if weights.ndim == 1 else weights[:, None], values.shape)
-    weights = np.where(np.isnan(values), 0.0, weights)
-    order = np.argsort(values, axis=-1)
-    reached = np.cumsum(np.take_along_axis(weights, order, axis=-1), axis=-1)
-    below = [np.sum(reached < level * reached[..., -1:], axis=-1) for level in shares]
-    places = np.minimum(below, values.shape[-1] - 1)
-    chosen = np.take_along_axis(np.take_along_axis(values, order, -1)[None], places[..., None], -1)
-    return np.where(reached[..., -1] > 0, chosen[..., 0], np.nan)
+        return xp.full((len(shares), *values.shape[:-1]), np.nan)
+    weights = xp.exp(xp.asarray(log_weights, float))
+    weights = xp.broadcast_to(weights if weights.ndim == 1 else weights[:, None], values.shape)
+    weights = xp.where(xp.isnan(values), 0.0, weights)
+    order = xp.argsort(values, axis=-1)
+    reached = xp.cumsum(xp.take_along_axis(weights, order, axis=-1), axis=-1)
+    below = [xp.sum(reached < level * reached[..., -1:], axis=-1) for level in shares]
+    places = xp.minimum(xp.stack(below), values.shape[-1] - 1)
+    in_order = xp.take_along_axis(values, order, axis=-1)[None]
+    chosen = xp.take_along_axis(in_order, places[..., None], axis=-1)
+    return xp.where(reached[..., -1] > 0, chosen[..., 0], np.nan)

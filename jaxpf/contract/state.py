@@ -85,7 +85,7 @@ class Summary:
             with ``jaxpf.log_evidence``: a float32 sum of 1e5 or more increments drifts.
         ess: ``[]``, effective sample size ``1 / sum(w^2)`` (maccormick1999, eq. 6).
         uniqueness: ``[P]``, number of distinct draws of a partition, divided by N (smith2004,
-            section 3.1).
+            section 3.1).  1 for the partition that was drawn last, and so with one partition.
         spread: ``[P, D]``, weighted standard deviation of the substates.
         status: ``[]`` int32, a sum of the ``STATUS_*`` bits.
         lost: ``[P]`` bool, partitions with zero likelihood in every particle of nonzero weight: one

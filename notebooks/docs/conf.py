@@ -4,6 +4,8 @@
 commands, modules and scenes are first written into ``generated``, from the program itself.
 """
 
+import dataclasses
+import inspect
 import sys
 from pathlib import Path
 
@@ -16,7 +18,7 @@ import jaxpf  # noqa: E402
 
 project, version, release = "jaxpf", jaxpf.__version__, jaxpf.__version__
 author = "The jaxpf developers"
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx-mathjax-offline"]
 root_doc = "index"
 # Another page includes the counts.
 exclude_patterns = ["**/.ipynb_checkpoints", "docs/generated/counts.md"]
@@ -39,7 +41,17 @@ def is_bare_field(app, what, name, value, skip, options):
     return True if (value.__doc__ or "").startswith("Alias for field number") else None
 
 
+def arguments_of_fields(app, what, name, obj, options, signature, returns):
+    """Show the fields of a dataclass, with their defaults, where ``__new__`` takes anything."""
+    if what != "class" or not dataclasses.is_dataclass(obj):
+        return None
+    fields = inspect.signature(obj).parameters.values()
+    plain = [field.replace(annotation=inspect.Parameter.empty) for field in fields]
+    return str(inspect.Signature(plain)), returns
+
+
 def setup(app):
     """Write the generated pages before the site is built."""
     app.connect("builder-inited", lambda app: pages.write(HERE / "generated"))
     app.connect("autodoc-skip-member", is_bare_field)
+    app.connect("autodoc-process-signature", arguments_of_fields)

@@ -1,6 +1,7 @@
 """The site is built without a warning, and every command and every module has a page."""
 
 import inspect
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -45,3 +46,16 @@ def test_the_start_page_leads_to_what_it_promises(site):
         assert f'href="docs/{page}.html"' in start
     assert "centre_colour" in (site / "docs" / "own.html").read_text()
     assert "weighted standard deviation" in (site / "docs" / "glossary.html").read_text()
+
+
+@pytest.mark.slow
+def test_formulas_need_no_network_and_classes_show_their_arguments(site):
+    pages = {path.relative_to(site).as_posix(): path.read_text() for path in site.rglob("*.html")}
+    scripts = {
+        x for page in pages.values() for x in re.findall(r'<script[^>]* src="([^"]*)"', page)
+    }
+    assert any("mathjax/" in name for name in scripts)
+    assert not [name for name in scripts if "//" in name]
+    reference = re.sub("<[^>]*>", "", pages["docs/generated/jaxpf.html"])
+    assert "jaxpf.Labelled(dynamics, likelihood, initial, " in reference
+    assert "(*_, **options" not in reference

@@ -29,6 +29,21 @@ def test_weights_that_are_all_zero_stay_zero_and_have_a_derivative():
     assert not jax.grad(lambda x: logs.normalised(x)[1])(nothing).any()
 
 
+def test_a_particle_without_weight_takes_no_part():
+    """Its factor is not the largest that is taken out, beside which the others would be equal."""
+    log_weights = jnp.log(jnp.array([0.5, 0.5, 0.0], jnp.float32))
+    found, total = logs.multiplied(log_weights, jnp.array([0.0, 1.0, 1e8], jnp.float32))
+    mean = (1 + np.e) / 2
+    np.testing.assert_allclose(np.exp(found), [0.5 / mean, 0.5 * np.e / mean, 0], rtol=1e-6)
+    np.testing.assert_allclose(total, np.log(mean), rtol=1e-6)
+
+
+def test_a_factor_of_zero_leaves_nothing():
+    found, total = logs.multiplied(jnp.log(jnp.full(3, 1 / 3)), jnp.full(3, -jnp.inf))
+    assert np.isneginf(found).all()
+    assert np.isneginf(total)
+
+
 def test_a_sum_keeps_what_rounding_loses():
     total = quick(lambda values: jax.lax.scan(add, jnp.zeros(2), values)[0])
     found = np.asarray(total(np.float32([1e7, 0.25, -3, 2**30, 0.125, -(2**30), -1e7])), float)

@@ -15,7 +15,9 @@ from jaxpf.dynamics import LinearGaussian, WithOcclusion
 from jaxpf.shapes import fit_spline, in_front
 
 #: Nothing was chosen on these sequences.
-SEEDS, PARTICLES, MUCH, ON_TARGET = (40, 41, 42, 43), 750, 0.2, 10.0
+SEEDS, PARTICLES, MUCH, ON_TARGET = range(40, 48), 750, 0.2, 10.0
+#: All three are kept on 11 of 18 sequences: fewer than this on 8 would be a chance of 1 %.
+FEWEST = 2
 #: Labels of shapes that are apart are drawn anew: until shapes meet nothing is seen of their order,
 #: and what particles hold of it by then is chance.
 FLIP = 0.5
@@ -60,5 +62,5 @@ def tracked(seed):
 def test_three_leaves_are_kept_and_their_order_is_right_in_most_frames():
     kept, right = zip(*map(tracked, SEEDS), strict=True)
     print(f"kept {sum(kept)} of {len(SEEDS)}, order right {np.mean(np.concatenate(right)):.2f}")
-    assert sum(kept) >= len(SEEDS) / 2
+    assert sum(kept) >= FEWEST
     assert np.mean(np.concatenate(right)) > 0.75

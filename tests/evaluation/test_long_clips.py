@@ -104,7 +104,7 @@ print(batch.shapes.shape[1])
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="limits and /proc are Linux's")
 def test_a_clip_that_does_not_fit_into_memory_is_evaluated(tmp_path):
-    length, allowed = 18 * 39 + 1, 192 * 2**20
+    length, allowed = 18 * 61 + 1, 320 * 2**20
     picture = np.zeros((480, 640, 3), np.uint8)
     video = cv2.VideoWriter(
         str(tmp_path / "clip.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 25, (640, 480)

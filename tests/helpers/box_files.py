@@ -1,4 +1,4 @@
-"""A file of boxes, and the one line that a refusal must be."""
+"""A file of boxes, and the one line that every refusal must be."""
 
 import pytest
 

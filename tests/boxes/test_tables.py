@@ -1,7 +1,8 @@
 import re
 
 import pytest
-from box_files import GT, message_of
+from box_files import GT
+from refusals import message_of
 
 from jaxpf.boxes import read_boxes
 

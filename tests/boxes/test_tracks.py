@@ -2,7 +2,8 @@ import os
 
 import numpy as np
 import pytest
-from box_files import GT, message_of
+from box_files import GT
+from refusals import message_of
 
 from jaxpf.boxes import (
     BoxTable,

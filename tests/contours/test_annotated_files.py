@@ -5,8 +5,8 @@ import re
 import cv2
 import numpy as np
 import pytest
-from box_files import message_of
 from PIL import Image
+from refusals import message_of
 
 from jaxpf import InputError
 from jaxpf.contours.annotated_files import read_annotated

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from box_files import message_of
+from refusals import message_of
 
 from jaxpf.contours import Contours
 from jaxpf.contours.files import read_contours, write_contours

@@ -5,7 +5,7 @@ import json
 import jax
 import numpy as np
 import pytest
-from box_files import message_of
+from refusals import message_of
 
 from jaxpf.contours import Learned
 from jaxpf.contours.learned_files import read_learned, write_learned

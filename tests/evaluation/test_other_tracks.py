@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import message_of
 
 from jaxpf import InputError
 from jaxpf.boxes import read_boxes, write_mot
@@ -40,10 +41,7 @@ def shifted(x, y=0):
 
 
 def complaint_of(path, truth):
-    with pytest.raises(InputError) as caught:
-        read_tracks(path, truth, IDS, START)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+    return message_of(read_tracks, path, truth, IDS, START)
 
 
 def matched(path, truth):

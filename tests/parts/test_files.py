@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from box_files import message_of
+from refusals import message_of
 
 from jaxpf.parts.files import HEADER, read_parts
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from box_files import message_of
+from refusals import message_of
 
 from jaxpf.points.files import grid_points, parse_points, read_points
 

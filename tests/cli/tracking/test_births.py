@@ -21,30 +21,31 @@ def detected(tmp_path):
     return tmp_path / "det.txt"
 
 
-def test_objects_start_by_detections_and_the_run_can_be_repeated(track, tmp_path, detected, place):
+def test_objects_start_by_detections_and_the_run_can_be_repeated(track, tmp_path, detected):
     outcome = track("--births", detected, *RULES)
     assert outcome.code == 0, outcome.err
     assert "2 objects came, 0 went" in outcome.out
-    rows = rows_of(tmp_path / "out")
+    output = tmp_path / "out"
+    rows = rows_of(output)
     assert set(rows[:, 1]) == {1, 2}
     for identity in (1, 2):
         own = rows[rows[:, 1] == identity]
         assert own[:, 0].tolist() == list(range(1, LENGTH))
         truth = [true_boxes(int(frame))[identity - 1] for frame in own[:, 0]]
         assert np.abs(own[:, 2:6] - truth).max() < 4
-    table = read_tracks(tmp_path / "out" / "tracks.csv")
+    table = read_tracks(output / "tracks.csv")
     for name in "xywh":
         low, high = table[f"{name}_2.5"], table[f"{name}_97.5"]
         assert np.nanmax(high - low) < 40
         assert np.mean((low <= table[name] + 1e-3) & (table[name] <= high + 1e-3)) > 0.7
-    summary = summary_of(tmp_path / "out")
+    summary = summary_of(output)
     assert [birth["frame"] for birth in summary["births"]] == [1, 1]
     assert (summary["deaths"], summary["refused"]) == ([], [])
     assert summary["parameters"]["method"] == "labelled"
-    header = (tmp_path / "out" / "diagnostics.csv").read_text().splitlines()[0]
+    header = (output / "diagnostics.csv").read_text().splitlines()[0]
     assert header.endswith("uniqueness_slot_1,uniqueness_slot_2,uniqueness_slot_3")
-    assert (tmp_path / "out" / "overlay.mp4").stat().st_size > 0
-    again = track("--config", tmp_path / "out" / "run.toml", "-o", tmp_path / "again")
+    assert (output / "overlay.mp4").stat().st_size > 0
+    again = track("--config", output / "run.toml", "-o", tmp_path / "again")
     assert again.code == 0, again.err
     np.testing.assert_array_equal(rows_of(tmp_path / "again"), rows)
 
@@ -69,9 +70,8 @@ def test_start_boxes_and_named_ones_keep_their_numbers_and_scores_judge_all(trac
 def test_who_finds_no_place_is_told(track, tmp_path, detected):
     outcome = track("--births", detected, "--birth-frames", "2", "--capacity", "1")
     assert outcome.code == 0
-    assert (
-        "Refused: 1 that could not start, first in frame 1: all places, 1, are taken" in outcome.err
-    )
+    said = "Refused: 1 that could not start, first in frame 1: all places, 1, are taken"
+    assert said in outcome.err
     (refused,) = summary_of(tmp_path / "out")["refused"]
     assert refused["frame"] == 1
 

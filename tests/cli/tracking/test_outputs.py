@@ -23,9 +23,11 @@ from small_video import (
 
 from jaxpf import measures, ordering
 from jaxpf.boxes import dense, read_boxes, read_tracks
+from jaxpf.cli.tracking import recorder
 from jaxpf.cli.tracking.command import command
 from jaxpf.contract.lost import LOST_BELOW
 from jaxpf.contract.options import options_of
+from jaxpf.files import states
 from jaxpf.filters import all_filters, filter_of
 from jaxpf.media import open_frames
 from jaxpf.populations import Rules
@@ -34,16 +36,9 @@ from jaxpf.populations import Rules
 
 
 def test_a_run_writes_these_files_and_no_others(whole_run):
-    _, output = whole_run
-    assert sorted(path.name for path in output.iterdir()) == [
-        "diagnostics.csv",
-        "metrics.csv",
-        "overlay.mp4",
-        "run.toml",
-        "summary.json",
-        "tracks.csv",
-        "trajectories.png",
-    ]
+    names = "diagnostics.csv metrics.csv overlay.mp4 run.toml summary.json tracks.csv"
+    expected = [*names.split(), "trajectories.png"]
+    assert sorted(path.name for path in whole_run[1].iterdir()) == expected
 
 
 def test_tracks_are_one_tidy_table_that_begins_with_the_given_boxes(whole_run):
@@ -56,15 +51,15 @@ def test_tracks_are_one_tidy_table_that_begins_with_the_given_boxes(whole_run):
     np.testing.assert_array_equal(table["frame"], np.repeat(np.arange(LENGTH), 2))
     np.testing.assert_array_equal(table["id"], np.tile([1, 2], LENGTH))
     np.testing.assert_allclose(table["time"], table["frame"] / 25)
-    given = np.column_stack([table[name][:2] for name in "xywh"])
-    np.testing.assert_array_equal(given, true_boxes(0))
+    truth = np.concatenate([true_boxes(number) for number in range(LENGTH)])
+    boxes = np.column_stack([table[name] for name in "xywh"])
+    np.testing.assert_array_equal(boxes[:2], truth[:2])
+    assert np.abs(boxes - truth).max() < 5
     assert np.isnan(table["x_2.5"][:2]).all(), "nothing is estimated in the start frame"
     # An interval holds its estimate, and here almost always the truth.
-    for name, k in (("x", 0), ("y", 1), ("w", 2), ("h", 3)):
-        low, high = table[f"{name}_2.5"][2:], table[f"{name}_97.5"][2:]
-        assert np.all((low <= table[name][2:]) & (table[name][2:] <= high))
-        truth = np.array([true_boxes(t)[:, k] for t in range(1, LENGTH)]).ravel()
-        assert np.mean((low <= truth) & (truth <= high)) > 0.7
+    low, high = (np.column_stack([table[f"{n}_{end}"] for n in "xywh"]) for end in ("2.5", "97.5"))
+    assert np.all((low <= boxes) & (boxes <= high), axis=1)[2:].all()
+    assert np.mean((low <= truth) & (truth <= high), axis=0, where=~np.isnan(low)).min() > 0.7
     # Both move by sqrt(5) and sqrt(2) pixels a frame.
     for name, step in ((1, 5**0.5), (2, 2**0.5)):
         speed = table["speed"][2:][table["id"][2:] == name]
@@ -134,19 +129,13 @@ def test_colour_cannot_tell_who_is_lost_and_nobody_invents_a_number(track, tmp_p
     assert summary_of(output)["objects"]["1"]["mean_confidence"] is None
 
 
-def test_tracks_follow_the_objects(whole_run):
-    table = read_boxes(whole_run[1] / "tracks.csv")
-    boxes = dense(table, [1, 2], LENGTH)
-    truth = np.array([true_boxes(number) for number in range(LENGTH)])
-    assert np.abs(boxes - truth).max() < 5
-
-
-def test_the_overlay_shows_every_frame_from_the_start_frame_on(whole_run):
-    overlay = open_frames(whole_run[1] / "overlay.mp4")
-    frames = list(overlay)
-    assert len(frames) == LENGTH
-    assert frames[0].shape == (HEIGHT, WIDTH, 3)
+def test_overlay_and_progress_are_of_every_frame(whole_run):
+    outcome, output = whole_run
+    overlay = open_frames(output / "overlay.mp4")
+    assert [frame.shape for frame in overlay] == [(HEIGHT, WIDTH, 3)] * LENGTH
     assert overlay.fps == 25
+    for words in ("9/9", "frames/s", "left"):
+        assert words in outcome.err
 
 
 def test_the_summary_holds_parameters_versions_seed_and_timing(whole_run):
@@ -154,10 +143,9 @@ def test_the_summary_holds_parameters_versions_seed_and_timing(whole_run):
     assert summary["parameters"]["seed"] == 0
     assert summary["parameters"]["particles"] == 60
     assert summary["frames_tracked"] == LENGTH - 1
-    assert summary["interrupted"] is False
-    assert summary["error"] is None
-    assert summary["frames_outside"] == {"1": [], "2": []}
-    assert summary["frames_without_likelihood"] == {"1": [], "2": []}
+    assert (summary["interrupted"], summary["error"]) == (False, None)
+    for name in ("frames_outside", "frames_without_likelihood"):
+        assert summary[name] == {"1": [], "2": []}
     assert summary["seconds_first_frame"] > 0
     assert summary["frames_per_second"] > 0
     assert {"python", "jax", "jaxlib", "numpy", "jaxpf"} <= set(summary["versions"])
@@ -192,21 +180,12 @@ def test_truth_adds_a_table_over_the_frames_that_have_truth(whole_run):
     assert table.index("success at .5") < table.index("success area") < table.index("tracked")
 
 
-def test_progress_tells_frames_per_second_and_the_time_left(whole_run):
-    progress = whole_run[0].err
-    assert "9/9" in progress
-    assert "frames/s" in progress
-    assert "left" in progress
-
-
 def test_run_toml_repeats_the_run_bit_for_bit(whole_run, tmp_path, monkeypatch):
-    _, output = whole_run
     monkeypatch.chdir(tmp_path)  # the file does not depend on where one stands
-    outcome = jaxpf("track", "--config", output / "run.toml", "-o", "again")
+    outcome = jaxpf("track", "--config", whole_run[1] / "run.toml", "-o", "again")
     assert outcome.code == 0, outcome.err
-    again = tmp_path / "again"
     for name in ("tracks.csv", "diagnostics.csv", "metrics.csv", "run.toml"):
-        assert (again / name).read_bytes() == (output / name).read_bytes()
+        assert (tmp_path / "again" / name).read_bytes() == (whole_run[1] / name).read_bytes()
 
 
 def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
@@ -222,13 +201,10 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     assert set(options) == names - of_others - {*unset.split(), *elsewhere.split()}
 
 
-def test_every_object_may_have_a_noise_of_its_own(track, tmp_path):
-    still = ("--relative-scale", ".045,.18,.02,0,0,0")
-    assert track(*BOXES, *still, "--no-overlay").code == 0
-    lines = rows_of(tmp_path / "out")
-    boxes = {number: lines[lines[:, 1] == number, 2:6] for number in (1, 2)}
-    assert np.ptp(boxes[1][1:], axis=0).min() > 0
-    assert np.ptp(boxes[2], axis=0).max() == 0
+def test_every_object_may_have_a_noise_of_its_own(place):
+    noise = ("--relative-scale", ".045,.18,.02,0,0,0")
+    _, tracker = built_by_track("boxes", place / "clip.avi", *BOXES, *noise)
+    np.testing.assert_allclose(tracker.dynamics.steps, [[0.045, 0.18, 0.02], [0, 0, 0]])
 
 
 def test_a_folder_of_images_with_its_own_rate_gives_the_tracks_of_the_lossless_video(
@@ -341,14 +317,9 @@ def test_a_run_in_two_pieces_gives_the_tracks_of_one(whole_run, track, refuse, t
     assert summary_of(more)["frames_tracked"] == LENGTH - 5
 
 
-def test_a_state_saved_on_the_way_goes_on_bit_for_bit(
-    whole_run, track, tmp_path, monkeypatch, place
-):
+def test_a_state_saved_on_the_way_goes_on_bit_for_bit(whole_run, track, tmp_path, monkeypatch):
     """As after kill -9: of all that the run saves, only a state from its middle is there."""
-    from jaxpf.cli.tracking import recorder
-    from jaxpf.files import states
-
-    kept, copies, save = tmp_path / "kept.npz", [], states.save
+    copies, save = [], states.save
 
     def save_and_copy(path, state):
         save(path, state)
@@ -357,15 +328,13 @@ def test_a_state_saved_on_the_way_goes_on_bit_for_bit(
 
     monkeypatch.setattr(recorder, "_SAVE_EVERY", -1)
     monkeypatch.setattr(states, "save", save_and_copy)
-    assert track(*BOXES, "--save-state", kept, "--no-overlay").code == 0
+    assert track(*BOXES, "--save-state", tmp_path / "kept.npz", "--no-overlay").code == 0
     # After every frame, whose rows were written before; and at the end.
     assert [rows for rows, _ in copies] == [2 * n for n in [*range(2, LENGTH + 1), LENGTH]]
     monkeypatch.undo()
     rows, middle = copies[3]
     again = tmp_path / "again"
-    outcome = jaxpf(
-        *("track", place / "clip.avi", *BOXES, *PARTICLES, "--resume", middle, "-o", again)
-    )
+    outcome = track(*BOXES, "--resume", middle, "-o", again)
     assert outcome.code == 0, outcome.err
     _, *found = (again / "tracks.csv").read_text().splitlines()
     _, *expected = (whole_run[1] / "tracks.csv").read_text().splitlines()

@@ -8,7 +8,7 @@ import tomllib
 import cv2
 import numpy as np
 import pytest
-from command_line import jaxpf, refusal_of
+from command_line import assert_same, built_by_track, jaxpf, refusal_of
 
 import scenes
 from jaxpf.shapes import corners_from_poses
@@ -153,12 +153,11 @@ def test_the_summary_and_the_configuration_name_the_parts(whole_run, parts_file)
     assert options["parts_file"] == str(parts_file.resolve())
 
 
-def test_the_configuration_repeats_the_run(whole_run, clip, tmp_path):
-    _, output = whole_run
-    again = jaxpf("track", clip, "--config", output / "run.toml", "-o", tmp_path / "again")
-    assert again.code == 0, again.err
-    one, other = (folder / "tracks.csv" for folder in (output, tmp_path / "again"))
-    assert one.read_bytes() == other.read_bytes()
+def test_the_configuration_repeats_the_run(whole_run, clip, parts_file):
+    start, tracker = built_by_track("parts", clip, "--parts-file", parts_file, *PARTICLES)
+    same, again = built_by_track("parts", clip, "--config", whole_run[1] / "run.toml")
+    np.testing.assert_array_equal(same.ids, start.ids)
+    assert_same(again, tracker)
 
 
 @pytest.mark.slow

@@ -14,13 +14,8 @@ TRACKS = """frame,time,id,x,y,w,h,speed,confidence,lost
 2,0.08,2,31,20.25,6,9,,0.2,1
 """
 #: By frame and id.
-BOXES = {
-    (0, 1): [10, 5, 8, 4],
-    (1, 1): [11.5, 6, 8, 4],
-    (1, 2): [30, 20, 6, 9],
-    (2, 1): [13, 7, 8, 4],
-    (2, 2): [31, 20.25, 6, 9],
-}
+ROWS = [line.split(",") for line in TRACKS.splitlines()[1:]]
+BOXES = {(int(row[0]), int(row[2])): [float(x) for x in row[3:7]] for row in ROWS}
 
 
 @pytest.fixture
@@ -74,13 +69,12 @@ def test_motmetrics_reads_mot_lines(export):
 
 def test_trackeval_reads_mot_lines(export, tmp_path):
     trackeval = pytest.importorskip("trackeval")
-    path = export("mot", "tracks.txt")
-    for folder, name in (("truth/clip/gt", "gt.txt"), ("trackers/mine/data", "clip.txt")):
-        (tmp_path / folder).mkdir(parents=True)
-        lines = path.read_text().splitlines()
-        if name == "gt.txt":  # there, the fields after the box are: counts, class, visibility
-            lines = [",".join([*line.split(",")[:6], "1,1,1"]) for line in lines]
-        (tmp_path / folder / name).write_text("\n".join(lines) + "\n")
+    lines = export("mot", "tracks.txt").read_text().splitlines()
+    # In the truth, the fields after the box are: counts, class, visibility.
+    truth = [",".join([*line.split(",")[:6], "1,1,1"]) for line in lines]
+    for path, rows in (("truth/clip/gt/gt.txt", truth), ("trackers/mine/data/clip.txt", lines)):
+        (tmp_path / path).parent.mkdir(parents=True)
+        (tmp_path / path).write_text("\n".join(rows) + "\n")
     dataset = trackeval.datasets.MotChallenge2DBox(
         {
             "GT_FOLDER": str(tmp_path / "truth"),
@@ -92,9 +86,8 @@ def test_trackeval_reads_mot_lines(export, tmp_path):
     )
     data = dataset.get_preprocessed_seq_data(dataset.get_raw_seq_data("mine", "clip"), "pedestrian")
     assert data["num_tracker_dets"] == len(BOXES)
-    first, second, third = data["tracker_dets"]
-    np.testing.assert_allclose(first, np.add([BOXES[0, 1]], [1, 1, 0, 0]))
-    assert (len(second), len(third)) == (2, 2)
+    np.testing.assert_allclose(data["tracker_dets"][0], np.add([BOXES[0, 1]], [1, 1, 0, 0]))
+    assert [len(boxes) for boxes in data["tracker_dets"]] == [1, 2, 2]
     assert trackeval.metrics.HOTA().eval_sequence(data)["HOTA"].mean() == pytest.approx(1)
 
 

@@ -1,5 +1,8 @@
+import re
+
 import pytest
-from box_files import GT, message_of
+from box_files import GT
+from refusals import message_of
 
 from jaxpf.boxes import read_boxes
 
@@ -45,30 +48,28 @@ TRACKS = "frame,time,id,x,y,w,h,confidence,lost\n"
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("1,1,2,3,4,5\n1,2,2,3,4\n", ["line 2", "5 columns", "expected 6, frame,id,x,y,w,h"]),
-        ("1,1,2,5,3,4,5\n2,1,2,3,4,5\n", ["line 2", "6 columns", "expected 7", "a point"]),
-        (HEADER + "0,1,2,3,4,5\n", ["line 2", "6 columns", "expected 7"]),
-        ("1,1,,3,4,5\n", ["line 1", "x is ''", "not a finite number"]),
-        ("1,1,2,3,4,5\n\n1,2,2,nan,4,5\n", ["line 3", "y is 'nan'", "finite"]),
-        ("1,1.5,2,3,4,5\n", ["line 1", "id is '1.5'", "whole number"]),
-        ("0,1,2,3,4,5\n", ["line 1", "frame is '0'", "whole number from 1"]),
-        ("1,1,2,3,4,-5\n", ["line 1", "h is '-5'", "a number from 0"]),
-        (HEADER + "0,1,2,3,4,5,3\n", ["line 2", "occ is '3'", "whole number from -1 to 2"]),
-        (TRACKS + "0,0,1,2,3,4,5,high,0\n", ["line 2", "confidence is 'high'"]),
-        ("1,1,2,3,4,5\n1,1,2,3,4,6\n", ["line 2", "id 1", "of line 1", "keep one"]),
-        ("1,1,2,3,4,5,1,1,1,1,1\n", ["begins with '1,1,2", "6 to 10 columns"]),
-        ("x,y,w,h\n1,2,3,4\n", ["begins with 'x,y,w,h'", "frame,id,x,y,w,h,occ", "MOT"]),
-        ("", ["holds no boxes", "frame,id,x,y,w,h,occ", "MOT"]),
-        (HEADER, ["holds no boxes", "MOT"]),
-        (b"\xff\x00\x01", ["is not a text file"]),
+        ("1,1,2,3,4,5\n1,2,2,3,4\n", "line 2 .*5 columns.*expected 6, frame,id,x,y,w,h"),
+        ("1,1,2,5,3,4,5\n2,1,2,3,4,5\n", "line 2 .*6 columns.*expected 7.*a point"),
+        (HEADER + "0,1,2,3,4,5\n", "line 2 .*6 columns.*expected 7"),
+        ("1,1,,3,4,5\n", "line 1 .*x is ''.*not a finite number"),
+        ("1,1,2,3,4,5\n\n1,2,2,nan,4,5\n", "line 3 .*y is 'nan'.*finite"),
+        ("1,1.5,2,3,4,5\n", "line 1 .*id is '1.5'.*whole number"),
+        ("0,1,2,3,4,5\n", "line 1 .*frame is '0'.*whole number from 1"),
+        ("1,1,2,3,4,-5\n", "line 1 .*h is '-5'.*a number from 0"),
+        (HEADER + "0,1,2,3,4,5,3\n", "line 2 .*occ is '3'.*whole number from -1 to 2"),
+        (TRACKS + "0,0,1,2,3,4,5,high,0\n", "line 2 .*confidence is 'high'"),
+        ("1,1,2,3,4,5\n1,1,2,3,4,6\n", "line 2 .*id 1 .*of line 1.*keep one"),
+        ("1,1,2,3,4,5,1,1,1,1,1\n", "begins with '1,1,2.*6 to 10 columns"),
+        ("x,y,w,h\n1,2,3,4\n", "begins with 'x,y,w,h'.*frame,id,x,y,w,h,occ.*MOT"),
+        (HEADER, "holds no boxes.*MOT"),
+        (b"\xff\x00\x01", "is not a text file"),
     ],
 )
 def test_each_mistake_is_named_with_its_line_and_remedy(boxes_file, text, expected):
     path = boxes_file(text)
     message = message_of(read_boxes, path)
     assert f"'{path}'" in message
-    for part in expected:
-        assert part in message
+    assert re.search(expected, message), message
 
 
 def test_a_missing_file_and_a_folder_are_named(tmp_path):

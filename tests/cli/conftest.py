@@ -2,7 +2,7 @@
 
 import jax
 import pytest
-from command_line import jaxpf
+from command_line import refusal_of
 from small_sequence_folder import write_sequence
 
 from jaxpf.evaluation.output import report
@@ -40,12 +40,7 @@ def refuse(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments):
-        outcome = jaxpf("evaluate", *arguments)
-        assert outcome.code == 2
-        assert outcome.out == ""
-        *_, sentence = outcome.err.strip().splitlines()
-        assert sentence.startswith("Error: ")
-        assert "Traceback" not in outcome.err
+        sentence = refusal_of("evaluate", *arguments)
         assert not list(tmp_path.iterdir())
         return sentence
 

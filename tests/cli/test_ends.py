@@ -19,27 +19,29 @@ def test_a_full_disk_under_standard_output_is_one_sentence(arguments):
     assert ended.stderr.count(b"\n") == 1
 
 
+INTERRUPT = """
+import importlib.abc, signal, sys
+class Interrupt(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == {module!r}:
+            try:
+                signal.raise_signal(signal.SIGINT)
+            except KeyboardInterrupt:
+                {then}
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.meta_path.insert(0, Interrupt())
+"""
+
+
 def interrupted_at(module, program, then="raise"):
     """Run a program with Ctrl-C when ``module`` is imported, which does ``then`` if it raises."""
-    before = (
-        "import importlib.abc, signal, sys\n"
-        "class Interrupt(importlib.abc.MetaPathFinder):\n"
-        "    def find_spec(self, name, path, target=None):\n"
-        f"        if name == '{module}':\n"
-        "            try:\n"
-        "                signal.raise_signal(signal.SIGINT)\n"
-        "            except KeyboardInterrupt:\n"
-        f"                {then}\n"
-        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "sys.meta_path.insert(0, Interrupt())\n"
-    )
-    return subprocess.run([sys.executable, "-c", before + program], capture_output=True)
+    code = INTERRUPT.format(module=module, then=then) + program
+    return subprocess.run([sys.executable, "-c", code], capture_output=True)
 
 
 def test_ctrl_c_while_jax_is_imported_prints_no_traceback():
-    program = (
-        "sys.argv = ['jaxpf', 'bench', '--repeats', '1']\nfrom jaxpf.cli import main\nmain()\n"
-    )
+    arguments = "sys.argv = ['jaxpf', 'bench', '--repeats', '1']\n"
+    program = f"{arguments}from jaxpf.cli import main\nmain()\n"
     ended = interrupted_at("jax._src.core", program, then="sys.exit('crashed, as JAX may')")
     assert (ended.returncode, ended.stderr) == (130, b"Interrupted.\n")
 

@@ -5,7 +5,7 @@ import shlex
 
 import numpy as np
 import pytest
-from command_line import jaxpf
+from command_line import jaxpf, refusal_of
 
 from jaxpf.boxes import dense, read_boxes
 from jaxpf.contours.files import read_contours
@@ -39,33 +39,32 @@ def test_the_commands_name_files_that_are_there(examples, kind):
 
 
 def test_starts_are_the_truth_of_the_first_frame(examples):
-    boxes = examples["boxes"][0]
-    truth = dense(read_boxes(boxes / "truth.csv"), [1, 2, 3], 90)
+    folders = {kind: folder for kind, (folder, _) in examples.items()}
+    truth = dense(read_boxes(folders["boxes"] / "truth.csv"), [1, 2, 3], 90)
     assert np.isfinite(truth).all()
-    start = dense(read_boxes(boxes / "start.csv"), [1, 2, 3], 1)
+    start = dense(read_boxes(folders["boxes"] / "start.csv"), [1, 2, 3], 1)
     np.testing.assert_array_equal(start[0], truth[0])
-    parts = read_parts(examples["parts"][0] / "parts.csv")
-    points = read_points(examples["points"][0] / "points.csv")
+    parts, points = (
+        read_parts(folders["parts"] / "parts.csv"),
+        read_points(folders["points"] / "points.csv"),
+    )
     for kind, names, places in (
         ("parts", parts.names, parts.poses[:, :2]),
         ("points", points.names, points.places),
     ):
-        rows = [line.split(",") for line in (examples[kind][0] / "truth.csv").open()][1:]
+        rows = [line.split(",") for line in (folders[kind] / "truth.csv").open()][1:]
         first = {row[1]: (float(row[2]), float(row[3])) for row in rows if row[0] == "0"}
         np.testing.assert_allclose(places, [first[name] for name in names], atol=1e-3)
-    assert read_contours(examples["contours"][0] / "wires.json").points.shape[0] == 2
-
-
-def test_people_come_and_go(examples):
-    folder, _ = examples["births"]
-    there = np.isfinite(dense(read_boxes(folder / "truth.csv"), [1, 2, 3, 4, 5], 120)[..., 0])
+    assert read_contours(folders["contours"] / "wires.json").points.shape[0] == 2
+    # People come and go.
+    boxes = dense(read_boxes(folders["births"] / "truth.csv"), [1, 2, 3, 4, 5], 120)
+    there = np.isfinite(boxes[..., 0])
     assert not there[0].any()
     assert there.any(axis=0).all()
     assert not there[-1].all()
 
 
 def test_a_folder_with_files_is_refused(examples):
-    folder, _ = examples["boxes"]
-    outcome = jaxpf("example", "boxes", folder)
-    assert outcome.code == 2
-    assert re.search(r"is not empty .*--overwrite", outcome.err)
+    assert re.search(
+        r"is not empty .*--overwrite", refusal_of("example", "boxes", examples["boxes"][0])
+    )

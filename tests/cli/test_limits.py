@@ -1,7 +1,7 @@
 """What is too much is refused at once: memory, processes, names, numbers."""
 
 import pytest
-from command_line import jaxpf
+from command_line import jaxpf, refusal_of
 from small_sequence_folder import SMALL
 
 from jaxpf import InputError
@@ -12,17 +12,13 @@ LONG = "x" * 300
 
 
 def refused(*arguments):
-    """The one sentence."""
-    outcome = jaxpf(*arguments)
-    assert outcome.code == 2
-    assert "Traceback" not in outcome.err
-    *_, sentence = outcome.err.strip().splitlines()
-    assert sentence.startswith("Error: ")
+    sentence = refusal_of(*arguments)
     assert len(sentence) < 700
     return sentence
 
 
 def test_more_memory_than_there_is_is_refused_with_both_sums(monkeypatch):
+    assert 2**28 < memory.machine_memory() < 2**50
     monkeypatch.setattr(memory, "machine_memory", lambda: 8 * 2**30)
     with pytest.raises(InputError) as caught:
         memory.check_memory(9.5 * 2**30, "ask for less")
@@ -32,51 +28,22 @@ def test_more_memory_than_there_is_is_refused_with_both_sums(monkeypatch):
     memory.check_memory(7.5 * 2**30, "ask for less")
 
 
-def test_a_machine_tells_its_memory():
-    assert 2**28 < memory.machine_memory() < 2**50
-
-
-def test_an_evaluation_that_does_not_fit_is_refused_also_where_it_is_only_planned(tmp_path):
-    options = ("--methods", "sir", "-n", "100000000", "--likelihood", "integral", "--runs", "25")
-    sentence = refused("evaluate", "distracter", *options, "--dry-run", "-o", tmp_path / "o")
-    assert "GB of memory, and this machine has" in sentence
-    assert not (tmp_path / "o").exists()
-
-
-def test_a_demo_and_a_tuning_that_do_not_fit_are_refused(tmp_path):
+def test_commands_that_do_not_fit_are_refused_also_where_they_are_only_planned(tmp_path):
     tune = ("tune", "distracter", *SMALL, "--train-scenes", "1")
-    for command in (("demo",), tune):
-        sentence = refused(*command, "-n", "500000000", "-o", tmp_path / "o")
-        assert "GB of memory, and this machine has" in sentence
-        assert "fewer particles (-n)" in sentence
+    options = ("--methods", "sir", "--likelihood", "integral", "--runs", "25", "--dry-run")
+    evaluate = ("evaluate", "distracter", *options)
+    for command in (("demo",), tune, evaluate):
+        outcome = jaxpf(*command, "-n", "500000000", "-o", tmp_path / "o")
+        assert outcome.code == 2
+        assert "GB of memory, and this machine has" in outcome.err
+        assert "ask for fewer particles" in outcome.err
         assert not (tmp_path / "o").exists()
-
-
-@pytest.mark.parametrize(("flag", "value"), [("devices", 10000), ("workers", 100000)])
-def test_processes_and_devices_are_bounded(flag, value):
-    sentence = refused("evaluate", "distracter", f"--{flag}", value)
-    assert f"--{flag} {value} must be a whole number from 1 to 256." in sentence
 
 
 @pytest.mark.parametrize("command", ["evaluate", "tune"])
 def test_a_folder_whose_name_is_too_long_is_refused(command):
     assert "file name too long" in refused(command, "distracter", "-o", LONG)
     assert "file name too long" in refused(command, "distracter", "--config", LONG)
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("[evaluate]\nruns = " + "[" * 20_000, "is nested too deeply"),
-        ("[evaluate]\nruns = " + "9" * 5000, "is not valid TOML: Exceeds the limit"),
-        ("[evaluate]\nruns = " + "9" * 400, "9999 must be a whole number"),
-        ('[evaluate]\noutput = "a\\u0000b"', "holds a NUL"),
-        ("[evaluate]\nruns = '" + "y" * 5000 + "'", "[evaluate]: 'yyyy"),
-    ],
-)
-def test_a_hostile_configuration_is_refused(tmp_path, text, said):
-    (tmp_path / "c.toml").write_text(text)
-    assert said in refused("evaluate", "distracter", "--config", tmp_path / "c.toml")
 
 
 def test_a_demo_replaces_nothing_unasked(tmp_path):
@@ -86,28 +53,27 @@ def test_a_demo_replaces_nothing_unasked(tmp_path):
     assert "--overwrite" in sentence
 
 
-@pytest.mark.parametrize("name", ["two\nlines", "x" * 101, "bell\a"])
+@pytest.mark.parametrize("name", ["two\nlines", "x" * 101, "bell\a", "dps", ""])
 def test_a_trackers_name_fits_a_table(name):
     with pytest.raises(InputError, match="a tracker cannot be called"):
         Plan("distracter", methods=(), tracks={name: "file.csv"})
 
 
-@pytest.mark.parametrize("kind", ["scene", "tracker", "import"])
-def test_a_users_function_that_fails_is_told_by_file_and_line(tmp_path, kind):
-    path = tmp_path / "mine.py"
-    body = "def scene(seed=0):\n    return 1 / 0\n\n\n"
-    body += "def tracker(scene):\n    raise ValueError('[/red]')\n"
-    path.write_text("\n1 / 0\n" if kind == "import" else body)
-    scene = (
-        ("distracter", "--tracker", f"{path}:tracker") if kind == "tracker" else (f"{path}:scene",)
-    )
-    sentence = refused("evaluate", *scene, "-o", tmp_path / "o")
-    said = {
-        "scene": "failed with ZeroDivisionError: division by zero, at line 2 of",
-        "tracker": "failed with ValueError: [/red], at line 6 of",
-        "import": "cannot be imported (ZeroDivisionError: division by zero, at line 2 of",
-    }
-    assert said[kind] in sentence
+BODY = "def scene(seed=0):\n    return 1 / 0\n\ndef tracker(scene):\n    raise ValueError('[/red]')"
+
+
+@pytest.mark.parametrize(
+    ("body", "arguments", "said"),
+    [
+        (BODY, "{}:scene", "failed with ZeroDivisionError: division by zero, at line 2 of"),
+        (BODY, "distracter --tracker {}:tracker", "failed with ValueError: [/red], at line 5 of"),
+        ("\n1 / 0", "{}:scene", "cannot be imported (ZeroDivisionError: division by zero, at line"),
+    ],
+)
+def test_a_users_function_that_fails_is_told_by_file_and_line(tmp_path, body, arguments, said):
+    (tmp_path / "mine.py").write_text(body)
+    words = arguments.format(tmp_path / "mine.py").split()
+    assert said in refused("evaluate", *words, "-o", tmp_path / "o")
 
 
 @pytest.mark.parametrize(
@@ -115,17 +81,15 @@ def test_a_users_function_that_fails_is_told_by_file_and_line(tmp_path, kind):
     [
         ("track", "clip.mp4", "-o", ""),
         ("track", "clip.mp4", "--births", ""),
+        ("track", "clip.mp4", "--tracker", ""),
         ("example", "boxes", ""),
         ("export", "", "mot", "a.txt"),
         ("contour", "learn", ""),
         ("reproduce", "rowe2005", "-o", ""),
-        ("demo", "-o", ""),
         ("evaluate", "", "--dry-run"),
-        ("tune", ""),
         ("evaluate", "distracter", "--dask", ""),
-        ("evaluate", "distracter", "--target", ""),
+        ("tune", ""),
         ("tune", "distracter", "--parameters", ""),
-        ("track", "clip.mp4", "--tracker", ""),
     ],
 )
 def test_an_empty_path_is_not_this_folder(arguments, tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ import tomllib
 import cv2
 import numpy as np
 import pytest
-from command_line import jaxpf
+from command_line import assert_same, built_by_track, jaxpf, refusal_of
 
 import scenes
 from jaxpf.shapes import corners_from_poses
@@ -24,12 +24,15 @@ def scene():
     return scenes.make("articulated", 4, num_parts=5, num_frames=LENGTH)
 
 
-@pytest.fixture(scope="module")
-def clip(scene, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("clip")
-    for number, frame in enumerate(scene.frames):
+def write_clip(folder, frames):
+    for number, frame in enumerate(frames):
         cv2.imwrite(str(folder / f"{number}.png"), frame[..., ::-1])
     return folder
+
+
+@pytest.fixture(scope="module")
+def clip(scene, tmp_path_factory):
+    return write_clip(tmp_path_factory.mktemp("clip"), scene.frames)
 
 
 def lines_of(scene):
@@ -47,30 +50,34 @@ def parts_file(scene, tmp_path_factory):
     return path
 
 
+@pytest.fixture
+def track(clip, parts_file, tmp_path):
+    """Track the clip's parts into ``tmp_path/out``."""
+
+    def run(*options, video=clip, file=parts_file):
+        given = ("--parts-file", file, *PARTICLES, "-o", tmp_path / "out", *options)
+        return jaxpf("track", "parts", video, *given)
+
+    return run
+
+
 @pytest.fixture(scope="module")
 def whole_run(clip, parts_file, tmp_path_factory):
     output = tmp_path_factory.mktemp("run") / "out"
-    outcome = jaxpf(
-        "track",
-        "parts",
-        clip,
-        "--parts-file",
-        parts_file,
-        *PARTICLES,
-        "-o",
-        output,
-    )
-    return outcome, output
+    given = ("--parts-file", parts_file, *PARTICLES, "-o", output)
+    return jaxpf("track", "parts", clip, *given), output
+
+
+def rows_of(output):
+    with (output / "tracks.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
 
 
 def mean_corner_distance(scene, output):
-    with (output / "tracks.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
     poses = np.zeros((LENGTH, len(NAMES), 3))
-    for row in rows:
-        poses[int(row["frame"]), NAMES.index(row["id"])] = (
-            float(row["x"]), float(row["y"]), np.radians(float(row["angle"]))
-        )  # fmt: skip
+    for row in rows_of(output):
+        pose = float(row["x"]), float(row["y"]), np.radians(float(row["angle"]))
+        poses[int(row["frame"]), NAMES.index(row["id"])] = pose
     corners = corners_from_poses(poses, scene.sizes)
     return float(np.mean(np.linalg.norm(corners - scene.extras["corners"], axis=-1)))
 
@@ -97,37 +104,28 @@ def test_parts_are_followed_and_every_file_is_written(scene, whole_run):
     [(), pytest.param(("--smooth",), marks=pytest.mark.slow)],
     ids=["filtered", "smoothed"],
 )
-def test_two_bodies_are_followed_in_one_run(scene, parts_file, tmp_path, options):
+def test_two_bodies_are_followed_in_one_run(scene, track, tmp_path_factory, tmp_path, options):
     """One above the other: the first is the scene's object, the second moves like its mirror."""
-    film, shift = tmp_path / "film", scene.frames.shape[1]
-    film.mkdir()
-    for number, frame in enumerate(scene.frames):
-        both = np.concatenate([frame, frame[:, ::-1]])
-        cv2.imwrite(str(film / f"{number}.png"), both[..., ::-1])
-    width = scene.frames.shape[2]
+    height, width = scene.frames.shape[1:3]
+    both = [np.concatenate([frame, frame[:, ::-1]]) for frame in scene.frames]
+    film = write_clip(tmp_path_factory.mktemp("film"), both)
     poses, rows = scene.extras["poses"], list(lines_of(scene))
-    for part, (x, y, theta) in enumerate(poses[0]):
-        on = scene.extras["parents"][part]
-        w, h = scene.sizes[part]
-        parent = f"second {NAMES[on]}" if on >= 0 else ""
-        place = f"{width - x:.2f},{y + shift:.2f},{w:.0f},{h:.0f},{-np.degrees(theta):.2f}"
-        rows.append(f"second {NAMES[part]},{parent},{place}")
-    path, output = tmp_path / "parts.csv", tmp_path / "out"
-    path.write_text("part,parent,x,y,w,h,angle\n" + "\n".join(rows) + "\n")
-    outcome = jaxpf(
-        "track", "parts", film, "--parts-file", path, *PARTICLES, "-o", output, *options
-    )
+    for line in lines_of(scene):
+        name, on, x, y, w, h, angle = line.split(",")
+        parent = f"second {on}" if on else ""
+        place = f"{width - float(x):.2f},{float(y) + height:.2f},{w},{h},{-float(angle):.2f}"
+        rows.append(f"second {name},{parent},{place}")
+    file = tmp_path / "parts.csv"
+    file.write_text("part,parent,x,y,w,h,angle\n" + "\n".join(rows) + "\n")
+    outcome = track(*options, video=film, file=file)
     assert outcome.code == 0, outcome.err
-    with (output / "tracks.csv").open(newline="") as file:
-        tracks = [row for row in csv.DictReader(file) if int(row["frame"]) == LENGTH - 1]
-    found = {row["id"]: (float(row["x"]), float(row["y"])) for row in tracks}
+    last = [row for row in rows_of(tmp_path / "out") if int(row["frame"]) == LENGTH - 1]
+    found = {row["id"]: (float(row["x"]), float(row["y"])) for row in last}
     assert len(found) == 2 * len(NAMES)
-    mirrored = poses[-1, :, :2] * (-1, 1) + (width, shift)
+    mirrored = poses[-1, :, :2] * (-1, 1) + (width, height)
     for name, first, second in zip(NAMES, poses[-1, :, :2], mirrored, strict=True):
         assert np.hypot(*(found[name] - first)) < 6
         assert np.hypot(*(found[f"second {name}"] - second)) < 6
-    summary = json.loads((output / "summary.json").read_text())
-    assert len(summary["ids"]) == 2 * len(NAMES)
 
 
 def test_the_overlay_shows_turned_rectangles(scene, whole_run):
@@ -155,91 +153,51 @@ def test_the_summary_and_the_configuration_name_the_parts(whole_run, parts_file)
     assert options["parts_file"] == str(parts_file.resolve())
 
 
-def test_the_configuration_repeats_the_run(whole_run, clip, tmp_path):
-    _, output = whole_run
-    again = jaxpf("track", clip, "--config", output / "run.toml", "-o", tmp_path / "again")
-    assert again.code == 0, again.err
-    one, other = (folder / "tracks.csv" for folder in (output, tmp_path / "again"))
-    assert one.read_bytes() == other.read_bytes()
+def test_the_configuration_repeats_the_run(whole_run, clip, parts_file):
+    start, tracker = built_by_track("parts", clip, "--parts-file", parts_file, *PARTICLES)
+    same, again = built_by_track("parts", clip, "--config", whole_run[1] / "run.toml")
+    np.testing.assert_array_equal(same.ids, start.ids)
+    assert_same(again, tracker)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
-    [
-        ("--method", "ps", "--order", "1,3,2,5,4"),
-        ("--swap", "sorted"),
-        ("--dynamics", "absolute"),
-        ("--likelihood", "patch", "--sharpness", "20"),
-    ],
-    ids=["ps", "sorted", "absolute", "patch"],
+    ["--method ps --order 1,3,2,5,4", "--swap sorted", "--dynamics absolute", "--likelihood patch"],
 )
-def test_other_ways_to_track_parts(scene, clip, parts_file, tmp_path, options):
-    output = tmp_path / "out"
-    outcome = jaxpf(
-        "track",
-        "parts",
-        clip,
-        "--parts-file",
-        parts_file,
-        *PARTICLES,
-        "-o",
-        output,
-        "--no-overlay",
-        *options,
-    )
+def test_other_ways_to_track_parts(scene, track, tmp_path, options):
+    sharpness = ("--sharpness", 20) if "patch" in options else ()
+    outcome = track("--no-overlay", *options.split(), *sharpness)
     assert outcome.code == 0, outcome.err
-    assert mean_corner_distance(scene, output) < 6
-    assert json.loads((output / "summary.json").read_text())["likelihood_method"] == (
-        "patch" if "patch" in options else "sampled"
-    )
+    assert mean_corner_distance(scene, tmp_path / "out") < 6
+    method = json.loads((tmp_path / "out" / "summary.json").read_text())["likelihood_method"]
+    assert method == ("patch" if "patch" in options else "sampled")
 
 
 def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_path):
-    _, output = whole_run
-    config = ("--config", output / "run.toml", "--box", "900,900,5,5", "-o", tmp_path / "o")
-    outcome = jaxpf("track", clip, *config)
-    assert "--box works only for boxes" in outcome.err
-    outcome = jaxpf("track", "boxes", clip, *config)
-    assert "run.toml' is not for boxes" in outcome.err
+    config = ("--config", whole_run[1] / "run.toml", "--box", "900,900,5,5", "-o", tmp_path / "o")
+    assert "--box works only for boxes" in refusal_of("track", clip, *config)
+    assert "run.toml' is not for boxes" in refusal_of("track", "boxes", clip, *config)
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (
-            ("--box", "1,2,3,4"),
-            "--box works only for boxes; write `jaxpf track boxes",
-        ),
-        (("--truth", "gt.csv"), "--truth works only for boxes"),
-        (
-            ("--method", "dps"),
-            "method 'dps' goes through circular shifts.*choose one of sir, ps, sps",
-        ),
-        (
-            ("--likelihood", "integral"),
-            "--likelihood 'integral' is unknown; choose one of auto, sampled, patch",
-        ),
-        (("--dynamics", "free"), "--dynamics 'free' is unknown; choose one of relative, absolute"),
-        (("--method", "ps", "--order", "2,1,3,4,5"), "puts part 2 before its parent 1"),
-        (("--likelihood", "patch", "--bands", "2"), "--bands 2 goes with histograms"),
-        (("--dynamics", "absolute", "--joint-scale", "1,1,2"), "--joint-scale goes with"),
-        (
-            ("--method", "ps", "--order", "1,2"),
-            "the order 1,2 is not a permutation of the 5 object",
-        ),
-        (("--joint-scale", "1,1,-4"), "joint-scale 1,1,-4 must be three finite numbers"),
-        (("--swap", "best"), "--swap 'best' is unknown"),
+        ("--box 1,2,3,4", "--box works only for boxes; write `jaxpf track boxes"),
+        ("--truth gt.csv", "--truth works only for boxes"),
+        ("--method dps", "method 'dps' goes through circular shifts.*choose one of sir, ps, sps"),
+        ("--method ps --order 2,1,3,4,5", "puts part 2 before its parent 1"),
+        ("--method ps --order 1,2", "the order 1,2 is not a permutation of the 5 object"),
+        ("--likelihood patch --bands 2", "--bands 2 goes with histograms"),
+        ("--dynamics absolute --joint-scale 1,1,2", "--joint-scale goes with"),
     ],
 )
-def test_every_mistake_has_one_clear_sentence(clip, parts_file, tmp_path, options, words):
-    output = tmp_path / "out"
-    outcome = jaxpf("track", "parts", clip, "--parts-file", parts_file, "-o", output, *options)
+def test_options_that_do_not_go_together_are_one_sentence(track, tmp_path, options, words):
+    outcome = track(*options.split())
     assert outcome.code == 2
-    assert outcome.err.startswith("Error: ")
+    assert re.match(f"Error: .*{words}", outcome.err), outcome.err
     assert outcome.err.count("\n") == 1
-    assert not output.exists()
-    assert re.search(words, outcome.err), outcome.err
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(
@@ -250,10 +208,10 @@ def test_every_mistake_has_one_clear_sentence(clip, parts_file, tmp_path, option
         ("tail,body,10,10,0.4,5,0", "part 'tail' is 0.4.* pixels wide"),
     ],
 )
-def test_parts_that_cannot_be_tracked_are_named(clip, parts_file, tmp_path, line, words):
-    path = tmp_path / "parts.csv"
-    path.write_text(f"{parts_file.read_text()}{line}\n")
-    outcome = jaxpf("track", "parts", clip, "--parts-file", path, "-o", tmp_path / "out")
+def test_parts_that_cannot_be_tracked_are_named(track, parts_file, tmp_path, line, words):
+    file = tmp_path / "parts.csv"
+    file.write_text(f"{parts_file.read_text()}{line}\n")
+    outcome = track(file=file)
     assert outcome.code == 2
     assert re.search(words, outcome.err), outcome.err
     assert outcome.err.count("\n") == 1

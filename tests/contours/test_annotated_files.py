@@ -1,9 +1,12 @@
 """Annotated contours: CSV and masks are read; what cannot be used is refused."""
 
+import re
+
 import cv2
 import numpy as np
 import pytest
 from PIL import Image
+from refusals import message_of
 
 from jaxpf import InputError
 from jaxpf.contours.annotated_files import read_annotated
@@ -29,43 +32,42 @@ def write_masks(folder, levels):
         cv2.imwrite(str(folder / f"{name}.png"), np.full((4, 5), level, np.uint8))
 
 
-def test_the_number_in_a_masks_name_is_its_frame(tmp_path):
-    write_masks(tmp_path / "masks", {"a10": 1, "a2": 1, "a3": 0})
+@pytest.mark.parametrize(
+    ("levels", "frames"),
+    [
+        ({"a10": 1, "a2": 1, "a3": 0}, [2, 10]),
+        ({"left": 1, "right": 0, "up": 1}, [0, 2]),
+        ({"0003_mask": 1}, [3]),
+        ({"0003_cam1_mask": 1, "0012_cam1_mask": 1}, [3, 12]),
+    ],
+)
+def test_the_number_in_a_masks_name_is_its_frame(tmp_path, levels, frames):
+    write_masks(tmp_path / "masks", levels)
     found = read_annotated(tmp_path)
-    assert (found.kind, list(found.lines)) == ("masks", [(2, "1"), (10, "1")])
-    assert found.lines[2, "1"].shape == (4, 5)
-    write_masks(tmp_path / "named", {"left": 1, "right": 0, "up": 1})
-    assert list(read_annotated(tmp_path / "named").lines) == [(0, "1"), (2, "1")]
-
-
-def test_text_may_follow_the_number_in_a_masks_name(tmp_path):
-    write_masks(tmp_path / "one", {"0003_mask": 1})
-    assert list(read_annotated(tmp_path / "one").lines) == [(3, "1")]
-    write_masks(tmp_path, {"0003_cam1_mask": 1, "0012_cam1_mask": 1})
-    assert list(read_annotated(tmp_path).lines) == [(3, "1"), (12, "1")]
+    assert (found.kind, list(found.lines)) == ("masks", [(frame, "1") for frame in frames])
+    assert found.lines[frames[0], "1"].shape == (4, 5)
 
 
 @pytest.mark.parametrize(
     ("names", "sentence"),
     [
-        (("1", "5", "x"), r"x\.png' has no number"),
-        (("1", "01"), r"1\.png' has the number 1 again"),
-        (("a1", "a2", "b1"), r"b1\.png' has the number 1 again"),
+        (("1", "5", "x"), "x.png' has no number"),
+        (("1", "01"), "1.png' has the number 1 again"),
+        (("a1", "a2", "b1"), "b1.png' has the number 1 again"),
     ],
 )
 def test_masks_without_a_frame_of_their_own_are_refused(tmp_path, names, sentence):
     write_masks(tmp_path, dict.fromkeys(names, 1))
-    with pytest.raises(InputError, match=sentence):
-        read_annotated(tmp_path)
+    assert sentence in message_of(read_annotated, tmp_path)
 
 
 def test_several_objects_in_masks_are_listed_until_one_is_chosen(tmp_path):
     write_masks(tmp_path, {"1": 2, "2": 1})
-    with pytest.raises(InputError, match="hold the objects 1, 2; choose one by --object"):
-        read_annotated(tmp_path)
+    message = message_of(read_annotated, tmp_path)
+    assert "hold the objects 1, 2; choose one by --object" in message
     assert list(read_annotated(tmp_path, value=2).lines) == [(1, "1")]
-    with pytest.raises(InputError, match="hold no object 3; there are 1, 2"):
-        read_annotated(tmp_path, value=3)
+    message = message_of(read_annotated, tmp_path, value=3)
+    assert "hold no object 3; there are 1, 2" in message
 
 
 def test_an_indexed_mask_is_read_by_its_palette_index(tmp_path):
@@ -87,7 +89,6 @@ def test_an_indexed_mask_is_read_by_its_palette_index(tmp_path):
     ("rows", "options", "message"),
     [
         (["0,a,0,1"], {}, "line 2 of .* has 4 columns"),
-        (["0,a,0,1,x"], {}, "line 2"),
         (["0,a,0,1,inf"], {}, "line 2"),
         (["0.5,a,0,1,2"], {}, "line 2"),
         (["0,a,0,1,2"], {"first": 3}, "no centrelines in the frames from 3 on"),
@@ -95,48 +96,42 @@ def test_an_indexed_mask_is_read_by_its_palette_index(tmp_path):
         (["0,a,0,1,2"], {"value": 1}, "object 1 is of masks"),
         (["0,a,0,1,2"], {"kind": "outlines"}, "there is no .*outlines.csv"),
         (["0,a,0,1,2"], {"kind": "masks"}, "holds no masks"),
+        (
+            ["0,1,0,5,6", "0,1,1,9,9", "3,1,0,5,6", "3,1,1,5,6"],
+            {},
+            "two different points of target '1' in frame 3",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_refused(tmp_path, rows, options, message):
-    with pytest.raises(InputError, match=message):
-        read_annotated(write_lines(tmp_path / "clip", rows), **options)
-
-
-def test_outlines_without_extent_are_refused_by_their_frame(tmp_path):
-    write_lines(tmp_path, ["0,1,0,5,6", "0,1,1,9,9", "3,1,0,5,6", "3,1,1,5,6"])
-    with pytest.raises(InputError, match="two different points of target '1' in frame 3"):
-        read_annotated(tmp_path)
+    found = message_of(read_annotated, write_lines(tmp_path / "clip", rows), **options)
+    assert re.search(message, found)
 
 
 def test_another_header_and_a_missing_folder_are_refused(tmp_path):
     (tmp_path / "outlines.csv").write_text("frame,id,x,y\n")
-    with pytest.raises(InputError, match="begins with 'frame,id,x,y'"):
-        read_annotated(tmp_path)
-    with pytest.raises(InputError, match="there is no folder"):
-        read_annotated(tmp_path / "none")
+    assert "begins with 'frame,id,x,y'" in message_of(read_annotated, tmp_path)
+    assert "there is no folder" in message_of(read_annotated, tmp_path / "none")
 
 
 def test_photographs_are_no_masks(tmp_path):
     photograph = np.random.default_rng(0).integers(0, 255, (30, 40, 3), np.uint8)
     cv2.imwrite(str(tmp_path / "a.png"), photograph)
-    with pytest.raises(InputError, match=r"a\.png' has 1200 colours.*not a photograph"):
-        read_annotated(tmp_path)
+    message = message_of(read_annotated, tmp_path)
+    assert re.search(r"a\.png' has 1200 colours.*not a photograph", message)
     cv2.imwrite(str(tmp_path / "a.png"), photograph[..., 0])
-    with pytest.raises(InputError, match="is a photograph, whose grey levels"):
-        read_annotated(tmp_path)
+    message = message_of(read_annotated, tmp_path)
+    assert "is a photograph, whose grey levels" in message
 
 
 @pytest.mark.parametrize(("mode", "step"), [("L", 1), ("P", 10)])
 def test_many_objects_in_a_mask_stay_apart(tmp_path, mode, step):
-    levels = np.repeat(np.arange(0, 19 * step, step, dtype=np.uint8)[:, None], 4, axis=1).repeat(
-        2, axis=0
-    )
-    mask = Image.fromarray(levels, mode=mode)
+    levels = np.arange(0, 19 * step, step, dtype=np.uint8)
+    mask = Image.fromarray(np.kron(levels[:, None], np.ones((2, 4), np.uint8)), mode=mode)
     if mode == "P":
         mask.putpalette([level for level in range(256) for _ in range(3)])
     mask.save(tmp_path / "0.png")
-    with pytest.raises(InputError, match="hold the objects"):
-        read_annotated(tmp_path)
+    assert "hold the objects" in message_of(read_annotated, tmp_path)
     assert read_annotated(tmp_path, value=5 * step).lines[0, "1"].sum() == 8
 
 
@@ -159,9 +154,8 @@ def test_hidden_files_are_no_masks_and_masks_have_one_size_and_one_picture(tmp_p
     (tmp_path / "._1.png").write_bytes(b"left by a file system")
     assert list(read_annotated(tmp_path).lines) == [(1, "1")]
     cv2.imwrite(str(tmp_path / "2.png"), np.ones((9, 5), np.uint8))
-    with pytest.raises(InputError, match=r"2\.png' is 5x9 and the masks before it are 5x4"):
-        read_annotated(tmp_path)
+    message = message_of(read_annotated, tmp_path)
+    assert "2.png' is 5x9 and the masks before it are 5x4" in message
     cv2.imwritemulti(str(tmp_path / "2.tif"), [np.ones((4, 5), np.uint8)] * 2)
     (tmp_path / "2.png").unlink()
-    with pytest.raises(InputError, match=r"2\.tif' holds 2 pictures"):
-        read_annotated(tmp_path)
+    assert "2.tif' holds 2 pictures" in message_of(read_annotated, tmp_path)

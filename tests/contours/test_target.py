@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from quick_compiling import quick
+from refusals import message_of
 
 import jaxpf
 import scenes
-from jaxpf import InputError
 from jaxpf.contours import Contours
 from jaxpf.contours.adapter import ADAPTER as CONTOUR_FILES, _hidden
 from jaxpf.contours.files import ContourTrackWriter
@@ -28,12 +28,15 @@ def log_odds(likelihood, frame, places):
     return likelihood.log_odds_all(likelihood.observe(frame), jnp.arange(2), places.T)
 
 
+def start_contours(scene, closed, names=("left", "right"), **about):
+    points = [fit_spline(line, 8, closed=closed) for line in scene.extras["outlines"][0]]
+    return Contours(names, np.array(points), closed=closed, **about)
+
+
 @pytest.fixture(scope="module")
 def wires():
     scene = scenes.make("wires", seed=1, num_frames=12, meeting_frames=2, meeting_distance=60)
-    points = [fit_spline(line, 8, closed=False) for line in scene.extras["outlines"][0]]
-    start = Contours(("left", "right"), np.array(points), closed=False, width=4.0)
-    return scene, start
+    return scene, start_contours(scene, False, width=4.0)
 
 
 @pytest.fixture(scope="module")
@@ -102,48 +105,47 @@ def test_filmed_contours_slip_and_move_by_shares_of_their_size(wires):
     np.testing.assert_allclose(asked.dynamics.scale[:, 2:], made.dynamics.scale[:, 2:])
 
 
+def rows_of(path):
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
 def test_tracks_hold_control_points_and_outlines(tmp_path, tracked):
     tracker, estimates = tracked
+    names, space = ("left", "right"), tracker.likelihood.space
     broken = estimates[1].copy()
     broken[1] = np.nan
-    space = tracker.likelihood.space
     with ContourTrackWriter(tmp_path / "tracks.csv") as writer:
         for frame, estimate in enumerate((estimates[0], broken)):
             control = np.asarray(space.control_points(estimate))
-            writer.append(
-                frame, ("left", "right"), control, jaxpf.contours.shapes(tracker, estimate)
-            )
-    rows = list(csv.DictReader((tmp_path / "tracks.csv").open()))
+            writer.append(frame, names, control, jaxpf.contours.shapes(tracker, estimate))
+    rows = rows_of(tmp_path / "tracks.csv")
     assert len(rows) == 3 * (8 + 65)
-    control = [
-        row
+    wanted = ("0", "control", "right")
+    found = [
+        (float(row["x"]), float(row["y"]))
         for row in rows
-        if (row["frame"], row["kind"], row["contour"]) == ("0", "control", "right")
+        if (row["frame"], row["kind"], row["contour"]) == wanted
     ]
-    expected = tracker.likelihood.space.control_points(estimates[0])[1]
-    np.testing.assert_allclose(
-        [(float(row["x"]), float(row["y"])) for row in control], expected, atol=1e-3
-    )
+    np.testing.assert_allclose(found, space.control_points(estimates[0])[1], atol=1e-3)
 
 
 def test_opaque_targets_are_branched_and_labelled(wires):
     scene, start = wires
     closed = Contours(start.names, start.points)
-    made = jaxpf.contours.tracker(scene.frames[0], closed, exclusion="opaque", clutter=0.5)
+    opaque = {"exclusion": "opaque", "clutter": 0.5}
+    made = jaxpf.contours.tracker(scene.frames[0], closed, **opaque)
     assert made.ordering.keeps_components
     np.testing.assert_array_equal(made.initial_label, (0.5, 0.5))
     np.testing.assert_allclose(made.initial, 0, atol=1e-3)
-    plain = jaxpf.contours.tracker(
-        scene.frames[0], closed, exclusion="opaque", clutter=0.5, method="sir"
-    )
+    plain = jaxpf.contours.tracker(scene.frames[0], closed, **opaque, method="sir")
     assert not plain.ordering.keeps_components
 
 
 @pytest.mark.parametrize("count", [3, 4])
 def test_each_order_in_depth_has_a_label_and_a_branch(count):
     scene = scenes.make("leaves", seed=0, leaves=count, num_frames=2)
-    points = [fit_spline(line, 8, closed=True) for line in scene.extras["outlines"][0]]
-    start = Contours(tuple(range(count)), np.array(points))
+    start = start_contours(scene, True, tuple(range(count)))
     made = jaxpf.contours.tracker(scene.frames[0], start, exclusion="opaque", clutter=0.5)
     orders = list(permutations(range(count)))
     np.testing.assert_allclose(made.initial_label, 1 / len(orders))
@@ -152,10 +154,9 @@ def test_each_order_in_depth_has_a_label_and_a_branch(count):
 
 
 def test_what_particles_believe_to_be_hidden_is_drawn_so():
-    circle = np.stack(
-        [np.cos(np.linspace(0, 2 * np.pi, 65)), np.sin(np.linspace(0, 2 * np.pi, 65))]
-    )
-    lines = 20 * circle.T + np.array([(50, 50), (65, 50), (80, 50)])[:, None]
+    turn = np.linspace(0, 2 * np.pi, 65)
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    lines = 20 * circle + np.array([(50, 50), (65, 50), (80, 50)])[:, None]
     first, last = _hidden(np.stack([lines, lines]), [(0, 1, 2), (2, 1, 0)])
     assert not first[0].any()
     assert not last[2].any()
@@ -163,32 +164,25 @@ def test_what_particles_believe_to_be_hidden_is_drawn_so():
     np.testing.assert_array_equal(first[1], x[1] < 57.5)
     np.testing.assert_array_equal(last[1], x[1] > 72.5)
     # The third is hidden by both of the others: what lies in either.
-    in_first = np.linalg.norm(lines[2] - (50, 50), axis=-1) < 20
-    in_second = np.linalg.norm(lines[2] - (65, 50), axis=-1) < 20
+    in_first, in_second = (np.linalg.norm(lines[2] - (x, 50), axis=-1) < 20 for x in (50, 65))
     np.testing.assert_array_equal(first[2], in_first | in_second)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"exclusion": "some"}, "exclusion = 'some'"),
+def test_what_cannot_be_tracked_is_refused(wires):
+    scene, start = wires
+    for options, message in (
         ({"bend_noise": -1.0}, "bend_noise"),
         ({"shape_space": "bent"}, "shape_space = 'bent'"),
         ({"exclusion": "opaque"}, "open contours"),
-    ],
-)
-def test_what_cannot_be_tracked_is_refused(wires, options, message):
-    with pytest.raises(InputError, match=message):
-        jaxpf.contours.tracker(wires[0].frames[0], wires[1], **{"clutter": 0.5, **options})
-
-
-def test_contours_are_no_bare_points(wires):
-    with pytest.raises(InputError, match=r"contours is ndarray: give a Contours"):
-        jaxpf.contours.tracker(wires[0].frames[0], wires[1].points)
-    with pytest.raises(InputError, match=r"points has shape \[8, 2\]; give control points"):
-        jaxpf.contours.Contours(("a",), np.ones((8, 2)))
-    with pytest.raises(InputError, match="space is int: give a ShapeSpace or str"):
-        jaxpf.contours.start_space(wires[1], 3)
+    ):
+        options = {"clutter": 0.5, **options}
+        assert message in message_of(jaxpf.contours.tracker, scene.frames[0], start, **options)
+    message = message_of(jaxpf.contours.tracker, scene.frames[0], start.points)
+    assert "contours is ndarray: give a Contours" in message
+    message = message_of(Contours, ("a",), np.ones((8, 2)))
+    assert "points has shape [8, 2]; give control points" in message
+    message = message_of(jaxpf.contours.start_space, start, 3)
+    assert "space is int: give a ShapeSpace or str" in message
 
 
 def test_scenes_tell_where_contours_start_and_how_well_they_are_found(tmp_path, wires, tracked):
@@ -203,7 +197,7 @@ def test_scenes_tell_where_contours_start_and_how_well_they_are_found(tmp_path, 
     stored = Start(start.ids, start.shapes, start.sizes, start.parents)
     with CONTOUR_FILES.outline_file(tmp_path / "tracks.csv", stored) as write:
         write(3, found[0])
-    rows = list(csv.DictReader((tmp_path / "tracks.csv").open()))
+    rows = rows_of(tmp_path / "tracks.csv")
     assert {(row["contour"], row["kind"]) for row in rows} == {("1", "outline"), ("2", "outline")}
     _, doubled = CONTOUR_FILES.scaled(stored, found, (2.0, 1.0))
     wide, plain = (np.asarray(CONTOURS.outlines(stored, shapes)) for shapes in (doubled, found))

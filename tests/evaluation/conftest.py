@@ -14,6 +14,13 @@ def whole(tmp_path_factory):
 
 
 @pytest.fixture
+def without_scores(monkeypatch):
+    """Leave out HOTA and its like, which take a third of the time and have tests of their own."""
+    for module in ("collection", "overview"):
+        monkeypatch.setattr(f"jaxpf.evaluation.measuring.{module}.has_scores", lambda: False)
+
+
+@pytest.fixture
 def part(tmp_path, whole):
     """A folder with the first half of the same evaluation."""
     return evaluate(small_plan(runs=RUNS), tmp_path / "part", limits=ONE).folder

@@ -12,6 +12,8 @@ from jaxpf.evaluation.measuring.collection import QUANTILES, error_quantiles
 from jaxpf.evaluation.output.tables import write_tables
 from jaxpf.measures import mean_interval
 
+pytestmark = pytest.mark.usefixtures("without_scores")
+
 
 def test_quantiles_are_those_of_runs_and_objects_in_every_frame():
     errors = np.random.default_rng(4).lognormal(1, 1.5, (400, 3, 2))

@@ -7,7 +7,13 @@ from made_results import DPS, OTHER, PS, SIR, batch, imported, make, walks
 from jaxpf.evaluation import Configuration
 from jaxpf.evaluation.measuring.overview import measure_results
 from jaxpf.evaluation.output.layout import MOST_PRINTED
-from jaxpf.evaluation.output.tables import printed_tables, write_tables
+from jaxpf.evaluation.output.tables import printed_tables
+
+pytestmark = pytest.mark.usefixtures("without_scores")
+
+
+def concluded(folder, batches, truth, **settings):
+    return measure_results(make(folder / "made", batches, truth, **settings)).conclusion
 
 
 def conclusion(folder, runs=60, **shrunk):
@@ -18,7 +24,7 @@ def conclusion(folder, runs=60, **shrunk):
     for number, (name, factor) in enumerate(shrunk.items()):
         noise = np.random.default_rng(number).normal(0, 0.3, boxes.shape)
         batches.append((configurations[name], [batch(truth + factor * (boxes - truth) + noise)]))
-    return write_tables(make(folder / "made", batches, truth)).conclusion
+    return concluded(folder, batches, truth)
 
 
 def test_the_best_is_named_with_its_interval_over_the_first(tmp_path):
@@ -45,14 +51,13 @@ def test_methods_are_compared_at_the_settings_of_the_best(tmp_path):
             configuration = Configuration(method, "", {"sharpness": sharpness})
             batches.append((configuration, [batch(truth + gain * factor * (boxes - truth))]))
     grid = {"sharpness": [20.0, 30.0]}
-    sentence, ranking = write_tables(make(tmp_path / "m", batches, truth, grid=grid)).conclusion
+    sentence, ranking = concluded(tmp_path, batches, truth, grid=grid)
     assert ranking == [3, 2, 1, 0]
     start = "With sharpness 30, where the mean is highest, PS follows best: success area +."
     assert sentence.startswith(start)
     assert sentence.endswith("] over SIR.")
     # A single method leaves only settings to compare.
-    made = make(tmp_path / "s", batches[::2], truth, grid=grid)
-    sentence = write_tables(made).conclusion.sentence
+    sentence, _ = concluded(tmp_path / "s", batches[::2], truth, grid=grid)
     assert sentence.startswith("SIR, sharpness 30 follows best: success area +.")
     assert sentence.endswith("] over SIR, sharpness 20.")
 
@@ -81,8 +86,7 @@ def test_a_best_among_equals_is_rarely_claimed(tmp_path):
             (Configuration("SIR", f"{i}"), [batch(walks(100 * repetition + i, 12, 3, 1)[1])])
             for i in range(6)
         ]
-        results = make(tmp_path / f"{repetition}", batches, truth)
-        sentence = measure_results(results).conclusion.sentence
+        sentence, _ = concluded(tmp_path / f"{repetition}", batches, truth)
         claims += "follows best" in sentence.replace("No configuration f", "")
     assert claims / repetitions < 0.05 + 4.5 * np.sqrt(0.05 * 0.95 / repetitions)
 
@@ -90,8 +94,8 @@ def test_a_best_among_equals_is_rarely_claimed(tmp_path):
 def test_an_imported_track_is_compared_with_every_run(tmp_path):
     truth, boxes = walks(seed=3, runs=60, frames=12, objects=2)
     batches = [(SIR, [batch(boxes)]), (OTHER, [imported(truth)])]
-    tables = write_tables(make(tmp_path / "made", batches, truth))
-    assert tables.conclusion.sentence.startswith(f"{OTHER.method} follows best: success area +.")
+    sentence, _ = concluded(tmp_path, batches, truth)
+    assert sentence.startswith(f"{OTHER.method} follows best: success area +.")
 
 
 def test_one_screen_shows_the_best_first(tmp_path):
@@ -101,7 +105,7 @@ def test_one_screen_shows_the_best_first(tmp_path):
         for i in range(MOST_PRINTED + 5)
     ]
     results = make(tmp_path / "made", batches, truth)
-    tables = write_tables(results)
+    tables = measure_results(results)
     (table,) = printed_tables(results, tables)
     assert len(table.rows) == MOST_PRINTED
     areas = [tables.summaries[i].estimates["success_area"].value[-1] for i in tables.conclusion[1]]

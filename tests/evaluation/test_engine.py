@@ -1,8 +1,10 @@
 """Evaluations: what they hold, what enters them, and what is refused."""
 
+import dataclasses
 import subprocess
 import sys
 
+import jax
 import numpy as np
 import pytest
 from small_evaluation import (
@@ -31,28 +33,21 @@ def test_results_tell_everything_about_the_evaluation(whole):
     results = Results.open(whole.folder)
     assert [c.label for c in results.configurations] == ["SIR", "DPS shifts"]
     assert (results.scene_name, results.runs, results.seed) == ("distracter", TWICE, 0)
-    assert results.object_ids == (1, 2)
-    assert (results.start_frame, results.fps) == (0, 25.0)
+    assert (results.object_ids, results.start_frame, results.fps) == ((1, 2), 0, 25.0)
     assert results.varied == ()
     np.testing.assert_array_equal(results.truth, scene.boxes[1:])
     assert results.settings["versions"]["jaxpf"] == jaxpf.__version__
+    by_object, by_frame = (RUNS, 9, 2), (RUNS, 9)
     for configuration in results.configurations:
         assert results.finished(configuration) == TWICE
         first, second = results.batches(configuration)
         np.testing.assert_array_equal(first.runs, np.arange(RUNS))
         np.testing.assert_array_equal(second.runs, np.arange(RUNS, TWICE))
-        shapes = {name: value.shape for name, value in vars(first).items()}
-        assert shapes == {
-            "seeds": (RUNS,),
-            "runs": (RUNS,),
-            "shapes": (RUNS, 9, 2, 4),
-            "uniqueness": (RUNS, 9, 2),
-            "spread": (RUNS, 9, 2, 3),
-            "model_error": (RUNS, 2, 3),
-            "confidence": (RUNS, 9, 2),
-            "ess": (RUNS, 9),
-            "log_evidence": (RUNS, 9),
-            "without_likelihood": (RUNS, 9, 2),
+        assert {name: value.shape for name, value in vars(first).items()} == {
+            **dict.fromkeys(("seeds", "runs"), (RUNS,)),
+            **{"shapes": (*by_object, 4), "spread": (*by_object, 3), "model_error": (RUNS, 2, 3)},
+            **dict.fromkeys(("uniqueness", "confidence", "without_likelihood"), by_object),
+            **dict.fromkeys(("ess", "log_evidence"), by_frame),
         }
         assert first.shapes.dtype == np.float32
         assert first.without_likelihood.dtype == bool
@@ -61,8 +56,6 @@ def test_results_tell_everything_about_the_evaluation(whole):
 
 def test_a_batch_holds_what_the_tracker_reported(whole):
     """Against a tracker built by hand, with keys from the seed and the run's number alone."""
-    import jax
-
     scene = small_scene()
     start = scene.boxes[0]
     tracker = jaxpf.boxes.tracker(
@@ -73,9 +66,7 @@ def test_a_batch_holds_what_the_tracker_reported(whole):
         scale=(1.0, 1.0, 0.001),
         particles=PARTICLES,
     )
-    keys = jax.numpy.stack(
-        [jax.random.fold_in(jax.random.key(0), run) for run in range(RUNS, TWICE)]
-    )
+    keys = jax.vmap(lambda run: jax.random.fold_in(jax.random.key(0), run))(np.arange(RUNS, TWICE))
     frames = jax.numpy.asarray(scene.frames[1:])
     reported = jaxpf.monte_carlo(tracker, keys, frames, record=keep_measures)
     _, batch = whole.batches(whole.configurations[1])
@@ -122,15 +113,15 @@ def test_a_scene_object_is_evaluated_too(tmp_path, whole):
     assert results.scene().name == "distracter"
 
 
-def test_imported_tracks_enter_as_one_run(whole, tmp_path):
-    scene = small_scene()
-    lines = ["frame,id,x,y,w,h"]
-    for frame, boxes in enumerate(scene.boxes):
-        for number, box in enumerate(boxes, start=1):
-            if (frame, number) != (4, 2):  # the tracker lost it there
-                lines.append(",".join(map(str, [frame, number, *box])))
-    path = tmp_path / "theirs.csv"
-    path.write_text("\n".join(lines))
+def test_imported_tracks_enter_as_one_run(tmp_path):
+    scene, path = small_scene(), tmp_path / "theirs.csv"
+    rows = [
+        f"{frame},{number},{','.join(map(str, box))}"
+        for frame, boxes in enumerate(scene.boxes)
+        for number, box in enumerate(boxes, start=1)
+        if (frame, number) != (4, 2)  # the tracker lost it there
+    ]
+    path.write_text("\n".join(["frame,id,x,y,w,h", *rows]))
     plan = small_plan(tracks={"theirs": path})
     results = evaluate(plan, tmp_path / "out")
     theirs = results.configurations[-1]
@@ -147,32 +138,22 @@ def test_imported_tracks_enter_as_one_run(whole, tmp_path):
     assert more.finished(theirs) == 1
 
 
-def test_an_object_absent_at_the_start_is_named(tmp_path):
-    def scene():
-        made = small_scene()
-        made.boxes[0, 1] = np.nan
-        return made
-
+def test_scenes_without_a_start_or_a_second_frame_are_refused(tmp_path):
+    absent = small_scene()
+    absent.boxes[0, 1] = np.nan
     with pytest.raises(InputError, match=r"object 2 has no box in the start frame \(0\)"):
-        evaluate(small_plan(scene), tmp_path / "out")
+        evaluate(small_plan(lambda: absent), tmp_path / "out")
+    made = small_scene()
+    still = dataclasses.replace(made, frames=made.frames[:1], boxes=made.boxes[:1])
+    with pytest.raises(InputError, match=r"has 1 frame\(s\)"):
+        evaluate(small_plan(lambda: still), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
-def test_a_single_frame_is_refused(tmp_path):
-    import dataclasses
-
-    def scene():
-        made = small_scene()
-        return dataclasses.replace(made, frames=made.frames[:1], boxes=made.boxes[:1])
-
-    with pytest.raises(InputError, match=r"has 1 frame\(s\)"):
-        evaluate(small_plan(scene), tmp_path / "out")
-
-
-@pytest.mark.parametrize("name", ["memory", "workers", "runs_per_batch", "devices"])
-def test_limits_below_one_are_refused(name):
-    with pytest.raises(InputError, match=f"{name} = 0 must be a whole number from 1"):
-        Limits(**{name: 0})
+def test_limits_below_one_are_refused():
+    for name in ("memory", "workers", "runs_per_batch", "devices"):
+        with pytest.raises(InputError, match=f"{name} = 0 must be a whole number from 1"):
+            Limits(**{name: 0})
 
 
 def test_work_is_divided_to_the_memory_budget_and_among_workers(tmp_path):

@@ -58,20 +58,29 @@ def test_executors_and_factories_do_every_piece_once(make):
         assert executor.submit(squared, 3, 0).result() == 9  # not ours to shut down
 
 
+class Pieces(ThreadPoolExecutor):
+    """Threads that keep what is handed over; ``before`` may raise, or answer in their place."""
+
+    def __init__(self, workers, before=lambda pool, work: None):
+        super().__init__(workers)
+        self.before, self.handed = before, []
+
+    def submit(self, *work):
+        answer = self.before(self, work)
+        self.handed.append(work)
+        return answer or super().submit(*work)
+
+
 @pytest.mark.parametrize("after", [0, 2])
 def test_a_pool_that_breaks_while_a_piece_is_handed_over_is_replaced(after):
     made = []
 
-    class Breaking(ThreadPoolExecutor):
-        def submit(self, *work):
-            if self is made[0] and len(self.handed) == after:
-                raise OSError("handle is closed")
-            self.handed.append(work)
-            return super().submit(*work)
+    def breaks(pool, work):
+        if pool is made[0] and len(pool.handed) == after:
+            raise OSError("handle is closed")
 
     def start():
-        made.append(Breaking(3))
-        made[-1].handed = []
+        made.append(Pieces(3, breaks))
         return made[-1]
 
     assert as_dict(in_turn(squared, PIECES, start)) == SQUARES
@@ -79,27 +88,20 @@ def test_a_pool_that_breaks_while_a_piece_is_handed_over_is_replaced(after):
 
 
 def test_a_pool_that_cannot_be_started_is_given_up():
-    class Broken(ThreadPoolExecutor):
-        def submit(self, *work):
-            raise OSError("too many open files")
+    def breaks(pool, work):
+        raise OSError("too many open files")
 
     with pytest.raises(OSError, match="too many open files"):
-        as_dict(in_turn(squared, PIECES, lambda: Broken(1)))
+        as_dict(in_turn(squared, PIECES, lambda: Pieces(1, breaks)))
 
 
 def test_only_a_few_pieces_are_in_flight():
     """Results that nobody has collected yet do not pile up."""
-    submitted = []
-
-    class Counting(ThreadPoolExecutor):
-        def submit(self, function, *arguments):
-            submitted.append(arguments)
-            return super().submit(function, *arguments)
-
-    pieces = in_turn(squared, range(1000), Pool(lambda: Counting(2), workers=2))
+    pool = Pieces(2)
+    pieces = in_turn(squared, range(1000), Pool(lambda: pool, workers=2))
     for _ in range(10):
         next(pieces)
-    assert len(submitted) <= 13
+    assert len(pool.handed) <= 13
     pieces.close()
 
 
@@ -143,27 +145,24 @@ def test_a_broken_executor_without_factory_is_reported_in_a_sentence(tmp_path):
 
 def test_cancelled_work_is_done_again():
     """As when a cluster loses the tasks of a worker."""
+    lost = []
 
-    class Forgetful(ThreadPoolExecutor):
-        forgotten = False
+    def forget(pool, work):
+        if work[1] != 5 or lost:
+            return None
+        lost.append(Future())
+        lost[0].cancel()
+        lost[0].set_running_or_notify_cancel()
+        return lost[0]
 
-        def submit(self, function, piece, attempt):
-            if piece == 5 and not Forgetful.forgotten:
-                Forgetful.forgotten = True
-                lost = concurrent.futures.Future()
-                lost.cancel()
-                lost.set_running_or_notify_cancel()
-                return lost
-            return super().submit(function, piece, attempt)
-
-    assert as_dict(in_turn(squared, PIECES, lambda: Forgetful(2))) == SQUARES
-    assert Forgetful.forgotten
+    assert as_dict(in_turn(squared, PIECES, lambda: Pieces(2, forget))) == SQUARES
+    assert lost
 
 
-@pytest.mark.parametrize(("workers", "devices"), [(0, None), (1, 0)])
-def test_pools_of_nothing_are_refused(workers, devices):
-    with pytest.raises(InputError, match="= 0 must be a whole number from 1"):
-        local_pool(workers, devices)
+def test_pools_of_nothing_are_refused():
+    for workers, devices in ((0, None), (1, 0)):
+        with pytest.raises(InputError, match="= 0 must be a whole number from 1"):
+            local_pool(workers, devices)
 
 
 @pytest.mark.slow

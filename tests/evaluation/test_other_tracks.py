@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import message_of
 
 from jaxpf import InputError
 from jaxpf.boxes import read_boxes, write_mot
@@ -23,31 +24,33 @@ def truth():
     return boxes
 
 
-def write(path, boxes, ids, start=START):
-    frames = np.repeat(np.arange(len(boxes)) + start, len(ids))
-    write_mot(path, frames, np.tile(ids, len(boxes)), boxes.reshape(-1, 4))
-    return path
+@pytest.fixture
+def write(tmp_path):
+    def write(boxes, ids=IDS, start=START):
+        path = tmp_path / "t.csv"
+        frames = np.repeat(np.arange(len(boxes)) + start, len(ids))
+        write_mot(path, frames, np.tile(ids, len(boxes)), boxes.reshape(-1, 4))
+        return path
+
+    return write
 
 
-def complaint_of(*arguments):
-    with pytest.raises(InputError) as caught:
-        read_tracks(*arguments)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+def shifted(x, y=0):
+    """What moves boxes by so many pixels."""
+    return np.array([x, y, 0, 0])
 
 
-def matched(path, truth, ids=IDS, start=START):
-    return match_tracks(read_boxes(path), truth, ids, start)
+def complaint_of(path, truth):
+    return message_of(read_tracks, path, truth, IDS, START)
 
 
-def test_a_perfect_tracker_with_the_ids_of_the_truth_is_the_truth(tmp_path, truth):
-    path = write(tmp_path / "t.csv", truth, IDS)
-    np.testing.assert_array_equal(read_tracks(path, truth, IDS, START), truth)
+def matched(path, truth):
+    return match_tracks(read_boxes(path), truth, IDS, START)
 
 
-def test_rows_belong_to_the_frames_of_the_scene(tmp_path, truth):
-    before_and_after = np.concatenate([truth[:1] + 1, truth, truth[:2] + 7])
-    path = write(tmp_path / "t.csv", before_and_after, IDS, START - 1)
+def test_a_perfect_tracker_is_the_truth_also_if_it_tracks_longer(write, truth):
+    np.testing.assert_array_equal(read_tracks(write(truth), truth, IDS, START), truth)
+    path = write(np.concatenate([truth[:1] + 1, truth, truth[:2] + 7]), start=START - 1)
     np.testing.assert_array_equal(read_tracks(path, truth, IDS, START), truth)
 
 
@@ -60,56 +63,56 @@ def test_a_gt_csv_counts_from_0(tmp_path, truth):
     assert np.isnan(boxes[:, 0]).all()
 
 
-def test_other_ids_are_assigned_by_overlap_in_the_start_frame(tmp_path, truth):
+def test_other_ids_are_assigned_by_overlap_in_the_start_frame(write, truth):
     # Afterwards the two trackers change sides: the start frame alone decides.
-    boxes = truth + np.array([1, -2, 0, 0])
+    boxes = truth + shifted(1, -2)
     boxes[1:3] = boxes[1:3, ::-1]
-    path = write(tmp_path / "t.csv", boxes, [71, 2])
-    assert matched(path, truth) == [71, 2]
-    np.testing.assert_array_equal(read_tracks(path, truth, IDS, START), boxes)
-    path = write(tmp_path / "t.csv", boxes[:, ::-1], [71, 2])
-    assert matched(path, truth) == [2, 71]
-    np.testing.assert_array_equal(read_tracks(path, truth, IDS, START), boxes)
+    for given, ids in ((boxes, [71, 2]), (boxes[:, ::-1], [2, 71])):
+        path = write(given, [71, 2])
+        assert matched(path, truth) == ids
+        np.testing.assert_array_equal(read_tracks(path, truth, IDS, START), boxes)
 
 
-def test_ids_that_agree_by_chance_are_not_trusted(tmp_path, truth):
-    path = write(tmp_path / "t.csv", truth[:, ::-1], IDS)
+def test_ids_that_agree_by_chance_are_not_trusted(write, truth):
+    path = write(truth[:, ::-1])
     assert matched(path, truth) == [5, 3]
     np.testing.assert_array_equal(read_tracks(path, truth, IDS, START), truth)
 
 
-def test_an_inaccurate_tracker_keeps_its_ids(tmp_path, truth):
-    path = write(tmp_path / "t.csv", truth + np.array([15, 0, 0, 0]), IDS)
-    assert matched(path, truth) == IDS
-
-
-def test_an_object_without_a_box_at_the_start_keeps_its_id(tmp_path, truth):
+def test_an_inaccurate_tracker_and_one_without_a_box_at_the_start_keep_their_ids(write, truth):
+    assert matched(write(truth + shifted(15)), truth) == IDS
     boxes = truth.copy()
     boxes[0, 0] = np.nan
-    path = write(tmp_path / "t.csv", boxes, IDS)
+    path = write(boxes)
     assert matched(path, truth) == IDS
     np.testing.assert_array_equal(read_tracks(path, truth, IDS, START), boxes)
+    # Also beside a neighbour that overlaps a little: 8 / 32.
+    truth[:, 1, :2] = truth[:, 0, :2] + np.array([12, 0])
+    boxes = truth.copy()
+    boxes[0, 0] = np.nan
+    assert matched(write(boxes), truth) == IDS
 
 
-def test_a_tracker_that_confirms_late_is_matched_where_it_begins(tmp_path, truth):
-    path = write(tmp_path / "t.csv", truth[2:], [8, 9], START + 2)
-    boxes = read_tracks(path, truth, IDS, START)
+def test_a_tracker_that_confirms_late_is_matched_where_it_begins(write, truth):
+    boxes = read_tracks(write(truth[2:], [8, 9], START + 2), truth, IDS, START)
     assert np.isnan(boxes[:2]).all()
     np.testing.assert_array_equal(boxes[2:], truth[2:])
 
 
-def test_the_largest_overlap_goes_first_and_each_track_once(tmp_path, truth):
+def test_the_largest_overlap_goes_first_and_each_track_once(write, truth):
     # Track 1 covers object 3 exactly, tracks 4 and 6 less; object 5 has too little of any.
     x, y, w, h = truth[0, 0]
-    far = truth[0, 1] + np.array([14, 0, 0, 0])
+    far = truth[0, 1] + shifted(14)
     boxes = np.array([[[x + 3, y, w, h], [x, y, w, h], [x, y + 5, w, h], far]])
-    path = write(tmp_path / "t.csv", boxes, [4, 1, 6, 7])
+    path = write(boxes, [4, 1, 6, 7])
     assert matched(path, truth) == [1, None]
     assert np.isnan(read_tracks(path, truth, IDS, START)[:, 1]).all()
+    truth[:, 1] = truth[:, 0] + shifted(5)
+    assert matched(write(truth[:, :1] + shifted(2), [8]), truth) == [8, None]
 
 
-def test_an_empty_box_is_an_absent_one(tmp_path, truth):
-    path = write(tmp_path / "t.csv", truth, IDS)
+def test_an_empty_box_is_an_absent_one(write, truth):
+    path = write(truth)
     lines = path.read_text().splitlines()
     lines[2] = "4,3,12,13,0,0,1,-1,-1,-1"
     path.write_text("\n".join(lines))
@@ -118,33 +121,31 @@ def test_an_empty_box_is_an_absent_one(tmp_path, truth):
     np.testing.assert_array_equal(np.delete(boxes, 1, axis=0), np.delete(truth, 1, axis=0))
 
 
-def test_a_file_of_another_scene_is_refused(tmp_path, truth):
-    path = write(tmp_path / "t.csv", truth + np.array([500, 0, 0, 0]), [8, 9])
-    message = complaint_of(path, truth, IDS, START)
+def test_a_file_of_another_scene_is_refused(write, truth):
+    message = complaint_of(write(truth + shifted(500), [8, 9]), truth)
     assert "in frame 2 (counting from 0) overlaps an object of the scene by 0.5" in message
-    path = write(tmp_path / "t.csv", truth, IDS, 50)
-    message = complaint_of(path, truth, IDS, START)
+    # Swapped ids that fit badly, 11 / 29, are given to no object.
+    message = complaint_of(write(truth[:, ::-1] + shifted(9)), truth)
+    assert "overlaps an object of the scene by 0.5" in message
+    path = write(truth, start=50)
+    message = complaint_of(path, truth)
     assert "no box in the scene's frames 2 to 5" in message
     assert "lie in 50 to 53" in message
     path.write_text("1,1,5,5,0,0,1\n")
-    assert "are none" in complaint_of(path, truth, IDS, START)
-    assert "no file of boxes" in complaint_of(tmp_path / "nowhere.csv", truth, IDS, START)
+    assert "are none" in complaint_of(path, truth)
+    assert "no file of boxes" in complaint_of(path.with_name("nowhere.csv"), truth)
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
+def test_what_is_no_table_or_truth_is_refused(write, truth):
+    given = {"table": read_boxes(write(truth)), "truth": truth, "ids": IDS, "start_frame": START}
+    for changes, words in (
         ({"table": None}, "table is NoneType: give a BoxTable"),
         ({"truth": 3}, "truth=3 must be boxes"),
         ({"ids": [1]}, r"ids has shape \[1\]; give one for each object"),
         ({"start_frame": 1.5}, "start_frame = 1.5 must be a whole number from 0"),
-    ],
-)
-def test_what_is_no_table_or_truth_is_refused(tmp_path, truth, changes, words):
-    table = read_boxes(write(tmp_path / "t.csv", truth, IDS, START))
-    given = {"table": table, "truth": truth, "ids": IDS, "start_frame": START}
-    with pytest.raises(InputError, match=words):
-        match_tracks(**given | changes)
+    ):
+        with pytest.raises(InputError, match=words):
+            match_tracks(**given | changes)
 
 
 def test_overlaps_of_pairs_are_worked_out_by_hand():
@@ -158,30 +159,8 @@ def test_overlaps_of_pairs_are_worked_out_by_hand():
         pairwise_overlap(one, np.ones((4, 3)))
 
 
-def test_a_neighbour_that_overlaps_a_little_takes_no_object_over(tmp_path, truth):
-    truth[:, 1, :2] = truth[:, 0, :2] + np.array([12, 0])  # overlap 8 / 32
-    boxes = truth.copy()
-    boxes[0, 0] = np.nan
-    path = write(tmp_path / "t.csv", boxes, IDS)
-    assert matched(path, truth) == IDS
-
-
-def test_ids_are_not_trusted_when_another_begins_on_the_object(tmp_path, truth):
+def test_ids_are_not_trusted_when_another_begins_on_the_object(write, truth):
     # Object 3's own id appears only later, where track 9 stood from the start.
     boxes = np.full((4, 3, 4), np.nan)
     boxes[:, 0], boxes[:, 1], boxes[2:, 2] = truth[:, 0], truth[:, 1], truth[2:, 0] + 300
-    path = write(tmp_path / "t.csv", boxes, [9, 5, 3])
-    assert matched(path, truth) == [9, 5]
-
-
-def test_swapped_ids_that_fit_badly_are_given_to_no_object(tmp_path, truth):
-    boxes = truth[:, ::-1] + np.array([9, 0, 0, 0])  # overlap 11 / 29 with the other object
-    path = write(tmp_path / "t.csv", boxes, IDS)
-    assert "overlaps an object of the scene by 0.5" in complaint_of(path, truth, IDS, START)
-
-
-def test_one_track_is_given_to_one_object(tmp_path, truth):
-    truth[:, 1] = truth[:, 0] + np.array([5, 0, 0, 0])
-    boxes = truth[:, :1] + np.array([2, 0, 0, 0])
-    path = write(tmp_path / "t.csv", boxes, [8])
-    assert matched(path, truth) == [8, None]
+    assert matched(write(boxes, [9, 5, 3]), truth) == [9, 5]

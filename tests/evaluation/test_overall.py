@@ -17,17 +17,19 @@ HEADER = ["scene", "method", "ordering", "gain", "object", "measure", "runs", "v
 def write(folder, name, rows, curve=lambda threshold: 1 - threshold):
     """Tables of one sequence: ``rows``, and for each method of them the same curves."""
     (folder / name).mkdir()
-    with open(folder / name / "summary.csv", "w", newline="") as file:
-        csv.writer(file).writerows([HEADER, *([name, *row] for row in rows)])
+
+    def write_csv(file, header, lines):
+        with open(folder / name / file, "w", newline="") as opened:
+            csv.writer(opened).writerows([header, *([name, *line] for line in lines)])
+
+    write_csv("summary.csv", HEADER, rows)
+    thresholds = measures.OVERLAP_THRESHOLDS, measures.CENTRE_THRESHOLDS
+    points = [("success", t, curve(t)) for t in thresholds[0]]
+    points += [("precision", t, 1 - curve(t / 50)) for t in thresholds[1]]
+    header = [*HEADER[:5], "curve", "threshold", "value", "lower", "upper"]
     keys = dict.fromkeys(tuple(row[:4]) for row in rows)
-    with open(folder / name / "curves.csv", "w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow([*HEADER[:5], "curve", "threshold", "value", "lower", "upper"])
-        for key in keys:
-            for t in measures.OVERLAP_THRESHOLDS:
-                writer.writerow([name, *key, "success", f"{t:g}", curve(t), "", ""])
-            for t in measures.CENTRE_THRESHOLDS:
-                writer.writerow([name, *key, "precision", f"{t:g}", 1 - curve(t / 50), "", ""])
+    lines = [(*key, kind, f"{t:g}", y, "", "") for key in keys for kind, t, y in points]
+    write_csv("curves.csv", header, lines)
 
 
 def overall(folder, names, varied):
@@ -35,31 +37,25 @@ def overall(folder, names, varied):
 
 
 def test_orders_of_a_method_are_averaged_and_differences_are_paired(tmp_path):
-    def rows(sir, ps):
-        return [
-            ["SIR", "", "2.0", "all", "overlap", 9, sir],
-            ["SIR", "", "2.0", "1", "overlap", 9, 0.0],  # of one object: does not count
-            *(
-                ["PS", order, "2.0", "all", "overlap", 9, x]
-                for order, x in zip("ab", ps, strict=False)
-            ),
-        ]
+    def row(method, order, value, of="all"):
+        return [method, order, "2.0", of, "overlap", 9, value]
 
-    write(tmp_path, "one", rows(0.5, [0.5, 0.7]))
-    write(tmp_path, "two", rows(0.4, [0.6]))
-    write(tmp_path, "three", rows(0.9, []))
+    ps = (row("PS", order, value) for order, value in (("a", 0.5), ("b", 0.7)))
+    of_one_object = row("SIR", "", 0.0, "1")  # does not count
+    write(tmp_path, "one", [row("SIR", "", 0.5), of_one_object, *ps])
+    write(tmp_path, "two", [row("SIR", "", 0.4), row("PS", "a", 0.6)])
+    write(tmp_path, "three", [row("SIR", "", 0.9)])
     means, differences = overall(tmp_path, ["one", "two", "three"], ["gain"])
     assert means.columns[:2] == ["method", "sequences"]
     assert [row[:2] for row in means.texts()] == [["SIR, gain 2.0", "3"], ["PS, gain 2.0", "2"]]
     assert means.texts()[0][2].startswith("60 [")
     assert means.texts()[1][2].startswith("60")  # .6 of both sequences
     with open(tmp_path / "overall.csv", newline="") as file:
-        found = [row for row in csv.DictReader(file) if row["what"] == "difference"]
-    (row,) = found
+        (found,) = (row for row in csv.DictReader(file) if row["what"] == "difference")
     # Only sequences that both have count: .6 - .5 and .6 - .4.
-    assert (row["method"], row["sequences"]) == ("PS, gain 2.0", "2")
-    assert float(row["value"]) == pytest.approx(0.15)
-    assert row["lower"] == row["upper"] == ""  # two decide nothing
+    assert (found["method"], found["sequences"]) == ("PS, gain 2.0", "2")
+    assert float(found["value"]) == pytest.approx(0.15)
+    assert found["lower"] == found["upper"] == ""  # two decide nothing
     assert differences.title == "differences from SIR, gain 2.0, paired by sequence"
     assert {path.name for path in tmp_path.iterdir() if path.is_file()} == set(FILES)
     text = (tmp_path / "overall.md").read_text()

@@ -2,7 +2,6 @@
 
 import base64
 import math
-import re
 import shutil
 from html.parser import HTMLParser
 
@@ -75,11 +74,11 @@ def test_the_file_needs_no_other(written):
         local = address.startswith("data:image/png;base64,")
         assert local or (address[0] == "#" and address[1:] in page.ids), address[:60]
     assert not {"script", "link", "iframe", "object"} & set(page.tags)
-    assert "url(" not in written[1]
-    assert "@import" not in written[1]
-    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', written[1])
-    assert policy is not None
-    assert policy[1].startswith("default-src 'none'")
+    for loads in ("url(", "@import"):
+        assert loads not in written[1]
+    assert "Content-Security-Policy\" content=\"default-src 'none'" in written[1]
+    assert "prefers-color-scheme: dark" in written[1]
+    assert '<meta name="color-scheme" content="light dark">' in written[1]
 
 
 def test_the_users_words_are_escaped(written):
@@ -90,11 +89,6 @@ def test_the_users_words_are_escaped(written):
     assert "<script" not in source
 
 
-def test_light_and_dark(written):
-    assert "prefers-color-scheme: dark" in written[1]
-    assert '<meta name="color-scheme" content="light dark">' in written[1]
-
-
 def test_tables_say_what_the_summary_says(written):
     results, source = written
     page = Page(source)
@@ -102,46 +96,34 @@ def test_tables_say_what_the_summary_says(written):
     for title in ("All objects", "Object 1", "Object 2", "Standard scores", "Settings"):
         assert title in text
     for table in printed_tables(results, write_tables(results)):
-        for row in table.texts():
-            for cell in row:
-                assert cell in text
+        assert all(cell in text for row in table.texts() for cell in row)
     assert "one track, the same for every seed" in text
-    for name in (
-        "differences",
-        "calibration",
-        "confidence",
-        "error-over-time",
-        "success-curves",
-    ):
-        assert name in page.ids
+    assert {"differences", *FIGURES} <= page.ids
+
+
+FIGURES = ("calibration", "confidence", "error-over-time", "success-curves")
 
 
 def test_figures_are_embedded_as_they_are_on_disk(written):
     results, source = written
     paths = sorted((results.folder / "figures").glob("*.png"))
-    assert [path.stem for path in paths] == [
-        *("calibration", "confidence", "error-over-time", "success-curves"),
-    ]
+    assert tuple(path.stem for path in paths) == FIGURES
     for path in paths:
         assert base64.b64encode(path.read_bytes()).decode() in source
         assert path.with_suffix(".pdf").read_bytes().startswith(b"%PDF")
         assert cv2.imread(str(path)).std() > 5  # something is drawn
 
 
-def test_a_report_of_nothing(tmp_path):
+@pytest.mark.usefixtures("without_scores")
+def test_reports_of_nothing_and_of_one_run_on_one_object_and_frame(tmp_path):
     truth, _ = walks(seed=6, runs=1, frames=6, objects=2)
-    results = make(tmp_path / "results", [(SIR, [])], truth, runs=9)
-    source = write_report(results).read_text(encoding="utf-8")
-    page = Page(source)
+    results = make(tmp_path / "none", [(SIR, [])], truth, runs=9)
+    page = Page(write_report(results).read_text(encoding="utf-8"))
     assert "0 of 9 runs are finished" in "".join(page.text)
     assert "img" not in page.tags
-
-
-def test_one_run_of_one_configuration_on_one_object_and_frame(tmp_path):
     truth, boxes = walks(seed=12, runs=1, frames=1, objects=1)
-    results = make(tmp_path / "results", [(SIR, [batch(boxes)])], truth)
-    source = write_report(results).read_text(encoding="utf-8")
-    page = Page(source)
+    results = make(tmp_path / "one", [(SIR, [batch(boxes)])], truth)
+    page = Page(write_report(results).read_text(encoding="utf-8"))
     text = "".join(page.text)
     assert "1 configuration, 1 run each, 1 object (1), 1 frame after the start frame 0" in text
     assert "All objects" not in text
@@ -178,14 +160,13 @@ def test_forty_configurations(tmp_path, monkeypatch):
 
     monkeypatch.setattr(figures, "save", draw)
     truth, boxes = walks(seed=13, runs=3, frames=6, objects=2)
+    methods = [("SIR", ""), *(("PS", f"{i}") for i in range(6)), ("DPS", "shifts")]
     batches = [
         (Configuration(method, order, {**PARAMETERS, "sharpness": sharpness}), [batch(boxes)])
         for sharpness in (10.0, 20.0, 30.0, 40.0, 50.0)
-        for method, order in [("SIR", ""), *(("PS", f"{i}") for i in range(6)), ("DPS", "shifts")]
+        for method, order in methods
     ]
     results = make(tmp_path / "results", batches, truth)
     write_figures(results, write_tables(results))
     assert len(sizes) == 4
-    for name, (width, height) in sizes.items():
-        assert width < 16, name
-        assert height < 18, name
+    assert all(width < 16 and height < 18 for width, height in sizes.values()), sizes

@@ -1,6 +1,7 @@
 """Evaluations go on where they stopped, and are never mixed."""
 
 import errno
+import functools
 import json
 import os
 import signal
@@ -8,6 +9,7 @@ import subprocess
 import sys
 import time
 
+import jax
 import numpy as np
 import pytest
 from small_evaluation import (
@@ -31,20 +33,14 @@ from jaxpf.files import writing as files
 from jaxpf.files.locking import LOCK, locked
 
 
-def test_more_runs_are_added_to_those_there_are(whole, part):
+def test_more_runs_are_added_and_only_missing_ones_are_done_again(whole, part):
     before = stamps(part)
     results = evaluate(small_plan(runs=TWICE), part, limits=ONE)
     assert results.runs == TWICE
     assert before.items() <= stamps(part).items()
     assert_equal_bits(content(results), content(whole))
-
-
-def test_only_missing_runs_are_done_again(whole, part):
-    evaluate(small_plan(runs=TWICE), part, limits=ONE)
-    missing = part / "batches" / names(part)[1]
-    missing.unlink()
-    before = stamps(part)
-    done = []
+    (part / "batches" / names(part)[1]).unlink()
+    before, done = stamps(part), []
     assert finished(small_plan(runs=TWICE), part) is None
     results = evaluate(small_plan(runs=TWICE), part, limits=ONE, progress=done.append)
     assert done == [RUNS]
@@ -52,24 +48,25 @@ def test_only_missing_runs_are_done_again(whole, part):
     assert_equal_bits(content(results), content(whole))
 
 
-@pytest.mark.parametrize("harm", ["truncated", "altered", "emptied", "other", "shorter"])
-def test_a_damaged_batch_is_found_and_done_again(whole, part, harm):
+def without_the_last_frame(path):
+    with np.load(path) as arrays:
+        kept = {name: arrays[name] for name in arrays}
+    np.savez(path, **(kept | {"shapes": kept["shapes"][:, :-1]}))
+
+
+HARMS = {
+    "truncated": lambda path: path.write_bytes(path.read_bytes()[: path.stat().st_size // 2]),
+    "emptied": lambda path: path.write_bytes(b""),
+    "other": lambda path: np.savez(path, something=np.zeros(3)),
+    "shorter": without_the_last_frame,
+}
+
+
+@pytest.mark.parametrize("harm", HARMS)
+def test_a_damaged_batch_is_found_and_done_again(part, harm):
     path = part / "batches" / names(part)[0]
-    data = path.read_bytes()
     intact = content(Results.open(part))
-    if harm == "truncated":
-        path.write_bytes(data[: len(data) // 2])
-    elif harm == "altered":
-        middle = len(data) // 2
-        path.write_bytes(data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :])
-    elif harm == "emptied":
-        path.write_bytes(b"")
-    elif harm == "other":
-        np.savez(path, something=np.zeros(3))
-    else:
-        with np.load(path) as arrays:
-            kept = {name: arrays[name] for name in arrays}
-        np.savez(path, **(kept | {"shapes": kept["shapes"][:, :-1]}))
+    HARMS[harm](path)
     prepared = prepare(small_plan(), part)
     assert (prepared.damaged, prepared.missing_runs) == ([path], RUNS)
     assert finished(small_plan(), part) is None
@@ -103,11 +100,12 @@ def test_no_alteration_of_a_file_goes_unnoticed(part):
         ({"seed": 1}, "was begun with seed = 0, now 1"),
         ({"sharpness": [20, 30]}, "was begun with grid: sharpness = 20, now 20,30"),
         ({"methods": ["sir"]}, "was begun with methods = sir,dps, now sir"),
-        (
-            {"particles": [PARTICLES + 1]},
-            f"particles = {PARTICLES}, now {PARTICLES + 1}",
-        ),
+        ({"particles": [PARTICLES + 1]}, f"particles = {PARTICLES}, now {PARTICLES + 1}"),
         ({"runs": RUNS - 1}, f"was begun with runs = {RUNS}, now {RUNS - 1}"),
+        (
+            {"scene": functools.partial(small_scene.func, **small_scene.keywords | {"seed": 1})},
+            "was begun with scene: seed = 0, now 1",
+        ),
     ],
 )
 def test_changed_settings_are_refused_by_name_with_both_values(part, change, sentence):
@@ -117,14 +115,6 @@ def test_changed_settings_are_refused_by_name_with_both_values(part, change, sen
     assert sentence in str(error.value)
     assert f"'{part}'" in str(error.value)
     assert stamps(part) == before
-
-
-def test_another_scene_is_refused(part):
-    import functools
-
-    other = functools.partial(small_scene.func, **(small_scene.keywords | {"seed": 1}))
-    with pytest.raises(InputError, match="was begun with scene: seed = 0, now 1"):
-        evaluate(small_plan(other), part)
 
 
 def test_a_scene_that_changed_on_disk_is_refused(tmp_path, monkeypatch, whole):
@@ -146,12 +136,8 @@ def the_scene():
 
 
 def test_another_precision_is_refused(part):
-    import jax
-
-    with (
-        jax.enable_x64(True),
-        pytest.raises(InputError, match="begun in single precision, now double"),
-    ):
+    refusal = pytest.raises(InputError, match="begun in single precision, now double")
+    with jax.enable_x64(True), refusal:
         evaluate(small_plan(runs=TWICE), part)
 
 
@@ -164,50 +150,38 @@ def test_another_version_is_refused(part):
         evaluate(small_plan(), part)
 
 
-@pytest.mark.parametrize("text", ["{", "[]", "{}", ""])
-def test_damaged_settings_are_refused(part, text):
-    (part / folder.SETTINGS).write_text(text)
-    with pytest.raises(InputError, match=r"settings\.json"):
-        evaluate(small_plan(), part)
-
-
-def test_a_folder_of_something_else_is_refused(tmp_path):
-    (tmp_path / "thesis.tex").write_text("precious")
-    with pytest.raises(InputError, match=r"holds 'thesis\.tex' but no evaluation"):
-        evaluate(small_plan(), tmp_path)
-    with pytest.raises(InputError, match="is a file"):
-        evaluate(small_plan(), tmp_path / "thesis.tex")
-    with pytest.raises(InputError, match="holds no evaluation"):
-        Results.open(tmp_path)
-    assert (tmp_path / "thesis.tex").read_text() == "precious"
-
-
-def test_batches_without_settings_are_refused(part):
+def test_damaged_and_missing_settings_are_refused(part):
+    for text in ("{", "[]", "{}", ""):
+        (part / folder.SETTINGS).write_text(text)
+        with pytest.raises(InputError, match=r"settings\.json"):
+            evaluate(small_plan(), part)
     (part / folder.SETTINGS).unlink()
     with pytest.raises(InputError, match=r"holds 'batches' but no evaluation"):
         evaluate(small_plan(), part)
 
 
-def test_two_processes_cannot_evaluate_into_one_folder(part):
-    with (
-        locked(part, "evaluating"),
-        pytest.raises(InputError, match="another process is evaluating into"),
-    ):
-        evaluate(small_plan(runs=TWICE), part)
-    assert evaluate(small_plan(runs=TWICE), part, limits=ONE).runs == TWICE
-
-
-def test_errors_while_the_folder_is_locked_are_not_mistaken_for_its_own(tmp_path):
-    with pytest.raises(FileNotFoundError, match="elsewhere"), locked(tmp_path, "evaluating"):
-        raise FileNotFoundError("elsewhere")
-    with locked(tmp_path, "evaluating"):  # it was given back
-        pass
-
-
-def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path):
-    (tmp_path / "file").touch()
+def test_a_folder_of_something_else_is_refused(tmp_path):
+    file = tmp_path / "thesis.tex"
+    file.write_text("precious")
+    with pytest.raises(InputError, match=r"holds 'thesis\.tex' but no evaluation"):
+        evaluate(small_plan(), tmp_path)
+    with pytest.raises(InputError, match="is a file"):
+        evaluate(small_plan(), file)
     with pytest.raises(InputError, match="cannot write into the folder"):
-        evaluate(small_plan(), tmp_path / "file" / "below")
+        evaluate(small_plan(), file / "below")
+    with pytest.raises(InputError, match="holds no evaluation"):
+        Results.open(tmp_path)
+    assert file.read_text() == "precious"
+
+
+def test_two_processes_cannot_evaluate_into_one_folder(part):
+    refusal = pytest.raises(InputError, match="another process is evaluating into")
+    with locked(part, "evaluating"), refusal:
+        evaluate(small_plan(runs=TWICE), part)
+    # It is given back, also after an error that is not the lock's own.
+    with pytest.raises(FileNotFoundError, match="elsewhere"), locked(part, "evaluating"):
+        raise FileNotFoundError("elsewhere")
+    assert evaluate(small_plan(), part, limits=ONE).runs == RUNS
 
 
 def test_a_full_disk_is_one_sentence_and_finished_batches_stay(whole, tmp_path, monkeypatch):

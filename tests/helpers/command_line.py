@@ -1,10 +1,17 @@
-"""The command line, run in the process of the test."""
+"""The command line, run or only parsed in the process of the test."""
 
 import contextlib
 import io
 from typing import NamedTuple
 
+import jax
+import numpy as np
+
 from jaxpf import cli
+from jaxpf.cli.tracking.command import TrackCommand
+from jaxpf.cli.tracking.request import request_of
+from jaxpf.cli.tracking.work import build_tracker, open_input
+from jaxpf.targets import find_adapter
 
 
 class Outcome(NamedTuple):
@@ -22,3 +29,29 @@ def jaxpf(*arguments):
         except SystemExit as stop:
             code = stop.code
     return Outcome(code, out.getvalue(), err.getvalue())
+
+
+def refusal_of(*arguments):
+    """The one sentence with which the command line refuses, and prints nothing else."""
+    outcome = jaxpf(*arguments)
+    assert (outcome.code, outcome.out) == (2, ""), outcome
+    assert "Traceback" not in outcome.err
+    *_, sentence = outcome.err.strip().splitlines()
+    assert sentence.startswith("Error: ")
+    return sentence
+
+
+def built_by_track(target, video, *arguments):
+    """Where ``jaxpf track`` starts and the tracker that it builds, which is not run."""
+    adapter = find_adapter(target)
+    words = [str(word) for word in (video, *arguments)]
+    with TrackCommand(adapter).make_context("track", words) as context:
+        request = request_of(context, adapter)
+        opened = open_input(request)
+    return opened.start, build_tracker(request, opened).tracker
+
+
+def assert_same(one, other):
+    """Two trackers, or parts of them, are equal bit for bit."""
+    assert jax.tree.structure(one) == jax.tree.structure(other)
+    jax.tree.map(np.testing.assert_array_equal, one, other)

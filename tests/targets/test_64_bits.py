@@ -1,5 +1,7 @@
 """Trackers built from a frame step under ``jax_enable_x64``, and keep their substates' type."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -15,20 +17,19 @@ WIRES = scenes.make("wires", seed=1, num_frames=3)
 PUPPET = scenes.make("articulated", seed=1, num_frames=3)
 
 
-def boxes(**options):
-    return STREET, jaxpf.boxes.tracker(STREET.frames[0], STREET.boxes[0, :2], **options)
+def boxes(method):
+    start = STREET.boxes[0, :2]
+    return STREET, jaxpf.boxes.tracker(STREET.frames[0], start, method=method, particles=20)
 
 
-def points(**options):
+def points(method):
     places = [[100, 100], [150, 120]]
-    return STREET, jaxpf.points.tracker(STREET.frames[0], places, **options)
+    return STREET, jaxpf.points.tracker(STREET.frames[0], places, method=method, particles=20)
 
 
 def parts():
-    extras = PUPPET.extras
-    given = jaxpf.parts.Parts(
-        tuple(range(len(PUPPET.sizes))), extras["parents"], extras["poses"][0], PUPPET.sizes
-    )
+    extras, names = PUPPET.extras, tuple(range(len(PUPPET.sizes)))
+    given = jaxpf.parts.Parts(names, extras["parents"], extras["poses"][0], PUPPET.sizes)
     return PUPPET, jaxpf.parts.tracker(PUPPET.frames[0], given, particles=20)
 
 
@@ -38,23 +39,29 @@ def contours():
     return WIRES, jaxpf.contours.tracker(WIRES.frames[0], start, particles=20)
 
 
-@pytest.mark.parametrize(
-    "made",
-    [
-        pytest.param(lambda: boxes(particles=20), id="boxes"),
-        pytest.param(lambda: points(particles=20), id="points"),
-        pytest.param(lambda: points(particles=20, method="eskil"), id="eskil"),
-        pytest.param(contours, id="contours", marks=pytest.mark.slow),
-        pytest.param(parts, id="parts", marks=pytest.mark.slow),
-        pytest.param(
-            lambda: boxes(particles=20, method="labelled"), id="labelled", marks=pytest.mark.slow
-        ),
-        pytest.param(lambda: boxes(particles=20, method="pffl"), id="pffl", marks=pytest.mark.slow),
-    ],
-)
+MADE = {
+    **{method: partial(boxes, method) for method in ("dps", "pffl", "labelled")},
+    **{f"points, {method}": partial(points, method) for method in ("pffl", "eskil")},
+    "parts": parts,
+    "contours": contours,
+}
+
+
+@pytest.mark.parametrize("made", ["dps", "points, pffl", "points, eskil"])
+def test_a_tracker_is_traced_under_64_bits(made):
+    with jax.enable_x64(True):
+        scene, tracker = MADE[made]()
+        key, frames = jax.random.key(0), jnp.asarray(scene.frames[1:])
+        state, summary = jax.eval_shape(lambda key: jaxpf.run(tracker, key, frames), key)
+        start = jax.eval_shape(tracker.init, key)
+    assert state.log_weights.dtype == summary.estimate.dtype == start.log_weights.dtype
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("made", MADE)
 def test_a_tracker_steps_under_64_bits(made):
     with jax.enable_x64(True):
-        scene, tracker = made()
+        scene, tracker = MADE[made]()
         state, summary = jaxpf.run(tracker, jax.random.key(0), jnp.asarray(scene.frames[1:]))
         start = tracker.init(jax.random.key(0)).log_weights
         assert state.log_weights.dtype == summary.estimate.dtype == start.dtype

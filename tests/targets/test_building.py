@@ -8,11 +8,10 @@ import cv2
 import jax
 import numpy as np
 import pytest
-from command_line import jaxpf as command
+from command_line import assert_same, built_by_track, jaxpf as command
 
 import jaxpf
 from jaxpf import InputError
-from jaxpf.targets import find_adapter
 
 PROGRAM = Path(__file__).parents[1] / "house" / "ten_lines.py"
 BOXES = [[120, 80, 40, 90], [300, 85, 42, 88]]
@@ -34,8 +33,7 @@ def test_ten_lines_track_as_the_command_line_does(clip):
     assert len(code) <= 1 + 10  # its docstring, and the program
     made = runpy.run_path(str(PROGRAM))
     assert jaxpf.media.open_frames("out.mp4").width == 384
-    boxes = [f"--box={','.join(map(str, box))}" for box in BOXES]
-    outcome = command("track", "clip.mp4", *boxes, "--no-overlay", "-o", "out")
+    outcome = command("track", "clip.mp4", *STARTS["boxes"][1], "--no-overlay", "-o", "out")
     assert outcome.code == 0, outcome.err
     rows = jaxpf.boxes.read_boxes("out/tracks.csv").box[-2:]
     assert np.array_equal(rows, np.round(np.asarray(made["boxes"], float), 3))
@@ -68,60 +66,56 @@ GIVEN = {
 @pytest.mark.parametrize("name", STARTS)
 @pytest.mark.parametrize("given", [False, True])
 def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatch):
-    from jaxpf.cli.tracking.command import TrackCommand
-    from jaxpf.cli.tracking.request import request_of
-    from jaxpf.cli.tracking.work import Opened, build_tracker
-
     monkeypatch.chdir(tmp_path)
     Path("parts.csv").write_text(
         "part,parent,x,y,w,h,angle\nbody,,150,100,40,60,0\narm,body,150,150,16,50,30\n"
     )
     Path("contours.json").write_text(f'{{"closed": true, "contours": {{"leaf": {CONTOUR}}}}}')
-    cv2.imwrite("0.png", FRAME[..., ::-1])
-    source = jaxpf.media.open_frames(tmp_path)
-    adapter, (start, flags), (options, more) = find_adapter(name), STARTS[name], GIVEN[name]
-    flags = [*flags, *(more if given else [])]
-    context = TrackCommand(adapter).make_context("track", [str(tmp_path), *flags])
-    request = request_of(context, adapter)
-    place = adapter.read_start(request.starts, 0, source)
-    opened = Opened(source, FRAME, iter(()), place, {}, None, tmp_path / "out")
-    typed = build_tracker(request, opened).tracker
-    module = getattr(jaxpf, name)
+    for number in range(2):
+        cv2.imwrite(f"{number}.png", FRAME[..., ::-1])
+    (start, flags), (options, more), module = STARTS[name], GIVEN[name], getattr(jaxpf, name)
+    _, typed = built_by_track(name, tmp_path, *flags, *(more if given else []))
     made = module.tracker(FRAME, start, **(options if given else {}))
-    assert jax.tree.structure(made) == jax.tree.structure(typed)
-    jax.tree.map(np.testing.assert_array_equal, made, typed)
+    assert_same(made, typed)
     there = module.shapes(made, made.init(jax.random.key(0)).substates[0])
     assert np.isfinite(there).all()
 
 
 @pytest.mark.parametrize(
-    ("call", "sentence"),
+    ("start", "options", "sentence"),
     [
-        (lambda: jaxpf.boxes.tracker(FRAME, BOXES, particels=9), "did you mean particles"),
-        (lambda: jaxpf.boxes.tracker(FRAME, BOXES, diffusion=9), "no option 'diffusion' of boxes"),
-        (lambda: jaxpf.boxes.tracker(FRAME, [[1, 2, 3]]), r"shape \[1, 3\]; give x, y, w, h"),
-        (lambda: jaxpf.boxes.tracker(FRAME, [[1, 2, 3, 0]]), "a positive width and height"),
-        (lambda: jaxpf.boxes.tracker(FRAME, [["left"] * 4]), "must be x, y, w, h in pixels"),
-        (lambda: jaxpf.points.tracker(FRAME, [["a", "b"]]), "must be x, y in pixels"),
-        (lambda: jaxpf.points.tracker(FRAME, [[9, 9]], likelihood=3), "with the methods observe"),
-        (lambda: jaxpf.boxes.tracker(FRAME / 255, BOXES), "uint8 RGB"),
-        (lambda: jaxpf.boxes.tracker(None, BOXES), "or a likelihood of your own"),
-        (lambda: jaxpf.boxes.tracker([[1], []], BOXES), "frame=.* must be the frame in which"),
-        (lambda: jaxpf.boxes.tracker(FRAME, BOXES, patches="a"), "patches.0. "),
-        (lambda: jaxpf.boxes.tracker(FRAME, BOXES, patches=3), "patches=3 must be a list"),
-        (lambda: jaxpf.boxes.shapes(None, BOXES), "tracker is None; give a tracker"),
-        (lambda: jaxpf.boxes.tracker(FRAME, BOXES, particles=0), "particles = 0 must be"),
-        (lambda: jaxpf.boxes.tracker(FRAME, BOXES, method="best"), "method 'best' is unknown"),
+        (BOXES, {"particels": 9}, "did you mean particles"),
+        (BOXES, {"diffusion": 9}, "no option 'diffusion' of boxes"),
+        (BOXES, {"patches": "a"}, "patches.0. "),
+        (BOXES, {"patches": 3}, "patches=3 must be a list"),
+        (BOXES, {"particles": 0}, "particles = 0 must be"),
+        (BOXES, {"method": "best"}, "method 'best' is unknown"),
+        (BOXES, {"gain": 2, "appearance": "colour"}, "goes with"),
         (
-            lambda: jaxpf.boxes.tracker(FRAME, BOXES, method="ps", ordering=jaxpf.ordering.dps(2)),
+            BOXES,
+            {"method": "ps", "ordering": jaxpf.ordering.dps(2)},
             "method and ordering were both given",
         ),
-        (lambda: jaxpf.boxes.tracker(FRAME, BOXES, gain=2, appearance="colour"), "goes with"),
+        (BOXES, {"frame": FRAME / 255}, "uint8 RGB"),
+        (BOXES, {"frame": None}, "or a likelihood of your own"),
+        (BOXES, {"frame": [[1], []]}, "frame=.* must be the frame in which"),
+        ([[1, 2, 3]], {}, r"shape \[1, 3\]; give x, y, w, h"),
+        ([[1, 2, 3, 0]], {}, "a positive width and height"),
+        ([["left"] * 4], {}, "must be x, y, w, h in pixels"),
     ],
 )
-def test_what_cannot_be_made_is_refused(call, sentence):
+def test_what_cannot_be_made_is_refused(start, options, sentence):
     with pytest.raises(InputError, match=sentence):
-        call()
+        jaxpf.boxes.tracker(boxes=start, **{"frame": FRAME, **options})
+
+
+def test_what_is_no_point_likelihood_or_tracker_is_refused():
+    with pytest.raises(InputError, match="must be x, y in pixels"):
+        jaxpf.points.tracker(FRAME, [["a", "b"]])
+    with pytest.raises(InputError, match="with the methods observe"):
+        jaxpf.points.tracker(FRAME, [[9, 9]], likelihood=3)
+    with pytest.raises(InputError, match="tracker is None; give a tracker"):
+        jaxpf.boxes.shapes(None, BOXES)
 
 
 def test_boxes_of_a_tracker_without_sizes_are_refused():

@@ -1,8 +1,8 @@
 """One call per system: ``like`` builds the trackers that repeat the papers."""
 
-import jax
 import numpy as np
 import pytest
+from command_line import assert_same
 
 import jaxpf
 import scenes
@@ -11,11 +11,6 @@ from jaxpf.papers.smith2004.comparison import scene_tracker
 
 FRAME = np.random.default_rng(0).integers(0, 255, (90, 120, 3), np.uint8)
 BOXES = np.array([[20.0, 20, 16, 20], [60, 30, 16, 20], [90, 50, 16, 20]])
-
-
-def assert_same(one, other):
-    assert jax.tree.structure(one) == jax.tree.structure(other)
-    jax.tree.map(np.testing.assert_array_equal, one, other)
 
 
 def test_smith2004_is_dps_with_the_papers_reassembly():

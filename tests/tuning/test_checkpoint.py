@@ -2,10 +2,12 @@
 
 import dataclasses
 import importlib.util
+import re
 import zipfile
 
 import numpy as np
 import pytest
+from refusals import message_of
 from small_tuning import QUICK, SCALE, made_sequence, tracker
 
 from jaxpf import InputError, gradients, tuning
@@ -28,21 +30,21 @@ def begun(tmp_path_factory):
     ],
 )
 def test_another_tracker_is_named(begun, sequence):
-    with pytest.raises(InputError, match="was begun with another tracker: its settings"):
-        tuning.tune(sequence, SCALE, settings=QUICK, folder=begun)
+    message = message_of(tuning.tune, sequence, SCALE, settings=QUICK, folder=begun)
+    assert "was begun with another tracker: its settings" in message
 
 
 def test_other_frames_are_told_in_words(begun):
     sequence = made_sequence()
     sequence.frames[3] += 1
-    with pytest.raises(InputError, match="was begun with other frames;"):
-        tuning.tune(sequence, SCALE, settings=QUICK, folder=begun)
+    message = message_of(tuning.tune, sequence, SCALE, settings=QUICK, folder=begun)
+    assert "was begun with other frames;" in message
 
 
 def test_a_missing_package_is_told_before_there_is_a_checkpoint(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"needs the package ott-jax; pip install"):
-        tracker(gradient=gradients.Transport())
+    message = message_of(tracker, gradient=gradients.Transport())
+    assert "needs the package ott-jax; pip install" in message
 
 
 def test_a_call_that_made_no_step_leaves_no_checkpoint(tmp_path):
@@ -58,17 +60,14 @@ def test_a_call_that_made_no_step_leaves_no_checkpoint(tmp_path):
 def test_a_truncated_checkpoint_is_one_sentence(begun, tmp_path, part):
     data = (begun / NAME).read_bytes()
     (tmp_path / NAME).write_bytes(data[: int(part * len(data))])
-    with pytest.raises(InputError, match=r"checkpoint.npz' is damaged .*; remove it") as caught:
-        Checkpoint(tmp_path, {}).read()
-    assert "\n" not in str(caught.value)
+    message = message_of(Checkpoint(tmp_path, {}).read)
+    assert re.search("checkpoint.npz' is damaged .*; remove it", message)
 
 
 def test_a_checkpoint_of_something_else_is_one_sentence(tmp_path):
     for asked in ("3", '"text"', "[" * 100_000):
         np.savez(tmp_path / NAME, asked=np.array(asked))
-        with pytest.raises(InputError, match="is damaged"):
-            Checkpoint(tmp_path, {}).read()
+        assert "is damaged" in message_of(Checkpoint(tmp_path, {}).read)
     with zipfile.ZipFile(tmp_path / NAME, "w") as archive:
         archive.writestr("asked.npy", b"no array")
-    with pytest.raises(InputError, match="is damaged"):
-        Checkpoint(tmp_path, {}).read()
+    assert "is damaged" in message_of(Checkpoint(tmp_path, {}).read)

@@ -1,6 +1,7 @@
 """Particle marginal Metropolis-Hastings against the exact posterior on a grid."""
 
 import dataclasses
+from functools import partial
 from typing import Any
 
 import jax
@@ -11,6 +12,7 @@ import scipy.special
 import scipy.stats
 from jax.scipy.stats import norm
 from quick_compiling import quick
+from refusals import message_of
 
 import jaxpf
 from jaxpf import InputError, pytree_dataclass
@@ -159,12 +161,14 @@ def test_observations_are_drawn_with_their_parameters(posterior):
     exact = [[(weights * x).sum() for x in (m, m**2 + v + NOISE**2)] for m, v in smoothed]
     errors = of_chains.std(1, ddof=1) / CHAINS**0.5
     assert np.abs((of_chains.mean(1).T - exact) / errors.T).max() < 4.5
-    (low, high), (mean, variance) = posterior.interval(0.95), smoothed[7]
-    ends = scipy.stats.norm.cdf(np.array([low[7], high[7]])[:, None, None], mean, variance**0.5)
-    assert abs(((ends[1] - ends[0]) * weights).sum() - 0.95) > 0.02  # of the state it is another
-    spread = (variance + NOISE**2) ** 0.5
-    ends = scipy.stats.norm.cdf(np.array([low[7], high[7]])[:, None, None], mean, spread)
-    assert abs(((ends[1] - ends[0]) * weights).sum() - 0.95) < 0.015
+    (mean, variance), ends = smoothed[7], np.stack(posterior.interval(0.95))[:, 7, None, None]
+
+    def held(variance):
+        low, high = scipy.stats.norm.cdf(ends, mean, variance**0.5)
+        return ((high - low) * weights).sum()
+
+    assert abs(held(variance) - 0.95) > 0.02  # of the state it is another
+    assert abs(held(variance + NOISE**2) - 0.95) < 0.015
 
 
 def test_draws_keep_what_they_were_accepted_with(posterior):
@@ -221,12 +225,8 @@ class Noise:
         return (), dataclasses.replace(summary, log_evidence=self.num_particles + noise)
 
 
-def noise_of(place):
-    return Noise(place, 8e-3)
-
-
-def loud(place):
-    return Noise(place, 28.0)
+def noise_of(place, variance=8e-3):
+    return Noise(place, variance)
 
 
 def triangle(place):
@@ -255,6 +255,7 @@ def test_the_prior_alone_is_drawn_where_the_frames_say_nothing():
 
 def test_no_more_particles_are_chosen_than_the_variance_wants():
     """A variance of 1 needs 28; the choice rounds up to half an octave."""
+    loud = partial(noise_of, variance=28.0)
     drawn = jaxpf.pmmh(loud, triangle, KEY, np.zeros(1), 0.5, num_draws=2, num_warmup=20)
     assert 20 <= drawn.num_particles <= 45
     np.testing.assert_allclose(drawn.log_evidence, drawn.num_particles, atol=5)
@@ -300,25 +301,20 @@ def test_the_draws_are_an_arviz_tree(posterior):
         ({"initial": {"a": 2.0, "s": 1.0}}, "the prior excludes the start"),
         ({"initial": {"a": 0, "s": 1}}, "must hold floats alone"),
         ({"num_draws": 10**9}, "num_draws = 1000000000 must be a whole number from 1 to 10000000"),
-        ({"num_draws": 0}, "num_draws = 0 must be a whole number from 1"),
         ({"num_chains": 2.5}, "num_chains = 2.5 must be a whole number from 1"),
         ({"num_particles": 0}, "num_particles = 0 must be a whole number from 1"),
-        (
-            {"log_prior": lambda p: jnp.zeros(2)},
-            r"log_prior returns \[0\. 0\.\]; return one number",
-        ),
+        ({"blocks": 0}, "blocks = 0 must be a whole number from 1"),
+        ({"log_prior": lambda p: jnp.zeros(2)}, "log_prior returns [0. 0.]; return one number"),
         ({"log_prior": lambda p: None}, "log_prior returns None; return one number"),
         (
             {"build": lambda p: jaxpf.filters.SideBySide(build(p))},
             "build returns a SideBySide, whose num_particles cannot be set",
         ),
-        ({"blocks": 0}, "blocks = 0 must be a whole number from 1"),
     ],
 )
 def test_what_cannot_be_sampled_is_refused(changes, words):
     model = {"build": build, "log_prior": log_prior, "frames": FRAMES, "initial": START}
-    with pytest.raises(InputError, match=words):
-        jaxpf.pmmh(key=KEY, **model | changes)
+    assert words in message_of(jaxpf.pmmh, key=KEY, **model | changes)
 
 
 def test_a_start_that_explains_no_frame_is_refused_for_a_given_number_of_particles():

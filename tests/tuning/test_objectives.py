@@ -1,5 +1,6 @@
 """Objectives: the log evidence and supervised losses, differentiable in the tracker."""
 
+import re
 from functools import partial
 
 import jax
@@ -7,9 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from quick_compiling import quick
+from refusals import message_of
 
 import jaxpf
-from jaxpf import InputError, measures, ordering, pytree_dataclass, tuning
+from jaxpf import measures, ordering, pytree_dataclass, tuning
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian
 from jaxpf.measures import crps
@@ -92,36 +94,31 @@ def test_an_evidence_of_zero_has_a_finite_gradient():
     assert np.isfinite(slope).all()
 
 
-def test_position_error_skips_what_is_not_labelled(summaries):
+def test_position_error_and_crps_skip_what_is_not_labelled(summaries):
+    """CRPS is that of a normal as wide as the particles."""
     found, slope = with_gradient(tuning.position_error, tracker(), TRUTH)
-    estimates = np.asarray(summaries.estimate)[:, [2, 5], 0, :2]
-    expected = np.linalg.norm(estimates - TRUTH[[2, 5], 0], axis=-1).mean(1)
-    np.testing.assert_allclose(found, expected, rtol=1e-4)
-    assert np.isfinite(slope).all()
-    assert np.abs(slope[:2]).min() > 0
-
-
-def test_position_error_of_an_exact_estimate_has_a_finite_gradient():
-    still = tracker(dynamics=RandomWalk(scale=np.zeros(3, np.float32)), num_particles=1)
-    truth = np.broadcast_to(np.float32([20, 30]), (T, 1, 2))
-    value, slope = with_gradient(tuning.position_error, still, truth)
-    np.testing.assert_array_equal(value, 0.0)
-    assert np.isfinite(slope).all()
-
-
-def test_crps_is_that_of_a_normal_as_wide_as_the_particles(summaries):
-    found, slope = with_gradient(tuning.crps, tracker(), TRUTH)
     offset = np.asarray(summaries.estimate)[:, [2, 5], 0, :2] - TRUTH[[2, 5], 0]
+    np.testing.assert_allclose(found, np.linalg.norm(offset, axis=-1).mean(1), rtol=1e-4)
+    scores, other = with_gradient(tuning.crps, tracker(), TRUTH)
     expected = crps(offset, np.asarray(summaries.spread)[:, [2, 5], 0, :2]).mean((1, 2))
-    np.testing.assert_allclose(found, expected, rtol=1e-4)
-    assert np.isfinite(slope).all()
-    assert np.abs(slope[:2]).min() > 0
+    np.testing.assert_allclose(scores, expected, rtol=1e-4)
+    for gradient in (slope, other):
+        assert np.isfinite(gradient).all()
+        assert np.abs(gradient[:2]).min() > 0
 
 
-def test_crps_without_a_spread_is_the_distance():
+def test_an_estimate_without_a_spread_has_a_finite_gradient():
+    """Position error, here of an exact estimate, and CRPS, which is the distance."""
     still = tracker(dynamics=RandomWalk(scale=np.zeros(3, np.float32)), num_particles=1)
-    value, slope = with_gradient(tuning.crps, still, TRUTH)
-    np.testing.assert_allclose(value, np.nanmean(np.abs(TRUTH - [20.0, 30.0])), rtol=1e-6)
+    exact = np.broadcast_to(np.float32([20, 30]), (T, 1, 2))
+
+    def both(made, keys, frames, exact, truth, checkpoint):
+        error = tuning.position_error(made, keys, frames, exact, checkpoint=checkpoint)
+        return jnp.stack([error, tuning.crps(made, keys, frames, truth, checkpoint=checkpoint)])
+
+    (error, crps_), slope = with_gradient(both, still, exact, TRUTH)
+    np.testing.assert_array_equal(error, 0.0)
+    np.testing.assert_allclose(crps_, np.nanmean(np.abs(TRUTH - [20.0, 30.0])), rtol=1e-6)
     assert np.isfinite(slope).all()
 
 
@@ -155,38 +152,31 @@ def test_overlap_loss_skips_what_is_not_labelled(summaries):
     assert np.abs(slope).max() > 0
 
 
+PAIRS, QUADS = np.zeros((T, 1, 2)), np.zeros((T, 1, 4))
+
+
 @pytest.mark.parametrize(
-    ("call", "what"),
+    ("call", "arguments", "what"),
     [
-        (lambda: tuning.log_evidence(tracker(), KEYS, FRAMES[:0]), "at least one frame"),
-        (lambda: tuning.log_evidence(tracker(), KEYS[:0], FRAMES), "one key per run"),
-        (lambda: tuning.log_evidence(tracker(), KEYS, FRAMES, checkpoint=0), "checkpoint=0"),
-        (lambda: tuning.log_evidence(tracker(), KEYS, FRAMES, checkpoint=None), "checkpoint=None"),
-        (lambda: tuning.log_evidence(None, KEYS, FRAMES), "tracker is None"),
-        (lambda: tuning.crps(None, KEYS, FRAMES, np.zeros((T, 1, 2))), "tracker is None"),
-        (lambda: tuning.crps(tracker(), KEYS, FRAMES, [[1, 2], [3]]), "truth=.* must be numbers"),
+        (tuning.log_evidence, (KEYS, FRAMES[:0]), "at least one frame"),
+        (tuning.log_evidence, (KEYS[:0], FRAMES), "one key per run"),
+        (partial(tuning.log_evidence, checkpoint=0), (KEYS, FRAMES), "checkpoint=0"),
+        (tuning.crps, (KEYS, FRAMES, [[1, 2], [3]]), "truth=.* must be numbers"),
+        (tuning.outline_loss, (KEYS, FRAMES, PAIRS, len), r"shape \[7, 1, 2\]; give corners"),
+        (tuning.overlap_loss, (KEYS, FRAMES, QUADS, [1, 2]), r"sizes has shape \[2\]; give width"),
+        (tuning.overlap_loss, (KEYS, FRAMES, PAIRS, [[1, 1]]), "truth_boxes has shape"),
         (
-            lambda: tuning.outline_loss(tracker(), KEYS, FRAMES, np.zeros((T, 1, 2)), len),
-            r"truth has shape \[7, 1, 2\]; give corners",
-        ),
-        (
-            lambda: tuning.overlap_loss(tracker(), KEYS, FRAMES, np.zeros((T, 1, 4)), [1, 2]),
-            r"sizes has shape \[2\]; give width and height",
-        ),
-        (
-            lambda: tuning.position_error(tracker(), KEYS, FRAMES, np.zeros((T, 2, 2))),
+            tuning.position_error,
+            (KEYS, FRAMES, np.zeros((T, 2, 2))),
             r"truth has shape \(7, 2, 2\); with 7 frames of 1 objects",
         ),
-        (
-            lambda: tuning.position_error(tracker(), KEYS, FRAMES, np.full((T, 1, 2), np.nan)),
-            "truth labels no object",
-        ),
-        (
-            lambda: tuning.overlap_loss(tracker(), KEYS, FRAMES, np.zeros((T, 1, 2)), [[1, 1]]),
-            "truth_boxes has shape",
-        ),
+        (tuning.position_error, (KEYS, FRAMES, PAIRS + np.nan), "truth labels no object"),
     ],
 )
-def test_bad_input_is_refused_in_one_sentence(call, what):
-    with pytest.raises(InputError, match=what):
-        call()
+def test_bad_input_is_refused_in_one_sentence(call, arguments, what):
+    assert re.search(what, message_of(call, tracker(), *arguments))
+
+
+def test_a_tracker_that_is_none_is_refused():
+    assert "tracker is None" in message_of(tuning.log_evidence, None, KEYS, FRAMES)
+    assert "tracker is None" in message_of(tuning.crps, None, KEYS, FRAMES, PAIRS)

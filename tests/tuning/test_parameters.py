@@ -6,10 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from refusals import message_of
 from small_tuning import QUICK, made_sequence, tracker
 
 import jaxpf
-from jaxpf import InputError, tune, tuning
+from jaxpf import tune, tuning
 from jaxpf.contract.options import options_of
 from jaxpf.likelihoods import histogram
 from jaxpf.targets import adapters
@@ -66,41 +67,31 @@ def test_bounds_are_written_beside_the_path():
 
 
 @pytest.mark.parametrize(
-    ("path", "words"),
+    ("paths", "words"),
     [
         (
-            "dynamics.speed",
-            "no parameter dynamics.speed to tune; choose among dynamics.scale, likel",
+            ["dynamics.speed"],
+            "no parameter dynamics.speed to tune; choose among dynamics.scale, li",
         ),
-        ("num_particles", "no parameter num_particles to tune; choose"),
-        ("ordering.order", "no parameter ordering.order to tune; choose"),
-        ("dynamics.scale[1]", r"outside dynamics.scale, whose shape is \[1\]"),
-        ("dynamics", "no parameter dynamics to tune; choose"),
-        (3, "text is int: give a str"),
-        ("dynamics.scale=2:5", "starts at 1, but must lie between 2 and 5"),
-        ("dynamics.scale=5:2", "the first must be the smaller"),
-        ("dynamics.scale=5", "must have the form PATH or PATH=LOW:HIGH"),
-        ("dynamics.scale[a]", "is no path"),
+        (["ordering.order"], "no parameter ordering.order to tune; choose"),
+        (["dynamics"], "no parameter dynamics to tune; choose"),
+        (["dynamics.scale[1]"], "outside dynamics.scale, whose shape is [1]"),
+        (["dynamics.scale[a]"], "is no path"),
+        (["dynamics.scale=2:5"], "starts at 1, but must lie between 2 and 5"),
+        (["dynamics.scale=5:2"], "the first must be the smaller"),
+        (["dynamics.scale=5"], "must have the form PATH or PATH=LOW:HIGH"),
+        (["dynamics.scale", "dynamics.scale[0]"], "overlap; name each value once"),
+        ([3], "text is int: give a str"),
+        ([], "no parameter was named"),
     ],
 )
-def test_a_parameter_that_cannot_be_tuned_is_refused_in_one_sentence(path, words):
-    with pytest.raises(InputError, match=words) as raised:
-        tune(made_sequence(), [path], settings=QUICK)
-    assert "\n" not in str(raised.value)
+def test_a_parameter_that_cannot_be_tuned_is_refused_in_one_sentence(paths, words):
+    assert words in message_of(tune, made_sequence(), paths, settings=QUICK)
 
 
 def test_an_integer_leaf_is_refused():
     frame = np.random.default_rng(0).integers(0, 256, (40, 40, 3), dtype=np.uint8)
-    with_histogram = dataclasses.replace(
-        tracker(), likelihood=histogram(frame, [[5, 5, 12, 12]], form="density")
-    )
-    sequence = TrainingSequence(with_histogram, frame[None])
-    with pytest.raises(InputError, match="bin_lookup holds int32, which has no gradient"):
-        tune(sequence, ["likelihood.bin_lookup"])
-
-
-def test_overlapping_parameters_are_refused():
-    with pytest.raises(InputError, match="overlap; name each value once"):
-        tune(made_sequence(), ["dynamics.scale", "dynamics.scale[0]"])
-    with pytest.raises(InputError, match="no parameter was named"):
-        tune(made_sequence(), [])
+    density = histogram(frame, [[5, 5, 12, 12]], form="density")
+    sequence = TrainingSequence(dataclasses.replace(tracker(), likelihood=density), frame[None])
+    message = message_of(tune, sequence, ["likelihood.bin_lookup"])
+    assert "bin_lookup holds int32, which has no gradient" in message

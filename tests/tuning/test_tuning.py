@@ -5,33 +5,48 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from refusals import message_of
 from small_tuning import QUICK, SCALE, made_sequence, tracker
 
-from jaxpf import InputError, tune, tuning
+from jaxpf import tune, tuning
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian, histogram
 from jaxpf.tuning import Settings, TrainingSequence
 from jaxpf.tuning.checkpoint import NAME
 
-# Objectives
-
 
 def test_objectives_need_what_they_are_about():
     sequence = made_sequence()
-    with pytest.raises(InputError, match="objective 'speed' is unknown"):
-        tune(sequence, SCALE, objective="speed")
-    with pytest.raises(InputError, match="needs labels, but sequence 0 has none"):
-        tune(dataclasses.replace(sequence, truth=None), SCALE, objective="position")
-    with pytest.raises(InputError, match="needs the sizes"):
-        tune(sequence, SCALE, objective="overlap")
-    with pytest.raises(InputError, match="no sequence"):
-        tune([], SCALE)
+    unlabelled = dataclasses.replace(sequence, truth=None)
+    for given, objective, words in (
+        (sequence, "speed", "objective 'speed' is unknown"),
+        (unlabelled, "position", "needs labels, but sequence 0 has none"),
+        (sequence, "overlap", "needs the sizes"),
+        ([], "evidence", "no sequence"),
+    ):
+        assert words in message_of(tune, given, SCALE, objective=objective)
+
+
+FRAME = np.random.default_rng(0).integers(0, 256, (40, 40, 3), dtype=np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("form", "parameter", "words"),
+    [
+        ({}, "likelihood.sharpness", "always prefers sharpness 0"),
+        ({"form": "density"}, *SCALE, "gradient of motion parameters would always be zero"),
+    ],
+)
+def test_histograms_without_a_density_or_a_gradient_of_motion_are_refused(form, parameter, words):
+    likelihood = histogram(FRAME, [[5, 5, 12, 12]], **form)
+    sequence = TrainingSequence(dataclasses.replace(tracker(), likelihood=likelihood), FRAME[None])
+    assert words in message_of(tune, sequence, [parameter])
 
 
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"sequences": "a"}, r"sequences\[0\] is str: give a TrainingSequence"),
+        ({"sequences": "a"}, "sequences[0] is str: give a TrainingSequence"),
         ({"sequences": None}, "sequences is NoneType: give a TrainingSequence or Iterable"),
         ({"settings": 3}, "settings is int: give a Settings"),
         ({"folder": 3}, "folder is int: give a str or PathLike"),
@@ -39,23 +54,8 @@ def test_objectives_need_what_they_are_about():
     ],
 )
 def test_what_is_no_sequence_setting_or_function_is_refused(given, words):
-    with pytest.raises(InputError, match=words):
-        tune(**{"sequences": made_sequence(), "parameters": SCALE} | given)
-
-
-def test_an_evidence_that_is_not_normalised_is_refused():
-    frame = np.random.default_rng(0).integers(0, 256, (40, 40, 3), dtype=np.uint8)
-    plain = dataclasses.replace(tracker(), likelihood=histogram(frame, [[5, 5, 12, 12]]))
-    with pytest.raises(InputError, match="always prefers sharpness 0"):
-        tune(TrainingSequence(plain, frame[None]), ["likelihood.sharpness"])
-
-
-def test_a_motion_without_gradient_is_refused():
-    frame = np.random.default_rng(0).integers(0, 256, (40, 40, 3), dtype=np.uint8)
-    whole = histogram(frame, [[5, 5, 12, 12]], form="density")
-    sequence = TrainingSequence(dataclasses.replace(tracker(), likelihood=whole), frame[None])
-    with pytest.raises(InputError, match="gradient of motion parameters would always be zero"):
-        tune(sequence, SCALE)
+    given = {"sequences": made_sequence(), "parameters": SCALE} | given
+    assert words in message_of(tune, **given)
 
 
 # Descent
@@ -85,33 +85,29 @@ def test_the_evidence_is_raised_and_traced():
 
 
 def test_supervised_and_own_objectives_are_lowered():
+    """In two dimensions, of which the second stays 0."""
     sequence = made_sequence(1, scale=5.0, noise=0.2)
-    sequence = dataclasses.replace(sequence, tracker=tracker(scale=0.3, noise=0.2))
-    sequence = dataclasses.replace(
-        sequence, truth=np.concatenate([sequence.truth, 0 * sequence.truth], axis=-1)
-    )
-    two = jnp.zeros((1, 2))
     wide = dataclasses.replace(
-        sequence.tracker,
-        initial=two,
+        tracker(),
+        initial=jnp.zeros((1, 2)),
         dynamics=RandomWalk(scale=jnp.array([0.3])),
         likelihood=Gaussian(noise=0.2 * jnp.eye(2)[None]),
     )
-    frames = np.concatenate([sequence.frames, 0 * sequence.frames], axis=-1)
-    sequence = dataclasses.replace(sequence, tracker=wide, frames=frames)
+    truth, frames = (
+        np.concatenate([each, 0 * each], axis=-1) for each in (sequence.truth, sequence.frames)
+    )
+    sequence = dataclasses.replace(sequence, tracker=wide, frames=frames, truth=truth)
     result = tune(sequence, SCALE, objective="position", settings=Settings(steps=30, repeats=1))
     assert result.values["dynamics.scale"][0] > 0.6
     assert np.isnan(result.spread_errors["dynamics.scale"]).all()
     assert np.isnan(result.curvature_errors["dynamics.scale"]).all()
 
-    own = tune(
-        made_sequence(), SCALE, objective=_squared_scale, settings=Settings(steps=20, repeats=1)
-    )
+    def squared_scale(tracker, keys, frames):
+        return jnp.full(len(keys), jnp.sum(tracker.dynamics.scale**2))
+
+    few = Settings(steps=20, repeats=1)
+    own = tune(made_sequence(), SCALE, objective=squared_scale, settings=few)
     assert own.values["dynamics.scale"][0] < 0.5
-
-
-def _squared_scale(tracker, keys, frames):
-    return jnp.full(len(keys), jnp.sum(tracker.dynamics.scale**2))
 
 
 def test_it_stops_when_values_have_settled():
@@ -174,30 +170,20 @@ def test_the_curvature_gives_the_error_of_the_kalman_information():
 # Trouble
 
 
-def _fails_from_step(step, limit=0.5):
-    def objective(tracker, keys, frames):
-        scale = tracker.dynamics.scale[0]
-        return jnp.full(len(keys), jnp.where(scale < limit, jnp.nan, scale))
-
-    return objective
-
-
 def test_a_loss_that_is_no_number_stops_and_keeps_the_last_good_values(tmp_path):
+    def fails_below_a_half(tracker, keys, frames):
+        scale = tracker.dynamics.scale[0]
+        return jnp.full(len(keys), jnp.where(scale < 0.5, jnp.nan, scale))
+
     settings = Settings(steps=50, repeats=1, learning_rate=0.2)
+    given = {"objective": fails_below_a_half, "settings": settings, "folder": tmp_path}
     with pytest.raises(tuning.Diverged) as raised:
-        tune(
-            made_sequence(),
-            SCALE,
-            objective=_fails_from_step(0),
-            settings=settings,
-            folder=tmp_path,
-        )
+        tune(made_sequence(), SCALE, **given)
     text = str(raised.value)
     assert "the loss became no number on sequence 0 of step" in text
     assert "the last good values are dynamics.scale = " in text
     assert "\n" not in text
-    last = raised.value.result.last_good["dynamics.scale"][0]
-    assert 0.3 < last < 1.0
+    assert 0.3 < raised.value.result.last_good["dynamics.scale"][0] < 1.0
     assert (tmp_path / NAME).is_file()
 
 
@@ -229,29 +215,8 @@ def test_a_checkpoint_of_other_settings_is_refused(tmp_path):
     settings = dataclasses.replace(QUICK, steps=2)
     tune(made_sequence(), SCALE, settings=settings, folder=tmp_path)
     more = dataclasses.replace(settings, learning_rate=0.2)
-    with pytest.raises(InputError, match=r"was begun with learning_rate = 0.1, now 0.2"):
-        tune(made_sequence(), SCALE, settings=more, folder=tmp_path)
-    other = dataclasses.replace(made_sequence(5), name="sequence 0")
-    with pytest.raises(InputError, match="was begun with other frames"):
-        tune(other, SCALE, settings=settings, folder=tmp_path)
-    (tmp_path / NAME).write_bytes(b"no archive")
-    with pytest.raises(InputError, match="is damaged"):
-        tune(made_sequence(), SCALE, settings=settings, folder=tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"steps": 0}, "steps = 0"),
-        ({"learning_rate": 0.0}, "learning_rate = 0 must be"),
-        ({"clip": np.inf}, "clip = inf"),
-        ({"tolerance": -1.0}, "tolerance = -1 must be"),
-        ({"seed": -1}, "seed = -1"),
-    ],
-)
-def test_settings_out_of_range_are_refused(change, words):
-    with pytest.raises(InputError, match=words):
-        Settings(**change)
+    message = message_of(tune, made_sequence(), SCALE, settings=more, folder=tmp_path)
+    assert "was begun with learning_rate = 0.1, now 0.2" in message
 
 
 @pytest.mark.slow

@@ -1,12 +1,9 @@
 """Exports are read back by the programs that they are made for, where these are installed."""
 
-import json
+import zipfile
 
 import numpy as np
 import pytest
-from command_line import jaxpf
-
-from jaxpf.files.digests import digests
 
 #: Two objects in three frames; the second is lost in the last one and absent from the first.
 TRACKS = """frame,time,id,x,y,w,h,speed,confidence,lost
@@ -17,35 +14,16 @@ TRACKS = """frame,time,id,x,y,w,h,speed,confidence,lost
 2,0.08,2,31,20.25,6,9,,0.2,1
 """
 #: By frame and id.
-BOXES = {
-    (0, 1): [10, 5, 8, 4],
-    (1, 1): [11.5, 6, 8, 4],
-    (1, 2): [30, 20, 6, 9],
-    (2, 1): [13, 7, 8, 4],
-    (2, 2): [31, 20.25, 6, 9],
-}
+ROWS = [line.split(",") for line in TRACKS.splitlines()[1:]]
+BOXES = {(int(row[0]), int(row[2])): [float(x) for x in row[3:7]] for row in ROWS}
 
 
 @pytest.fixture
-def export(tmp_path):
+def export(result, exported):
     """A function that exports the tracks to a file of that name."""
-    (tmp_path / "tracks.csv").write_text(TRACKS)
-    about = {
-        "parameters": {"target": "boxes", "video": "gone", "start": 0},
-        "width": 60,
-        "height": 40,
-        "tables": digests(tmp_path, ["tracks.csv"]),
-        "times": [0, 0.04, 0.08],
-        "pictures": ["a.png", "b.png", "c.png"],
-    }
-    (tmp_path / "summary.json").write_text(json.dumps(about))
-
-    def run(form, name):
-        outcome = jaxpf("export", tmp_path, form, tmp_path / name)
-        assert outcome.code == 0, outcome.err
-        return tmp_path / name
-
-    return run
+    times, pictures = [0, 0.04, 0.08], ["a.png", "b.png", "c.png"]
+    folder = result("boxes", TRACKS, times=times, pictures=pictures)
+    return lambda form, name: exported(folder, form, name)
 
 
 def test_pycocotools_reads_boxes_and_evaluates_them(export):
@@ -91,13 +69,12 @@ def test_motmetrics_reads_mot_lines(export):
 
 def test_trackeval_reads_mot_lines(export, tmp_path):
     trackeval = pytest.importorskip("trackeval")
-    path = export("mot", "tracks.txt")
-    for folder, name in (("truth/clip/gt", "gt.txt"), ("trackers/mine/data", "clip.txt")):
-        (tmp_path / folder).mkdir(parents=True)
-        lines = path.read_text().splitlines()
-        if name == "gt.txt":  # there, the fields after the box are: counts, class, visibility
-            lines = [",".join([*line.split(",")[:6], "1,1,1"]) for line in lines]
-        (tmp_path / folder / name).write_text("\n".join(lines) + "\n")
+    lines = export("mot", "tracks.txt").read_text().splitlines()
+    # In the truth, the fields after the box are: counts, class, visibility.
+    truth = [",".join([*line.split(",")[:6], "1,1,1"]) for line in lines]
+    for path, rows in (("truth/clip/gt/gt.txt", truth), ("trackers/mine/data/clip.txt", lines)):
+        (tmp_path / path).parent.mkdir(parents=True)
+        (tmp_path / path).write_text("\n".join(rows) + "\n")
     dataset = trackeval.datasets.MotChallenge2DBox(
         {
             "GT_FOLDER": str(tmp_path / "truth"),
@@ -109,9 +86,8 @@ def test_trackeval_reads_mot_lines(export, tmp_path):
     )
     data = dataset.get_preprocessed_seq_data(dataset.get_raw_seq_data("mine", "clip"), "pedestrian")
     assert data["num_tracker_dets"] == len(BOXES)
-    first, second, third = data["tracker_dets"]
-    np.testing.assert_allclose(first, np.add([BOXES[0, 1]], [1, 1, 0, 0]))
-    assert (len(second), len(third)) == (2, 2)
+    np.testing.assert_allclose(data["tracker_dets"][0], np.add([BOXES[0, 1]], [1, 1, 0, 0]))
+    assert [len(boxes) for boxes in data["tracker_dets"]] == [1, 2, 2]
     assert trackeval.metrics.HOTA().eval_sequence(data)["HOTA"].mean() == pytest.approx(1)
 
 
@@ -120,15 +96,12 @@ def test_cvat_imports_the_archive_by_its_documented_layout(export):
 
     Frames and classes count from 1 and pixels from 0; gt/labels.txt names the classes.
     """
-    import zipfile
-
     with zipfile.ZipFile(export("cvat", "tracks.zip")) as archive:
         assert sorted(archive.namelist()) == ["gt/gt.txt", "gt/labels.txt"]
-        labels = archive.read("gt/labels.txt").decode().splitlines()
+        assert archive.read("gt/labels.txt") == b"object\n"
         rows = [line.split(",") for line in archive.read("gt/gt.txt").decode().splitlines()]
     found = {(int(row[0]) - 1, int(row[1])): list(map(float, row[2:6])) for row in rows}
     assert found == BOXES
     for *_, not_ignored, class_id, visibility in rows:
-        assert int(not_ignored) == 1
-        assert labels[int(class_id) - 1] == "object"
+        assert (int(not_ignored), int(class_id)) == (1, 1)
         assert 0 <= float(visibility) <= 1

@@ -1,7 +1,7 @@
 """The clip, and the command on it."""
 
 import pytest
-from command_line import jaxpf
+from command_line import jaxpf, refusal_of
 from small_video import (
     BOXES,
     LENGTH,
@@ -38,7 +38,7 @@ def whole_run(place):
 
 @pytest.fixture
 def track(place, tmp_path, monkeypatch):
-    """Track the clip into ``tmp_path/out``; a user's mistake must leave nothing there."""
+    """Track the clip into ``tmp_path/out``."""
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments, video=place / "clip.avi"):
@@ -48,17 +48,13 @@ def track(place, tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def refuse(track, tmp_path):
-    """Track, and get the one sentence of the refusal."""
+def refuse(place, tmp_path, monkeypatch):
+    """Track, and get the one sentence of the refusal; nothing may be left behind."""
+    monkeypatch.chdir(tmp_path)
 
-    def run(*arguments, **options):
-        outcome = track(*arguments, **options)
-        assert outcome.code == 2
-        assert outcome.out == ""
+    def run(*arguments, video=place / "clip.avi"):
+        sentence = refusal_of("track", video, *PARTICLES, "-o", tmp_path / "out", *arguments)
         assert not (tmp_path / "out").exists()
-        *_, sentence = outcome.err.strip().splitlines()
-        assert sentence.startswith("Error: ")
-        assert "Traceback" not in outcome.err
         return sentence
 
     return run

@@ -1,32 +1,21 @@
 """``jaxpf track``: what is reported rather than silent, and interruptions."""
 
-import contextlib
-import os
 import re
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import cv2
 import numpy as np
-import pytest
 from small_video import (
     BOXES,
     LENGTH,
-    PARTICLES,
     picture,
     rows_of,
     summary_of,
     write_images,
-    write_lossless_video,
 )
 
-from jaxpf import InputError, boxes
+from jaxpf import InputError
 from jaxpf.media import open_frames
-
-# What is reported rather than silent
 
 #: One appearance and kind of motion, so that the filter is compiled once.
 COLOUR = ("--appearance", "colour")
@@ -71,13 +60,6 @@ def test_a_truncated_video_is_tracked_as_far_as_it_goes_with_a_note(track, place
     assert 0 < summary["frames_tracked"] < LENGTH - 1
 
 
-def test_a_video_of_one_frame_is_refused_as_nothing_can_be_tracked(refuse, tmp_path):
-    clip = write_lossless_video(tmp_path / "one.avi", [picture(0)])
-    sentence = refuse(*BOXES, video=clip)
-    assert "no frame of" in sentence
-    assert "follows the start frame 0, so there is nothing to track" in sentence
-
-
 def test_a_fault_of_the_video_on_the_way_keeps_what_was_tracked(track, tmp_path):
     frames = [picture(0), picture(1), picture(2)[:40]]
     outcome = track(*BOXES, video=write_images(tmp_path / "mixed", frames))
@@ -116,56 +98,6 @@ def test_a_disk_that_fills_up_is_one_sentence_and_keeps_whole_lines(track, tmp_p
     assert summary_of(tmp_path / "out")["frames_tracked"] == 2
 
 
-# Ctrl-C
-
-
-# A program that is started in the background inherits an ignored Ctrl-C.
-PROGRAM = """
-import signal, sys
-signal.signal(signal.SIGINT, signal.default_int_handler)
-from jaxpf.cli import main
-main(sys.argv[1:])
-"""
-
-
-def ended_by_interrupt(output, arguments):
-    """Start the program, interrupt it once it tracks, and wait for its end."""
-    command = [sys.executable, "-c", PROGRAM, "track", *map(str, arguments), "-o", str(output)]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    try:
-        deadline = time.monotonic() + 600
-        while process.poll() is None and time.monotonic() < deadline:
-            with contextlib.suppress(FileNotFoundError):
-                if (output / "tracks.csv").read_text().count("\n") > 10:
-                    break
-            time.sleep(0.02)
-        process.send_signal(signal.SIGINT)
-        return process.wait(600), process.stderr.read()
-    finally:
-        process.kill()
-        process.stderr.close()
-
-
-@pytest.mark.slow  # beside the same of a request to end, in ``test_stops.py``
-@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
-def test_ctrl_c_leaves_valid_tracks_and_a_playable_video(whole_run, tmp_path):
-    frames = (picture(number % LENGTH, noise=False) for number in range(1000))
-    clip = write_lossless_video(tmp_path / "long.avi", frames)
-    output = tmp_path / "out"
-    code, errors = ended_by_interrupt(output, [clip, *BOXES, *PARTICLES])
-    assert code == 130
-    assert errors.strip().endswith("Interrupted.")
-    assert "Traceback" not in errors
-    summary = summary_of(output)
-    assert summary["interrupted"] is True
-    assert 3 < summary["frames_tracked"] < 999
-    table = boxes.read_boxes(output / "tracks.csv")
-    shown = len(list(open_frames(output / "overlay.mp4")))
-    assert abs(len(table) / 2 - 1 - summary["frames_tracked"]) <= 1
-    assert abs(shown - 1 - summary["frames_tracked"]) <= 1
-    assert (output / "trajectories.png").exists()
-
-
 def test_an_overlay_that_cannot_be_opened_loses_no_old_results(track, tmp_path, monkeypatch):
     def refuse(*_):
         raise InputError("the encoder refuses")
@@ -182,11 +114,17 @@ def test_an_overlay_that_cannot_be_opened_loses_no_old_results(track, tmp_path, 
     )
 
 
-def test_ctrl_c_before_the_first_frame_leaves_no_folder(track, tmp_path, monkeypatch):
+def test_ctrl_c_before_the_first_frame_leaves_what_was_there(track, tmp_path, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("jaxpf.running.streaming.stream", interrupted)
-    outcome = track(*BOXES)
-    assert outcome.code == 130
-    assert not (tmp_path / "out").exists()
+    output = tmp_path / "out"
+    assert track(*BOXES).code == 130
+    assert not output.exists()
+    old = {name: f"old {name}" for name in ("tracks.csv", "run.toml", "overlay.mp4")}
+    output.mkdir()
+    for name, text in old.items():
+        (output / name).write_text(text)
+    assert track(*BOXES, "--overwrite").code == 130
+    assert {path.name: path.read_text() for path in output.iterdir()} == old

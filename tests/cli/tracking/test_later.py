@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from command_line import jaxpf
-from small_video import LENGTH, PARTICLES, true_boxes
+from small_video import LENGTH, true_boxes
 
 from jaxpf.boxes import read_tracks
 
@@ -21,20 +21,13 @@ def rows_of(output, name):
 
 def test_an_object_starts_later_and_another_is_put_right(track, tmp_path):
     wrong, (left, right) = [30, 30, 12, 16], true_boxes(4)  # wrong: background
-    starts = boxes_at(
-        tmp_path / "starts.csv",
-        (0, 1, true_boxes(0)[0]),
-        (0, 3, wrong),
-        (4, 2, left),
-        (4, 3, right),
-    )
-    outcome = track("--boxes", starts)
+    rows = ((0, 1, true_boxes(0)[0]), (0, 3, wrong), (4, 2, left), (4, 3, right))
+    outcome = track("--boxes", boxes_at(tmp_path / "starts.csv", *rows))
     assert outcome.code == 0, outcome.err
     output = tmp_path / "out"
     one, two, three = (rows_of(output, name) for name in (1, 2, 3))
-    np.testing.assert_array_equal(one["frame"], np.arange(LENGTH))
-    np.testing.assert_array_equal(two["frame"], np.arange(4, LENGTH))
-    np.testing.assert_array_equal(three["frame"], np.arange(LENGTH))
+    for rows, first in ((one, 0), (two, 4), (three, 0)):
+        np.testing.assert_array_equal(rows["frame"], np.arange(first, LENGTH))
     # Where a start is given it is the track, without an interval.
     assert [three[key][4] for key in "xywh"] == list(right)
     assert np.isnan(three["x_2.5"][4])
@@ -45,22 +38,17 @@ def test_an_object_starts_later_and_another_is_put_right(track, tmp_path):
         x = rows["x"][rows["frame"] >= begin]
         assert np.abs(x - truth[times, index, 0]).max() < 4
     columns = (output / "diagnostics.csv").read_text().splitlines()[0].split(",")
-    assert [name for name in columns if name.startswith("confidence")] == [
-        f"confidence_{name}" for name in (1, 3, 2)
-    ]
+    confidences = [name for name in columns if name.startswith("confidence")]
+    assert confidences == [f"confidence_{name}" for name in (1, 3, 2)]
 
 
 @pytest.mark.slow
-def test_the_start_frames_objects_are_tracked_as_without_later_ones(track, tmp_path, place):
-    first, second = true_boxes(0)
-    starts = boxes_at(tmp_path / "a.csv", (0, 1, first), (0, 2, second))
-    assert track("--boxes", starts).code == 0
+def test_the_start_frames_objects_are_tracked_as_without_later_ones(track, tmp_path):
+    starts = [(0, 1, true_boxes(0)[0]), (0, 2, true_boxes(0)[1])]
+    assert track("--boxes", boxes_at(tmp_path / "a.csv", *starts)).code == 0
     alone = (tmp_path / "out" / "tracks.csv").read_text().splitlines()
-    both = boxes_at(
-        tmp_path / "b.csv", (0, 1, first), (0, 2, second), (7, 2, true_boxes(7)[1] + [1, 0, 0, 0])
-    )
-    video = place / "clip.avi"
-    outcome = jaxpf("track", video, *PARTICLES, "--boxes", both, "-o", tmp_path / "b")
+    later = (7, 2, true_boxes(7)[1] + [1, 0, 0, 0])
+    outcome = track("--boxes", boxes_at(tmp_path / "b.csv", *starts, later), "-o", tmp_path / "b")
     assert outcome.code == 0, outcome.err
     rows = (tmp_path / "b" / "tracks.csv").read_text().splitlines()
     assert rows[: 1 + 2 * 7] == alone[: 1 + 2 * 7]
@@ -69,29 +57,22 @@ def test_the_start_frames_objects_are_tracked_as_without_later_ones(track, tmp_p
 
 
 def test_a_file_of_whole_tracks_starts_objects_once(track, tmp_path, place):
-    outcome = track("--boxes", place / "gt.csv")
+    outcome = track("--boxes", place / "gt.csv", "--frames", 2, "--no-overlay")
     assert outcome.code == 0, outcome.err
     assert "the start file holds whole tracks; only its frame 0 is used" in outcome.err
     assert np.isfinite(rows_of(tmp_path / "out", 1)["x_2.5"][1:]).all()
 
 
-def test_options_of_one_tracker_are_refused_with_later_starts(refuse, tmp_path_factory):
-    starts = boxes_at(
-        tmp_path_factory.mktemp("starts") / "starts.csv",
-        (0, 1, true_boxes(0)[0]),
-        (4, 2, true_boxes(4)[1]),
-    )
+def test_options_of_one_tracker_are_refused_with_later_starts(refuse, tmp_path):
+    rows = ((0, 1, true_boxes(0)[0]), (4, 2, true_boxes(4)[1]))
+    starts = boxes_at(tmp_path / "starts.csv", *rows)
     assert "--smooth works with objects that all start" in refuse("--boxes", starts, "--smooth")
 
 
 def test_a_start_after_the_last_frame_is_an_error_and_the_tracks_are_kept(track, tmp_path):
-    starts = boxes_at(
-        tmp_path / "s.csv",
-        (0, 1, true_boxes(0)[0]),
-        (0, 2, true_boxes(0)[1]),
-        (99, 2, [1, 2, 9, 9]),
-    )
-    outcome = track("--boxes", starts)
+    first, second = true_boxes(0)
+    rows = ((0, 1, first), (0, 2, second), (99, 2, [1, 2, 9, 9]))
+    outcome = track("--boxes", boxes_at(tmp_path / "s.csv", *rows))
     assert outcome.code == 2
     assert f"names frame 99, and the last frame is {LENGTH - 1}" in outcome.err
     assert rows_of(tmp_path / "out", 1)["frame"][-1] == LENGTH - 1

@@ -5,7 +5,7 @@ import tomllib
 
 import numpy as np
 import pytest
-from command_line import jaxpf
+from command_line import assert_same, built_by_track, jaxpf
 from films import write_film
 from small_video import (
     BOXES,
@@ -17,30 +17,28 @@ from small_video import (
     rows_of,
     summary_of,
     true_boxes,
-    write_images,
     write_lossless_video,
     write_truth,
 )
 
-from jaxpf import measures
+from jaxpf import measures, ordering
 from jaxpf.boxes import dense, read_boxes, read_tracks
+from jaxpf.cli.tracking import recorder
+from jaxpf.cli.tracking.command import command
 from jaxpf.contract.lost import LOST_BELOW
+from jaxpf.contract.options import options_of
+from jaxpf.files import states
+from jaxpf.filters import all_filters, filter_of
 from jaxpf.media import open_frames
+from jaxpf.populations import Rules
 
 # What a run writes
 
 
 def test_a_run_writes_these_files_and_no_others(whole_run):
-    _, output = whole_run
-    assert sorted(path.name for path in output.iterdir()) == [
-        "diagnostics.csv",
-        "metrics.csv",
-        "overlay.mp4",
-        "run.toml",
-        "summary.json",
-        "tracks.csv",
-        "trajectories.png",
-    ]
+    names = "diagnostics.csv metrics.csv overlay.mp4 run.toml summary.json tracks.csv"
+    expected = [*names.split(), "trajectories.png"]
+    assert sorted(path.name for path in whole_run[1].iterdir()) == expected
 
 
 def test_tracks_are_one_tidy_table_that_begins_with_the_given_boxes(whole_run):
@@ -53,15 +51,15 @@ def test_tracks_are_one_tidy_table_that_begins_with_the_given_boxes(whole_run):
     np.testing.assert_array_equal(table["frame"], np.repeat(np.arange(LENGTH), 2))
     np.testing.assert_array_equal(table["id"], np.tile([1, 2], LENGTH))
     np.testing.assert_allclose(table["time"], table["frame"] / 25)
-    given = np.column_stack([table[name][:2] for name in "xywh"])
-    np.testing.assert_array_equal(given, true_boxes(0))
+    truth = np.concatenate([true_boxes(number) for number in range(LENGTH)])
+    boxes = np.column_stack([table[name] for name in "xywh"])
+    np.testing.assert_array_equal(boxes[:2], truth[:2])
+    assert np.abs(boxes - truth).max() < 5
     assert np.isnan(table["x_2.5"][:2]).all(), "nothing is estimated in the start frame"
     # An interval holds its estimate, and here almost always the truth.
-    for name, k in (("x", 0), ("y", 1), ("w", 2), ("h", 3)):
-        low, high = table[f"{name}_2.5"][2:], table[f"{name}_97.5"][2:]
-        assert np.all((low <= table[name][2:]) & (table[name][2:] <= high))
-        truth = np.array([true_boxes(t)[:, k] for t in range(1, LENGTH)]).ravel()
-        assert np.mean((low <= truth) & (truth <= high)) > 0.7
+    low, high = (np.column_stack([table[f"{n}_{end}"] for n in "xywh"]) for end in ("2.5", "97.5"))
+    assert np.all((low <= boxes) & (boxes <= high), axis=1)[2:].all()
+    assert np.mean((low <= truth) & (truth <= high), axis=0, where=~np.isnan(low)).min() > 0.7
     # Both move by sqrt(5) and sqrt(2) pixels a frame.
     for name, step in ((1, 5**0.5), (2, 2**0.5)):
         speed = table["speed"][2:][table["id"][2:] == name]
@@ -131,19 +129,13 @@ def test_colour_cannot_tell_who_is_lost_and_nobody_invents_a_number(track, tmp_p
     assert summary_of(output)["objects"]["1"]["mean_confidence"] is None
 
 
-def test_tracks_follow_the_objects(whole_run):
-    table = read_boxes(whole_run[1] / "tracks.csv")
-    boxes = dense(table, [1, 2], LENGTH)
-    truth = np.array([true_boxes(number) for number in range(LENGTH)])
-    assert np.abs(boxes - truth).max() < 5
-
-
-def test_the_overlay_shows_every_frame_from_the_start_frame_on(whole_run):
-    overlay = open_frames(whole_run[1] / "overlay.mp4")
-    frames = list(overlay)
-    assert len(frames) == LENGTH
-    assert frames[0].shape == (HEIGHT, WIDTH, 3)
+def test_overlay_and_progress_are_of_every_frame(whole_run):
+    outcome, output = whole_run
+    overlay = open_frames(output / "overlay.mp4")
+    assert [frame.shape for frame in overlay] == [(HEIGHT, WIDTH, 3)] * LENGTH
     assert overlay.fps == 25
+    for words in ("9/9", "frames/s", "left"):
+        assert words in outcome.err
 
 
 def test_the_summary_holds_parameters_versions_seed_and_timing(whole_run):
@@ -151,10 +143,9 @@ def test_the_summary_holds_parameters_versions_seed_and_timing(whole_run):
     assert summary["parameters"]["seed"] == 0
     assert summary["parameters"]["particles"] == 60
     assert summary["frames_tracked"] == LENGTH - 1
-    assert summary["interrupted"] is False
-    assert summary["error"] is None
-    assert summary["frames_outside"] == {"1": [], "2": []}
-    assert summary["frames_without_likelihood"] == {"1": [], "2": []}
+    assert (summary["interrupted"], summary["error"]) == (False, None)
+    for name in ("frames_outside", "frames_without_likelihood"):
+        assert summary[name] == {"1": [], "2": []}
     assert summary["seconds_first_frame"] > 0
     assert summary["frames_per_second"] > 0
     assert {"python", "jax", "jaxlib", "numpy", "jaxpf"} <= set(summary["versions"])
@@ -189,174 +180,98 @@ def test_truth_adds_a_table_over_the_frames_that_have_truth(whole_run):
     assert table.index("success at .5") < table.index("success area") < table.index("tracked")
 
 
-def test_progress_tells_frames_per_second_and_the_time_left(whole_run):
-    progress = whole_run[0].err
-    assert "9/9" in progress
-    assert "frames/s" in progress
-    assert "left" in progress
-
-
 def test_run_toml_repeats_the_run_bit_for_bit(whole_run, tmp_path, monkeypatch):
-    _, output = whole_run
     monkeypatch.chdir(tmp_path)  # the file does not depend on where one stands
-    outcome = jaxpf("track", "--config", output / "run.toml", "-o", "again")
+    outcome = jaxpf("track", "--config", whole_run[1] / "run.toml", "-o", "again")
     assert outcome.code == 0, outcome.err
-    again = tmp_path / "again"
     for name in ("tracks.csv", "diagnostics.csv", "metrics.csv", "run.toml"):
-        assert (again / name).read_bytes() == (output / name).read_bytes()
+        assert (tmp_path / "again" / name).read_bytes() == (whole_run[1] / name).read_bytes()
 
 
 def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     options = tomllib.loads((whole_run[1] / "run.toml").read_text())["track"]
-    from jaxpf.cli.tracking.command import command
-    from jaxpf.contract.options import options_of
-    from jaxpf.filters import all_filters, filter_of
-    from jaxpf.populations import Rules
-
     params = command.get_command(None, "boxes").params
     every = options_of(*(one.options for one in all_filters().values()))
-    others = every.keys() - options_of(filter_of("dps").options)
-    unset = (
-        others
-        | options_of(Rules).keys()
-        | {
-            "frames",
-            "fps",
-            "order",
-            "ess_threshold",
-            "tracker",
-            "runs",
-            "error_bars",
-            "smooth_lag",
-            "resume",
-        }
-    ) | {"boxes", "ids", "births"}
+    of_others = every.keys() - options_of(filter_of("dps").options) | options_of(Rules).keys()
     # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
-    unset |= {"sharpness", "bands", "likelihood", "scale", "swap", "relative_scale"}
-    elsewhere = {
-        "output",
-        "overwrite",
-        "config",
-        "help_all",
-        "save_state",
-    }
+    unset = "sharpness bands likelihood scale swap relative_scale boxes ids births frames fps order"
+    unset += " ess_threshold tracker runs error_bars smooth_lag resume"
+    elsewhere = "output overwrite config help_all save_state"
     names = {param.name for param in params} | {"target"}
-    assert set(options) == names - unset - elsewhere
+    assert set(options) == names - of_others - {*unset.split(), *elsewhere.split()}
 
 
-def test_every_object_may_have_a_noise_of_its_own(track, tmp_path):
-    still = ("--relative-scale", ".045,.18,.02,0,0,0")
-    assert track(*BOXES, *still, "--no-overlay").code == 0
-    lines = rows_of(tmp_path / "out")
-    boxes = {number: lines[lines[:, 1] == number, 2:6] for number in (1, 2)}
-    assert np.ptp(boxes[1][1:], axis=0).min() > 0
-    assert np.ptp(boxes[2], axis=0).max() == 0
+def test_every_object_may_have_a_noise_of_its_own(place):
+    noise = ("--relative-scale", ".045,.18,.02,0,0,0")
+    _, tracker = built_by_track("boxes", place / "clip.avi", *BOXES, *noise)
+    np.testing.assert_allclose(tracker.dynamics.steps, [[0.045, 0.18, 0.02], [0, 0, 0]])
 
 
-def test_another_seed_gives_other_tracks(whole_run, track, tmp_path):
-    assert track(*BOXES, "--seed", 1, "--no-overlay").code == 0
-    assert (tmp_path / "out" / "tracks.csv").read_bytes() != (
-        whole_run[1] / "tracks.csv"
-    ).read_bytes()
-    assert not (tmp_path / "out" / "overlay.mp4").exists()
-
-
-def test_a_folder_of_images_gives_the_same_tracks_as_the_lossless_video(
+def test_a_folder_of_images_with_its_own_rate_gives_the_tracks_of_the_lossless_video(
     whole_run, track, place, tmp_path
 ):
-    assert track(*BOXES, "--no-overlay", video=place / "images").code == 0
-    assert (tmp_path / "out" / "tracks.csv").read_bytes() == (
-        whole_run[1] / "tracks.csv"
-    ).read_bytes()
+    outcome = track(*BOXES, "--fps", 10, video=place / "images")
+    assert outcome.code == 0, outcome.err
+    table, expected = (read_tracks(f / "tracks.csv") for f in (tmp_path / "out", whole_run[1]))
+    assert list(table) == list(expected)
+    for name in table.keys() - {"time", "speed", "speed_2.5", "speed_97.5"}:
+        np.testing.assert_array_equal(table[name], expected[name])
+    np.testing.assert_allclose(table["time"], table["frame"] / 10)
+    np.testing.assert_allclose(table["speed"], 0.4 * expected["speed"], atol=2e-3)
+    assert summary_of(tmp_path / "out")["fps"] == 10
+    assert open_frames(tmp_path / "out" / "overlay.mp4").fps == 10
 
 
-def test_boxes_of_a_gt_file_a_mot_file_and_of_tracks_start_the_same_run(
-    whole_run, track, place, tmp_path
-):
-    expected = (whole_run[1] / "tracks.csv").read_bytes()
+def test_boxes_of_a_gt_file_a_mot_file_and_of_tracks_start_the_same_run(whole_run, place, tmp_path):
     mot = tmp_path / "start.txt"
     exported = jaxpf("export", whole_run[1], "mot", mot)
     assert exported.code == 0, exported.err
     first, *_ = mot.read_text().splitlines()
     assert first == "1,1,7.000,9.000,12.000,16.000,1,-1,-1,-1"
+    start, tracker = built_by_track("boxes", place / "clip.avi", *BOXES)
     for boxes in (place / "gt.csv", mot, whole_run[1] / "tracks.csv"):
-        outcome = track("--boxes", boxes, "--ids", "1,2", "--no-overlay", "--overwrite")
-        assert outcome.code == 0, outcome.err
-        assert (tmp_path / "out" / "tracks.csv").read_bytes() == expected
+        given = ("--boxes", boxes, "--ids", "1,2")
+        same, other = built_by_track("boxes", place / "clip.avi", *given)
+        np.testing.assert_array_equal(same.ids, start.ids)
+        np.testing.assert_array_equal(same.shapes, start.shapes)
+        assert_same(other, tracker)
 
 
-def test_ids_choose_the_objects_and_their_order(track, place, tmp_path):
-    truth = write_truth(tmp_path / "named.csv", ids=(7, 3))
-    outcome = track("--boxes", truth, "--ids", "3,7", "--frames", 1, "--no-overlay")
-    assert outcome.code == 0, outcome.err
-    rows = rows_of(tmp_path / "out")
-    np.testing.assert_array_equal(rows[:, 1], [3, 7, 3, 7])
-    np.testing.assert_array_equal(rows[0, 2:6], true_boxes(0)[1])
-
-
-def test_start_and_frames_bound_what_is_tracked(track, place, tmp_path):
-    outcome = track("--boxes", place / "gt.csv", "--start", 3, "--frames", 2)
-    assert outcome.code == 0, outcome.err
-    rows = rows_of(tmp_path / "out")
-    np.testing.assert_array_equal(rows[::2, 0], [3, 4, 5])
-    np.testing.assert_array_equal(rows[:2, 2:6], true_boxes(3))
-    assert len(list(open_frames(tmp_path / "out" / "overlay.mp4"))) == 3
-
-
-@pytest.mark.parametrize("method", ["sir", "ps", "sps"])
-def test_every_method_tracks(track, tmp_path, method):
-    order = ("--order", "2,1") if method == "ps" else ()
-    outcome = track(*BOXES, "--method", method, *order, "--frames", 2, "--no-overlay")
-    assert outcome.code == 0, outcome.err
-    assert (rows_of(tmp_path / "out")[:, 6] > 0.5).all()
-
-
-def test_names_with_spaces_and_any_letters_work(track, place, tmp_path):
-    clip = tmp_path / "mein Vidéo 日本.avi"
-    clip.write_bytes((place / "clip.avi").read_bytes())
-    assert track(*BOXES, "--frames", 1, "-o", tmp_path / "a b" / "ü", video=clip).code == 0
-
-
-def test_the_folder_is_named_after_the_video_by_default(place, tmp_path, monkeypatch):
+def test_ids_and_frames_are_chosen_and_names_may_have_any_letters(place, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    outcome = jaxpf("track", place / "clip.avi", *BOXES, *PARTICLES, "--frames", 1)
-    assert outcome.code == 0
-    assert (tmp_path / "jaxpf-clip" / "tracks.csv").exists()
-
-
-@pytest.mark.parametrize("kind", ["grey", "alpha"])
-def test_grey_and_alpha_frames_are_tracked(track, tmp_path, kind):
-    frames = [picture(number) for number in range(2)]
-    if kind == "grey":
-        frames = [np.repeat(frame[..., :1], 3, axis=-1) for frame in frames]
-    else:
-        frames = [np.dstack([frame, np.full((HEIGHT, WIDTH), 77, np.uint8)]) for frame in frames]
-    outcome = track(*BOXES, "--no-overlay", video=write_images(tmp_path / kind, frames))
+    shutil.copy(place / "clip.avi", tmp_path / "mein Vidéo:1 日本.avi")
+    truth = write_truth(tmp_path / "named.csv", ids=(7, 3))
+    chosen = ("--boxes", truth, "--ids", "3,7", "--start", 3, "--frames", 2)
+    outcome = jaxpf("track", "mein Vidéo:1 日本.avi", *chosen, *PARTICLES)
     assert outcome.code == 0, outcome.err
+    output = tmp_path / "jaxpf-mein Vidéo:1 日本"  # named after the video
+    rows = rows_of(output)
+    np.testing.assert_array_equal(rows[:, 0], [3, 3, 4, 4, 5, 5])
+    np.testing.assert_array_equal(rows[:, 1], [3, 7, 3, 7, 3, 7])
+    np.testing.assert_array_equal(rows[:2, 2:6], true_boxes(3)[::-1])
+    assert len(list(open_frames(output / "overlay.mp4"))) == 3
 
 
-def test_overwrite_leaves_no_file_of_the_earlier_run_and_every_other_file(track, place, tmp_path):
+@pytest.mark.parametrize("method", ["sir", "ps", "dps", "sps"])
+def test_a_method_and_an_order_make_the_ordering(place, method):
+    order = ("--order", "2,1") if method == "ps" else ()
+    _, tracker = built_by_track("boxes", place / "clip.avi", *BOXES, "--method", method, *order)
+    expected = ordering.ps([1, 0]) if order else ordering.named(method, (-1, -1))
+    assert_same(tracker.ordering, expected)
+
+
+def test_overwrite_leaves_no_file_of_the_earlier_run_and_every_other_file(track, tmp_path):
+    output = tmp_path / "out"
     assert track(*BOXES, "--frames", 1).code == 0
+    tracks = (output / "tracks.csv").read_bytes()
     for name in ("notes.txt", "metrics.csv"):
-        (tmp_path / "out" / name).write_text("of before")
-    assert track(*BOXES, "--frames", 1, "--no-overlay", "--overwrite").code == 0
-    left = {path.name for path in (tmp_path / "out").iterdir()}
+        (output / name).write_text("of before")
+    again = track(*BOXES, "--frames", 1, "--seed", 1, "--no-overlay", "--overwrite")
+    assert again.code == 0, again.err
+    left = {path.name for path in output.iterdir()}
     assert "notes.txt" in left
     assert not left & {"overlay.mp4", "metrics.csv"}
-
-
-def test_old_results_stay_until_the_first_frame_is_tracked(track, tmp_path, monkeypatch):
-    def interrupted(*_, **__):
-        raise KeyboardInterrupt
-        yield
-
-    old = {name: f"old {name}" for name in ("tracks.csv", "run.toml", "overlay.mp4")}
-    (tmp_path / "out").mkdir()
-    for name, text in old.items():
-        (tmp_path / "out" / name).write_text(text)
-    monkeypatch.setattr("jaxpf.running.streaming.stream", interrupted)
-    assert track(*BOXES, "--overwrite").code == 130
-    assert {path.name: path.read_text() for path in (tmp_path / "out").iterdir()} == old
+    assert (output / "tracks.csv").read_bytes() != tracks, "another seed gives other tracks"
 
 
 def test_times_speeds_and_overlay_are_those_of_the_film(track, tmp_path):
@@ -379,42 +294,32 @@ def test_times_speeds_and_overlay_are_those_of_the_film(track, tmp_path):
     np.testing.assert_allclose(shown, times, atol=1e-3)
 
 
-def test_the_rate_of_a_folder_is_the_one_that_is_given(track, place, tmp_path):
-    outcome = track(*BOXES, "--fps", 10, video=place / "images")
-    assert outcome.code == 0, outcome.err
-    table = read_tracks(tmp_path / "out" / "tracks.csv")
-    np.testing.assert_allclose(table["time"], table["frame"] / 10)
-    assert summary_of(tmp_path / "out")["fps"] == 10
-    assert open_frames(tmp_path / "out" / "overlay.mp4").fps == 10
-
-
-def test_a_run_in_two_pieces_gives_the_tracks_of_one(whole_run, track, tmp_path):
-    kept = tmp_path / "kept.npz"
-    first = track(*BOXES, "--frames", 4, "--save-state", kept, "--no-overlay")
+def test_a_run_in_two_pieces_gives_the_tracks_of_one(whole_run, track, refuse, tmp_path):
+    kept, more = tmp_path / "kept.npz", tmp_path / "more"
+    kept.write_text("precious")
+    assert f"'{kept}' exists; choose another --save-state" in refuse(*BOXES, "--save-state", kept)
+    assert kept.read_text() == "precious"
+    saved = ("--save-state", kept, "--overwrite")
+    first = track(*BOXES, "--frames", 4, *saved, "--no-overlay")
     assert first.code == 0, first.err
-    lines = (tmp_path / "out" / "tracks.csv").read_text()
-    second = track(*BOXES, "--resume", kept, "--overwrite")
-    assert second.code == 0, second.err
-    header, more = (tmp_path / "out" / "tracks.csv").read_text().split("\n", 1)
-    assert lines.startswith(header)
-    lines += more
-    assert lines == (whole_run[1] / "tracks.csv").read_text()
-    assert summary_of(tmp_path / "out")["frames_tracked"] == LENGTH - 5
-    ended = track(*BOXES, "--resume", kept, "--frames", 4, "--overwrite")
+    ended = track(*BOXES, "--resume", kept, "--frames", 4, "-o", more)
     assert ended.code == 2
     assert "has tracked 4 frames already" in ended.err
-    other = track(*BOXES, "--resume", kept, "-n", 61, "--overwrite")
+    other = track(*BOXES, "--resume", kept, "-n", 61, "-o", more)
     assert "as many particles" in other.err
+    # A state replaces the one that it goes on from.
+    second = track(*BOXES, "--resume", kept, "--save-state", kept, "-o", more)
+    assert second.code == 0, second.err
+    header, rows = (more / "tracks.csv").read_text().split("\n", 1)
+    before = (tmp_path / "out" / "tracks.csv").read_text()
+    assert before.startswith(header)
+    assert before + rows == (whole_run[1] / "tracks.csv").read_text()
+    assert summary_of(more)["frames_tracked"] == LENGTH - 5
 
 
-def test_a_state_saved_on_the_way_goes_on_bit_for_bit(
-    whole_run, track, tmp_path, monkeypatch, place
-):
+def test_a_state_saved_on_the_way_goes_on_bit_for_bit(whole_run, track, tmp_path, monkeypatch):
     """As after kill -9: of all that the run saves, only a state from its middle is there."""
-    from jaxpf.cli.tracking import recorder
-    from jaxpf.files import states
-
-    kept, copies, save = tmp_path / "kept.npz", [], states.save
+    copies, save = [], states.save
 
     def save_and_copy(path, state):
         save(path, state)
@@ -423,33 +328,14 @@ def test_a_state_saved_on_the_way_goes_on_bit_for_bit(
 
     monkeypatch.setattr(recorder, "_SAVE_EVERY", -1)
     monkeypatch.setattr(states, "save", save_and_copy)
-    assert track(*BOXES, "--save-state", kept, "--no-overlay").code == 0
+    assert track(*BOXES, "--save-state", tmp_path / "kept.npz", "--no-overlay").code == 0
     # After every frame, whose rows were written before; and at the end.
     assert [rows for rows, _ in copies] == [2 * n for n in [*range(2, LENGTH + 1), LENGTH]]
     monkeypatch.undo()
     rows, middle = copies[3]
     again = tmp_path / "again"
-    outcome = jaxpf(
-        *("track", place / "clip.avi", *BOXES, *PARTICLES, "--resume", middle, "-o", again)
-    )
+    outcome = track(*BOXES, "--resume", middle, "-o", again)
     assert outcome.code == 0, outcome.err
     _, *found = (again / "tracks.csv").read_text().splitlines()
     _, *expected = (whole_run[1] / "tracks.csv").read_text().splitlines()
     assert found == expected[rows:]
-
-
-def test_a_state_replaces_only_the_one_it_goes_on_from(track, refuse, tmp_path):
-    kept = tmp_path / "kept.npz"
-    kept.write_text("precious")
-    assert f"'{kept}' exists; choose another --save-state" in refuse(*BOXES, "--save-state", kept)
-    assert kept.read_text() == "precious"
-    assert track(*BOXES, "--frames", 4, "--save-state", kept, "--overwrite").code == 0
-    outcome = track(*BOXES, "--resume", kept, "--save-state", kept, "-o", tmp_path / "more")
-    assert outcome.code == 0, outcome.err
-
-
-def test_relative_names_with_colons_are_files(track, tmp_path, place):
-    shutil.copy(place / "clip.avi", tmp_path / "clip:1.avi")
-    outcome = track(*BOXES, "--frames", "2", "-o", "run:1", video="clip:1.avi")
-    assert outcome.code == 0, outcome.err
-    assert open_frames(tmp_path / "run:1" / "overlay.mp4").frames_expected == 3

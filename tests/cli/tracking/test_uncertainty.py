@@ -43,20 +43,6 @@ def test_one_run_tells_its_error_by_its_ancestors(track, whole_run, tmp_path):
         np.testing.assert_array_equal(table[name], values)
 
 
-@pytest.mark.parametrize(
-    ("flags", "said"),
-    [
-        (("--runs", 1), "--runs 1 must be a whole number from 2 to 10000"),
-        (("--runs", 4, "--error-bars", 3), "use one of them"),
-        (("--runs", 10_000, "-n", 1_000_000), "or fewer runs (--runs)"),
-        (("--error-bars", 3, "--method", "pffl"), "follow the ancestors of whole particles"),
-        (("--runs", 4, "--tracker", "x.py:f"), "SideBySide"),
-    ],
-)
-def test_errors_that_cannot_be_told_are_refused(refuse, flags, said):
-    assert said in refuse(*BOXES, *flags)
-
-
 @pytest.mark.slow
 def test_smoothed_tracks_stand_beside_the_others_whole_and_with_a_lag(track, tmp_path):
     tables = []
@@ -91,15 +77,3 @@ def test_smoothed_intervals_are_no_narrower_than_filtered_ones(track, tmp_path, 
     # Those of the smoother itself are narrower.
     assert smoothed[0] < filtered
     assert smoothed[1] > smoothed[0] + 0.8 * (filtered - smoothed[0])
-
-
-@pytest.mark.parametrize(
-    ("flags", "said"),
-    [
-        (("--smooth", "--runs", 3), "smooths a single run"),
-        (("--smooth", "--relocate", 0.1), "--relocate 0"),
-        (("--smooth", "--method", "pffl"), "cannot be smoothed"),
-    ],
-)
-def test_what_cannot_be_smoothed_is_refused(refuse, flags, said):
-    assert said in refuse(*BOXES, *flags)

@@ -8,28 +8,23 @@ import pytest
 from jaxpf.cli.tracking.verdict import object_verdicts, sentences
 from jaxpf.media import plotting
 
+FRAMES = np.arange(30)
+SURE = np.full(30, 0.9)
 
-def table(confidence=None, lost=None, length=30):
-    frames = np.arange(length)
-    columns = {
-        "frame": frames,
-        "time": frames / 25,
-        "id": np.full(length, 7),
-        "x": frames + 10.0,
-        "y": frames + 20.0,
-        "speed": np.where(frames == 0, np.nan, 35.0),
-        "lost": np.zeros(length) if lost is None else lost,
-    }
-    for name in "xy":
-        for level, shift in (("2.5", -2.0), ("97.5", 3.0 if name == "x" else 7.0)):
-            columns[f"{name}_{level}"] = np.where(frames == 0, np.nan, columns[name] + shift)
-    if confidence is not None:
-        columns["confidence"] = confidence
-    return columns
+
+def table(confidence=None, lost=0.0):
+    x, y, first = FRAMES + 10.0, FRAMES + 20.0, FRAMES == 0
+    columns = {"frame": FRAMES, "time": FRAMES / 25, "id": np.full(30, 7), "x": x, "y": y}
+    columns["speed"] = np.where(first, np.nan, 35.0)
+    columns["lost"] = np.zeros(30) + lost
+    for name, centre, above in (("x", x, 3.0), ("y", y, 7.0)):
+        columns[f"{name}_2.5"] = np.where(first, np.nan, centre - 2)
+        columns[f"{name}_97.5"] = np.where(first, np.nan, centre + above)
+    return columns if confidence is None else columns | {"confidence": confidence}
 
 
 def test_an_object_that_is_followed_throughout_needs_no_advice():
-    verdicts = object_verdicts(table(np.full(30, 0.9)), [7])
+    verdicts = object_verdicts(table(SURE), [7])
     assert verdicts["7"] == {
         "frames": 29,
         "followed_until": 29,
@@ -48,9 +43,8 @@ def test_an_object_that_is_followed_throughout_needs_no_advice():
 
 
 def test_stretches_in_which_an_object_is_lost_are_those_of_the_table():
-    lost = np.zeros(30)
-    lost[[10, 11, 14, *range(25, 30)]] = 1
-    verdicts = object_verdicts(table(np.full(30, 0.9), lost), [7])
+    lost = np.isin(FRAMES, [10, 11, 14, *range(25, 30)])
+    verdicts = object_verdicts(table(SURE, lost), [7])
     assert verdicts["7"]["followed_until"] == 9
     assert verdicts["7"]["lost"] == [[10, 11], [14, 14], [25, 29]]
     first, advice = sentences(verdicts, 120.0, 300)
@@ -67,7 +61,7 @@ def test_without_confidence_nothing_is_called_confident():
 
 
 def test_an_effective_sample_size_near_1_is_said():
-    verdicts = object_verdicts(table(np.full(30, 0.9)), [7])
+    verdicts = object_verdicts(table(SURE), [7])
     *_, line = sentences(verdicts, 1.03, 10)
     assert "stays near 1 (median 1 of 10 particles), so intervals are too narrow" in line
     assert len(sentences(verdicts, 1.0, 1)) == 1  # one particle has no other size
@@ -75,11 +69,8 @@ def test_an_effective_sample_size_near_1_is_said():
 
 def test_trajectories_shade_what_is_lost_and_have_a_panel_for_each_coordinate():
     figure = plotting.trajectories(table(), ["x", "y"], {"7": [[10, 14]]})
-    assert [axis.get_ylabel() for axis in figure.axes] == [
-        "x (pixels)",
-        "y (pixels)",
-        "speed (pixels/s)",
-    ]
+    labels = [axis.get_ylabel() for axis in figure.axes]
+    assert labels == ["x (pixels)", "y (pixels)", "speed (pixels/s)"]
     for axis in figure.axes:
         (shade,) = axis.patches
         assert (shade.get_x(), shade.get_width()) == (9.5, 5.0)

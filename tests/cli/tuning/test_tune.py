@@ -13,20 +13,21 @@ from small_sequence_folder import SMALL, write_sequence
 
 WRITTEN = {"tuned.toml", "tuning.png", "run.toml", "checkpoint.npz"}
 #: Every successful call has these shapes, so that the filter is compiled once.
-QUICK = (
-    "--particles", "20", "--runs", "2", "--method", "sir", "--gradient", "none",
-    "--repeats", "1", "--window", "2", "--scale", "1,1,0.001",
-)  # fmt: skip
+QUICK = shlex.split(
+    "--particles 20 --runs 2 --method sir --gradient none --repeats 1 --window 2 --scale 1,1,0.001"
+)
+SCENE = ("tune", "distracter", *SMALL, *QUICK, "--train-scenes", "1")
+
+
+def written_in(folder, name="tuned.toml"):
+    return tomllib.loads((folder / name).read_text())
 
 
 @pytest.fixture(scope="module")
 def tuned(tmp_path_factory, compiled_quickly):
     """A folder with the output of a tuning on the small scene, its outcome and its arguments."""
     output = tmp_path_factory.mktemp("tune") / "out"
-    arguments = (
-        "tune", "distracter", *SMALL, *QUICK, "--steps", "4", "--train-scenes", "1",
-        "-o", output,
-    )  # fmt: skip
+    arguments = (*SCENE, "--steps", "4", "-o", output)
     return output, jaxpf(*arguments), arguments
 
 
@@ -37,14 +38,13 @@ def test_it_prints_values_and_writes_them(tuned):
     for words in ("Tuned values", "likelihood.sharpness", "dynamics.scale[1]"):
         assert words in outcome.out
     assert {path.name for path in output.iterdir()} == WRITTEN
-    content = tomllib.loads((output / "tuned.toml").read_text())
+    content = written_in(output)
     value = content["tuned"]["likelihood.sharpness"]["value"]
     assert content["track"]["sharpness"] == value != 20.0
     assert content["evaluate"]["sharpness"] == [value]
     assert content["evaluate"]["scale"] == [content["track"]["scale"]]
     assert content["track"]["scale"][2] == 0.001
-    picture = cv2.imread(str(output / "tuning.png"))
-    assert picture.shape[0] > 300
+    assert cv2.imread(str(output / "tuning.png")).shape[0] > 300
     *_, last = outcome.out.splitlines()
     command = shlex.split(last.partition(": jaxpf ")[2])
     assert command[:4] == ["evaluate", "distracter", "--scene-seed", "1"]
@@ -66,26 +66,21 @@ def test_the_same_command_continues_and_another_is_refused(tuned):
 
 @pytest.mark.slow
 def test_evaluate_and_track_take_the_values(tuned, tmp_path):
-    output, _, _ = tuned
-    config = output / "tuned.toml"
-    evaluated = jaxpf(
-        "evaluate", "distracter", *SMALL, "--config", config, "--methods", "sir", "-n", "20",
-        "--runs", "2", "-o", tmp_path / "evaluated",
-    )  # fmt: skip
+    config = ("--config", tuned[0] / "tuned.toml", "-n", "20")
+    of_runs = ("--methods", "sir", "--runs", "2", "-o", tmp_path / "evaluated")
+    evaluated = jaxpf("evaluate", "distracter", *SMALL, *config, *of_runs)
     assert evaluated.code == 0, evaluated.err
-    values = tomllib.loads(config.read_text())["evaluate"]
-    written = tomllib.loads((tmp_path / "evaluated" / "run.toml").read_text())["evaluate"]
+    values = written_in(tuned[0])["evaluate"]
+    written = written_in(tmp_path / "evaluated", "run.toml")["evaluate"]
     assert written["sharpness"] == values["sharpness"]
     assert written["scale"] == values["scale"]
 
     folder = write_sequence(tmp_path / "two")
     box = ",".join(str(float(x)) for x in small_scene().boxes[0, 0])
-    tracked = jaxpf(
-        "track", folder, "--box", box, "--config", config, "-n", "20", "--no-overlay",
-        "-o", tmp_path / "tracked",
-    )  # fmt: skip
+    of_run = ("--box", box, "--no-overlay", "-o", tmp_path / "tracked")
+    tracked = jaxpf("track", folder, *of_run, *config)
     assert tracked.code == 0, tracked.err
-    written = tomllib.loads((tmp_path / "tracked" / "run.toml").read_text())["track"]
+    written = written_in(tmp_path / "tracked", "run.toml")["track"]
     assert written["sharpness"] == values["sharpness"][0]
     assert written["scale"] == values["scale"][0]
 
@@ -94,13 +89,12 @@ def test_evaluate_and_track_take_the_values(tuned, tmp_path):
 @pytest.mark.usefixtures("compiled_quickly")
 def test_a_folder_is_tuned_on_its_first_frames(tmp_path):
     folder = write_sequence(tmp_path / "two")
-    outcome = jaxpf(
-        "tune", folder, *QUICK, "--objective", "overlap", "--steps", "2", "--labels", "1",
-        "--frames", "3", "--parameters", "likelihood.sharpness=1:100", "-o", tmp_path / "out",
-    )  # fmt: skip
+    options = "--objective overlap --steps 2 --labels 1 --frames 3"
+    parameters = ("--parameters", "likelihood.sharpness=1:100", "-o", tmp_path / "out")
+    outcome = jaxpf("tune", folder, *QUICK, *options.split(), *parameters)
     assert outcome.code == 0, outcome.err
     assert f"jaxpf evaluate {folder} --start-frame 3 --config" in outcome.out
-    content = tomllib.loads((tmp_path / "out" / "tuned.toml").read_text())
+    content = written_in(tmp_path / "out")
     assert set(content["track"]) == {"sharpness"}
     # A single repeat tells nothing about the error, which is not a zero.
     assert "standard_error" not in content["tuned"]["likelihood.sharpness"]
@@ -109,40 +103,25 @@ def test_a_folder_is_tuned_on_its_first_frames(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--parameters", "likelihood.sharp"], "to tune; did you mean likelihood.sharpness?"),
-        (["--parameters", "num_particles"], "no parameter num_particles to tune; choose"),
-        (["--parameters", "likelihood.bin_lookup"], "holds int32, which has no gradient"),
-        (["--parameters", "likelihood.sharpness=30:40"], "starts at 20, but must lie between 30"),
-        (["--parameters", "dynamics.momentum"], "has no option in `jaxpf track`"),
-        (["--parameters", ","], "no parameter was named"),
-        (["--scale", "1,0,0.001"], "dynamics.scale[1] starts at 0, but must lie between 0 and inf"),
-        (["--objective", "speed"], "--objective 'speed' is unknown"),
-        (["--gradient", "all"], "--gradient 'all' is unknown"),
-        (["--method", "pss"], "method 'pss' is unknown"),
-        (["--steps", "0"], "--steps 0 must be a whole number of at least 1"),
-        (["--frames", "3"], "--frames 3 divides a folder's frames"),
-        (["--labels", "5"], "--labels 5 does not work with --objective evidence"),
-        (["--labels", "99", "--objective", "position"], "--labels 99 must be 1 to"),
-        (["--set", "likenes=1"], "no parameter 'likenes'"),
+        ("--parameters likelihood.sharp", "to tune; did you mean likelihood.sharpness?"),
+        ("--parameters num_particles", "no parameter num_particles to tune; choose"),
+        ("--parameters likelihood.bin_lookup", "holds int32, which has no gradient"),
+        ("--parameters dynamics.momentum", "has no option in `jaxpf track`"),
+        ("--parameters ,", "no parameter was named"),
+        ("--scale 1,0,0.001", "dynamics.scale[1] starts at 0, but must lie between 0 and inf"),
+        ("--frames 3", "--frames 3 divides a folder's frames"),
+        ("--labels 5", "--labels 5 does not work with --objective evidence"),
+        ("--labels 99 --objective position", "--labels 99 must be 1 to"),
+        ("--set likenes=1", "no parameter 'likenes'"),
     ],
 )
 def test_a_mistake_is_one_sentence(tmp_path, arguments, words):
-    outcome = jaxpf(
-        "tune", "distracter", *SMALL, *QUICK, "--train-scenes", "1", "-o", tmp_path / "out",
-        *arguments,
-    )  # fmt: skip
+    outcome = jaxpf(*SCENE, "-o", tmp_path / "out", *arguments.split())
     assert outcome.code == 2
     *_, sentence = outcome.err.strip().splitlines()
     assert words in sentence
     assert sentence.startswith("Error: ")
     assert not (tmp_path / "out").exists()
-
-
-def test_a_folder_needs_frames_for_both(tmp_path):
-    folder = write_sequence(tmp_path / "two")
-    outcome = jaxpf("tune", folder, *QUICK, "--frames", "500", "-o", tmp_path / "out")
-    assert outcome.code == 2
-    assert "--frames 500 must be 2 to" in outcome.err
 
 
 @pytest.fixture
@@ -162,44 +141,35 @@ def test_a_clip_is_tuned_with_the_default_parameters(tmp_path):
     folder = write_sequence(tmp_path / "two")
     outcome = jaxpf("tune", folder, *QUICK[:-2], "--steps", "4", "-o", tmp_path / "out")
     assert "They are kept in" in outcome.err
-    track = tomllib.loads((tmp_path / "out" / "tuned.toml").read_text())["track"]
-    usual, long, size = track["relative_scale"]
+    usual, long, size = written_in(tmp_path / "out")["track"]["relative_scale"]
     assert size == 0.02
     assert 0 < usual != 0.045
     assert 0 < long != 0.18
+    outcome = jaxpf("tune", folder, *QUICK, "--frames", "500", "-o", tmp_path / "none")
+    assert outcome.code == 2
+    assert "--frames 500 must be 2 to" in outcome.err
 
 
 @pytest.mark.usefixtures("diverging")
 def test_a_loss_that_is_not_finite_keeps_the_last_values(tmp_path):
     """As where a real clip drives a value off; ``tests/tuning/test_tuning.py`` has another."""
-    outcome = jaxpf(
-        "tune", "distracter", *SMALL, *QUICK, "--steps", "4", "--train-scenes", "1",
-        "-o", tmp_path / "out",
-    )  # fmt: skip
+    outcome = jaxpf(*SCENE, "--steps", "4", "-o", tmp_path / "out")
     assert outcome.code == 2
     *_, sentence = outcome.err.strip().splitlines()
     assert "the loss became no number on distracter, seed 0 of step 3, repeat 1" in sentence
     assert "They are kept in" in sentence
-    content = tomllib.loads((tmp_path / "out" / "tuned.toml").read_text())
-    assert content["track"]["sharpness"] != 20.0
-
-
-def test_help_names_the_command_and_its_example():
-    text = jaxpf("tune", "--help").out
-    assert "jaxpf tune distracter" in text
-    assert "--parameters" in text
+    assert written_in(tmp_path / "out")["track"]["sharpness"] != 20.0
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("compiled_quickly")
 def test_parts_are_tuned_on_their_outlines(tmp_path):
     """A target without boxes: its own options are written."""
-    outcome = jaxpf(
-        "tune", "articulated", "--set", "num_frames=6", "--set", "num_parts=3", "--method", "sir",
-        "--likelihood", "patch", "--objective", "overlap", "--parameters", "dynamics.scale",
-        "--particles", "20", "--runs", "2", "--repeats", "1", "--window", "2", "--steps", "2",
-        "--train-scenes", "1", "-o", tmp_path / "out",
-    )  # fmt: skip
+    options = shlex.split(
+        "--set num_frames=6 --set num_parts=3 --method sir --likelihood patch --objective overlap "
+        "--parameters dynamics.scale --particles 20 --runs 2 --repeats 1 --window 2 --steps 2 "
+        "--train-scenes 1"
+    )
+    outcome = jaxpf("tune", "articulated", *options, "-o", tmp_path / "out")
     assert outcome.code == 0, outcome.err
-    tuned = tomllib.loads((tmp_path / "out" / "tuned.toml").read_text())
-    assert len(tuned["track"]["scale"]) == 3
+    assert len(written_in(tmp_path / "out")["track"]["scale"]) == 3

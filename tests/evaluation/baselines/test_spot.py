@@ -8,6 +8,7 @@ import pytest
 import jaxpf
 import scenes
 from jaxpf.evaluation import Plan, evaluate
+from jaxpf.evaluation.baselines import spot as module
 from jaxpf.evaluation.baselines.hog import hog
 from jaxpf.evaluation.baselines.rivals import baselines
 from jaxpf.evaluation.baselines.spot import Options, spot
@@ -38,42 +39,39 @@ def test_spot_finds_the_best_of_all_configurations():
     """Against trying them all, on a frame of few cells."""
     picture, points = PICTURE[:32, :36], np.array([[14.0, 14.0], [22.0, 14.0]])
     frames = [picture, np.roll(picture, 4, axis=1)]
-    model_places = spot(frames, points, Options(size=3, aggressiveness=0.0, stiffness=0.5))
-    from jaxpf.evaluation.baselines import spot as module
-
     options = Options(size=3, aggressiveness=0.0, stiffness=0.5)
+    (places,) = spot(frames, points, options)
     model = module._Model(module._padded(hog(frames[0], 4), 3), points, options)
     maps = module._responses(module._padded(hog(frames[1], 4), 3), model.templates)
     rows, columns = maps.shape[1:]
     cells = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), -1).reshape(-1, 2)
     apart = cells[:, None] - cells[None]
-    child = model.order[1]
-    spring = model.springs[child]
+    root, child = model.order
     flat = maps.reshape(2, -1)
-    total = flat[child][:, None] + flat[model.order[0]][None]
-    total = total - 0.5 * ((apart - np.round(spring)) ** 2).sum(-1)
+    total = flat[child][:, None] + flat[root][None]
+    total = total - 0.5 * ((apart - np.round(model.springs[child])) ** 2).sum(-1)
     best_child, best_root = np.unravel_index(np.argmax(total), total.shape)
-    expected = 4 * (cells[[best_child, best_root]] + 0.5) + model.rest[[child, model.order[0]]]
-    np.testing.assert_allclose(model_places[0][[child, model.order[0]]], expected)
+    expected = 4 * (cells[[best_child, best_root]] + 0.5) + model.rest[[child, root]]
+    np.testing.assert_allclose(places[[child, root]], expected)
 
 
 def test_spot_is_a_baseline_of_points_and_others_are_refused(tmp_path):
     scene = scenes.make("fish", num_frames=4, frame_width=480, frame_height=270)
-    truth = scene.extras["points"]
+    truth, found = scene.extras["points"], {}
     for name, nearest in (("spot", 8), ("flow", 4)):
-        places = baselines([name])[name](scene)
+        places = found[name] = baselines([name])[name](scene)
         assert places.shape == truth.shape
         np.testing.assert_array_equal(places[0], truth[0])
         assert np.median(np.linalg.norm(places[-1] - truth[-1], axis=-1)) < nearest
     plan = Plan(scene=scene, methods=[], trackers=baselines(["spot"]), runs=1)
     results = evaluate(plan, tmp_path / "points")
     (batch,) = results.batches(results.configurations[0])
-    np.testing.assert_allclose(batch.shapes[0], baselines(["spot"])["spot"](scene)[1:], rtol=1e-6)
+    np.testing.assert_allclose(batch.shapes[0], found["spot"][1:], rtol=1e-6)
+    still = dataclasses.replace(plan, trackers=baselines(["still"]))
     with pytest.raises(jaxpf.InputError, match=r"'still' gives boxes, but .* are points"):
-        evaluate(dataclasses.replace(plan, trackers=baselines(["still"])), tmp_path / "boxes")
-    boxes = scenes.street_scene(3)
+        evaluate(still, tmp_path / "boxes")
     with pytest.raises(jaxpf.InputError, match="'spot' tracks points, and 'street' has none"):
-        baselines(["spot"])["spot"](boxes)
+        baselines(["spot"])["spot"](scenes.street_scene(3))
 
 
 def test_gradients_are_counted_by_their_direction():

@@ -140,11 +140,6 @@ def test_going_on_from_the_state_of_another_tracker_is_refused(saved, other, wor
         jaxpf.run(other, key, frames, state=state)
 
 
-def test_a_stream_takes_keys_as_a_run_does():
-    with pytest.raises(InputError, match="key is 0; give a random key"):
-        next(jaxpf.stream(one(), 0, iter(FRAMES)))
-
-
 def test_a_file_without_a_name_is_refused(saved):
     with pytest.raises(InputError, match="is not a path; give the name"):
         jaxpf.save("", jaxpf.load(saved, one()))

@@ -342,56 +342,6 @@ def test_tuning_names_a_parameter_once_and_changes_it_everywhere():
     assert len(text) < 600
 
 
-# Refusals
-
-
-def with_numpy(key, x, p):
-    return np.sin(x) + jax.random.normal(key)
-
-
-def drawn_by_numpy(key, x, p):
-    return x + np.random.normal()  # noqa: NPY002
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        (
-            {"transition": with_numpy},
-            r"^transition \(with_numpy\) calls NumPy .*jnp.sin for np.sin",
-        ),
-        ({"transition": lambda key, x, p: float(x)}, r"^transition .*float\(x\), int\(x\)"),
-        ({"initial": lambda key, p: max(p["a"], 0)}, r"^initial .* max; use jnp.where"),
-        ({"transition": drawn_by_numpy}, "^transition gives another result at every call"),
-        (
-            {"transition": lambda key, x: x},
-            r"transition takes \(key, x\), but must take \(key, x, p",
-        ),
-        ({"transition": lambda key, x, p: jnp.ones(3)}, r"returns shape \[3\], and initial \[\]"),
-        ({"transition": 0.9}, "transition is 0.9, which is no function"),
-        ({"initial": {}}, "initial is a dict; give the state as one array, or a pytree"),
-        ({"initial": None}, "initial is a NoneType; give the state as one array"),
-        ({"initial": [[1.0], [1.0, 2.0]]}, "initial is list, not an array of numbers"),
-        ({"values": {"a": "no"}}, r"parameters\['a'\] is 'no'; give numbers and arrays"),
-        ({"values": {"f": [norm.pdf]}}, r"parameters\['f'\]\[0\] is <.*; give numbers and arrays"),
-        ({"num_partices": 3}, "no option 'num_partices'"),
-        ({"transition_log_density": lambda new, x, p: x[None]}, r"density returns shape \[1\]"),
-    ],
-)
-def test_wrong_functions_are_refused_in_one_sentence(changes, words):
-    with pytest.raises(InputError, match=words) as raised:
-        build(**{"values": VALUES} | changes)
-    assert "\n" not in str(raised.value)
-
-
-def test_a_choice_by_python_in_a_likelihood_is_refused_by_its_name():
-    def by_sign(y, x, p):
-        return -1.0 if x < 0 else -(y**2)
-
-    with pytest.raises(InputError, match=r"^log_likelihood \(by_sign\) decides .* use jnp.where"):
-        jaxpf.run(build(VALUES, log_likelihood=by_sign), KEY, FRAMES)
-
-
 def test_a_column_of_a_table_is_a_series_of_frames():
     its = build(VALUES)
     alike = jaxpf.run(its, KEY, FRAMES)[1].estimate
@@ -401,26 +351,6 @@ def test_a_column_of_a_table_is_a_series_of_frames():
     np.testing.assert_allclose(many, alike, rtol=1e-4)
     with pytest.raises(InputError, match="frames hold object arrays; give arrays of numbers"):
         jaxpf.run(its, KEY, table.astype(object))
-
-
-def test_a_likelihood_of_many_numbers_is_refused():
-    tracker = build(VALUES, initial=jnp.zeros(2), transition=lambda key, x, p: x)
-    with pytest.raises(InputError, match=r"log_likelihood returns shape \[2\]; return one number"):
-        jaxpf.run(tracker, KEY, FRAMES)
-
-
-@pytest.mark.parametrize(("value", "words"), [(None, "nothing"), (1j, "complex numbers")])
-def test_a_likelihood_that_is_no_real_number_is_refused_by_its_own_name(value, words):
-    tracker = build(VALUES, log_likelihood=lambda y, x, p: value)
-    with pytest.raises(InputError, match=f"^log_likelihood returns {words}"):
-        jaxpf.run(tracker, KEY, FRAMES)
-
-
-def test_smoothing_names_the_density_that_it_lacks():
-    with pytest.raises(InputError, match=r"give jaxpf\.state_space a transition_log_density"):
-        jaxpf.smooth(build(VALUES), KEY, FRAMES)
-    with pytest.raises(InputError, match=r"give jaxpf\.state_space a transition_log_density"):
-        build(VALUES, proposal=Optimal())
 
 
 def test_a_likelihood_that_sees_the_state_before_is_not_smoothed_with_a_lag():

@@ -11,7 +11,6 @@ from exact import LIMIT, WRONG
 from jax.scipy.stats import norm
 
 import jaxpf
-from jaxpf import InputError
 
 KEY = jax.random.key(3)
 MATRIX = np.array([[0.8, 0.2, 0.0], [0.1, 0.7, 0.2], [0.3, 0.0, 0.7]])
@@ -168,33 +167,3 @@ def test_floats_by_name_compute_no_more_than_an_array():
     by_array, by_name = map(count, both())
     assert by_array == by_name
     assert by_array["exp"]
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        (
-            {"transition": lambda key, x, p: x["level"]},
-            r"transition returns \*, and initial {'level': \*",
-        ),
-        (
-            {"transition": lambda key, x, p: x | {"level": jnp.ones(2)}},
-            r"returns shape \[2\]\['level'\], and initial \[\]",
-        ),
-        ({"num_values": {"level": 3}}, "num_values={'level': 3} is not for integers"),
-        ({"num_values": 0}, "num_values = 0 must be"),
-        ({"initial": lambda key, p: {}}, "initial returns dict; return the state"),
-    ],
-)
-def test_wrong_trees_are_refused(changes, words):
-    with pytest.raises(InputError, match=words):
-        switching(**changes)
-
-
-def test_a_float_for_an_integer_is_refused_where_inputs_hide_it():
-    def pushed(key, x, p, u):
-        return x | {"regime": x["regime"] + u}
-
-    its = switching(transition=pushed, transition_log_density=None)
-    with pytest.raises(InputError, match=r"returns floats\['regime'\], and initial integers"):
-        jaxpf.run(its, KEY, FRAMES, inputs=np.ones(5, np.float32))

@@ -10,7 +10,7 @@ import pytest
 from quick_compiling import quick
 
 import jaxpf
-from jaxpf import InputError, ordering, pytree_dataclass
+from jaxpf import ordering, pytree_dataclass
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian
 from jaxpf.running.widths import WIDE, blocks_of
@@ -252,37 +252,6 @@ def test_record_picks_what_is_kept():
     np.testing.assert_array_equal(kept["state"], [2.0, 6.0, 12.0])
     many = jaxpf.monte_carlo(made, keys, SPEEDS, record=twice_the_state)
     np.testing.assert_array_equal(many["state"], [[2.0, 6.0, 12.0]] * 2)
-
-
-@pytest.mark.parametrize(
-    ("frames", "sentence"),
-    [
-        (np.zeros((0, 3, 1)), r"leading axes \[0\]"),
-        (np.float64(1.0), r"leading axes \[0\]"),
-        ({"a": np.zeros((2, 1)), "b": np.zeros((3, 1))}, r"leading axes \[2, 3\]"),
-        ({}, r"leading axes \[\]"),
-    ],
-)
-def test_frames_without_one_time_axis_are_refused(frames, sentence):
-    with pytest.raises(InputError, match=sentence):
-        jaxpf.run(tracker(), jax.random.key(0), frames)
-    with pytest.raises(InputError, match=sentence):
-        jaxpf.monte_carlo(tracker(), jax.random.split(jax.random.key(0), 2), frames)
-
-
-def test_keys_that_are_not_one_per_run_are_refused():
-    with pytest.raises(InputError, match=r"keys has shape \(\)"):
-        jaxpf.monte_carlo(tracker(), jax.random.key(0), FRAMES)
-    with pytest.raises(InputError, match=r"keys is \[.*; give one key per run, as jax"):
-        jaxpf.monte_carlo(tracker(), [jax.random.key(0), jax.random.key(1)], FRAMES)
-    with pytest.raises(InputError, match=r"keys has shape \(0,\)"):
-        jaxpf.monte_carlo(tracker(), jax.random.split(jax.random.key(0), 0), FRAMES)
-
-
-def test_an_empty_batch_is_refused():
-    keys = jax.random.split(jax.random.key(0), 2)
-    with pytest.raises(InputError, match="batch_size = 0 must be a whole number from 1"):
-        jaxpf.monte_carlo(tracker(), keys, FRAMES, batch_size=0)
 
 
 def test_few_runs_cost_about_their_share_of_many():

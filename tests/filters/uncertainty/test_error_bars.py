@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError, ordering
+from jaxpf import ordering
 from jaxpf.dynamics import RandomWalk
 from jaxpf.filters import WithErrorBars
-from jaxpf.gradients import Transport
 from jaxpf.likelihoods import Gaussian
 
 FRAMES = np.random.default_rng(0).normal(size=(6, 3, 1)).astype(np.float32)
@@ -145,32 +144,3 @@ def test_the_stage_of_the_sharpest_likelihood_makes_most_of_the_error(order):
     )
     _, told = jaxpf.run(WithErrorBars(its, lag=1, stages=True), KEY, FRAMES)
     assert (np.asarray(told.evidence_terms)[:2].argmax(axis=-1) == order.index(0)).all()
-
-
-@pytest.mark.parametrize(
-    ("make", "sentence"),
-    [
-        (lambda: WithErrorBars(tracker(), lag=-1), "lag = -1"),
-        (lambda: WithErrorBars(tracker(), stages=True), "stages=True needs a lag"),
-        (
-            lambda: WithErrorBars(tracker(ordering.sps([-1, -1, -1])), lag=3, stages=True),
-            "exchanges no parts",
-        ),
-        (
-            lambda: WithErrorBars(tracker(ess_threshold=0.5), lag=3, stages=True),
-            "use ess_threshold=None or stages=False",
-        ),
-        (lambda: WithErrorBars(tracker(gradient=Transport())), "Transport blends"),
-        (
-            lambda: WithErrorBars(
-                jaxpf.PFFL(
-                    RandomWalk(1.0), Gaussian(noise=jnp.ones((3, 1, 1))), initial=jnp.zeros((3, 1))
-                )
-            ),
-            "PFFL has not",
-        ),
-    ],
-)
-def test_what_has_no_ancestors_is_refused(make, sentence):
-    with pytest.raises(InputError, match=sentence):
-        make()

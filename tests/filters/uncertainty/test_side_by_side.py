@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError, ordering, pytree_dataclass, running
+from jaxpf import ordering, pytree_dataclass, running
 from jaxpf.contract.state import moments
 from jaxpf.dynamics import RandomWalk
 from jaxpf.filters import SideBySide, quantiles
@@ -194,14 +194,3 @@ def test_quantiles_without_any_weight_are_unknown():
     assert np.isnan(quantiles(values[:0], np.zeros(0), [0.1, 0.5])).all()
     of_each = quantiles(values, np.array([[0, 0, 0], [-np.inf] * 3]), [0.5])[0, :, 0]
     np.testing.assert_array_equal(of_each, [2, np.nan])
-
-
-def test_one_run_says_nothing_of_how_much_runs_differ():
-    with pytest.raises(InputError, match=r"num_runs = 1 .* from 2"):
-        SideBySide(one(), 1)
-
-
-@pytest.mark.parametrize("levels", [[], 0.5, [0.5, 1.5], [-0.1], [np.nan]])
-def test_levels_that_are_no_shares_are_refused(levels):
-    with pytest.raises(InputError, match="a list of numbers from 0 to 1"):
-        quantiles(np.ones((3, 1, 1)), np.log(np.ones(3) / 3), levels)

@@ -57,16 +57,3 @@ def test_a_bend_is_inverted():
     pose = Pose(50, 40, 1.3, 0.2, bumps(((3, 4), 10.0, (4, -3)), ((-9, 0), 8.0, (2, 2))))
     places = np.random.default_rng(0).uniform(-20, 20, (30, 2))
     np.testing.assert_allclose(pose.to_body(pose.to_image(places)), places, atol=0.1)
-
-
-@pytest.mark.parametrize(
-    ("name", "parameters", "message"),
-    [
-        ("fish", {"num_frames": 1}, "num_frames = 1 must be"),
-        ("skydivers", {"growth": -1.0}, "growth"),
-        ("face", {"frame_width": 100}, "frame_width"),
-    ],
-)
-def test_parameters_out_of_range_are_refused(name, parameters, message):
-    with pytest.raises(scenes.SceneError, match=message):
-        scenes.make(name, **parameters)

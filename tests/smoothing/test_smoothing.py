@@ -7,11 +7,9 @@ import pytest
 from correlated import CorrelatedGaussian
 
 import jaxpf
-from jaxpf import InputError, ordering, pytree_dataclass, smoothing
+from jaxpf import ordering, pytree_dataclass, smoothing
 from jaxpf.dynamics import AR2, IndependentGaussian, LinearGaussian, RandomWalk
-from jaxpf.gradients import Transport
 from jaxpf.likelihoods import Gaussian
-from jaxpf.running import memory
 from jaxpf.smoothing import groups
 
 FRAMES = np.random.default_rng(0).normal(size=(5, 2, 1)).astype(np.float32)
@@ -155,72 +153,6 @@ def test_frames_come_one_by_one_with_a_lag():
     np.testing.assert_allclose(whole.summaries.estimate, summaries.estimate, atol=1e-5)
 
 
-def forest(**changes):
-    return tracker(
-        ordering.sps([-1, -1, 0, 1], **changes),
-        parents=(-1, -1, 0, 1),
-        initial=jnp.zeros((4, 1)),
-        likelihood=Gaussian(noise=jnp.ones((4, 1, 1))),
-    )
-
-
-@pytest.mark.parametrize(
-    ("make", "sentence"),
-    [
-        (lambda: tracker(dynamics=Wandering()), "add the method log_density"),
-        (lambda: tracker(gradient=Transport()), "Transport blends particles"),
-        (lambda: tracker(gradient=Transport(), keep_ancestors=True), "have no ancestors"),
-        (lambda: tracker(ordering.sps([-1, -1], "sorted")), "swap='sorted'"),
-        (forest, "exchanges roots that have children"),
-        (
-            lambda: jaxpf.PFFL(
-                AR2(scale=1.0), Gaussian(noise=jnp.ones((2, 1, 1))), initial=jnp.zeros((2, 1))
-            ),
-            "PFFL cannot be smoothed.*supported are methods sir",
-        ),
-    ],
-)
-def test_what_cannot_be_smoothed_is_refused(make, sentence):
-    with pytest.raises(InputError, match=sentence):
-        jaxpf.smooth(make(), jax.random.key(0), FRAMES)
-
-
-def test_roots_that_stay_can_be_smoothed():
-    smoothing.check_smoothing(forest(exchange_roots=False))
-    smoothing.check_smoothing(forest(swap="none"))
-
-
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        ({"num_trajectories": 0}, "num_trajectories = 0"),
-        ({"lag": 0}, "lag = 0"),
-        ({"lag": 2, "paths": 3}, "leave out one of the two"),
-        ({"lag": 2, "method": "genealogy"}, "leave out one of the two"),
-        ({"num_trajectories": 2, "paths": 3}, "paths=3 are more"),
-        ({"num_trajectories": 2, "method": "genealogy"}, "traces all particles"),
-        ({"method": "metropolis", "num_steps": 0}, "num_steps = 0"),
-        ({"method": "ancestry"}, "backward, metropolis, genealogy"),
-    ],
-)
-def test_bad_numbers_are_refused(options, sentence):
-    with pytest.raises(InputError, match=sentence):
-        jaxpf.smooth(tracker(), jax.random.key(0), FRAMES, **options)
-
-
-def test_a_clip_too_long_for_the_memory_names_the_fixed_lag(monkeypatch):
-    monkeypatch.setattr(memory, "machine_memory", lambda: 2**10)
-    with pytest.raises(InputError, match=r"fixed lag, such as jaxpf\.smooth\(\.\.\., lag=50\)"):
-        jaxpf.smooth(tracker(), jax.random.key(0), FRAMES)
-
-
-def test_no_frames_one_by_one_without_a_lag():
-    with pytest.raises(InputError, match="give a lag"):
-        jaxpf.smooth(tracker(), jax.random.key(0), iter(FRAMES))
-    with pytest.raises(InputError, match="no frame"):
-        jaxpf.smooth(tracker(), jax.random.key(0), iter(()), lag=2)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("lag", [None, 2])
 def test_looking_back_beside_a_loop_gives_what_smoothing_gives(lag):
@@ -233,11 +165,6 @@ def test_looking_back_beside_a_loop_gives_what_smoothing_gives(lag):
     assert [frame.time for frame in found] == list(range(len(FRAMES)))
     np.testing.assert_allclose([frame.estimate for frame in found], whole.estimate, atol=1e-5)
     np.testing.assert_allclose([frame.spread for frame in found], whole.spread, atol=1e-5)
-
-
-def test_a_clip_that_is_too_long_to_look_back_over_names_the_lag():
-    with pytest.raises(InputError, match="--smooth-lag 50"):
-        smoothing.LookBack(tracker(), jax.random.key(0), num_frames=2 * 10**9)
 
 
 def kept(**changes):
@@ -253,25 +180,3 @@ def test_sweeps_go_on_from_their_reference_and_over_missing_frames():
     assert not jnp.array_equal(drawn[0, 1:], drawn[2, 1:])
     assert (drawn[:, 0] == 0).all()  # where all particles start
     assert smoothing.particle_gibbs(kept(), key, frames, 3, drawn[-1]).shape == drawn.shape
-
-
-@pytest.mark.parametrize(
-    ("changes", "sentence"),
-    [
-        ({"resampling": "systematic"}, "not under systematic; give resampling='multinomial'"),
-        ({"order": ordering.sps([-1, -1], "combinatorial")}, r"use jaxpf\.ordering\.ps or sir"),
-        ({"order": ordering.dps(2)}, r"use jaxpf\.ordering\.ps or sir"),
-        ({"ess_threshold": 0.5}, "ess_threshold; leave it out"),
-        ({"dynamics": Wandering()}, "add the method log_density"),
-    ],
-)
-def test_what_has_no_conditional_sweep_is_refused(changes, sentence):
-    with pytest.raises(InputError, match=sentence):
-        smoothing.particle_gibbs(kept(**changes), jax.random.key(0), FRAMES, 2)
-
-
-def test_a_reference_of_another_clip_is_refused():
-    with pytest.raises(InputError, match=r"\[5, 2, 1\] instead of \[6, 2, 1\]"):
-        smoothing.particle_gibbs(kept(), jax.random.key(0), FRAMES, 2, np.zeros((5, 2, 1)))
-    with pytest.raises(InputError, match="num_sweeps = 0"):
-        smoothing.particle_gibbs(kept(), jax.random.key(0), FRAMES, 0)

@@ -16,15 +16,6 @@ def drawn():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_seed_gives_the_same_scene(drawn, name):
-    again = scenes.make(name, **drawn[name].parameters)
-    np.testing.assert_array_equal(again.frames, drawn[name].frames)
-    np.testing.assert_array_equal(again.extras["outlines"], drawn[name].extras["outlines"])
-    other = scenes.make(name, seed=4, **SMALL)
-    assert (other.frames != drawn[name].frames).any()
-
-
-@pytest.mark.parametrize("name", NAMES)
 def test_boxes_hold_the_outlines_and_begin_apart(drawn, name):
     scene = drawn[name]
     outlines, boxes = scene.extras["outlines"], scene.boxes

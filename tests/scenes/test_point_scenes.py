@@ -15,12 +15,8 @@ POINTS = {"fish": 12, "skydivers": 7, "face": 18}
 
 
 @pytest.mark.parametrize("name", ["fish", "skydivers", "face"])
-def test_points_are_on_the_picture_and_the_seed_decides(name):
-    parameters = SMALL[name] | {"num_frames": 3}
-    scene = scenes.make(name, seed=3, **parameters)
-    again = scenes.make(name, seed=3, **parameters)
-    np.testing.assert_array_equal(scene.frames, again.frames)
-    assert not np.array_equal(scene.frames, scenes.make(name, seed=4, **parameters).frames)
+def test_points_are_on_the_picture(name):
+    scene = scenes.make(name, seed=3, **SMALL[name] | {"num_frames": 3})
     points, visible = scene.extras["points"], scene.extras["visible"]
     assert points.shape == (3, POINTS[name], 2)
     assert visible.shape == (3, POINTS[name])

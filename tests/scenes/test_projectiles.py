@@ -85,14 +85,6 @@ def test_a_target_looks_like_its_patch_where_its_box_says():
     np.testing.assert_array_equal(seen, expected)
 
 
-def test_the_same_seed_gives_the_same_scene_and_noise_leaves_the_paths(scene):
-    again = scenes.make("projectiles", seed=3)
-    np.testing.assert_array_equal(again.frames, scene.frames)
-    quiet = scenes.make("projectiles", seed=3, noise=0.0)
-    np.testing.assert_array_equal(quiet.boxes, scene.boxes)
-    assert not np.array_equal(scenes.make("projectiles", seed=4).boxes, scene.boxes)
-
-
 def test_the_documented_defaults_are_the_classes():
     assert scenes.default_parameters("projectiles")["num_targets"] == 2
     assert ProjectilesParameters().num_frames == 300

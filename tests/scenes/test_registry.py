@@ -4,11 +4,14 @@ import ast
 import json
 from pathlib import Path
 
+import jax
 import numpy as np
+import pytest
 
 import scenes
 
-SMALL = {"num_frames": 9, "frame_width": 180, "frame_height": 160, "num_objects": 3}
+FEW = {"num_frames": 4}
+SMALL = {"distracter": {"num_frames": 9, "frame_width": 180, "frame_height": 160, "num_objects": 3}}
 
 
 def test_scenes_import_nothing_of_the_library():
@@ -23,16 +26,28 @@ def test_scenes_import_nothing_of_the_library():
             assert not any(name.split(".")[0] in ("jaxpf", "jax") for name in imported), path
 
 
-def test_parameters_tell_how_to_make_the_scene_again():
-    first = scenes.make("distracter", seed=np.int64(5), **SMALL)
+@pytest.mark.parametrize("name", scenes.names())
+def test_seed_and_parameters_make_the_scene_again(name):
+    first = scenes.make(name, seed=np.int64(5), **SMALL.get(name, FEW))
     assert first.parameters["seed"] == 5
-    assert first.parameters["num_objects"] == 3
     assert json.loads(json.dumps(first.parameters)) == first.parameters
-    again = scenes.make("distracter", **first.parameters)
-    np.testing.assert_array_equal(again.frames, first.frames)
-    np.testing.assert_array_equal(again.boxes, first.boxes)
-    for one, other in zip(again.patches, first.patches, strict=True):
-        np.testing.assert_array_equal(one, other)
+    again, other = (scenes.make(name, **first.parameters | {"seed": seed}) for seed in (5, 6))
+    for kept in ("frames", "boxes", "patches"):
+        one, same = getattr(first, kept), getattr(again, kept)
+        jax.tree.map(np.testing.assert_array_equal, one, same)
+    for kept in first.extras.keys() & {"outlines", "corners", "points"}:
+        np.testing.assert_array_equal(first.extras[kept], again.extras[kept])
+    assert not np.array_equal(first.frames, other.frames)
+
+
+@pytest.mark.parametrize(
+    ("name", "noise"),
+    [("distracter", "object_noise"), ("articulated", "object_noise"), ("projectiles", "noise")],
+)
+def test_pixel_noise_does_not_change_the_paths(name, noise):
+    calm, noisy = (scenes.make(name, **{noise: x}, **SMALL.get(name, FEW)) for x in (0.0, 30.0))
+    np.testing.assert_array_equal(calm.boxes, noisy.boxes)
+    assert not np.array_equal(calm.frames, noisy.frames)
 
 
 def test_sizes_are_those_of_the_patches():

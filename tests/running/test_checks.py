@@ -224,11 +224,10 @@ def test_what_is_of_another_kind_is_told_in_one_sentence(call, named):
     assert named in message_of(call)
 
 
-def test_a_start_of_half_precision_and_a_key_of_the_old_kind_will_do():
+def test_a_start_of_half_precision_will_do():
     half = tracker(initial=np.ones((2, 2), np.float16))
     assert half.initial.dtype == np.float32
-    found = [jaxpf.run(half, key, FRAMES)[1] for key in (jax.random.key(3), jax.random.PRNGKey(3))]
-    np.testing.assert_array_equal(found[0].estimate, found[1].estimate)
+    check_run(half, FRAMES)
 
 
 def test_a_tracker_equals_itself_alone():

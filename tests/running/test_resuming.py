@@ -56,7 +56,11 @@ def same(one, other):
         np.testing.assert_array_equal(a, b)
 
 
-@pytest.mark.parametrize("kind", TRACKERS)
+@pytest.mark.parametrize(
+    "kind",
+    # Runs side by side hold error bars.
+    [pytest.param(one, marks=pytest.mark.slow) if one == "error bars" else one for one in TRACKERS],
+)
 def test_a_resumed_run_is_the_uninterrupted_one_bit_for_bit(kind, tmp_path):
     its = TRACKERS[kind]()
     states, summaries = whole_run(its)

@@ -102,6 +102,8 @@ def test_raw_keys_are_taken_as_typed_ones_are():
     typed = jax.random.split(jax.random.key(5), 3)
     raw = jaxpf.monte_carlo(made, jax.random.key_data(typed), FRAMES)
     trees_equal(raw, jaxpf.monte_carlo(made, typed, FRAMES))
+    old, new = (jaxpf.run(made, key, FRAMES) for key in (jax.random.PRNGKey(3), jax.random.key(3)))
+    trees_equal(old, new)
 
 
 @pytree_dataclass

@@ -30,9 +30,15 @@ def one():
     )
 
 
-def test_a_frame_reports_the_pooled_particles_of_all_runs():
-    both = SideBySide(one(), RUNS)
-    state, summary = jax.jit(both.step)(jax.random.key(1), both.init(jax.random.key(0)), FRAMES[0])
+@pytest.fixture(scope="module")
+def ran():
+    """States and summaries of all frames."""
+    its = SideBySide(one(), RUNS)
+    return jaxpf.run(its, jax.random.key(3), FRAMES, lambda state, summary: (state, summary))[1]
+
+
+def test_a_frame_reports_the_pooled_particles_of_all_runs(ran):
+    state, summary = jax.tree.map(lambda x: x[0], ran)
     weights = jnp.exp(state.log_weights)
     assert state.substates.shape == (RUNS * 20, 2, 1)
     np.testing.assert_allclose(weights.sum(), 1, rtol=1e-5)
@@ -72,9 +78,8 @@ def test_the_errors_are_those_of_many_and_the_evidence_is_without_bias():
     assert abs(evidence.mean() - exact) < 4.5 * error
 
 
-def test_the_evidence_is_the_mean_of_the_runs_products():
-    both, key = SideBySide(one(), RUNS), jax.random.key(3)
-    state, summaries = running.run(both, key, FRAMES)
+def test_the_evidence_is_the_mean_of_the_runs_products(ran):
+    both, key, (states, summaries) = SideBySide(one(), RUNS), jax.random.key(3), ran
 
     def alone(number):
         def step(state, item):
@@ -88,7 +93,7 @@ def test_the_evidence_is_the_mean_of_the_runs_products():
 
     log_evidence = jax.jit(jax.vmap(alone))(jnp.arange(RUNS))
     shares = jax.nn.log_softmax(log_evidence)
-    np.testing.assert_allclose(state.log_shares, shares, rtol=1e-4)
+    np.testing.assert_allclose(states.log_shares[-1], shares, rtol=1e-4)
     expected = np.log(np.mean(np.exp(np.asarray(log_evidence, float))))
     np.testing.assert_allclose(np.sum(summaries.log_evidence), expected, rtol=1e-5)
 

@@ -77,7 +77,7 @@ def test_evidence_with_inputs_is_that_of_a_kalman_filter():
 
 def test_smoothing_with_inputs_is_exact():
     _, smoothed = exact()
-    its = model(num_particles=200)
+    its = model(num_particles=100)
     means = quick(
         jax.vmap(lambda key: jaxpf.smooth(its, key, FRAMES, inputs=INPUTS).estimate[:, 0, 0])
     )(jax.random.split(KEY, 40))

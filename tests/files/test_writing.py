@@ -4,17 +4,11 @@ import subprocess
 import sys
 
 import pytest
+from refusals import message_of
 
-from jaxpf import InputError
 from jaxpf.files.locking import LOCK, locked
 from jaxpf.files.reading import read_rows
 from jaxpf.files.writing import LineWriter, atomic_write, csv_text, prepare_output_folder
-
-
-def message_of(call, *arguments):
-    with pytest.raises(InputError) as caught:
-        call(*arguments)
-    return str(caught.value)
 
 
 def test_a_file_appears_only_when_complete(tmp_path):

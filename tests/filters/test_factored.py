@@ -4,7 +4,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from correlated import CorrelatedGaussian
 from quick_compiling import quick
 
 import jaxpf
@@ -181,54 +180,3 @@ def test_points_that_do_not_move_have_no_correlation_to_divide_by(name):
     frames = np.broadcast_to(START, (12, 3, 2)).copy()
     _, summary = run(trackers(scale=0.0)[name], jax.random.key(0), frames)
     np.testing.assert_allclose(summary.estimate, frames, atol=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"initial": START[:1]}, "two partitions or more"),
-        ({"initial": np.zeros((2, 2))}, "start at the same place"),
-        ({"initial": START[0]}, "initial has shape"),
-        ({"initial": START * np.nan}, "not finite"),
-        ({"drift": "nearest"}, "choose one of clip"),
-        ({"shape": "round"}, "choose one of relative"),
-        ({"shape_scale": 0.0}, "shape_scale=0.0 must be one finite number above 0"),
-        ({"shape_scale": "wide"}, "shape_scale='wide' must be one finite number"),
-        ({"shape_scale": [1, 2]}, r"shape_scale=\[1, 2\] must be one finite number"),
-        ({"memory": 2.5}, "memory = 2.5 must be a whole number"),
-        ({"num_particles": 10**12}, "from 1 to 2147483647"),
-        ({"reference": "x"}, "reference='x' must be positions"),
-        ({"reference": 1e30 * np.eye(3)[:, :2]}, "too far apart"),
-        ({"memory": 1}, "memory = 1"),
-        ({"num_particles": 0}, "num_particles = 0"),
-        ({"upsampling": 1.5}, "upsampling = 1.5"),
-        ({"resampling": "best"}, "resampling='best'"),
-        ({"dynamics": Wandering(), "proper": True}, "has no log_density"),
-        ({"likelihood": CorrelatedGaussian(np.eye(3))}, "weighs all objects together"),
-        ({"reference": START[:2]}, "reference has 2 rows"),
-    ],
-)
-def test_eskil_refuses_what_cannot_work(settings, message):
-    with pytest.raises(jaxpf.InputError, match=message):
-        jaxpf.Eskil(
-            **({"dynamics": RandomWalk(1.0), "likelihood": Seen(), "initial": START} | settings)
-        )
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"form": "sound"}, "choose one of auxiliary"),
-        ({"safety": 0.0}, "safety=0.0 must be one finite number above 0 and at most 1"),
-        ({"safety": None}, "safety=None must be one"),
-    ],
-)
-def test_pffl_refuses_what_cannot_work(settings, message):
-    with pytest.raises(jaxpf.InputError, match=message):
-        jaxpf.PFFL(RandomWalk(1.0), Seen(), START, **settings)
-
-
-def test_eskil_says_why_it_cannot_be_checked_for_nan():
-    sentence = "NaN for the evidence .* switch it off"
-    with jax.debug_nans(True), pytest.raises(jaxpf.InputError, match=sentence):
-        jaxpf.run(trackers()["eskil"], jax.random.key(0), moving())

@@ -12,7 +12,7 @@ import jaxpf
 from jaxpf import stream
 from jaxpf.contract import state as states
 from jaxpf.dynamics import AR2, FirstOrder, IndependentGaussian
-from jaxpf.gradients import Soft, StopGradient
+from jaxpf.gradients import StopGradient
 from jaxpf.likelihoods import Gaussian
 
 FRAMES = np.random.default_rng(0).normal(size=(6, 3, 2)).astype(np.float32).cumsum(axis=0)
@@ -268,36 +268,3 @@ def test_the_evidence_has_a_gradient(motion):
     slope = quick(jax.grad(loss))(jnp.array([1.0, 1.0]))
     assert np.all(np.isfinite(slope))
     assert np.all(np.abs(slope) > 1e-3)
-
-
-@pytest.mark.parametrize(
-    ("settings", "sentence"),
-    [
-        ({"num_particles": 2}, "fewer than the 3 targets"),
-        ({"weights": "fair"}, "choose one of equal_share, plain, corrected"),
-        ({"scope": "all"}, "choose one of across, within"),
-        ({"feedback": "speed"}, "choose one of none, estimate"),
-        ({"resampling": "random"}, "not a resampling scheme"),
-        ({"gradient": "soft"}, r"give NoGradient\(\), StopGradient\(\)"),
-        ({"gradient": Soft()}, r"use NoGradient\(\) or StopGradient\(\)"),
-        ({"initial": np.zeros(3)}, "must be \\[L, D\\]"),
-        (
-            {"initial": IndependentGaussian(np.zeros((3, 2)), 1.0), "num_targets": None},
-            "num_targets=None",
-        ),
-        ({"regularise": (0.0, 1.0)}, "two rates above 0"),
-        ({"regularise": "fast"}, "regularise='fast' must be two rates"),
-        ({"position": 3}, "position=3 must be whole numbers"),
-        ({"reseed": (1.0, 1.0, 1.0, 1.0, 1.0)}, "one for each coordinate"),
-        ({"reseed": "wide"}, "reseed='wide' must be finite standard deviations"),
-        ({"feedback": "estimate", "speed": (2, 3)}, "name coordinate 3"),
-        ({"feedback": "estimate", "speed": (1,)}, "one speed for each position"),
-        ({"feedback": "estimate", "speed": (0, 1)}, "different coordinates"),
-        ({"reseed": (1.0, 1.0), "weights": "plain"}, "equal share"),
-        ({"reseed": (-1.0, 1.0)}, "standard deviations >= 0"),
-        ({"feedback": "estimate", "motion_gradient": "score"}, "changes the move"),
-    ],
-)
-def test_bad_input_is_refused_in_one_sentence(settings, sentence):
-    with pytest.raises(jaxpf.InputError, match=sentence):
-        tracker(**settings)

@@ -9,7 +9,7 @@ import pytest
 from jax.scipy.stats import multivariate_normal
 
 import jaxpf
-from jaxpf.dynamics import AR2, IndependentGaussian, LinearGaussian
+from jaxpf.dynamics import AR2, LinearGaussian
 from jaxpf.filters import born, ended
 from jaxpf.likelihoods import Gaussian
 
@@ -251,27 +251,3 @@ def test_a_lost_target_is_given_particles_again_where_that_is_asked_and_a_newbor
     assert not summary.lost.any()
     # The lost one has those that he kept, besides.
     np.testing.assert_allclose(summary.uniqueness, [1 / 6, 1 / 2, 0, 1 / 3], atol=0.02)
-
-
-@pytest.mark.parametrize(
-    ("settings", "sentence"),
-    [
-        ({"population": "closed"}, "choose one of fixed, open"),
-        ({"weights": "plain"}, "equal share"),
-        (
-            {"initial": IndependentGaussian(np.zeros((4, 2)), 1.0), "num_targets": 4},
-            "rows of NaN are empty",
-        ),
-        ({"num_particles": 3}, "fewer than the 4 targets"),
-    ],
-)
-def test_bad_input_is_refused_in_one_sentence(settings, sentence):
-    with pytest.raises(jaxpf.InputError, match=sentence):
-        tracker(**settings)
-
-
-def test_nobody_comes_or_goes_in_a_fixed_population():
-    state = start(tracker(some(0, 1, 2, 3), population="fixed"))
-    for change in (lambda: born(state, 0, [0.0, 0.0]), lambda: ended(state, 0)):
-        with pytest.raises(jaxpf.InputError, match="population='open'"):
-            change()

@@ -11,7 +11,6 @@ from exact import LIMIT, WRONG
 from jax.scipy.stats import norm
 
 import jaxpf
-from jaxpf import InputError
 
 KEY = jax.random.key(3)
 MATRIX = np.array([[0.8, 0.2, 0.0], [0.1, 0.7, 0.2], [0.3, 0.0, 0.7]])
@@ -67,31 +66,30 @@ def hidden_markov(matrix):
     return np.log(evidence), np.array(filtered), np.array(smoothed[::-1])
 
 
-@pytest.mark.parametrize(("matrix", "is_right"), [(MATRIX, True), (MATRIX[:, [0, 2, 1]], False)])
-def test_evidence_and_probabilities_of_a_regime_are_those_of_the_hidden_markov_model(
-    matrix, is_right
-):
-    evidence, filtered, _ = hidden_markov(matrix)
+def test_evidence_and_probabilities_of_a_regime_are_those_of_the_hidden_markov_model():
     keys = jax.random.split(KEY, 4000)
     runs = jaxpf.monte_carlo(switching(), keys, FRAMES, batch_size=2000)
     levels = np.broadcast_to(np.arange(1, 6) / 2, (4000, 5))
     np.testing.assert_allclose(runs.estimate["level"], levels, rtol=1e-5)
-    ratio = np.exp(np.cumsum(np.asarray(runs.log_evidence, float) - evidence, axis=1))
-    parts = ratio[..., None] * np.asarray(runs.estimate["regime"])
-    scores = np.concatenate(
-        [
-            (x.mean(0) - exact).ravel() / (x.std(0).ravel() / 4000**0.5 + 1e-9)
+
+    def worst_score(matrix):
+        evidence, filtered, _ = hidden_markov(matrix)
+        ratio = np.exp(np.cumsum(np.asarray(runs.log_evidence, float) - evidence, axis=1))
+        parts = ratio[..., None] * np.asarray(runs.estimate["regime"])
+        return max(
+            np.abs((x.mean(0) - exact) / (x.std(0) / 4000**0.5 + 1e-9)).max()
             for x, exact in ((ratio, np.ones(5)), (parts, filtered))
-        ]
-    )
-    assert np.abs(scores).max() < LIMIT if is_right else np.abs(scores).max() > WRONG
+        )
+
+    assert worst_score(MATRIX) < LIMIT
+    assert worst_score(MATRIX[:, [0, 2, 1]]) > WRONG
 
 
 @pytest.mark.parametrize("lag", [None, 4])
 def test_smoothed_probabilities_are_those_of_the_hidden_markov_model(lag):
     _, _, smoothed = hidden_markov(MATRIX)
-    its = switching(num_particles=4000)
-    found = jaxpf.smooth(its, KEY, FRAMES, 4000, lag=lag, paths=0 if lag else 4000)
+    its = switching(num_particles=1500)
+    found = jaxpf.smooth(its, KEY, FRAMES, 1500, lag=lag, paths=0 if lag else 1500)
     np.testing.assert_allclose(found.estimate["regime"], smoothed, atol=0.05)
     np.testing.assert_allclose(found.estimate["level"], np.arange(1, 6) / 2, rtol=1e-5)
     if lag is None:
@@ -168,33 +166,3 @@ def test_floats_by_name_compute_no_more_than_an_array():
     by_array, by_name = map(count, both())
     assert by_array == by_name
     assert by_array["exp"]
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        (
-            {"transition": lambda key, x, p: x["level"]},
-            r"transition returns \*, and initial {'level': \*",
-        ),
-        (
-            {"transition": lambda key, x, p: x | {"level": jnp.ones(2)}},
-            r"returns shape \[2\]\['level'\], and initial \[\]",
-        ),
-        ({"num_values": {"level": 3}}, "num_values={'level': 3} is not for integers"),
-        ({"num_values": 0}, "num_values = 0 must be"),
-        ({"initial": lambda key, p: {}}, "initial returns dict; return the state"),
-    ],
-)
-def test_wrong_trees_are_refused(changes, words):
-    with pytest.raises(InputError, match=words):
-        switching(**changes)
-
-
-def test_a_float_for_an_integer_is_refused_where_inputs_hide_it():
-    def pushed(key, x, p, u):
-        return x | {"regime": x["regime"] + u}
-
-    its = switching(transition=pushed, transition_log_density=None)
-    with pytest.raises(InputError, match=r"returns floats\['regime'\], and initial integers"):
-        jaxpf.run(its, KEY, FRAMES, inputs=np.ones(5, np.float32))

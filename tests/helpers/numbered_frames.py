@@ -1,9 +1,6 @@
-"""Frames that carry their number, and the sentence of a refusal."""
+"""Frames that carry their number."""
 
 import numpy as np
-import pytest
-
-from jaxpf import InputError
 
 
 def numbered_frame(index, width=64, height=48):
@@ -16,12 +13,3 @@ def numbered_frame(index, width=64, height=48):
 def number_of(frame):
     # Decoded grey is 2 to 4 levels too dark: OpenCV's conversion from YUV rounds down.
     return round((float(frame[10:-10, 30:-10].mean()) + 2 - 10) / 6)
-
-
-def message_of(call, *arguments):
-    """The sentence with which a call is refused."""
-    with pytest.raises(InputError) as caught:
-        call(*arguments)
-    message = str(caught.value)
-    assert "\n" not in message
-    return message

@@ -352,9 +352,6 @@ def test_a_seed_gives_the_same_track_whatever_runs_beside_it(learned):
     assert np.isfinite(every).all()
 
 
-FLAT = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
-
-
 @pytest.mark.parametrize("share", [0.75, 0.85, 0.95])
 def test_an_object_may_cover_most_of_the_frame(share):
     """It is found where it moved, by its own looks and by what little there is around it."""
@@ -375,29 +372,6 @@ def test_an_object_may_cover_most_of_the_frame(share):
         seen = _OBSERVE(learned, shown(left + moved[0], top + moved[1]))
         best = at[np.argmax(scores(learned, seen, 0, substates))]
         assert np.abs(best - moved).max() <= 4
-
-
-@pytest.mark.parametrize(
-    ("frame", "box", "settings", "sentence"),
-    [
-        (FRAME, (10, 10, 3, 20), {}, "at least 4 x 4 pixels"),
-        (FRAME, (1, 1, 90, 69), {}, "it fills the frame of 91 x 70 pixels"),
-        (FRAME, (80, 60, 40, 40), {}, "less than a quarter of it lies in the frame"),
-        (FRAME, (np.nan, 1, 8, 6), {}, "every number must be finite"),
-        (FLAT, (30, 20, 20, 20), {"features": ["gradients"]}, "looks like what is around it"),
-        (FRAME, BOXES[0], {"features": []}, "features is empty"),
-        (FRAME, BOXES[0], {"features": ["color"]}, "feature 'color' is unknown; choose of colour"),
-        (FRAME, BOXES[0], {"features": [jnp.mean]}, "the feature mean makes [] of a picture"),
-        (FRAME, BOXES[0], {"gain": 0.0}, "gain=0.0 must be one finite number"),
-        (FRAME, BOXES[0], {"grid": (0, 4)}, "two sides of a grid"),
-        (FRAME, BOXES[0], {"interpolation": "cubic"}, "choose one of nearest, bilinear"),
-        (FRAME[..., 0], BOXES[0], {}, "uint8 [H, W, 3]"),
-    ],
-)
-def test_refusals_say_what_and_where(frame, box, settings, sentence):
-    with pytest.raises(InputError) as refused:
-        discriminative(frame, [box], **settings)
-    assert sentence in str(refused.value)
 
 
 def test_a_frame_of_another_size_is_refused(learned):

@@ -19,7 +19,6 @@ from histograms import (
     values,
 )
 
-from jaxpf import InputError
 from jaxpf.likelihoods import histogram, histogram_from_patches
 
 #: Frames and boxes are of few sizes, so that the tests share programs: noise of 60 x 80 pixels
@@ -233,51 +232,3 @@ def test_many_particles_for_a_frame_share_a_table_unless_a_method_is_named():
     assert histogram(frame, box, num_particles=3000).method == "integral"
     assert histogram(frame, box * 7, method="sampled").method == "sampled"
     assert histogram(frame, box, interpolation="bilinear").method == "integral"
-
-
-GOOD = [[10, 10, 16, 16]]
-
-
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: histogram(noise(), [[10, 10, 0, 16]]), r"boxes\[0\].*0\.0 pixels wide"),
-        (lambda: histogram(noise(), [*GOOD, [10, 10, 16, np.nan]]), r"boxes\[1\].*finite"),
-        (lambda: histogram(noise(), [[np.nan, 10, 16, 16]]), r"boxes\[0\].*finite"),
-        (lambda: histogram(noise(), [[500, 10, 16, 16]]), r"boxes\[0\].*no pixel inside"),
-        (lambda: histogram(noise(), [[10, -12, 16, 16]]), "part 0 of 2 has no pixel"),
-        (lambda: histogram(noise(), [10, 10, 16, 16]), r"boxes has shape \[4\]"),
-        (lambda: histogram(noise() / 255, GOOD), r"frame is float64 \[60, 80, 3\].*uint8"),
-        (lambda: histogram(noise()[..., 0], GOOD), r"frame is uint8 \[60, 80\]"),
-        (lambda: histogram(None, GOOD), "frame is NoneType"),
-        (lambda: histogram(noise(), GOOD, method="fast"), "auto, integral, sampled"),
-        (
-            lambda: histogram(noise(), GOOD, sharpness=0.0),
-            "sharpness=0.0 must be one",
-        ),
-        (
-            lambda: histogram(noise(), GOOD, sharpness=np.inf),
-            "sharpness=inf must be one",
-        ),
-        (lambda: histogram(noise(), GOOD, parts=0), "parts = 0"),
-        (lambda: histogram(noise(), GOOD, parts=20), "20 of height"),
-        (lambda: histogram(noise(), GOOD, samples=1), "samples is 1"),
-        (lambda: histogram(noise(), GOOD, samples=1000), "samples is 1000: use at most 500"),
-        (lambda: histogram(noise(), GOOD, num_particles=-3), "num_particles = -3"),
-        (lambda: histogram_from_patches([noise()[:1]]), "1 pixels high"),
-        (lambda: histogram_from_patches([]), "patches is empty"),
-        (lambda: histogram_from_patches([noise() * 1.0]), r"patches\[0\] is float64"),
-        (lambda: histogram_from_patches([noise()], [[4, 4, 4]]), "sizes has shape"),
-        (lambda: histogram_from_patches([noise()], [[4, 0]]), r"sizes\[0\]"),
-        (
-            lambda: histogram(noise(), GOOD, method="integral").log_prob(
-                jnp.zeros((61, 81, 16), jnp.uint16), 0, jnp.ones(4)
-            ),
-            "method='sampled'",
-        ),
-        (lambda: histogram(noise(), GOOD).observe(noise() / 2), "frame is float64"),
-    ],
-)
-def test_every_mistake_has_one_clear_sentence(call, words):
-    with pytest.raises(InputError, match=words):
-        call()

@@ -10,7 +10,6 @@ import pytest
 from correlated import CorrelatedGaussian
 
 import scenes
-from jaxpf import InputError
 from jaxpf.likelihoods import (
     Gaussian,
     histogram,
@@ -313,19 +312,6 @@ def test_groups_of_boxes_stand_for_their_members():
             assert abs(found - exact) < 0.01
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"interpolation": "cubic"}, "interpolation='cubic' is unknown; choose one of"),
-        ({"form": "odds"}, "form='odds' is unknown; choose one of"),
-        ({"form": "ratio"}, "there is no background_frames: "),
-    ],
-)
-def test_a_wrong_choice_is_refused(options, words):
-    with pytest.raises(InputError, match=words):
-        histogram_from_patches([picture()[:20, :20]], **options)
-
-
 def test_objects_of_two_sizes_in_a_small_frame_have_the_backgrounds_that_they_have_alone():
     small, boxes = picture()[:44, :60], np.array([[10.0, 12, 16, 24], [40, 20, 9, 12]])
     both = np.asarray(histogram(small, boxes, form="ratio").background)
@@ -334,11 +320,3 @@ def test_objects_of_two_sizes_in_a_small_frame_have_the_backgrounds_that_they_ha
         np.testing.assert_allclose(both[place, :, : alone.shape[1]], alone, rtol=1e-5, atol=1e-6)
         assert np.isneginf(both[place, 1, alone.shape[1] :]).all()
     assert np.isneginf(both[0, 1]).any()  # the larger one has fewer places
-
-
-def test_a_background_needs_boxes_that_fit():
-    likelihood = histogram(picture(), BOXES)
-    with pytest.raises(InputError, match="larger than the frame of 10 x 10"):
-        jax.eval_shape(lambda: learn_background(likelihood, picture()[:10, :10]))
-    with pytest.raises(InputError, match="num_boxes = 0"):
-        learn_background(likelihood, picture(), num_boxes=0)

@@ -4,7 +4,6 @@ import jax
 import numpy as np
 import pytest
 
-import jaxpf
 from jaxpf.contract import log_prob_all
 from jaxpf.likelihoods import Detected, histogram, open_histogram, with_object
 
@@ -34,16 +33,6 @@ def test_a_filled_place_is_the_histogram_of_its_box(method):
     found = values(places, np.where(LABELS == 1, 2, 0))
     np.testing.assert_allclose(found, values(known), rtol=1e-4, atol=1e-4)
     assert not np.asarray(places.references)[1].any()
-
-
-def test_a_box_that_cannot_be_seen_is_refused():
-    places = open_histogram(2, FRAME.shape[:2])
-    with pytest.raises(jaxpf.InputError, match="no pixel inside"):
-        with_object(places, 0, FRAME, [10, 70, 8, 8])
-    with pytest.raises(jaxpf.InputError, match="at least 1 pixel"):
-        with_object(places, 0, FRAME, [10, 10, 0.5, 8])
-    with pytest.raises(jaxpf.InputError, match="place = 2 must be a whole number from 0 to 1"):
-        with_object(places, 2, FRAME, [10, 10, 8, 8])
 
 
 def test_a_detection_pulls_by_its_distance_and_no_farther_than_its_trust():

@@ -5,7 +5,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf import InputError
 from jaxpf.likelihoods import patch, patch_from_pictures
 
 HEIGHT, WIDTH = 50, 70
@@ -195,40 +194,3 @@ def test_the_frame_is_prepared_once_for_all_runs():
     many = np.full((7, 4, 3), 20, np.float32)
     text = str(jax.make_jaxpr(jax.vmap(step, in_axes=(0, None)))(many, frame))
     assert f"[7,{HEIGHT + 2},{WIDTH + 2}" not in text
-
-
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: patch(noise() / 2, POSES, SIZES), "frame is float64"),
-        (lambda: patch(noise(), POSES[:, :2], SIZES), r"poses has shape \[2, 2\]"),
-        (lambda: patch(noise(), POSES * np.nan, SIZES), "every number must be finite"),
-        (lambda: patch(noise(), POSES, SIZES[:1]), r"sizes has shape \[1, 2\]"),
-        (lambda: patch(noise(), POSES, SIZES * 0), r"sizes\[0\] is 0 x 0 pixels"),
-        (lambda: patch(noise(), POSES, SIZES, sigma=0.0), "sigma=0.0 must be one finite number"),
-        (lambda: patch(noise(), POSES, SIZES, window=(0, 3)), r"window is \(0, 3\)"),
-        (
-            lambda: patch(noise(), POSES, SIZES, interpolation="cubic"),
-            "interpolation='cubic' is unknown; choose one of",
-        ),
-        (
-            lambda: patch(noise(), POSES + 500, SIZES, window=WINDOW),
-            "the window of object 0 is black",
-        ),
-        (
-            lambda: patch_from_pictures([PICTURE, 0 * PICTURE], window=(22, 22)),
-            r"pictures\[1\] is black",
-        ),
-        (lambda: patch_from_pictures([]), r"pictures=\[\] must be a list with a picture"),
-        (lambda: patch_from_pictures([noise()[..., 0]]), r"pictures\[0\] is uint8 \[50, 70\]"),
-        (
-            lambda: patch(noise(), POSES, SIZES, window=WINDOW).log_prob(
-                np.zeros((9, 9), int), 0, np.ones(2)
-            ),
-            "a substate has 2 values",
-        ),
-    ],
-)
-def test_every_mistake_has_one_clear_sentence(call, words):
-    with pytest.raises(InputError, match=words):
-        call()

@@ -7,7 +7,6 @@ import jax
 import numpy as np
 import pytest
 
-import jaxpf
 from jaxpf.likelihoods import PixelLikelihood, pixels
 
 SIGMA = 10.0
@@ -155,24 +154,3 @@ def test_what_is_no_box_has_no_likelihood():
     assert np.isneginf(found[:2]).all()
     assert np.isnan(found[2])
     assert np.isfinite(found[3])
-
-
-@pytest.mark.parametrize(
-    ("settings", "sentence"),
-    [
-        ({"sigma": 0.0}, "sigma=0.0 must be one finite number"),
-        ({"pool": "sum"}, "choose one of mean, product"),
-        ({"colour": "hsv"}, "choose one of colour, grey"),
-        ({"window": (0, 3)}, "two sides of a grid"),
-        ({"min_slope": -1.0}, "min_slope=-1.0 must be one finite number"),
-        ({"size_term": math.inf}, "size_term=inf must be one finite number"),
-    ],
-)
-def test_bad_input_is_refused_in_one_sentence(settings, sentence):
-    with pytest.raises(jaxpf.InputError, match=sentence):
-        likelihood(**settings)
-
-
-def test_a_substate_that_is_no_box_is_refused():
-    with pytest.raises(jaxpf.InputError, match="takes \\(u, v, w, h"):
-        log_prob(likelihood(), frame_with(picture(0)), (1.0, 2.0, 3.0))

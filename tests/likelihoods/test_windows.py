@@ -67,25 +67,6 @@ def test_places_that_are_no_numbers_or_far_away_are_told():
     np.testing.assert_array_equal(np.isnan(found), [True, False, True])
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"points": [[60.0, 3.0]]}, r"point 0 is at \(60, 3\), outside the frame of 60 x 40"),
-        ({"points": [[np.nan, 3.0]]}, "outside the frame"),
-        ({"points": [3.0, 3.0]}, r"points has shape"),
-        ({"window": (61, 9)}, "the window is 61 x 9 pixels and the frame 60 x 40"),
-        ({"window": (8, 9)}, "two odd numbers"),
-        ({"sigma": 0.0}, "sigma=0.0 must be one finite number"),
-        ({"norm": "max"}, "norm='max' is unknown; choose one of"),
-        ({"frame": FRAME.astype(float)}, "uint8"),
-        ({"frame": 0 * FRAME}, "the window of point 0 is black"),
-    ],
-)
-def test_bad_input_is_refused(settings, message):
-    with pytest.raises(jaxpf.InputError, match=message):
-        windows(**({"frame": FRAME, "points": POINTS, "window": (9, 9)} | settings))
-
-
 def shown(frame, points, window=(9, 9)):
     """A function of estimates [P, 2] that returns log odds [P] in a frame."""
     likelihood = windows(frame, points, window=window)

@@ -273,10 +273,3 @@ def test_curves_agree_with_counting_frame_by_frame(use_x64):
             np.testing.assert_allclose(area[run, column], np.mean(expected), atol=1e-6)
             expected = [np.mean([d <= k for d in distances]) for k in range(51)]
             np.testing.assert_allclose(errors[run, column], expected, atol=1e-6)
-
-
-@pytest.mark.parametrize("score", [success_area, distance_precision])
-@pytest.mark.parametrize("objects", [1, 2])
-def test_another_number_of_objects_is_refused(score, objects):
-    with pytest.raises(InputError, match="same frames and objects"):
-        score(np.ones((5, objects, 4)), np.ones((5, 3, 4)))

@@ -7,7 +7,8 @@ import zlib
 import cv2
 import numpy as np
 import pytest
-from numbered_frames import message_of, number_of, numbered_frame
+from numbered_frames import number_of, numbered_frame
+from refusals import message_of
 
 from jaxpf import InputError
 from jaxpf.media import open_frames

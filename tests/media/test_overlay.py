@@ -89,14 +89,6 @@ def test_names_of_tiny_objects_are_listed_in_a_corner():
     assert (drawn[:60, :60] == object_colours(2)[1]).all(-1).any()
 
 
-def test_a_lost_box_looks_different():
-    boxes = np.array([[20.0, 30.0, 60.0, 45.0]])
-    found = draw_boxes(grey(), boxes, [1], lost=np.array([False]))
-    lost = draw_boxes(grey(), boxes, [1], lost=np.array([True]))
-    colour = object_colours(1)[0]
-    assert (lost[74, 20:80] == colour).all(-1).sum() < (found[74, 20:80] == colour).all(-1).sum()
-
-
 def test_particles_are_thinned_and_those_outside_are_skipped():
     frame = grey()
     centres = np.full((1, 1000, 2), np.nan)

@@ -11,7 +11,8 @@ import cv2
 import numpy as np
 import pytest
 from films import moving_square, write_film
-from numbered_frames import message_of, number_of, numbered_frame
+from numbered_frames import number_of, numbered_frame
+from refusals import message_of
 
 from jaxpf.media import VideoWriter, open_frames
 

@@ -6,7 +6,8 @@ from fractions import Fraction
 import av
 import numpy as np
 import pytest
-from numbered_frames import message_of, number_of, numbered_frame
+from numbered_frames import number_of, numbered_frame
+from refusals import message_of
 
 from jaxpf.media import VideoWriter, open_frames
 

@@ -7,10 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick_compiling import quick
 
 import jaxpf
-from jaxpf import InputError, ordering, pytree_dataclass
+from jaxpf import ordering, pytree_dataclass
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian
 from jaxpf.running.widths import WIDE, blocks_of
@@ -35,19 +34,6 @@ def twice_the_state(state, summary):
 def trees_equal(one, other):
     for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
         np.testing.assert_array_equal(a, b)
-
-
-def test_run_is_a_fold_of_steps_with_the_documented_keys():
-    made, key = tracker(), jax.random.key(3)
-    state = quick(lambda key: made.init(jax.random.fold_in(key, 0)))(key)
-    step = quick(lambda key, time, state, x: made.step(jax.random.fold_in(key, time), state, x))
-    total = 0.0
-    for time, frame in enumerate(FRAMES):
-        state, summary = step(key, time + 1, state, frame)
-        total += float(summary.log_evidence)
-    last, summaries = jaxpf.run(made, key, FRAMES)
-    np.testing.assert_allclose(last.substates, state.substates, rtol=1e-5, atol=1e-6)
-    np.testing.assert_allclose(np.sum(summaries.log_evidence), total, rtol=1e-5)
 
 
 def test_same_key_gives_the_same_bits_and_another_key_does_not():
@@ -102,6 +88,8 @@ def test_raw_keys_are_taken_as_typed_ones_are():
     typed = jax.random.split(jax.random.key(5), 3)
     raw = jaxpf.monte_carlo(made, jax.random.key_data(typed), FRAMES)
     trees_equal(raw, jaxpf.monte_carlo(made, typed, FRAMES))
+    old, new = (jaxpf.run(made, key, FRAMES) for key in (jax.random.PRNGKey(3), jax.random.key(3)))
+    trees_equal(old, new)
 
 
 @pytree_dataclass
@@ -144,7 +132,7 @@ def test_changing_parameters_compiles_nothing_new():
     assert len(traced) == before
 
 
-def test_steps_outside_jit_compile_once_and_give_the_bits_of_those_inside():
+def test_a_run_is_a_fold_of_steps_with_the_documented_keys_which_compile_once():
     made, key = tracker(dynamics=TracedWalk(np.float64(1.0))), jax.random.key(3)
     state, summaries, counts = made.init(jax.random.fold_in(key, 0)), [], []
     for time, frame in enumerate(FRAMES, 1):
@@ -154,6 +142,10 @@ def test_steps_outside_jit_compile_once_and_give_the_bits_of_those_inside():
     assert counts[0] == counts[-1]
     for one, other in zip(summaries, jaxpf.stream(made, key, FRAMES), strict=True):
         trees_equal(one, other.summary)
+    last, whole = jaxpf.run(made, key, FRAMES)
+    np.testing.assert_allclose(last.substates, state.substates, rtol=1e-5, atol=1e-6)
+    evidence = [summary.log_evidence for summary in summaries]
+    np.testing.assert_allclose(whole.log_evidence, evidence, rtol=1e-5)
     before = len(traced)
     other = tracker(dynamics=TracedWalk(np.float64(2.0)))
     trees_equal(other.init(key), made.init(key))
@@ -252,37 +244,6 @@ def test_record_picks_what_is_kept():
     np.testing.assert_array_equal(kept["state"], [2.0, 6.0, 12.0])
     many = jaxpf.monte_carlo(made, keys, SPEEDS, record=twice_the_state)
     np.testing.assert_array_equal(many["state"], [[2.0, 6.0, 12.0]] * 2)
-
-
-@pytest.mark.parametrize(
-    ("frames", "sentence"),
-    [
-        (np.zeros((0, 3, 1)), r"leading axes \[0\]"),
-        (np.float64(1.0), r"leading axes \[0\]"),
-        ({"a": np.zeros((2, 1)), "b": np.zeros((3, 1))}, r"leading axes \[2, 3\]"),
-        ({}, r"leading axes \[\]"),
-    ],
-)
-def test_frames_without_one_time_axis_are_refused(frames, sentence):
-    with pytest.raises(InputError, match=sentence):
-        jaxpf.run(tracker(), jax.random.key(0), frames)
-    with pytest.raises(InputError, match=sentence):
-        jaxpf.monte_carlo(tracker(), jax.random.split(jax.random.key(0), 2), frames)
-
-
-def test_keys_that_are_not_one_per_run_are_refused():
-    with pytest.raises(InputError, match=r"keys has shape \(\)"):
-        jaxpf.monte_carlo(tracker(), jax.random.key(0), FRAMES)
-    with pytest.raises(InputError, match=r"keys is \[.*; give one key per run, as jax"):
-        jaxpf.monte_carlo(tracker(), [jax.random.key(0), jax.random.key(1)], FRAMES)
-    with pytest.raises(InputError, match=r"keys has shape \(0,\)"):
-        jaxpf.monte_carlo(tracker(), jax.random.split(jax.random.key(0), 0), FRAMES)
-
-
-def test_an_empty_batch_is_refused():
-    keys = jax.random.split(jax.random.key(0), 2)
-    with pytest.raises(InputError, match="batch_size = 0 must be a whole number from 1"):
-        jaxpf.monte_carlo(tracker(), keys, FRAMES, batch_size=0)
 
 
 def test_few_runs_cost_about_their_share_of_many():

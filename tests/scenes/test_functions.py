@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import message_of
 
 from scenes import Scene, SceneError, open_scene
 
@@ -40,11 +41,7 @@ number = 3
 
 
 def complaint_of(source, **options):
-    with pytest.raises(SceneError) as caught:
-        open_scene(source, **options)
-    message = str(caught.value)
-    assert "\n" not in message
-    return message
+    return message_of(open_scene, source, error=SceneError, **options)
 
 
 @pytest.fixture

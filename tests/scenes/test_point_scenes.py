@@ -15,12 +15,8 @@ POINTS = {"fish": 12, "skydivers": 7, "face": 18}
 
 
 @pytest.mark.parametrize("name", ["fish", "skydivers", "face"])
-def test_points_are_on_the_picture_and_the_seed_decides(name):
-    parameters = SMALL[name] | {"num_frames": 3}
-    scene = scenes.make(name, seed=3, **parameters)
-    again = scenes.make(name, seed=3, **parameters)
-    np.testing.assert_array_equal(scene.frames, again.frames)
-    assert not np.array_equal(scene.frames, scenes.make(name, seed=4, **parameters).frames)
+def test_points_are_on_the_picture(name):
+    scene = scenes.make(name, seed=3, **SMALL[name] | {"num_frames": 3})
     points, visible = scene.extras["points"], scene.extras["visible"]
     assert points.shape == (3, POINTS[name], 2)
     assert visible.shape == (3, POINTS[name])
@@ -57,16 +53,3 @@ def test_a_bend_is_inverted():
     pose = Pose(50, 40, 1.3, 0.2, bumps(((3, 4), 10.0, (4, -3)), ((-9, 0), 8.0, (2, 2))))
     places = np.random.default_rng(0).uniform(-20, 20, (30, 2))
     np.testing.assert_allclose(pose.to_body(pose.to_image(places)), places, atol=0.1)
-
-
-@pytest.mark.parametrize(
-    ("name", "parameters", "message"),
-    [
-        ("fish", {"num_frames": 1}, "num_frames = 1 must be"),
-        ("skydivers", {"growth": -1.0}, "growth"),
-        ("face", {"frame_width": 100}, "frame_width"),
-    ],
-)
-def test_parameters_out_of_range_are_refused(name, parameters, message):
-    with pytest.raises(scenes.SceneError, match=message):
-        scenes.make(name, **parameters)

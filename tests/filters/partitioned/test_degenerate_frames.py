@@ -14,8 +14,6 @@ from jaxpf.contract.state import (
     STATUS_OK,
 )
 
-# Degenerate frames.
-
 
 @every_method
 @pytest.mark.parametrize("bad", [np.nan, np.inf], ids=["nan", "inf"])

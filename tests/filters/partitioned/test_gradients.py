@@ -11,12 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.stats
-from correlated import CorrelatedGaussian
 from fenced_trackers import (
     FENCES,
     KEYS,
     METHODS,
-    P,
     frames,
     tracker,
     value_and_gradient,
@@ -27,7 +25,7 @@ from quick_compiling import quick
 import jaxpf
 from jaxpf import InputError, gradients, ordering, pytree_dataclass, tuning
 from jaxpf.dynamics import AR2, LinearGaussian, RandomWalk
-from jaxpf.gradients import NoGradient, Soft, StopGradient, Transport, check_motion_gradient
+from jaxpf.gradients import NoGradient, StopGradient, check_motion_gradient
 from jaxpf.likelihoods import Gaussian
 
 
@@ -207,61 +205,6 @@ def test_a_dimension_without_noise_is_left_out_of_the_density():
     value, slope = jax.value_and_grad(density)(walk.scale)
     np.testing.assert_allclose(value, scipy.stats.norm.logpdf(1.0, 0.0, 0.5), rtol=1e-6)
     assert np.isfinite(slope).all()
-
-
-# The parts.
-
-
-# Refusals.
-
-
-@pytree_dataclass
-class Unknown:
-    """A motion without a density."""
-
-    scale: jax.Array
-
-    def propagate(self, key, partition, current, previous, parent):
-        return current
-
-
-@pytest.mark.parametrize(
-    ("settings", "what"),
-    [
-        ({"gradient": "exact"}, r"gradient='exact' is no strategy .* NoGradient\(\), StopGradient"),
-        ({"motion_gradient": "both"}, "motion_gradient='both' is unknown"),
-        (
-            {"dynamics": Unknown(jnp.ones(())), "motion_gradient": "score"},
-            "needs the method log_density of the dynamics, and Unknown has none",
-        ),
-        ({"gradient": Transport()}, "does not work with a swap, which needs lineages"),
-        (
-            {"gradient": Transport(), "ordering": ordering.dps(P), "tempering": 0.5},
-            "does not work with tempering",
-        ),
-        (
-            {
-                "gradient": Transport(),
-                "ordering": ordering.dps(P),
-                "likelihood": CorrelatedGaussian(jnp.eye(P)),
-            },
-            "does not work with log_joint",
-        ),
-        (
-            {"gradient": Transport(), "ordering": ordering.branched([[0, 1]])},
-            "components that particles keep",
-        ),
-        (
-            {"gradient": Transport(epsilon=0.0), "ordering": ordering.sir(P)},
-            "Transport's epsilon=0.0 must be a finite number above 0",
-        ),
-        ({"gradient": Soft(share=1.5)}, "Soft's share=1.5 must be above 0 and at most 1"),
-    ],
-)
-def test_what_cannot_work_is_refused_in_one_sentence(settings, what):
-    order = settings.pop("ordering", ordering.sps(num_partitions=P))
-    with pytest.raises(InputError, match=what):
-        tracker(order, **settings)
 
 
 def test_a_motion_gradient_that_would_be_zero_is_refused():

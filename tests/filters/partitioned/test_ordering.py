@@ -2,9 +2,8 @@
 
 import jax
 import numpy as np
-import pytest
 
-from jaxpf import InputError, ordering
+from jaxpf import ordering
 
 DEEP = [-1, 0, 0, 1, 2]
 
@@ -107,41 +106,3 @@ def test_tree_levels_are_depths_below_the_root():
 
 def test_check_tree_returns_plain_ints():
     assert ordering.check_tree(np.array([-1, 0])) == (-1, 0)
-
-
-@pytest.mark.parametrize(
-    ("make", "sentence"),
-    [
-        (lambda: ordering.sir(0), r"num_partitions = 0 must be a whole number from 1"),
-        (lambda: ordering.dps(-2), r"num_partitions = -2 must be a whole number from 1"),
-        (
-            lambda: ordering.sps(num_partitions=0),
-            r"num_partitions = 0 must be a whole number from 1",
-        ),
-        (lambda: ordering.ps([0, 0, 1]), r"order \[0, 0, 1\] of component 0 is not a permutation"),
-        (lambda: ordering.ps([1, 2, 3]), r"order \[1, 2, 3\] .* permutation of 0\.\.2"),
-        (lambda: ordering.ps([]), r"order \[\] of component 0"),
-        (lambda: ordering.dps(), r"dps\(\) needs a number of partitions or a list of orders"),
-        (lambda: ordering.dps(orders=[]), r"orders is empty"),
-        (lambda: ordering.dps(3, orders=[[0, 1]]), r"orders=\[\[0, 1\]\] do not all hold the 3"),
-        (
-            lambda: ordering.dps(orders=[[0, 1, 2], [0, 1]]),
-            r"order \[0, 1\] of component 1 is not a permutation of 0\.\.2",
-        ),
-        (lambda: ordering.dps(3, reassembly="sum"), r"reassembly='sum' .* evidence, literal"),
-        (lambda: ordering.branched([]), r"orders is empty"),
-        (lambda: ordering.branched(3), r"orders=3 must be a list of orders"),
-        (lambda: ordering.dps(orders=3), r"orders=3 must be a list of orders"),
-        (lambda: ordering.branched([[0, 1], [1, 1]]), r"order \[1, 1\] of component 1"),
-        (lambda: ordering.sps(), r"sps\(\) needs the part tree `parents` or a number"),
-        (lambda: ordering.sps([]), r"parents is empty"),
-        (lambda: ordering.sps([-1, 0], "best"), r"swap='best' is unknown; .* combinatorial"),
-        (lambda: ordering.sps([-1, 5]), r"parents\[1\]=5 is not a part; use 0\.\.1"),
-        (lambda: ordering.sps([-2, 0]), r"parents\[0\]=-2 is not a part"),
-        (lambda: ordering.sps([-1, 2, 1]), r"parents=\[-1, 2, 1\] has a cycle through part 1"),
-        (lambda: ordering.sps([0]), r"parents=\[0\] has a cycle through part 0"),
-    ],
-)
-def test_a_wrong_ordering_is_refused_naming_the_value(make, sentence):
-    with pytest.raises(InputError, match=sentence):
-        make()

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError, ordering
+from jaxpf import ordering
 from jaxpf.dynamics import RandomWalk
 from jaxpf.filters import WithErrorBars
-from jaxpf.gradients import Transport
 from jaxpf.likelihoods import Gaussian
 
 FRAMES = np.random.default_rng(0).normal(size=(6, 3, 1)).astype(np.float32)
@@ -20,54 +19,58 @@ def tracker(order=None, **changes):
     settings = {
         "dynamics": RandomWalk(scale=1.0),
         "likelihood": Gaussian(noise=jnp.ones((3, 1, 1))),
-        "ordering": ordering.ps([1, 0, 2]) if order is None else order,
+        "ordering": PS if order is None else order,
         "initial": jnp.zeros((3, 1)),
         "num_particles": 64,
     }
     return jaxpf.Partitioned(**settings | changes)
 
 
-@pytest.mark.parametrize("order", [ordering.ps([1, 0, 2]), ordering.sps([-1, -1, -1])])
+PS, EXCHANGE = ordering.ps([1, 0, 2]), ordering.sps([-1, -1, -1])
+
+
+def told(its, frames=FRAMES, **settings):
+    """States and summaries of all frames, with error bars."""
+    its = WithErrorBars(its, **settings)
+    return jax.device_get(jaxpf.run(its, KEY, frames, lambda *both: both)[1])
+
+
+@pytest.mark.parametrize("order", [PS, EXCHANGE])
 def test_the_filter_answers_as_without(order):
     its = tracker(order)
     _, plain = jaxpf.run(its, KEY, FRAMES)
-    _, told = jaxpf.run(WithErrorBars(its), KEY, FRAMES)
+    _, found = told(its)
     for name in ("estimate", "log_evidence", "uniqueness", "spread"):
-        assert jnp.array_equal(getattr(told, name), getattr(plain, name))
-    assert told.estimate_variance.shape == told.estimate_error.shape == (6, 3, 1)
-
-
-def families_by_hand(order, **settings):
-    """Ancestors of the particles in the first frame, from what the filter drew frame by frame."""
-    its = WithErrorBars(tracker(order), **settings)
-    _, states = jaxpf.run(its, KEY, FRAMES, lambda state, summary: state)
-    return states, np.asarray(states.state.sources), np.asarray(states.families)
+        np.testing.assert_array_equal(getattr(found, name), getattr(plain, name))
+    assert found.estimate_variance.shape == found.estimate_error.shape == (6, 3, 1)
 
 
 def test_ancestors_of_the_start_are_handed_on():
-    _, sources, families = families_by_hand(ordering.ps([1, 0, 2]))
-    assert (sources == sources[:, :1]).all()  # particles are whole
+    states, _ = told(tracker(PS))
+    assert (states.state.sources == states.state.sources[:, :1]).all()  # particles are whole
     ancestor = np.arange(64)
-    for source, family in zip(sources[:, 0], families, strict=True):
+    for source, family in zip(states.state.sources[:, 0], states.families, strict=True):
         ancestor = ancestor[source]
         np.testing.assert_array_equal(family[0, 0, 0], ancestor)
 
 
-def test_ancestors_of_a_lag_are_those_of_its_frame():
-    states, sources, families = families_by_hand(ordering.ps([1, 0, 2]), lag=2)
-    first_drawn = np.asarray(states.state.lineage)[:, 1]  # stage 0 is the turn of partition 1
-    two_back = first_drawn[3][sources[4, 0]][sources[5, 0]]
-    np.testing.assert_array_equal(families[5, 2, 0, 0], two_back)
-
-
-def test_exchanged_parts_have_ancestors_of_their_own():
-    _, sources, families = families_by_hand(ordering.sps([-1, -1, -1]))
-    assert families.shape == (6, 1, 1, 3, 64)
-    assert (sources[-1, 0] != sources[-1, 1]).any()
+def test_exchanged_parts_have_ancestors_of_their_own_and_no_error_bar_of_the_evidence():
+    states, summary = told(tracker(EXCHANGE))
+    assert states.families.shape == (6, 1, 1, 3, 64)
+    assert (states.state.sources[-1, 0] != states.state.sources[-1, 1]).any()
     ancestor = np.arange(64)
-    for source in sources[:, 2]:
+    for source in states.state.sources[:, 2]:
         ancestor = ancestor[source]
-    np.testing.assert_array_equal(families[-1, 0, 0, 2], ancestor)
+    np.testing.assert_array_equal(states.families[-1, 0, 0, 2], ancestor)
+    assert np.isnan(summary.evidence_variance).all()
+    assert np.isfinite(summary.estimate_variance[0]).all()
+
+
+def test_the_evidence_has_an_error_bar_with_multinomial_draws_alone():
+    known, unknown = (told(tracker(resampling=x))[1] for x in ("multinomial", "systematic"))
+    assert np.isfinite(known.evidence_variance).any()
+    assert np.isnan(unknown.evidence_variance).all()
+    assert np.isfinite(unknown.estimate_variance).all()
 
 
 @pytest.mark.parametrize(
@@ -80,13 +83,14 @@ def test_exchanged_parts_have_ancestors_of_their_own():
 )
 def test_bars_are_those_computed_by_hand(ess_threshold, num_frames, generations):
     """Of families by hand, over so many generations of particles."""
-    its = WithErrorBars(tracker(resampling="multinomial", ess_threshold=ess_threshold))
-    _, (states, summary) = jaxpf.run(its, KEY, 0.3 * FRAMES[:num_frames], lambda *both: both)
+    its = tracker(resampling="multinomial", ess_threshold=ess_threshold)
+    states, summary = told(its, 0.3 * FRAMES)
+    last = num_frames - 1
     family = np.arange(64)
-    for source in np.asarray(states.state.sources)[:, 0]:
+    for source in states.state.sources[:num_frames, 0]:
         family = family[source]
-    weights = np.exp(np.asarray(states.state.log_weights[-1], float))
-    values = np.asarray(states.state.lagged[-1, 0, 0], float)  # [P, N]
+    weights = np.exp(states.state.log_weights[last].astype(float))
+    values = states.state.lagged[last, 0, 0].astype(float)  # [P, N]
     parts = (values - (values @ weights)[:, None]) * weights
     sums, shares = (
         np.array([x[..., family == ancestor].sum(axis=-1) for ancestor in range(64)])
@@ -96,42 +100,32 @@ def test_bars_are_those_computed_by_hand(ess_threshold, num_frames, generations)
     of_estimate = growth * (sums**2).sum(axis=0)
     of_evidence = 1 - growth * (1 - (shares**2).sum())
     assert of_evidence > 0
-    np.testing.assert_allclose(summary.estimate_variance[-1, :, 0], of_estimate, rtol=1e-3)
-    np.testing.assert_allclose(summary.evidence_variance[-1], of_evidence, rtol=1e-3)
+    np.testing.assert_allclose(summary.estimate_variance[last, :, 0], of_estimate, rtol=1e-3)
+    np.testing.assert_allclose(summary.evidence_variance[last], of_evidence, rtol=1e-3)
+
+
+#: So many that all particles come from one.
+LONG = np.tile(FRAMES, (7, 1, 1))
 
 
 def test_what_is_not_known_is_not_zero():
-    # Nobody is left but the children of one: 40 frames for 16 particles.
-    frames = np.tile(FRAMES, (7, 1, 1))
-    its = WithErrorBars(tracker(num_particles=16, resampling="multinomial"))
-    _, told = jaxpf.run(its, KEY, frames)
-    assert np.isnan(told.estimate_variance[-1]).all()
-    assert np.isnan(told.evidence_variance[-1])
-    assert told.unknown[-1].all()
-    assert (told.num_ancestors[-1] == 1).all()
-    # A lag keeps the estimate's error bars alive, and says nothing of the evidence.
-    _, lagged = jaxpf.run(
-        WithErrorBars(tracker(num_particles=64, resampling="multinomial"), lag=1), KEY, frames
-    )
-    assert np.isfinite(lagged.estimate_variance).mean() > 0.9
-    assert (lagged.estimate_variance[np.isfinite(lagged.estimate_variance)] > 0).all()
-    assert np.isnan(lagged.evidence_variance[2:]).all()
+    _, summary = told(tracker(num_particles=16, resampling="multinomial"), LONG)
+    assert np.isnan(summary.estimate_variance[-1]).all()
+    assert np.isnan(summary.evidence_variance[-1])
+    assert summary.unknown[-1].all()
+    assert (summary.num_ancestors[-1] == 1).all()
 
 
-def test_the_evidence_of_exchanged_parts_has_no_error_bar():
-    _, told = jaxpf.run(WithErrorBars(tracker(ordering.sps([-1, -1, -1]))), KEY, FRAMES)
-    assert np.isnan(told.evidence_variance).all()
-    assert np.isfinite(told.estimate_variance[0]).all()
-
-
-def test_the_evidence_has_an_error_bar_with_multinomial_draws_alone():
-    known = {
-        scheme: jaxpf.run(WithErrorBars(tracker(resampling=scheme)), KEY, FRAMES)[1]
-        for scheme in ("multinomial", "systematic")
-    }
-    assert np.isfinite(known["multinomial"].evidence_variance).any()
-    assert np.isnan(known["systematic"].evidence_variance).all()
-    assert np.isfinite(known["systematic"].estimate_variance).all()
+def test_a_lag_keeps_error_bars_alive_and_says_nothing_of_the_evidence():
+    states, summary = told(tracker(num_particles=400, resampling="multinomial"), LONG, lag=2)
+    known = np.isfinite(summary.estimate_variance)
+    assert known.mean() > 0.9
+    assert (summary.estimate_variance[known] > 0).all()
+    assert np.isnan(summary.evidence_variance[3:]).all()
+    # Ancestors are those of its frame; stage 0 is the turn of partition 1.
+    first_drawn, sources = states.state.lineage[:, 1], states.state.sources
+    two_back = first_drawn[3][sources[4, 0]][sources[5, 0]]
+    np.testing.assert_array_equal(states.families[5, 2, 0, 0], two_back)
 
 
 @pytest.mark.parametrize("order", [[0, 1, 2], [2, 1, 0]])
@@ -143,34 +137,5 @@ def test_the_stage_of_the_sharpest_likelihood_makes_most_of_the_error(order):
         num_particles=400,
         resampling="multinomial",
     )
-    _, told = jaxpf.run(WithErrorBars(its, lag=1, stages=True), KEY, FRAMES)
-    assert (np.asarray(told.evidence_terms)[:2].argmax(axis=-1) == order.index(0)).all()
-
-
-@pytest.mark.parametrize(
-    ("make", "sentence"),
-    [
-        (lambda: WithErrorBars(tracker(), lag=-1), "lag = -1"),
-        (lambda: WithErrorBars(tracker(), stages=True), "stages=True needs a lag"),
-        (
-            lambda: WithErrorBars(tracker(ordering.sps([-1, -1, -1])), lag=3, stages=True),
-            "exchanges no parts",
-        ),
-        (
-            lambda: WithErrorBars(tracker(ess_threshold=0.5), lag=3, stages=True),
-            "use ess_threshold=None or stages=False",
-        ),
-        (lambda: WithErrorBars(tracker(gradient=Transport())), "Transport blends"),
-        (
-            lambda: WithErrorBars(
-                jaxpf.PFFL(
-                    RandomWalk(1.0), Gaussian(noise=jnp.ones((3, 1, 1))), initial=jnp.zeros((3, 1))
-                )
-            ),
-            "PFFL has not",
-        ),
-    ],
-)
-def test_what_has_no_ancestors_is_refused(make, sentence):
-    with pytest.raises(InputError, match=sentence):
-        make()
+    _, summary = told(its, lag=1, stages=True)
+    assert (summary.evidence_terms[:2].argmax(axis=-1) == order.index(0)).all()

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from quick_compiling import quick
 
-from jaxpf import InputError
 from jaxpf.likelihoods import (
     Features,
     detection_probabilities,
@@ -18,7 +17,7 @@ from jaxpf.likelihoods import (
     lost_tail,
     poisson_clutter,
 )
-from jaxpf.likelihoods.contours.line_model import check_detection, log_ratios
+from jaxpf.likelihoods.contours.line_model import log_ratios
 
 LENGTH, REACH, SIGMA = 41.0, 20.5, 7.0
 LEARNED = np.array([0.4, 0.25, 0.15, 0.1, 0.05, 0.03, 0.02])
@@ -223,8 +222,6 @@ def test_more_than_two_boundaries_extend_the_papers_probabilities():
     np.testing.assert_allclose(table[2, :3], (0.05, 0.2, 0.75))
     expected = (table[2:] @ np.arange(6)) / np.arange(2, 6)
     np.testing.assert_allclose(expected, 0.85)  # each boundary as likely as of two
-    with pytest.raises(InputError, match="summing to one"):
-        check_detection([[1, 0], [0.5, 0.6]])
 
 
 @jax.jit

@@ -7,7 +7,6 @@ import jax
 import numpy as np
 import pytest
 
-from jaxpf import InputError
 from jaxpf.likelihoods import EdgeDetector, OpaqueContours, contours
 from jaxpf.likelihoods.contours import exclusive
 from jaxpf.shapes import depth_orders, space_of
@@ -152,12 +151,5 @@ def test_overlap_is_asked_of_any_two():
 def test_orders_of_labels_are_those_of_depth():
     assert THREE.orders_of_labels == tuple(permutations(range(3)))
     assert likelihood(num_targets=2).orders_of_labels == ((0, 1), (1, 0))
-
-
-def test_two_to_four_closed_contours_may_be_opaque():
-    for count in (1, 5):
-        space = space_of("translation", np.stack([square(60, 80, 20.0)] * count), degree=1)
-        with pytest.raises(InputError, match=f"^{count} opaque target.*give 2 to 4 closed contour"):
-            contours(space, count, exclusion="opaque", clutter=0.5)
     four = space_of("translation", np.stack([square(60, 80, 20.0)] * 4), degree=1)
     assert len(contours(four, 4, exclusion="opaque", clutter=0.5).orders_of_labels) == 24

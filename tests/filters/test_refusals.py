@@ -1,0 +1,277 @@
+"""What the filters refuse, and what they name: one row for each rule."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from correlated import CorrelatedGaussian
+from jax.scipy.stats import norm
+from refusals import every, message_of
+from unsuited_dynamics import Blind
+
+import jaxpf
+from jaxpf import ordering
+from jaxpf.dynamics import IndependentGaussian, RandomWalk
+from jaxpf.filters import SideBySide, WithErrorBars, born, ended, quantiles
+from jaxpf.gradients import Soft, Transport
+from jaxpf.likelihoods import Gaussian
+
+KEY, P = jax.random.key(0), 3
+START = np.array([[0.0, 0.0], [20.0, 0.0], [0.0, 20.0]])
+MODEL = {
+    "dynamics": RandomWalk(1.0),
+    "likelihood": Gaussian(np.tile(np.eye(2), (P, 1, 1))),
+    "initial": START,
+}
+TREE, EXCHANGE, CORRELATED = (
+    (-1, 0, 0),
+    ordering.sps(num_partitions=P),
+    CorrelatedGaussian(np.eye(P)),
+)
+SPEED = {"feedback": "estimate"}
+
+
+@jax.tree_util.Partial
+def sampler(key):
+    return jax.random.normal(key, (P, 2))
+
+
+DPS = ordering.dps(P)
+
+
+def partitioned(order=DPS, **changes):
+    return jaxpf.Partitioned(ordering=order, **MODEL | changes)
+
+
+def labelled(**changes):
+    return jaxpf.Labelled(**MODEL | {"num_targets": P} | changes)
+
+
+def population(**changes):
+    empty = np.full((P, 2), np.nan, np.float32)
+    return labelled(initial=empty, population="open", num_targets=None, **changes)
+
+
+def eskil(**changes):
+    return jaxpf.Eskil(**MODEL | changes)
+
+
+def pffl(**changes):
+    return jaxpf.PFFL(**MODEL | changes)
+
+
+def bars(order=None, lag=3, stages=False, **changes):
+    order = ordering.ps([1, 0, 2]) if order is None else order
+    return WithErrorBars(partitioned(order, **changes), lag=lag, stages=stages)
+
+
+def move(key, x, p):
+    return p["a"] * x + jax.random.normal(key)
+
+
+def space(**changes):
+    model = {
+        "initial": lambda key, p: jax.random.normal(key),
+        "transition": move,
+        "log_likelihood": lambda y, x, p: norm.logpdf(y, x),
+        "parameters": {"a": 0.9},
+    }
+    return jaxpf.state_space(**model | changes)
+
+
+def run(tracker, **options):
+    return jaxpf.run(tracker, KEY, np.zeros(4), **options)
+
+
+def with_numpy(key, x, p):
+    return np.sin(x) + jax.random.normal(key)
+
+
+def drawn_by_numpy(key, x, p):
+    return x + np.random.normal()  # noqa: NPY002
+
+
+def by_sign(y, x, p):
+    return -1.0 if x < 0 else -(y**2)
+
+
+def tree(**changes):
+    """A state of an integer and a float."""
+    model = {
+        "initial": lambda key, p: {"regime": jnp.int32(0), "level": jnp.float32(0)},
+        "transition": lambda key, x, p: x | {"level": x["level"] + jax.random.normal(key)},
+        "log_likelihood": lambda y, x, p: norm.logpdf(y, x["level"]),
+    }
+    return space(**model | changes)
+
+
+@every([
+    (lambda: ordering.sir(0), "num_partitions = 0 must be a whole number from 1"),
+    (lambda: ordering.sir(10**12), "1000000000000 must be a whole number from 1 to 10000"),
+    (lambda: ordering.dps(-2), "num_partitions = -2"),
+    (lambda: ordering.sps(num_partitions=0), "num_partitions = 0"),
+    *((lambda count=count: ordering.sir(count), f"{count!r} must be a whole number")
+      for count in ("2", 2.5, True)),
+    *((lambda order=order: ordering.ps(order), "is not a list of whole numbers")
+      for order in ("10", [0.5, 1], 3, None, ["1", "0"])),
+    (lambda: ordering.ps([0, 0, 1]), "[0, 0, 1] of component 0 is not a permutation of 0..2"),
+    (lambda: ordering.named("ps", [-1, -1], order=3), "order 3 is not a list of whole numbers"),
+    (lambda: ordering.dps(), "dps() needs a number of partitions or a list of orders"),
+    (lambda: ordering.dps(orders=[]), "orders is empty"),
+    (lambda: ordering.dps(orders=3), "orders=3 must be a list of orders"),
+    (lambda: ordering.dps(3, orders=[[0, 1]]), "orders=[[0, 1]] do not all hold the 3"),
+    (lambda: ordering.dps(orders=[[0, 1, 2], [0, 1]]), "order [0, 1] of component 1"),
+    (lambda: ordering.dps(3, reassembly="sum"), "reassembly='sum' is unknown; choose one of evid"),
+    (lambda: ordering.branched([]), "orders is empty"),
+    (lambda: ordering.branched([[0, 1], [1, 1]]), "order [1, 1] of component 1"),
+    (lambda: ordering.sps(), "sps() needs the part tree `parents` or a number"),
+    (lambda: ordering.sps([]), "parents is empty"),
+    (lambda: ordering.sps([-1, 0], "best"), "swap='best' is unknown"),
+    (lambda: ordering.sps([-1, 5]), "parents[1]=5 is not a part; use 0..1"),
+    (lambda: ordering.sps([-2, 0]), "parents[0]=-2 is not a part"),
+    (lambda: ordering.sps([1, 0, None]), "parents [1, 0, None] is no list of whole numbers"),
+    (lambda: ordering.sps([-1, 2, 1]), "parents=[-1, 2, 1] has a cycle through part 1"),
+    (lambda: ordering.sps([0]), "parents=[0] has a cycle through part 0"),
+])  # fmt: skip
+def test_a_wrong_ordering_is_refused(call, named):
+    assert named in message_of(call)
+
+
+@every([
+    (lambda: partitioned([0, 1, 2]), "ordering=[0, 1, 2] is not an ordering; make one by"),
+    (lambda: partitioned(resampling="bootstrap"), "resampling='bootstrap'"),
+    (lambda: partitioned(parents=(-1, 0)), "parents has 2 parts"),
+    (lambda: partitioned(parents=(-1, 0, 7)), "parents[2]=7 is not a part"),
+    (lambda: partitioned(initial=np.zeros(3)), "initial has shape (3,)"),
+    (lambda: partitioned(initial=np.zeros((2, 1))), "initial has shape (2, 1)"),
+    (lambda: partitioned(num_particles=2), "num_particles=2 is fewer than the 3"),
+    (lambda: partitioned(num_particles=0), "num_particles = 0 must be a whole"),
+    (lambda: partitioned(parents=TREE), "order [1, 2, 0] puts part 1 before its parent 0"),
+    (lambda: partitioned(EXCHANGE, likelihood=CORRELATED), "log_joint"),
+    (lambda: partitioned(ordering.sps([-1] * P, "sorted"), tempering=0.5), "tempering=0.5"),
+    (lambda: partitioned(ordering.sps(TREE), parents=(-1, 0, 1)), "unlike the model's [-1, 0, 1]"),
+    (lambda: partitioned(EXCHANGE, initial=sampler), "exchanges roots, but the initial sampler"),
+    (lambda: partitioned(initial_label=[[1], []]), "must be the probability"),
+    (lambda: partitioned(gradient="exact"), "gradient='exact' is no strategy"),
+    (lambda: partitioned(gradient=Soft(share=1.5)), "Soft's share=1.5"),
+    (lambda: partitioned(motion_gradient="both"), "motion_gradient='both' is unknown"),
+    (lambda: partitioned(motion_gradient="score", dynamics=Blind()), "log_density of the dynamics"),
+    (lambda: partitioned(EXCHANGE, gradient=Transport()), "a swap, which needs lineages"),
+    (lambda: partitioned(gradient=Transport(), tempering=0.5), "does not work with tempering"),
+    (lambda: partitioned(gradient=Transport(), likelihood=CORRELATED), "work with log_joint"),
+    (lambda: partitioned(ordering.branched([[0, 1, 2]]), gradient=Transport()), "components that"),
+    (lambda: partitioned(gradient=Transport(epsilon=0.0)), "Transport's epsilon=0.0"),
+    (lambda: bars(lag=-1), "lag = -1"),
+    (lambda: bars(lag=1.5), "lag = 1.5 must be a whole number"),
+    (lambda: bars(lag=None, stages=True), "stages=True needs a lag"),
+    (lambda: bars(EXCHANGE, stages=True), "exchanges no parts"),
+    (lambda: bars(ess_threshold=0.5, stages=True), "use ess_threshold=None or stages=False"),
+    (lambda: bars(gradient=Transport()), "Transport blends"),
+    (lambda: WithErrorBars(pffl()), "PFFL has not"),
+    (lambda: SideBySide(partitioned(), 1), "num_runs = 1"),
+    (lambda: SideBySide(3), "tracker is 3; give a tracker"),
+    *((lambda levels=levels: quantiles(np.ones((3, 1, 1)), np.zeros(3), levels), "from 0 to 1")
+      for levels in ([], 0.5, [0.5, 1.5], [-0.1], [np.nan])),
+])  # fmt: skip
+def test_what_a_partitioned_filter_cannot_do_is_refused(call, named):
+    assert named in message_of(call)
+
+
+def test_what_is_refused_with_an_exchange_is_fine_without():
+    alone = ordering.sps(num_partitions=P, swap="none")
+    partitioned(alone, likelihood=CORRELATED)
+    partitioned(alone, tempering=0.5)
+    partitioned(ordering.sps(num_partitions=P, exchange_roots=False), initial=sampler)
+    partitioned(ordering.sps(TREE), parents=TREE, initial=sampler)
+
+
+@every([
+    (lambda: labelled(num_particles=2), "fewer than the 3 targets"),
+    (lambda: labelled(weights="fair"), "choose one of equal_share, plain, corrected"),
+    (lambda: labelled(scope="all"), "choose one of across, within"),
+    (lambda: labelled(feedback="speed"), "choose one of none, estimate"),
+    (lambda: labelled(resampling="random"), "not a resampling scheme"),
+    (lambda: labelled(gradient="soft"), "give NoGradient(), StopGradient()"),
+    (lambda: labelled(gradient=Soft()), "use NoGradient() or StopGradient()"),
+    (lambda: labelled(initial=np.zeros(3)), "must be [L, D]"),
+    (lambda: labelled(initial=sampler, num_targets=None), "num_targets=None"),
+    (lambda: labelled(regularise=(0.0, 1.0)), "two rates above 0"),
+    (lambda: labelled(regularise="fast"), "regularise='fast' must be two rates"),
+    (lambda: labelled(position=3), "position=3 must be whole numbers"),
+    (lambda: labelled(speed=(2, 3), **SPEED), "name coordinate 3"),
+    (lambda: labelled(speed=(1,), **SPEED), "one speed for each position"),
+    (lambda: labelled(speed=(0, 1), **SPEED), "different coordinates"),
+    (lambda: labelled(motion_gradient="score", **SPEED), "changes the move"),
+    (lambda: labelled(reseed=(1.0,) * 5), "one for each coordinate"),
+    (lambda: labelled(reseed="wide"), "reseed='wide' must be finite standard deviations"),
+    (lambda: labelled(reseed=(-1.0, 1.0)), "standard deviations >= 0"),
+    (lambda: labelled(reseed=(1.0, 1.0), weights="plain"), "equal share"),
+    (lambda: labelled(population="closed"), "choose one of fixed, open"),
+    (lambda: population(weights="plain"), "equal share"),
+    (lambda: population(num_particles=2), "fewer than the 3 targets"),
+    (lambda: labelled(population="open", initial=IndependentGaussian(START, 1.0)), "rows of NaN"),
+    (lambda: born(labelled().init(KEY), 0, [0.0, 0.0]), "population='open'"),
+    (lambda: ended(labelled().init(KEY), 0), "population='open'"),
+    (lambda: eskil(initial=START[:1]), "two partitions or more"),
+    (lambda: eskil(initial=0 * START), "start at the same place"),
+    (lambda: eskil(initial=START[0]), "initial has shape"),
+    (lambda: eskil(initial=START * np.nan), "not finite"),
+    (lambda: eskil(drift="nearest"), "choose one of clip"),
+    (lambda: eskil(shape="round"), "choose one of relative"),
+    *((lambda scale=scale: eskil(shape_scale=scale), f"shape_scale={scale!r} must be one finite")
+      for scale in (0.0, "wide", [1, 2])),
+    (lambda: eskil(memory=2.5), "memory = 2.5 must be a whole number"),
+    (lambda: eskil(memory=1), "memory = 1"),
+    (lambda: eskil(num_particles=10**12), "from 1 to 2147483647"),
+    (lambda: eskil(upsampling=1.5), "upsampling = 1.5"),
+    (lambda: eskil(reference="x"), "reference='x' must be positions"),
+    (lambda: eskil(reference=1e30 * np.eye(3)[:, :2]), "too far apart"),
+    (lambda: eskil(reference=START * np.nan), "must be positions, finite"),
+    (lambda: eskil(reference=START[:2]), "reference has 2 rows"),
+    (lambda: eskil(resampling="best"), "resampling='best'"),
+    (lambda: eskil(dynamics=Blind(), proper=True), "has no log_density"),
+    (lambda: eskil(likelihood=CORRELATED), "weighs all objects together"),
+    (lambda: pffl(form="sound"), "choose one of auxiliary"),
+    (lambda: pffl(safety=0.0), "safety=0.0 must be one finite number above 0 and at most 1"),
+    (lambda: pffl(safety=None), "safety=None must be one"),
+])  # fmt: skip
+def test_what_labelled_and_factored_filters_cannot_do_is_refused(call, named):
+    assert named in message_of(call)
+
+
+def test_eskil_says_why_it_cannot_be_checked_for_nan():
+    with jax.debug_nans(True):
+        assert "NaN for the evidence" in message_of(jaxpf.run, eskil(), KEY, START[None])
+
+
+@every([
+    (lambda: space(transition=with_numpy), "transition (with_numpy) calls NumPy"),
+    (lambda: space(transition=lambda key, x, p: float(x)), "float(x), int(x)"),
+    (lambda: space(initial=lambda key, p: max(p["a"], 0)), "max; use jnp.where"),
+    (lambda: space(transition=drawn_by_numpy), "transition gives another result at every call"),
+    (lambda: space(transition=lambda key, x: x), "transition takes (key, x), but must"),
+    (lambda: space(transition=lambda key, x, p: jnp.ones(3)), "returns shape [3], and initial []"),
+    (lambda: space(transition=0.9), "transition is 0.9, which is no function"),
+    (lambda: space(initial={}), "initial is a dict; give the state as one array, or a pytree"),
+    (lambda: space(initial=None), "initial is a NoneType; give the state as one array"),
+    (lambda: space(initial=[[1.0], [1.0, 2.0]]), "initial is list, not an array of numbers"),
+    (lambda: space(parameters={"a": "no"}), "parameters['a'] is 'no'; give numbers and arrays"),
+    (lambda: space(parameters={"f": [norm.pdf]}), "parameters['f'][0] is <"),
+    (lambda: space(num_partices=3), "no option 'num_partices'"),
+    (lambda: space(transition_log_density=lambda new, x, p: x[None]), "density returns shape [1]"),
+    (lambda: run(space(log_likelihood=by_sign)), "log_likelihood (by_sign) decides"),
+    (lambda: run(space(log_likelihood=lambda y, x, p: None)), "log_likelihood returns nothing"),
+    (lambda: run(space(log_likelihood=lambda y, x, p: 1j)), "log_likelihood returns complex"),
+    (lambda: run(space(initial=jnp.zeros(2), transition=lambda key, x, p: x)),
+     "log_likelihood returns shape [2]; return one number"),
+    (lambda: jaxpf.smooth(space(), KEY, np.zeros(4)), "a transition_log_density"),
+    (lambda: tree(transition=lambda key, x, p: x["level"]), "transition returns *, and initial {"),
+    (lambda: tree(transition=lambda key, x, p: x | {"level": jnp.ones(2)}),
+     "returns shape [2]['level'], and initial []"),
+    (lambda: tree(num_values={"level": 3}), "num_values={'level': 3} is not for integers"),
+    (lambda: tree(num_values=0), "num_values = 0 must be"),
+    (lambda: tree(initial=lambda key, p: {}), "initial returns dict; return the state"),
+    (lambda: run(tree(transition=lambda key, x, p, u: x | {"regime": x["regime"] + u}),
+                 inputs=np.ones(4, np.float32)), "returns floats['regime'], and initial integers"),
+])  # fmt: skip
+def test_wrong_functions_are_refused(call, named):
+    assert named in message_of(call)

@@ -10,7 +10,7 @@ from jaxpf.cli.evaluating.request import Work
 from jaxpf.cli.tracking.request import OF_BOXES, Run
 from jaxpf.cli.tuning.command import Options as Tuning
 from jaxpf.contract.options import Option, options_of, plain
-from jaxpf.populations.lifetimes import Rules
+from jaxpf.populations import Rules
 from jaxpf.targets import adapters
 
 

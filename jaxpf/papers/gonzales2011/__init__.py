@@ -6,8 +6,11 @@ with the unbiased swap and without a swap, under the paper's dynamics and under 
 the parts.
 """
 
-from jaxpf.papers.gonzales2011 import claims, figures, measure, tables
+from functools import partial
+
+from jaxpf.papers.gonzales2011 import figures, measure, measures, tables
 from jaxpf.papers.gonzales2011.scenes import NOISE, SAMPLES
+from jaxpf.papers.judging.measures import quantities
 from jaxpf.papers.paper import Paper
 
 NOTES = (
@@ -39,8 +42,8 @@ PAPER = Paper(
     scenes=50,
     measure=measure.measure,
     tables=tables.tables,
-    quantities=claims.quantities,
-    computed=claims.computed_quantities,
+    quantities=partial(quantities, "gonzales2011", measures.MEASURES),
+    computed=measures.computed_quantities,
     figures=figures.figures,
     notes=NOTES,
 )

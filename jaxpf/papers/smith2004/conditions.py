@@ -16,7 +16,6 @@ All of this is in wrappers here: the library resamples once and corrects for eve
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -39,14 +38,14 @@ class OtherEnding(contract.Tracker):
     """A ``Partitioned`` whose frames end differently from the library's.
 
     Attributes:
-        tracker: the ``Partitioned``, PS or DPS.
+        tracker: the ``Partitioned``, PS or DPS; None in ``ENDINGS``.
         counts_twice: static; multiply the weights by the likelihoods of all partitions but the last
             of the order, although resampling has used them already.
         draws_again: static; resample once more by the weights.
         reads_late: static; compute the estimate from the resampled particles.
     """
 
-    tracker: Any
+    tracker: Any = None
     counts_twice: bool = static_field(default=False)
     draws_again: bool = static_field(default=False)
     reads_late: bool = static_field(default=False)
@@ -96,11 +95,11 @@ class OtherEnding(contract.Tracker):
 
 
 #: How frames end: the library's way, then variants that change nothing else.
-ENDINGS: Mapping[str, Callable[[Any], Any] | None] = {
+ENDINGS: Mapping[str, OtherEnding | None] = {
     "as here": None,
-    "drawn twice": partial(OtherEnding, draws_again=True),
-    "drawn twice, read late": partial(OtherEnding, draws_again=True, reads_late=True),
-    "stages counted twice": partial(OtherEnding, counts_twice=True),
+    "drawn twice": OtherEnding(draws_again=True),
+    "drawn twice, read late": OtherEnding(draws_again=True, reads_late=True),
+    "stages counted twice": OtherEnding(counts_twice=True),
 }
 
 
@@ -148,7 +147,7 @@ def measure_conditions(
                 chosen,
                 num_particles=count,
                 name=f"{ending.replace(', ', '-').replace(' ', '_')}-{count}",
-                wrap=ENDINGS[ending],
+                ending=ENDINGS[ending],
             )
             rates = 100 * outcome.recovered.mean(axis=(2, 3))  # [S, O]
             orders = rates[:, outcome.orders()]

@@ -19,7 +19,7 @@ from jaxpf.papers.judging.estimates import gain_of
 from jaxpf.shapes.rectangles import corners_from_poses
 
 FRAMES = 7
-CELL = scenes.Cell("smooth", 3, (12,))
+CELL = ("smooth", 3, (12,))
 
 
 @pytest.fixture(scope="module")
@@ -72,16 +72,16 @@ def test_absolute_parts_walk_alone_and_relative_ones_follow_their_parents():
 
 
 def test_what_was_tracked_before_a_stop_is_not_tracked_again(tmp_path, monkeypatch):
-    def tracked(cell, seed, *_):
-        asked.append((*cell[:2], seed))
-        shape = len(METHODS), len(DYNAMICS), 3
-        return {"10": {what: np.full(shape, 7.0 + seed) for what in Outcome._fields}}
+    def tracked(motion, parts, particles, num_frames, seed):
+        asked.append((motion, parts, seed))
+        shape = len(particles), len(METHODS), len(DYNAMICS), num_frames - 1
+        return {what: np.full(shape, 7.0 + seed) for what in Outcome._fields}
 
     asked = []
     monkeypatch.setattr(scenes, "_on_scene", tracked)
     for _ in range(2):
         with suppress(KeyboardInterrupt), keeping(tmp_path, {}):
-            found = scenes.measure([scenes.Cell("smooth", 3, (10,))], (0, 1), 4)["smooth", 3, 10]
+            found = scenes.measure([("smooth", 3, (10,))], (0, 1), 4)["smooth", 3, 10]
             raise KeyboardInterrupt
     assert sorted(asked) == [("smooth", 3, 0), ("smooth", 3, 1)]
     for variant in VARIANTS:

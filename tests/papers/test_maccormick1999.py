@@ -17,7 +17,7 @@ from jaxpf.papers.maccormick1999 import (
     toy,
     tracking,
 )
-from jaxpf.papers.maccormick1999.measure import Measurement
+from jaxpf.papers.maccormick1999.passing import Measurement
 
 
 def verdicts(**measured):

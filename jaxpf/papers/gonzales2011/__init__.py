@@ -8,8 +8,8 @@ the parts.
 
 from functools import partial
 
-from jaxpf.papers.gonzales2011 import figures, measure, measures, tables
-from jaxpf.papers.gonzales2011.scenes import NOISE, SAMPLES
+from jaxpf.papers.gonzales2011 import figures, measures, tables
+from jaxpf.papers.gonzales2011.scenes import NOISE, SAMPLES, measure_all
 from jaxpf.papers.judging.measures import quantities
 from jaxpf.papers.paper import Paper
 
@@ -40,7 +40,7 @@ PAPER = Paper(
     name="gonzales2011",
     title="gonzales2011 repeated: simultaneous partitioned sampling",
     scenes=50,
-    measure=measure.measure,
+    measure=measure_all,
     tables=tables.tables,
     quantities=partial(quantities, "gonzales2011", measures.MEASURES),
     computed=measures.computed_quantities,

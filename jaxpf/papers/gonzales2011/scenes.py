@@ -15,9 +15,11 @@ from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
 from jaxpf.measures import particle_sets
 from jaxpf.ordering import Ordering, named
-from jaxpf.papers.checkpoints import each
-from jaxpf.papers.gonzales2011.published import SHARPNESS
+from jaxpf.papers.checkpoints import of_scenes
+from jaxpf.papers.gonzales2011 import published
 from jaxpf.papers.grid import Grid, stacked
+from jaxpf.papers.judging.claims import counted
+from jaxpf.papers.paper import Request
 from jaxpf.parts.models import parts_model
 from jaxpf.shapes.rectangles import corners_from_poses
 
@@ -88,66 +90,58 @@ class Outcome(NamedTuple):
 Outcomes = Mapping[tuple[str, int, int], Outcome]
 
 
-class Cell(NamedTuple):
-    """One experiment: a motion, a number of parts, and numbers of particles.
-
-    Attributes:
-        motion: motion of the scene ``articulated``.
-        num_parts: P.
-        particles: values of N.
-    """
-
-    motion: str
-    num_parts: int
-    particles: tuple[int, ...]
+def measure_all(request: Request) -> Outcomes:
+    """Run all measurements; the quick ones are of fewer cells and frames."""
+    erratic = "erratic", published.FIGURE_11_PARTS, (published.FIGURE_11_PARTICLES,)
+    request.report(f"{counted(len(request.seeds), 'sequences')}, one run of 8 trackers on each")
+    if request.quick:
+        return measure([("smooth", 5, (5, 10)), erratic], request.seeds, 40, request.report)
+    smooth = [("smooth", p, published.FIGURE_8_PARTICLES) for p in published.FIGURE_8_PARTS]
+    strong = [("strong_start", p, (published.FIGURE_10_PARTICLES,)) for p in published.PARTS]
+    cells = [*smooth, *strong, erratic]
+    return measure(cells, request.seeds, published.FRAMES, request.report)
 
 
 def measure(
-    cells: Sequence[Cell],
+    cells: Sequence[tuple[str, int, tuple[int, ...]]],
     seeds: Sequence[int],
     num_frames: int,
-    progress: Callable[[str], None] = lambda line: None,
+    report: Callable[[str], None] = lambda line: None,
 ) -> Outcomes:
     """Track the sequences of every cell once with every method.
 
     Args:
-        cells: each has its own sequences.
+        cells: motion and number of parts of their own sequences, and numbers of particles.
         seeds: seeds of the sequences, and of the run of all methods.
         num_frames: frames per sequence; the trackers start at the first.
-        progress: receives a line per sequence.
+        report: receives a line per sequence.
     """
-    parts = (
-        (f"{cell.motion}-{cell.num_parts}-{seed}", partial(_on_scene, cell, seed, num_frames))
-        for cell in cells
-        for seed in seeds
-    )
-    # Two threads: one compiles while the other tracks.
-    measured, outcomes = each(parts, threads=2), {}
-    for cell in cells:
-        by_scene = []
-        for done in range(1, len(seeds) + 1):
-            by_scene.append(next(measured))
-            name = f"{cell.motion}, {cell.num_parts} parts"
-            progress(f"  {name}: sequence {done} of {len(seeds)} done")
-        for number, fields in stacked(by_scene).items():
-            outcomes[cell.motion, cell.num_parts, int(number)] = Outcome(**fields)
+    outcomes = {}
+    for motion, num_parts, particles in cells:
+        on_scene = partial(_on_scene, motion, num_parts, particles, num_frames)
+        # Two threads: one compiles while the other tracks.
+        found = of_scenes(f"{motion}-{num_parts}-parts", on_scene, seeds, report, threads=2)
+        for place, number in enumerate(particles):
+            fields = {name: values[:, place] for name, values in found.items()}
+            outcomes[motion, num_parts, number] = Outcome(**fields)
     return outcomes
 
 
-def _on_scene(cell: Cell, seed: int, num_frames: int) -> dict[str, dict[str, np.ndarray]]:
-    """Number of particles -> fields of an ``Outcome`` of one sequence."""
-    motion, num_parts, particles = cell
+def _on_scene(
+    motion: str, num_parts: int, particles: Sequence[int], num_frames: int, seed: int
+) -> dict[str, Any]:
+    """Fields of an ``Outcome`` of one sequence, for each number of particles."""
     scene = scenes.make(
         "articulated", seed, num_parts=num_parts, motion=motion, num_frames=num_frames
     )
-    truth, found = scene.extras["corners"][1:], {}
+    truth, errors, variances = scene.extras["corners"][1:], [], []
     for number in particles:
         recorded = _track(grid(scene, motion, number), jax.random.key(seed), scene.frames[1:])
         poses, spread = (np.moveaxis(np.asarray(each)[0], 0, 2) for each in recorded)
-        error = particle_sets.corner_distances(corners_from_poses(poses, scene.sizes), truth)
-        variance = particle_sets.pose_variance(spread, scene.sizes)
-        found[str(number)] = {"error": np.asarray(error), "variance": np.asarray(variance)}
-    return found
+        corners = corners_from_poses(poses, scene.sizes)
+        errors.append(particle_sets.corner_distances(corners, truth))
+        variances.append(particle_sets.pose_variance(spread, scene.sizes))
+    return {"error": errors, "variance": variances}
 
 
 # Eighteen kernels are compiled for few particles each: here compile time matters more than the
@@ -206,7 +200,7 @@ def learn(scene: Any, samples: int = SAMPLES) -> HistogramLikelihood:
     likelihood = histogram_from_patches(
         scene.patches,
         scene.sizes,
-        sharpness=SHARPNESS,
+        sharpness=published.SHARPNESS,
         parts=1,
         method="sampled",
         samples=samples,

@@ -7,7 +7,7 @@ Figures 1, 3, 4, 6, 7 and 9 to 11 on drawn scenes.
 from functools import partial
 
 from jaxpf.papers.judging.measures import quantities
-from jaxpf.papers.maccormick1999 import figures, measure, measures, tables
+from jaxpf.papers.maccormick1999 import figures, measures, passing, tables
 from jaxpf.papers.paper import Paper
 
 NOTES = (
@@ -44,7 +44,7 @@ PAPER = Paper(
     name="maccormick1999",
     title="maccormick1999 repeated: exclusion, occlusion and partitioned sampling",
     scenes=50,
-    measure=measure.measure,
+    measure=passing.measure_all,
     tables=tables.tables,
     quantities=partial(quantities, "maccormick1999", measures.MEASURES),
     computed=lambda: {"line": [measures.of_line()]},

@@ -9,9 +9,8 @@ from jaxpf.media import plotting
 from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.judging.estimates import mean_of
 from jaxpf.papers.maccormick1999 import toy
-from jaxpf.papers.maccormick1999.measure import Measurement
 from jaxpf.papers.maccormick1999.one_line import likelihood
-from jaxpf.papers.maccormick1999.passing import AS_MANY, ENOUGH, PARTITIONED, Passing
+from jaxpf.papers.maccormick1999.passing import AS_MANY, ENOUGH, PARTITIONED, Measurement, Passing
 from jaxpf.papers.maccormick1999.published import FEATURES
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxpf.papers.judging.claims import Quantity, computed
 from jaxpf.papers.judging.measures import Measure
 from jaxpf.papers.maccormick1999 import one_line
-from jaxpf.papers.maccormick1999.measure import Measurement
+from jaxpf.papers.maccormick1999.passing import Measurement
 
 
 def of_line() -> Quantity:

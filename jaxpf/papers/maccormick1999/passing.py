@@ -7,9 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxpf.papers.checkpoints import Measure, each
-from jaxpf.papers.maccormick1999 import published
+from jaxpf.papers.judging.claims import counted
+from jaxpf.papers.maccormick1999 import published, scenes, toy
 from jaxpf.papers.maccormick1999.scenes import Case
 from jaxpf.papers.maccormick1999.tracking import REDRAWN, Outcome, track, tracker_of
+from jaxpf.papers.paper import Request
 
 #: Labels are judged where more than this share of the farther target is hidden.
 MUCH_HIDDEN = 0.2
@@ -76,6 +78,11 @@ WALKERS = {
     OCCLUSION + PRINTED: Method("opaque-literal", "sir", published.WALKER_PARTICLES, 2),
     INDEPENDENT: Method("none", "independent", published.WALKER_PARTICLES, 2),
 }
+
+
+#: Methods of the quick version.
+_QUICK_LEAVES = PARTITIONED, AS_MANY
+_QUICK_WALKERS = OCCLUSION, INDEPENDENT
 
 
 class Passing(NamedTuple):
@@ -160,6 +167,49 @@ class Passing(NamedTuple):
 
     def _of(self, method: str) -> Iterator[tuple[Case, Outcome]]:
         return zip(self.cases, self.outcomes[method], strict=False)
+
+
+class Measurement(NamedTuple):
+    """All measurements.
+
+    Attributes:
+        toy: method -> steps of one frame.
+        wires: wires that meet, with and without exclusion.
+        leaves: leaves that pass each other.
+        walkers: walkers that pass each other.
+        figure_11: leaves before they overlap, with all measurement lines independent as in the
+            paper.
+    """
+
+    toy: Mapping[str, Sequence[toy.Step]]
+    wires: Passing
+    leaves: Passing
+    walkers: Passing
+    figure_11: Passing
+
+
+def measure_all(request: Request) -> Measurement:
+    """Run all measurements."""
+    seeds, seed, report = request.seeds, request.seed, request.report
+
+    def passed(name: str, make: Callable[[int], Case], methods: Mapping[str, Method]) -> Passing:
+        report(f"{name}: {counted(len(seeds), 'sequences')}, one run of each method")
+        cases: Iterable[Case] = map(make, seeds)
+        return measure(cases, seeds, methods, report)
+
+    report("Figure 3 and the toy of figures 9 and 10")
+    steps = toy.steps(seed)
+    of_leaves, of_walkers = LEAVES, WALKERS
+    if request.quick:
+        of_leaves = {name: of_leaves[name] for name in _QUICK_LEAVES}
+        of_walkers = {name: of_walkers[name] for name in _QUICK_WALKERS}
+    return Measurement(
+        steps,
+        passed("Figure 4, wires", scenes.wires, WIRES),
+        passed("Leaves", scenes.leaves, of_leaves),
+        passed("Walkers", scenes.walkers, of_walkers),
+        passed("Figure 11", scenes.leaves_of_figure_11, FIGURE_11),
+    )
 
 
 def measure(

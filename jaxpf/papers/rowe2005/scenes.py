@@ -12,7 +12,8 @@ import jaxpf
 import scenes
 from jaxpf.boxes.rowe2005 import Rowe2005Settings
 from jaxpf.evaluation.work.worker import run_keys
-from jaxpf.papers.checkpoints import each
+from jaxpf.papers.checkpoints import of_scenes
+from jaxpf.papers.paper import Request
 from jaxpf.papers.rowe2005.published import PARTICLES
 from jaxpf.shapes.rectangles import area, intersection_area
 
@@ -109,39 +110,50 @@ class Outcome(NamedTuple):
         return self.names.index(variant)
 
 
+class Measurement(NamedTuple):
+    """All measurements.
+
+    Attributes:
+        outcome: runs of all variants.
+        crossing: runs of the mean and of the product on targets that cross.
+    """
+
+    outcome: Outcome
+    crossing: Outcome
+
+
+def measure_all(request: Request) -> Measurement:
+    """Run all measurements."""
+    seeds, report = request.seeds, request.report
+    report(f"{len(seeds)} scenes with {RUNS_PER_SCENE} runs of every variant each")
+    outcome = measure(seeds, VARIANTS, report)
+    report("Targets that cross: mean against product")
+    likelihoods = {name: VARIANTS[name] for name in ("both", "product")}
+    return Measurement(outcome, measure(seeds, likelihoods, report, paths="crossing"))
+
+
 def measure(
     seeds: Sequence[int],
-    variants: Mapping[str, Mapping[str, Any]] = VARIANTS,
-    progress: Callable[[int], None] = lambda done: None,
-    name: str = "scene",
-    **parameters: Any,
+    variants: Mapping[str, Mapping[str, Any]],
+    report: Callable[[str], None],
+    paths: str = "apart",
 ) -> Outcome:
     """Run every variant ``RUNS_PER_SCENE`` times on the scene of each seed; see ``settings_of``.
 
-    ``parameters`` are scene parameters that differ from their defaults.  A run's random numbers
-    depend only on its seed and number, which all variants share.  Scenes are stored under ``name``
-    (``jaxpf.papers.checkpoints``).
+    ``paths`` is a parameter of the scene.  A run's random numbers depend only on its seed and
+    number, which all variants share.
     """
-    measured = []
-    for outcome in each(
-        (f"{name}-{seed}", partial(_on_scene, seed, variants, parameters)) for seed in seeds
-    ):
-        measured.append(outcome)
-        progress(len(measured))
-    columns = (
-        np.stack([scene[field] for scene in measured], axis=0 if field == "in_strip" else 1)
-        for field in Outcome._fields[1:]
-    )
-    return Outcome(tuple(variants), *columns)
+    found = of_scenes(paths, partial(_on_scene, variants, paths), seeds, report)
+    in_strip = found.pop("in_strip")
+    by_variant = {field: np.moveaxis(values, 1, 0) for field, values in found.items()}
+    return Outcome(tuple(variants), **by_variant, in_strip=in_strip)
 
 
 def _on_scene(
-    seed: int,
-    variants: Mapping[str, Mapping[str, Any]],
-    parameters: Mapping[str, Any],
+    variants: Mapping[str, Mapping[str, Any]], paths: str, seed: int
 ) -> dict[str, np.ndarray]:
     """Fields of an ``Outcome`` for one scene, without the scene axis."""
-    scene = scenes.make("projectiles", seed=seed, **parameters)
+    scene = scenes.make("projectiles", seed=seed, paths=paths)
     measured = [
         run_on(scene, seed, changes, settings_of(name)) for name, changes in variants.items()
     ]

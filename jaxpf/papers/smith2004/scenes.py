@@ -16,7 +16,7 @@ from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.likelihoods.histogram import histogram_from_patches
 from jaxpf.measures import metrics, particle_sets
 from jaxpf.ordering import Ordering
-from jaxpf.papers.checkpoints import each
+from jaxpf.papers.checkpoints import of_scenes
 from jaxpf.papers.grid import Grid, stacked
 from jaxpf.papers.smith2004.comparison import SMITH2004_PARTICLES, SMITH2004_SCALE, scene_tracker
 from jaxpf.papers.smith2004.published import SHARPNESS
@@ -103,8 +103,8 @@ def measure(
     orderings: Mapping[str, Ordering] | None = None,
     sharpness: Sequence[float] = SHARPNESS,
     num_particles: int = SMITH2004_PARTICLES,
-    progress: Callable[[int], None] = lambda done: None,
-    name: str = "scene",
+    report: Callable[[str], None] = lambda line: None,
+    name: str = "distracter",
     ending: Any = None,
 ) -> Outcome:
     """Run every ordering and sharpness ``RUNS_PER_SCENE`` times on the scene of each seed.
@@ -116,39 +116,37 @@ def measure(
         orderings: name -> ordering; default ``all_orderings()``.
         sharpness: L values of lambda.
         num_particles: N.
-        progress: called with the number of finished scenes.
+        report: receives a line per scene.
         name: name under which scenes are stored; see ``jaxpf.papers.checkpoints``.
         ending: optional wrapper of the trackers; see ``OtherEnding``.
     """
     orderings = all_orderings() if orderings is None else orderings
-    settings = parameters, orderings, sharpness, num_particles, ending
-    parts = [(f"{name}-{seed}", partial(_on_scene, seed, *settings)) for seed in seeds]
-    measured = []
-    for found in each(parts, threads=jax.local_device_count()):
-        measured.append(found)
-        progress(len(measured))
-    return Outcome(tuple(orderings), **stacked(measured))
+    on_scene = partial(
+        _on_scene,
+        parameters,
+        orderings,
+        sharpness=sharpness,
+        num_particles=num_particles,
+        ending=ending,
+    )
+    found = of_scenes(name, on_scene, seeds, report, threads=jax.local_device_count())
+    return Outcome(tuple(orderings), **found)
 
 
 def _on_scene(
-    seed: int,
-    parameters: Mapping[str, Any],
-    orderings: Mapping[str, Ordering],
-    sharpness: Sequence[float],
-    num_particles: int,
-    ending: Any,
-) -> dict[str, np.ndarray]:
+    parameters: Mapping[str, Any], orderings: Mapping[str, Ordering], seed: int, **settings: Any
+) -> dict[str, Any]:
     """All fields of an ``Outcome`` except the names, for one scene."""
     scene = scenes.make("distracter", seed=seed, **parameters)
     recorded = jaxpf.monte_carlo(
-        grid(scene, orderings, sharpness, num_particles, ending),
+        grid(scene, orderings, **settings),
         run_keys(seed, 0, RUNS_PER_SCENE),
         scene.frames[1:],
         _record,
         batch_size=RUNS_PER_SCENE,
     )
     values = _measures(recorded, scene.boxes[1:], scene.sizes)
-    return dict(zip(Outcome._fields[1:], map(np.asarray, values), strict=True))
+    return dict(zip(Outcome._fields[1:], values, strict=True))
 
 
 def grid(

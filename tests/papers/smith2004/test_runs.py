@@ -81,7 +81,11 @@ def test_the_command_prints_and_writes_the_comparison(tmp_path, capsys):
     output = tmp_path / "out"
     main(["reproduce", "smith2004", "--scenes", "2", "--quick", "--output", str(output)])
     printed = capsys.readouterr().out
-    for words in ("Table 1, objects 2-7: success", "Table 2, object 1: recovery", "a preview, too few"):
+    for words in (
+        "Table 1, objects 2-7: success",
+        "Table 2, object 1: recovery",
+        "a preview, too few",
+    ):
         assert words in printed
     assert {"figure_4.png", "verdicts.csv", "run.toml", "smith2004.md"} <= {
         path.name for path in output.iterdir()

@@ -1,10 +1,9 @@
 """The framework shared by all papers.
 
 Each paper has a folder with the same files: ``published`` (its figures, as data), ``scenes`` (drawn
-or filmed scenes, and the runs on them), ``measure``, ``measures`` (by the names in ``claims.csv``;
-``claims`` where a function gives the figures of a claim), ``tables``, ``figures``, ``claims.csv``,
-``settings.csv`` (settings that the paper leaves open, and how they were chosen) and ``__init__``
-with the ``PAPER``.
+scenes, and the runs on them), ``measures`` (by the names in ``claims.csv``), ``tables``,
+``figures``, ``claims.csv``, ``settings.csv`` (settings that the paper leaves open, and how they
+were chosen) and ``__init__`` with the ``PAPER``.
 """
 
 import dataclasses

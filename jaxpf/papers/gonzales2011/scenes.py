@@ -45,27 +45,13 @@ VARIANTS = {
 REACH = (5.0, 5.0, 0.1)
 
 
-class Noise(NamedTuple):
-    """Process noise per frame: pixels and radians.
-
-    The paper's noise "has been manually chosen".  Ours minimises the error of PS for 7 parts and 20
-    particles on a sequence with another seed (1000) than the reported ones.
-
-    Attributes:
-        absolute: for x, y and for theta, for every part of the absolute random walk.
-        root: for x, y and for theta, for the root of the relative dynamics.
-        joint: for a joint's offset (x and y) and for its angle.
-    """
-
-    absolute: tuple[float, float]
-    root: tuple[float, float]
-    joint: tuple[float, float] = (0.5, 0.1)
-
-
+#: Motion -> process noise per frame, (pixels, radians): of every part of the absolute random walk,
+#: of the root of the relative dynamics, and of a joint's offset and angle.  The paper's noise "has
+#: been manually chosen"; for ours see ``settings.csv``.
 NOISE = {
-    "smooth": Noise(absolute=(4.0, 0.12), root=(3.0, 0.08), joint=(0.5, 0.08)),
-    "strong_start": Noise(absolute=(6.0, 0.06), root=(6.0, 0.15), joint=(0.5, 0.15)),
-    "erratic": Noise(absolute=(9.0, 0.06), root=(6.0, 0.15), joint=(0.5, 0.15)),
+    "smooth": {"absolute": (4.0, 0.12), "root": (3.0, 0.08), "joint": (0.5, 0.08)},
+    "strong_start": {"absolute": (6.0, 0.06), "root": (6.0, 0.15), "joint": (0.5, 0.15)},
+    "erratic": {"absolute": (9.0, 0.06), "root": (6.0, 0.15), "joint": (0.5, 0.15)},
 }
 
 
@@ -164,8 +150,8 @@ def grid(scene: Any, motion: str, num_particles: int) -> Grid:
         scene.extras["poses"][0],
         scene.sizes,
         parents,
-        scale=_both(noise.root),
-        joint_scale=_both(noise.joint),
+        scale=_both(noise["root"]),
+        joint_scale=_both(noise["joint"]),
         anchors=(scene.extras["parent_anchors"], scene.extras["part_anchors"]),
         reach=REACH,
     )
@@ -179,7 +165,7 @@ def grid(scene: Any, motion: str, num_particles: int) -> Grid:
         num_particles=num_particles,
         resampling="multinomial",
     )
-    alone, absolute = np.array(parents) < 0, np.array(_both(noise.absolute), np.float32)
+    alone, absolute = np.array(parents) < 0, np.array(_both(noise["absolute"]), np.float32)
     moves: Any = tracker.dynamics
     dynamics = [
         dataclasses.replace(

@@ -32,8 +32,6 @@ NOTES = (
     "Some filters track only the first half or fifth of the sequences; they are compared on the "
     "sequences that both track.",
     "Resampling is systematic, where the paper draws with replacement.",
-    "The width of a boundary's law is 2 pixels for wires, 5 for leaves and 7, the paper's, for "
-    "walkers.",
     "A label says which opaque target is in front.  It stays while shapes overlap and is redrawn "
     "while they do not; the paper flips it with probability .01 per frame, and then a small set of "
     "particles loses one order before the targets meet.  Half of the leaves are tracked so, too.",

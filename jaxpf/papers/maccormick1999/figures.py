@@ -74,7 +74,9 @@ def ess_figure(leaves: Passing) -> Any:
     drawing, axes = plotting.new_figure(1, 1, figsize=(8, 4.6))
     (axis,) = axes[0]
     for name, colour in zip((PARTITIONED, AS_MANY), plotting.colours(2), strict=True):
-        curve = np.array([mean_of(each).measured() for each in leaves.ess_by_frame(name).T])
+        curve = np.array(
+            [mean_of(each).measured() for each in leaves.of("ess", name).mean(axis=1).T]
+        )
         values, lows, highs = curve.T
         of_sequences = counted(len(leaves.outcomes[name]), "sequences")
         frames = np.arange(1, len(curve) + 1)

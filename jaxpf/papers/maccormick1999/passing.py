@@ -98,22 +98,9 @@ class Passing(NamedTuple):
     outcomes: Mapping[str, Sequence[Outcome]]
     methods: Mapping[str, Method]
 
-    @property
-    def name(self) -> str:
-        """Name of the sequences."""
-        return self.cases[0].name
-
-    def kept(self, method: str) -> np.ndarray:
-        """``[cases, runs]`` bool: both contours end on their own targets."""
-        return np.array([outcome.kept for outcome in self.outcomes[method]])
-
-    def coalesced(self, method: str) -> np.ndarray:
-        """``[cases, runs]`` bool: both contours end on one target."""
-        return np.array([outcome.coalesced for outcome in self.outcomes[method]])
-
-    def swapped(self, method: str) -> np.ndarray:
-        """``[cases, runs]`` bool: each ends on the other's target."""
-        return np.array([outcome.swapped for outcome in self.outcomes[method]])
+    def of(self, field: str, method: str) -> np.ndarray:
+        """``[cases, runs, ...]``, a field of the outcomes."""
+        return np.array([getattr(outcome, field) for outcome in self.outcomes[method]])
 
     def labels_right(self, method: str) -> np.ndarray:
         """``[cases]``: share of frames with strong overlap whose more likely label is right."""
@@ -123,14 +110,6 @@ class Passing(NamedTuple):
             of_front = of_front[:, case.hidden > MUCH_HIDDEN]
             shares.append(np.mean(np.where(np.isnan(of_front), np.nan, of_front > 0.5)))
         return np.array(shares)
-
-    def ess(self, method: str) -> np.ndarray:
-        """``[cases]``, mean over runs and over the first frames."""
-        return self.ess_by_frame(method)[:, : published.FIRST_FRAMES].mean(axis=1)
-
-    def ess_by_frame(self, method: str) -> np.ndarray:
-        """``[cases, T]``, mean over runs."""
-        return np.array([outcome.ess.mean(axis=0) for outcome in self.outcomes[method]])
 
     def widening(self, method: str) -> np.ndarray:
         """``[cases]``: the farther contour's spread at the height of the occlusion over before.

@@ -4,6 +4,7 @@ Most have a case for each sharpness.  Shares are ``[S, n]``, of the n orderings 
 """
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 
@@ -31,7 +32,7 @@ def shares(outcome: Outcome, variant: str, field: str = "recovered") -> Cases:
 
 
 def _shares(field: str) -> Measure:
-    return Measure(lambda outcome, variant: shares(outcome, variant, field), "percent")
+    return Measure(partial(shares, field=field), "percent")
 
 
 def _mean(values: np.ndarray) -> np.ndarray:
@@ -40,7 +41,9 @@ def _mean(values: np.ndarray) -> np.ndarray:
 
 
 def _means(field: str) -> Callable[[Outcome, str], Cases]:
-    return lambda *args: {what: _mean(each) for what, each in shares(*args, field).items()}
+    return lambda outcome, variant: {
+        what: _mean(each) for what, each in shares(outcome, variant, field).items()
+    }
 
 
 def _both(outcome: Outcome, variant: str) -> Cases:
@@ -96,7 +99,7 @@ def _by_object(outcome: Outcome, variant: str, field: str) -> np.ndarray:
 
 
 def _range(field: str) -> Measure:
-    return Measure(lambda *args: np.ptp(_by_object(*args, field), axis=1))
+    return Measure(lambda outcome, variant: np.ptp(_by_object(outcome, variant, field), axis=1))
 
 
 def _shrinking(outcome: Outcome, variant: str) -> np.ndarray:
@@ -111,11 +114,11 @@ MEASURES: Mapping[str, Measure] = {
     "precision and recall": Measure(_both),
     "recovery": _shares("recovered"),
     "recovery at every sharpness": Measure(
-        lambda *args: _at_every_sharpness(*args, "recovered"), "percent"
+        partial(_at_every_sharpness, field="recovered"), "percent"
     ),
     "recovery of chosen orders": Measure(_chosen, "percent"),
     "recovery of chosen orders at 30": Measure(
-        lambda *args: _chosen(*args, slice(BEST_GIVEN_AT, BEST_GIVEN_AT + 1)), "percent"
+        partial(_chosen, columns=slice(BEST_GIVEN_AT, BEST_GIVEN_AT + 1)), "percent"
     ),
     "recovery by stage": Measure(_by_stage, "percent"),
     "precision, object 1": Measure(_means("leader_precision")),

@@ -13,12 +13,13 @@ import jaxpf
 import scenes
 from jaxpf import ordering
 from jaxpf.evaluation.work.worker import run_keys
+from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods.histogram import histogram_from_patches
 from jaxpf.measures import metrics, particle_sets
 from jaxpf.ordering import Ordering
 from jaxpf.papers.checkpoints import of_scenes
 from jaxpf.papers.grid import Grid, stacked
-from jaxpf.papers.smith2004.comparison import SMITH2004_PARTICLES, SMITH2004_SCALE, scene_tracker
+from jaxpf.papers.smith2004.comparison import scene_tracker
 from jaxpf.papers.smith2004.published import SHARPNESS
 from jaxpf.shapes.rectangles import boxes_from_substates
 
@@ -102,7 +103,7 @@ def measure(
     parameters: Mapping[str, Any] = SCENE,
     orderings: Mapping[str, Ordering] | None = None,
     sharpness: Sequence[float] = SHARPNESS,
-    num_particles: int = SMITH2004_PARTICLES,
+    num_particles: int | None = None,
     report: Callable[[str], None] = lambda line: None,
     name: str = "distracter",
     ending: Any = None,
@@ -115,51 +116,54 @@ def measure(
         parameters: parameters of the distracter scene that differ from their defaults.
         orderings: name -> ordering; default ``all_orderings()``.
         sharpness: L values of lambda.
-        num_particles: N.
+        num_particles: N; default the paper's 300.
         report: receives a line per scene.
         name: name under which scenes are stored; see ``jaxpf.papers.checkpoints``.
         ending: optional wrapper of the trackers; see ``OtherEnding``.
     """
     orderings = all_orderings() if orderings is None else orderings
-    on_scene = partial(
-        _on_scene,
-        parameters,
-        orderings,
-        sharpness=sharpness,
-        num_particles=num_particles,
-        ending=ending,
-    )
+    on_scene = partial(_on_scene, parameters, orderings, sharpness, num_particles, ending)
     found = of_scenes(name, on_scene, seeds, report, threads=jax.local_device_count())
     return Outcome(tuple(orderings), **found)
 
 
 def _on_scene(
-    parameters: Mapping[str, Any], orderings: Mapping[str, Ordering], seed: int, **settings: Any
+    parameters: Mapping[str, Any],
+    orderings: Mapping[str, Ordering],
+    sharpness: Sequence[float],
+    num_particles: int | None,
+    ending: Any,
+    seed: int,
 ) -> dict[str, Any]:
     """All fields of an ``Outcome`` except the names, for one scene."""
     scene = scenes.make("distracter", seed=seed, **parameters)
+    tracker = tracker_of(scene, num_particles)
     recorded = jaxpf.monte_carlo(
-        grid(scene, orderings, **settings),
+        grid(tracker, orderings, sharpness, ending),
         run_keys(seed, 0, RUNS_PER_SCENE),
         scene.frames[1:],
         _record,
         batch_size=RUNS_PER_SCENE,
     )
-    values = _measures(recorded, scene.boxes[1:], scene.sizes)
+    values = _measures(recorded, scene.boxes[1:], scene.sizes, tracker.dynamics.scale)
     return dict(zip(Outcome._fields[1:], values, strict=True))
 
 
+def tracker_of(scene: Any, num_particles: int | None = None) -> Partitioned:
+    """The paper's tracker; an integral histogram counts the pixels, whatever their number."""
+    likelihood = histogram_from_patches(scene.patches, scene.sizes, method="integral")
+    return dataclasses.replace(
+        scene_tracker(scene, num_particles=num_particles), likelihood=likelihood
+    )
+
+
 def grid(
-    scene: Any,
+    tracker: Partitioned,
     orderings: Mapping[str, Ordering],
     sharpness: Sequence[float],
-    num_particles: int = SMITH2004_PARTICLES,
     ending: Any = None,
 ) -> Grid:
-    """All trackers of a scene: a row for each ordering, a column for each sharpness."""
-    likelihood = histogram_from_patches(scene.patches, scene.sizes, method="integral")
-    tracker = scene_tracker(scene, next(iter(orderings.values())), num_particles=num_particles)
-    tracker = dataclasses.replace(tracker, likelihood=likelihood)
+    """Variants of a tracker: a row for each ordering, a column for each sharpness."""
     build = jax.tree_util.Partial(_built, tracker, ending)
     return Grid(build, stacked(orderings.values()), np.array(sharpness, np.float32))
 
@@ -175,14 +179,16 @@ def _record(state: Any, summary: Any) -> Any:
 
 
 @jax.jit
-def _measures(recorded: Any, truth: jax.Array, sizes: jax.Array) -> tuple[jax.Array, ...]:
+def _measures(
+    recorded: Any, truth: jax.Array, sizes: jax.Array, noise: jax.Array
+) -> tuple[jax.Array, ...]:
     """Compiled as a whole: a cold start would otherwise compile every operation separately."""
     # [R, T, O, L, ...] to [O, L, R, T, ...]
     estimate, uniqueness, spread = (jnp.moveaxis(x, (0, 1), (2, 3)) for x in recorded)
     boxes = boxes_from_substates(estimate, sizes)
     leader, others = boxes[..., :1, :], boxes[..., 1:, :]
     quality = (metrics.mean_precision, metrics.mean_recall)
-    dynamics = particle_sets.effective_dynamics(spread, jnp.asarray(SMITH2004_SCALE))
+    dynamics = particle_sets.effective_dynamics(spread, noise)
     return (
         metrics.recovery(leader, truth[:, :1])[..., 0],
         metrics.success(others, truth[:, 1:]).mean(axis=(-2, -1)),

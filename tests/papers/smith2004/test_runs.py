@@ -28,7 +28,7 @@ def test_the_grid_gives_what_single_runs_give():
     """Same keys, same estimates as ``jaxpf.run``, whatever shares the grid's kernel with a run."""
     scene, orderings = scenes.make("distracter", seed=0, **SMALL), synthetic.all_orderings(3)
     keys, sharpness = run_keys(0, 0, 2), (20.0, 50.0)
-    grid = synthetic.grid(scene, orderings, sharpness, 40)
+    grid = synthetic.grid(synthetic.tracker_of(scene, 40), orderings, sharpness)
     found = running.monte_carlo(grid, keys, scene.frames[1:])
     assert found.estimate.shape == (2, 8, len(orderings), 2, 3, 3)
     compiled = jax.jit(running.run)
@@ -60,7 +60,7 @@ def test_another_process_gives_the_same_bits():
 @pytest.mark.slow
 def test_measures_of_a_scene_are_those_of_metrics():
     scene, orderings = scenes.make("distracter", seed=0, **SMALL), synthetic.all_orderings(3)
-    grid = synthetic.grid(scene, orderings, (20.0, 50.0), 40)
+    grid = synthetic.grid(synthetic.tracker_of(scene, 40), orderings, (20.0, 50.0))
     found = running.monte_carlo(grid, run_keys(0, 0, 1), scene.frames[1:])
     boxes = boxes_from_substates(found.estimate[:, :, 2, 1], scene.sizes)
     summary = measures.summarise(boxes, scene.boxes[1:])

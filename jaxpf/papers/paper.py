@@ -31,13 +31,11 @@ class Request:
 
     Attributes:
         seeds: seeds of the scenes.
-        seed: the first seed.
         quick: measure much less, as a preview.
         report: receives lines of progress.
     """
 
     seeds: range
-    seed: int
     quick: bool
     report: Callable[[str], None]
 
@@ -88,7 +86,7 @@ class Paper:
         """
         if scenes is None:
             scenes = self.quick_scenes if quick else self.scenes
-        return Request(range(seed, seed + scenes), seed, quick, report)
+        return Request(range(seed, seed + scenes), quick, report)
 
     def compare(self, request: Request) -> Comparison:
         """Run the measurements and compare them with the published figures."""

@@ -94,10 +94,11 @@ def track(
 ) -> dict[str, np.ndarray]:
     """Method -> positions ``[R, T, P, 2]`` after the first frame, in which the points start."""
     later = jnp.asarray(frames[1:])
-    places = {
-        name: places_of(tracker, later, RUNS_PER_SCENE, seed)
-        for name, tracker in methods.trackers(frames[0], points, scale, filters).items()
-    }
+    keys, places = jax.random.split(jax.random.key(seed), RUNS_PER_SCENE), {}
+    for name in filters:
+        tracker = methods.tracker(name, frames[0], points, scale)
+        estimates = monte_carlo(tracker, keys, later, _estimate, batch_size=RUNS_PER_SCENE)
+        places[name] = np.asarray(estimates)
     if methods.FLOW in others:
         places[methods.FLOW] = follow_points(frames, points)[0][None]
     if methods.SPOT in others:
@@ -105,12 +106,6 @@ def track(
     if "not moving" in others:
         places["not moving"] = np.broadcast_to(points, (1, len(later), *points.shape))
     return places
-
-
-def places_of(tracker: Any, later: Any, runs: int, seed: int) -> np.ndarray:
-    """Positions ``[R, T, P, 2]`` estimated by a tracker in the frames after the first."""
-    keys = jax.random.split(jax.random.key(seed), runs)
-    return np.asarray(monte_carlo(tracker, keys, later, _estimate, batch_size=runs))
 
 
 def _estimate(state: Any, summary: Any) -> Any:

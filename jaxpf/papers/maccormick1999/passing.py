@@ -169,7 +169,7 @@ class Measurement(NamedTuple):
 
 def measure_all(request: Request) -> Measurement:
     """Run all measurements."""
-    seeds, seed, report = request.seeds, request.seed, request.report
+    seeds, report = request.seeds, request.report
 
     def passed(name: str, make: Callable[[int], Case], methods: Mapping[str, Method]) -> Passing:
         report(f"{name}: {counted(len(seeds), 'sequences')}, one run of each method")
@@ -177,7 +177,7 @@ def measure_all(request: Request) -> Measurement:
         return measure(cases, seeds, methods, report)
 
     report("Figure 3 and the toy of figures 9 and 10")
-    steps = toy.steps(seed)
+    steps = toy.steps(seeds[0])
     of_leaves, of_walkers = LEAVES, WALKERS
     if request.quick:
         of_leaves = {name: of_leaves[name] for name in _QUICK_LEAVES}

@@ -1,6 +1,6 @@
 """Run every variant of the labelled filter on projectile scenes, for all tables."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -62,21 +62,15 @@ def settings_of(variant: str) -> Rowe2005Settings:
     return TUNED.get(variant, SETTINGS)
 
 
-def tracker(scene: Any, settings: Rowe2005Settings = SETTINGS, **changes: Any) -> jaxpf.Labelled:
-    """Build the paper's tracker on a scene, or a variant of it.
-
-    Args:
-        scene: scene whose targets have patches.
-        settings: settings that the paper leaves open.
-        changes: further arguments of ``jaxpf.boxes.rowe2005_tracker``.
-    """
+def tracker_of(scene: Any, variant: str) -> jaxpf.Labelled:
+    """The tracker of a variant on a scene whose targets have patches."""
     return jaxpf.boxes.tracker(
         scene.frames[0],
         scene.boxes[0],
         like="rowe2005",
         patches=scene.patches,
         particles=PARTICLES,
-        **(settings._asdict() | changes),
+        **(settings_of(variant)._asdict() | VARIANTS[variant]),
     )
 
 
@@ -126,19 +120,18 @@ def measure_all(request: Request) -> Measurement:
     """Run all measurements."""
     seeds, report = request.seeds, request.report
     report(f"{len(seeds)} scenes with {RUNS_PER_SCENE} runs of every variant each")
-    outcome = measure(seeds, VARIANTS, report)
+    outcome = measure(seeds, tuple(VARIANTS), report)
     report("Targets that cross: mean against product")
-    likelihoods = {name: VARIANTS[name] for name in ("both", "product")}
-    return Measurement(outcome, measure(seeds, likelihoods, report, paths="crossing"))
+    return Measurement(outcome, measure(seeds, ("both", "product"), report, paths="crossing"))
 
 
 def measure(
     seeds: Sequence[int],
-    variants: Mapping[str, Mapping[str, Any]],
+    variants: tuple[str, ...],
     report: Callable[[str], None],
     paths: str = "apart",
 ) -> Outcome:
-    """Run every variant ``RUNS_PER_SCENE`` times on the scene of each seed; see ``settings_of``.
+    """Run variants ``RUNS_PER_SCENE`` times on the scene of each seed; see ``settings_of``.
 
     ``paths`` is a parameter of the scene.  A run's random numbers depend only on its seed and
     number, which all variants share.
@@ -146,39 +139,27 @@ def measure(
     found = of_scenes(paths, partial(_on_scene, variants, paths), seeds, report)
     in_strip = found.pop("in_strip")
     by_variant = {field: np.moveaxis(values, 1, 0) for field, values in found.items()}
-    return Outcome(tuple(variants), **by_variant, in_strip=in_strip)
+    return Outcome(variants, **by_variant, in_strip=in_strip)
 
 
-def _on_scene(
-    variants: Mapping[str, Mapping[str, Any]], paths: str, seed: int
-) -> dict[str, np.ndarray]:
+def _on_scene(variants: Sequence[str], paths: str, seed: int) -> dict[str, np.ndarray]:
     """Fields of an ``Outcome`` for one scene, without the scene axis."""
     scene = scenes.make("projectiles", seed=seed, paths=paths)
-    measured = [
-        run_on(scene, seed, changes, settings_of(name)) for name, changes in variants.items()
-    ]
-    columns = [np.stack(column) for column in zip(*measured, strict=True)]
-    in_strip = _in_strip(np.asarray(scene.boxes[1:], np.float32), scene.extras["strips"])
-    return dict(zip(Outcome._fields[1:], [*columns, in_strip], strict=True))
-
-
-def run_on(
-    scene: Any, seed: int, changes: Mapping[str, Any], settings: Rowe2005Settings
-) -> list[np.ndarray]:
-    """Fields of an ``Outcome`` for ``RUNS_PER_SCENE`` runs of one variant on a scene."""
     keys = run_keys(seed, 0, RUNS_PER_SCENE)
     frames, truth = jnp.asarray(scene.frames[1:]), np.asarray(scene.boxes[1:], np.float32)
-    return _measured(tracker(scene, settings, **changes), keys, frames, truth)
+    measured = []
+    for variant in variants:
+        tracker = tracker_of(scene, variant)
+        recorded = jaxpf.monte_carlo(tracker, keys, frames, _record, batch_size=RUNS_PER_SCENE)
+        measured.append([np.asarray(each) for each in _measures(recorded, truth)])
+    columns = [np.stack(column) for column in zip(*measured, strict=True)]
+    in_strip = _in_strip(truth, scene.extras["strips"])
+    return dict(zip(Outcome._fields[1:], [*columns, in_strip], strict=True))
 
 
 def _in_strip(boxes: np.ndarray, strips: np.ndarray) -> np.ndarray:
     left, right = boxes[..., 0, None], boxes[..., 0, None] + boxes[..., 2, None]
     return np.any((left < strips[:, 1]) & (right > strips[:, 0]), axis=-1)
-
-
-def _measured(tracker: Any, keys: Any, frames: Any, truth: np.ndarray) -> list[np.ndarray]:
-    recorded = jaxpf.monte_carlo(tracker, keys, frames, _record, batch_size=len(keys))
-    return [np.asarray(each) for each in _measures(recorded, truth)]
 
 
 def _record(state: Any, summary: Any) -> Any:

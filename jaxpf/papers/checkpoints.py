@@ -9,7 +9,7 @@ and yields them in order.
 import contextlib
 import contextvars
 import hashlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -26,7 +26,7 @@ from jaxpf.files.writing import report_os_errors
 #: Subfolder of the output folder for parts; removed once all output is written.
 NAME = "parts"
 
-#: Function that measures a part: arrays by name, or nested mappings of them.
+#: Function that measures a part: arrays by name.
 Measure = Callable[[], Mapping[str, Any]]
 
 _store: contextvars.ContextVar[Pieces | None] = contextvars.ContextVar("parts", default=None)
@@ -44,7 +44,7 @@ def part(name: str, measure: Measure) -> dict[str, Any]:
         InputError: the part cannot be written.
     """
     stored = _known(name)
-    return _kept(name, dict(_flat(measure()))) if stored is None else stored
+    return _kept(name, _arrays(measure)) if stored is None else stored
 
 
 def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[dict[str, Any]]:
@@ -75,6 +75,30 @@ def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[dic
         del stored[piece.name]
 
 
+def of_scenes(
+    name: str,
+    measure: Callable[[int], Mapping[str, Any]],
+    seeds: Sequence[int],
+    report: Callable[[str], None],
+    threads: int = 1,
+) -> dict[str, np.ndarray]:
+    """Measure the scene of each seed, a part each; arrays ``[S, ...]`` of the scenes that have one.
+
+    Args:
+        name: of the scenes; the parts are ``NAME-SEED``.
+        measure: function of a seed -> arrays of its scene by name; a ``functools.partial`` of a
+            module-level function, so that it can be sent to another process.
+        seeds: seeds of the scenes; the first scene has all arrays.
+        report: receives a line per scene.
+        threads: see ``each``.
+    """
+    found: list[dict[str, Any]] = []
+    for arrays in each(((f"{name}-{seed}", partial(measure, seed)) for seed in seeds), threads):
+        found.append(arrays)
+        report(f"  {name}: scene {len(found)} of {len(seeds)} done")
+    return {key: np.stack([arrays[key] for arrays in found if key in arrays]) for key in found[0]}
+
+
 @contextlib.contextmanager
 def sharing(executor: Pool | None) -> Iterator[None]:
     """Within the block, ``each`` sends parts to workers of new executors; None for none."""
@@ -100,7 +124,11 @@ def _measure(piece: _Piece, attempt: int) -> dict[str, np.ndarray]:
     import jax
 
     with jax.enable_x64(piece.float64):
-        return dict(_flat(piece.measure()))
+        return _arrays(piece.measure)
+
+
+def _arrays(measure: Measure) -> dict[str, np.ndarray]:
+    return {name: np.asarray(values) for name, values in measure().items()}
 
 
 def _known(name: str) -> dict[str, Any] | None:
@@ -108,7 +136,7 @@ def _known(name: str) -> dict[str, Any] | None:
     store = _store.get()
     if store is not None:
         with contextlib.suppress(Damaged), store.opened(name) as arrays:
-            return _nested(arrays)
+            return dict(arrays)
     return None
 
 
@@ -116,30 +144,7 @@ def _kept(name: str, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
     store = _store.get()
     if store is not None:
         store.write(name, arrays)
-    return _nested(arrays)
-
-
-#: Separator between the names of nested mappings.
-_WITHIN = " > "
-
-
-def _flat(arrays: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, np.ndarray]]:
-    for key, value in arrays.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{above}{key}{_WITHIN}")
-        else:
-            yield above + key, np.asarray(value)
-
-
-def _nested(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    nested: dict[str, Any] = {}
-    for path, value in arrays.items():
-        *above, key = path.split(_WITHIN)
-        place = nested
-        for name in above:
-            place = place.setdefault(name, {})
-        place[key] = value
-    return nested
+    return dict(arrays)
 
 
 def can_resume(output: Path, settings: Mapping[str, Any]) -> bool:

@@ -1,10 +1,9 @@
 """The framework shared by all papers.
 
 Each paper has a folder with the same files: ``published`` (its figures, as data), ``scenes`` (drawn
-or filmed scenes, and the runs on them), ``measure``, ``measures`` (by the names in ``claims.csv``;
-``claims`` where a function gives the figures of a claim), ``tables``, ``figures``, ``claims.csv``,
-``settings.csv`` (settings that the paper leaves open, and how they were chosen) and ``__init__``
-with the ``PAPER``.
+scenes, and the runs on them), ``measures`` (by the names in ``claims.csv``), ``tables``,
+``figures``, ``claims.csv``, ``settings.csv`` (settings that the paper leaves open, and how they
+were chosen) and ``__init__`` with the ``PAPER``.
 """
 
 import dataclasses
@@ -32,13 +31,11 @@ class Request:
 
     Attributes:
         seeds: seeds of the scenes.
-        seed: the first seed.
         quick: measure much less, as a preview.
         report: receives lines of progress.
     """
 
     seeds: range
-    seed: int
     quick: bool
     report: Callable[[str], None]
 
@@ -89,7 +86,7 @@ class Paper:
         """
         if scenes is None:
             scenes = self.quick_scenes if quick else self.scenes
-        return Request(range(seed, seed + scenes), seed, quick, report)
+        return Request(range(seed, seed + scenes), quick, report)
 
     def compare(self, request: Request) -> Comparison:
         """Run the measurements and compare them with the published figures."""

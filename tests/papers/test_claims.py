@@ -20,7 +20,7 @@ from jaxpf.papers.judging.claims import (
     growth,
     judge,
 )
-from jaxpf.papers.judging.estimates import gap_of, mean_of, rate_of, ratio_of, share_of
+from jaxpf.papers.judging.estimates import gap_of, mean_of, ratio_of, share_of
 
 
 def claim(at_least=-math.inf, at_most=math.inf, margin=0.0, digits=0, settings=PAPERS_OWN):
@@ -172,7 +172,7 @@ def test_figures_are_those_of_the_measures_intervals():
     found = difference_interval(1.0 * trials[:, 0], trials[:, 1], bounds=(0, 1))
     gap = gap_of(trials[:, :1], trials[:, 1:2])
     np.testing.assert_allclose(gap.measured(), 100 * np.array(found)[[0, 2, 3]])
-    assert rate_of([1.0] * 20).measured().high == 100
+    assert share_of(np.ones((20, 1))).measured().high == 100
 
 
 def test_a_ratio_is_the_geometric_mean():

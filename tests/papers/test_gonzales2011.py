@@ -2,19 +2,24 @@
 
 from contextlib import suppress
 
+import jax
 import numpy as np
 import pytest
 
+import scenes as drawn
+from jaxpf import run
+from jaxpf.measures.particle_sets import corner_distances
 from jaxpf.papers import gonzales2011
 from jaxpf.papers.checkpoints import keeping
-from jaxpf.papers.gonzales2011 import claims, figures, published, scenes, tables
-from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, RUNS_PER_SCENE, Outcome
+from jaxpf.papers.gonzales2011 import figures, published, scenes, tables
+from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, VARIANTS, Outcome
 from jaxpf.papers.judging.claims import NOT_SEEN, OPEN, SUPPORTED, judge_all
 from jaxpf.papers.judging.comparison_table import Comparison, write
+from jaxpf.papers.judging.estimates import gain_of
+from jaxpf.shapes.rectangles import corners_from_poses
 
 FRAMES = 7
-CELL = scenes.Cell("smooth", 3, (12,))
-KINDS = [(dynamics, method) for dynamics in DYNAMICS for method in METHODS]
+CELL = ("smooth", 3, (12,))
 
 
 @pytest.fixture(scope="module")
@@ -23,84 +28,76 @@ def measured():
 
 
 @pytest.mark.slow
-def test_every_method_is_measured_on_every_sequence_and_run(measured):
-    assert set(measured.error) == set(measured.variance) == set(KINDS)
-    for values in (*measured.error.values(), *measured.variance.values()):
-        assert values.shape == (2, RUNS_PER_SCENE, FRAMES - 1)
+def test_every_method_is_measured_on_every_sequence(measured):
+    for values in measured:
+        assert values.shape == (2, len(METHODS), len(DYNAMICS), FRAMES - 1)
         assert np.isfinite(values).all()
         assert (values > 0).all()
-    for error in measured.error.values():
-        # Twelve corners, each some pixels away: a tracker that lost the object is far above.
-        assert error.mean() < 12 * 8
+    # Twelve corners, each some pixels away: a tracker that lost the object is far above.
+    assert measured.error.mean(axis=(0, 3)).max() < 12 * 8
 
 
 @pytest.mark.slow
-def test_methods_and_dynamics_really_differ_and_runs_do_too(measured):
-    errors = [values.ravel() for values in measured.error.values()]
-    for first in range(len(errors)):
-        for second in range(first):
-            assert not np.allclose(errors[first], errors[second])
-    runs = measured.error["absolute", "PS"].reshape(-1, FRAMES - 1)
-    assert len(np.unique(runs[:, -1])) == len(runs)
+def test_methods_dynamics_and_sequences_really_differ(measured):
+    last = measured.error[..., -1].ravel()
+    assert len(np.unique(last)) == len(last)
 
 
 @pytest.mark.slow
 def test_a_run_depends_on_its_sequence_and_seed_alone(measured):
     swapped = scenes.measure([CELL], seeds=(1, 0), num_frames=FRAMES)["smooth", 3, 12]
-    for kind in KINDS:
-        np.testing.assert_array_equal(measured.error[kind][::-1], swapped.error[kind])
+    np.testing.assert_array_equal(measured.error[::-1], swapped.error)
 
 
-def test_trackers_of_all_methods_have_one_shape():
-    import jax
+@pytest.mark.slow
+def test_a_method_in_the_grid_tracks_as_it_does_alone(measured):
+    scene = drawn.make("articulated", 1, num_parts=3, motion="smooth", num_frames=FRAMES)
+    grid = scenes.grid(scene, "smooth", 12)
+    for variant, (row, column) in VARIANTS.items():
+        tracker = grid.build(
+            jax.tree.map(lambda x: x[row], grid.rows),  # noqa: B023
+            jax.tree.map(lambda x: x[column], grid.columns),  # noqa: B023
+        )
+        _, alone = jax.jit(run)(tracker, jax.random.key(1), scene.frames[1:])
+        corners = corners_from_poses(alone.estimate[:, :, :3], scene.sizes)
+        error = corner_distances(corners, scene.extras["corners"][1:])
+        np.testing.assert_allclose(measured.of("error", variant)[1], error, rtol=1e-3)
 
-    from scenes import make
 
-    scene = make("articulated", 0, num_parts=5, num_frames=2)
-    found = scenes.trackers(scene, scenes.learn(scene), "erratic", 4)
-    assert set(found) == set(KINDS)
-    assert len({jax.tree.structure(tracker) for tracker in found.values()}) == 1
-    assert len({str(jax.tree.map(np.shape, tracker)) for tracker in found.values()}) == 1
-    alone = found["absolute", "PS"].dynamics.walks_alone
-    assert np.all(alone)
-    assert np.asarray(found["relative", "PS"].dynamics.walks_alone).tolist() == [True] + [False] * 4
+def test_absolute_parts_walk_alone_and_relative_ones_follow_their_parents():
+    scene = drawn.make("articulated", 0, num_parts=5, num_frames=2)
+    grid = scenes.grid(scene, "erratic", 4)
+    alone = [[True] * 5, [True] + [False] * 4]
+    np.testing.assert_array_equal(grid.columns.walks_alone, alone)
 
 
 def test_what_was_tracked_before_a_stop_is_not_tracked_again(tmp_path, monkeypatch):
-    def tracked(cell, *_):
-        asked.append(cell[:2])
-        return {
-            "10": {
-                what: {kind: {m: np.full((2, 5, 3), 7.0) for m in METHODS} for kind in DYNAMICS}
-                for what in Outcome._fields
-            }
-        }
+    def tracked(motion, parts, particles, num_frames, seed):
+        asked.append((motion, parts, seed))
+        shape = len(particles), len(METHODS), len(DYNAMICS), num_frames - 1
+        return {what: np.full(shape, 7.0 + seed) for what in Outcome._fields}
 
     asked = []
-    monkeypatch.setattr(scenes, "_measured", tracked)
+    monkeypatch.setattr(scenes, "_on_scene", tracked)
     for _ in range(2):
         with suppress(KeyboardInterrupt), keeping(tmp_path, {}):
-            found = scenes.measure([scenes.Cell("smooth", 3, (10,))], (0, 1), 4)["smooth", 3, 10]
+            found = scenes.measure([("smooth", 3, (10,))], (0, 1), 4)["smooth", 3, 10]
             raise KeyboardInterrupt
-    assert asked == [("smooth", 3)]
-    assert set(found.variance) == set(KINDS)
-    np.testing.assert_array_equal(found.error["relative", "PS"], np.full((2, 5, 3), 7.0))
+    assert sorted(asked) == [("smooth", 3, 0), ("smooth", 3, 1)]
+    for variant in VARIANTS:
+        np.testing.assert_array_equal(found.of("error", variant), [[7.0] * 3, [8.0] * 3])
 
 
 def fake_outcome(gains, variance_gains=None, num_scenes=4, spread=0.5):
     """Outcomes in which a method has so many per cent less error than PS, give or take."""
     rng = np.random.default_rng(0)
 
-    def values(gain):
-        noise = spread * rng.normal(size=(num_scenes, 1, 1))
-        return np.full((num_scenes, RUNS_PER_SCENE, 9), 1.0) * (100 - gain + noise)
+    def values(gains):
+        less = np.array([gains.get(method, 0.0) for method in METHODS])[:, None, None]
+        noise = spread * rng.normal(size=(num_scenes, len(METHODS), len(DYNAMICS), 1))
+        return (100 - less + noise) * np.ones(9)
 
-    by_gain = {"PS": 0.0} | gains
-    by_variance = {"PS": 0.0} | (variance_gains or gains)
-    return Outcome(
-        error={(d, m): values(by_gain.get(m, 0.0)) for d, m in KINDS},
-        variance={(d, m): values(by_variance.get(m, 0.0)) for d, m in KINDS},
-    )
+    return Outcome(values(gains), values(variance_gains or gains))
 
 
 def everything(outcome):
@@ -109,39 +106,39 @@ def everything(outcome):
     return dict.fromkeys(cells, outcome)
 
 
-def verdicts(measured):
-    return {each.claim.key: each.verdict for each in judge_all("gonzales2011", measured)}
+def verdicts(outcomes):
+    figures = gonzales2011.PAPER.quantities(outcomes)
+    return {each.claim.key: each.verdict for each in judge_all("gonzales2011", figures)}
 
 
 def test_claims_follow_what_was_measured():
     gains = {"SPS sorted": 12.0, "SPS combinatorial": -12.0}
-    outcomes = everything(fake_outcome(gains, {"SPS sorted": 0.0}, num_scenes=25))
-    for dynamics, swap, expected in (
-        ("absolute", "sorted", SUPPORTED),
-        ("absolute", "combinatorial", NOT_SEEN),
-        ("relative", "combinatorial", NOT_SEEN),
-    ):
-        found = verdicts(claims.of_curves(outcomes, dynamics, swap))
-        assert len(found) == 5
-        for key, verdict in found.items():
+    found = verdicts(everything(fake_outcome(gains, {"SPS sorted": 0.0}, num_scenes=25)))
+    assert len(found) == 15
+    for key, verdict in found.items():
+        expected = {NOT_SEEN if key.startswith("combinatorial") else SUPPORTED}
+        if key.endswith("variance"):
             # No gain is not a considerable one, and within the margin of a gain.
-            without = {NOT_SEEN} if "erratic" in key else {"equal within 3", OPEN}
-            assert verdict in (without if key.endswith("variance") else {expected}), key
-    assert verdicts({"resamplings": claims.resamplings()}) == {"resamplings": SUPPORTED}
-    assert [part.what for part in claims.resamplings()] == ["7 parts, 7 / 4", "9 parts, 9 / 5"]
+            expected = {NOT_SEEN} if "erratic" in key else {"equal within 3", OPEN}
+        assert verdict in expected, key
+    computed = gonzales2011.PAPER.computed()
+    judged = judge_all("gonzales2011", {"resamplings": computed["resamplings"]})
+    assert [each.verdict for each in judged] == [SUPPORTED]
+    assert [part.what for part in computed["resamplings"]] == ["7 parts, 7 / 4", "9 parts, 9 / 5"]
 
 
 def test_one_bad_cell_contradicts_its_claim_alone():
     outcomes = everything(fake_outcome({"SPS sorted": 8.0}, num_scenes=25))
     outcomes["smooth", 7, 40] = fake_outcome({"SPS sorted": -8.0}, num_scenes=25)
-    found = verdicts(claims.of_curves(outcomes, "absolute", "sorted"))
-    assert [key for key, verdict in found.items() if verdict == NOT_SEEN] == ["error"]
-    assert claims.of_curves({}, "absolute", "sorted")["error"] == []
+    found = verdicts(outcomes)
+    own = [key for key in found if not key.startswith("combinatorial")]
+    assert [key for key in own if found[key] == NOT_SEEN] == ["error"]
+    assert verdicts({}) == {}
 
 
 def test_gains_are_per_cent_of_ps_sequence_by_sequence():
     ours, base = np.array([15.0, 60.0] * 15), np.array([20.0, 60.0] * 15)
-    found = tables.gain(ours, base)
+    found = gain_of(ours, base)
     np.testing.assert_allclose(found.value, 100 * (1 - np.sqrt(0.75)))
     low, high = found.interval(0.9)
     assert low < found.value < high
@@ -149,7 +146,7 @@ def test_gains_are_per_cent_of_ps_sequence_by_sequence():
 
 def test_two_methods_that_lose_as_much_by_turns_are_equal():
     ours = np.array([10.0, 40.0] * 10)
-    assert tables.gain(ours, ours[::-1]).value == pytest.approx(0)
+    assert gain_of(ours, ours[::-1]).value == pytest.approx(0)
 
 
 def test_everything_is_written(tmp_path):
@@ -158,7 +155,7 @@ def test_everything_is_written(tmp_path):
         paper="gonzales2011",
         title="a test",
         tables=tables.tables(outcomes),
-        claims=judge_all("gonzales2011", claims.of_curves(outcomes, "absolute", "sorted")),
+        claims=judge_all("gonzales2011", gonzales2011.PAPER.quantities(outcomes)),
         figures=figures.figures(outcomes),
         notes=gonzales2011.NOTES,
     )

@@ -9,15 +9,17 @@ import jaxpf
 from jaxpf.papers import maccormick1999
 from jaxpf.papers.judging.claims import NOT_SEEN, PREVIEW, SUPPORTED, judge_all
 from jaxpf.papers.maccormick1999 import (
+    figures,
     measures,
     one_line,
     passing,
     published,
     scenes as cases,
+    tables,
     toy,
     tracking,
 )
-from jaxpf.papers.maccormick1999.measure import Measurement
+from jaxpf.papers.maccormick1999.passing import Measurement
 
 
 def verdicts(**measured):
@@ -221,10 +223,27 @@ def test_labels_that_were_always_right_may_be_wrong_on_the_next_sequence(one_kep
     right = outcome._replace(in_front=outcome.in_front[:1])
     found = with_outcomes(one_kept_one_lost, {"PS": [right] * 10})
     whole = Measurement(*[None] * 5)._replace(leaves=found)
-    figure = measures.MEASURES["leaves: label right"].figure(whole, "PS")
+    (figure,) = measures.MEASURES["leaves: label right"].figures(whole, "PS")
     value, low, high = figure.measured()
     assert (value, high) == (100, 100)
     assert low == pytest.approx(100 * 0.025**0.1, abs=1.5)  # Clopper and Pearson's of ten trials
+
+
+def test_tables_and_figures_show_every_method(one_kept_one_lost):
+    (outcome,) = one_kept_one_lost.outcomes["PS"]
+    names = passing.PARTITIONED, passing.AS_MANY
+    found = with_outcomes(one_kept_one_lost, {name: [outcome] * 25 for name in names})
+    shown = {table.name: table for table in tables.tables(Measurement({}, *[found] * 4))}
+    assert list(shown) == ["figure_4_wires", "passing_leaves", "passing_walkers", "figure_11"]
+    for table in shown.values():
+        assert [label for label, _ in table.rows] == list(names)
+    leaves = shown["passing_leaves"]
+    cells = dict(zip(leaves.columns[1:], leaves.rows[0][1], strict=True))
+    assert cells["both kept (%)"].measured.value == 50
+    assert cells["widening"].measured.value == pytest.approx(3)
+    assert (cells["N"], cells["sequences"]) == ("9", "25")
+    assert len(figures.ess_figure(found).axes) == 1
+    assert len(figures.passing_figure(found).axes) == len(figures.meeting_figure(found).axes) == 6
 
 
 def test_figure_11_counts_lines_in_full_before_the_leaves_overlap():

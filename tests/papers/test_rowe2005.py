@@ -12,7 +12,7 @@ from jaxpf.papers.checkpoints import keeping
 from jaxpf.papers.judging import comparison_table
 from jaxpf.papers.judging.claims import NOT_SEEN, SUPPORTED, judge_all
 from jaxpf.papers.rowe2005 import measures, published, scenes as synthetic, tables
-from jaxpf.papers.rowe2005.measure import Measurement
+from jaxpf.papers.rowe2005.scenes import Measurement
 
 SCENES, RUNS, FRAMES, TARGETS = 25, synthetic.RUNS_PER_SCENE, 20, 2
 

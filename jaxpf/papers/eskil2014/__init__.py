@@ -5,7 +5,7 @@ The three sequences on synthetic scenes modelled on them, with ablations and com
 
 from functools import partial
 
-from jaxpf.papers.eskil2014 import figures, measure, measures, methods, tables
+from jaxpf.papers.eskil2014 import figures, measures, methods, scenes, tables
 from jaxpf.papers.judging.measures import quantities
 from jaxpf.papers.paper import Paper
 
@@ -31,7 +31,7 @@ PAPER = Paper(
     name="eskil2014",
     title="eskil2014 repeated: factored particles with dependent and constrained dynamics",
     scenes=50,
-    measure=measure.measure,
+    measure=scenes.measure_all,
     tables=tables.tables,
     quantities=partial(quantities, "eskil2014", measures.MEASURES),
     figures=figures.figures,

@@ -1,7 +1,7 @@
 """The compared methods by name: point trackers built from a frame and initial points."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -68,10 +68,3 @@ def tracker(
         dynamics = AR2(np.float32(scale), np.float32(MOMENTUM))
         return dataclasses.replace(point_tracker, dynamics=dynamics)
     return point_tracker
-
-
-def trackers(
-    frame: np.ndarray, points: np.ndarray, scale: float, names: Sequence[str] = FILTERS
-) -> dict[str, Any]:
-    """Method -> its ``tracker``, for the given names."""
-    return {name: tracker(name, frame, points, scale) for name in names}

@@ -33,9 +33,9 @@ SEQUENCES = {
     "skydiving": Sequence("skydivers", 300, 5.0),
     "face": Sequence("face", 127, 5.0),
 }
-#: M of PFFL; sigma_o, sigma_p.
+#: M of PFFL; sigma_o.
 PFFL_PARTICLES = 50
-SIGMA, SHAPE_SCALE = 0.1, 0.01
+SIGMA = 0.1
 
 #: Points of the fish near their true positions at the end, out of 12 (section 4.1).
 KEPT_PFFL, KEPT_PROPOSED = 7, 12

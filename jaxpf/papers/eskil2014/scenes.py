@@ -1,7 +1,7 @@
 """Run all methods on a set of scenes; the tables are computed from these runs."""
 
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -12,12 +12,17 @@ import scenes
 from jaxpf.evaluation.baselines.optical_flow import follow_points
 from jaxpf.evaluation.baselines.spot import spot
 from jaxpf.measures import points as measures
-from jaxpf.papers.checkpoints import Measure, each
-from jaxpf.papers.eskil2014 import methods
+from jaxpf.papers.checkpoints import of_scenes
+from jaxpf.papers.eskil2014 import methods, published
+from jaxpf.papers.judging.claims import counted
+from jaxpf.papers.paper import Request
 from jaxpf.running.blocks import monte_carlo
 
 #: Runs per scene; the paper has one film of each kind.
 RUNS_PER_SCENE = 1
+_QUICK_FRAMES = 60
+#: Sequences that are drawn for the first half of the seeds only, since they have many frames.
+_LONG = ("skydiving",)
 
 
 class Outcome(NamedTuple):
@@ -38,65 +43,45 @@ class Outcome(NamedTuple):
     visible: np.ndarray
 
 
-def measure(
-    scene: str,
-    scale: float,
-    seeds: Sequence[int],
-    filters: Sequence[str] = methods.FILTERS,
-    others: Sequence[str] = methods.OTHERS,
-    report: Callable[[str], None] = print,
-    **parameters: Any,
-) -> Outcome:
-    """Track scenes by all methods, one scene per seed.
-
-    Args:
-        scene: name of a scene of points.
-        scale: sigma_t, pixels.
-        seeds: S seeds of the scenes.
-        filters: names in ``methods.FILTERS``.
-        others: names in ``methods.OTHERS``.
-        report: receives lines of progress.
-        parameters: scene parameters that differ from their defaults.
-    """
-    errors: dict[str, list[np.ndarray]] = {}
-    visible, names = [], ()
-
-    def parts() -> Iterator[tuple[str, Measure]]:
-        for place, seed in enumerate(seeds):
-            with_spot = place < methods.SPOT_SCENES
-            here = [name for name in others if name != methods.SPOT or with_spot]
-            args = scene, seed, parameters, scale, filters, here
-            yield f"{scene}-{seed}", functools.partial(_on_scene, *args)
-
-    for done, (seed, places) in enumerate(zip(seeds, each(parts()), strict=True), start=1):
-        drawn = _drawn(scene, seed, **parameters)
-        truth, names = drawn.extras["points"][1:], drawn.extras["point_names"]
-        lengths = drawn.extras["body_length"][1:]
-        for method, estimates in places.items():
-            distances = measures.point_distances(estimates, truth, lengths)
-            errors.setdefault(method, []).append(distances)
-        visible.append(drawn.extras["visible"][1:])
-        report(f"  {scene}: scene {done} of {len(seeds)} done")
-    stacked = {method: np.stack(each) for method, each in errors.items()}
-    return Outcome(scene, tuple(names), stacked, np.stack(visible))
-
-
-@functools.lru_cache(maxsize=1)  # used for tracking, then for the errors
-def _drawn(scene: str, seed: int, **parameters: Any) -> scenes.Scene:
-    return scenes.make(scene, seed=seed, **parameters)
+def measure_all(request: Request) -> dict[str, Outcome]:
+    """Run all measurements: one outcome for each kind of scene."""
+    quick, seeds, report = request.quick, request.seeds, request.report
+    outcomes = {}
+    for name in ["platty"] if quick else list(published.SEQUENCES):
+        scene, scale = published.SEQUENCES[name].scene, published.SEQUENCES[name].scale_here
+        chosen = seeds[: -(-len(seeds) // 2)] if name in _LONG else seeds
+        report(f"{name}: {counted(len(chosen), 'scenes')}, one run of every method on each")
+        filters = methods.QUICK if quick else methods.FILTERS
+        shorter = {"num_frames": _QUICK_FRAMES} if quick else {}
+        with_spot = chosen[: methods.SPOT_SCENES]
+        on_scene = functools.partial(_on_scene, scene, scale, filters, with_spot, shorter)
+        found = of_scenes(scene, on_scene, chosen, report)
+        names, visible = found.pop("names")[0], found.pop("visible")
+        outcomes[scene] = Outcome(scene, tuple(map(str, names)), found, visible)
+    return outcomes
 
 
 def _on_scene(
     scene: str,
-    seed: int,
-    parameters: Mapping[str, Any],
     scale: float,
     filters: Sequence[str],
-    others: Sequence[str],
-) -> dict[str, np.ndarray]:
-    """``track`` on a scene; the worker draws it itself."""
-    drawn = _drawn(scene, seed, **parameters)
-    return track(drawn.frames, drawn.extras["points"][0], scale, filters, others, seed)
+    with_spot: Sequence[int],
+    parameters: Mapping[str, Any],
+    seed: int,
+) -> dict[str, Any]:
+    """Names and visibility of the points, and the errors of every method, on one scene."""
+    drawn = scenes.make(scene, seed=seed, **parameters)
+    truth, lengths = drawn.extras["points"], drawn.extras["body_length"][1:]
+    others = [name for name in methods.OTHERS if name != methods.SPOT or seed in with_spot]
+    places = track(drawn.frames, truth[0], scale, filters, others, seed)
+    return {
+        "names": drawn.extras["point_names"],
+        "visible": drawn.extras["visible"][1:],
+        **{
+            method: measures.point_distances(of_method, truth[1:], lengths)
+            for method, of_method in places.items()
+        },
+    }
 
 
 def track(
@@ -109,10 +94,11 @@ def track(
 ) -> dict[str, np.ndarray]:
     """Method -> positions ``[R, T, P, 2]`` after the first frame, in which the points start."""
     later = jnp.asarray(frames[1:])
-    places = {
-        name: places_of(tracker, later, RUNS_PER_SCENE, seed)
-        for name, tracker in methods.trackers(frames[0], points, scale, filters).items()
-    }
+    keys, places = jax.random.split(jax.random.key(seed), RUNS_PER_SCENE), {}
+    for name in filters:
+        tracker = methods.tracker(name, frames[0], points, scale)
+        estimates = monte_carlo(tracker, keys, later, _estimate, batch_size=RUNS_PER_SCENE)
+        places[name] = np.asarray(estimates)
     if methods.FLOW in others:
         places[methods.FLOW] = follow_points(frames, points)[0][None]
     if methods.SPOT in others:
@@ -120,12 +106,6 @@ def track(
     if "not moving" in others:
         places["not moving"] = np.broadcast_to(points, (1, len(later), *points.shape))
     return places
-
-
-def places_of(tracker: Any, later: Any, runs: int, seed: int) -> np.ndarray:
-    """Positions ``[R, T, P, 2]`` estimated by a tracker in the frames after the first."""
-    keys = jax.random.split(jax.random.key(seed), runs)
-    return np.asarray(monte_carlo(tracker, keys, later, _estimate, batch_size=runs))
 
 
 def _estimate(state: Any, summary: Any) -> Any:

@@ -6,8 +6,11 @@ with the unbiased swap and without a swap, under the paper's dynamics and under 
 the parts.
 """
 
-from jaxpf.papers.gonzales2011 import claims, figures, measure, tables
-from jaxpf.papers.gonzales2011.scenes import NOISE, SAMPLES
+from functools import partial
+
+from jaxpf.papers.gonzales2011 import figures, measures, tables
+from jaxpf.papers.gonzales2011.scenes import measure_all
+from jaxpf.papers.judging.measures import quantities
 from jaxpf.papers.paper import Paper
 
 NOTES = (
@@ -19,28 +22,21 @@ NOTES = (
     "Errors and variances are compared by the geometric mean of the sequences' ratios.",
     "Absolute dynamics are the paper's: every part walks at random.  Relative dynamics move joints "
     "and parts follow their parents; only they make the tree matter.",
-    "The noise gave PS its least error on other sequences (seed 1000): "
-    + "; ".join(
-        f"{motion}, absolute {noise.absolute}, root {noise.root}, joint {noise.joint}"
-        for motion, noise in NOISE.items()
-    )
-    + " (pixels, radians).",
     "The paper's swap pairs the best left arm with the best right one.  It is biased: see "
     "notebooks/swap_bias.ipynb.  'SPS combinatorial' exchanges parts without bias.  Where 'SPS "
     "sorted' alone has a lower error or variance than PS, it owes that to the bias.",
     "Variance: of the corners about their mean, to first order, summed over the parts; the paper "
     "does not define its own.  Resampling is multinomial, as in the paper's section 3.1.",
-    f"Likelihoods come from {SAMPLES} x {SAMPLES} pixels of a part.",
 )
 
 PAPER = Paper(
     name="gonzales2011",
     title="gonzales2011 repeated: simultaneous partitioned sampling",
     scenes=50,
-    measure=measure.measure,
+    measure=measure_all,
     tables=tables.tables,
-    quantities=claims.quantities,
-    computed=claims.computed_quantities,
+    quantities=partial(quantities, "gonzales2011", measures.MEASURES),
+    computed=measures.computed_quantities,
     figures=figures.figures,
     notes=NOTES,
 )

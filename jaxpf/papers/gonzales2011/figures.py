@@ -44,8 +44,8 @@ def _curves(
             cell, measure = cells[column // len(measures)], measures[column % len(measures)]
             axis = axes[row, column]
             for method, colour in zip(METHODS, colours, strict=True):
-                values = getattr(outcomes[cell], measure)[dynamics, method]
-                curve = np.nanmean(values, axis=(0, 1))
+                values = outcomes[cell].of(measure, f"{method}, {dynamics}")
+                curve = np.nanmean(values, axis=0)
                 axis.plot(1 + np.arange(len(curve)), curve, color=colour, label=method, lw=1.2)
             axis.set(title=f"{cell[1]} parts, N = {cell[2]}", ylim=(0, None))
             axis.grid(alpha=0.3)

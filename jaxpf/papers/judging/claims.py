@@ -296,22 +296,10 @@ def _shown(figure: Quantity, digits: int, level: float) -> str:
 
 
 def _hull(figures: Sequence[Quantity], digits: int, level: float) -> str:
-    """All figures, abbreviated."""
-    values, lows, highs = zip(*(each.measured(level) for each in figures), strict=True)
-    if not any(each.units for each in figures):
-        return _span(values, digits)
-    return hull(values, lows, highs, digits)
-
-
-def hull(
-    values: Sequence[float], lows: Sequence[float], highs: Sequence[float], digits: int
-) -> str:
     """``smallest to largest [lowest end, highest end]``, without ends if one is unknown."""
-    if not math.isfinite(sum(highs) - sum(lows)):
-        return _span(values, digits)
-    return f"{_span(values, digits)} [{min(lows):z.{digits}f}, {max(highs):z.{digits}f}]"
-
-
-def _span(values: Sequence[float], digits: int) -> str:
+    values, lows, highs = zip(*(each.measured(level) for each in figures), strict=True)
     least, most = (f"{value:z.{digits}f}" for value in (min(values), max(values)))
-    return least if least == most else f"{least} to {most}"
+    span = least if least == most else f"{least} to {most}"
+    if not any(each.units for each in figures) or not math.isfinite(sum(highs) - sum(lows)):
+        return span
+    return f"{span} [{min(lows):z.{digits}f}, {max(highs):z.{digits}f}]"

@@ -7,7 +7,6 @@ import numpy as np
 
 from jaxpf.measures.intervals import difference_interval, mean_interval
 from jaxpf.papers.judging.claims import Quantity
-from jaxpf.papers.judging.comparison_table import Cell
 
 
 def mean_of(
@@ -43,14 +42,20 @@ def ratio_of(first: Any, second: Any, what: str = "") -> Quantity:
     return logarithms._replace(value=math.exp(logarithms.value), interval=interval, what=what)
 
 
-def rate_of(rates: Any, what: str = "") -> Quantity:
-    """The mean of the scenes' rates ``[S]``, given in 0 to 1, in per cent."""
-    return mean_of(100 * np.asarray(rates, float), what, (0.0, 100.0))
+def gain_of(ours: Any, base: Any, what: str = "") -> Quantity:
+    """By how many per cent the scenes' values ``[S]`` are below others: one less ``ratio_of``."""
+    ratio = ratio_of(ours, base, what)
+
+    def interval(level: float) -> tuple[float, float]:
+        low, high = ratio.interval(level)
+        return 100 * (1 - high), 100 * (1 - low)
+
+    return ratio._replace(value=100 * (1 - ratio.value), interval=interval)
 
 
 def share_of(trials: Any, what: str = "") -> Quantity:
     """The percentage of successful trials ``[S, trials]`` bool."""
-    return rate_of(_by_scene(trials), what)
+    return mean_of(100 * _by_scene(trials), what, (0.0, 100.0))
 
 
 def gap_of(first: Any, second: Any, what: str = "") -> Quantity:
@@ -68,18 +73,3 @@ def gap_of(first: Any, second: Any, what: str = "") -> Quantity:
 def _by_scene(trials: Any) -> np.ndarray:
     """The scenes' rates ``[S]``."""
     return np.asarray(trials, float).mean(axis=1)
-
-
-def mean_cell(values: Any, digits: int = 0, published: float | None = None) -> Cell:
-    """The mean of the scenes' values ``[S]``, with the published value."""
-    return Cell(published, mean_of(values).measured(), digits)
-
-
-def rate_cell(rates: Any, published: float | None = None) -> Cell:
-    """A percentage from the scenes' rates ``[S]``, in 0 to 1, with the published value."""
-    return Cell(published, rate_of(rates).measured())
-
-
-def share_cell(trials: Any, published: float | None = None) -> Cell:
-    """The percentage of successful trials ``[S, trials]`` bool, with the published value."""
-    return Cell(published, share_of(trials).measured())

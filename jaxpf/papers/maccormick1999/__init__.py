@@ -7,7 +7,7 @@ Figures 1, 3, 4, 6, 7 and 9 to 11 on drawn scenes.
 from functools import partial
 
 from jaxpf.papers.judging.measures import quantities
-from jaxpf.papers.maccormick1999 import figures, measure, measures, tables
+from jaxpf.papers.maccormick1999 import figures, measures, passing, tables
 from jaxpf.papers.paper import Paper
 
 NOTES = (
@@ -32,8 +32,6 @@ NOTES = (
     "Some filters track only the first half or fifth of the sequences; they are compared on the "
     "sequences that both track.",
     "Resampling is systematic, where the paper draws with replacement.",
-    "The width of a boundary's law is 2 pixels for wires, 5 for leaves and 7, the paper's, for "
-    "walkers.",
     "A label says which opaque target is in front.  It stays while shapes overlap and is redrawn "
     "while they do not; the paper flips it with probability .01 per frame, and then a small set of "
     "particles loses one order before the targets meet.  Half of the leaves are tracked so, too.",
@@ -44,7 +42,7 @@ PAPER = Paper(
     name="maccormick1999",
     title="maccormick1999 repeated: exclusion, occlusion and partitioned sampling",
     scenes=50,
-    measure=measure.measure,
+    measure=passing.measure_all,
     tables=tables.tables,
     quantities=partial(quantities, "maccormick1999", measures.MEASURES),
     computed=lambda: {"line": [measures.of_line()]},

@@ -9,9 +9,8 @@ from jaxpf.media import plotting
 from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.judging.estimates import mean_of
 from jaxpf.papers.maccormick1999 import toy
-from jaxpf.papers.maccormick1999.measure import Measurement
 from jaxpf.papers.maccormick1999.one_line import likelihood
-from jaxpf.papers.maccormick1999.passing import AS_MANY, ENOUGH, PARTITIONED, Passing
+from jaxpf.papers.maccormick1999.passing import AS_MANY, ENOUGH, PARTITIONED, Measurement, Passing
 from jaxpf.papers.maccormick1999.published import FEATURES
 
 
@@ -75,7 +74,9 @@ def ess_figure(leaves: Passing) -> Any:
     drawing, axes = plotting.new_figure(1, 1, figsize=(8, 4.6))
     (axis,) = axes[0]
     for name, colour in zip((PARTITIONED, AS_MANY), plotting.colours(2), strict=True):
-        curve = np.array([mean_of(each).measured() for each in leaves.ess_by_frame(name).T])
+        curve = np.array(
+            [mean_of(each).measured() for each in leaves.of("ess", name).mean(axis=1).T]
+        )
         values, lows, highs = curve.T
         of_sequences = counted(len(leaves.outcomes[name]), "sequences")
         frames = np.arange(1, len(curve) + 1)

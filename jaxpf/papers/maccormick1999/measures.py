@@ -1,13 +1,15 @@
 """Measures of the experiment, by the names in ``claims.csv``."""
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
 from jaxpf.papers.judging.claims import Quantity, computed
 from jaxpf.papers.judging.measures import Measure
 from jaxpf.papers.maccormick1999 import one_line
-from jaxpf.papers.maccormick1999.measure import Measurement
+from jaxpf.papers.maccormick1999.passing import Passing
+from jaxpf.papers.maccormick1999.published import FIRST_FRAMES
 
 
 def of_line() -> Quantity:
@@ -16,30 +18,28 @@ def of_line() -> Quantity:
     return computed(float(together.max() / apart.min()))
 
 
-def _of(kind: str, what: str) -> Callable[[Measurement, str], np.ndarray]:
-    """A method of ``Passing`` on one kind of sequences."""
-
-    def values(measured: Measurement, variant: str) -> np.ndarray:
-        return getattr(getattr(measured, kind), what)(variant)
-
-    return values
-
-
-def _labels_right(kind: str) -> Callable[[Measurement, str], np.ndarray]:
-    """Frames with strong overlap in which the label has the depth order right, ``[cases, 1]``."""
-    return lambda measured, variant: getattr(measured, kind).labels_right(variant)[:, None]
-
-
 def of_kind(kind: str) -> dict[str, Measure]:
     """The measures of wires, leaves, walkers or the leaves of figure 11."""
+
+    def of(values: Callable[[Passing, str], np.ndarray], *how: Any) -> Measure:
+        return Measure(lambda measured, method: values(getattr(measured, kind), method), *how)
+
+    def share_of(field: str) -> Measure:
+        return of(lambda passing, method: passing.of(field, method), "percent")
+
     return {
-        "kept": Measure(_of(kind, "kept"), "percent"),
-        "coalesced": Measure(_of(kind, "coalesced"), "percent"),
-        "exchanged": Measure(_of(kind, "swapped"), "percent"),
-        "label right": Measure(_labels_right(kind), "percent"),
-        "widening": Measure(_of(kind, "widening"), "ratio", digits=2),
-        "narrowing": Measure(_of(kind, "narrowing"), "ratio", digits=2),
-        "ess": Measure(_of(kind, "ess"), "ratio", digits=1),
+        "kept": share_of("kept"),
+        "coalesced": share_of("coalesced"),
+        "exchanged": share_of("swapped"),
+        "label right": of(lambda passing, method: passing.labels_right(method)[:, None], "percent"),
+        "widening": of(Passing.widening, "ratio", 2),
+        "narrowing": of(Passing.narrowing, "ratio", 2),
+        # Over the first frames.
+        "ess": of(
+            lambda passing, method: passing.of("ess", method)[..., :FIRST_FRAMES].mean(axis=(1, 2)),
+            "ratio",
+            1,
+        ),
     }
 
 

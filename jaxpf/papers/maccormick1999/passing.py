@@ -7,9 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxpf.papers.checkpoints import Measure, each
-from jaxpf.papers.maccormick1999 import published
+from jaxpf.papers.judging.claims import counted
+from jaxpf.papers.maccormick1999 import published, scenes, toy
 from jaxpf.papers.maccormick1999.scenes import Case
 from jaxpf.papers.maccormick1999.tracking import REDRAWN, Outcome, track, tracker_of
+from jaxpf.papers.paper import Request
 
 #: Labels are judged where more than this share of the farther target is hidden.
 MUCH_HIDDEN = 0.2
@@ -78,6 +80,11 @@ WALKERS = {
 }
 
 
+#: Methods of the quick version.
+_QUICK_LEAVES = PARTITIONED, AS_MANY
+_QUICK_WALKERS = OCCLUSION, INDEPENDENT
+
+
 class Passing(NamedTuple):
     """Targets that met or passed each other.
 
@@ -91,22 +98,9 @@ class Passing(NamedTuple):
     outcomes: Mapping[str, Sequence[Outcome]]
     methods: Mapping[str, Method]
 
-    @property
-    def name(self) -> str:
-        """Name of the sequences."""
-        return self.cases[0].name
-
-    def kept(self, method: str) -> np.ndarray:
-        """``[cases, runs]`` bool: both contours end on their own targets."""
-        return np.array([outcome.kept for outcome in self.outcomes[method]])
-
-    def coalesced(self, method: str) -> np.ndarray:
-        """``[cases, runs]`` bool: both contours end on one target."""
-        return np.array([outcome.coalesced for outcome in self.outcomes[method]])
-
-    def swapped(self, method: str) -> np.ndarray:
-        """``[cases, runs]`` bool: each ends on the other's target."""
-        return np.array([outcome.swapped for outcome in self.outcomes[method]])
+    def of(self, field: str, method: str) -> np.ndarray:
+        """``[cases, runs, ...]``, a field of the outcomes."""
+        return np.array([getattr(outcome, field) for outcome in self.outcomes[method]])
 
     def labels_right(self, method: str) -> np.ndarray:
         """``[cases]``: share of frames with strong overlap whose more likely label is right."""
@@ -116,14 +110,6 @@ class Passing(NamedTuple):
             of_front = of_front[:, case.hidden > MUCH_HIDDEN]
             shares.append(np.mean(np.where(np.isnan(of_front), np.nan, of_front > 0.5)))
         return np.array(shares)
-
-    def ess(self, method: str) -> np.ndarray:
-        """``[cases]``, mean over runs and over the first frames."""
-        return self.ess_by_frame(method)[:, : published.FIRST_FRAMES].mean(axis=1)
-
-    def ess_by_frame(self, method: str) -> np.ndarray:
-        """``[cases, T]``, mean over runs."""
-        return np.array([outcome.ess.mean(axis=0) for outcome in self.outcomes[method]])
 
     def widening(self, method: str) -> np.ndarray:
         """``[cases]``: the farther contour's spread at the height of the occlusion over before.
@@ -160,6 +146,49 @@ class Passing(NamedTuple):
 
     def _of(self, method: str) -> Iterator[tuple[Case, Outcome]]:
         return zip(self.cases, self.outcomes[method], strict=False)
+
+
+class Measurement(NamedTuple):
+    """All measurements.
+
+    Attributes:
+        toy: method -> steps of one frame.
+        wires: wires that meet, with and without exclusion.
+        leaves: leaves that pass each other.
+        walkers: walkers that pass each other.
+        figure_11: leaves before they overlap, with all measurement lines independent as in the
+            paper.
+    """
+
+    toy: Mapping[str, Sequence[toy.Step]]
+    wires: Passing
+    leaves: Passing
+    walkers: Passing
+    figure_11: Passing
+
+
+def measure_all(request: Request) -> Measurement:
+    """Run all measurements."""
+    seeds, report = request.seeds, request.report
+
+    def passed(name: str, make: Callable[[int], Case], methods: Mapping[str, Method]) -> Passing:
+        report(f"{name}: {counted(len(seeds), 'sequences')}, one run of each method")
+        cases: Iterable[Case] = map(make, seeds)
+        return measure(cases, seeds, methods, report)
+
+    report("Figure 3 and the toy of figures 9 and 10")
+    steps = toy.steps(seeds[0])
+    of_leaves, of_walkers = LEAVES, WALKERS
+    if request.quick:
+        of_leaves = {name: of_leaves[name] for name in _QUICK_LEAVES}
+        of_walkers = {name: of_walkers[name] for name in _QUICK_WALKERS}
+    return Measurement(
+        steps,
+        passed("Figure 4, wires", scenes.wires, WIRES),
+        passed("Leaves", scenes.leaves, of_leaves),
+        passed("Walkers", scenes.walkers, of_walkers),
+        passed("Figure 11", scenes.leaves_of_figure_11, FIGURE_11),
+    )
 
 
 def measure(

@@ -4,9 +4,13 @@ from jaxpf.files.tables import Table
 from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.judging.measures import measure_table
 from jaxpf.papers.maccormick1999 import published
-from jaxpf.papers.maccormick1999.measure import Measurement
 from jaxpf.papers.maccormick1999.measures import of_kind
-from jaxpf.papers.maccormick1999.passing import INDEPENDENT, MUCH_HIDDEN, WIRE_PARTICLES
+from jaxpf.papers.maccormick1999.passing import (
+    INDEPENDENT,
+    MUCH_HIDDEN,
+    WIRE_PARTICLES,
+    Measurement,
+)
 
 
 def tables(measured: Measurement) -> list[Table]:

@@ -9,8 +9,8 @@ from functools import partial
 
 from jaxpf.papers.judging.measures import quantities
 from jaxpf.papers.paper import Paper
-from jaxpf.papers.rowe2005 import figures, measure, measures, tables
-from jaxpf.papers.rowe2005.scenes import RUNS_PER_SCENE
+from jaxpf.papers.rowe2005 import figures, measures, tables
+from jaxpf.papers.rowe2005.scenes import RUNS_PER_SCENE, measure_all
 
 NOTES = (
     "The paper's scene is not available: it gives the numbers of frames, targets and samples, the "
@@ -33,7 +33,7 @@ PAPER = Paper(
     name="rowe2005",
     title="rowe2005 repeated: labelled particles with equal shares and speed feedback",
     scenes=75,  # 72 scenes without an event bound its rate by 5 %
-    measure=measure.measure,
+    measure=measure_all,
     tables=tables.tables,
     quantities=partial(quantities, "rowe2005", measures.MEASURES),
     figures=figures.figures,

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.media import plotting
-from jaxpf.papers.rowe2005.measure import Measurement
-from jaxpf.papers.rowe2005.scenes import Outcome
+from jaxpf.papers.rowe2005.scenes import Measurement, Outcome
 
 
 def figures(measured: Measurement) -> dict[str, Any]:

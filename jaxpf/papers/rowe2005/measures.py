@@ -7,8 +7,7 @@ import numpy as np
 
 from jaxpf.papers.judging.measures import Measure
 from jaxpf.papers.rowe2005 import published
-from jaxpf.papers.rowe2005.measure import Measurement
-from jaxpf.papers.rowe2005.scenes import Outcome
+from jaxpf.papers.rowe2005.scenes import Measurement, Outcome
 
 
 def run_share(outcome: Outcome, variant: str) -> np.ndarray:

@@ -3,8 +3,8 @@
 Rowe, Rius, Gonzalez and Villanueva, "Towards robust multiple-target tracking", about 2005.
 """
 
-#: T, N and L of the synthetic test.
-FRAMES, PARTICLES, TARGETS = 300, 100, 2
+#: N of the synthetic test.
+PARTICLES = 100
 
 #: Figure 2 (b): range of the mean number of samples per target over runs, per cent.
 SHARE_BAND = (49.5, 50.5)

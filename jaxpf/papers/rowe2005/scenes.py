@@ -1,6 +1,6 @@
 """Run every variant of the labelled filter on projectile scenes, for all tables."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -12,7 +12,8 @@ import jaxpf
 import scenes
 from jaxpf.boxes.rowe2005 import Rowe2005Settings
 from jaxpf.evaluation.work.worker import run_keys
-from jaxpf.papers.checkpoints import each
+from jaxpf.papers.checkpoints import of_scenes
+from jaxpf.papers.paper import Request
 from jaxpf.papers.rowe2005.published import PARTICLES
 from jaxpf.shapes.rectangles import area, intersection_area
 
@@ -61,21 +62,15 @@ def settings_of(variant: str) -> Rowe2005Settings:
     return TUNED.get(variant, SETTINGS)
 
 
-def tracker(scene: Any, settings: Rowe2005Settings = SETTINGS, **changes: Any) -> jaxpf.Labelled:
-    """Build the paper's tracker on a scene, or a variant of it.
-
-    Args:
-        scene: scene whose targets have patches.
-        settings: settings that the paper leaves open.
-        changes: further arguments of ``jaxpf.boxes.rowe2005_tracker``.
-    """
+def tracker_of(scene: Any, variant: str) -> jaxpf.Labelled:
+    """The tracker of a variant on a scene whose targets have patches."""
     return jaxpf.boxes.tracker(
         scene.frames[0],
         scene.boxes[0],
         like="rowe2005",
         patches=scene.patches,
         particles=PARTICLES,
-        **(settings._asdict() | changes),
+        **(settings_of(variant)._asdict() | VARIANTS[variant]),
     )
 
 
@@ -109,64 +104,62 @@ class Outcome(NamedTuple):
         return self.names.index(variant)
 
 
+class Measurement(NamedTuple):
+    """All measurements.
+
+    Attributes:
+        outcome: runs of all variants.
+        crossing: runs of the mean and of the product on targets that cross.
+    """
+
+    outcome: Outcome
+    crossing: Outcome
+
+
+def measure_all(request: Request) -> Measurement:
+    """Run all measurements."""
+    seeds, report = request.seeds, request.report
+    report(f"{len(seeds)} scenes with {RUNS_PER_SCENE} runs of every variant each")
+    outcome = measure(seeds, tuple(VARIANTS), report)
+    report("Targets that cross: mean against product")
+    return Measurement(outcome, measure(seeds, ("both", "product"), report, paths="crossing"))
+
+
 def measure(
     seeds: Sequence[int],
-    variants: Mapping[str, Mapping[str, Any]] = VARIANTS,
-    progress: Callable[[int], None] = lambda done: None,
-    name: str = "scene",
-    **parameters: Any,
+    variants: tuple[str, ...],
+    report: Callable[[str], None],
+    paths: str = "apart",
 ) -> Outcome:
-    """Run every variant ``RUNS_PER_SCENE`` times on the scene of each seed; see ``settings_of``.
+    """Run variants ``RUNS_PER_SCENE`` times on the scene of each seed; see ``settings_of``.
 
-    ``parameters`` are scene parameters that differ from their defaults.  A run's random numbers
-    depend only on its seed and number, which all variants share.  Scenes are stored under ``name``
-    (``jaxpf.papers.checkpoints``).
+    ``paths`` is a parameter of the scene.  A run's random numbers depend only on its seed and
+    number, which all variants share.
     """
-    measured = []
-    for outcome in each(
-        (f"{name}-{seed}", partial(_on_scene, seed, variants, parameters)) for seed in seeds
-    ):
-        measured.append(outcome)
-        progress(len(measured))
-    columns = (
-        np.stack([scene[field] for scene in measured], axis=0 if field == "in_strip" else 1)
-        for field in Outcome._fields[1:]
-    )
-    return Outcome(tuple(variants), *columns)
+    found = of_scenes(paths, partial(_on_scene, variants, paths), seeds, report)
+    in_strip = found.pop("in_strip")
+    by_variant = {field: np.moveaxis(values, 1, 0) for field, values in found.items()}
+    return Outcome(variants, **by_variant, in_strip=in_strip)
 
 
-def _on_scene(
-    seed: int,
-    variants: Mapping[str, Mapping[str, Any]],
-    parameters: Mapping[str, Any],
-) -> dict[str, np.ndarray]:
+def _on_scene(variants: Sequence[str], paths: str, seed: int) -> dict[str, np.ndarray]:
     """Fields of an ``Outcome`` for one scene, without the scene axis."""
-    scene = scenes.make("projectiles", seed=seed, **parameters)
-    measured = [
-        run_on(scene, seed, changes, settings_of(name)) for name, changes in variants.items()
-    ]
-    columns = [np.stack(column) for column in zip(*measured, strict=True)]
-    in_strip = _in_strip(np.asarray(scene.boxes[1:], np.float32), scene.extras["strips"])
-    return dict(zip(Outcome._fields[1:], [*columns, in_strip], strict=True))
-
-
-def run_on(
-    scene: Any, seed: int, changes: Mapping[str, Any], settings: Rowe2005Settings
-) -> list[np.ndarray]:
-    """Fields of an ``Outcome`` for ``RUNS_PER_SCENE`` runs of one variant on a scene."""
+    scene = scenes.make("projectiles", seed=seed, paths=paths)
     keys = run_keys(seed, 0, RUNS_PER_SCENE)
     frames, truth = jnp.asarray(scene.frames[1:]), np.asarray(scene.boxes[1:], np.float32)
-    return _measured(tracker(scene, settings, **changes), keys, frames, truth)
+    measured = []
+    for variant in variants:
+        tracker = tracker_of(scene, variant)
+        recorded = jaxpf.monte_carlo(tracker, keys, frames, _record, batch_size=RUNS_PER_SCENE)
+        measured.append([np.asarray(each) for each in _measures(recorded, truth)])
+    columns = [np.stack(column) for column in zip(*measured, strict=True)]
+    in_strip = _in_strip(truth, scene.extras["strips"])
+    return dict(zip(Outcome._fields[1:], [*columns, in_strip], strict=True))
 
 
 def _in_strip(boxes: np.ndarray, strips: np.ndarray) -> np.ndarray:
     left, right = boxes[..., 0, None], boxes[..., 0, None] + boxes[..., 2, None]
     return np.any((left < strips[:, 1]) & (right > strips[:, 0]), axis=-1)
-
-
-def _measured(tracker: Any, keys: Any, frames: Any, truth: np.ndarray) -> list[np.ndarray]:
-    recorded = jaxpf.monte_carlo(tracker, keys, frames, _record, batch_size=len(keys))
-    return [np.asarray(each) for each in _measures(recorded, truth)]
 
 
 def _record(state: Any, summary: Any) -> Any:

@@ -3,8 +3,8 @@
 from jaxpf.files.tables import Table
 from jaxpf.papers.judging.measures import measure_table
 from jaxpf.papers.rowe2005 import published
-from jaxpf.papers.rowe2005.measure import Measurement
 from jaxpf.papers.rowe2005.measures import MEASURES, run_share
+from jaxpf.papers.rowe2005.scenes import Measurement
 
 _COMBINATIONS = ("neither", "regularising only", "feedback only", "both")
 

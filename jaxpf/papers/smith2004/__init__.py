@@ -4,8 +4,9 @@ multi-object tracking", BMVC 2004.
 Tables 1 and 2 and figure 4 on distracter scenes.
 """
 
+from jaxpf.papers.judging.measures import quantities
 from jaxpf.papers.paper import Paper
-from jaxpf.papers.smith2004 import claims, figures, measure, tables
+from jaxpf.papers.smith2004 import conditions, figures, measures, tables
 
 NOTES = (
     "The paper's scene is not available.  Ours keeps what the paper gives; the table of chosen "
@@ -27,9 +28,9 @@ PAPER = Paper(
     name="smith2004",
     title="smith2004 repeated: distributed partitioned sampling",
     scenes=50,
-    measure=measure.measure,
+    measure=conditions.measure_all,
     tables=tables.tables,
-    quantities=claims.quantities,
+    quantities=lambda measured: quantities("smith2004", measures.MEASURES, measured.outcome),
     figures=figures.figures,
     notes=NOTES,
 )

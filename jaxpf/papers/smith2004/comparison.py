@@ -15,10 +15,6 @@ from jaxpf.ordering import Ordering
 from jaxpf.running.blocks import monte_carlo
 from jaxpf.shapes.rectangles import boxes_from_substates
 
-#: The tracker of smith2004's synthetic test: noise of u and v in pixels, and of the scale.
-SMITH2004_SCALE = (2.0, 2.0, 0.001)
-SMITH2004_PARTICLES = 300
-
 
 class Result(NamedTuple):
     """Many runs of one ordering on one scene, as NumPy arrays.
@@ -39,26 +35,16 @@ class Result(NamedTuple):
 
 
 def scene_tracker(
-    scene: Any,
-    ordering: Ordering,
-    *,
-    sharpness: float = 20.0,
-    num_particles: int = SMITH2004_PARTICLES,
-    scale: tuple[float, ...] = SMITH2004_SCALE,
-    resampling: str = "multinomial",
-    appearance: str = "colour",
+    scene: Any, ordering: Ordering | None = None, *, num_particles: int | None = None
 ) -> Partitioned:
-    """A tracker built from a scene's patches, with smith2004's settings as defaults."""
+    """The paper's tracker of a scene's patches; by default DPS with 300 particles."""
     return box_tracker(
         scene.frames[0],
         scene.boxes[0],
+        like="smith2004",
         patches=scene.patches,
         ordering=ordering,
         particles=num_particles,
-        sharpness=sharpness,
-        scale=scale,
-        resampling=resampling,
-        appearance=appearance,
     )
 
 

@@ -16,7 +16,6 @@ All of this is in wrappers here: the library resamples once and corrects for eve
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -26,8 +25,8 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.state import Summary
-from jaxpf.papers.smith2004.orders import best_and_worst
-from jaxpf.papers.smith2004.scenes import SCENE, all_orderings, measure
+from jaxpf.papers.paper import Request
+from jaxpf.papers.smith2004.scenes import Outcome, all_orderings, measure
 from jaxpf.resampling.weighted import ancestors
 
 #: N as in the paper, and an N small enough that DPS loses its advantage.
@@ -39,14 +38,14 @@ class OtherEnding(contract.Tracker):
     """A ``Partitioned`` whose frames end differently from the library's.
 
     Attributes:
-        tracker: the ``Partitioned``, PS or DPS.
+        tracker: the ``Partitioned``, PS or DPS; None in ``ENDINGS``.
         counts_twice: static; multiply the weights by the likelihoods of all partitions but the last
             of the order, although resampling has used them already.
         draws_again: static; resample once more by the weights.
         reads_late: static; compute the estimate from the resampled particles.
     """
 
-    tracker: Any
+    tracker: Any = None
     counts_twice: bool = static_field(default=False)
     draws_again: bool = static_field(default=False)
     reads_late: bool = static_field(default=False)
@@ -96,32 +95,12 @@ class OtherEnding(contract.Tracker):
 
 
 #: How frames end: the library's way, then variants that change nothing else.
-ENDINGS: Mapping[str, Callable[[Any], Any] | None] = {
+ENDINGS: Mapping[str, OtherEnding | None] = {
     "as here": None,
-    "drawn twice": partial(OtherEnding, draws_again=True),
-    "drawn twice, read late": partial(OtherEnding, draws_again=True, reads_late=True),
-    "stages counted twice": partial(OtherEnding, counts_twice=True),
+    "drawn twice": OtherEnding(draws_again=True),
+    "drawn twice, read late": OtherEnding(draws_again=True, reads_late=True),
+    "stages counted twice": OtherEnding(counts_twice=True),
 }
-
-
-class Condition(NamedTuple):
-    """Recovery of object 1 under one condition, S scenes, over all sharpness values.
-
-    Attributes:
-        particles: N.
-        ending: a key of ``ENDINGS``.
-        ps: ``[S]``, mean over the orders of PS, per cent.
-        best_over_worst: ``[S / 2]``, the best order of PS minus the worst, in points.
-        dps_over_ps: ``[S]``, DPS minus the mean of PS, in points.
-        by_stage: ``[S, P]``, PS by the stage at which it processes object 1, per cent.
-    """
-
-    particles: int
-    ending: str
-    ps: np.ndarray
-    best_over_worst: np.ndarray
-    dps_over_ps: np.ndarray
-    by_stage: np.ndarray
 
 
 def measure_conditions(
@@ -129,33 +108,48 @@ def measure_conditions(
     particles: Sequence[int],
     endings: Sequence[str],
     report: Callable[[str], None] = lambda line: None,
-) -> list[Condition]:
-    """Recovery of object 1 by the orders of PS and by DPS, under every condition.
+) -> dict[str, Outcome]:
+    """Run PS and DPS under every condition, such as ``"N = 50, as here"``.
 
     Args:
         seeds: seeds of the scenes, at least two.
         particles: values of N.
         endings: keys of ``ENDINGS``.
-        report: receives a line per condition.
+        report: receives a line per scene.
     """
     chosen = {n: o for n, o in all_orderings().items() if n.startswith("PS ") or n == "DPS"}
-    conditions = []
-    for count in particles:
-        for ending in endings:
-            outcome = measure(
-                seeds,
-                SCENE,
-                chosen,
-                num_particles=count,
-                name=f"{ending.replace(', ', '-').replace(' ', '_')}-{count}",
-                wrap=ENDINGS[ending],
-            )
-            rates = 100 * outcome.recovered.mean(axis=(2, 3))  # [S, O]
-            orders = rates[:, outcome.orders()]
-            ps, dps = orders.mean(axis=1), rates[:, outcome.of("DPS")[0]]
-            # The shift by k processes object 1 at stage -k.
-            by_stage = orders[:, -np.arange(orders.shape[1])]
-            best, worst = best_and_worst(orders)
-            conditions.append(Condition(count, ending, ps, best - worst, dps - ps, by_stage))
-            report(f"  N = {count}, {ending}: done")
-    return conditions
+    return {
+        (name := f"N = {count}, {ending}"): measure(
+            seeds,
+            orderings=chosen,
+            num_particles=count,
+            ending=ENDINGS[ending],
+            name=name,
+            report=report,
+        )
+        for count in particles
+        for ending in endings
+    }
+
+
+class Measurement(NamedTuple):
+    """All measurements.
+
+    Attributes:
+        outcome: runs on the paper's scene.
+        conditions: conditions under which the order of objects may matter more.
+    """
+
+    outcome: Outcome
+    conditions: Mapping[str, Outcome]
+
+
+def measure_all(request: Request) -> Measurement:
+    """Run all measurements; the quick ones are of fewer conditions."""
+    seeds, report = request.seeds, request.report
+    report(f"Tables 1 and 2: {len(seeds)} scenes")
+    outcome = measure(seeds, report=report)
+    report("Conditions under which the order may matter more")
+    particles = PARTICLES[-1:] if request.quick else PARTICLES
+    endings = ("as here", "stages counted twice") if request.quick else tuple(ENDINGS)
+    return Measurement(outcome, measure_conditions(seeds, particles, endings, report))

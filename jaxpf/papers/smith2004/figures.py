@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.media import plotting
-from jaxpf.papers.smith2004.measure import Measurement
+from jaxpf.papers.smith2004.conditions import Measurement
 from jaxpf.papers.smith2004.published import SHARPNESS
 from jaxpf.papers.smith2004.scenes import NUM_OBJECTS, Outcome, order_name, shifted
 

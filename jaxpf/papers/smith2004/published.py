@@ -3,10 +3,12 @@
 All are percentages.  A table maps a measure to the methods' cells, one for each sharpness.
 """
 
+from typing import Any
+
 #: Lambda of the likelihood exp(-lambda d^2), the rows of tables 1 and 2.
 SHARPNESS = (20.0, 30.0, 40.0, 50.0)
 
-Column = tuple[float, ...]
+Column = tuple[Any, ...]
 
 #: Table 1: objects 2 to 7.
 TABLE_1: dict[str, dict[str, Column]] = {
@@ -27,12 +29,16 @@ TABLE_1: dict[str, dict[str, Column]] = {
     },
 }
 
+#: Index of the only sharpness, 30, at which section 3.3 gives the best order's recovery.
+BEST_GIVEN_AT = 1
+
 #: Table 2: object 1; precision and recall over the frames with T = 1.
 TABLE_2: dict[str, dict[str, Column]] = {
     "recovery": {
         "Non-PS": (2, 2, 0, 2),
         "PS mean": (19, 18, 21, 21),
         "PS worst": (10, 8, 16, 12),
+        "PS best": (None, 38, None, None),
         "DPS": (42, 34, 38, 36),
     },
     "precision": {
@@ -48,9 +54,6 @@ TABLE_2: dict[str, dict[str, Column]] = {
         "DPS": (36, 36, 22, 23),
     },
 }
-
-#: Section 3.3: the best order's recovery rate, given at lambda = 30 only.
-BEST_ORDER_RECOVERY = {30.0: 38.0}
 
 #: Section 3.3: mean uniqueness, over all orders, of the object in the first stage of PS at
 #: lambda = 20.  The paper says "1.99" where its figure shows percentages of N.

@@ -1,20 +1,27 @@
 """Run all methods on a set of distracter scenes, for tables 1 and 2 and figure 4."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+import jaxpf
 import scenes
 from jaxpf import ordering
 from jaxpf.evaluation.work.worker import run_keys
+from jaxpf.filters.partitioned.tracker import Partitioned
+from jaxpf.likelihoods.histogram import histogram_from_patches
 from jaxpf.measures import metrics, particle_sets
 from jaxpf.ordering import Ordering
-from jaxpf.papers.smith2004.comparison import SMITH2004_PARTICLES, SMITH2004_SCALE
-from jaxpf.papers.smith2004.grid import GridResult, run_grid
+from jaxpf.papers.checkpoints import of_scenes
+from jaxpf.papers.grid import Grid, stacked
+from jaxpf.papers.smith2004.comparison import scene_tracker
 from jaxpf.papers.smith2004.published import SHARPNESS
+from jaxpf.shapes.rectangles import boxes_from_substates
 
 NUM_OBJECTS = 7
 
@@ -96,54 +103,97 @@ def measure(
     parameters: Mapping[str, Any] = SCENE,
     orderings: Mapping[str, Ordering] | None = None,
     sharpness: Sequence[float] = SHARPNESS,
-    num_particles: int = SMITH2004_PARTICLES,
-    progress: Callable[[int], None] = lambda done: None,
-    name: str = "scenes",
-    **settings: Any,
+    num_particles: int | None = None,
+    report: Callable[[str], None] = lambda line: None,
+    name: str = "distracter",
+    ending: Any = None,
 ) -> Outcome:
     """Run every ordering and sharpness ``RUNS_PER_SCENE`` times on the scene of each seed.
 
     Args:
-        seeds: S seeds of the scenes; a scene's seed also determines its runs.
+        seeds: S seeds of the scenes; a scene's seed also determines its runs, whose random numbers
+            all orderings and sharpness values share.
         parameters: parameters of the distracter scene that differ from their defaults.
         orderings: name -> ordering; default ``all_orderings()``.
         sharpness: L values of lambda.
-        num_particles: N.
-        progress: called with the number of finished scenes.
+        num_particles: N; default the paper's 300.
+        report: receives a line per scene.
         name: name under which scenes are stored; see ``jaxpf.papers.checkpoints``.
-        settings: further arguments of ``run_grid``.
+        ending: optional wrapper of the trackers; see ``OtherEnding``.
     """
     orderings = all_orderings() if orderings is None else orderings
-    drawn = [scenes.make("distracter", seed=seed, **parameters) for seed in seeds]
-    keys = [run_keys(seed, 0, RUNS_PER_SCENE) for seed in seeds]
-    results = run_grid(
-        drawn, keys, orderings, sharpness, num_particles=num_particles, name=name, **settings
+    on_scene = partial(_on_scene, parameters, orderings, sharpness, num_particles, ending)
+    found = of_scenes(name, on_scene, seeds, report, threads=jax.local_device_count())
+    return Outcome(tuple(orderings), **found)
+
+
+def _on_scene(
+    parameters: Mapping[str, Any],
+    orderings: Mapping[str, Ordering],
+    sharpness: Sequence[float],
+    num_particles: int | None,
+    ending: Any,
+    seed: int,
+) -> dict[str, Any]:
+    """All fields of an ``Outcome`` except the names, for one scene."""
+    scene = scenes.make("distracter", seed=seed, **parameters)
+    tracker = tracker_of(scene, num_particles)
+    recorded = jaxpf.monte_carlo(
+        grid(tracker, orderings, sharpness, ending),
+        run_keys(seed, 0, RUNS_PER_SCENE),
+        scene.frames[1:],
+        _record,
+        batch_size=RUNS_PER_SCENE,
     )
-    rows = []
-    for done, (scene, result) in enumerate(zip(drawn, results, strict=True), start=1):
-        rows.append(_measured(scene, result))
-        progress(done)
-    return Outcome(tuple(orderings), *(np.stack(column) for column in zip(*rows, strict=True)))
+    values = _measures(recorded, scene.boxes[1:], scene.sizes, tracker.dynamics.scale)
+    return dict(zip(Outcome._fields[1:], values, strict=True))
 
 
-def _measured(scene: scenes.Scene, result: GridResult) -> tuple[np.ndarray, ...]:
-    return tuple(np.asarray(each) for each in _measures(result, scene.boxes[1:]))
+def tracker_of(scene: Any, num_particles: int | None = None) -> Partitioned:
+    """The paper's tracker; an integral histogram counts the pixels, whatever their number."""
+    likelihood = histogram_from_patches(scene.patches, scene.sizes, method="integral")
+    return dataclasses.replace(
+        scene_tracker(scene, num_particles=num_particles), likelihood=likelihood
+    )
+
+
+def grid(
+    tracker: Partitioned,
+    orderings: Mapping[str, Ordering],
+    sharpness: Sequence[float],
+    ending: Any = None,
+) -> Grid:
+    """Variants of a tracker: a row for each ordering, a column for each sharpness."""
+    build = jax.tree_util.Partial(_built, tracker, ending)
+    return Grid(build, stacked(orderings.values()), np.array(sharpness, np.float32))
+
+
+def _built(tracker: Any, ending: Any, ordering: Ordering, sharpness: Any) -> Any:
+    likelihood = dataclasses.replace(tracker.likelihood, sharpness=sharpness)
+    tracker = dataclasses.replace(tracker, likelihood=likelihood, ordering=ordering)
+    return tracker if ending is None else dataclasses.replace(ending, tracker=tracker)
+
+
+def _record(state: Any, summary: Any) -> Any:
+    return summary.estimate, summary.uniqueness, summary.spread
 
 
 @jax.jit
-def _measures(result: GridResult, truth: jax.Array) -> tuple[jax.Array, ...]:
-    """All fields of an ``Outcome`` except the names, for one scene.
-
-    Compiled as a whole: a cold start would otherwise compile every operation separately.
-    """
-    leader, others = result.boxes[..., :1, :], result.boxes[..., 1:, :]
+def _measures(
+    recorded: Any, truth: jax.Array, sizes: jax.Array, noise: jax.Array
+) -> tuple[jax.Array, ...]:
+    """Compiled as a whole: a cold start would otherwise compile every operation separately."""
+    # [R, T, O, L, ...] to [O, L, R, T, ...]
+    estimate, uniqueness, spread = (jnp.moveaxis(x, (0, 1), (2, 3)) for x in recorded)
+    boxes = boxes_from_substates(estimate, sizes)
+    leader, others = boxes[..., :1, :], boxes[..., 1:, :]
     quality = (metrics.mean_precision, metrics.mean_recall)
-    dynamics = particle_sets.effective_dynamics(result.spread, jnp.asarray(SMITH2004_SCALE))
+    dynamics = particle_sets.effective_dynamics(spread, noise)
     return (
         metrics.recovery(leader, truth[:, :1])[..., 0],
         metrics.success(others, truth[:, 1:]).mean(axis=(-2, -1)),
         *(each(others, truth[:, 1:], over="all").mean(axis=(-2, -1)) for each in quality),
         *(each(leader, truth[:, :1], over="tracked", axis=(-3, -2))[..., 0] for each in quality),
-        result.uniqueness.mean(axis=(2, 3)),
+        uniqueness.mean(axis=(2, 3)),
         dynamics[..., :2].mean(axis=(2, 3)),
     )

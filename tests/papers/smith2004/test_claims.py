@@ -3,14 +3,16 @@
 import numpy as np
 from smith2004_outcomes import outcome_of
 
+from jaxpf.papers import smith2004
 from jaxpf.papers.judging.claims import NOT_SEEN, OPEN, PREVIEW, SUPPORTED, judge_all
 from jaxpf.papers.smith2004 import scenes, tables
-from jaxpf.papers.smith2004.claims import of_scenes
+from jaxpf.papers.smith2004.conditions import Measurement
 from jaxpf.papers.smith2004.figures import figure_4
 
 
 def verdicts(outcome):
-    return {each.claim.key: each.verdict for each in judge_all("smith2004", of_scenes(outcome))}
+    figures = smith2004.PAPER.quantities(Measurement(outcome, {}))
+    return {each.claim.key: each.verdict for each in judge_all("smith2004", figures)}
 
 
 def test_verdicts_follow_the_recovery_rates():
@@ -47,7 +49,8 @@ def test_worst_and_best_are_those_of_the_recovery_rate():
     names = [name for name in scenes.all_orderings() if name.startswith("PS ")]
     rates = dict(zip(names, [0.5, 0.5, 0.0, 0.5, 1.0, 0.5, 0.5], strict=True))
     outcome = outcome_of({"Non-PS": 0.0, "DPS": 0.4, "SPS": 0.7, **rates})
-    recovery, *_ = tables.table_2(outcome)
+    found = {table.name: table for table in tables.tables(Measurement(outcome, {}))}
+    recovery = found["table_2_recovery"]
     cells = dict(zip(recovery.columns[1:], recovery.rows[0][1], strict=True))
     assert cells["PS worst"].measured.value == 0
     assert cells["PS best"].measured.value == 100
@@ -63,8 +66,8 @@ def test_uniqueness_is_read_by_stage():
     for shift, place in enumerate(outcome.orders()):
         for stage, partition in enumerate(scenes.shifted(shift)):
             outcome.uniqueness[:, place, 0, partition] = 0.01 * (stage + 1)
-    table = tables.uniqueness_table(outcome)
-    values = [cell.measured.value for cell in table.rows[0][1]]
+    found = {table.name: table for table in tables.tables(Measurement(outcome, {}))}
+    values = [cells[0].measured.value for _, cells in found["uniqueness"].rows]
     np.testing.assert_allclose(values, np.arange(1, 8))
 
 

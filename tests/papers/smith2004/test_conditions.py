@@ -13,6 +13,7 @@ from jaxpf.likelihoods import Gaussian
 from jaxpf.papers.smith2004 import conditions
 from jaxpf.papers.smith2004.orders import best_and_worst
 from jaxpf.papers.smith2004.scenes import all_orderings
+from jaxpf.papers.smith2004.tables import conditions_table
 
 ONE = jnp.ones((3, 1, 1))
 FRAME = jnp.array([[0.5], [-1.0], [2.0]])
@@ -85,6 +86,8 @@ def test_orders_are_told_by_the_stage_of_object_1(monkeypatch):
     rates = dict.fromkeys([*names, "Non-PS", "DPS", "SPS"], 0.0)
     rates["PS 2,3,4,5,6,7,1"] = 1.0
     monkeypatch.setattr(conditions, "measure", lambda *_, **__: outcome_of(rates))
-    (found,) = conditions.measure_conditions([0], [300], ["as here"])
-    np.testing.assert_allclose(found.by_stage.mean(axis=0), [0, 0, 0, 0, 0, 0, 100])
-    assert (found.best_over_worst == 100).all()
+    found = conditions.measure_conditions([0], [300], ["as here"])
+    ((label, cells),) = conditions_table(found).rows
+    assert label == "N = 300, as here"
+    values = [cell.measured.value for cell in cells]
+    np.testing.assert_allclose(values, [100 / 7, 100, -100 / 7, 0, 0, 100])

@@ -110,7 +110,11 @@ def smc2(
     marked, frames = missing_frames.marked(tracker, frames, observed)
     filters = _Filters(build, log_prior, marked is not tracker, num_particles)
     settings = num_draws, num_moves, float(ess_threshold)
-    asked = {"num_draws": num_draws, "num_moves": num_moves, "num_particles": num_particles}
+    asked: dict[str, Any] = {
+        "num_draws": num_draws,
+        "num_moves": num_moves,
+        "num_particles": num_particles,
+    }
     asked |= {"ess_threshold": ess_threshold, "key": key, "frames": (frames, inputs)}
     asked |= {"observed": observed, "start": start}
     scans = LongScans(progress, folder, running.num_frames(frames), asked)

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -11,7 +10,7 @@ from jaxpf.contract.numbers import check_array
 from jaxpf.contract.pytree import is_concrete
 
 
-def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndarray | jax.Array:
+def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> Any:
     """Quantiles of weighted particles: the smallest values that reach each share of the weight.
 
     Also inside a ``record`` of ``jaxpf.run``: ``record=lambda state, summary:
@@ -24,7 +23,8 @@ def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndar
         levels: L levels from 0 to 1.
 
     Returns:
-        ``[L, P, C]``; NaN for a partition without particles of any weight.
+        ``[L, P, C]``, a NumPy array if the values are known, else traced; NaN for a
+        partition without particles of any weight.
 
     Raises:
         InputError: no level, or one outside of 0 to 1.

@@ -8,7 +8,7 @@ import pytest
 
 import scenes as drawn
 from jaxpf import run
-from jaxpf.measures.particle_sets import corner_distances
+from jaxpf.measures import corner_distances
 from jaxpf.papers import gonzales2011
 from jaxpf.papers.checkpoints import keeping
 from jaxpf.papers.gonzales2011 import figures, published, scenes, tables
@@ -16,7 +16,7 @@ from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, VARIANTS, Outcom
 from jaxpf.papers.judging.claims import NOT_SEEN, OPEN, SUPPORTED, judge_all
 from jaxpf.papers.judging.comparison_table import Comparison, write
 from jaxpf.papers.judging.estimates import gain_of
-from jaxpf.shapes.rectangles import corners_from_poses
+from jaxpf.shapes import corners_from_poses
 
 FRAMES = 7
 CELL = ("smooth", 3, (12,))

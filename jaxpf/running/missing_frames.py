@@ -230,8 +230,6 @@ def marked(tracker: Any, frames: Any, observed: Any = None, first: int = 0) -> t
     """
     if isinstance(tracker, WithGaps):
         return tracker, frames
-    if _names_components(tracker, frames, observed):
-        frames, observed = jnp.where(_as_bool(observed), frames, jnp.nan), None
     if observed is None:
         if come_one_by_one(frames) or not _can_have_gaps(tracker):
             return tracker, frames
@@ -246,6 +244,8 @@ def marked(tracker: Any, frames: Any, observed: Any = None, first: int = 0) -> t
     total, parts = len(jax.tree.leaves(frames)[0]), getattr(tracker, "num_partitions", None)
     check_array("observed", observed, "one bool for every frame")
     shape = np.shape(observed)
+    if _names_components(tracker, frames, shape):
+        return marked(tracker, jnp.where(_as_bool(observed), frames, jnp.nan), None, first)
     if shape != (total,) and shape != (total, parts):
         if parts == 1 and len(shape) == 2:
             raise InputError(
@@ -298,9 +298,8 @@ def _pairs(tracker: Any, frames: Any, observed: Any) -> Iterator[Any]:
         yield frame, _as_bool(seen)
 
 
-def _names_components(tracker: Any, frames: Any, observed: Any) -> bool:
-    """Whether ``observed`` names components ``[T, ...]`` of frames, not partitions."""
-    shape = np.shape(observed)
+def _names_components(tracker: Any, frames: Any, shape: tuple[int, ...]) -> bool:
+    """Whether ``observed`` of this shape names components ``[T, ...]`` of frames, not partitions."""
     parts = getattr(tracker, "num_partitions", None)
     return (
         len(shape) > 1

@@ -299,7 +299,7 @@ def _pairs(tracker: Any, frames: Any, observed: Any) -> Iterator[Any]:
 
 
 def _names_components(tracker: Any, frames: Any, shape: tuple[int, ...]) -> bool:
-    """Whether ``observed`` of this shape names components ``[T, ...]`` of frames, not partitions."""
+    """Whether an ``observed`` of this shape names components of frames, not partitions."""
     parts = getattr(tracker, "num_partitions", None)
     return (
         len(shape) > 1

@@ -1,6 +1,7 @@
 import gc
 import os
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -10,12 +11,13 @@ _BESIDE_THE_PROJECT = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
 #: A third less to do in all; the arithmetic is the same, but for the last bits.  Where nothing is
-#: optimised, XLA's older emitters take half as long as its new ones.  Programs are compiled in one
-#: piece: a worker has one core.
+#: optimised, XLA's older emitters take half as long as its new ones; jaxlib 0.12 has none, and ends
+#: a process that asks for them.  Programs are compiled in one piece: a worker has one core.
 _COMPILE_QUICKLY = (
     "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true "
-    "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1"
+    "--xla_cpu_parallel_codegen_split_count=1"
 )
+_OLDER_EMITTERS = " --xla_cpu_use_fusion_emitters=false"
 
 
 #: Python looks for garbage so often that it takes a tenth of all time while JAX traces.
@@ -44,7 +46,9 @@ def pytest_configure(config: pytest.Config) -> None:
     # Workers of the next run find the tests' bytecode: rewriting assertions takes 8 seconds each.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     if "not slow" in config.option.markexpr and not _has_accelerator():
-        os.environ.setdefault("XLA_FLAGS", _COMPILE_QUICKLY)
+        has_older = tuple(map(int, version("jaxlib").split(".")[:2])) < (0, 11)
+        flags = _COMPILE_QUICKLY + _OLDER_EMITTERS * has_older
+        os.environ.setdefault("XLA_FLAGS", flags)
     folder = str(config.cache.mkdir("jaxpf-compiled"))
     os.environ |= {
         "JAXPF_CACHE_DIR": folder,

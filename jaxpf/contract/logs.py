@@ -16,12 +16,17 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import is_concrete
 
 
-def normalised(log_values: jax.Array, axis: int = -1) -> tuple[jax.Array, jax.Array]:
+def normalised(
+    log_values: jax.Array, axis: int = -1, largest: jax.Array | None = None
+) -> tuple[jax.Array, jax.Array]:
     """Shift the values so that their exponentials sum to one; also return the log of their sum.
 
-    Values that are all -inf stay so, with a finite derivative.
+    Values that are all -inf stay so, with a finite derivative.  ``largest`` is the largest value,
+    if already known.
     """
-    largest = lax.stop_gradient(jnp.max(log_values, axis=axis, keepdims=True))
+    if largest is None:
+        largest = jnp.max(log_values, axis=axis)
+    largest = jnp.expand_dims(lax.stop_gradient(largest), axis)
     possible = ~jnp.isneginf(largest)
     relative = log_values - finite(largest)
     total = jnp.log(jnp.sum(jnp.exp(jnp.where(possible, relative, 0.0)), axis, keepdims=True))

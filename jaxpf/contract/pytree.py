@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_fields
+from jaxpf.lowering.programs import compiled, in_full
 
 T = TypeVar("T")
 
@@ -93,13 +94,13 @@ def compiled_alone(method: Callable) -> Callable:
     traced values, or of a class that is no pytree of arrays, runs the method as it is.
     """
     # Inlined, a call without traced values in a user's program is the same program as without jit.
-    program = jax.jit(method, inline=True)
+    program, traced = compiled(method, inline=True), in_full(method)
 
     @functools.wraps(method)
     def call(*arguments, **named):
         leaves = jax.tree.leaves((arguments, named))
         plain = is_concrete(leaves) and all(isinstance(leaf, _ARRAYS) for leaf in leaves)
-        return (program if plain else method)(*arguments, **named)
+        return (program if plain else traced)(*arguments, **named)
 
     return call
 

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 
 from jaxpf.contract.errors import InputError
 from jaxpf.lowering.branches import computed_before
+from jaxpf.lowering.programs import compiled
 
 LEVELS = 10
 NUM_BINS = LEVELS * LEVELS + LEVELS
@@ -25,7 +26,7 @@ def check_frame(frame, name: str = "frame") -> None:
         )
 
 
-@jax.jit
+@compiled
 def hsv_bins(frame) -> jax.Array:
     """The colour bin of every pixel.
 

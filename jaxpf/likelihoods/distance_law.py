@@ -50,6 +50,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array, check_whole
+from jaxpf.lowering.programs import compiled
 
 FORMS = ("exponential", "density", "ratio")
 
@@ -123,7 +124,7 @@ def learn_background(likelihood: Any, frames: Any, *, num_boxes: int = 100_000) 
     frames = frames[None] if frames.ndim == 3 else frames
     observations = [likelihood.observe(jnp.asarray(frame)) for frame in frames]
     extent = np.array(frames.shape[2:0:-1], float)
-    measure = jax.jit(type(likelihood).squared_distance_all)
+    measure = compiled(type(likelihood).squared_distance_all)
     learned = []
     for partition, size in enumerate(np.asarray(likelihood.sizes, float)):
         if np.any(size > extent):

@@ -7,7 +7,6 @@ occur in an object.
 
 import dataclasses
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +17,7 @@ from jaxpf.likelihoods._integral import LANES
 from jaxpf.likelihoods._references import box_histogram, check_sizes
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
+from jaxpf.lowering.programs import compiled
 
 #: Largest number of objects at once.
 _MOST_OBJECTS = 4096
@@ -99,10 +99,10 @@ def with_object(
     return _replaced(likelihood, place, learned, box[2:])
 
 
-_bins = jax.jit(hsv_bins)
+_bins = compiled(hsv_bins)
 
 
-@jax.jit
+@compiled
 def _replaced(likelihood, place, reference, size):
     references, sizes = likelihood.references, likelihood.sizes
     return dataclasses.replace(

@@ -12,6 +12,8 @@
     Whether programs run on an accelerator, on which the fastest form depends.
 ``prefix``
     Running sums and maxima.
+``programs``
+    ``compiled``: ``jax.jit`` with full products on an accelerator.
 ``threefry``
     JAX's random numbers, drawn faster.
 """

@@ -36,8 +36,8 @@ def choose(
         cheap: whether both take less time than a branch on an accelerator, which computes both.
     """
     if is_never_true:
-        # The barrier replaces the boundary of the branch.
-        return computed_before(false())
+        # On a CPU, the barrier replaces the boundary of the branch.
+        return false() if platform.on_accelerator() else computed_before(false())
     if cheap and platform.on_accelerator():
         return jax.tree.map(partial(jnp.where, predicate), true(), false())
     return lax.cond(predicate, true, false)
@@ -79,4 +79,5 @@ def computed_before(tree: Any) -> Any:
     def cut(x):
         return x if jnp.issubdtype(x.dtype, jnp.inexact) else x | jnp.zeros_like(x)
 
-    return jax.tree.map(cut, lax.optimization_barrier(tree))
+    # Each leaf apart: with a common barrier, what nothing uses would be computed too.
+    return jax.tree.map(lambda x: cut(lax.optimization_barrier(x)), tree)

@@ -30,28 +30,40 @@ def running_sum(values: jax.Array, rank: jax.Array | None = None) -> jax.Array:
         values: ``[N]``.
         rank: ``[N]`` int32, each value's index in its segment, from 0; default one segment.
     """
+    return held(quick_sum(values, rank), values, rank)
+
+
+def quick_sum(values: jax.Array, rank: jax.Array | None = None) -> jax.Array:
+    """``running_sum``, which on an accelerator may decrease and vary across zeros by rounding."""
     zero = jnp.zeros((), values.dtype)
-    exact = jnp.issubdtype(values.dtype, jnp.integer)
-    if exact and _is_short(values):
+    if _is_exact(values) and _is_short(values):
         return _doubling(jnp.add, zero, values, rank)
     if not platform.on_accelerator():
         return _sequential(jnp.add, zero, values, rank)
-    sums = _parallel(jnp.add, values, rank)
-    if exact:
+    return _parallel(jnp.add, values, rank)
+
+
+def held(sums: jax.Array, values: jax.Array, rank: jax.Array | None = None) -> jax.Array:
+    """Make a ``quick_sum`` of values >= 0 non-decreasing, and constant across zeros."""
+    if _is_exact(sums) or not platform.on_accelerator():
         return sums
-    # A parallel sum may vary by rounding: carry the sum at the last positive term forward, so that
-    # it is exactly constant across zeros.
-    return _parallel(jnp.maximum, jnp.where(values > 0, sums, zero), rank)
+    # Carry the sum at the last positive term forward.
+    return _parallel(jnp.maximum, jnp.where(values > 0, sums, 0), rank)
 
 
 def running_max(values: jax.Array, rank: jax.Array | None = None) -> jax.Array:
     """Inclusive running maximum of ``values`` ``[N]``; arguments as for ``running_sum``."""
-    smallest = jnp.array(-jnp.inf, values.dtype)
+    exact = _is_exact(values)
+    smallest = jnp.array(jnp.iinfo(values.dtype).min if exact else -jnp.inf, values.dtype)
     if _is_short(values):
         return _doubling(jnp.maximum, smallest, values, rank)
     if not platform.on_accelerator():
         return _sequential(jnp.maximum, smallest, values, rank)
     return _parallel(jnp.maximum, values, rank)
+
+
+def _is_exact(values: jax.Array) -> bool:
+    return jnp.issubdtype(values.dtype, jnp.integer)
 
 
 def _is_short(values: jax.Array) -> bool:

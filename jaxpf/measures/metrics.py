@@ -17,7 +17,6 @@ Source: smith2004, section 3.1, unless a function states another.
 from collections.abc import Sequence
 from typing import Literal
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -25,6 +24,7 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array, check_together
+from jaxpf.lowering.programs import compiled
 from jaxpf.measures.intervals import Interval, check_level, mean_interval, median_interval
 from jaxpf.measures.means import masked_mean
 from jaxpf.shapes.rectangles import area, centres, intersection_area, is_proper
@@ -221,7 +221,7 @@ def summarise(
 
 
 # Compiled as a whole, because otherwise the first call compiles about a hundred small operations.
-@jax.jit
+@compiled
 def _of_runs(estimate: Array, truth: Array) -> dict[str, tuple[Array, Array]]:
     """Mean of each measure over the frames of each run that count, and their number, ``[R, P]``."""
     tracked, present = track_state(estimate, truth), _presence(estimate, truth)

@@ -7,7 +7,6 @@ radians, clockwise in the image (gonzales2011, section 4).
 from collections.abc import Sequence
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +26,7 @@ from jaxpf.dynamics.joints import (
 from jaxpf.likelihoods.color import check_frame
 from jaxpf.likelihoods.histogram import HistogramLikelihood
 from jaxpf.likelihoods.wrapped import WrappedLikelihood
+from jaxpf.lowering.programs import compiled
 
 DYNAMICS = ("relative", "absolute")
 
@@ -147,7 +147,7 @@ def with_log_odds(
     partition = np.repeat(np.arange(len(poses)), len(places))
     substates = np.concatenate([np.tile(places, (len(poses), 1)), poses[partition, 2:]], axis=1)
     part = OfFixedSize(likelihood)
-    measure = jax.jit(lambda frame: part.distance_all(part.observe(frame), partition, substates.T))
+    measure = compiled(lambda frame: part.distance_all(part.observe(frame), partition, substates.T))
     distance = np.asarray(measure(jnp.asarray(frame))).reshape(len(poses), -1)
     apart = np.linalg.norm(places - poses[:, None, :2], axis=-1)
     other = apart > sizes.max(axis=1)[:, None] / 2

@@ -7,7 +7,7 @@ from jax import lax
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.lowering import platform
 from jaxpf.lowering.derivatives import weighted, with_gradient_of
-from jaxpf.lowering.prefix import running_max, running_sum
+from jaxpf.lowering.prefix import quick_sum, running_max
 
 
 @pytree_dataclass
@@ -61,7 +61,7 @@ class ComponentCDF:
 
     Attributes:
         weights: ``[N]``, scaled so that each component's largest weight is 1.
-        cumulative: ``[N]``, running sum of ``weights`` within the component.
+        cumulative: ``[N]``, ``quick_sum`` of ``weights`` within the component.
         total: ``[C]``, sum of ``weights``.
         alive: ``[C]`` bool, false for a component whose weights are all zero.
         log_mean: ``[C]``, log of the mean weight before scaling.
@@ -88,7 +88,7 @@ def component_cdf(
     reference = components.spread(jnp.where(alive, largest, 0.0))
     relative = jnp.where(components.spread(alive), log_weights - reference, 0.0)
     weights = jnp.exp(relative)
-    cumulative = running_sum(weights, ranks(components))
+    cumulative = quick_sum(weights, ranks(components))
     total = components.last_of(cumulative)
     size = jnp.maximum(components.size, 1).astype(weights.dtype)
     log_mean = jnp.where(alive, largest + jnp.log(total) - jnp.log(size), -jnp.inf)
@@ -135,5 +135,5 @@ def few_effective(
 ) -> jax.Array:
     """``[C]`` bool: whether the component's effective sample size is <= threshold * n_c."""
     cdf = component_cdf(log_weights, components)
-    squares = components.last_of(running_sum(cdf.weights**2, ranks(components)))
+    squares = components.last_of(quick_sum(cdf.weights**2, ranks(components)))
     return cdf.total**2 <= threshold * components.size.astype(squares.dtype) * squares

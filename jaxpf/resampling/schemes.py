@@ -13,7 +13,8 @@ from jax import lax
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import SCHEMES
 from jaxpf.contract.pytree import pytree_dataclass, static_field
-from jaxpf.lowering.prefix import running_sum
+from jaxpf.lowering import platform
+from jaxpf.lowering.prefix import held, running_max, running_sum
 from jaxpf.resampling.components import ComponentCDF, Components, ranks
 
 #: Relative error of expected offspring, in units of the precision.
@@ -145,15 +146,22 @@ def ancestors_of_thresholds(end: jax.Array) -> jax.Array:
     return running_sum(jnp.zeros(end.shape, jnp.int32).at[end].add(1, mode="drop"))
 
 
-def _complete(counts, cumulative, total, components) -> jax.Array:
-    """Clip cumulative counts to the component, and complete them where the weights end.
+def _ancestors(counts, cdf, components) -> jax.Array:
+    """Ancestors from cumulative offspring counts ``[N]`` within each component.
 
-    Otherwise float32 rounding of ``n * cumulative / total - u`` could leave the last slots without
-    an ancestor, or give them a particle of zero weight.
+    A particle of zero weight gets no slot, and slots that float32 rounding of
+    ``n * cumulative / total - u`` leaves over go to the last particle before them.
     """
-    size = components.spread(components.size)
+    start, size = components.spread(components.start), components.spread(components.size)
     counts = jnp.clip(counts.astype(jnp.int32), 0, size)
-    return jnp.where(cumulative >= components.spread(total), size, counts)
+    if not platform.on_accelerator():
+        is_last = cdf.cumulative >= components.spread(cdf.total)
+        return ancestors_of_thresholds(start + jnp.where(is_last, size, counts))
+    # Counts may vary across zero weights: a slot's ancestor is the last particle to begin there.
+    end, particle = start + counts, jnp.arange(counts.shape[0], dtype=jnp.int32)
+    begin = jnp.maximum(jnp.roll(end, 1).at[0].set(0), start)
+    first = jnp.where((cdf.weights > 0) & (end > begin), begin, end.shape[0])
+    return running_max(jnp.zeros_like(particle).at[first].max(particle, mode="drop"))
 
 
 def _expected(values, total, components) -> jax.Array:
@@ -164,9 +172,7 @@ def _expected(values, total, components) -> jax.Array:
 def _systematic(key, cdf, components):
     uniform = jax.random.uniform(key, components.size.shape, cdf.cumulative.dtype)
     expected = _expected(cdf.cumulative, cdf.total, components)
-    counts = jnp.ceil(expected - components.spread(uniform))
-    start = components.spread(components.start)
-    return ancestors_of_thresholds(start + _complete(counts, cdf.cumulative, cdf.total, components))
+    return _ancestors(jnp.ceil(expected - components.spread(uniform)), cdf, components)
 
 
 def _stratified(key, cdf, components):
@@ -176,14 +182,15 @@ def _stratified(key, cdf, components):
     start, size = components.spread(components.start), components.spread(components.size)
     stratum = start + jnp.minimum(whole.astype(jnp.int32), size - 1)
     counts = whole + (uniform[stratum] < expected - whole)
-    return ancestors_of_thresholds(start + _complete(counts, cdf.cumulative, cdf.total, components))
+    return _ancestors(counts, cdf, components)
 
 
 def _multinomial(key, cdf, components):
-    uniform = jax.random.uniform(key, cdf.cumulative.shape, cdf.cumulative.dtype)
-    targets = below(components.spread(cdf.total), uniform)
+    cumulative = held(cdf.cumulative, cdf.weights, ranks(components))
+    uniform = jax.random.uniform(key, cumulative.shape, cumulative.dtype)
+    targets = below(components.spread(components.last_of(cumulative)), uniform)
     start, size = components.spread(components.start), components.spread(components.size)
-    return inverse_cdf(cdf.cumulative, targets, start, size)
+    return inverse_cdf(cumulative, targets, start, size)
 
 
 def _residual(key, cdf, components):

@@ -16,6 +16,7 @@ from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.recognised import recognised
 from jaxpf.lowering import platform
+from jaxpf.lowering.programs import compiled
 from jaxpf.running import (
     as_keys,
     frame_step,
@@ -201,7 +202,7 @@ def _begin_narrowing(tracker, keys, blocks, grouped, record, used) -> Any:
 
         def has_room(*arguments, width=width):
             nonlocal share
-            share = device_memory(used) / _bytes_needed(_advance_compiled, *arguments)
+            share = device_memory(used) / _bytes_needed(*arguments)
             return share >= 1 or width == 1
 
         try:
@@ -215,21 +216,29 @@ def _begin_narrowing(tracker, keys, blocks, grouped, record, used) -> Any:
         blocks = even_blocks(keys.shape[0], min(int(width * share), width - 1))
 
 
-def _bytes_needed(function: Any, *arguments: Any) -> float:
-    """Memory of a compiled function beyond its arguments, on each device; the call reuses it."""
-    analysis = function.lower(*arguments).compile().memory_analysis()
-    if analysis is None:
-        return 1.0
-    return max(1.0, analysis.temp_size_in_bytes + analysis.output_size_in_bytes)
+#: What ``_bytes_needed`` has found, by program: asking takes longer than many a run.
+_FOUND: dict[Any, float] = {}
+
+
+def _bytes_needed(*arguments: Any) -> float:
+    """Memory of the compiled program beyond its arguments, on each device; the call reuses it."""
+    *arrays, record, used = arguments
+    leaves, tree = jax.tree.flatten(arrays)
+    program = tree, tuple((np.shape(x), jnp.result_type(x)) for x in leaves), record, used
+    if program not in _FOUND:
+        analysis = _advance_compiled.lower(*arguments).compile().memory_analysis()
+        needed = analysis and analysis.temp_size_in_bytes + analysis.output_size_in_bytes
+        _FOUND[program] = max(1.0, needed or 0.0)
+    return _FOUND[program]
 
 
 # Compiled as a whole: otherwise JAX compiles each operation separately in every process.
-@jax.jit
+@compiled
 def _taken(keys: jax.Array, places: np.ndarray) -> jax.Array:
     return keys[places]
 
 
-@partial(jax.jit, static_argnames=("sizes", "length"))
+@partial(compiled, static_argnames=("sizes", "length"))
 def _joined(kept: list[Any], sizes: tuple[int, ...], length: int) -> Any:
     """Join the recorded values of all chunks and widths to ``[R, T, ...]``."""
 
@@ -308,8 +317,8 @@ def advance_batches(
     return advance(tracker, keys, states, times, groups)
 
 
-_begin_compiled = partial(jax.jit, static_argnames="devices")(begin_batches)
-_advance_compiled = partial(jax.jit, static_argnames=("record", "devices"))(advance_batches)
+_begin_compiled = partial(compiled, static_argnames="devices")(begin_batches)
+_advance_compiled = partial(compiled, static_argnames=("record", "devices"))(advance_batches)
 
 
 def _mesh(devices: tuple) -> Mesh:

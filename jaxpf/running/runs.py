@@ -13,6 +13,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.recognised import recognised
+from jaxpf.lowering.programs import compiled
 from jaxpf.running import missing_frames
 from jaxpf.running.checks import as_arrays, check_frames, check_order, check_run, warn_if_nan
 from jaxpf.running.chunks import come_one_by_one
@@ -297,7 +298,7 @@ def together(tracker: Any, keys: jax.Array) -> Callable[[Callable, Any], Any]:
     return of_every_run
 
 
-@partial(jax.jit, static_argnames="record")
+@partial(compiled, static_argnames="record")
 def run_compiled(
     tracker: Any, key: jax.Array, frames: Any, record: Callable, state: Any = None
 ) -> Any:

@@ -13,6 +13,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array, check_whole
 from jaxpf.contract.state import ParticleState
+from jaxpf.lowering.programs import compiled
 from jaxpf.running.missing_frames import WithoutFrames
 from jaxpf.running.runs import as_key, check_resumed, init, one_run, summary_only, with_inputs
 
@@ -92,7 +93,7 @@ def simulate(
     return drawn if num_draws is not None else jax.tree.map(lambda x: x[0], drawn)
 
 
-@partial(jax.jit, static_argnums=(3, 4))
+@partial(compiled, static_argnums=(3, 4))
 def _simulated(tracker, key, state, num_frames, num_draws) -> Simulated:
     """Filters of one particle each, in which all frames are missing."""
     one = contract.changed_inside(tracker, "num_particles", lambda _: 1)

@@ -9,6 +9,7 @@ import numpy as np
 from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import check_not_traced
+from jaxpf.lowering.programs import compiled
 from jaxpf.running import missing_frames
 from jaxpf.running.checks import as_arrays, check_order, check_pytree, warn_if_nan
 from jaxpf.running.chunks import come_one_by_one
@@ -65,7 +66,7 @@ def stream(
     check_not_traced("jaxpf.stream", "jaxpf.run", tracker, key, whole, state)
     first = 0 if state is None else int(contract.time_of(state))
     if state is None:
-        state = jax.jit(running.init)(tracker, key)
+        state = compiled(running.init)(tracker, key)
     marked = missing_frames.marked_one_by_one(tracker, frames, observed)
     given, warned = _one_by_one(inputs), False
     for number, (frame, its_tracker, taken) in enumerate(marked, first):
@@ -92,7 +93,7 @@ def _one_by_one(inputs: Any) -> Iterator[Any]:
         yield jax.tree.map(lambda x, place=place: x[place], inputs)
 
 
-@jax.jit
+@compiled
 def step(tracker: Any, key: jax.Array, time: int, state: Any, frame: np.ndarray) -> Any:
     """Return state and summary of frame ``time`` (from 0) of a run, as in ``stream``."""
     return running.one_run(tracker, key, running.summary_only)(state, (time, frame))

@@ -18,6 +18,7 @@ from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.names import SHAPE_SPACES
 from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
+from jaxpf.lowering.programs import in_full
 from jaxpf.shapes.splines import CUBIC, check_order
 
 
@@ -59,6 +60,7 @@ class ShapeSpace:
         """P in messages, which is any number if all targets share a template."""
         return f"{self.num_templates}" if self.num_templates > 1 else "P"
 
+    @in_full
     def control_points(self, substates):
         """Control points ``[..., P, K, 2]`` of substates ``[..., P, D]``, in pixels."""
         check_array("substates", substates, f"[..., {self._count}, {self.dimension}]")
@@ -68,6 +70,7 @@ class ShapeSpace:
         modes = jnp.broadcast_to(modes, (substates.shape[-2], *modes.shape[1:]))
         return template + jnp.einsum("...pd,pdkc->...pkc", substates, modes)
 
+    @in_full
     def points_all(self, rows, partition, substates):
         """Weighted means ``[2, R, N]`` of the control points of all particles, x before y.
 

@@ -18,9 +18,10 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxpf.contract.state import moments
+from jaxpf.lowering.programs import compiled
 
 
-@jax.jit
+@compiled
 def trace_back(current: Any, sources: Any, log_weights: jax.Array) -> tuple[jax.Array, ...]:
     """Follow all particles of the last frame back.
 
@@ -39,7 +40,7 @@ def trace_back(current: Any, sources: Any, log_weights: jax.Array) -> tuple[jax.
     return _follow(jnp.arange(len(weights), dtype=jnp.int32), current, sources, of_frame)
 
 
-@partial(jax.jit, static_argnames="num_paths")
+@partial(compiled, static_argnames="num_paths")
 def draw_paths(
     key: jax.Array, current: Any, sources: Any, log_weights: jax.Array, num_paths: int
 ) -> jax.Array:

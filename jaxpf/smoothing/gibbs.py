@@ -31,6 +31,7 @@ from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.refusals import poisoned, refused
 from jaxpf.gradients import NoGradient
+from jaxpf.lowering.programs import compiled
 from jaxpf.resampling.schemes import BuiltIn
 from jaxpf.running import memory, missing_frames
 from jaxpf.running.checks import check_frames, check_run
@@ -123,7 +124,7 @@ def particle_gibbs(
     marked, frames = missing_frames.marked(tracker, frames, observed)
     second_order = looks_back(tracker)
     if reference is None:
-        reference = jax.jit(sweep, static_argnums=4)(marked, first_key, frames, None, second_order)
+        reference = compiled(sweep, static_argnums=4)(marked, first_key, frames, None, second_order)
     wanted = num_frames + 1, num_partitions, dimension
     if np.shape(reference) != wanted:
         raise InputError(
@@ -169,7 +170,7 @@ def check_conditional(tracker: Any) -> Any:
     )
 
 
-@partial(jax.jit, static_argnames="second_order")
+@partial(compiled, static_argnames="second_order")
 def _sweeps(tracker, keys, frames, reference, second_order):
     def step(reference, key):
         drawn = sweep(tracker, key, frames, reference, second_order)

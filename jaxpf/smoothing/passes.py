@@ -10,6 +10,7 @@ from jax import lax
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
+from jaxpf.lowering.programs import compiled
 from jaxpf.running import memory
 from jaxpf.smoothing.backward import History, Pass, backward
 from jaxpf.smoothing.groups import together
@@ -34,7 +35,7 @@ def backward_key(key: jax.Array) -> jax.Array:
     return jax.random.fold_in(key, _BACKWARD)
 
 
-@partial(jax.jit, static_argnames=("num_trajectories", "num_paths", "num_steps"))
+@partial(compiled, static_argnames=("num_trajectories", "num_paths", "num_steps"))
 def _backward_groups(
     tracker, keys, history, parts, parents, num_trajectories, num_paths, first, num_steps
 ):

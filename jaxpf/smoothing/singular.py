@@ -16,6 +16,7 @@ from jax import lax
 
 from jaxpf import contract
 from jaxpf.filters.initial import as_floats
+from jaxpf.lowering.programs import compiled
 
 #: Frames that particles move before they are compared: noise needs some to reach all directions.
 _FRAMES = 8
@@ -60,7 +61,7 @@ def singular_partitions(
 
 
 @partial(
-    jax.jit,
+    compiled,
     static_argnames="parents",
     compiler_options={
         "xla_backend_optimization_level": 0,

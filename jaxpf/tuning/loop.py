@@ -13,6 +13,7 @@ import numpy as np
 import optax
 
 from jaxpf.contract.errors import InputError, check_type
+from jaxpf.lowering.programs import compiled
 from jaxpf.tuning import checkpoint
 from jaxpf.tuning.parameters import Parameter, check_apart, parameter, read
 from jaxpf.tuning.problem import TrainingSequence, check_objective, free_loss, observed
@@ -149,7 +150,7 @@ def _optimiser(clip: float, learning_rate: float) -> tuple[Any, Callable]:
     """Adam with gradient clipping, and its compiled update."""
     adam = optax.chain(optax.clip_by_global_norm(clip), optax.adam(learning_rate))
 
-    @jax.jit
+    @compiled
     def step(gradients, free, moments):
         mean = jax.tree.map(lambda *g: sum(g) / len(g), *gradients)
         change, moments = adam.update(mean, moments)

@@ -29,6 +29,7 @@ from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.refusals import biased_evidence, poisoned
 from jaxpf.lowering import platform
+from jaxpf.lowering.programs import compiled
 from jaxpf.running import missing_frames
 from jaxpf.running.checks import as_arrays, check_run
 from jaxpf.smoothing.genealogy import draw_paths
@@ -226,7 +227,7 @@ def _keep_ancestors(state: Any, summary: Any) -> Any:
     return summary.log_evidence, state.lagged[0], state.sources
 
 
-@partial(jax.jit, static_argnums=0)
+@partial(compiled, static_argnums=0)
 def _observed(build, key, parameters, path, inputs):
     """Draw observations ``[C, S, T, ...]`` given parameters and states ``[C, S, T, P, D]``."""
 
@@ -277,7 +278,7 @@ def _with_chosen_number(model, key, frames, initial, chains) -> _Model:
     return model
 
 
-@partial(jax.jit, static_argnums=0)
+@partial(compiled, static_argnums=0)
 def _noise(model, key, frames, initial, chains):
     """Half the variance of the change of log evidence in a move from one chain to another."""
     unravel, num_blocks = ravel_pytree(initial)[1], chains.keys.shape[1]
@@ -308,7 +309,7 @@ def _advanced(scans, model, key, frames, initial, chains, walk, rates):
     return scans.scan(name, advance, (chains, walk), items)
 
 
-@partial(jax.jit, static_argnums=0)
+@partial(compiled, static_argnums=0)
 def _advance(model, frames, initial, carry, items):
     chains, _ = carry
     unravel = ravel_pytree(initial)[1]

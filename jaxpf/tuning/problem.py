@@ -15,6 +15,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import OBJECTIVES
 from jaxpf.contract.pytree import described, pytree_dataclass
 from jaxpf.contract.refusals import biased_evidence
+from jaxpf.lowering.programs import compiled
 from jaxpf.tuning import objectives
 from jaxpf.tuning.parameters import Parameter, replace
 
@@ -129,7 +130,7 @@ def free_loss(
         values = {parameter.path: parameter.to_value(free[parameter.path]) for parameter in wanted}
         return loss(_with(tracker, values), keys, frames, truth, sizes)
 
-    return jax.jit(jax.value_and_grad(of_free))
+    return compiled(jax.value_and_grad(of_free))
 
 
 def _with(tracker: Any, values: Mapping[str, Any]) -> Any:
@@ -174,5 +175,5 @@ def observed(sequence: TrainingSequence) -> TrainingSequence:
     )
     if size * len(frames) > _KEPT_OBSERVATIONS:
         return dataclasses.replace(sequence, frames=frames)
-    observations = jax.jit(lambda frames: jax.lax.map(tracker.observe, frames))(frames)
+    observations = compiled(lambda frames: jax.lax.map(tracker.observe, frames))(frames)
     return dataclasses.replace(sequence, tracker=Observed(tracker), frames=observations)

@@ -25,6 +25,7 @@ from jaxpf.contract.logs import normalised
 from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.refusals import biased_evidence, poisoned
 from jaxpf.contract.state import moments
+from jaxpf.lowering.programs import compiled
 from jaxpf.resampling.weighted import ancestors
 from jaxpf.running import missing_frames
 from jaxpf.running.checks import as_arrays, check_run
@@ -154,7 +155,7 @@ class _Draws(NamedTuple):
     log_evidence: jax.Array
 
 
-@partial(jax.jit, static_argnums=(0, 1, 2))
+@partial(compiled, static_argnums=(0, 1, 2))
 def _begun(filters, draw_prior, num_draws, keys, inputs):
     """Draws from the prior before the first frame, and their equal log-weights."""
     first = jax.vmap(draw_prior)(jax.random.split(keys[0], num_draws))
@@ -165,7 +166,7 @@ def _begun(filters, draw_prior, num_draws, keys, inputs):
     return draws, jnp.full(num_draws, -np.log(num_draws), place.dtype)
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@partial(compiled, static_argnums=(0, 1))
 def _take(filters, settings, start, frames, inputs, carry, items):
     """Take in the frames of ``items``, their times and keys; ``start`` is like one draw."""
     num_draws, num_moves, threshold = settings

@@ -1,5 +1,7 @@
 """Every filter, compiled as users compile it: the quick tests' compiler optimises nothing."""
 
+import os
+
 import jax
 import numpy as np
 import pytest
@@ -17,9 +19,9 @@ FRAMES = START + np.random.default_rng(0).normal(size=(3, 2, 1)).astype(np.float
 AS_BY_USERS = {
     "xla_backend_optimization_level": 3,
     "xla_llvm_disable_expensive_passes": False,
-    "xla_cpu_use_fusion_emitters": True,
 }
-
+if "use_fusion_emitters" in os.environ.get("XLA_FLAGS", ""):
+    AS_BY_USERS["xla_cpu_use_fusion_emitters"] = True
 
 FILTERS = {
     # One program with SIR, PS and DPS.

@@ -91,9 +91,9 @@ def test_a_block_is_as_wide_as_the_estimated_memory_allows(monkeypatch):
     shapes, needed, compiled = [], [], blocks._advance_compiled
     before = compiled._cache_size()
 
-    def bytes_needed(function, tracker, batches, *arguments):
+    def bytes_needed(tracker, batches, *arguments):
         shapes.append(batches[0].shape)
-        needed.append(actual(function, tracker, batches, *arguments))
+        needed.append(actual(tracker, batches, *arguments))
         return float(batches[0].shape[1])
 
     actual = blocks._bytes_needed

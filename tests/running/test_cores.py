@@ -1,5 +1,6 @@
 """How runs use the cores of a CPU."""
 
+import os
 import subprocess
 import sys
 import warnings
@@ -10,6 +11,7 @@ import pytest
 
 import jaxpf
 from jaxpf import InputError
+from jaxpf.lowering import platform
 from jaxpf.running import memory
 
 
@@ -30,6 +32,7 @@ def run(count, **given):
 
 
 def test_idle_cores_are_said_once(monkeypatch):
+    monkeypatch.setattr(platform, "on_accelerator", lambda: False)
     monkeypatch.setattr(memory, "num_cores", lambda: 8)
     memory.say_that_cores_are_idle.cache_clear()
     with warnings.catch_warnings():
@@ -50,5 +53,7 @@ def test_use_cores_comes_before_jax_starts():
     with pytest.raises(InputError, match="cores = 0 must be a whole number from 1"):
         jaxpf.use_cores(0)
     program = "import jax, jaxpf; jaxpf.use_cores(3); print(len(jax.devices()), jaxpf.use_cores(3))"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    on_cpu = os.environ | {"JAX_PLATFORMS": "cpu"}
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, env=on_cpu)
     assert done.stdout.strip() == "3 3", done

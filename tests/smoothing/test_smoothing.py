@@ -67,7 +67,8 @@ def test_shapes_and_the_filter_are_those_of_a_run(ran):
     assert found.paths.shape == (20, 5, 2, 1)
     np.testing.assert_allclose(found.paths.mean(0), found.estimate, atol=1e-6)
     np.testing.assert_allclose(found.paths.std(0), found.spread, atol=1e-6)
-    np.testing.assert_array_equal(found.summaries.estimate, ran[1].estimate)
+    # To rounding: on a GPU, what else is kept changes how a sum is compiled.
+    np.testing.assert_allclose(found.summaries.estimate, ran[1].estimate, rtol=1e-6)
     assert jax.eval_shape(lambda: jaxpf.smooth(tracker(), KEY, FRAMES)).paths is None
 
 

@@ -5,13 +5,13 @@ import functools
 import math
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from jaxpf.contract.logs import log_evidence
 from jaxpf.evaluation.work.batches import Batch
+from jaxpf.lowering.programs import compiled
 from jaxpf.measures import calibration, metrics
 from jaxpf.measures.scores import CENTRE_THRESHOLDS, OVERLAP_THRESHOLDS
 from jaxpf.targets.target import Start, Target
@@ -269,7 +269,7 @@ def _measure_frames(
     return {name: np.asarray(values)[: len(shapes)] for name, values in frames.items()}
 
 
-@functools.partial(jax.jit, static_argnums=(0, 1))
+@functools.partial(compiled, static_argnums=(0, 1))
 def _compiled_measures(
     target: Target, parents: tuple[int, ...], shapes: Array, truth: Array, sizes: Array
 ) -> dict[str, Array]:

@@ -25,6 +25,7 @@ from jaxpf.contract.logs import normalised
 from jaxpf.contract.numbers import check_array, check_whole
 from jaxpf.filters.labelled import by_label, kernel
 from jaxpf.filters.labelled.state import LabelledState
+from jaxpf.lowering.programs import compiled
 
 
 def born(state: LabelledState, slot: jax.Array, substate: jax.Array) -> LabelledState:
@@ -48,7 +49,7 @@ def ended(state: LabelledState, slot: jax.Array) -> LabelledState:
     return _ended(state, slot)
 
 
-@jax.jit
+@compiled
 def _born(state, slot, substate):
     alive = state.alive.at[slot].set(True)
     living = jnp.sum(alive).astype(state.log_mass.dtype)
@@ -64,7 +65,7 @@ def _born(state, slot, substate):
     )
 
 
-@jax.jit
+@compiled
 def _ended(state, slot):
     weights = jnp.where(state.labels == slot, -jnp.inf, state.log_weights)
     return dataclasses.replace(

@@ -93,8 +93,8 @@ class Carry(NamedTuple):
         seen: ``[P, C]`` bool, whether at that stage some particle of the component had nonzero
             weight and nonzero likelihood.
         largest: ``[C]``, the largest log-weight of each component.
-        impossible: ``[N]`` bool, whether all likelihoods of the particle's component were zero at
-            some stage, which ``log_weights`` then skip.
+        impossible: ``[C]`` bool, whether all likelihoods of the component were zero at some stage,
+            which ``log_weights`` then skip; an empty component is impossible.
         equal: ``[]`` bool, whether weights were equal after the last resampling.
         num_invalid: ``[]`` int32, number of invalid log-likelihoods.
         label: ``[N]`` int32, each particle's label, or its component without labels.
@@ -130,14 +130,15 @@ class Carry(NamedTuple):
 
     def write(self, stage: jax.Array, **rows: jax.Array) -> "Carry":
         """Replace a stage's row of the named entries."""
-        return self._replace(
-            **{
-                name: lax.dynamic_update_index_in_dim(
-                    getattr(self, name), row, stage, axis=2 if name == "stages" else 0
-                )
-                for name, row in rows.items()
-            }
-        )
+        is_only_row = self.lineage.shape[0] == 1
+
+        def written(name: str, row: jax.Array) -> Any:
+            axis = 2 if name == "stages" else 0
+            if is_only_row:
+                return jnp.expand_dims(row, axis)
+            return lax.dynamic_update_index_in_dim(getattr(self, name), row, stage, axis)
+
+        return self._replace(**{name: written(name, row) for name, row in rows.items()})
 
     def take_out(
         self, log_factor: jax.Array, components: Components
@@ -164,11 +165,10 @@ class Carry(NamedTuple):
         log_weights = self.log_weights + log_factor
         largest = component_max(log_weights, components)
         seen = ~jnp.isneginf(largest)
-        possible = components.spread(seen)
-        return self._replace(
-            seen=self.seen if stage is None else self.seen.at[stage].set(seen),
-            log_weights=jnp.where(possible, log_weights, self.log_weights),
+        carry = self if stage is None else self.write(stage, seen=seen)
+        return carry._replace(
+            log_weights=jnp.where(components.spread(seen), log_weights, self.log_weights),
             taken=add_exactly(self.taken, jnp.where(seen, taken, 0.0)),
             largest=jnp.where(seen, largest, self.largest),
-            impossible=self.impossible | ~possible,
+            impossible=self.impossible | ~seen,
         )

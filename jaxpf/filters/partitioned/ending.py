@@ -76,10 +76,9 @@ def finish(
     lost = ~jnp.any(carry.seen[every_component], axis=1)
 
     all_impossible = jnp.all(carry.impossible)
-    log_weights = jnp.where(carry.impossible & ~all_impossible, -jnp.inf, carry.log_weights)
     if path_score is not None:
-        log_weights = with_gradient_of(log_weights, path_score)
-    log_weights, log_total = _normalised(log_weights, carry.taken, components)
+        carry = carry._replace(log_weights=with_gradient_of(carry.log_weights, path_score))
+    log_weights, log_total = _normalised(carry, components, all_impossible)
     log_weights = choose(
         ordering.literal,
         lambda: weighted.renormalised(log_weights, components),
@@ -173,9 +172,20 @@ def _corrected(
 
 
 def _normalised(
-    log_weights: jax.Array, taken: jax.Array, components: Components
+    carry: Carry, components: Components, all_impossible: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """Normalise log-weights ``[N]`` over all components; also return the log total, ``[]``."""
+    """Log-weights ``[N]``, normalised over all components, and the log of their total, ``[]``.
+
+    Impossible components get no weight, unless all are impossible.
+    """
+    taken = carry.taken
+    if taken.shape[1] == 1:
+        # Nothing has changed the weights since the last stage found the largest.
+        known = carry.largest[0] if carry.lineage.shape[0] == 1 else None
+        log_weights, log_total = normalised(carry.log_weights, largest=known)
+        return log_weights, taken[0, 0] + (taken[1, 0] + log_total)
+    ignored = components.spread(carry.impossible & ~all_impossible)
+    log_weights = jnp.where(ignored, -jnp.inf, carry.log_weights)
     first = jnp.argmax(counted(components.spread(taken[0]), log_weights))
     first = components.index[first]
     apart = jnp.sum(taken - taken[:, first, None], axis=0)

@@ -116,7 +116,7 @@ def begin(
         taken=jnp.zeros((2, ordering.order.shape[0]), log_weights.dtype),
         seen=jnp.zeros((tracker.num_partitions, ordering.order.shape[0]), bool),
         largest=component_max(log_weights, components),
-        impossible=jnp.zeros((num_particles,), bool),
+        impossible=jnp.zeros((ordering.order.shape[0],), bool),
         equal=selected.equal,
         num_invalid=jnp.zeros((), jnp.int32),
         label=component if state.label is None else state.label[ancestors],

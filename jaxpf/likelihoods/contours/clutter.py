@@ -16,6 +16,7 @@ from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.numbers import check_array, check_number, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array
 from jaxpf.likelihoods.contours.edges import EdgeDetector, Lines
+from jaxpf.lowering.programs import compiled
 
 #: Largest number of features on a line: more do not fit on the longest line.
 _MOST_FEATURES = 127
@@ -83,7 +84,7 @@ def learn_clutter(
         )
     rng = np.random.default_rng(seed)
     counts = np.zeros(detector.max_features + 1)
-    find = jax.jit(lambda frame, lines: detector.find(detector.observe(frame), lines).present)
+    find = compiled(lambda frame, lines: detector.find(detector.observe(frame), lines).present)
     each = -(-num_lines // len(frames))
     for frame in frames:
         angle = rng.uniform(0, np.pi, each)

@@ -20,6 +20,7 @@ from jaxpf.likelihoods.contours import crossings as crossing
 from jaxpf.likelihoods.contours.edges import EdgeDetector, Features, Lines
 from jaxpf.likelihoods.contours.line_model import line_weights, log_ratios
 from jaxpf.likelihoods.contours.share import log_mean_of, log_means
+from jaxpf.lowering.programs import compiled
 from jaxpf.shapes.spaces import ShapeSpace
 from jaxpf.shapes.splines import basis
 
@@ -309,7 +310,7 @@ class IndependentContours(Likelihood):
         return log_mean_of(table, own, places[self.edges :, None], there, self.detector.reach)
 
 
-@jax.jit
+@compiled
 def _shown_at_start(likelihood: IndependentContours, frame, substates):
     """``at_start`` ``[P]`` of ``started``; compiled whole, since single operations take seconds."""
     places = jnp.asarray(substates).T

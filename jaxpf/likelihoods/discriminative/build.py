@@ -19,6 +19,7 @@ from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
 from jaxpf.likelihoods.discriminative.maps import gradients, hues
 from jaxpf.likelihoods.discriminative.nearby import window_shape
 from jaxpf.likelihoods.discriminative.training import RIDGE, trained, training_boxes
+from jaxpf.lowering.programs import compiled
 
 #: Built-in features; users may add functions.
 FEATURES = ("colour", "gradients", "hues")
@@ -146,7 +147,7 @@ def _own_bins(frame, boxes, factors, bands) -> tuple[jax.Array, np.ndarray]:
     return as_array(lookup), own
 
 
-@jax.jit
+@compiled
 def _background(likelihood, frames):
     """Scores [P, n] of boxes of every object's size, evenly spread over frames [n, H, W, 3]."""
     places = grid_places(likelihood.frame_shape, likelihood.sizes.dtype)

@@ -16,6 +16,7 @@ import numpy as np
 from jaxpf.contract.pytree import as_array
 from jaxpf.likelihoods.discriminative.levels import shrunk
 from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
+from jaxpf.lowering.programs import compiled
 
 #: Weight of the penalty on the squared coefficients, per background.
 RIDGE = 0.5
@@ -162,7 +163,7 @@ def trained(
     return _with(likelihood, *(np.stack(each) for each in zip(*coefficients, strict=True)))
 
 
-@functools.partial(jax.jit, static_argnames=("shape", "factor"))
+@functools.partial(compiled, static_argnames=("shape", "factor"))
 def _pictures(frame, box, corner, shape, factor):
     """An object's window, shrunk, with each background: [n, h, w, 3]."""
     padding = [(0, -side % factor) for side in frame.shape[:2]]
@@ -195,7 +196,7 @@ def _only(likelihood, number, box, shape) -> DiscriminativeLikelihood:
     )
 
 
-@jax.jit
+@compiled
 def _coefficients(likelihood, pictures, box, penalty):
     """Coefficients [F], offset and residual of one object, from pictures with its backgrounds."""
     shifts, overlaps = (jnp.asarray(x, box.dtype) for x in training_boxes())

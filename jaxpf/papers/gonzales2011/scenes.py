@@ -13,6 +13,7 @@ import jaxpf
 import scenes
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
+from jaxpf.lowering.programs import compiled
 from jaxpf.measures import particle_sets
 from jaxpf.ordering import Ordering, named
 from jaxpf.papers.checkpoints import of_scenes
@@ -132,7 +133,7 @@ def _on_scene(
 
 # Eighteen kernels are compiled for few particles each: here compile time matters more than the
 # speed of the code.
-@partial(jax.jit, compiler_options={"xla_backend_optimization_level": 1})
+@partial(compiled, compiler_options={"xla_backend_optimization_level": 1})
 def _track(tracker: Grid, key: jax.Array, frames: jax.Array) -> Any:
     """Estimates and spreads of the poses, ``[1, T, M, K, P, 3]``."""
     return jaxpf.monte_carlo(tracker, key[None], frames, _record, batch_size=1)

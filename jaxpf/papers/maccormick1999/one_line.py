@@ -13,6 +13,7 @@ from jaxpf.likelihoods.contours import (
     log_ratio,
     poisson_clutter,
 )
+from jaxpf.lowering.programs import compiled
 from jaxpf.papers.maccormick1999.published import FEATURES
 
 _LENGTH, _SIGMA, _CLUTTER = 161, 7.0, 2.0
@@ -31,7 +32,7 @@ def peaks() -> tuple[np.ndarray, np.ndarray]:
     return together, likelihood(np.stack([places[first], places[second]]))
 
 
-@jax.jit
+@compiled
 def _likelihood(boundaries: jax.Array) -> jax.Array:
     count, shape = len(FEATURES), boundaries.shape[1:]
     places = jnp.broadcast_to(jnp.array(FEATURES).reshape(-1, *[1] * len(shape)), (count, *shape))

@@ -16,6 +16,7 @@ from jaxpf.filters.partitioned import ending, kernel
 from jaxpf.filters.partitioned.carry import Shared
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods import Gaussian
+from jaxpf.lowering.programs import compiled
 
 #: Ratio of the spread of the dynamics to the width of the posterior.
 _NARROWER = 8.0
@@ -72,7 +73,7 @@ def steps(seed: int) -> dict[str, list[Step]]:
     by_method = {}
     for method in (CONVENTIONAL, BRANCHED):
         tracker = tracker_of(method)
-        stages = jax.jit(jax.vmap(partial(frame, tracker)))(keys)
+        stages = compiled(jax.vmap(partial(frame, tracker)))(keys)
         by_method[method] = [_step(*each) for each in zip(STEPS[method], stages, strict=True)]
     return by_method
 

@@ -12,6 +12,7 @@ import jaxpf
 import scenes
 from jaxpf.boxes.rowe2005 import Rowe2005Settings
 from jaxpf.evaluation.work.worker import run_keys
+from jaxpf.lowering.programs import compiled
 from jaxpf.papers.checkpoints import of_scenes
 from jaxpf.papers.paper import Request
 from jaxpf.papers.rowe2005.published import PARTICLES
@@ -168,7 +169,7 @@ def _record(state: Any, summary: Any) -> Any:
     return *reported, state.lagged[0, :4], state.labels
 
 
-@jax.jit
+@compiled
 def _measures(recorded: Any, truth: jax.Array) -> tuple[jax.Array, ...]:
     estimate, share, spread, particles, labels = recorded
     centres = truth[..., :2] + truth[..., 2:] / 2

@@ -15,6 +15,7 @@ from jaxpf import ordering
 from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods.histogram import histogram_from_patches
+from jaxpf.lowering.programs import compiled
 from jaxpf.measures import metrics, particle_sets
 from jaxpf.ordering import Ordering
 from jaxpf.papers.checkpoints import of_scenes
@@ -178,7 +179,7 @@ def _record(state: Any, summary: Any) -> Any:
     return summary.estimate, summary.uniqueness, summary.spread
 
 
-@jax.jit
+@compiled
 def _measures(
     recorded: Any, truth: jax.Array, sizes: jax.Array, noise: jax.Array
 ) -> tuple[jax.Array, ...]:

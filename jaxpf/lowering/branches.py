@@ -36,8 +36,8 @@ def choose(
         cheap: whether both take less time than a branch on an accelerator, which computes both.
     """
     if is_never_true:
-        # On a CPU, the barrier replaces the boundary of the branch.
-        return false() if platform.on_accelerator() else computed_before(false())
+        # The barrier replaces the boundary of the branch.
+        return computed_before(false())
     if cheap and platform.on_accelerator():
         return jax.tree.map(partial(jnp.where, predicate), true(), false())
     return lax.cond(predicate, true, false)
@@ -58,7 +58,7 @@ def computed_once(
         unforeseen: ``[]`` bool, true at run time but unknown to the compiler.
     """
     if platform.on_accelerator():
-        return computed_before(function())
+        return lax.optimization_barrier(function())
     return lax.cond(unforeseen, function, lambda: like)
 
 
@@ -70,11 +70,14 @@ def repeated(count: int, body: Callable[[jax.Array, Any], Any], carry: Any) -> A
 
 
 def computed_before(tree: Any) -> Any:
-    """Return the same tree, fully computed before anything that uses it.
+    """Return the same tree, on a CPU fully computed before anything that uses it.
 
     Like ``lax.optimization_barrier``, but integers and booleans get no derivative: JAX gives them
-    one, for which a following ``jnp.all`` has no rule.
+    one, for which a following ``jnp.all`` has no rule.  On an accelerator XLA keeps what is long to
+    compute by itself, and a barrier costs passes through memory.
     """
+    if platform.on_accelerator():
+        return tree
 
     def cut(x):
         return x if jnp.issubdtype(x.dtype, jnp.inexact) else x | jnp.zeros_like(x)

@@ -161,7 +161,7 @@ def _ancestors(counts, cdf, components) -> jax.Array:
     end, particle = start + counts, jnp.arange(counts.shape[0], dtype=jnp.int32)
     begin = jnp.maximum(jnp.roll(end, 1).at[0].set(0), start)
     first = jnp.where((cdf.weights > 0) & (end > begin), begin, end.shape[0])
-    return running_max(jnp.zeros_like(particle).at[first].max(particle, mode="drop"))
+    return running_max(jnp.full_like(particle, -1).at[first].max(particle, mode="drop"))
 
 
 def _expected(values, total, components) -> jax.Array:

@@ -3,6 +3,7 @@
 import re
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -137,6 +138,46 @@ def test_both_forms_give_the_same_results(no_accelerator):
     np.testing.assert_allclose(one.substates, other.substates, atol=1e-6)
     np.testing.assert_allclose(told.log_evidence, said.log_evidence, atol=1e-5)
     assert said.uniqueness.min() < 1  # resampled inside the frame
+
+
+@pytest.mark.parametrize("scheme", ["systematic", "stratified", "multinomial", "residual"])
+def test_a_particle_of_zero_weight_has_no_offspring_in_either_form(scheme, no_accelerator):
+    generator = np.random.default_rng(1)
+    weights = generator.exponential(size=3000) * (generator.random(3000) < 0.3)
+    with np.errstate(divide="ignore"):
+        log_weights = np.log(weights).astype(np.float32)
+    found = [jaxpf.resampling.ancestors(KEYS[0], log_weights, scheme)]
+    no_accelerator()
+    found.append(jaxpf.resampling.ancestors(KEYS[0], log_weights, scheme))
+    for ancestors in found:
+        assert weights[ancestors].min() > 0
+    if scheme == "systematic":
+        expected = 3000 * weights / weights.sum()
+        for ancestors in found:
+            assert (abs(np.bincount(ancestors, minlength=3000) - expected) < 1 + 1e-3).all()
+
+
+def turned(key, x, p):
+    return p @ x + jax.random.normal(key, (2,))
+
+
+def test_products_are_as_precise_as_their_factors():
+    """Those of a model's functions too; JAX's default on a GPU keeps ten bits."""
+    tracker = jaxpf.state_space(
+        initial=lambda key, p: jax.random.normal(key, (2,)),
+        transition=turned,
+        log_likelihood=lambda y, x, p: -0.5 * jnp.sum((y - x) ** 2),
+        parameters=np.eye(2, dtype=np.float32),
+        num_particles=20,
+    )
+
+    def precisions():
+        lowered = run_compiled.trace(tracker, KEYS[0], Y, summary_only).lower()
+        return set(re.findall(r"dot_general.*precision = \[(\w+), ", lowered.as_text()))
+
+    assert precisions() == {"HIGHEST"}
+    with jax.default_matmul_precision("high"):  # the user's wish
+        assert precisions() == {"HIGH"}
 
 
 @pytest.mark.parametrize(("make", "most"), [(model, (0, 1)), (parts, (6, 3))])

@@ -15,6 +15,7 @@ fast:
   substates are gathered once, at the end of the frame.
 """
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -115,7 +116,11 @@ def begin(
         log_weights=log_weights,
         taken=jnp.zeros((2, ordering.order.shape[0]), log_weights.dtype),
         seen=jnp.zeros((tracker.num_partitions, ordering.order.shape[0]), bool),
-        largest=component_max(log_weights, components),
+        largest=jnp.where(
+            selected.equal,
+            jnp.where(components.size > 0, -math.log(num_particles), -jnp.inf),
+            component_max(log_weights, components),
+        ),
         impossible=jnp.zeros((ordering.order.shape[0],), bool),
         equal=selected.equal,
         num_invalid=jnp.zeros((), jnp.int32),
@@ -136,10 +141,10 @@ def move(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry) -> Draw
     partition = ordering.order[shared.components.index, stage]
     source = partition * num_particles + carry.lineage[stage]
     if tracker.gradient.blends:
-        left = carry.stages[:, :, stage]
+        left = tuple(carry.stages[:, :, stage])
     else:
-        past = lagged.reshape(-1, tracker.num_partitions * num_particles)
-        left = past[:, source].reshape(2, -1, num_particles)
+        past = lagged.reshape(2, -1, tracker.num_partitions * num_particles)
+        left = past[0][:, source], past[1][:, source]  # apart: motion may use the first alone
     conditions = left[0], left[1], _parent_substates(shared, partition, carry)
     others = (_whole_past(shared, stage, carry),) if contract.is_coupled(tracker.dynamics) else ()
     return shared.motion.draw(shared, key, Turn(partition, source, conditions, others))

@@ -31,11 +31,11 @@ from jaxpf.filters.labelled.tracker import Labelled
 from jaxpf.likelihoods.color import check_frame
 from jaxpf.likelihoods.detected import Detected
 from jaxpf.likelihoods.open_histogram import open_histogram, with_object
-from jaxpf.lowering.programs import compiled
 from jaxpf.measures import association
 from jaxpf.populations import lifetimes
 from jaxpf.populations.lifetimes import EMPTY, Changes, Living, Refusal, Rules
 from jaxpf.running import streaming
+from jaxpf.running.runs import init_compiled
 from jaxpf.targets.appearance import DISCRIMINATIVE, RELATIVE
 
 
@@ -172,7 +172,7 @@ def follow(
     if len(set(ids)) < len(ids) or min(ids, default=0) < 0:
         raise InputError(f"objects are named {ids}; give each a number of its own, from 0 on.")
     living = lifetimes.nobody(tracker.num_targets, max(ids, default=0))
-    state = compiled(running.init)(tracker, key)
+    state = init_compiled(tracker, key)
     summary: Any = None
     boxes = np.full((tracker.num_targets, 4), np.nan)
     lost = np.zeros(tracker.num_targets, bool)

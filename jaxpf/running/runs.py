@@ -167,6 +167,9 @@ def init(tracker: Any, key: jax.Array) -> Any:
     return tracker.init(jax.random.fold_in(key, 0))
 
 
+init_compiled = compiled(init)
+
+
 def check_resumed(tracker: Any, key: jax.Array, state: Any, record: Any) -> Any:
     """Refuse a state that is not one of the tracker, and what cannot record; return its time.
 

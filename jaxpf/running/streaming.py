@@ -13,7 +13,7 @@ from jaxpf.lowering.programs import compiled
 from jaxpf.running import missing_frames
 from jaxpf.running.checks import as_arrays, check_order, check_pytree, warn_if_nan
 from jaxpf.running.chunks import come_one_by_one
-from jaxpf.running.runs import check_resumed
+from jaxpf.running.runs import check_resumed, init_compiled
 
 
 class TrackedFrame(NamedTuple):
@@ -66,7 +66,7 @@ def stream(
     check_not_traced("jaxpf.stream", "jaxpf.run", tracker, key, whole, state)
     first = 0 if state is None else int(contract.time_of(state))
     if state is None:
-        state = compiled(running.init)(tracker, key)
+        state = init_compiled(tracker, key)
     marked = missing_frames.marked_one_by_one(tracker, frames, observed)
     given, warned = _one_by_one(inputs), False
     for number, (frame, its_tracker, taken) in enumerate(marked, first):

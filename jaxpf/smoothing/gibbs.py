@@ -124,7 +124,7 @@ def particle_gibbs(
     marked, frames = missing_frames.marked(tracker, frames, observed)
     second_order = looks_back(tracker)
     if reference is None:
-        reference = compiled(sweep, static_argnums=4)(marked, first_key, frames, None, second_order)
+        reference = _sweep_compiled(marked, first_key, frames, None, second_order)
     wanted = num_frames + 1, num_partitions, dimension
     if np.shape(reference) != wanted:
         raise InputError(
@@ -248,3 +248,6 @@ def sweep(
 
     slot, drawn = lax.scan(trace_back, last, history, reverse=True)
     return jnp.concatenate([start.lagged[0, ..., slot].T[None], drawn])
+
+
+_sweep_compiled = compiled(sweep, static_argnums=4)

@@ -24,7 +24,8 @@ def rows_of(path):
 
 
 def stamps(folder):
-    return {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    files = [path for path in folder.rglob("*") if path.name != ".lock"]
+    return {path: path.stat().st_mtime_ns for path in files}
 
 
 def evaluated(*arguments):

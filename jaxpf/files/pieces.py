@@ -18,6 +18,8 @@ from jaxpf.contract.options import plain
 from jaxpf.files.writing import atomic_write, report_os_errors, write_text
 
 SETTINGS = "settings.json"
+#: How the digest of arrays in settings begins, see ``jaxpf.files.states.digest``.
+DIGEST = "sha256:"
 
 
 class Damaged(InputError):
@@ -51,6 +53,14 @@ class Pieces:
         with report_os_errors("create the folder", self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
         write_text(self.folder / SETTINGS, json.dumps(settings, indent=1))
+
+    def check_same(self, old: Mapping[str, Any], new: Mapping[str, Any]) -> None:
+        """Refuse a job that differs from the one begun in the folder."""
+        for change in differences(old, new):
+            raise InputError(
+                f"'{self.folder}' was begun with {change}; choose another folder, or repeat the "
+                "same call."
+            )
 
     def path(self, name: str) -> Path:
         """Return the path of a piece."""
@@ -90,5 +100,7 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterable[str]
             continue
         if isinstance(before, Mapping) and isinstance(after, Mapping):
             yield from (f"{name}: {change}" for change in differences(before, after))
+        elif DIGEST in f"{before}{after}":
+            yield f"another value of {name}"
         else:
             yield f"{name} = {plain(before)}, now {plain(after)}"

@@ -1,5 +1,6 @@
 """Saves a filter's state to disk and loads it to resume tracking."""
 
+import hashlib
 import os
 from typing import Any
 
@@ -8,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_path, check_tracker
+from jaxpf.files.pieces import DIGEST
 from jaxpf.files.writing import atomic_write
 
 #: Version of the file format; other versions are refused.
@@ -59,7 +61,7 @@ def load_like(path: str | os.PathLike[str], wanted: Any, kind: str) -> Any:
     """Load what ``save`` wrote, of the structure, shapes and types of ``wanted``.
 
     Raises:
-        InputError: as for ``load``; names the tracker's ``kind``.
+        InputError: as for ``load``; names the ``kind`` of what is expected.
     """
     content = _content(path)
     names = {name for name in content if name.startswith(_STATE)}
@@ -83,6 +85,16 @@ def load_like(path: str | os.PathLike[str], wanted: Any, kind: str) -> Any:
             )
         leaves.append(_restored(value, leaf))
     return jax.tree.unflatten(jax.tree.structure(wanted), leaves)
+
+
+def digest(tree: Any) -> str:
+    """A digest of a pytree's structure and arrays, for the settings of a job."""
+    found = hashlib.sha256(str(jax.tree.structure(tree)).encode())
+    for leaf in jax.tree.leaves(tree):
+        values = np.asarray(_data(leaf) if isinstance(leaf, jax.Array) else leaf)
+        found.update(f"{values.shape}{values.dtype}".encode())
+        found.update(np.ascontiguousarray(values).reshape(-1).view(np.uint8).data)
+    return DIGEST + found.hexdigest()[:16]
 
 
 def _content(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:

@@ -1,19 +1,17 @@
 """Checkpoints: an interrupted descent resumes and reaches the same values."""
 
 import dataclasses
-import hashlib
 import itertools
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
 
 from jaxpf import __version__
-from jaxpf.contract.errors import InputError
-from jaxpf.files.pieces import Pieces, differences
+from jaxpf.files.pieces import Pieces
+from jaxpf.files.states import digest
 from jaxpf.tuning.parameters import Parameter
 from jaxpf.tuning.problem import TrainingSequence
 from jaxpf.tuning.result import Descent
@@ -24,13 +22,6 @@ _PIECE = "checkpoint"
 NAME = f"{_PIECE}.npz"
 #: Fields of a descent that are stored under their own names.
 _TRACES = ("loss", "gradient_norm", "stopped")
-
-#: What a digest that differs means, for messages.
-_DIGESTS = {
-    "frames": "other frames",
-    "labels": "other labels",
-    "tracker": "another tracker: its settings, its noise, its likelihood or what that learned from",
-}
 
 
 def asked(
@@ -49,19 +40,11 @@ def asked(
         "objective": name,
         "sequences": [sequence.name for sequence in sequences],
         **dataclasses.asdict(settings),
-        "frames": [_digest(sequence.frames) for sequence in sequences],
-        "labels": [_digest(sequence.truth) for sequence in sequences],
-        "tracker": [_digest(sequence.tracker) for sequence in sequences],
+        "frames": [digest(sequence.frames) for sequence in sequences],
+        "labels": [digest(sequence.truth) for sequence in sequences],
+        "tracker": [digest(sequence.tracker) for sequence in sequences],
     }
     return json.loads(json.dumps(description))
-
-
-def _digest(tree: Any) -> str:
-    digest = hashlib.sha256(str(jax.tree.structure(tree)).encode())
-    for leaf in jax.tree.leaves(tree):
-        digest.update(f"{np.shape(leaf)}".encode())
-        digest.update(np.ascontiguousarray(leaf).reshape(-1).view(np.uint8).data)
-    return digest.hexdigest()[:16]
 
 
 class Checkpoint:
@@ -88,12 +71,7 @@ class Checkpoint:
             old = dict(json.loads(str(arrays["asked"])))
             places = itertools.takewhile(lambda i: f"{i}.loss" in arrays, itertools.count())
             descents = [_descent(place, arrays) for place in places]
-        for change in differences(old, self.description):
-            change = _DIGESTS.get(change.partition(" = ")[0], change)
-            raise InputError(
-                f"'{self.pieces.folder}' was begun with {change}; choose another folder, or repeat "
-                "the same call."
-            )
+        self.pieces.check_same(old, self.description)
         return descents
 
 

@@ -3,20 +3,18 @@
 The pieces' results are those of one scan, bit for bit.
 """
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from jaxpf import __version__
 from jaxpf.contract.errors import InputError, check_path
 from jaxpf.contract.pytree import is_concrete
-from jaxpf.files.pieces import Pieces, differences
-from jaxpf.files.states import load_like, save
+from jaxpf.files.pieces import Pieces
+from jaxpf.files.states import digest, load_like, save
 
 #: Steps of a scan in a piece.
 _LENGTH = 50
@@ -57,13 +55,10 @@ class LongScans:
             self.store = Pieces(Path(check_path("folder", folder)))
             settings = {"jaxpf": __version__} | {name: _shown(x) for name, x in asked.items()}
             old = self.store.settings()
-            for change in differences(old or settings, settings):
-                raise InputError(
-                    f"'{folder}' was begun with {change}; choose another folder, or repeat the "
-                    "same call."
-                )
             if old is None:
                 self.store.begin(settings)
+            else:
+                self.store.check_same(old, settings)
 
     def scan(
         self, name: str, function: Callable[[Any, Any], Any], carry: Any, items: Any
@@ -87,7 +82,13 @@ class LongScans:
             return function(carry, items)
         path = self.store.path(name)
         if path.exists():
-            return load_like(path, jax.eval_shape(function, carry, items), "this one")
+            try:
+                return load_like(path, jax.eval_shape(function, carry, items), "this one")
+            except InputError:
+                raise InputError(
+                    f"'{path}' is damaged or of another call; remove '{self.store.folder}', or "
+                    "choose another folder."
+                ) from None
         result = function(carry, items)
         save(path, result)
         return result
@@ -95,12 +96,4 @@ class LongScans:
 
 def _shown(value: Any) -> Any:
     """Plain values as they are, arrays and random keys by a digest."""
-    if isinstance(value, int | float | str | None):
-        return value
-    digest = hashlib.sha256(str(jax.tree.structure(value)).encode())
-    for leaf in jax.tree.leaves(value):
-        if jnp.issubdtype(jnp.result_type(leaf), jax.dtypes.prng_key):
-            leaf = jax.random.key_data(leaf)
-        leaf = np.asarray(leaf)
-        digest.update(f"{leaf.shape}{leaf.dtype}".encode() + leaf.tobytes())
-    return digest.hexdigest()[:16]
+    return value if isinstance(value, int | float | str | None) else digest(value)

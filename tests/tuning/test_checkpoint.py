@@ -31,14 +31,14 @@ def begun(tmp_path_factory):
 )
 def test_another_tracker_is_named(begun, sequence):
     message = message_of(tuning.tune, sequence, SCALE, settings=QUICK, folder=begun)
-    assert "was begun with another tracker: its settings" in message
+    assert "was begun with another value of tracker;" in message
 
 
 def test_other_frames_are_told_in_words(begun):
     sequence = made_sequence()
     sequence.frames[3] += 1
     message = message_of(tuning.tune, sequence, SCALE, settings=QUICK, folder=begun)
-    assert "was begun with other frames;" in message
+    assert "was begun with another value of frames;" in message
 
 
 def test_a_missing_package_is_told_before_there_is_a_checkpoint(monkeypatch):

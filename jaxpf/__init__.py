@@ -37,11 +37,11 @@ above; a test holds this.
     How a substate explains a frame, how it moves, and what shape it has.
 ``gradients``, ``resampling/``, ``ordering``
     Gradients through resampling, resampling schemes, and orderings, which are data.
-``lowering/``
-    What is written for the compiler's sake.
 ``contract/``
     What users write and what the library may ask of it: trackers, dynamics, likelihoods, states,
     options and errors.
+``lowering/``
+    What is written for the compiler's sake.
 
 ``scenes``, the package beside this one, draws synthetic sequences; it imports nothing of
 ``jaxpf``.

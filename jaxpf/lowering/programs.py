@@ -17,8 +17,8 @@ def compiled(function: Callable, **options: Any) -> Any:
 def in_full(function: Callable) -> Callable:
     """Multiply in the full precision of the factors, on an accelerator as on a CPU.
 
-    By default a GPU rounds the factors of a float32 product to ten bits: a place of 1000 pixels
-    errs by half a pixel.  This holds for a model's functions as for ours, unless the user sets
+    By default a GPU rounds the factors of a float32 product to ten bits: 1000 pixels become 1000.5.
+    Functions of a user's model are computed in full too, unless the user sets
     ``jax_default_matmul_precision`` or gives a product's precision.
     """
 

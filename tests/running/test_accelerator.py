@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import jaxpf
+from jaxpf import ordering
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian
 from jaxpf.lowering import platform
@@ -117,22 +118,36 @@ def test_one_block_gives_the_results_of_many_to_rounding(no_accelerator):
     np.testing.assert_allclose(wide.log_evidence, narrow.log_evidence, atol=1e-5)
 
 
-def parts():
+@jaxpf.pytree_dataclass
+class Nearby(Gaussian):
+    """Impossible beyond a standard deviation: many particles have no weight."""
+
+    def log_prob_all(self, observation, partition, substates):
+        log_prob = super().log_prob_all(observation, partition, substates)
+        return jnp.where(log_prob > -1.5, log_prob, -jnp.inf)
+
+
+ORDERS = {"dps": ordering.dps(3), "sps": ordering.sps(num_partitions=3)}
+
+
+def parts(order=ORDERS["dps"], likelihood=Gaussian):
     """Three partitions, each resampled, so that every form with components is used."""
     return jaxpf.Partitioned(
-        likelihood=Gaussian(noise=np.ones((3, 1, 1), np.float32)),
+        likelihood=likelihood(noise=np.ones((3, 1, 1), np.float32)),
         dynamics=RandomWalk(np.float32(1.0)),
-        ordering=jaxpf.ordering.dps(3),
+        ordering=order,
         initial=np.zeros((3, 1), np.float32),
         num_particles=30,
     )
 
 
-def test_both_forms_give_the_same_results(no_accelerator):
+@pytest.mark.parametrize("likelihood", [Gaussian, Nearby])
+@pytest.mark.parametrize("order", ORDERS.values(), ids=ORDERS)
+def test_both_forms_give_the_same_results(order, likelihood, no_accelerator):
     frames = np.stack([Y, -Y, 2 * Y], axis=1)[:2, :, None]
-    one, told = jax.device_get(jaxpf.run(parts(), KEYS[0], frames))
+    one, told = jax.device_get(jaxpf.run(parts(order, likelihood), KEYS[0], frames))
     no_accelerator()
-    other, said = jax.device_get(jaxpf.run(parts(), KEYS[0], frames))
+    other, said = jax.device_get(jaxpf.run(parts(order, likelihood), KEYS[0], frames))
     np.testing.assert_array_equal(one.lineage, other.lineage)
     np.testing.assert_array_equal(told.uniqueness, said.uniqueness)
     np.testing.assert_allclose(one.substates, other.substates, atol=1e-6)

@@ -22,7 +22,7 @@ from jax import lax
 
 from jaxpf.lowering.derivatives import weighted, with_gradient_of
 from jaxpf.lowering.integers import EXACT, modulo, order_by_group
-from jaxpf.lowering.prefix import running_max, running_sum
+from jaxpf.lowering.prefix import held, running_max, running_sum
 from jaxpf.ordering import SWAPS
 from jaxpf.resampling.components import component_cdf, one_component
 from jaxpf.resampling.schemes import ancestors_of_thresholds
@@ -186,7 +186,8 @@ def _rule(swap: jax.Array, is_root: jax.Array) -> jax.Array:
 def _weigh_all(log_probs: jax.Array) -> tuple[jax.Array, jax.Array]:
     """``_weigh_groups`` for one group of all particles in their order."""
     cdf = component_cdf(log_probs, one_component(log_probs.shape[0]))
-    return jnp.broadcast_to(cdf.log_mean, log_probs.shape), _share(cdf.cumulative, cdf.total)
+    cumulative = held(cdf.cumulative, cdf.weights)
+    return jnp.broadcast_to(cdf.log_mean, log_probs.shape), _share(cumulative, cumulative[-1])
 
 
 def _draw_from_all(key: jax.Array, share: jax.Array) -> tuple[jax.Array, Groups]:

@@ -20,9 +20,8 @@ HALF = 1.96
 
 
 def read(page):
-    """A page, with zeros before points, percent signs after numbers and one blank for any space."""
-    text = re.sub(r"(?<![\w.])\.(?=\d)", "0.", page.read_text())
-    return re.sub(r"(?<=\d) %", "%", text)
+    """A page, with zeros before points."""
+    return re.sub(r"(?<![\w.])\.(?=\d)", "0.", page.read_text())
 
 
 def section(page, heading):

@@ -159,6 +159,19 @@ def test_ratios_of_the_gpu_page_are_those_of_its_times():
     assert not may_be_ratio("3.2", "379", "123")
 
 
+def test_ratios_of_other_libraries_are_those_of_the_times():
+    """But for two, whose median ratio of pairs is another: the page names both."""
+    ours = SERIES["jaxpf"]["one run, s"]
+    assert may_be_ratio(SERIES[BLACKJAX]["ratio"], SERIES[BLACKJAX]["one run, s"], ours)
+    particles, cuthbert = (
+        float(row["one run, s"]) / float(ours)
+        for name, row in SERIES.items()
+        if name.startswith(("particles", "cuthbert"))
+    )
+    named = f"{particles:.1f} for particles and {cuthbert:.0f} for cuthbert"
+    assert named in prose(read(SITE / "state_space.md"))
+
+
 @pytest.mark.parametrize("other", ["CSRT", "MIL", "KCF", "mean shift", "not moving"])
 def test_paired_differences_are_those_of_the_means(other):
     """A mean of differences is a difference of means; each is rounded to three places."""

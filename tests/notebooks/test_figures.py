@@ -12,6 +12,7 @@ import pytest
 
 from jaxpf import contract, points
 from jaxpf.likelihoods import DiscriminativeLikelihood
+from jaxpf.papers.judging import verdicts
 
 ROOT = Path(__file__).resolve().parents[2]
 SITE = ROOT / "notebooks" / "docs"
@@ -270,3 +271,43 @@ def test_results_on_the_page_of_defaults():
         ),
     }
     assert {name: result[name] for name in expected} == expected
+
+
+def test_earlier_figures_on_the_page_of_papers():
+    text = prose(read(SITE / "papers.md"))
+
+    def earlier(paper, key):
+        (row,) = (row for row in verdicts.earlier(paper) if row["key"] == key)
+        return row["figures"]
+
+    *two, last = re.findall(r": (.*?\])", earlier("smith2004", "real_dps"))
+    assert f"for three objects: {', '.join(two)} and {last})" in text
+    less = re.findall(r": (\S+) \[", earlier("gonzales2011", "equal_time_sorted"))
+    least, most = min(map(float, less)), max(map(float, less))
+    assert f"{most:.0f}% smaller to {-least:.0f}% larger" in text
+    assert f"with 3000: {earlier('maccormick1999', 'leaves_fewer_particles')} points" in text
+
+
+def test_figures_of_questions_and_tasks():
+    """Pages that repeat a figure of another page."""
+    csrt = re.search(r"difference to CSRT is (\S+ \[.*?\])", HELD_OUT)[1]
+    reported = points_reported()
+    cows, flies = map(covered, reported.values())
+    errors = sorted(f"{float(row['median error']):.0f}" for row in reported.values())
+    confident = rows(section(DEFAULTS, "Confidence of boxes"))["0.8 to 1"]
+    test, choosing = (confident[name].split()[0] for name in ("report", "choose"))
+    more = re.search(r"change it from (\S+) to (\S+) with 0\.6", prose(DEFAULTS)).groups()
+    for page, words in {
+        "faq.md": f"CSRT was better by {negated(csrt).lstrip('+')} on 44 clips",
+        "howto/animals.md": (
+            f"the median error was {' and '.join(errors)} pixels, and the 95% intervals, at least "
+            f"{math.floor(least_width())} pixels wide, covered {cows}% and {flies}% of"
+        ),
+        "howto/lost.md": (
+            f"{100 * float(test):.0f}% were on their object on eleven test clips, and "
+            f"{100 * float(choosing):.0f}% on the clips"
+        ),
+        "howto/method.md": f"changed the IoU from {more[0]} to {more[1]}.",
+        "../../CHANGELOG.md": f"at least a factor of {least_factor()} wide either way",
+    }.items():
+        assert words in prose(read(SITE / page)), page

@@ -75,3 +75,23 @@ def test_pytest_takes_a_share_and_begins_no_test_after_the_time(tmp_path):
     assert done.returncode == 0, done.stdout
     assert done.stdout.count("NOT RUN test_it.py::test_") == 2
     assert "1 passed, 2 not run" in done.stdout
+
+
+def test_a_share_begins_with_tests_that_always_run(tmp_path):
+    marked = "@pytest.mark.always\ndef test_marked():\n    pass\n\n"
+    others = "".join(f"def test_{n}():\n    pass\n\n" for n in range(9))
+    (tmp_path / "test_it.py").write_text(f"import pytest\n\n{others}{marked}")
+    (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers =\n    always: in every share\n")
+    for share in ("c0ffee", "c0ffef"):
+        options = ["-v", "-pdivided_tests", "-pno:cacheprovider", f"--share={share}"]
+        done = subprocess.run(
+            [sys.executable, "-m", "pytest", *options],
+            cwd=tmp_path,
+            env=os.environ | {"PYTHONPATH": str(Path(divided_tests.__file__).parent)},
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stdout
+        ran = [line.split()[0] for line in done.stdout.splitlines() if " PASSED" in line]
+        assert ran[0] == "test_it.py::test_marked"
+        assert len(ran) == 1 + 3  # and a third of the others

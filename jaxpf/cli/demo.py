@@ -33,7 +33,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, particles: int 
     Seven objects wander over noise.  A distracter that looks like object 1 appears on top of it in
     frame 3, leads the tracker away and vanishes in frame 9 (Smith & Gatica-Perez 2004).  How often
     does each method find object 1 again?  The video shows a run of DPS, the default of `jaxpf
-    track`.  All methods start from the same boxes with the same seeds; intervals are at 95 %.
+    track`.  All methods start from the same boxes with the same seeds; intervals are at 95%.
     """
     from jaxpf.files.writing import prepare_output_folder
 
@@ -81,7 +81,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, particles: int 
 
 def _percent(interval: Any, index: Any) -> str:
     value, low, high = (100 * np.asarray(x)[index] for x in (interval[0], *interval[2:]))
-    return f"{value:.0f} % [{low:.0f}, {high:.0f}]" if low < high else f"{value:.0f} %"
+    return f"{value:.0f}% [{low:.0f}, {high:.0f}]" if low < high else f"{value:.0f}%"
 
 
 def _table(results: dict[str, Any], truth: Any) -> tuple[list[str], list[list[str]]]:
@@ -97,9 +97,9 @@ def _table(results: dict[str, Any], truth: Any) -> tuple[list[str], list[list[st
                 name,
                 _percent(result.measures["recovery_rate"], 0),
                 _percent(mean_interval(others_tracked, bounds=(0.0, 1.0)), ()),
-                f"{100 * np.mean(result.measures['precision'].value[others]):.0f} %",
-                f"{100 * np.mean(result.measures['recall'].value[others]):.0f} %",
-                f"{100 * np.mean(result.summary.uniqueness):.0f} %",
+                f"{100 * np.mean(result.measures['precision'].value[others]):.0f}%",
+                f"{100 * np.mean(result.measures['recall'].value[others]):.0f}%",
+                f"{100 * np.mean(result.summary.uniqueness):.0f}%",
             ]
         )
     return columns, rows

@@ -6,7 +6,7 @@ the window, all channels together::
     d = r / E[r] - o / E[o],    log p(y | x) = -||d||^2 / sigma^2
 
 On a window of n entries, independent errors add up to a sum that is far too sharp for particles
-(21 x 21 pixels RGB, off by 5 %: -331).  So here ``||d||^2`` is divided by n; for the paper's
+(21 x 21 pixels RGB, off by 5%: -331).  So here ``||d||^2`` is divided by n; for the paper's
 literal rule divide sigma by the square root of n.  Pixel (i, j), row i and column j, is the square
 [j, j + 1) x [i, i + 1); pixels outside the frame are black.
 """

@@ -5,7 +5,7 @@ point (u, v, ...), rounded to whole pixels; windows do not rotate or grow.  So a
 block of the frame, and the rest of the frame needs no processing.
 
 ``log_odds_all`` says whether points are where they are reported.  With d the mean squared
-difference between a point's window and its reference, e the 5 % quantile of d at other places of
+difference between a point's window and its reference, e the 5% quantile of d at other places of
 the start frame, and s the median strain to the three points that were nearest at the start (the
 difference of two points' displacements over their distance at the start, at least a window)::
 

@@ -2,8 +2,8 @@
 
 Each coordinate is scored separately.  Particles are treated as normal, because a run stores only
 their mean and standard deviation.  Weighted quantiles of the particles give nearly the same
-result: for boxes on seven filmed clips (6 runs of PS), their regions of 50, 80 and 95 % cover the
-truth in 49, 75 and 90.5 % of the frames, and the normal regions in 52, 78 and 90.0 %.
+result: for boxes on seven filmed clips (6 runs of PS), their regions of 50, 80 and 95% cover the
+truth in 49, 75 and 90.5% of the frames, and the normal regions in 52, 78 and 90.0%.
 """
 
 import numpy as np

@@ -120,7 +120,7 @@ def mean_interval(
 def median_interval(values: ArrayLike, axis: int = 0, level: float = 0.95) -> Interval:
     """The median over independent units with the narrowest order statistics of at least ``level``.
 
-    Arguments and result as for ``mean_interval``; at 95 % the ends are NaN below six units.
+    Arguments and result as for ``mean_interval``; at 95% the ends are NaN below six units.
     """
     check_level(level)
     values, mass, units = _counted(values, 1.0, axis)

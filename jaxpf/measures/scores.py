@@ -61,8 +61,8 @@ def tracking_scores(estimate: ArrayLike, truth: ArrayLike) -> dict[str, float]:
         .1, ..., .95), ``MOTA`` and ``MOTP`` (bernardin2008; MOTA can be negative, MOTP is the mean
         overlap of matches), ``IDF1``, ``IDR`` and ``IDP`` (ristani2016); NaN without any truth.
         Counts: ``TP``, ``FP`` and ``FN``, boxes; ``IDSW``, identity switches; ``Frag``,
-        interruptions; ``MT``, ``PT`` and ``ML``, objects tracked in more than 80 %, in 20 to 80 %,
-        and in less than 20 % of their frames.  A box matches at an overlap of .5 or more.
+        interruptions; ``MT``, ``PT`` and ``ML``, objects tracked in more than 80%, in 20 to 80%,
+        and in less than 20% of their frames.  A box matches at an overlap of .5 or more.
 
     Raises:
         InputError: TrackEval is not installed, or the shapes do not match.

@@ -80,7 +80,7 @@ def trajectories(
     columns: Sequence[str],
     lost: Mapping[str, Sequence[Sequence[int]]],
 ) -> Any:
-    """Plot coordinates and speed over time with 95 % intervals; shade frames of lost objects.
+    """Plot coordinates and speed over time with 95% intervals; shade frames of lost objects.
 
     Args:
         table: columns of tracks.csv, see ``jaxpf.boxes.read_tracks``.
@@ -107,7 +107,7 @@ def trajectories(
     if shown:
         axes[0, 0].legend(ncols=min(len(shown), 7), fontsize="small", loc="upper right")
     note = "" if len(shown) == len(set(names.tolist())) else f", the first {len(shown)} objects"
-    axes[0, 0].set_title(f"Bands: 95 % intervals.  Shaded: lost{note}.", fontsize="small")
+    axes[0, 0].set_title(f"Bands: 95% intervals.  Shaded: lost{note}.", fontsize="small")
     axes[-1, 0].set(xlabel="frame")
     return figure
 

@@ -51,7 +51,7 @@ class OfFixedSize(WrappedLikelihood):
     """Evaluates a likelihood of (u, v, scale, theta) at (x, y, 1, theta) of a part's substate.
 
     With d the distance between a part and its reference at the estimate (the squared distance of
-    histograms, the negative log-likelihood of patches), e the 5 % quantile of d at other places of
+    histograms, the negative log-likelihood of patches), e the 5% quantile of d at other places of
     the start frame, at the same angle, and s the stretch of a part, by how much its distance from
     its parent has changed, as a share of that at the start, the log odds that it is there are::
 

@@ -11,7 +11,7 @@ from jaxpf.tuning.result import Result
 def traces(result: Result, loss_name: str = "loss") -> Any:
     """Plot loss, gradient norm and every parameter over the steps, one line per repeat.
 
-    A dashed line marks the tuned value, with its 95 % interval if known.
+    A dashed line marks the tuned value, with its 95% interval if known.
     """
     columns = []
     for parameter in result.parameters:
@@ -40,7 +40,7 @@ def traces(result: Result, loss_name: str = "loss") -> Any:
             axis.plot(np.arange(len(trace)), trace[(slice(None), *index)], color=colour)
         low, high = (float(end[index]) for end in intervals[parameter.path])
         if high > low:
-            axis.axhspan(low, high, color="black", alpha=0.12, label="95 % interval")
+            axis.axhspan(low, high, color="black", alpha=0.12, label="95% interval")
         axis.axhline(
             float(values[parameter.path][index]), color="black", ls="--", label="value found"
         )

@@ -71,7 +71,7 @@ class Result:
 
     def __repr__(self) -> str:
         intervals, values = self.intervals(), self.values
-        lines = [f"Result of {len(self.descents)} repeats, with 95 % intervals"]
+        lines = [f"Result of {len(self.descents)} repeats, with 95% intervals"]
         for name, value in values.items():
             numbers = [np.ravel(x)[:_SHOWN] for x in (value, *intervals[name])]
             shown = [
@@ -137,7 +137,7 @@ class Result:
         }
 
     def intervals(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """path -> ends of Student's 95 % interval, always within the bounds.
+        """path -> ends of Student's 95% interval, always within the bounds.
 
         NaN below two degrees of freedom: two repeats alone do not tell how much they vary.
         """

@@ -18,7 +18,7 @@ class Settings:
     learning_rate: float = option(
         0.1,
         "Adam's step size on the unconstrained numbers.  0.1 changes a positive parameter by up to "
-        "10 % per step.",
+        "10% per step.",
         above=0,
     )
     runs: int = option(4, "Tracker runs per sequence and step.", least=1)
@@ -32,7 +32,7 @@ class Settings:
     tolerance: float = option(
         0.02,
         "Stop when the mean of every unconstrained number over a window differs by at most this "
-        "from the window before.  0.02 is 2 % of a positive parameter.",
+        "from the window before.  0.02 is 2% of a positive parameter.",
         least=0,
     )
     jitter: float = option(

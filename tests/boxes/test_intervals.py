@@ -19,7 +19,7 @@ def draws(rng, deviation):
 
 
 def interval_of(particles, error):
-    """The 95 % interval [2, 1, 4] in tracks.csv, given the model's error of the size."""
+    """The 95% interval [2, 1, 4] in tracks.csv, given the model's error of the size."""
     state = SimpleNamespace(substates=particles, log_weights=np.full(20_000, -np.log(20_000)))
     given = (ADAPTER, None, lambda x: x, BOX, state, slice(None), 25.0, BOX[:, :2])
     return places_of(*given, np.array([[0, 0, error]]))[0].interval
@@ -31,7 +31,7 @@ def test_intervals_of_sizes_and_edges_hold_the_error_of_the_size(error):
     interval = interval_of(draws(rng, 0.05), error)
     truth = draws(rng, np.hypot(0.05, error))
     held = np.mean((interval[0] <= truth) & (truth <= interval[1]), axis=0)
-    # 4.5 standard errors of a share and of two 2.5 % quantiles; edges are nearly normal.
+    # 4.5 standard errors of a share and of two 2.5% quantiles; edges are nearly normal.
     np.testing.assert_allclose(held, 0.95, atol=4.5 * np.sqrt(2 * 0.05 * 0.95 / 20_000) + 0.005)
 
 

@@ -25,7 +25,7 @@ def test_it_prints_a_table_and_writes_its_files(demos):
     folder, text = demos[0]
     assert re.search(r"SIR.*%.*\[\d+, \d+\]", text)
     for method in ("SIR", "PS", "DPS", "SPS"):
-        assert re.search(rf"│ {method} +│ +\d+ % \[\d+, \d+\] │", text)
+        assert re.search(rf"│ {method} +│ +\d+% \[\d+, \d+\] │", text)
     frames = sum(1 for _ in open_frames(folder / "overlay.mp4"))
     assert frames == scenes.make("distracter", seed=100).num_frames - 1
 

@@ -2,6 +2,7 @@
 
 import re
 import types
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,6 +35,26 @@ def test_a_table_explains_the_terms_that_it_uses_and_no_others(capsys):
     line = explained(["", "success at .5", "smith2004 success"], [["DPS", "1", "2"]])
     assert "success at .5: frames whose overlap is above that" in line
     assert "smith2004 success: tracked in every frame" in line
+
+
+def test_a_percent_sign_stands_at_its_number():
+    """In what is printed, in help, reports, pages and notebooks."""
+    root = Path(__file__).resolve().parents[2]
+    printing = [root / "jaxpf" / room for room in ("cli", "evaluation", "papers", "tuning")]
+    texts = [
+        path
+        for folder in (*printing, root / "notebooks")
+        for path in folder.rglob("*")
+        if path.suffix in {".py", ".html", ".csv", ".md", ".ipynb"}
+        and "generated" not in path.parts
+    ]
+    apart = [
+        f"{path.relative_to(root)}: {line}"
+        for path in texts
+        for line in path.read_text().splitlines()
+        if re.search(r"[\d}] %(?!})", line)
+    ]
+    assert not apart
 
 
 def test_names_in_a_table_and_in_the_progress_bar_are_no_markup(capsys):

@@ -16,7 +16,7 @@ from jaxpf.shapes import fit_spline, in_front
 
 #: Nothing was chosen on these sequences.
 SEEDS, PARTICLES, MUCH, ON_TARGET = range(40, 48), 750, 0.2, 10.0
-#: All three are kept on 11 of 18 sequences: fewer than this on 8 would be a chance of 1 %.
+#: All three are kept on 11 of 18 sequences: fewer than this on 8 would be a chance of 1%.
 FEWEST = 2
 #: Labels of shapes that are apart are drawn anew: until shapes meet nothing is seen of their order,
 #: and what particles hold of it by then is chance.

@@ -72,7 +72,7 @@ def test_reliability_and_area_of_confidence_by_hand(tmp_path):
     # Pairs of a frame on and one off its object: 8 x 8 apart, 8 x 2 and 2 x 8 level, 2 x 2 wrong.
     assert summary.confidence.area() == pytest.approx((64 + 32 / 2) / 100)
     line = made.remarks[-1]
-    assert "0.2 to 0.4: 20 %, 0.8 to 1.0: 80 %; area under the curve 80 %" in line
+    assert "0.2 to 0.4: 20%, 0.8 to 1.0: 80%; area under the curve 80%" in line
     with open(tmp_path / "results" / "summary.csv", newline="") as file:
         rows = {row["measure"]: row for row in csv.DictReader(file) if row["object"] == "all"}
     assert float(rows["on_object_4"]["value"]) == pytest.approx(0.8)

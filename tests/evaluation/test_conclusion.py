@@ -78,7 +78,7 @@ def test_without_a_difference_none_is_called_best(tmp_path):
 @pytest.mark.statistical
 @pytest.mark.slow
 def test_a_best_among_equals_is_rarely_claimed(tmp_path):
-    """Six equal configurations: at most 5 % of the evaluations may claim a difference."""
+    """Six equal configurations: at most 5% of the evaluations may claim a difference."""
     claims, repetitions = 0, 20
     for repetition in range(repetitions):
         truth, _ = walks(seed=5, runs=1, frames=3, objects=1)

@@ -1,9 +1,10 @@
 """Options of pytest with which one run takes a part of the tests, and ends in time.
 
-``--share HASH`` keeps the tests of changed code, but no more than a third of all, and a third of
-the others, both chosen by the hash: that of each commit chooses others.  ``--changed-since REV``
-names the commit since which code has changed.  ``JAXPF_TESTS_UNTIL``, in seconds since 1970, is
-when no further test begins; those that did not run are named, and do not fail the run.
+``--share HASH`` keeps the tests that are marked ``always``, those of changed code, but no more than
+a third of all, and a third of the others, both chosen by the hash: that of each commit chooses
+others.  ``--changed-since REV`` names the commit since which code has changed.
+``JAXPF_TESTS_UNTIL``, in seconds since 1970, is when no further test begins; those that did not run
+are named, and do not fail the run.
 """
 
 import hashlib
@@ -49,8 +50,10 @@ def pytest_collection_modifyitems(config, items):
     if not (share := config.option.share):
         return
     by_name = {item.nodeid: item for item in items}
-    parts = chosen(list(by_name), beginnings(config), share)
-    # xdist deals out one contiguous part to each worker: each begins with tests of changed code.
+    always = [name for name, item in by_name.items() if item.get_closest_marker("always")]
+    divided = [name for name in by_name if name not in always]
+    parts = (always, *chosen(divided, beginnings(config), share))
+    # xdist deals out one contiguous part to each worker: each begins with those.
     workers = getattr(config, "workerinput", {}).get("workercount", 1)
     order = [name for n in range(workers) for part in parts for name in cut(part, n, workers)]
     config.hook.pytest_deselected(items=[by_name[name] for name in by_name.keys() - {*order}])

@@ -7,7 +7,7 @@ import re
 
 QUOTED = {
     "first_steps": {
-        "frame of 93 % of the runs, against 55 % for the others": (
+        "frame of 93% of the runs, against 55% for the others": (
             r"sir object 1: success 0\.93 .* ps object 1: success 0\.55 "
             r".* dps object 1: success 0\.55"
         ),
@@ -39,20 +39,20 @@ QUOTED = {
         ),
     },
     "smith2004": {
-        "PS does in 41 % of the runs and DPS in 44 %": (
-            r"PS 1→7 finds object 1 again in 41 % .* DPS finds object 1 again in 44 %"
+        "PS does in 41% of the runs and DPS in 44%": (
+            r"PS 1→7 finds object 1 again in 41% .* DPS finds object 1 again in 44%"
         ),
-        "-7 to 13 points, contains zero": r"DPS .* 44 % of the runs, \+3 \[ -7, \+13\]",
-        "object 1 keeps 2.6 % distinct particles": r"PS 1→7 uniqueness \(%\): 2\.6 ",
-        "between 22 and 28 %": r"DPS uniqueness \(%\): 28\.1 22\.9 22\.7 23\.0 23\.2 23\.6 24\.5",
+        "-7 to 13 points, contains zero": r"DPS .* 44% of the runs, \+3 \[ -7, \+13\]",
+        "object 1 keeps 2.6% distinct particles": r"PS 1→7 uniqueness \(%\): 2\.6 ",
+        "between 22 and 28%": r"DPS uniqueness \(%\): 28\.1 22\.9 22\.7 23\.0 23\.2 23\.6 24\.5",
         "its precision falls by nine points, that of PS by four": (
-            r"others 93\.0 % .* others 90\.7 % .* others 89\.0 % .* others 81\.7 %"
+            r"others 93\.0% .* others 90\.7% .* others 89\.0% .* others 81\.7%"
         ),
         "the interval of the gap, -6 to 12": r"drawn twice best - worst \+3 \[ -6, \+12\]",
         "by 22 points": r"stages counted twice best - worst \+22 ",
-        "last but one (53 %) and least often when it comes last (32 %)": r"48 53 32 %",
+        "last but one (53%) and least often when it comes last (32%)": r"48 53 32%",
         "DPS falls 17 points behind PS": r"DPS - PS -17 ",
-        "cannot be told apart (-11 to 18 points)": r"34 % of the runs, \+3 \[ -11, \+18\]",
+        "cannot be told apart (-11 to 18 points)": r"34% of the runs, \+3 \[ -11, \+18\]",
     },
     "swap_bias": {
         "it estimates 5/16 instead of 1/4": r"none mean 0\.2500 .* sorted_swap mean 0\.3125",

@@ -233,7 +233,7 @@ def test_the_score_follows_the_object_and_does_not_stay_with_the_wall_behind_it(
     shape = rows, columns = 100, 160
 
     def walker(seed, wall, x):
-        """An ellipse that leaves 43 % of its box, 30 x 40, to the wall."""
+        """An ellipse that leaves 43% of its box, 30 x 40, to the wall."""
         down, across = np.mgrid[:rows, :columns] + 0.5
         inside = np.hypot((across - x) / (0.85 * 15), (down - 50) / (0.85 * 20)) < 1
         picture = np.roll(blocks(100 + seed, shape), x - 75, axis=1)

@@ -70,7 +70,7 @@ def test_the_evidence_is_unbiased():
     )
     ratio = np.exp(np.asarray(found, float).sum(axis=1) - exact)
     assert abs(ratio.mean() - 1) < LIMIT * ratio.std(ddof=1) / len(ratio) ** 0.5
-    assert ratio.std() / len(ratio) ** 0.5 < 0.01  # a bias of 5 % would be seen
+    assert ratio.std() / len(ratio) ** 0.5 < 0.01  # a bias of 5% would be seen
 
 
 def test_nan_and_observed_say_the_same():

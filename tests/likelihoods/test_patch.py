@@ -92,7 +92,7 @@ def test_it_is_the_papers_formula_place_by_place(interpolation):
 
 
 def test_five_per_cent_off_is_the_figure_of_the_design():
-    # 22 x 22 x 3 = 1452 entries, each off by 5 % of the mean, half up and half down.
+    # 22 x 22 x 3 = 1452 entries, each off by 5% of the mean, half up and half down.
     frame = noise()
     frame[:22, 0:22:2], frame[:22, 1:22:2] = 95, 105
     for sigma, expected in ((0.1 / 1452**0.5, -1452 * 0.0025 / 0.01), (0.1, -0.25)):

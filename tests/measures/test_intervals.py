@@ -68,7 +68,7 @@ def rescued(share):
 
 
 def rescued_from_zero(rng, shape):
-    """8 % of the objects are lost by the second method alone."""
+    """8% of the objects are lost by the second method alone."""
     base, place = iou(rng, shape, 0.6, 0.1), rng.random(shape) < 0.08
     return np.where(place, iou(rng, shape), base), np.where(place, 0.0, base)
 
@@ -100,10 +100,10 @@ def normal_pairs(rng, shape):
 
 #: Name -> draw of two paired values, and the bounds of each.
 PAIRS = {
-    "IoU, 8 % rescued": (rescued(0.08), UNIT),
-    "IoU, 20 % rescued": (rescued(0.2), UNIT),
+    "IoU, 8% rescued": (rescued(0.08), UNIT),
+    "IoU, 20% rescued": (rescued(0.2), UNIT),
     "IoU, rescued from 0": (rescued_from_zero, UNIT),
-    "0 or 1, 8 % rescued": (successes_rescued, UNIT),
+    "0 or 1, 8% rescued": (successes_rescued, UNIT),
     "rates": (correlated_rates, UNIT),
     "0 or 1, correlated": (correlated_successes, UNIT),
     "IoU, similar": (similar_iou, UNIT),
@@ -167,7 +167,7 @@ def test_differences_are_covered_as_often_as_their_intervals_say(name, units):
 def test_the_same_for_the_hardest_cases_in_a_miniature(units):
     for name in ("lognormal", "few lost, pixels", "few lost, IoU", "0 or 1, .9"):
         check_single(name, units, 400)
-    for name in ("IoU, 8 % rescued", "0 or 1, 8 % rescued"):
+    for name in ("IoU, 8% rescued", "0 or 1, 8% rescued"):
         check_pairs(name, units, 400)
 
 

@@ -41,7 +41,7 @@ def claim(at_least=-math.inf, at_most=math.inf, margin=0.0, digits=0, settings=P
 
 
 def fixed(value, reach, count=20, what=""):
-    """A figure with the interval ``value +- reach`` at 95 %, and a wider one at higher levels."""
+    """A figure with the interval ``value +- reach`` at 95%, and a wider one at higher levels."""
 
     def interval(level):
         wider = reach * (1 if level <= 0.95 else 1.5)
@@ -99,7 +99,7 @@ def test_every_figure_must_support_and_one_is_enough_to_contradict():
 
 
 def test_more_figures_make_it_harder_to_contradict():
-    slightly = fixed(-6, 5)  # outside at 95 %, but not at the level of two figures
+    slightly = fixed(-6, 5)  # outside at 95%, but not at the level of two figures
     assert verdict(slightly, at_least=0) == CONTRADICTED
     assert verdict(fixed(10, 5), slightly, at_least=0) == OPEN
 

@@ -202,5 +202,5 @@ def test_intervals_in_tracks_are_widened_by_the_slip():
         )
         width = places.interval[1] - places.interval[0]
         expected = 3.92 * np.tile(deviations[slots, None], 2)
-        # 4.5 standard errors of two 2.5 % quantiles.
+        # 4.5 standard errors of two 2.5% quantiles.
         np.testing.assert_allclose(width, expected, atol=4.5 * 1.42 * 3 * 2.7 / 141)

@@ -164,7 +164,7 @@ class Beyond:
     ],
 )
 def test_evidence_is_unbiased_where_whole_components_often_die(make):
-    """With 12 particles and a likelihood that 16 % survive, most components die out."""
+    """With 12 particles and a likelihood that 16% survive, most components die out."""
     exact = problem((-1, -1, -1), transition=0.0)._replace(
         likelihood=Beyond(factor=np.float64(2.0)), frames=np.ones((2, 3, 1))
     )

@@ -114,7 +114,7 @@ def test_evidence_places_and_labels_are_unbiased(name):
     values = np.column_stack([scale, scale * is_one[:, -1], scale[:, None] * places[:, -1]])
     truth = np.array([1.0, true_label, *true_places])
     error = values.std(axis=0) / RUNS**0.5
-    assert (error < 0.02 * np.maximum(np.abs(truth), 0.3)).all()  # 2 % would be seen
+    assert (error < 0.02 * np.maximum(np.abs(truth), 0.3)).all()  # 2% would be seen
     assert (np.abs(values.mean(axis=0) - truth) < LIMIT * error).all()
 
 

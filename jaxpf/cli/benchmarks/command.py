@@ -14,7 +14,7 @@ def command(repeats: int) -> None:
 
     ns: nanoseconds per particle, partition and frame, compilation excluded; the whole kernel
     includes the histogram table.  Ratios to the baseline's time are medians of interleaved pairs
-    with 95 % intervals (from six repeats on).  On a shared machine trust them more than the
+    with 95% intervals (from six repeats on).  On a shared machine trust them more than the
     nanoseconds.
     """
     start_jax()
@@ -28,5 +28,5 @@ def command(repeats: int) -> None:
             ends = f"[{low:.2f}, {high:.2f}]" if low < high else ""
             shown = [f"{value:.2f}", ends] if case.baseline else ["", ""]
             rows.append([case.what, f"{nanoseconds:.1f}", *shown, case.baseline, case.goal])
-        columns = ["", "ns", "ratio", "95 % interval", "to", "goal"]
+        columns = ["", "ns", "ratio", "95% interval", "to", "goal"]
         print_table(section.title, columns, rows)

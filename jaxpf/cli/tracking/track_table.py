@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxpf.files.writing import LineWriter
 
-#: Percentages of the quantiles that bound a 95 % interval.
+#: Percentages of the quantiles that bound a 95% interval.
 LEVELS = (2.5, 97.5)
 #: Maximum number of particles times objects sorted per frame; larger sets are thinned evenly.
 _MOST_SORTED = 200_000
@@ -168,7 +168,7 @@ def places_of(
 def _widened(
     values: np.ndarray, interval: np.ndarray, error: np.ndarray, has_boxes: bool
 ) -> np.ndarray:
-    """Add the model's error, independent and normal, to 95 % intervals ``[2, P, C]``.
+    """Add the model's error, independent and normal, to 95% intervals ``[2, P, C]``.
 
     Exact if the particles are normally distributed around the values.
     """

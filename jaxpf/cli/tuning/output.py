@@ -74,13 +74,13 @@ def show(result: Any) -> None:
                     f"{float(result.start[parameter.path][index]):.4g}",
                     f"{float(values[parameter.path][index]):.4g}",
                     f"[{low:.4g}, {high:.4g}]" if high > low else "",
-                    "" if np.isnan(spread) else f"{100 * spread:.1f} %",
-                    "" if np.isnan(curvature) else f"{100 * curvature:.1f} %",
+                    "" if np.isnan(spread) else f"{100 * spread:.1f}%",
+                    "" if np.isnan(curvature) else f"{100 * curvature:.1f}%",
                 ]
             )
     print_table(
         "Tuned values",
-        ["", "start", "tuned", "95 % interval", "error of repeats", "error of frames"],
+        ["", "start", "tuned", "95% interval", "error of repeats", "error of frames"],
         rows,
     )
     for descent in result.descents:

@@ -3,7 +3,7 @@
 Configurations are compared by their success area over all objects, paired by run.  Methods are
 compared at equal settings, those of the best configuration; settings are compared only if there is
 a single method.  Naming the best of C configurations involves C (C - 1) / 2 differences, so
-intervals are Bonferroni-corrected for that number: together they hold with 95 % confidence.  Fewer
+intervals are Bonferroni-corrected for that number: together they hold with 95% confidence.  Fewer
 than ten runs decide nothing: the sentence is a preview.
 """
 

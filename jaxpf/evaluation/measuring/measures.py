@@ -90,12 +90,12 @@ MEASURES = (
     Measure("corner_error", "corner distance", weight="located_frames", unit="pixels"),
     Measure("uniqueness", "uniqueness", percent=True),
     *(
-        Measure(f"coverage_{p}", f"truth in the {p} % region", weight=TRACKED_FRAMES, percent=True)
+        Measure(f"coverage_{p}", f"truth in the {p}% region", weight=TRACKED_FRAMES, percent=True)
         for p in REGIONS
     ),
     *(
         Measure(
-            f"size_coverage_{p}", f"size in the {p} % region", weight=TRACKED_FRAMES, percent=True
+            f"size_coverage_{p}", f"size in the {p}% region", weight=TRACKED_FRAMES, percent=True
         )
         for p in SIZE_REGIONS
     ),

@@ -89,10 +89,10 @@ def _reliability(summary: Summary) -> str:
     confidence = summary.confidence
     value, bins = confidence.shares().value, confidence.bins
     shares = [
-        f"{place / bins:.1f} to {(place + 1) / bins:.1f}: {100 * value[place]:.0f} %"
+        f"{place / bins:.1f} to {(place + 1) / bins:.1f}: {100 * value[place]:.0f}%"
         for place in range(bins)
         if np.isfinite(value[place])
     ]
     area = confidence.area()
-    area_text = f"; area under the curve {100 * area:.0f} %" if np.isfinite(area) else ""
+    area_text = f"; area under the curve {100 * area:.0f}%" if np.isfinite(area) else ""
     return f"Confidence of {summary.name} (boxes on their object): {', '.join(shares)}{area_text}."

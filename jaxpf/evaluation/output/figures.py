@@ -106,7 +106,7 @@ def _drawn(results: Results, overview: Overview) -> Iterator[tuple[str, str, str
         "success-curves",
         "Success and precision curves",
         "Share of the frames whose overlap with the truth exceeds a threshold, and of those whose "
-        "centre error is at most a threshold (wu2013), without the start frame. Bands: 95 % "
+        "centre error is at most a threshold (wu2013), without the start frame. Bands: 95% "
         "intervals over runs. In brackets: the area under the success curve, and the "
         "precision within 20 pixels." + shown,
         charts.accuracy_curves([summary.name for summary in best], curves),
@@ -115,7 +115,7 @@ def _drawn(results: Results, overview: Overview) -> Iterator[tuple[str, str, str
         "error-over-time",
         "Centre error over time",
         "Line: median over runs and objects. Dark band: the middle half. Pale band: from 5 to "
-        "95 %. These are quantiles, not intervals; frames without truth or estimate do not count."
+        "95%. These are quantiles, not intervals; frames without truth or estimate do not count."
         + shown,
         charts.error_over_time(results.start_frame + 1, best),
     )
@@ -133,7 +133,7 @@ def _drawn(results: Results, overview: Overview) -> Iterator[tuple[str, str, str
             "confidence",
             "Reliability of confidence",
             "Share of the boxes on their object, in five bins of confidence. On the dotted line "
-            "confidence is honest, below it too high. Bars: 95 % intervals over runs." + shown,
+            "confidence is honest, below it too high. Bars: 95% intervals over runs." + shown,
             charts.confidence(confident),
         )
     if lines := charts.lines_over_particles(summaries):
@@ -141,7 +141,7 @@ def _drawn(results: Results, overview: Overview) -> Iterator[tuple[str, str, str
             "against-time",
             "Accuracy against time",
             "Lines join numbers of particles. Time: of one run alone on this machine, from a "
-            "frame in memory to its estimate. Bars: 95 % intervals over runs. Of two methods, the "
+            "frame in memory to its estimate. Bars: 95% intervals over runs. Of two methods, the "
             "higher on the left, or the lower on the right, is better at equal time.",
             charts.against_time(lines),
         )

@@ -57,7 +57,7 @@ SIGNIFICANT = 0.05
 #: Indices of the notes.
 ABOUT_MEASURES, ABOUT_DIFFERENCES, ABOUT_CALIBRATION, ABOUT_CONFIDENCE = range(1, 5)
 NOTES = (
-    "Values with 95 % intervals in brackets. Runs are the independent units: frames and objects "
+    "Values with 95% intervals in brackets. Runs are the independent units: frames and objects "
     "of a run add to the value, not to the certainty. Shares and rates are means over runs, with "
     "Gaffke's interval between their bounds (of rates Clopper and Pearson's), below 12 runs at "
     "least as wide as Student's. Errors and counts have no bound, so a few lost runs may dominate "
@@ -76,7 +76,7 @@ NOTES = (
     "test of the runs' differences, for rates McNemar's exact test and for medians the sign test, "
     f"where the interval excludes 0, too; of fewer than {DECISIVE} runs nothing is marked. Points "
     "are percentage points.",
-    "Calibration: how often the 50, 80 and 95 % regions of x and of y, and those of a box's size "
+    "Calibration: how often the 50, 80 and 95% regions of x and of y, and those of a box's size "
     "(the square root of its area), hold the truth. A region is as wide as the particles' standard "
     "deviation and the model's declared error say (of points the slip, of learned boxes .3 in the "
     "logarithm of the size), as in tracks.csv. Only frames in which the object is followed (a "

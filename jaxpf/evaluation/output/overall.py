@@ -111,7 +111,7 @@ def write_overall(folder: Path, tables: Tables, varied: Sequence[str]) -> list[T
 def about_units(sequences: int) -> str:
     """Note on the units, for readers of the tables."""
     text = (
-        "Sequences are the units of the 95 % intervals: of means of shares from three on, of "
+        "Sequences are the units of the 95% intervals: of means of shares from three on, of "
         "medians of other values from six on."
     )
     few = f" Fewer than {DECISIVE} sequences are a preview and decide nothing."

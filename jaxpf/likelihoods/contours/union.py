@@ -31,7 +31,7 @@ nothing.  A target whose boundary is completely hidden contributes a factor of o
 
 **Within a contour** the same rule holds: its pieces are added one after another, from its first
 point to its last, so a crossing of a line with an earlier piece was there before.  Without this
-rule a contour folded back on itself is rewarded twice for one edge: folded on 45 % of a worm it
+rule a contour folded back on itself is rewarded twice for one edge: folded on 45% of a worm it
 scores 24.6, the truth 24.7.
 
 Which target comes first is unknown, so the density is a mean over the cyclic orders of the targets,

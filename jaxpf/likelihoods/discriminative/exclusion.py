@@ -9,7 +9,7 @@ relative to background, and c_ij the share of box j that box i takes::
     log p(y | x) = sum_i l_i + sum_(i<j) log((exp(-c_ij l_j) + exp(-c_ji l_i)) / 2)
 
 A box is larger than its object, and a half-hidden object still shows its other half.  So box i
-takes nothing of box j while it covers less than 70 % of it, everything from 95 % on, and a
+takes nothing of box j while it covers less than 70% of it, everything from 95% on, and a
 proportional share in between.  Boxes side by side are evaluated as without exclusion.  Of two
 boxes in one place only the one that looks more like its object counts: a hidden object costs
 nothing, and a box on a look-alike's image gains nothing.  For two objects this is a mixture of two

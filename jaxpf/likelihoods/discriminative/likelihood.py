@@ -100,8 +100,8 @@ class DiscriminativeLikelihood(Likelihood):
     background: Any = None
     windows: Any = static_field(default=None)
 
-    #: The score hardly depends on the size.  Chosen on 17 annotated clips so that the 95 % interval
-    #: holds the size in at least 90 % of the frames.
+    #: The score hardly depends on the size.  Chosen on 17 annotated clips so that the 95% interval
+    #: holds the size in at least 90% of the frames.
     model_error = (0.0, 0.0, 0.3)
     #: ``observe`` does not depend on parameters that tuning may change.
     fixed_observation = True

@@ -19,7 +19,7 @@ NOTES = (
     "sum (eq. 9).  The up-sampling and the number of frames are not published; both use ours.",
     "PFFL has M = 50 and unbiased weights; 'as printed' counts the evidence twice (eq. 5).  The "
     "paper's steps mention a drift without defining it, and lack the learned prior on relative "
-    f"positions of PFFL's authors: '{methods.WITH_DRIFT}' repeats {100 * methods.MOMENTUM:g} % of "
+    f"positions of PFFL's authors: '{methods.WITH_DRIFT}' repeats {100 * methods.MOMENTUM:g}% of "
     "a particle's last displacement, and no row has the prior.",
     "sigma_t is the published number of pixels, scaled to our film: 5 instead of 10 for the fish, "
     "because our film, 960 x 540, is half as wide and high.",

@@ -51,7 +51,7 @@ _MOST_SCENES = 100_000
 
 
 class Measured(NamedTuple):
-    """A figure and its 95 % interval, in the units of its table."""
+    """A figure and its 95% interval, in the units of its table."""
 
     value: float
     low: float

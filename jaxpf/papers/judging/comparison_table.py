@@ -21,7 +21,7 @@ class Cell:
 
     Attributes:
         published: the paper's figure, or None.
-        measured: ours with its 95 % interval, or None.
+        measured: ours with its 95% interval, or None.
         digits: decimal places to show.
     """
 

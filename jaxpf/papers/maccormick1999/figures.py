@@ -70,7 +70,7 @@ def toy_figure(steps: Mapping[str, Sequence[toy.Step]]) -> Any:
 
 
 def ess_figure(leaves: Passing) -> Any:
-    """Effective sample size over the frames: mean and 95 % interval over sequences."""
+    """Effective sample size over the frames: mean and 95% interval over sequences."""
     drawing, axes = plotting.new_figure(1, 1, figsize=(8, 4.6))
     (axis,) = axes[0]
     for name, colour in zip((PARTITIONED, AS_MANY), plotting.colours(2), strict=True):

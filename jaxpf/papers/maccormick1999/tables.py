@@ -66,7 +66,7 @@ def passing_table(measured: Measurement, kind: str) -> Table:
             ),
         },
         list(passing.methods),
-        f"Labels are judged in the frames in which more than {100 * MUCH_HIDDEN:g} % of the "
+        f"Labels are judged in the frames in which more than {100 * MUCH_HIDDEN:g}% of the "
         "farther outline is hidden.  Widening is the spread of the hidden contour at the height "
         "of the occlusion over that just before, narrowing that some frames after over that at the "
         "height; both are of runs that keep both.  SIR, and every method for walkers, "

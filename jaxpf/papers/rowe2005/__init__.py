@@ -20,7 +20,7 @@ NOTES = (
     "own, chosen on other seeds; see the table of chosen settings.",
     "Eq. 7 draws the size's noise by `the target's size covariance`, which the paper does not "
     "define; ours is independent for width and height, of one fixed standard deviation.",
-    "Resampling is multinomial: the published band of 49.5 to 50.5 % is what that gives.",
+    "Resampling is multinomial: the published band of 49.5 to 50.5% is what that gives.",
     "Eq. 6 as printed divides weights that sum to 1/L by the number of samples; ours is the "
     "weighted mean within the target.",
     f"{RUNS_PER_SCENE} runs on each scene; the scenes are the units of the intervals, which "
@@ -32,7 +32,7 @@ NOTES = (
 PAPER = Paper(
     name="rowe2005",
     title="rowe2005 repeated: labelled particles with equal shares and speed feedback",
-    scenes=75,  # 72 scenes without an event bound its rate by 5 %
+    scenes=75,  # 72 scenes without an event bound its rate by 5%
     measure=measure_all,
     tables=tables.tables,
     quantities=partial(quantities, "rowe2005", measures.MEASURES),

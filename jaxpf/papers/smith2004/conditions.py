@@ -1,6 +1,6 @@
 """Under which conditions does the order of the objects matter as much as smith2004 publishes?
 
-In the paper, the best order of PS recovers object 1 in 38 % of the runs and the worst in 8 %
+In the paper, the best order of PS recovers object 1 in 38% of the runs and the worst in 8%
 (sharpness 30), and DPS in 13 to 23 points more than PS on average.  With the paper's settings we
 observe neither.  We vary settings that the paper leaves open to see whether such an effect appears:
 

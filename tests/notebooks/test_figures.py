@@ -1,0 +1,313 @@
+"""Figures of README and site are those of the tables and sentences that they are taken from.
+
+What has no table by clip in the repository is compared with the page that README links to.
+"""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jaxpf import contract, points
+from jaxpf.likelihoods import DiscriminativeLikelihood
+from jaxpf.papers.judging import verdicts
+
+ROOT = Path(__file__).resolve().parents[2]
+SITE = ROOT / "notebooks" / "docs"
+#: Half of a normal 95% interval, in standard deviations.
+HALF = 1.96
+
+
+def read(page):
+    """A page, with zeros before points."""
+    return re.sub(r"(?<![\w.])\.(?=\d)", "0.", page.read_text())
+
+
+def section(page, heading):
+    """What stands below a heading, up to the next of its level or above."""
+    marks, rest = re.search(rf"^(#+) {re.escape(heading)}\n(.*)", page, re.M | re.S).groups()
+    return re.split(rf"^#{{1,{len(marks)}}} ", rest, flags=re.M)[0]
+
+
+def tables(text):
+    """Every table of a text: its rows, each a mapping of the head's cells to its own."""
+    for block in re.findall(r"(?:^\|.*\n)+", text, re.M):
+        head, _, *rows = (
+            [cell.replace("*", "").strip() for cell in line.strip().strip("|").split("|")]
+            for line in block.splitlines()
+        )
+        yield [dict(zip(head, row, strict=True)) for row in rows]
+
+
+def rows(text, number=0):
+    """First cell -> row, of a text's table of this number."""
+    table = list(tables(text))[number]
+    return {next(iter(row.values())): row for row in table}
+
+
+def prose(text):
+    return re.sub(r"\s+", " ", text)
+
+
+def percent(cell):
+    """ "0.87 [0.70, 1.00]" -> "87% [70, 100]"."""
+    value, *ends = (f"{100 * float(x):.0f}" for x in re.findall(r"[\d.]+", cell))
+    return f"{value}% [{', '.join(ends)}]"
+
+
+def negated(cell):
+    """ "-0.037 [-0.078, 0.000]" -> "+0.037 [0.000, 0.078]"."""
+    value, low, high = (-float(x) for x in re.findall(r"-?[\d.]+", cell))
+    return f"{value:+.3f} [{high + 0:.3f}, {low + 0:.3f}]"
+
+
+DEFAULTS = read(SITE / "development" / "defaults.md")
+TEST_CLIPS = rows(section(DEFAULTS, "Boxes on the reporting clips"))
+(SIZE_COVERED,) = (TEST_CLIPS[name]["jaxpf"] for name in TEST_CLIPS if name.startswith("size in"))
+(CENTRE_COVERED,) = (TEST_CLIPS[n]["jaxpf"] for n in TEST_CLIPS if n.startswith("centre in"))
+(CONFIDENCE,) = (TEST_CLIPS[name]["jaxpf"] for name in TEST_CLIPS if name.startswith("confidence"))
+DIFFERENCE = "overlap: jaxpf minus the other, paired by clip"
+HELD_OUT = prose(section(DEFAULTS, "Held-out clips, with an earlier default"))
+GPU = rows(section(read(SITE / "gpu.md"), "What is fast there"))
+SERIES = rows(section(read(SITE / "state_space.md"), "Comparison with other libraries"))
+BLACKJAX = "blackjax 1.7.1, `smc.base.step` in a `scan`"
+
+
+def points_reported():
+    """Clip -> row of the points' new defaults, on test clips."""
+    table = next(tables(section(section(DEFAULTS, "Points"), "Before and after")))
+    clips = [row["clip"] for row in table]
+    return {name: table[clips.index(name) + 1] for name in ("cows", "flies")}
+
+
+def covered(row):
+    """Share, in percent, of the coordinates of points not said lost in their 95% intervals."""
+    return f"{100 * float(row['not said lost'].split(', ')[1]):.0f}"
+
+
+def least_factor():
+    """Least reach of a box's size either way, by the error that the likelihood declares."""
+    return f"{math.exp(HALF * DiscriminativeLikelihood.model_error[2]):.1f}"
+
+
+def least_width():
+    """Least width of a keypoint's interval, in pixels, by the error that a tracker declares."""
+    frame = np.random.default_rng(0).integers(0, 256, (40, 40, 3), np.uint8)
+    return 2 * HALF * contract.model_error(points.tracker(frame, [[20, 20]]), 1)[0, 0]
+
+
+def test_readme_gives_the_figures_of_its_sources():
+    of_readme = rows(section(read(ROOT / "README.md"), "Figures"))
+    mean, csrt = re.search(r"The mean overlap is ([\d.]+); CSRT has ([\d.]+)", HELD_OUT).groups()
+    difference = re.search(r"difference to CSRT is (\S+ \[.*?\])", HELD_OUT)[1]
+    cows, flies = map(covered, points_reported().values())
+    card = GPU["1000 x 1000"]
+    expected = {
+        "How well are boxes tracked?": f"IoU {TEST_CLIPS['overlap']['jaxpf']}",
+        "... compared with CSRT?": (
+            f"CSRT {TEST_CLIPS['overlap']['CSRT'].split()[0]}, difference "
+            f"{TEST_CLIPS[DIFFERENCE]['CSRT']}"
+        ),
+        "... on more clips?": f"IoU {mean}, CSRT {csrt}, difference {difference}",
+        "Do intervals cover a box's size?": f"in {percent(SIZE_COVERED)} of the tracked frames; "
+        f"at least a factor of {least_factor()} wide either way",
+        "... and a keypoint's x and y?": f"in {cows}% and {flies}% where not reported lost; "
+        f"at least {math.floor(least_width())} pixels wide",
+        "How fast is the bootstrap filter?": f"{SERIES['jaxpf']['one run, s']} s; "
+        f"blackjax takes {SERIES[BLACKJAX]['ratio']} times as long",
+        "... and on a GPU?": f"{float(card['jaxpf']) / 1000:.2f} ms a frame; "
+        f"blackjax takes {float(card['blackjax 1.7.1']) / float(card['jaxpf']):.1f} times as long",
+    }
+    answers = {question: row["answer"] for question, row in of_readme.items()}
+    without_figures = answers.keys() - expected.keys()
+    assert answers == expected | {question: answers[question] for question in without_figures}
+    assert not any(re.search(r"\d", answers[question]) for question in without_figures)
+
+
+def anchors(page):
+    """Anchors of a page's headings, as GitHub and the site make them."""
+    headings = re.findall(r"^#+ (.*)", page.read_text(), re.M)
+    return {re.sub(r"[^\w -]", "", each.lower()).replace(" ", "-") for each in headings}
+
+
+def test_links_of_readme_lead_to_files_and_headings():
+    for name, _, anchor in re.findall(
+        r"\]\((?!https?:)([^)#]+)(#([^)]*))?\)", (ROOT / "README.md").read_text()
+    ):
+        assert (ROOT / name).is_file(), name
+        assert not anchor or anchor in anchors(ROOT / name), f"{name}#{anchor}"
+
+
+def ends(number):
+    """Between which values a printed number lies before rounding."""
+    half = 0.5 * 10.0 ** -len(number.partition(".")[2])
+    return float(number) - half, float(number) + half
+
+
+def may_be_ratio(printed, over, under):
+    """Whether a printed ratio can be that of two rounded numbers."""
+    (low, high), (least, most) = ends(over), ends(under)
+    least_ratio, most_ratio = ends(printed)
+    return low / most <= most_ratio and least_ratio <= high / least
+
+
+def test_ratios_of_the_gpu_page_are_those_of_its_times():
+    for row in GPU.values():
+        assert may_be_ratio(row["jaxpf / by hand"], row["jaxpf"], row["by hand"]), row
+        assert may_be_ratio(row["blackjax / jaxpf"], row["blackjax 1.7.1"], row["jaxpf"]), row
+    assert not may_be_ratio("3.2", "379", "123")
+
+
+def test_ratios_of_other_libraries_are_those_of_the_times():
+    """But for two, whose median ratio of pairs is another: the page names both."""
+    ours = SERIES["jaxpf"]["one run, s"]
+    assert may_be_ratio(SERIES[BLACKJAX]["ratio"], SERIES[BLACKJAX]["one run, s"], ours)
+    particles, cuthbert = (
+        float(row["one run, s"]) / float(ours)
+        for name, row in SERIES.items()
+        if name.startswith(("particles", "cuthbert"))
+    )
+    named = f"{particles:.1f} for particles and {cuthbert:.0f} for cuthbert"
+    assert named in prose(read(SITE / "state_space.md"))
+
+
+@pytest.mark.parametrize("other", ["CSRT", "MIL", "KCF", "mean shift", "not moving"])
+def test_paired_differences_are_those_of_the_means(other):
+    """A mean of differences is a difference of means; each is rounded to three places."""
+    ours, theirs = (float(TEST_CLIPS["overlap"][x].split()[0]) for x in ("jaxpf", other))
+    assert float(TEST_CLIPS[DIFFERENCE][other].split()[0]) == pytest.approx(
+        ours - theirs, abs=0.0016
+    )
+
+
+def test_the_difference_on_the_held_out_clips_is_that_of_the_means():
+    ours, csrt = re.search(r"overlap is ([\d.]+); CSRT has ([\d.]+)", HELD_OUT).groups()
+    difference = re.search(r"difference to CSRT is (\S+)", HELD_OUT)[1]
+    assert float(difference) == pytest.approx(float(ours) - float(csrt), abs=0.0016)
+
+
+def test_coverage_on_the_page_of_uncertainty():
+    shown = rows(read(SITE / "uncertainty.md"))
+    size = rows(section(DEFAULTS, "Size of boxes"), 1)["size (root of the area)"]["report, after"]
+    parts = re.search(
+        r"hold 0\.86 and 0\.99, and (\S+) and (\S+) on the reporting clips", prose(DEFAULTS)
+    )
+    contours = rows(section(DEFAULTS, "Contours on film"), 1)
+
+    def of_contour(clip):
+        return f"{100 * float(contours[clip]['now']):.0f}"  # the last of three columns "now"
+
+    sources = {
+        "size of a box": percent(SIZE_COVERED).replace("%", ""),
+        "size of a box, other measurement": percent(size).replace("%", ""),
+        "x and y of keypoints": " and ".join(map(covered, points_reported().values())),
+        "x and y of parts": " and ".join(f"{100 * float(x):.0f}" for x in parts.groups()),
+        "centre of closed contours": " and ".join(
+            map(of_contour, ("segtrack2_girl", "davis_bmx-trees"))
+        ),
+        "centre of an open contour": of_contour("reported: worm_crossing_long"),
+    }
+    assert sources == {
+        name: row["coverage, % [95% interval over clips]"] for name, row in shown.items()
+    }
+
+
+def test_sentences_on_the_page_of_uncertainty():
+    text = prose(read(SITE / "uncertainty.md"))
+    reported = points_reported().values()
+    lost, near = (
+        [f"{100 * float(row[name]):.0f}%" for row in reported]
+        for name in ("large errors said lost", "near labels said lost")
+    )
+    for words in (
+        f"box was covered in {percent(CENTRE_COVERED)} of these frames",
+        f"at least a factor of {least_factor()} either way",
+        f"at least {math.floor(least_width())} pixels (an error of 8 pixels is included)",
+        f"within about {least_width() / 2:.0f} pixels",
+        f"with an AUC of {CONFIDENCE} on the four test clips",
+        f"{' and '.join(lost)} were reported as lost on two test clips",
+        f"so were {' to '.join(sorted(near))} of the points near their labels",
+    ):
+        assert words in text
+    correlation = re.search(
+        r"Errors of x ten frames apart are correlated by (\S+)", prose(DEFAULTS)
+    )
+    assert f"(correlation {correlation[1]} ten frames apart)" in text
+
+
+def test_confidence_on_the_page_of_uncertainty():
+    shown = rows(section(read(SITE / "uncertainty.md"), "Confidence"))
+    measured = rows(section(DEFAULTS, "Confidence of boxes"))
+    for confidence, row in shown.items():
+        share, frames = row["share on their object"], row["share of the frames"]
+        assert measured[confidence]["report"] == f"{share} ({frames})"
+
+
+def test_results_on_the_page_of_defaults():
+    result = {name: row["result"] for name, row in rows(read(SITE / "choices.md")).items()}
+    steps = rows(section(DEFAULTS, "Motion of boxes: long steps"))["0.6"]
+    more = re.search(r"change it from (\S+) to (\S+) with 0\.6", prose(DEFAULTS)).groups()
+    contours = rows(section(DEFAULTS, "Contours on film"))
+    car = contours["davis_car-shadow"]
+    riders = contours["segtrack2_bmx, two riders"]
+    folded = rows(section(DEFAULTS, "Contours: an edge is paid once"))["worm_crossing_long"]
+    expected = {
+        "300 particles for boxes": f"IoU {' and '.join(more)}",
+        "long steps of 0.6 of the size for a single box": (
+            f"IoU {steps['21 clips of one object'].split(': ')[1]} over 0.18"
+        ),
+        "long steps of 0.18 for several boxes": (
+            f"0.6 loses {negated(steps['4 clips of several'].split(': ')[1]).lstrip('+')}"
+        ),
+        "contours: noise as shares of the size": (
+            f"share near the truth from {car['near before']} to {car['near']} on one clip, from "
+            f"{riders['near before'].split(', ')[0]} to {riders['near'].split(', ')[0]} on another"
+        ),
+        "an edge counts once per contour": (
+            "no folded contours; as published up to "
+            f"{100 * float(folded['as published'].split(', ')[-1]):.0f}% on one clip"
+        ),
+    }
+    assert {name: result[name] for name in expected} == expected
+
+
+def test_earlier_figures_on_the_page_of_papers():
+    text = prose(read(SITE / "papers.md"))
+
+    def earlier(paper, key):
+        (row,) = (row for row in verdicts.earlier(paper) if row["key"] == key)
+        return row["figures"]
+
+    *two, last = re.findall(r": (.*?\])", earlier("smith2004", "real_dps"))
+    assert f"for three objects: {', '.join(two)} and {last})" in text
+    less = re.findall(r": (\S+) \[", earlier("gonzales2011", "equal_time_sorted"))
+    least, most = min(map(float, less)), max(map(float, less))
+    assert f"{most:.0f}% smaller to {-least:.0f}% larger" in text
+    assert f"with 3000: {earlier('maccormick1999', 'leaves_fewer_particles')} points" in text
+
+
+def test_figures_of_questions_and_tasks():
+    """Pages that repeat a figure of another page."""
+    csrt = re.search(r"difference to CSRT is (\S+ \[.*?\])", HELD_OUT)[1]
+    reported = points_reported()
+    cows, flies = map(covered, reported.values())
+    errors = sorted(f"{float(row['median error']):.0f}" for row in reported.values())
+    confident = rows(section(DEFAULTS, "Confidence of boxes"))["0.8 to 1"]
+    test, choosing = (confident[name].split()[0] for name in ("report", "choose"))
+    more = re.search(r"change it from (\S+) to (\S+) with 0\.6", prose(DEFAULTS)).groups()
+    for page, words in {
+        "faq.md": f"CSRT was better by {negated(csrt).lstrip('+')} on 44 clips",
+        "howto/animals.md": (
+            f"the median error was {' and '.join(errors)} pixels, and the 95% intervals, at least "
+            f"{math.floor(least_width())} pixels wide, covered {cows}% and {flies}% of"
+        ),
+        "howto/lost.md": (
+            f"{100 * float(test):.0f}% were on their object on eleven test clips, and "
+            f"{100 * float(choosing):.0f}% on the clips"
+        ),
+        "howto/method.md": f"changed the IoU from {more[0]} to {more[1]}.",
+        "../../CHANGELOG.md": f"at least a factor of {least_factor()} wide either way",
+    }.items():
+        assert words in prose(read(SITE / page)), page

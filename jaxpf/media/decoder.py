@@ -69,6 +69,8 @@ class Decoder:
             if patience is None:
                 # An absolute path, because FFmpeg reads text before a colon as a protocol.
                 options = {"format_whitelist": _FORMATS, "protocol_whitelist": "file"}
+                # Else a clock that is set back counts as one that wraps, after 26 hours.
+                options["correct_ts_overflow"] = "0"
                 path = os.path.abspath(address)
                 # Titles of old films are not UTF-8.
                 self._container: Any = av.open(path, options=options, metadata_errors="replace")
@@ -127,15 +129,17 @@ class Decoder:
             self.damaged += 1
 
     def _decoded(self, packet: Any) -> Generator[tuple[float | None, Any]]:
-        self._num_packets += packet.size > 0
+        self._num_packets += packet.dts is not None  # as in the packet that ends all
+        # Not every codec marks the frame of a packet that is cut off.  In transport streams, whole
+        # packets are marked where two films are joined.
+        self.damaged += packet.is_corrupt and "mpegts" not in self._formats
         try:
             frames = packet.decode()
         except self._av.FFmpegError:
             self.damaged += 1
             return
-        # FFmpeg marks packets that are cut off, of which not every codec marks the frame.
-        self.damaged += max(packet.is_corrupt, sum(frame.is_corrupt for frame in frames))
         for frame in frames:
+            self.damaged += frame.is_corrupt
             self._note_end(frame)
             # AVI stores no presentation times; those that FFmpeg guesses are out of order.
             at = frame.dts if self._is_avi or frame.pts is None else frame.pts

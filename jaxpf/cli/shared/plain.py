@@ -19,7 +19,7 @@ class GivenPath(click.Path):
         """Convert text to a ``Path``."""
         if value == "":
             self.fail("it is empty; give a path, or . for this folder.", param, ctx)
-        path = super().convert(value, param, ctx)
+        path: Any = super().convert(value, param, ctx)
         try:
             path.resolve()
         except (OSError, RuntimeError):

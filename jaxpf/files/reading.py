@@ -94,7 +94,8 @@ def check_name(name: str, place: str) -> None:
 def read_rows(path: Path, what: str, expected: str) -> list[tuple[int, list[str]]]:
     """Read a table; return line number and stripped fields of every non-blank line.
 
-    The separator is a comma, unless the first line contains semicolons or tabs.  A table of a run
+    The separator is a comma, unless the first line contains semicolons or tabs.  Columns at the end
+    that are empty throughout, which spreadsheets write, are left out.  A table of a run
     that was cut or changed is refused, see ``check_unchanged``.
     """
     check_unchanged(path)
@@ -108,7 +109,8 @@ def read_rows(path: Path, what: str, expected: str) -> list[tuple[int, list[str]
         raise InputError(
             f"line {reader.line_num} of '{path}' is no CSV ({error}); correct the line"
         ) from None
-    return [(line, fields) for line, fields in rows if any(fields)]
+    used = [number for _, fields in rows for number, field in enumerate(fields, 1) if field]
+    return [(line, fields[: max(used)]) for line, fields in rows if any(fields)]
 
 
 def _text_of(field: str) -> str:

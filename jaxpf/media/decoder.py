@@ -16,9 +16,13 @@ _FORMATS = (
     "rm,ser,smjpeg,swf,vc1,vc1test,vvc,webm,webp,wtv,yuv4mpegpipe"
 )
 #: Formats whose header announces the duration.
-_ANNOUNCING = {"asf", "avi", "flv", "matroska", "mov", "mxf"}
+_ANNOUNCING = {"asf", "avi", "flv", "matroska", "mxf"}
 #: A film that ends earlier than announced by more than this many frames and this share is cut off.
-_TOLERANCE = 2, 0.01
+#: The last frame often has no duration.
+_TOLERANCE = 1.5, 0.01
+#: Sizes of a transport stream's packets, bytes, without and with error correction, and how
+#: each begins.
+_TS_PACKETS, _TS_SYNC = (188, 204), b"\x47"
 
 
 class NoFilm(Exception):
@@ -60,19 +64,25 @@ class Decoder:
                 "'jaxpf[cli]'"
             ) from None
         self._av, self._matrix, self._to_rgb = av, Type.DISPLAYMATRIX, VideoReformatter()
-        self.damaged, self.was_silent, self._end = 0, False, 0.0
+        self.damaged, self.was_silent, self._end, self._num_packets = 0, False, 0.0, 0
         try:
             if patience is None:
                 # An absolute path, because FFmpeg reads text before a colon as a protocol.
                 options = {"format_whitelist": _FORMATS, "protocol_whitelist": "file"}
-                self._container: Any = av.open(os.path.abspath(address), options=options)
+                # Else a clock that is set back counts as one that wraps, after 26 hours.
+                options["correct_ts_overflow"] = "0"
+                path = os.path.abspath(address)
+                # Titles of old films are not UTF-8.
+                self._container: Any = av.open(path, options=options, metadata_errors="replace")
             else:
-                self._container = av.open(os.fspath(address), timeout=patience)
+                address = os.fspath(address)
+                self._container = av.open(address, timeout=patience, metadata_errors="replace")
         except (av.FFmpegError, ValueError) as error:
             raise NoFilm from error
         try:
             self._stream = self._film()
-            if threads:
+            # With H.264 decoded in parallel, FFmpeg marks damaged frames at random, too late.
+            if threads and self._stream.codec_context.name != "h264":
                 self._stream.thread_type = "AUTO"
         except BaseException:
             self._container.close()
@@ -85,7 +95,8 @@ class Decoder:
         # Of a film in fragments, the header counts the frames of the first.
         count = max(self._stream.frames, round(seconds * (self.rate or 0)))
         self.frames_expected: int | None = count or None
-        self._is_avi = self._container.format.name == "avi"
+        self._formats = self._container.format.name.split(",")
+        self._is_avi = "avi" in self._formats
         if self._is_avi and self.rate:
             # The duration of an AVI without its index would be that of the frames found.
             self._seconds = self._stream.frames / self.rate
@@ -110,23 +121,38 @@ class Decoder:
                     yield from self._decoded(packet)
                 else:
                     self._note_end(packet)
+            # The last frame of a transport stream need not show that its end is missing.
+            self.damaged += "mpegts" in self._formats and not self._ends_in_a_packet()
         except self._av.ExitError:
             self.was_silent = True
         except self._av.FFmpegError:
             self.damaged += 1
 
     def _decoded(self, packet: Any) -> Generator[tuple[float | None, Any]]:
+        self._num_packets += packet.dts is not None  # as in the packet that ends all
+        # Not every codec marks the frame of a packet that is cut off.  In transport streams, whole
+        # packets are marked where two films are joined.
+        self.damaged += packet.is_corrupt and "mpegts" not in self._formats
         try:
             frames = packet.decode()
         except self._av.FFmpegError:
             self.damaged += 1
             return
         for frame in frames:
-            self._note_end(frame)
             self.damaged += frame.is_corrupt
+            self._note_end(frame)
             # AVI stores no presentation times; those that FFmpeg guesses are out of order.
             at = frame.dts if self._is_avi or frame.pts is None else frame.pts
             yield None if at is None else float(at * frame.time_base), frame
+
+    def _ends_in_a_packet(self) -> bool:
+        path = self._container.name
+        if not os.path.isfile(path):  # a pipe or an address
+            return True
+        with open(path, "rb") as file:
+            file.seek(max(0, os.path.getsize(path) - max(_TS_PACKETS)))
+            end = file.read()
+        return any(end[-size:].startswith(_TS_SYNC) for size in _TS_PACKETS)
 
     def _note_end(self, part: Any) -> None:
         at = part.dts if part.pts is None else part.pts
@@ -147,7 +173,11 @@ class Decoder:
 
     def is_cut(self, rate: float) -> bool:
         """Whether, after a pass at ``rate`` frames per second, all streams ended too early."""
-        if not _ANNOUNCING.intersection(self._container.format.name.split(",")):
+        if "mov" in self._formats:
+            # Its index lists every frame; that of a film in fragments is complete now.
+            self.frames_expected = len(self._stream.index_entries)
+            return self._num_packets < self.frames_expected
+        if not _ANNOUNCING.intersection(self._formats):
             return False
         frames, share = _TOLERANCE
         return self._end < self._seconds - max(frames / rate, share * self._seconds)

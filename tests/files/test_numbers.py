@@ -66,6 +66,7 @@ WRITTEN = {
     "blank lines": lambda text: ("\n \n" + text + "\n  \n").encode(),
     "capitals": lambda text: text.replace("x,y", "X,Y").encode(),
     "spaces": lambda text: text.replace(",", " , ").encode(),
+    "empty columns": lambda text: text.replace("\n", ",,\n").encode(),
 }
 
 

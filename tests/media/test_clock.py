@@ -61,10 +61,19 @@ def test_the_clock_rate_of_a_browser_is_no_frame_rate(tmp_path):
     assert source.shown_at(5) == pytest.approx(5 * 0.033)
 
 
-def test_times_of_films_joined_one_after_the_other_go_on(tmp_path):
+@pytest.mark.parametrize("hours", [0, 1, WRAP / 3600 - 0.0004])
+def test_times_of_films_joined_one_after_the_other_go_on(tmp_path, hours):
+    """The first film begins late; its counter of 33 bits may wrap at the end."""
+
     frames = [moving_square(number) for number in range(6)]
     one = write_film(tmp_path / "one.ts", frames).read_bytes()
-    (tmp_path / "both.ts").write_bytes(2 * one)
+    first = write_film(
+        tmp_path / "first.ts",
+        frames,
+        container_options={"output_ts_offset": f"{hours * 3600}"},
+    ).read_bytes()
+    (tmp_path / "both.ts").write_bytes(first + one)
     source = open_frames(tmp_path / "both.ts")
     shown = [source.shown_at(number) for number, _ in enumerate(source)]
     np.testing.assert_allclose(shown, np.arange(12) * P, atol=1e-4)
+    assert source.note is None

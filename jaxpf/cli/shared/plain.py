@@ -10,7 +10,7 @@ from jaxpf.contract.errors import Argument, InputError
 
 
 class GivenPath(click.Path):
-    """A path that is not empty, as an unset variable of the shell is: that is no folder."""
+    """A path that can be resolved and is not empty, as an unset variable of the shell is."""
 
     def __init__(self) -> None:
         super().__init__(path_type=Path)
@@ -19,7 +19,12 @@ class GivenPath(click.Path):
         """Convert text to a ``Path``."""
         if value == "":
             self.fail("it is empty; give a path, or . for this folder.", param, ctx)
-        return super().convert(value, param, ctx)
+        path: Any = super().convert(value, param, ctx)
+        try:
+            path.resolve()
+        except (OSError, RuntimeError):
+            self.fail(f"symbolic links at '{path}' form a loop; give another path.", param, ctx)
+        return path
 
 
 class PlainCommand(click.Command):

@@ -94,6 +94,13 @@ def test_options_that_change_others_say_so_in_one_line(arguments, note):
     assert notes == note
 
 
+@pytest.mark.parametrize("option", ["-o", "--boxes", "--save-state", "--resume"])
+def test_a_loop_of_symbolic_links_is_refused(refuse, tmp_path, option):
+    (tmp_path / "loop").symlink_to("loop")
+    for place in (tmp_path / "loop", tmp_path / "loop" / "inside"):
+        assert f"symbolic links at '{place}' form a loop" in refuse(option, place)
+
+
 def test_what_is_no_video_is_refused(refuse, tmp_path, monkeypatch):
     sentence = refuse(*BOXES, video="nowhere.mp4")
     assert "there is no video or folder at 'nowhere.mp4'" in sentence

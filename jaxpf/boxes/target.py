@@ -28,6 +28,7 @@ from jaxpf.targets.appearance import (
     DISCRIMINATIVE,
     NONE,
     PIXELS,
+    PRETRAINED,
     RELATIVE,
     appearance_option,
     bands_option,
@@ -38,6 +39,7 @@ from jaxpf.targets.appearance import (
     momentum_option,
     motion_option,
     naming,
+    network_option,
     scale_option,
     sharpness_option,
     steps_option,
@@ -55,6 +57,7 @@ class Options:
     likelihood: str = likelihood_option("auto", "integral", "sampled")
     appearance: str = appearance_option()
     gain: float = gain_option(1.0)
+    network: str | None = network_option()
     motion: str = motion_option()
     relative_scale: tuple[float, ...] | None = steps_option(DEFAULT_STEPS, LONE_STEPS)
     momentum: float = momentum_option(DEFAULT_MOMENTUM)
@@ -86,7 +89,7 @@ class BoxTarget(Target):
         if appearance == OPEN:
             appearance = settings.get("appearance", DISCRIMINATIVE)
         if motion == OPEN:
-            motion = RELATIVE if appearance == DISCRIMINATIVE else PIXELS
+            motion = PIXELS if appearance == COLOUR else RELATIVE
         options = dataclasses.replace(options, appearance=appearance, motion=motion)
         if motion != RELATIVE or num_objects is None:
             return options
@@ -99,6 +102,8 @@ class BoxTarget(Target):
 
         if options.appearance == DISCRIMINATIVE:
             return self._discriminative(options, start, looks)
+        if options.appearance == PRETRAINED:
+            return self._pretrained(options, start, looks)
         settings: dict[str, Any] = {
             "sharpness": options.sharpness,
             "parts": options.bands,
@@ -149,6 +154,22 @@ class BoxTarget(Target):
             )
             check_contrast(looks.start_frame, start.shapes)
         return likelihood if options.exclusion == NONE else excluding(likelihood)
+
+    def _pretrained(self, options: Options, start: Start, looks: Looks) -> Any:
+        from jaxpf.likelihoods.pretrained import efficientnet_lite0, pretrained
+
+        if options.exclusion != NONE:
+            raise InputError(
+                "exclusion boxes and appearance pretrained do not go together; choose appearance "
+                "discriminative, or exclusion none."
+            )
+        with naming([f"the box of object {number}" for number in start.ids]):
+            network = efficientnet_lite0(options.network)
+            likelihood = pretrained(
+                looks.start_frame, start.shapes, network=network, gain=options.gain
+            )
+            check_contrast(looks.start_frame, start.shapes)
+        return likelihood
 
     def model(self, options: Options, start: Start, likelihood: Any) -> Model:
         """See ``Target``; substates are (u, v, a)."""

@@ -23,6 +23,7 @@ from .calls import (
     log_label as log_label,
     log_odds_all as log_odds_all,
     log_prob_all as log_prob_all,
+    looked_near as looked_near,
     method_of as method_of,
     model_error as model_error,
     moments as moments,

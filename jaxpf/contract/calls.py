@@ -335,6 +335,23 @@ def expecting(likelihood: Any, estimates: jax.Array) -> Any:
     return likelihood.expecting(estimates) if hasattr(likelihood, "expecting") else likelihood
 
 
+def looked_near(likelihood: Any, observation: Any, estimates: Callable[[], jax.Array]) -> Any:
+    """The observation, with what a likelihood sees only near the filter's last estimates.
+
+    A likelihood may define ``look_near(observation, estimates [P, D]) -> observation``.  Filters
+    call it once per frame and run, so that costly features are computed near the objects alone;
+    every other method then gets its result.
+
+    Args:
+        likelihood: of the filter.
+        observation: from ``observe``.
+        estimates: function that returns the estimates of the previous frame, ``[P, D]``.
+    """
+    if not hasattr(likelihood, "look_near"):
+        return observation
+    return likelihood.look_near(observation, lax.stop_gradient(estimates()))
+
+
 def has_log_odds(likelihood: Any) -> bool:
     """Whether a likelihood defines the log odds that an object is at its estimate.
 

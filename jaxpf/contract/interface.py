@@ -27,6 +27,7 @@ likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log
                                                                            ``form``,
                                                                            ``expecting``,
                                                                            ``observe_nearby``,
+                                                                           ``look_near``,
                                                                            ``log_odds``,
                                                                            ``model_error``,
                                                                            ``handles_nan``,
@@ -270,6 +271,8 @@ class Likelihood:
     * ``log_guide(observation, substates [P, D]) -> []``: log of a first-stage weight of a particle
       before it moves, such as a rough predictive density of the frame (auxiliary particle filter).
     * ``sample(key, substates [P, D]) -> frame``: draws an observation, for ``jaxpf.simulate``.
+    * ``look_near(observation, estimates [P, D]) -> observation``: what is costly to see and is
+      needed near the objects only; the estimates are those of the previous frame.
     * ``at_frame`` and ``with_inputs``: for a likelihood that changes with time, as for
       ``Dynamics``.  ``observe`` stays that of the likelihood without a time.
     """

@@ -46,6 +46,7 @@ class Option:
         places: whether the values are indices of objects, typed from 1 and stored from 0.
         implies: (name, value) of another option of the same owner.  This option applies only with
             that value; giving it selects that value if the other option is "auto".
+        also_with: further values of the other option with which this one applies.
         opens: whether "auto" is also allowed; it is settled later.
     """
 
@@ -67,12 +68,17 @@ class Option:
     compiles: bool = False
     places: bool = False
     implies: tuple[str, str] | None = None
+    also_with: tuple[str, ...] = ()
     opens: bool = False
 
     @property
     def flag(self) -> str:
         """The flag, such as ``--ess-threshold``."""
         return f"--{self.name.replace('_', '-')}"
+
+    def applies_with(self, value: Any) -> bool:
+        """Whether the option applies with this value of the one that it implies."""
+        return self.implies is None or value in (self.implies[1], *self.also_with)
 
     def checked(self, value: Any, shown: str = "") -> Any:
         """Return the value converted to the option's type.
@@ -196,12 +202,13 @@ def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
         other, wanted = giver.implies
         chosen_values = [*given.get(other, ()), *([values[other]] if other in values else [])]
         for value in chosen_values:
-            if value not in (wanted, OPEN):
+            if value != OPEN and not giver.applies_with(value):
                 raise InputError(
                     f"{giver.flag} goes with {declared[other].flag} {wanted}, and {value} was "
                     "chosen, by name or by another option; leave one of them out."
                 )
-        values[other] = wanted
+        if set(chosen_values) <= {wanted, OPEN}:
+            values[other] = wanted
     return values
 
 
@@ -211,7 +218,7 @@ def counting(options: Any) -> dict[str, bool]:
     return {
         name: entry.implies is None
         or entry.implies[0] not in declared
-        or getattr(options, entry.implies[0]) == entry.implies[1]
+        or entry.applies_with(getattr(options, entry.implies[0]))
         for name, entry in declared.items()
     }
 

@@ -44,6 +44,12 @@ from .patch import (
     patch_from_pictures as patch_from_pictures,
 )
 from .pixels import PixelLikelihood as PixelLikelihood, pixels as pixels
+from .pretrained import (
+    EfficientNetLite0 as EfficientNetLite0,
+    PretrainedLikelihood as PretrainedLikelihood,
+    efficientnet_lite0 as efficientnet_lite0,
+    pretrained as pretrained,
+)
 from .windows import (
     WindowLikelihood as WindowLikelihood,
     windows as windows,

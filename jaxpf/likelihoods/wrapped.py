@@ -30,6 +30,12 @@ def _joint(name: str) -> Any:
     return property(get)
 
 
+def _near(self):
+    """``look_near`` with translated estimates; only if the inner likelihood defines it."""
+    inner = self.likelihood.look_near
+    return lambda observation, estimates: inner(observation, self.translated(estimates.T).T)
+
+
 def _odds(name: str) -> Any:
     """Log odds of translated substates; only if the inner likelihood defines them."""
 
@@ -76,5 +82,6 @@ class WrappedLikelihood(Likelihood):
     log_joint = _joint("log_joint")
     log_joint_labelled = _joint("log_joint_labelled")
 
+    look_near = property(_near)
     log_odds = _odds("log_odds")
     log_odds_all = _odds("log_odds_all")

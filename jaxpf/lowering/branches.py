@@ -84,3 +84,18 @@ def computed_before(tree: Any) -> Any:
 
     # Each leaf apart: with a common barrier, what nothing uses would be computed too.
     return jax.tree.map(lambda x: cut(lax.optimization_barrier(x)), tree)
+
+
+def one_by_one(function: Callable) -> Callable:
+    """The same function; on a CPU, ``vmap`` evaluates it for one item after the other.
+
+    For much work per item: the same program, and so the same bits, however many items go together,
+    in less memory.  The result has no derivative.
+    """
+
+    def without_derivative(*arguments: Any) -> Any:
+        return lax.stop_gradient(function(*lax.stop_gradient(arguments)))
+
+    if platform.on_accelerator():
+        return without_derivative
+    return jax.custom_batching.sequential_vmap(without_derivative)

@@ -219,6 +219,12 @@ def _check_methods(
         lambda filter_, frame: contract.observed_apart(filter_)[0](frame),
         *(tracker, frame),
     )
+    estimates = jax.ShapeDtypeStruct((num_partitions, *substate.shape), substate.dtype)
+    seen = tried(
+        tracker.likelihood,
+        lambda filter_, seen, near: contract.looked_near(filter_.likelihood, seen, lambda: near),
+        *(tracker, seen, estimates),
+    )
     if _defines(tracker.likelihood, contract.Likelihood, "log_prob_all"):
         weighed = tried(
             tracker.likelihood,

@@ -78,6 +78,17 @@ class LikelihoodWithGaps(contract.Likelihood):
         return lambda estimates: type(self)(inner(estimates))
 
     @property
+    def look_near(self):
+        """Looks only at frames that were seen, see ``jaxpf.contract.looked_near``."""
+        inner = self.likelihood.look_near
+
+        def of_seen(observation, estimates):
+            observation, seen = observation
+            return _if_seen(seen.any(), lambda: inner(observation, estimates)), seen
+
+        return of_seen
+
+    @property
     def at_frame(self):
         """Forwards to the inner likelihood and wraps the result."""
         inner = self.likelihood.at_frame

@@ -11,7 +11,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, option, plain
 
 #: Values of ``--appearance``, ``--motion`` and ``--exclusion``.
-COLOUR, DISCRIMINATIVE = "colour", "discriminative"
+COLOUR, DISCRIMINATIVE, PRETRAINED = "colour", "discriminative", "pretrained"
 PIXELS, RELATIVE = "pixels", "relative"
 NONE, BOXES = "none", "boxes"
 _OF_COLOUR = ("appearance", COLOUR)
@@ -25,8 +25,9 @@ def appearance_option() -> Any:
         OPEN,
         "Appearance model: colour (histograms), discriminative or auto (discriminative in video).  "
         "Discriminative learns in the start frame to distinguish each object from its "
-        "surroundings, by colours and gradients; auto is colour in synthetic scenes.",
-        choices=(OPEN, COLOUR, DISCRIMINATIVE),
+        "surroundings, by colours and gradients; pretrained by the features of a small network, "
+        "too (boxes only; pip install 'jaxpf[pretrained]').  Auto is colour in synthetic scenes.",
+        choices=(OPEN, COLOUR, DISCRIMINATIVE, PRETRAINED),
         common=True,
         compiles=True,
     )
@@ -42,6 +43,18 @@ def gain_option(default: float) -> Any:
         path="likelihood.gain",
         tuned=("",),
         implies=("appearance", DISCRIMINATIVE),
+        also_with=(PRETRAINED,),
+    )
+
+
+def network_option() -> Any:
+    """Weights of the network of pretrained appearance."""
+    return option(
+        None,
+        "File with the weights of EfficientNet-lite0, .pth or .npz; by default those of "
+        "'jaxpf[pretrained]' (pretrained appearance only).",
+        kind=str,
+        implies=("appearance", PRETRAINED),
     )
 
 
@@ -50,7 +63,7 @@ def motion_option() -> Any:
     return option(
         OPEN,
         "Unit of the noise: pixels (--scale), relative to the object's size (--relative-scale) or "
-        "auto.  Relative noise is heavy-tailed; auto is relative with discriminative appearance.",
+        "auto.  Relative noise is heavy-tailed; auto is relative unless appearance is colour.",
         choices=(OPEN, PIXELS, RELATIVE),
         common=True,
         compiles=True,

@@ -35,7 +35,9 @@ def with_tuned(options: Any, values: Mapping[str, Any], target: str) -> Any:
         if option is None:
             raise InputError(f"a model of {target} has no {path}; apply the result to a tracker.")
         implies = option.implies
-        implied = dict([implies] if implies and hasattr(options, implies[0]) else [])
+        implied = {}
+        if implies and not option.applies_with(getattr(options, implies[0], implies[1])):
+            implied = dict([implies])
         new = _value(option, getattr(options, option.name), index.rstrip("]"), value)
         options = dataclasses.replace(options, **{option.name: new, **implied})
     return options

@@ -230,8 +230,8 @@ def _given(ctx: click.Context, adapter: Adapter) -> dict[str, Any]:
         left_out |= set() if values["method"] == "ps" else {"order"}
     for owner in (adapter.target.options, *families):
         for name, option_ in options_of(owner).items():
-            other, wanted = option_.implies or ("", "")
-            if other in typed and values[other] not in (wanted, OPEN):
+            other, _ = option_.implies or ("", "")
+            if other in typed and values[other] != OPEN and not option_.applies_with(values[other]):
                 left_out.add(name)
     return {n: None if n in left_out & written else value for n, value in values.items()}
 

@@ -11,6 +11,7 @@ import chex
 import jax
 import jax.numpy as jnp
 
+from jaxpf import contract
 from jaxpf.contract import Tracker
 from jaxpf.contract.errors import check_known
 from jaxpf.contract.names import FORMS
@@ -95,6 +96,11 @@ class PFFL(Tracker):
     ) -> tuple[FactoredState, Summary]:
         """Advance by one observed frame; see the class."""
         chex.assert_shape(state.log_weights, (None, self.num_particles * self.upsampling))
+        observation = contract.looked_near(
+            self.likelihood,
+            observation,
+            lambda: cloud.means(state.log_weights, state.lagged[0]).T,
+        )
         sample_key, simulate_key, choose_key, move_key = jax.random.split(key, 4)
         lagged, log_weights = state.lagged, state.log_weights
         if self.upsampling > 1 or self.form == "literal":

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf import contract
 from jaxpf.contract import Tracker
 from jaxpf.contract.numbers import coordinates_in
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
@@ -156,6 +157,7 @@ class Labelled(Tracker):
         """Advance one frame: resample, then propagate and weight every particle."""
         chex.assert_shape(state.log_weights, (self.num_particles,))
         chex.assert_shape(state.lagged, (2, None, self.num_particles))
+        observation = contract.looked_near(self.likelihood, observation, lambda: state.estimate.T)
         # Same keys as Partitioned with one partition: one target gives the same particles.
         begin_key, stages_key = jax.random.split(key)
         resample_key, reseed_key = jax.random.split(begin_key)

@@ -194,7 +194,7 @@ class Partitioned(Tracker):
         """
         if self.proposal is not None:
             return None
-        estimates = moments(state.lagged[0], jnp.exp(state.log_weights), jnp.matmul)[0].T
+        estimates = _means(state)
         if self.relocation is not None and state.log_odds is not None:
             epsilon = self.relocation.epsilon_at(jax.nn.sigmoid(state.log_odds))
             estimates = jnp.where(jnp.any(epsilon > 0), jnp.nan, estimates)
@@ -212,4 +212,10 @@ class Partitioned(Tracker):
                 f"{self.num_particles} of {self.num_partitions}; go on with the tracker that made "
                 "the state."
             )
+        observation = contract.looked_near(self.likelihood, observation, lambda: _means(state))
         return poisoned(self.refused, kernel.step(self, key, state, observation))
+
+
+def _means(state: ParticleState) -> jax.Array:
+    """The estimates of the previous frame, ``[P, D]``."""
+    return moments(state.lagged[0], jnp.exp(state.log_weights), jnp.matmul)[0].T

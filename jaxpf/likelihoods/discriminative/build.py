@@ -85,7 +85,28 @@ def discriminative(
         check_array("background_frames", background_frames, "uint8 RGB, [..., H, W, 3]")
     if reach is not None:
         check_number("reach", reach, above=0)
-    _check(boxes, features, gain, bands, grid, penalty, interpolation, frame.shape)
+    check_boxes(boxes, frame.shape)
+    _check(features, gain, bands, grid, penalty, interpolation)
+    likelihood = untrained(frame, boxes, features, gain, bands, grid, interpolation)
+    likelihood = trained(likelihood, frame, boxes, penalty)
+    check_learned(np.asarray(likelihood.residual))
+    if reach is not None:
+        likelihood = dataclasses.replace(likelihood, windows=window_shape(likelihood, reach))
+    if background_frames is None:
+        return likelihood
+    return dataclasses.replace(likelihood, background=_background(likelihood, background_frames))
+
+
+def untrained(
+    frame: Any,
+    boxes: np.ndarray,
+    features: Sequence[str | Callable] = USUAL_FEATURES,
+    gain: float = 1.0,
+    bands: int = 2,
+    grid: tuple[int, int] = (4, 4),
+    interpolation: str = "nearest",
+) -> DiscriminativeLikelihood:
+    """The likelihood before its coefficients are learned; arguments as above."""
     factors, level = np.unique(
         [factor_of(width, height) for width, height in boxes[:, 2:]], return_inverse=True
     )
@@ -97,7 +118,7 @@ def discriminative(
     lookup, own = None, None
     if "colour" in features:
         lookup, own = _own_bins(frame, boxes, factors[level], bands)
-    likelihood = DiscriminativeLikelihood(
+    return DiscriminativeLikelihood(
         gain=as_array(gain, float),
         sizes=as_array(boxes[:, 2:], float),
         offset=as_array(np.zeros(len(boxes)), float),
@@ -113,13 +134,6 @@ def discriminative(
         frame_shape=(int(frame.shape[0]), int(frame.shape[1])),
         interpolation=interpolation,
     )
-    likelihood = trained(likelihood, frame, boxes, penalty)
-    _check_learned(np.asarray(likelihood.residual))
-    if reach is not None:
-        likelihood = dataclasses.replace(likelihood, windows=window_shape(likelihood, reach))
-    if background_frames is None:
-        return likelihood
-    return dataclasses.replace(likelihood, background=_background(likelihood, background_frames))
 
 
 def _own_bins(frame, boxes, factors, bands) -> tuple[jax.Array, np.ndarray]:
@@ -184,7 +198,7 @@ def _channels(function: Callable) -> int:
     return shape[2]
 
 
-def _check_learned(residuals: np.ndarray) -> None:
+def check_learned(residuals: np.ndarray) -> None:
     """Reject objects that look like their surroundings.
 
     Raises:
@@ -198,7 +212,12 @@ def _check_learned(residuals: np.ndarray) -> None:
         )
 
 
-def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_shape) -> None:
+def check_boxes(boxes: np.ndarray, frame_shape: tuple[int, ...]) -> None:
+    """Reject boxes from which no appearance can be learned.
+
+    Raises:
+        InputError: a box is not finite, too small, too large, or mostly outside the frame.
+    """
     height, width = frame_shape[:2]
     for i, box in enumerate(boxes):
         if not np.all(np.isfinite(box)):
@@ -221,6 +240,9 @@ def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_sha
                 f"boxes[{i}] is {box.tolist()}: less than a quarter of it lies in the frame of "
                 f"{width} x {height} pixels; start where more of the object is seen."
             )
+
+
+def _check(features, gain, bands, grid, penalty, interpolation) -> None:
     if not isinstance(features, Sequence) or not features:
         raise InputError(f"features is empty: give at least one of {', '.join(FEATURES)}.")
     for feature in features:

@@ -32,7 +32,7 @@ from jaxpf.likelihoods.discriminative.levels import levels_of, shrunk, stacked
 #: Scores are clipped to this range: labels are overlaps, 0 to 1.
 _LOWEST, _HIGHEST = -0.2, 1.2
 #: A smaller residual is attributed to chance, since the training boxes are few.
-_LEAST_RESIDUAL = 0.03
+LEAST_RESIDUAL = 0.03
 #: Of the log odds: slope, and the score at which they are zero if the rest of the frame scores 0.
 _ODDS = 11.5, 0.12
 #: Largest scale of a box whose pixels can still be counted, see ``levels.LARGEST_SIDE``.
@@ -56,6 +56,11 @@ def grid_places(frame_shape: tuple[int, int], dtype: Any) -> jax.Array:
     places = (jnp.arange(nearby.PLACES, dtype=dtype) + 0.5) / nearby.PLACES
     v, u = jnp.meshgrid(places * frame_shape[0], places * frame_shape[1], indexing="ij")
     return jnp.stack([u.ravel(), v.ravel()])
+
+
+def clipped(score: jax.Array) -> jax.Array:
+    """A score within the range of overlaps, with some room."""
+    return jnp.clip(score, _LOWEST, _HIGHEST)
 
 
 @pytree_dataclass
@@ -105,6 +110,15 @@ class DiscriminativeLikelihood(Likelihood):
     model_error = (0.0, 0.0, 0.3)
     #: ``observe`` does not depend on parameters that tuning may change.
     fixed_observation = True
+
+    @property
+    def num_features(self) -> int:
+        """F, the number of features that an object's score is linear in."""
+        weights = (
+            *self.map_weights,
+            *([] if self.colour_weights is None else [self.colour_weights]),
+        )
+        return sum(math.prod(each.shape[1:]) for each in weights)
 
     @property
     def state_gradient(self) -> bool:
@@ -187,11 +201,11 @@ class DiscriminativeLikelihood(Likelihood):
         dtype = substates.dtype
         score, valid = self.scores_all(observation, partition, substates)
         sharpness = jnp.asarray(self.gain, dtype) / jnp.maximum(
-            jnp.asarray(self.residual, dtype), _LEAST_RESIDUAL
+            jnp.asarray(self.residual, dtype), LEAST_RESIDUAL
         )
-        log_prob = sharpness[partition] * jnp.clip(score, _LOWEST, _HIGHEST)
+        log_prob = sharpness[partition] * clipped(score)
         if self.background is not None:
-            usual = sharpness[:, None] * jnp.clip(self.background.astype(dtype), _LOWEST, _HIGHEST)
+            usual = sharpness[:, None] * clipped(self.background.astype(dtype))
             usual = jax.nn.logsumexp(usual, axis=1) - math.log(usual.shape[1])
             log_prob -= usual[partition]
         log_prob = jnp.where(valid, log_prob, -jnp.inf)
@@ -211,12 +225,13 @@ class DiscriminativeLikelihood(Likelihood):
         """
         boxes, valid = self._boxes(partition, substates)
         if not isinstance(observation, nearby.Nearby):
-            return self._scores(observation, partition, boxes), valid
+            return self.score_of(observation, partition, boxes), valid
         boxes, inside = nearby.in_windows(self, observation.corners, partition, boxes)
-        score = self._scores(observation.objects, partition, boxes)
+        score = self.score_of(observation.objects, partition, boxes)
         return jnp.where(inside, score, jnp.nan), valid
 
-    def _scores(self, observation, partition, boxes):
+    def score_of(self, observation, partition, boxes):
+        """Scores [N] of boxes in the picture of all levels."""
         dtype = boxes.left.dtype
         score = jnp.asarray(self.offset, dtype)[partition]
         if self.colour_weights is not None:
@@ -253,7 +268,7 @@ class DiscriminativeLikelihood(Likelihood):
         shape = (len(substates), len(partition), places.shape[-1])
         elsewhere = jnp.broadcast_to(substates[:, :, None], shape).at[:2].set(centres)
         score = self._scores_with(observation, partition, substates, elsewhere)
-        score = jnp.clip(score, _LOWEST, _HIGHEST)
+        score = clipped(score)
         size = jnp.asarray(self.sizes, substates.dtype)[partition].T * substates[2]
         away = jnp.abs(elsewhere[:2] - substates[:2, :, None])
         beside = jnp.any(away > size[:, :, None], axis=0)

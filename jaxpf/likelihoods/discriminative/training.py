@@ -158,9 +158,11 @@ def trained(
         corner = window_corner((rows, columns), shrunk_boxes[number], shape)
         pictures = _pictures(frame, as_array(boxes[number], float), corner, shape, factor)
         place = shrunk_boxes[number] - [*corner, 0, 0]
-        alone = _only(likelihood, number, place, shape)
+        alone = only(likelihood, number, place, shape)
         coefficients.append(_coefficients(alone, pictures, as_array(place, float), penalty))
-    return _with(likelihood, *(np.stack(each) for each in zip(*coefficients, strict=True)))
+    return with_coefficients(
+        likelihood, *(np.stack(each) for each in zip(*coefficients, strict=True))
+    )
 
 
 @functools.partial(compiled, static_argnames=("shape", "factor"))
@@ -176,7 +178,9 @@ def _pictures(frame, box, corner, shape, factor):
     return jax.lax.map(before, jnp.asarray(BACKGROUNDS, box.dtype))
 
 
-def _only(likelihood, number, box, shape) -> DiscriminativeLikelihood:
+def only(
+    likelihood: DiscriminativeLikelihood, number: int, box: np.ndarray, shape: tuple[int, int]
+) -> DiscriminativeLikelihood:
     """The likelihood of one object alone, for pictures of a given shape that show it in ``box``."""
 
     def own(values):
@@ -211,7 +215,7 @@ def _coefficients(likelihood, pictures, box, penalty):
     return ridge(examples, jnp.tile(overlaps, len(pictures)), penalty * len(pictures))
 
 
-def _with(likelihood, weights, offset, residual):
+def with_coefficients(likelihood, weights, offset, residual):
     """The likelihood with coefficients [P, F], offsets [P] and residuals [P]."""
     place, colour_weights, map_weights = 0, likelihood.colour_weights, []
     if colour_weights is not None:

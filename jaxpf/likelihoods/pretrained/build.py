@@ -1,0 +1,178 @@
+"""Learn an appearance likelihood by a pretrained network's features from one frame."""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_number, numbers_in
+from jaxpf.contract.pytree import as_array
+from jaxpf.likelihoods.color import check_frame
+from jaxpf.likelihoods.discriminative.build import check_boxes, check_learned, untrained
+from jaxpf.likelihoods.discriminative.levels import shrunk
+from jaxpf.likelihoods.discriminative.training import (
+    BACKGROUNDS,
+    RIDGE,
+    before_background,
+    only,
+    ridge,
+    training_boxes,
+    with_coefficients,
+)
+from jaxpf.likelihoods.pretrained.cells import cell_features
+from jaxpf.likelihoods.pretrained.likelihood import PretrainedLikelihood, maps_of
+from jaxpf.likelihoods.pretrained.network import efficientnet_lite0
+from jaxpf.likelihoods.pretrained.windows import SIDE, factor_of, halved, window_around, zoom_of
+from jaxpf.lowering.programs import compiled
+
+#: Least spread of a channel, so that one that does not vary is not divided by nothing.
+_LEAST_SPREAD = 1e-3
+
+
+def pretrained(
+    frame: Any,
+    boxes: Any,
+    *,
+    network: Callable | None = None,
+    gain: float = 1.0,
+    bands: int = 2,
+    grid: tuple[int, int] = (4, 4),
+    penalty: float = RIDGE,
+) -> PretrainedLikelihood:
+    """Learn to distinguish P objects from their surroundings by a network's features as well.
+
+    Args:
+        frame: uint8 RGB [H, W, 3].
+        boxes: [P, 4], (x, y, w, h) in pixels.
+        network: your own network: a function of a window, float [256, 256, 3] of red, green and
+            blue from 0 to 1, in which the object has about 64 pixels, that returns maps [h, w, C]
+            of any sign, or a tuple of maps.  Flax, Equinox or plain JAX; give
+            ``jax.tree_util.Partial(apply, weights)``, so that the weights are not compiled in.
+            By default EfficientNet-lite0, with the weights of ``jaxpf[pretrained]``.
+        gain: trust in the scores, see :func:`jaxpf.likelihoods.discriminative`.
+        bands, grid: of today's features, see there.
+        penalty: of the ridge regression, per background.
+
+    Raises:
+        InputError: an argument is out of range, or the weights are missing.
+    """
+    check_frame(frame)
+    boxes = numbers_in("boxes", boxes, "x, y, w, h in pixels of every object, [>= 1, 4]")
+    check_boxes(boxes, frame.shape[:2])
+    check_number("gain", gain, above=0)
+    check_number("penalty", penalty, above=0)
+    network = _as_network(efficientnet_lite0() if network is None else network)
+    cells = [_grid(shape) for shape in _map_shapes(network)]
+    known = untrained(frame, boxes, bands=bands, grid=grid)
+    zooms = [zoom_of(*box[2:]) for box in boxes]
+    factors = tuple(map(factor_of, zooms))
+    learned, half = [], SIDE // 2
+    for number, (box, zoom, factor) in enumerate(zip(boxes, zooms, factors, strict=True)):
+        where = as_array(box, float), as_array(zoom, float)
+        pictures = _pictures(jnp.asarray(frame), *where, factor)
+        place = np.append(half / 2 - box[2:] * zoom / 4, box[2:] * zoom / 2)
+        alone = only(known, number, place, (half, half))
+        learned.append(
+            _coefficients(alone, network, pictures, as_array(place, float), penalty, tuple(cells))
+        )
+    weights, offset, residual, middles, spreads = jax.tree.map(lambda *of: np.stack(of), *learned)
+    check_learned(residual)
+    length = known.num_features
+    known = with_coefficients(known, weights[:, :length], np.zeros(len(boxes)), residual)
+    deep = []
+    for (rows, columns), middle in zip(cells, middles, strict=True):
+        count = rows * columns * middle.shape[1]
+        deep.append(weights[:, length : length + count].reshape(len(boxes), rows, columns, -1))
+        length += count
+    return PretrainedLikelihood(
+        gain=as_array(gain, float),
+        sizes=as_array(boxes[:, 2:], float),
+        zooms=as_array(zooms, float),
+        offset=as_array(offset),
+        residual=as_array(residual),
+        known=known,
+        network=network,
+        weights=tuple(map(jnp.asarray, deep)),
+        middles=tuple(map(jnp.asarray, middles)),
+        spreads=tuple(map(jnp.asarray, spreads)),
+        factors=factors,
+        frame_shape=(int(frame.shape[0]), int(frame.shape[1])),
+    )
+
+
+def _as_network(network: Callable) -> Callable:
+    """The network as a pytree that returns a tuple of maps."""
+    is_pytree = not jax.tree_util.all_leaves([network])
+    return network if is_pytree else jax.tree_util.Partial(network)
+
+
+def _map_shapes(network: Callable) -> list[tuple[int, ...]]:
+    """The shapes [h, w, C] of a network's maps.
+
+    Raises:
+        InputError: it returns something else.
+    """
+    maps = jax.eval_shape(
+        lambda of, window: maps_of(of, window),
+        network,
+        jax.ShapeDtypeStruct((SIDE, SIDE, 3), jnp.float32),
+    )
+    shapes = [each.shape for each in maps]
+    for shape in shapes:
+        if len(shape) != 3 or shape[0] != shape[1] or SIDE % shape[0]:
+            raise InputError(
+                f"the network makes {list(shape)} of a window [{SIDE}, {SIDE}, 3]; return maps "
+                f"[h, h, C] whose h divides {SIDE}."
+            )
+    return shapes
+
+
+def _grid(shape: tuple[int, ...]) -> tuple[int, int]:
+    """Rows and columns of cells: as many as the object has places in the map, at most four."""
+    return (4, 4) if SIDE // shape[0] <= 8 else (3, 3)
+
+
+@functools.partial(compiled, static_argnames="factor")
+def _pictures(frame, box, zoom, factor):
+    """The windows of an object with each background, 0 to 255, [n, SIDE, SIDE, 3]."""
+
+    def before(shift):
+        corner = jnp.zeros(2, jnp.int32)
+        seen = before_background(frame, box, shift, corner, frame.shape[:2])
+        return window_around(shrunk(seen, factor), factor, box[:2] + box[2:] / 2, zoom)
+
+    return jax.lax.map(before, jnp.asarray(BACKGROUNDS, box.dtype))
+
+
+@functools.partial(compiled, static_argnames="cells")
+def _coefficients(known, network, pictures, box, penalty, cells):
+    """Coefficients [F], offset and residual of one object, and each map's mean and spread."""
+    shifts, overlaps = (jnp.asarray(x, box.dtype) for x in training_boxes())
+    centres = box[:2] + box[2:] * (0.5 + shifts[:, :2])
+    substates = jnp.concatenate([centres, shifts[:, 2:3]], axis=1).T
+    first = jnp.zeros(len(shifts), jnp.int32)
+    places = jnp.concatenate([centres - box[2:] * shifts[:, 2:] / 2, box[2:] * shifts[:, 2:]], 1)
+    maps = jax.lax.map(lambda picture: maps_of(network, picture / 255), pictures)
+    middles = [jnp.mean(each, axis=(0, 1, 2)) for each in maps]
+    spreads = [
+        jnp.sqrt(jnp.mean(jnp.var(each, axis=(1, 2)), axis=0)) + _LEAST_SPREAD for each in maps
+    ]
+
+    def features(seen):
+        picture, maps = seen
+        columns = [known.features_all(known.seen_in([halved(picture)]), first, substates)]
+        for each, middle, spread, grid in zip(maps, middles, spreads, cells, strict=True):
+            scaled = places * (2 * each.shape[0] / SIDE)
+            of_cells = cell_features((each - middle) / spread, scaled, grid)
+            columns.append(of_cells.reshape(len(shifts), -1))
+        return jnp.concatenate(columns, axis=1)
+
+    examples = jnp.concatenate(jax.lax.map(features, (pictures, tuple(maps))))
+    weights, offset, residual = ridge(
+        examples, jnp.tile(overlaps, len(pictures)), penalty * len(pictures)
+    )
+    return weights, offset, residual, middles, spreads

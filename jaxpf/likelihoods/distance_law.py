@@ -124,7 +124,6 @@ def learn_background(likelihood: Any, frames: Any, *, num_boxes: int = 100_000) 
     frames = frames[None] if frames.ndim == 3 else frames
     observations = [likelihood.observe(jnp.asarray(frame)) for frame in frames]
     extent = np.array(frames.shape[2:0:-1], float)
-    measure = compiled(type(likelihood).squared_distance_all)
     learned = []
     for partition, size in enumerate(np.asarray(likelihood.sizes, float)):
         if np.any(size > extent):
@@ -140,7 +139,7 @@ def learn_background(likelihood: Any, frames: Any, *, num_boxes: int = 100_000) 
         squared = []
         for observation in observations:
             pieces = [
-                measure(
+                _squared_distances(
                     likelihood,
                     observation,
                     jnp.full(_AT_ONCE, partition, jnp.int32),
@@ -153,6 +152,11 @@ def learn_background(likelihood: Any, frames: Any, *, num_boxes: int = 100_000) 
     # In a small frame the number of boxes may be smaller, and differ between objects.
     longest = max(law.shape[1] for law in learned)
     return jnp.asarray(np.stack([_filled_up(law, longest) for law in learned]), float)
+
+
+@compiled
+def _squared_distances(likelihood, observation, partition, substates):
+    return likelihood.squared_distance_all(observation, partition, substates)
 
 
 def _pieces(substates: np.ndarray) -> list[np.ndarray]:

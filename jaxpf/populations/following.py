@@ -23,7 +23,7 @@ from jaxpf.boxes.models import box_model, boxes_at
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import check_array, numbers_in
-from jaxpf.contract.options import chosen, options_of
+from jaxpf.contract.options import OPEN, chosen, options_of
 from jaxpf.filters.labelled import options as labelled
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_started
@@ -36,7 +36,7 @@ from jaxpf.populations import lifetimes
 from jaxpf.populations.lifetimes import EMPTY, Changes, Living, Refusal, Rules
 from jaxpf.running import streaming
 from jaxpf.running.runs import init_compiled
-from jaxpf.targets.appearance import DISCRIMINATIVE, RELATIVE
+from jaxpf.targets.appearance import COLOUR, RELATIVE
 
 
 class TrackedPopulation(NamedTuple):
@@ -84,7 +84,7 @@ def open_model(
         InputError: options that require a start frame, which an empty population lacks.
     """
     check_type("options", options, box_target.Options)
-    if DISCRIMINATIVE in options.appearance or RELATIVE in options.motion:
+    if options.appearance not in (OPEN, COLOUR) or options.motion == RELATIVE:
         raise InputError(
             "objects that come and go are known by colour and move by pixels, because there is "
             "no start frame to learn from; leave out --appearance and --motion."

@@ -6,13 +6,17 @@ frames and all points, in ``POINT_BASELINES``.
 
 OpenCV's trackers use its default settings: MIL (Babenko, Yang and Belongie 2009), CSRT (Lukezic
 et al. 2017) and KCF (Henriques et al. 2015); the last two are in opencv-contrib.  OpenCV seeds
-MIL's random samples from the clock, so MIL's boxes differ between evaluations.
+MIL's random samples from the clock, so MIL's boxes differ between evaluations.  Its networks Vit
+and Nano take their models from files of the user's.  dlib's is a correlation filter over
+translation and scale (Danelljan et al. 2014), in the package dlib-bin.
 """
 
 import dataclasses
 import functools
+import importlib.util
 import time
 from collections.abc import Callable, Collection, Sequence
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -52,16 +56,24 @@ def baselines(names: Collection[str]) -> dict[str, Baseline]:
     """
     known = [*BASELINES, *POINT_BASELINES]
     for name in names:
-        if name not in known:
+        kind, *files = name.split(":")
+        wanted = _NETWORKS.get(kind, ())
+        if kind not in known:
             raise InputError(
                 f"baseline {name!r} is unknown; choose from {', '.join(known)}, or all."
             )
-    return {name: Baseline(name) for name in names}
+        if len(files) != len(wanted) or not all(Path(file).is_file() for file in files):
+            form = ":".join([kind, *(f"{each.upper()}.onnx" for each in wanted)])
+            raise InputError(f"baseline {name!r} must be {form}, with files that exist.")
+    return {name.partition(":")[0]: Baseline(name) for name in names}
 
 
 def available() -> list[str]:
-    """The names of all baselines for boxes that the installed OpenCV has."""
-    return [name for name in BASELINES if name not in _OPENCV or _maker(_OPENCV[name]) is not None]
+    """The names of all baselines for boxes that are installed, and need no files."""
+    missing = {name for name, maker in _OPENCV.items() if _maker(maker) is None} | {*_NETWORKS}
+    if importlib.util.find_spec("dlib") is None:
+        missing.add("dlib")
+    return [name for name in BASELINES if name not in missing]
 
 
 # Cached because an evaluation needs the result several times: for its type, boxes and time.
@@ -77,7 +89,8 @@ def _followed(scene: Any, baseline: str) -> tuple[np.ndarray, float]:
         start = np.asarray(scene.extras["points"][0], np.float64)
         points = POINT_BASELINES[baseline](scene.frames, start)
         return np.concatenate([start[None], points]), time.perf_counter() - began
-    follow = BASELINES[baseline]
+    kind, *files = baseline.split(":")
+    follow = functools.partial(BASELINES[kind], *files)
     try:
         tracks = [follow(scene.frames, box) for box in scene.boxes[0]]
     except cv2.error as error:
@@ -110,8 +123,9 @@ def _mean_shift(frames: np.ndarray, box: np.ndarray) -> np.ndarray:
     return np.array(track, np.float64)
 
 
-def _opencv(name: str, frames: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """Track one box with one of OpenCV's trackers."""
+def _opencv(name: str, *given: Any) -> np.ndarray:
+    """Track one box with one of OpenCV's trackers; ``given``: model files, frames and the box."""
+    *files, frames, box = given
     if (maker := _maker(name)) is None:
         raise InputError(
             f"the baseline {name.lower()!r} is missing in this OpenCV; put "
@@ -123,12 +137,36 @@ def _opencv(name: str, frames: np.ndarray, box: np.ndarray) -> np.ndarray:
             f"the baseline 'mil' finds no features in a box of {width}x{height} pixels; give boxes "
             "of 5x5 pixels or more, or leave it out."
         )
-    tracker = maker()
+    settings = []
+    if files:
+        settings = [getattr(cv2, f"Tracker{name}_Params")()]
+        for field, file in zip(_NETWORKS[name.lower()], files, strict=True):
+            setattr(settings[0], field, file)
+    tracker = maker(*settings)
     tracker.init(_bgr(frames[0]), (x, y, width, height))
     track = [np.asarray(box, np.float64)]
     for frame in frames[1:]:
         is_tracked, window = tracker.update(_bgr(frame))
         track.append(np.array(window, np.float64) if is_tracked else track[-1])
+    return np.stack(track)
+
+
+def _dlib(frames: np.ndarray, box: np.ndarray) -> np.ndarray:
+    """Track one box with dlib's correlation tracker."""
+    try:
+        import dlib
+    except ModuleNotFoundError:
+        raise InputError(
+            "the baseline 'dlib' needs dlib, which is missing; pip install dlib-bin."
+        ) from None
+    x, y, width, height = _whole(box, frames)
+    tracker, track = dlib.correlation_tracker(), [np.asarray(box, np.float64)]
+    # dlib's rectangles end at their last pixel.
+    tracker.start_track(frames[0], dlib.rectangle(x, y, x + width - 1, y + height - 1))
+    for frame in frames[1:]:
+        tracker.update(frame)
+        at = tracker.get_position()
+        track.append(np.array([at.left(), at.top(), at.width(), at.height()]))
     return np.stack(track)
 
 
@@ -160,10 +198,14 @@ def _bgr(frame: np.ndarray) -> np.ndarray:
 
 
 #: Baseline -> OpenCV's name of its tracker.
-_OPENCV = {"mil": "MIL", "csrt": "CSRT", "kcf": "KCF"}
-#: Name -> function from frames ``[T, H, W, 3]`` and a box ``[4]`` to boxes ``[T, 4]``.
-BASELINES: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
+_OPENCV = {"mil": "MIL", "csrt": "CSRT", "kcf": "KCF", "vit": "Vit", "nano": "Nano"}
+#: Those that are networks -> the files that they need, by OpenCV's names.
+_NETWORKS = {"vit": ("net",), "nano": ("backbone", "neckhead")}
+#: Name -> function from frames ``[T, H, W, 3]`` and a box ``[4]`` to boxes ``[T, 4]``; files of a
+#: network come first.
+BASELINES: dict[str, Callable[..., np.ndarray]] = {
     **{name: functools.partial(_opencv, of_opencv) for name, of_opencv in _OPENCV.items()},
+    "dlib": _dlib,
     "meanshift": _mean_shift,
     "still": _still,
 }

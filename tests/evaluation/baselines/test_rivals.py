@@ -1,6 +1,8 @@
 """Baselines: they follow what they should, by name, and say what is missing."""
 
+import os
 import pickle
+import sys
 
 import cv2
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 from refusals import message_of
 
 import scenes
+from jaxpf import InputError
 from jaxpf.evaluation.baselines.rivals import available, baselines
 
 LENGTH = 12
@@ -54,7 +57,7 @@ def test_a_baseline_gives_boxes_of_all_frames_and_the_same_again(scene, name):
     np.testing.assert_array_equal(again, boxes)
 
 
-@pytest.mark.parametrize("name", ["mil", "meanshift"])
+@pytest.mark.parametrize("name", ["mil", "dlib", "meanshift"])
 def test_trackers_follow_objects_that_move_and_survive_those_that_leave(scene, name):
     boxes = baselines([name])[name](scene)
     assert overlaps(boxes, scene.boxes)[-1].min() > 0.35
@@ -106,3 +109,24 @@ def test_boxes_without_features_for_mil_are_refused_and_others_end(scene):
     for size in ((1, 40), (3, 5)):
         message = message_of(mil, narrow(*size))
         assert f"'mil' finds no features in a box of {size[0]}x" in message
+
+
+@pytest.mark.parametrize(("kind", "variable"), [("vit", "JAXPF_VIT"), ("nano", "JAXPF_NANO")])
+def test_networks_of_opencv_follow_with_a_model_of_the_users(scene, kind, variable):
+    files = os.environ.get(variable)
+    if files is None:
+        pytest.skip(f"{variable} names no model file")
+    boxes = baselines([f"{kind}:{files}"])[kind](scene)
+    assert overlaps(boxes, scene.boxes)[-1].min() > 0.35
+
+
+@pytest.mark.parametrize("name", ["vit", "vit:no.onnx", "nano:no.onnx", "dlib:no.dat"])
+def test_a_network_without_its_files_is_refused(name):
+    with pytest.raises(InputError, match=f"'{name}' must be {name.partition(':')[0]}"):
+        baselines([name])
+
+
+def test_a_missing_dlib_names_its_package(scene, monkeypatch):
+    monkeypatch.setitem(sys.modules, "dlib", None)
+    with pytest.raises(InputError, match="pip install dlib-bin"):
+        baselines(["dlib"])["dlib"](moving_scene(edge=True))

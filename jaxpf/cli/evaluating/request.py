@@ -63,8 +63,8 @@ class Compared:
         "Baselines, comma-separated: mil, csrt, kcf, dlib, meanshift, still, all; "
         "vit:NET.onnx and nano:BACKBONE.onnx:NECKHEAD.onnx of OpenCV; points: spot, flow.  "
         "Boxes of still do not move; csrt and kcf need opencv-contrib, dlib dlib-bin; all takes "
-        "those installed for boxes.  spot: Zhang and van der Maaten 2013; flow: optical flow (points "
-        "only).",
+        "those installed for boxes.  spot: Zhang and van der Maaten 2013; flow: optical flow "
+        "(points only).",
     )
 
 

@@ -126,6 +126,11 @@ def test_a_filter_that_gives_no_estimates_is_refused(tracker):
         )
 
 
+def test_relocation_which_looks_anywhere_is_refused(tracker):
+    with pytest.raises(InputError, match="does not work with PretrainedLikelihood"):
+        jaxpf.boxes.tracker(FRAMES[0], BOXES, likelihood=tracker.likelihood, relocate=0.1)
+
+
 def test_a_network_of_other_maps_is_refused():
     with pytest.raises(InputError, match=r"makes \[100, 50, 3\] of a window"):
         pretrained(FRAMES[0], BOXES, network=lambda window: window[:100, :50])

@@ -40,6 +40,8 @@ from jaxpf.lowering.branches import one_by_one
 _PLACES = 12
 #: Of the log odds: slope, share of the best score elsewhere, and the score at which they are zero.
 _ODDS = 11.5, 0.5, 0.12
+#: Error of the place, in sizes of the object, and of the size's logarithm.
+_SLIP, _OF_SIZE = 0.1, 0.3
 #: Largest scale of a box.
 _LARGEST = 8.0
 
@@ -113,12 +115,21 @@ class PretrainedLikelihood(Likelihood):
     factors: tuple[int, ...] = static_field()
     frame_shape: tuple[int, int] = static_field()
 
-    model_error = DiscriminativeLikelihood.model_error
     #: Scores of colours and gradients count whole pixels.
     state_gradient = False
     #: Windows are cut from a frame after ``observe``, which leaves it as it is.
     fixed_observation = True
     form = "exponential"
+
+    @property
+    def model_error(self):
+        """See ``Likelihood``: of the place a tenth of the size, and of the size a factor of 1.3.
+
+        Chosen on 15 annotated clips, so that the 95% intervals hold x and y in at least 90% of the
+        frames in which the object is followed.
+        """
+        side = jnp.sqrt(jnp.prod(jnp.asarray(self.sizes), axis=1))
+        return jnp.stack([_SLIP * side, _SLIP * side, jnp.full_like(side, _OF_SIZE)], axis=1)
 
     def observe(self, frame):
         """The frame, shrunk for the windows that are cut from it by :meth:`look_near`.

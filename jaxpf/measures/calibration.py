@@ -6,10 +6,13 @@ result: for boxes on seven filmed clips (6 runs of PS), their regions of 50, 80 
 truth in 49, 75 and 90.5% of the frames, and the normal regions in 52, 78 and 90.0%.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.lost import LOST_BELOW
 from jaxpf.contract.numbers import check_array, check_together, check_whole, numbers_in
 from jaxpf.measures.intervals import Interval, mean_interval
 
@@ -152,6 +155,12 @@ class Reliability:
             return float("nan")
         below = np.cumsum(off) - off
         return float(np.sum(on * (below + off / 2)) / pairs)
+
+    def silent(self, lost_below: float = LOST_BELOW) -> float:
+        """Share of all frames off their object without a word: with at least this confidence."""
+        off, frames = self.counts[0], self.counts.sum()
+        first = math.ceil(lost_below * CONFIDENCE_BINS)
+        return float(off[first:].sum() / frames) if frames else float("nan")
 
 
 def _standard(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:

@@ -73,10 +73,12 @@ def test_reliability_and_area_of_confidence_by_hand(tmp_path):
     assert summary.confidence.area() == pytest.approx((64 + 32 / 2) / 100)
     line = made.remarks[-1]
     assert "0.2 to 0.4: 20%, 0.8 to 1.0: 80%; area under the curve 80%" in line
+    assert line.endswith("not reported lost: 10% of all frames.")  # 2 of 20
     with open(tmp_path / "results" / "summary.csv", newline="") as file:
         rows = {row["measure"]: row for row in csv.DictReader(file) if row["object"] == "all"}
     assert float(rows["on_object_4"]["value"]) == pytest.approx(0.8)
     assert float(rows["confidence_area"]["value"]) == pytest.approx(0.8)
+    assert float(rows["silent"]["value"]) == pytest.approx(0.1)
 
 
 def test_regions_of_size_cover_sizes_as_often_as_normal_ones(tmp_path):

@@ -114,6 +114,7 @@ COLUMNS = (*COUNTS, *(measure.name for measure in MEASURES))
 #: Single figures of a configuration, over all objects.
 FIGURES = (
     Measure("confidence_area", "confidence, area", percent=True),
+    Measure("silent", "off in silence", percent=True),
     Measure("frames_per_second", "frames/s"),
 )
 

@@ -95,4 +95,7 @@ def _reliability(summary: Summary) -> str:
     ]
     area = confidence.area()
     area_text = f"; area under the curve {100 * area:.0f}%" if np.isfinite(area) else ""
-    return f"Confidence of {summary.name} (boxes on their object): {', '.join(shares)}{area_text}."
+    return (
+        f"Confidence of {summary.name} (boxes on their object): {', '.join(shares)}{area_text}; "
+        f"off its object, and not reported lost: {100 * confidence.silent():.0f}% of all frames."
+    )

@@ -49,7 +49,8 @@ def summarise(results: Results, summaries: Sequence[Summary]) -> None:
                 found = summary.differences[measure.name]
                 summary.differences[measure.name] = found._replace(p_holm=row)
     for summary in summaries:
-        figures = summary.confidence.area(), speeds[repr(summary.configuration)]
+        reliability, speed = summary.confidence, speeds[repr(summary.configuration)]
+        figures = reliability.area(), reliability.silent(), speed
         for figure, value in zip(FIGURES, figures, strict=True):
             summary.estimates[figure.name] = _figure(value, summary.num_objects)
 

@@ -86,7 +86,8 @@ NOTES = (
     "Confidence: share of the boxes on their object, by the confidence that was reported with "
     f"them. A box is on its object if their overlap is at least {ON_OBJECT:g}; all frames with "
     "truth count. The area under the curve is the probability that a box on its object has more "
-    "confidence than one that is not, over all runs and objects.",
+    "confidence than one that is not, over all runs and objects. Off in silence: share of all "
+    "frames with a box off its object that is not reported lost.",
     "Frames/s: a single run on this machine, from a frame in memory to its estimate, without "
     "compilation. It is the median over some frames; for trackers that return all boxes at once, "
     "the mean over all frames. Settings that share a compiled kernel share the figure.",

@@ -32,12 +32,12 @@ from jaxpf.measures.intervals import DECISIVE
 #: Measures in the terminal's tables.
 PRINTED = (
     *("overlap", "success_half", "coverage_95", "size_coverage_95"),
-    *("confidence_area", "frames_per_second"),
+    *("confidence_area", "silent", "frames_per_second"),
 )
 #: Measures in ``overall.md``; ``overall.csv`` has all.
 SHOWN = (
     *("overlap", "success_half", "success_area", "coverage_50", "coverage_95"),
-    *("size_coverage_50", "size_coverage_95", "confidence_area", "frames_per_second"),
+    *("size_coverage_50", "size_coverage_95", "confidence_area", "silent", "frames_per_second"),
     *("HOTA", "IDF1"),
 )
 FILES = ("overall.md", "overall.csv", "sequences.csv", "overall.png", "overall.pdf")

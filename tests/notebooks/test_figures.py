@@ -358,9 +358,10 @@ def test_figures_of_questions_and_tasks():
     more = re.search(r"change it from (\S+) to (\S+) with 0\.6", prose(DEFAULTS)).groups()
     for page, words in {
         "faq.md": (
-            f"it is, by an IoU of {gained('csrt')} on 13 test clips (and {gained('csrt', 'choose')} "
-            "on 15 clips that chose how to use them). By default not: no difference was shown on 11 "
-            f"test clips, and CSRT was better by {negated(csrt).lstrip('+')} on 44 clips"
+            f"it is, by an IoU of {gained('csrt')} on 13 test clips (and "
+            f"{gained('csrt', 'choose')} on 15 clips that chose how to use them). By default not: no "
+            "difference was shown on 11 test clips, and CSRT was better by "
+            f"{negated(csrt).lstrip('+')} on 44 clips"
         ),
         "howto/animals.md": (
             f"the median error was {' and '.join(errors)} pixels, and the 95% intervals, at least "

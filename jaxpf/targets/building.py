@@ -89,6 +89,19 @@ def looks_of_frame(frame: Any, particles: int | None, patches: Any = None) -> Lo
     )
 
 
+def looks_of_scene(scene: Any, num_particles: int, typical: Any = None) -> Looks:
+    """A scene's reference patches and first frame, to learn a likelihood from."""
+    return Looks(
+        frame=None,
+        patches=scene.patches,
+        frame_shape=scene.frames.shape[1:3],
+        num_particles=num_particles,
+        typical=typical,
+        surroundings=scene.frames[0],
+        settings=scene.settings,
+    )
+
+
 def make(
     target: Target,
     frame: Any,

@@ -49,8 +49,8 @@ def _finish(recording: Recording, truth: Any) -> None:
     content = _summary(recording, names, verdicts, table, ess)
     writing.write_text(output / SUMMARY, json.dumps(content, indent=2) + "\n")
     lost = {name: about["lost"] for name, about in verdicts.items()}
-    adapter = recording.request.adapter
-    columns = [name for name in adapter.columns if name not in adapter.fixed_columns]
+    target = recording.request.target
+    columns = [name for name in target.columns if name not in target.fixed_columns]
     figure = plotting.trajectories(table, columns, lost)
     plotting.save_figure(figure, output / "trajectories.png")
     num_particles = getattr(recording.tracker, "num_particles", 0)
@@ -150,7 +150,7 @@ def _tell(
     counts, rate = recording.counts, content["frames_per_second"]
     speed = "" if rate is None else f", {rate:.1f} frames/s"
     say(f"{recording.output}: {counted(counts.tracked)} tracked{speed}")
-    place = recording.request.adapter.place
+    place = recording.request.target.place
     for line in sentences(verdicts, ess, num_particles, place):
         say(line)
     if (errors := content["mean_error"]) is not None:

@@ -219,7 +219,7 @@ def _scene(recording: Recording) -> Scene:
     is_own, has_errors = bool(request.run.tracker), bool(request.run.error_bars)
     repeats = request.run.runs or request.run.error_bars
     return Scene(
-        adapter=request.adapter,
+        target=request.target,
         tracker=recording.tracker.tracker if repeats else recording.tracker,
         start=recording.opened.start,
         size=(source.width, source.height),

@@ -11,8 +11,7 @@ import numpy as np
 from jaxpf.cli.tracking.births import Births, by_frame
 from jaxpf.cli.tracking.track_table import Places, places_of
 from jaxpf.contract.lost import judge
-from jaxpf.targets.adapter import Adapter
-from jaxpf.targets.target import Start
+from jaxpf.targets.target import Start, Target
 
 #: All partitions.
 _ALL = slice(None)
@@ -63,7 +62,7 @@ class Scene:
     """Settings shared by all frames of a run.
 
     Attributes:
-        adapter: adapter of the kind of target.
+        target: the kind of target.
         tracker: the filter itself, without the wrapper that repeats it.
         start: where objects start.
         size: width and height of the frames, pixels.
@@ -73,7 +72,7 @@ class Scene:
         check_first: refuses objects that are not visible in the first frame.
     """
 
-    adapter: Adapter
+    target: Target
     tracker: Any
     start: Start
     size: tuple[int, int]
@@ -85,7 +84,7 @@ class Scene:
     @property
     def has_own_boxes(self) -> bool:
         """Whether a user-defined tracker converts estimates to boxes itself."""
-        return self.adapter.target.has_boxes and hasattr(self.tracker, "boxes")
+        return self.target.has_boxes and hasattr(self.tracker, "boxes")
 
     def model_error(self, num_partitions: int) -> np.ndarray:
         """``[P, 3]``, see ``jaxpf.contract.Likelihood``."""
@@ -95,7 +94,7 @@ class Scene:
 
     def outside(self, start: Start, shapes: np.ndarray) -> np.ndarray:
         """Which shapes lie outside the image or are not finite."""
-        corners = np.asarray(self.adapter.target.outlines(start, shapes), float)
+        corners = np.asarray(self.target.outlines(start, shapes), float)
         lowest, highest = corners.min(axis=1), corners.max(axis=1)
         return ~np.all((lowest < np.array(self.size)) & (highest > 0), axis=1)
 
@@ -103,7 +102,7 @@ class Scene:
         """Shapes ``[..., P, S]`` of estimates or particles ``[..., P, D]``."""
         from jaxpf.evaluation.work.trackers import shapes_of
 
-        return np.asarray(shapes_of(self.tracker, self.adapter.target, start, estimate), float)
+        return np.asarray(shapes_of(self.tracker, self.target, start, estimate), float)
 
     def places(
         self,
@@ -119,7 +118,7 @@ class Scene:
         if number > self.first:
             step = self.shown_at(number) - self.shown_at(number - 1)
         to_shapes = functools.partial(self.shapes, start)
-        return places_of(self.adapter, start, to_shapes, shapes, state, slots, step, before, error)
+        return places_of(self.target, start, to_shapes, shapes, state, slots, step, before, error)
 
 
 def fixed_population(
@@ -160,7 +159,7 @@ def fixed_population(
         number = scene.first + 1 + tracked.time
         places, centres = scene.places(number, start, shapes, cloud, centres)
         variance = getattr(summary, "estimate_variance", None)
-        if variance is not None and scene.adapter.target.has_places:
+        if variance is not None and scene.target.has_places:
             places = places._replace(error=np.sqrt(variance)[:, :2])
         yield Record(
             number=number,

@@ -13,7 +13,6 @@ from jaxpf.cli.tracking.births import Births, defaults_of, read_births
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, check_options, option, options_of
 from jaxpf.files.writing import check_output_file
-from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.appearance import COLOUR
 from jaxpf.targets.building import filter_for
 from jaxpf.targets.target import Target
@@ -112,7 +111,7 @@ class Request:
 
     Attributes:
         video: a file, a folder, or a live source.
-        adapter: adapter of the kind of target.
+        target: the kind of target.
         starts: values of its ``start_flags``.
         run: options shared by all kinds of target.
         model: options of the target.
@@ -122,18 +121,13 @@ class Request:
     """
 
     video: str | Path
-    adapter: Adapter
+    target: Target
     starts: Mapping[str, Any]
     run: Run
     model: Any
     filter: Any
     filter_options: Any
     births: Births | None
-
-    @property
-    def target(self) -> Target:
-        """The kind of target."""
-        return self.adapter.target
 
     def table(self, video: Any) -> dict[str, Any]:
         """Contents of run.toml: everything that repeats the run, in command-line notation.
@@ -153,9 +147,9 @@ class Request:
         }
 
 
-def request_of(ctx: click.Context, adapter: Adapter) -> Request:
+def request_of(ctx: click.Context, target: Target) -> Request:
     """Build the request from the command line and a configuration file."""
-    values, target = _given(ctx, adapter), adapter.target
+    values = _given(ctx, target)
     run = picked(values, Run)
     births = read_births(values)
     filter_, method = _filter_of(values, target, births is not None)
@@ -170,8 +164,8 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
     settings = {} if births is None else {"appearance": COLOUR}
     model = target.resolved(picked(values, target.options, of_target), settings)
     report_implied(values, target.resolved(target.options(), settings))
-    starts = {name: values[name] for name in adapter.start_flags}
-    request = Request(values["video"], adapter, starts, run, model, filter_, filter_options, births)
+    starts = {name: values[name] for name in target.start_flags}
+    request = Request(values["video"], target, starts, run, model, filter_, filter_options, births)
     _check_together(request)
     if run.save_state is not None:
         # A chain of runs goes on from one file, which the user names twice.
@@ -214,21 +208,21 @@ def _check_together(request: Request) -> None:
                 raise InputError(f"--{name.replace('_', '-')} {why}")
 
 
-def _given(ctx: click.Context, adapter: Adapter) -> dict[str, Any]:
+def _given(ctx: click.Context, target: Target) -> dict[str, Any]:
     """Command-line values, and values of the configuration file that do not contradict them."""
     values = dict(ctx.params)
     source = {name: ctx.get_parameter_source(name) for name in values}
     typed = {n for n in values if source[n] is click.core.ParameterSource.COMMANDLINE}
     written = {n for n in values if source[n] is click.core.ParameterSource.DEFAULT_MAP}
     left_out: set[str] = set()
-    if (typed & set(adapter.start_flags)) - set(_ADDS_TO_START):
-        left_out |= set(adapter.start_flags)
+    if (typed & set(target.start_flags)) - set(_ADDS_TO_START):
+        left_out |= set(target.start_flags)
     families = [family.options for family in filters.all_filters().values()]
     if "method" in typed:
         chosen = filters.filter_of(values["method"])
         left_out |= set(options_of(*families)) - set(options_of(chosen.options))
         left_out |= set() if values["method"] == "ps" else {"order"}
-    for owner in (adapter.target.options, *families):
+    for owner in (target.options, *families):
         for name, option_ in options_of(owner).items():
             other, wanted = option_.implies or ("", "")
             if other in typed and values[other] not in (wanted, OPEN):

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxpf.files.writing import LineWriter
+from jaxpf.targets.target import Start, Target
 
 #: Percentages of the quantiles that bound a 95% interval.
 LEVELS = (2.5, 97.5)
@@ -35,10 +36,10 @@ class Places(NamedTuple):
 class TrackTable(LineWriter):
     """Write tracks.csv; the first filtered frame determines its header."""
 
-    def __init__(self, path: Path, adapter: Any, shown_at: Callable[[int], float]):
+    def __init__(self, path: Path, target: Target, shown_at: Callable[[int], float]):
         """Create the file for a kind of target; ``shown_at`` gives a frame's time in seconds."""
         super().__init__(path)
-        self._adapter, self._shown_at = adapter, shown_at
+        self._target, self._shown_at = target, shown_at
         self._waiting: list[tuple[int, Any, Places, Any, Any]] = []
         self._columns: list[str] = []
 
@@ -65,9 +66,9 @@ class TrackTable(LineWriter):
         self._waiting.clear()
 
     def _header(self, places: Places, lost: Any, confidence: Any) -> list[str]:
-        names = [*self._adapter.columns]
+        names = [*self._target.columns]
         if places.interval is not None:
-            varying = [name for name in names if name not in self._adapter.fixed_columns]
+            varying = [name for name in names if name not in self._target.fixed_columns]
             names += [f"{name}_{level:g}" for name in varying for level in LEVELS]
         names.append("speed")
         if places.speed_interval is not None:
@@ -81,7 +82,7 @@ class TrackTable(LineWriter):
     def _rows(self, number: int, ids: Any, places: Places, lost: Any, confidence: Any) -> Any:
         count = len(ids)
         cells: dict[str, Any] = {"speed": places.speed, "confidence": confidence}
-        for column, name in enumerate(self._adapter.columns):
+        for column, name in enumerate(self._target.columns):
             cells[name] = places.values[:, column]
             for end, level in enumerate(LEVELS):
                 if places.interval is not None:
@@ -109,8 +110,8 @@ def _cell(name: str, value: float) -> str:
 
 
 def places_of(
-    adapter: Any,
-    start: Any,
+    target: Target,
+    start: Start,
     to_shapes: Any,
     shapes: np.ndarray,
     state: Any,
@@ -122,7 +123,7 @@ def places_of(
     """Values, intervals and speeds of one frame, and the centres ``[P, 2]`` for the next.
 
     Args:
-        adapter: adapter of the kind of target.
+        target: the kind of target.
         start: start of all partitions.
         to_shapes: function from substates ``[N, P, D]`` to shapes ``[N, P, S]``.
         shapes: ``[P, S]``, the estimate, NaN for a partition without an object.
@@ -132,24 +133,24 @@ def places_of(
         before: ``[P, 2]``, centres in the previous frame; None if unknown.
         error: ``[P, 3]``, ``model_error`` of ``jaxpf.contract.Likelihood``.
     """
-    values = adapter.column_values(start, shapes)
+    values = target.column_values(start, shapes)
     before = np.full((len(shapes), 2), np.nan) if before is None else before
     substates = getattr(state, "substates", None)
     if substates is None:
-        centres = centres_of(adapter, values)
+        centres = centres_of(target, values)
         speed = np.linalg.norm(centres - before, axis=-1) / step
         return Places(values[slots], speed=speed[slots]), centres
     from jaxpf.filters import quantiles
 
     kept, weights = _kept(state)
-    particles = adapter.column_values(start, to_shapes(np.asarray(substates)[kept]))
+    particles = target.column_values(start, to_shapes(np.asarray(substates)[kept]))
     levels = [level / 100 for level in LEVELS]
     # Sort only the reported partitions.
     shown = weights if weights.ndim == 1 else weights[slots]
     interval = quantiles(particles[:, slots], shown, levels)
     if error.any():
-        interval = _widened(values[slots], interval, error[slots], adapter.target.has_boxes)
-    middles = centres_of(adapter, particles)
+        interval = _widened(values[slots], interval, error[slots], target.has_boxes)
+    middles = centres_of(target, particles)
     centres = _mean(middles, weights)
     moved = (centres - before) / step
     speed = np.linalg.norm(moved, axis=-1)
@@ -157,8 +158,8 @@ def places_of(
     previous = getattr(state, "previous_substates", None)
     if previous is None:
         return places, centres
-    earlier = adapter.column_values(start, to_shapes(np.asarray(previous)[kept]))
-    steps = (middles - centres_of(adapter, earlier)) / step
+    earlier = target.column_values(start, to_shapes(np.asarray(previous)[kept]))
+    steps = (middles - centres_of(target, earlier)) / step
     # Deviation of each particle's step from the mean step, along the estimate's direction.
     along = np.sum((steps - _mean(steps, weights)) * moved, -1) / np.maximum(speed, 1e-9)
     ends = speed[slots] + quantiles(along[:, slots, None], shown, levels)[..., 0]
@@ -204,7 +205,7 @@ def _mean(values: np.ndarray, log_weights: np.ndarray) -> np.ndarray:
     return np.where(total > 0, sums / np.maximum(total, 1e-300), np.nan)
 
 
-def centres_of(adapter: Any, values: np.ndarray) -> np.ndarray:
+def centres_of(target: Target, values: np.ndarray) -> np.ndarray:
     """x and y of the centre: ``[..., 2]``."""
     corner = values[..., :2]
-    return corner + values[..., 2:4] / 2 if adapter.target.has_boxes else corner
+    return corner + values[..., 2:4] / 2 if target.has_boxes else corner

@@ -107,8 +107,8 @@ def open_input(request: Request) -> Opened:
     click.get_current_context().call_on_close(frames.close)
     check_live(request, source)
     first = used_to_the_light(frames) if source.is_camera else next(frames)
-    start = request.adapter.read_start(request.starts, run_options.start, source)
-    later, note = request.adapter.later_starts(request.starts, run_options.start, source)
+    start = request.target.read_start(request.starts, run_options.start, source)
+    later, note = request.target.later_starts(request.starts, run_options.start, source)
     if run_options.frames is not None:
         later = {at: s for at, s in later.items() if at <= run_options.start + run_options.frames}
     if later:

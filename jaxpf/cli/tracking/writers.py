@@ -12,7 +12,7 @@ from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking.records import Record, Scene
 from jaxpf.cli.tracking.track_table import TrackTable, centres_of
 from jaxpf.files.writing import LineWriter
-from jaxpf.targets.adapter import Marks
+from jaxpf.targets.target import Marks
 
 #: Length of a trail in frames.
 _TRAIL = 20
@@ -45,8 +45,8 @@ class Tracks:
         self, output: Path, scene: Scene, stack: contextlib.ExitStack, names: Any = _TRACKS
     ):
         tracks, outlines = (output / name for name in names)
-        self._table = stack.enter_context(TrackTable(tracks, scene.adapter, scene.shown_at))
-        outline_file = scene.adapter.outline_file(outlines, scene.start)
+        self._table = stack.enter_context(TrackTable(tracks, scene.target, scene.shown_at))
+        outline_file = scene.target.outline_file(outlines, scene.start)
         self._write_outlines = stack.enter_context(outline_file)
 
     def write(self, record: Record) -> None:
@@ -136,22 +136,22 @@ class Overlay:
     def _draw(self, record: Record, doubtful: np.ndarray) -> np.ndarray:
         from jaxpf.media.overlay import draw_spreads
 
-        adapter, frame = self._scene.adapter, record.frame
+        target, frame = self._scene.target, record.frame
         parts = [part for part in record.parts or (record,) if part.summary is not None]
         for part in parts:
             scene = part.scene or self._scene
             colours = np.zeros((len(part.summary.estimate), 3), np.uint8)
             colours[part.slots] = part.colours
             cloud = scene.cloud(part.state)
-            frame = adapter.draw_particles(frame, scene.start, scene.tracker, cloud, colours)
+            frame = target.draw_particles(frame, scene.start, scene.tracker, cloud, colours)
         past = np.stack(self._past) if self._past else None
         marks = Marks(record.colours, record.lost, past, doubtful)
-        picture = adapter.draw(frame, record.start, record.shapes, marks)
+        picture = target.draw(frame, record.start, record.shapes, marks)
         for part in parts:
             scene, spread = part.scene or self._scene, getattr(part.summary, "spread", None)
-            if spread is None or scene.has_own_boxes or not adapter.target.has_places:
+            if spread is None or scene.has_own_boxes or not target.has_places:
                 continue
-            centres = centres_of(adapter, part.places.values)
+            centres = centres_of(target, part.places.values)
             spread = np.hypot(spread[:, :2], scene.model_error(len(spread))[:, :2])[part.slots]
             picture = draw_spreads(picture, centres, spread, part.colours)
         return picture

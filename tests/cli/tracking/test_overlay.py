@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from jaxpf.boxes.adapter import ADAPTER
 from jaxpf.boxes.target import BOXES
 from jaxpf.cli.tracking.records import Record
 from jaxpf.cli.tracking.writers import Overlay
@@ -33,7 +32,7 @@ def test_an_object_found_again_is_doubtful_until_five_frames_confirm_it(tmp_path
     story = "--LL??L????---L????--"
     colours = object_colours(2)
     with contextlib.ExitStack() as stack:
-        scene = SimpleNamespace(adapter=ADAPTER, size=(120, 90), shown_at=lambda n: n / 10)
+        scene = SimpleNamespace(target=BOXES, size=(120, 90), shown_at=lambda n: n / 10)
         overlay = Overlay(tmp_path, scene, 25, 1, stack)
         for number, mark in enumerate(story):
             lost = np.array([mark == "L", False])

@@ -10,7 +10,7 @@ import numpy as np
 from jaxpf import cli
 from jaxpf.cli.tracking.command import TrackCommand
 from jaxpf.cli.tracking.request import request_of
-from jaxpf.cli.tracking.work import build_tracker, open_input
+from jaxpf.cli.tracking.session import open_session
 from jaxpf.targets import find_target
 
 
@@ -46,9 +46,9 @@ def built_by_track(target, video, *arguments):
     target = find_target(target)
     words = [str(word) for word in (video, *arguments)]
     with TrackCommand(target).make_context("track", words) as context:
-        request = request_of(context, target)
-        opened = open_input(request)
-    return opened.start, build_tracker(request, opened).tracker
+        session = open_session(request_of(context, target))
+    session.build()
+    return session.start, session.tracker
 
 
 def assert_same(one, other):

@@ -2,7 +2,7 @@
 
 import collections
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from jaxpf.contract.errors import InputError
 
 if TYPE_CHECKING:
     from jaxpf.cli.tracking.request import Request
+    from jaxpf.cli.tracking.session import Session
 
 #: Seconds of camera frames to skip.
 _FIRST_SECOND = 1.0
@@ -44,23 +45,10 @@ def used_to_the_light(frames: Iterator[np.ndarray]) -> np.ndarray:
     return next(frame for frame in frames if time.monotonic() > until)
 
 
-def start_when_compiled(
-    make: Callable[[np.ndarray], Any],
-    tracker: Any,
-    frame: np.ndarray,
-    frames: Iterator[np.ndarray],
-    source: Any,
-) -> tuple[Any, np.ndarray]:
-    """Take a camera's start frame and its tracker once compilation is done.
+def start_when_compiled(session: "Session") -> None:
+    """Take a camera's start frame, and build its tracker, once compilation is done.
 
     Compilation takes seconds, in which the objects move on.
-
-    Args:
-        make: function from a frame to the tracker that starts there.
-        tracker: tracker built from an earlier frame.
-        frame: the earlier frame.
-        frames: frames of the camera.
-        source: the camera.
     """
     import jax
 
@@ -68,16 +56,19 @@ def start_when_compiled(
 
     say("Compiling: leave the objects at their boxes.", err=True)
     for _ in range(_ATTEMPTS):
-        collections.deque(stream(tracker, jax.random.key(0), [frame]), maxlen=0)
-        compiled_for = _kind(tracker)
-        latest = next(frames, None)
+        one_frame = stream(session.tracker, jax.random.key(0), [session.first])
+        collections.deque(one_frame, maxlen=0)
+        compiled_for = _kind(session.tracker)
+        latest = next(session.frames, None)
         if latest is None:
-            raise InputError(f"camera '{source.path}' stopped; check that it is still plugged in.")
-        tracker, frame = make(latest), latest
-        if _kind(tracker) == compiled_for:
+            raise InputError(
+                f"camera '{session.source.path}' stopped; check that it is still plugged in."
+            )
+        session.tracker, session.first = session.tracker_at(latest, session.start), latest
+        if _kind(session.tracker) == compiled_for:
             break
     say("Tracking begins: the start frame is taken.  Ctrl-C ends it.", err=True)
-    return tracker, frame
+    session.source.count_from(session.request.run.start)
 
 
 def _kind(tracker: Any) -> Any:

@@ -1,13 +1,17 @@
 """tracks.csv: one row per frame and object, for every kind of target."""
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from jaxpf.files.writing import LineWriter
 from jaxpf.targets.target import Start, Target
+
+if TYPE_CHECKING:
+    from jaxpf.cli.tracking.records import Record, Scene
 
 #: Percentages of the quantiles that bound a 95% interval.
 LEVELS = (2.5, 97.5)
@@ -33,55 +37,62 @@ class Places(NamedTuple):
     error: Any = None
 
 
-class TrackTable(LineWriter):
-    """Write tracks.csv; the first filtered frame determines its header."""
+class Tracks:
+    """Writes tracks.csv, and outlines.csv for targets with outlines.
 
-    def __init__(self, path: Path, target: Target, shown_at: Callable[[int], float]):
-        """Create the file for a kind of target; ``shown_at`` gives a frame's time in seconds."""
-        super().__init__(path)
-        self._target, self._shown_at = target, shown_at
-        self._waiting: list[tuple[int, Any, Places, Any, Any]] = []
+    The first filtered frame determines the header; the start frame's rows are delayed until then.
+    """
+
+    def __init__(
+        self,
+        output: Path,
+        scene: "Scene",
+        stack: contextlib.ExitStack,
+        is_smoothed: bool = False,
+    ):
+        """Create the files; those of smoothed tracks say neither confidence nor who is lost."""
+        names = ("tracks.csv", "outlines.csv")
+        if is_smoothed:
+            names = ("smoothed.csv", "smoothed_outlines.csv")
+        tracks, outlines = (output / name for name in names)
+        self._is_smoothed = is_smoothed
+        self._file = stack.enter_context(LineWriter(tracks))
+        outline_file = scene.target.outline_file(outlines, scene.start)
+        self._write_outlines = stack.enter_context(outline_file)
+        self._target, self._shown_at = scene.target, scene.shown_at
+        self._waiting: list[Record] = []
         self._columns: list[str] = []
 
-    def write(
-        self, number: int, ids: Any, places: Places, lost: Any = None, confidence: Any = None
-    ) -> None:
-        """Append the rows of one frame; rows of the start frame are delayed until the next frame.
-
-        Args:
-            number: frame number, from 0.
-            ids: ``[P]``.
-            places: positions of the objects.
-            lost: bool ``[P]``, or None if unknown.
-            confidence: ``[P]``, or None if the likelihood defines none.
-        """
-        self._waiting.append((number, ids, places, lost, confidence))
-        if not self._columns and places.speed is None:
-            return
+    def write(self, record: "Record") -> None:
+        """See ``Writer``."""
+        if self._write_outlines is not None:
+            self._write_outlines(record.number, record.shapes)
+        self._waiting.append(record)
         if not self._columns:
-            self._columns = self._header(places, lost, confidence)
-            self.write_rows([["frame", "time", "id", *self._columns]])
-        for frame in self._waiting:
-            self.write_rows(self._rows(*frame))
+            if record.places.speed is None:
+                return
+            self._columns = self._header(record)
+            self._file.write_rows([["frame", "time", "id", *self._columns]])
+        for each in self._waiting:
+            self._file.write_rows(self._rows(each))
         self._waiting.clear()
 
-    def _header(self, places: Places, lost: Any, confidence: Any) -> list[str]:
-        names = [*self._target.columns]
+    def _header(self, record: "Record") -> list[str]:
+        places, names = record.places, [*self._target.columns]
         if places.interval is not None:
             varying = [name for name in names if name not in self._target.fixed_columns]
             names += [f"{name}_{level:g}" for name in varying for level in LEVELS]
         names.append("speed")
         if places.speed_interval is not None:
             names += [f"speed_{level:g}" for level in LEVELS]
-        if confidence is not None:
-            names.append("confidence")
-        if lost is not None:
+        if not self._is_smoothed:
+            names += [] if record.confidence is None else ["confidence"]
             names.append("lost")
         return names + ([] if places.error is None else ["x_error", "y_error"])
 
-    def _rows(self, number: int, ids: Any, places: Places, lost: Any, confidence: Any) -> Any:
-        count = len(ids)
-        cells: dict[str, Any] = {"speed": places.speed, "confidence": confidence}
+    def _rows(self, record: "Record") -> Iterator[list[Any]]:
+        places = record.places
+        cells: dict[str, Any] = {"speed": places.speed, "confidence": record.confidence}
         for column, name in enumerate(self._target.columns):
             cells[name] = places.values[:, column]
             for end, level in enumerate(LEVELS):
@@ -92,15 +103,16 @@ class TrackTable(LineWriter):
                 cells[f"speed_{level:g}"] = places.speed_interval[end]
         if places.error is not None:
             cells |= {"x_error": places.error[:, 0], "y_error": places.error[:, 1]}
-        unknown = np.full(count, np.nan)
+        unknown = np.full(len(record.start.ids), np.nan)
         given = (cells.get(name) for name in self._columns)
         table = [unknown if values is None else values for values in given]
+        time = f"{self._shown_at(record.number):.4f}"
         for place in np.flatnonzero(np.isfinite(places.values).all(axis=1)):
             row = [
-                str(int(lost[place])) if name == "lost" else _cell(name, values[place])
+                str(int(record.lost[place])) if name == "lost" else _cell(name, values[place])
                 for name, values in zip(self._columns, table, strict=True)
             ]
-            yield [number, f"{self._shown_at(number):.4f}", ids[place], *row]
+            yield [record.number, time, record.start.ids[place], *row]
 
 
 def _cell(name: str, value: float) -> str:

@@ -2,7 +2,6 @@
 
 import collections
 import contextlib
-from fractions import Fraction
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking.records import Record, Scene
-from jaxpf.cli.tracking.track_table import TrackTable, centres_of
+from jaxpf.cli.tracking.track_table import Tracks, centres_of
 from jaxpf.files.writing import LineWriter
 from jaxpf.targets.target import Marks
 
@@ -26,41 +25,11 @@ _DRAWS = 400
 _LEAST_SPREAD = 1.0
 
 
-#: Files of ``Tracks`` and of ``Smoothed``: tracks and outlines.
-_TRACKS = "tracks.csv", "outlines.csv"
-_SMOOTHED = "smoothed.csv", "smoothed_outlines.csv"
-
-
 class Writer(Protocol):
     """Receives the records of a run in order."""
 
     def write(self, record: Record) -> None:
         """Keep this writer's part of the record."""
-
-
-class Tracks:
-    """Writes tracks.csv, and outlines.csv for targets with outlines."""
-
-    def __init__(
-        self, output: Path, scene: Scene, stack: contextlib.ExitStack, names: Any = _TRACKS
-    ):
-        tracks, outlines = (output / name for name in names)
-        self._table = stack.enter_context(TrackTable(tracks, scene.target, scene.shown_at))
-        outline_file = scene.target.outline_file(outlines, scene.start)
-        self._write_outlines = stack.enter_context(outline_file)
-
-    def write(self, record: Record) -> None:
-        """See ``Writer``."""
-        ids, lost, confidence = record.start.ids, record.lost, record.confidence
-        self.append(record.number, ids, record.shapes, record.places, lost, confidence)
-
-    def append(
-        self, number: int, ids: Any, shapes: Any, places: Any, lost: Any = None, sure: Any = None
-    ) -> None:
-        """Write a frame; ``sure`` is the confidence, see ``TrackTable.write``."""
-        self._table.write(number, ids, places, lost, sure)
-        if self._write_outlines is not None:
-            self._write_outlines(number, shapes)
 
 
 class Diagnostics:
@@ -96,19 +65,12 @@ class Overlay:
     frames.
     """
 
-    def __init__(
-        self,
-        output: Path,
-        scene: Scene,
-        fps: float,
-        pixel_aspect: Fraction,
-        stack: contextlib.ExitStack,
-    ):
+    def __init__(self, output: Path, scene: Scene, source: Any, stack: contextlib.ExitStack):
         from jaxpf.media.video_writer import VideoWriter
 
         self._scene = scene
         self._video = stack.enter_context(
-            VideoWriter(output / "overlay.mp4", *scene.size, fps, pixel_aspect)
+            VideoWriter(output / "overlay.mp4", *scene.size, source.fps, source.pixel_aspect)
         )
         self._began: float | None = None
         self._past: collections.deque[np.ndarray] = collections.deque(maxlen=_TRAIL)
@@ -164,16 +126,18 @@ class Smoothed:
     """
 
     def __init__(self, output: Path, scene: Scene, look_back: Any, stack: contextlib.ExitStack):
-        self._tracks = Tracks(output, scene, stack, _SMOOTHED)
+        self._tracks = Tracks(output, scene, stack, is_smoothed=True)
         self._scene, self._look_back = scene, look_back
         self._before: Any = None
+        self._latest: Record | None = None
         self._filtered: collections.deque[np.ndarray] = collections.deque()
 
     def write(self, record: Record) -> None:
         """See ``Writer``."""
+        self._latest = record
         if record.summary is None:
             self._before = self._scene.places(record.number, record.start, record.shapes)[1]
-            self._tracks.append(record.number, record.start.ids, record.shapes, record.places)
+            self._tracks.write(record)
             return
         self._filtered.append(record.summary.spread)
         self._append(self._look_back.add(self._scene.cloud(record.state)))
@@ -191,12 +155,13 @@ class Smoothed:
     def _append(self, frames: Any) -> None:
         scene, start = self._scene, self._scene.start
         for frame in frames:
+            assert self._latest is not None
             shapes = scene.shapes(start, frame.estimate)
             spread = np.maximum(frame.spread, _LEAST_SPREAD * self._filtered.popleft())
             draws = _NormalDraws(frame.estimate, spread)
             number = scene.first + 1 + frame.time
             places, self._before = scene.places(number, start, shapes, draws, self._before)
-            self._tracks.append(number, start.ids, shapes, places)
+            self._tracks.write(self._latest._replace(number=number, shapes=shapes, places=places))
 
 
 class _NormalDraws:

@@ -33,7 +33,7 @@ def test_an_object_found_again_is_doubtful_until_five_frames_confirm_it(tmp_path
     colours = object_colours(2)
     with contextlib.ExitStack() as stack:
         scene = SimpleNamespace(target=BOXES, size=(120, 90), shown_at=lambda n: n / 10)
-        overlay = Overlay(tmp_path, scene, 25, 1, stack)
+        overlay = Overlay(tmp_path, scene, SimpleNamespace(fps=25, pixel_aspect=1), stack)
         for number, mark in enumerate(story):
             lost = np.array([mark == "L", False])
             overlay.write(Record(number, FRAME, START, colours, START.shapes, None, lost))

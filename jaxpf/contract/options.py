@@ -12,7 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jaxpf.contract.errors import Argument, InputError
+from jaxpf.contract.errors import Argument, InputError, check_known
+from jaxpf.contract.numbers import check_number, check_whole
 
 _KEY = "option"
 #: The value of an option that is settled automatically.
@@ -176,6 +177,30 @@ def check_options(options: Any) -> None:
     """
     for name, declared in options_of(options).items():
         object.__setattr__(options, name, declared.checked(getattr(options, name)))
+
+
+def check_declared(owner: Any, options: type, *names: str, **renamed: str) -> None:
+    """Refuse fields of a tracker that are outside the ranges of their options.
+
+    Traced values pass, and so does None where it is the field's default.
+
+    Args:
+        owner: a dataclass whose constructor takes the values.
+        options: the options class that declares their ranges.
+        names: of the fields.
+        renamed: name of a field -> name of its option, if they differ.
+    """
+    declared, defaults = options_of(options), type(owner).__dataclass_fields__
+    for field, name in (dict(zip(names, names, strict=True)) | renamed).items():
+        value, about = getattr(owner, field), declared[name]
+        if value is None and defaults[field].default is None:
+            continue
+        if about.choices:
+            check_known(f"{field}=", value, about.choices)
+        elif about.kind is int:
+            check_whole(field, value, int(about.least), int(about.most))
+        else:
+            check_number(field, value, above=about.above, least=about.least, most=about.most)
 
 
 def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:

@@ -8,10 +8,11 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
-from jaxpf.contract.names import DRIFTS, FACTORED_METHODS, FORMS, SCHEMES, SHAPES
+from jaxpf.contract.names import SCHEMES
 from jaxpf.contract.options import check_options, option
 from jaxpf.filters.filter import Filter
 
+_METHODS = ("eskil", "pffl")
 #: Published numbers of particles per partition.
 _PARTICLES = {"eskil": 10, "pffl": 50}
 _UPSAMPLING = {"eskil": 3, "pffl": 1}
@@ -26,7 +27,7 @@ class Options:
         "eskil",
         "eskil (every object has its own particles; objects drift together and keep a shape), "
         "pffl (the same without drift and shape).",
-        choices=FACTORED_METHODS,
+        choices=_METHODS,
     )
     particles: int | None = option(
         None,
@@ -49,14 +50,14 @@ class Options:
     drift: str = option(
         "clip",
         "How objects move together (eskil only).",
-        choices=DRIFTS,
+        choices=("clip", "signed", "literal", "ridge", "none"),
         compiles=True,
         implies=_ESKIL,
     )
     shape: str = option(
         "relative",
         "How objects keep their distances (eskil only).",
-        choices=SHAPES,
+        choices=("relative", "pixels", "none"),
         compiles=True,
         implies=_ESKIL,
     )
@@ -84,7 +85,7 @@ class Options:
     form: str = option(
         "auxiliary",
         "How pffl weights: as a sound auxiliary particle filter, or literally as published.",
-        choices=FORMS,
+        choices=("auxiliary", "literal"),
         compiles=True,
         implies=("method", "pffl"),
     )
@@ -97,7 +98,7 @@ class FactoredFilter(Filter):
     """The factored filters, with separate particles per partition: PFFL and eskil2014."""
 
     name = "factored"
-    methods = FACTORED_METHODS
+    methods = _METHODS
     options = Options
 
     def tracker(self, model: Model, options: Options) -> Any:

@@ -9,7 +9,6 @@ from jaxpf.contract.model import Model
 from jaxpf.contract.names import SCHEMES
 from jaxpf.contract.options import check_options, option
 from jaxpf.filters.filter import Filter
-from jaxpf.filters.labelled.choices import FEEDBACKS, SCOPES, WEIGHTS
 from jaxpf.filters.relocation_option import relocate_option, relocation_of
 
 METHODS = ("labelled",)
@@ -31,19 +30,19 @@ class Options:
         "equal_share",
         "How labelled particles are shared: equal_share (each object gets as many), plain (the "
         "likelier, the more), corrected (equal shares, weights kept).",
-        choices=WEIGHTS,
+        choices=("equal_share", "plain", "corrected"),
         compiles=True,
     )
     scope: str = option(
         "across",
         "Whether labelled particles are resampled across objects or within each.",
-        choices=SCOPES,
+        choices=("across", "within"),
         compiles=True,
     )
     feedback: str = option(
         "none",
         "Whether labelled particles move at their own speed (none) or at that of the estimate.",
-        choices=FEEDBACKS,
+        choices=("none", "estimate"),
         compiles=True,
     )
     regularise: tuple[float, ...] | None = option(

@@ -11,59 +11,27 @@ from typing import Any
 import numpy as np
 
 from jaxpf.boxes.models import (
-    DEFAULT_MOMENTUM,
-    DEFAULT_SCALE,
-    DEFAULT_STEPS,
-    LONE_STEPS,
     box_model,
     boxes_at,
     reach_of,
     relative_box_model,
     relative_steps,
 )
+from jaxpf.boxes.options import Options
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
-from jaxpf.contract.options import OPEN, check_options, plain
+from jaxpf.contract.options import OPEN, plain
 from jaxpf.targets.appearance import (
     COLOUR,
     DISCRIMINATIVE,
     NONE,
     PIXELS,
     RELATIVE,
-    appearance_option,
-    bands_option,
     check_contrast,
-    exclusion_option,
-    gain_option,
-    likelihood_option,
-    momentum_option,
-    motion_option,
     naming,
-    scale_option,
-    sharpness_option,
-    steps_option,
 )
 from jaxpf.targets.later import starts_by_frame
 from jaxpf.targets.target import Looks, Marks, Start, Target
-
-
-@dataclasses.dataclass(frozen=True)
-class Options:
-    """Options of the box model; see the help of each."""
-
-    sharpness: float = sharpness_option(20.0, "likelihood.sharpness")
-    scale: tuple[float, ...] = scale_option(DEFAULT_SCALE, tuned=("[0]", "[1]"))
-    bands: int = bands_option(2)
-    likelihood: str = likelihood_option("auto", "integral", "sampled")
-    appearance: str = appearance_option()
-    gain: float = gain_option(1.0)
-    motion: str = motion_option()
-    relative_scale: tuple[float, ...] | None = steps_option(DEFAULT_STEPS, LONE_STEPS)
-    momentum: float = momentum_option(DEFAULT_MOMENTUM)
-    exclusion: str = exclusion_option()
-
-    def __post_init__(self) -> None:
-        check_options(self)
 
 
 class _BoxTarget(Target):

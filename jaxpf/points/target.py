@@ -114,9 +114,6 @@ class _PointTarget(Target):
             return options
         return dataclasses.replace(options, slip=settings.get("slip", _SLIP))
 
-    def settled(self, options: Options, start: Start, looks: Looks) -> Options:
-        return self.resolved(options, looks.settings)
-
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
         """The patches if they have the window's size, else windows of the frame."""
         from jaxpf.likelihoods.windows import windows, windows_from_pictures

@@ -23,7 +23,7 @@ from jaxpf.boxes.models import box_model, boxes_at
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import check_array, numbers_in
-from jaxpf.contract.options import chosen, options_of
+from jaxpf.contract.options import chosen
 from jaxpf.filters.labelled import options as labelled
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_started
@@ -37,6 +37,7 @@ from jaxpf.populations.lifetimes import EMPTY, Changes, Living, Refusal, Rules
 from jaxpf.running import streaming
 from jaxpf.running.runs import init_compiled
 from jaxpf.targets.appearance import DISCRIMINATIVE, RELATIVE
+from jaxpf.targets.building import check_names
 
 
 class TrackedPopulation(NamedTuple):
@@ -120,8 +121,7 @@ def open_box_tracker(
         settings: options of boxes and of the labelled filter, such as ``scale`` or ``scope``.
     """
     settings["particles"] = num_particles
-    for name in settings.keys() - options_of(box_target.Options, labelled.Options).keys():
-        raise InputError(f"{name} is no option of boxes or of the labelled filter; leave it out.")
+    check_names(settings, box_target.BOXES, labelled.LABELLED)
     options = chosen(box_target.Options, settings)
     model = open_model(options, frame_shape, capacity, typical_size, num_particles)
     return labelled.LABELLED.tracker(model, chosen(labelled.Options, settings))

@@ -178,7 +178,7 @@ class Target(abc.ABC):
 
     def settled(self, options: Any, start: Start, looks: Looks) -> Any:
         """The options with every "auto" replaced by its choice, to be stored with the results."""
-        return options
+        return self.resolved(options, looks.settings)
 
     @abc.abstractmethod
     def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:

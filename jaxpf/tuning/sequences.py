@@ -39,12 +39,7 @@ class Recipe:
         check_type("values", self.values, Mapping)
         values = {**of.defaults, **self.values}
         filter_ = building.filter_for(of, values.get("method"))
-        declared = options_of(of.options, filter_.options)
-        for name in self.values:
-            if name not in declared:
-                raise InputError(
-                    f"{name} is no option of {self.target}; the options are {', '.join(declared)}."
-                )
+        building.check_names(self.values, of, filter_)
         model, of_filter = chosen(of.options, values), chosen(filter_.options, values)
         complete = {**_as_values(of_filter), **_as_values(model)}
         object.__setattr__(self, "values", complete)

@@ -192,11 +192,17 @@ def test_intervals_in_tracks_are_widened_by_the_slip():
     rng, start = np.random.default_rng(1), POINTS.start(PLACES)
     particles = PLACES + rng.normal(0, 3, (20_000, 3, 2))
     state = SimpleNamespace(substates=particles, log_weights=np.full(20_000, -np.log(20_000)))
-    shapes, before = particles.mean(axis=0), PLACES
+    shapes = particles.mean(axis=0)
     slips, deviations = np.array([0.0, 4.0, 7**0.5]), np.array([3.0, 5.0, 4.0])
-    error = slips[:, None] * [1, 1, 0]
+    scene = SimpleNamespace(
+        target=POINTS,
+        first=0,
+        shown_at=lambda number: number / 25,
+        shapes=lambda start, substates: substates,
+        model_error=lambda count: slips[:, None] * [1, 1, 0],
+    )
     for slots in (slice(None), np.array([2, 0])):  # all points, or those that are reported
-        places, _ = places_of(POINTS, start, lambda x: x, shapes, state, slots, 25.0, before, error)
+        places, _ = places_of(scene, 1, start, shapes, state, PLACES, slots)
         width = places.interval[1] - places.interval[0]
         expected = 3.92 * np.tile(deviations[slots, None], 2)
         # 4.5 standard errors of two 2.5% quantiles.

@@ -1,7 +1,6 @@
 """Per-frame records, shared by fixed and changing populations."""
 
 import dataclasses
-import functools
 import itertools
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -104,22 +103,6 @@ class Scene:
 
         return np.asarray(shapes_of(self.tracker, self.target, start, estimate), float)
 
-    def places(
-        self,
-        number: int,
-        start: Start,
-        shapes: Any,
-        state: Any = None,
-        before: Any = None,
-        slots: Any = _ALL,
-    ) -> tuple[Places, np.ndarray]:
-        """Places in the frame of this number; see ``places_of``."""
-        error, step = self.model_error(len(shapes)), np.nan
-        if number > self.first:
-            step = self.shown_at(number) - self.shown_at(number - 1)
-        to_shapes = functools.partial(self.shapes, start)
-        return places_of(self.target, start, to_shapes, shapes, state, slots, step, before, error)
-
 
 def fixed_population(
     scene: Scene, tracker: Any, key: Any, frame: Any, frames: Any, before: tuple[Any, int]
@@ -141,7 +124,7 @@ def fixed_population(
     colours, nobody = object_colours(len(start.ids)), np.zeros(len(start.ids), bool)
 
     cloud = scene.cloud(state) if time and not scene.has_own_boxes else None
-    places, centres = scene.places(scene.first, start, start.shapes, cloud)
+    places, centres = places_of(scene, scene.first, start, start.shapes, cloud)
     if not time:
         places = Places(places.values)
         yield Record(scene.first, frame, start, colours, start.shapes, places, nobody)
@@ -157,7 +140,7 @@ def fixed_population(
         confidence, lost = judge(outside, hopeless, getattr(summary, "confidence", None))
         cloud = None if scene.has_own_boxes else scene.cloud(tracked.state)
         number = scene.first + 1 + tracked.time
-        places, centres = scene.places(number, start, shapes, cloud, centres)
+        places, centres = places_of(scene, number, start, shapes, cloud, centres)
         variance = getattr(summary, "estimate_variance", None)
         if variance is not None and scene.target.has_places:
             places = places._replace(error=np.sqrt(variance)[:, :2])
@@ -209,7 +192,7 @@ def changing_population(
             centres = np.where((tracked.ids == ids)[:, None], centres, np.nan)
         state = None if tracked.summary is None else tracked.state
         number = scene.first + tracked.time
-        places, centres = scene.places(number, all_, tracked.boxes, state, centres, slots)
+        places, centres = places_of(scene, number, all_, tracked.boxes, state, centres, slots)
         if tracked.summary is None:
             places = Places(places.values)
         ids = tracked.ids

@@ -122,29 +122,28 @@ def _cell(name: str, value: float) -> str:
 
 
 def places_of(
-    target: Target,
+    scene: "Scene",
+    number: int,
     start: Start,
-    to_shapes: Any,
     shapes: np.ndarray,
-    state: Any,
-    slots: Any,
-    step: float,
-    before: np.ndarray | None,
-    error: np.ndarray,
+    state: Any = None,
+    before: np.ndarray | None = None,
+    slots: Any = slice(None),
 ) -> tuple[Places, np.ndarray]:
     """Values, intervals and speeds of one frame, and the centres ``[P, 2]`` for the next.
 
     Args:
-        target: the kind of target.
+        scene: settings of the run.
+        number: of the frame.
         start: start of all partitions.
-        to_shapes: function from substates ``[N, P, D]`` to shapes ``[N, P, S]``.
         shapes: ``[P, S]``, the estimate, NaN for a partition without an object.
         state: holds the weighted particles; a state without ``substates`` has no intervals.
-        slots: partitions to report.
-        step: seconds since the previous frame.
         before: ``[P, 2]``, centres in the previous frame; None if unknown.
-        error: ``[P, 3]``, ``model_error`` of ``jaxpf.contract.Likelihood``.
+        slots: partitions to report.
     """
+    target, step = scene.target, np.nan
+    if number > scene.first:
+        step = scene.shown_at(number) - scene.shown_at(number - 1)
     values = target.column_values(start, shapes)
     before = np.full((len(shapes), 2), np.nan) if before is None else before
     substates = getattr(state, "substates", None)
@@ -155,11 +154,12 @@ def places_of(
     from jaxpf.filters import quantiles
 
     kept, weights = _kept(state)
-    particles = target.column_values(start, to_shapes(np.asarray(substates)[kept]))
+    particles = target.column_values(start, scene.shapes(start, np.asarray(substates)[kept]))
     levels = [level / 100 for level in LEVELS]
     # Sort only the reported partitions.
     shown = weights if weights.ndim == 1 else weights[slots]
     interval = quantiles(particles[:, slots], shown, levels)
+    error = scene.model_error(len(shapes))
     if error.any():
         interval = _widened(values[slots], interval, error[slots], target.has_boxes)
     middles = centres_of(target, particles)
@@ -170,7 +170,7 @@ def places_of(
     previous = getattr(state, "previous_substates", None)
     if previous is None:
         return places, centres
-    earlier = target.column_values(start, to_shapes(np.asarray(previous)[kept]))
+    earlier = target.column_values(start, scene.shapes(start, np.asarray(previous)[kept]))
     steps = (middles - centres_of(target, earlier)) / step
     # Deviation of each particle's step from the mean step, along the estimate's direction.
     along = np.sum((steps - _mean(steps, weights)) * moved, -1) / np.maximum(speed, 1e-9)

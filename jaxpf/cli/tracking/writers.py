@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking.records import Record, Scene
-from jaxpf.cli.tracking.track_table import Tracks, centres_of
+from jaxpf.cli.tracking.track_table import Tracks, centres_of, places_of
 from jaxpf.files.writing import LineWriter
 from jaxpf.targets.target import Marks
 
@@ -136,7 +136,7 @@ class Smoothed:
         """See ``Writer``."""
         self._latest = record
         if record.summary is None:
-            self._before = self._scene.places(record.number, record.start, record.shapes)[1]
+            self._before = places_of(self._scene, record.number, record.start, record.shapes)[1]
             self._tracks.write(record)
             return
         self._filtered.append(record.summary.spread)
@@ -160,7 +160,7 @@ class Smoothed:
             spread = np.maximum(frame.spread, _LEAST_SPREAD * self._filtered.popleft())
             draws = _NormalDraws(frame.estimate, spread)
             number = scene.first + 1 + frame.time
-            places, self._before = scene.places(number, start, shapes, draws, self._before)
+            places, self._before = places_of(scene, number, start, shapes, draws, self._before)
             self._tracks.write(self._latest._replace(number=number, shapes=shapes, places=places))
 
 

@@ -94,7 +94,7 @@ class Options:
         check_options(self)
 
 
-class FactoredFilter(Filter):
+class _FactoredFilter(Filter):
     """The factored filters, with separate particles per partition: PFFL and eskil2014."""
 
     name = "factored"
@@ -102,7 +102,6 @@ class FactoredFilter(Filter):
     options = Options
 
     def tracker(self, model: Model, options: Options) -> Any:
-        """See ``Filter``."""
         from jaxpf.dynamics.gaussian import AR2
         from jaxpf.filters.factored.eskil import Eskil
         from jaxpf.filters.factored.pffl import PFFL
@@ -132,11 +131,10 @@ class FactoredFilter(Filter):
         )
 
     def admits(self, method: str, parents: Sequence[int]) -> bool:
-        """See ``Filter``: no part trees, as partitions share no particles."""
+        """No part trees, as partitions share no particles."""
         return all(parent < 0 for parent in parents)
 
     def check(self, options: Options, parents: Sequence[int]) -> None:
-        """See ``Filter``."""
         if not self.admits(options.method, parents):
             raise InputError(
                 f"method {options.method!r} follows independent objects, and this is a part tree; "
@@ -144,4 +142,4 @@ class FactoredFilter(Filter):
             )
 
 
-FACTORED = FactoredFilter()
+FACTORED = _FactoredFilter()

@@ -61,7 +61,7 @@ class Options:
         check_options(self)
 
 
-class LabelledFilter(Filter):
+class _LabelledFilter(Filter):
     """The labelled filter (rowe2005)."""
 
     name = "labelled"
@@ -70,7 +70,6 @@ class LabelledFilter(Filter):
     opens = True
 
     def tracker(self, model: Model, options: Options) -> Any:
-        """See ``Filter``."""
         import numpy as np
 
         from jaxpf.filters.labelled.tracker import Labelled
@@ -93,11 +92,10 @@ class LabelledFilter(Filter):
         )
 
     def admits(self, method: str, parents: Sequence[int]) -> bool:
-        """See ``Filter``: objects have no parents, as each particle holds one object."""
+        """Objects have no parents, as each particle holds one object."""
         return all(parent < 0 for parent in parents)
 
     def check(self, options: Options, parents: Sequence[int]) -> None:
-        """See ``Filter``."""
         if not self.admits(options.method, parents):
             raise InputError(
                 "method 'labelled' tracks independent objects, and these are parts of a tree; use "
@@ -111,10 +109,9 @@ class LabelledFilter(Filter):
             )
 
     def check_first(self, summary: Any, ids: Sequence[Any]) -> None:
-        """See ``Filter``."""
         from jaxpf.filters.labelled.refusals import check_started
 
         check_started(summary, ids)
 
 
-LABELLED = LabelledFilter()
+LABELLED = _LabelledFilter()

@@ -72,7 +72,7 @@ class Options:
             )
 
 
-class PartitionedFilter(Filter):
+class _PartitionedFilter(Filter):
     """The partitioned filters: SIR, PS, DPS and SPS."""
 
     name = "partitioned"
@@ -82,7 +82,6 @@ class PartitionedFilter(Filter):
     by_default = True
 
     def tracker(self, model: Model, options: Options) -> Any:
-        """See ``Filter``."""
         from jaxpf.filters.partitioned.tracker import Partitioned
         from jaxpf.ordering import branched, named
 
@@ -107,11 +106,11 @@ class PartitionedFilter(Filter):
         )
 
     def admits(self, method: str, parents: Sequence[int]) -> bool:
-        """See ``Filter``: no DPS on part trees, as circular shifts put parts before parents."""
+        """No DPS on part trees, as circular shifts put parts before parents."""
         return method != "dps" or all(parent < 0 for parent in parents)
 
     def check(self, options: Options, parents: Sequence[int]) -> None:
-        """See ``Filter``: DPS needs enough particles, and an order must name every object."""
+        """DPS needs enough particles, and an order must name every object."""
         count = len(parents)
         if options.method == "dps" and options.particles < count:
             raise InputError(
@@ -137,7 +136,7 @@ class PartitionedFilter(Filter):
     def variants(
         self, method: str, parents: Sequence[int], asked: Mapping[str, Sequence[Any]]
     ) -> list[Variant]:
-        """See ``Filter``: PS with each requested order, SPS with each requested swap."""
+        """PS with each requested order, SPS with each requested swap."""
         if method == "ps":
             orders = _orders(asked["order"], parents)
             return [Variant(order_label(o), {"method": method, "order": o}) for o in orders]
@@ -146,7 +145,7 @@ class PartitionedFilter(Filter):
         return [Variant(SHIFTS if method == "dps" else "", {"method": method})]
 
 
-PARTITIONED = PartitionedFilter()
+PARTITIONED = _PartitionedFilter()
 
 
 def order_label(order: Sequence[int]) -> str:

@@ -19,16 +19,6 @@ from jaxpf.contract.errors import InputError
 from jaxpf.targets.target import Start
 
 
-def check_later(request: Any) -> None:
-    """Refuse options that need one tracker for the whole run."""
-    for name in ("runs", "error_bars", "smooth", "smooth_lag", "save_state", "resume", "tracker"):
-        if getattr(request.run, name) not in (None, False):
-            raise InputError(
-                f"--{name.replace('_', '-')} works with objects that all start in the start frame, "
-                "and the start file names later frames; leave it out, or their rows."
-            )
-
-
 def all_names(start: Start, later: Mapping[int, Start]) -> np.ndarray:
     """Names of all objects, in the order of their first frames."""
     names = [name for each in (start, *later.values()) for name in each.ids.tolist()]

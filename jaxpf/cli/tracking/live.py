@@ -11,32 +11,12 @@ from jaxpf.cli.shared.console import say
 from jaxpf.contract.errors import InputError
 
 if TYPE_CHECKING:
-    from jaxpf.cli.tracking.request import Request
     from jaxpf.cli.tracking.session import Session
 
 #: Seconds of camera frames to skip.
 _FIRST_SECOND = 1.0
 #: Maximum number of start frames to try; two views of a scene rarely differ in compiled shapes.
 _ATTEMPTS = 3
-
-
-def check_live(request: "Request", source: Any) -> None:
-    """Refuse options that a camera's frames cannot support."""
-    if source.is_live and request.run.resume is not None:
-        raise InputError(
-            f"--resume goes on in a video that begins as it did, and '{source.path}' is live; "
-            "leave it out, or record a video first."
-        )
-    said = {
-        "--truth": request.run.truth,
-        "--births": request.births,
-    }
-    for flag, value in said.items():
-        if source.is_camera and value is not None:
-            raise InputError(
-                f"{flag} is about frames that are known beforehand, and camera "
-                f"'{source.path}' is live; leave it out, or record a video first."
-            )
 
 
 def used_to_the_light(frames: Iterator[np.ndarray]) -> np.ndarray:

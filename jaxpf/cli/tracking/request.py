@@ -166,7 +166,7 @@ def request_of(ctx: click.Context, target: Target) -> Request:
     report_implied(values, target.resolved(target.options(), settings))
     starts = {name: values[name] for name in target.start_flags}
     request = Request(values["video"], target, starts, run, model, filter_, filter_options, births)
-    _check_together(request)
+    check_together(request)
     if run.save_state is not None:
         # A chain of runs goes on from one file, which the user names twice.
         goes_on = run.resume is not None and run.resume.resolve() == run.save_state.resolve()
@@ -175,7 +175,7 @@ def request_of(ctx: click.Context, target: Target) -> Request:
 
 
 _ERRORS, _LEAVE = ("runs", "error_bars"), "leave one of them out."
-#: Options, another one that they exclude, and why.
+#: Options, what they exclude, and why: another option, or what is known once the video is open.
 _EXCLUSIONS = (
     (("births",), "tracker", "works only with the built-in filters; leave it or --tracker out."),
     (("runs",), "error_bars", "estimates the same as --error-bars; use one of them."),
@@ -196,16 +196,40 @@ _EXCLUSIONS = (
         "works only with the built-in filters; leave it out, or wrap your tracker in "
         "jaxpf.filters.SideBySide.",
     ),
+    (
+        (*_ERRORS, "smooth", "smooth_lag", "save_state", "resume", "tracker"),
+        "later",
+        "works with objects that all start in the start frame, and the start file names later "
+        "frames; leave it out, or their rows.",
+    ),
+    (
+        ("resume",),
+        "live",
+        "goes on in a video that begins as it did, and '{video}' is live; leave it out, or record "
+        "a video first.",
+    ),
+    (
+        ("truth", "births"),
+        "camera",
+        "is about frames that are known beforehand, and camera '{video}' is live; leave it out, or "
+        "record a video first.",
+    ),
+    (
+        ("smooth",),
+        "endless",
+        "waits for the end of the clip, and the end of '{video}' is unknown; use --smooth-lag 50, "
+        "or --frames.",
+    ),
 )
 
 
-def _check_together(request: Request) -> None:
-    """Refuse options that exclude each other."""
-    values = vars(request.run) | {"births": request.births}
+def check_together(request: Request, video: Any = None, **known: Any) -> None:
+    """Refuse options that exclude each other, or what is ``known`` of the opened ``video``."""
+    values = vars(request.run) | {"births": request.births} | known
     for names, other, why in _EXCLUSIONS:
         for name in names:
-            if values[name] not in (None, False) and values[other] is not None:
-                raise InputError(f"--{name.replace('_', '-')} {why}")
+            if all(values.get(each) not in (None, False, {}) for each in (name, other)):
+                raise InputError(f"--{name.replace('_', '-')} {why.format(video=video)}")
 
 
 def _given(ctx: click.Context, target: Target) -> dict[str, Any]:

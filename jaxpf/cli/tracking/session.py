@@ -10,9 +10,9 @@ import numpy as np
 
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking import births as births_of
-from jaxpf.cli.tracking.later import all_names, check_later
-from jaxpf.cli.tracking.live import check_live, used_to_the_light
-from jaxpf.cli.tracking.request import Request
+from jaxpf.cli.tracking.later import all_names
+from jaxpf.cli.tracking.live import used_to_the_light
+from jaxpf.cli.tracking.request import Request, check_together
 from jaxpf.cli.tracking.writers import Counts, Population
 from jaxpf.contract.errors import InputError
 from jaxpf.media.video import open_frames
@@ -150,14 +150,15 @@ def open_session(request: Request) -> Session:
     source = open_frames(request.video, run_options.fps)
     frames = source.frames(run_options.start)
     click.get_current_context().call_on_close(frames.close)
-    check_live(request, source)
+    endless = source.is_live and run_options.frames is None
+    known = {"live": source.is_live, "camera": source.is_camera, "endless": endless}
+    check_together(request, source.path, **known)
     first = used_to_the_light(frames) if source.is_camera else next(frames)
     start = request.target.read_start(request.starts, run_options.start, source)
     later, note = request.target.later_starts(request.starts, run_options.start, source)
     if run_options.frames is not None:
         later = {at: s for at, s in later.items() if at <= run_options.start + run_options.frames}
-    if later:
-        check_later(request)
+    check_together(request, later=later)
     for remark in (*start.remarks, *([note] if note else [])):
         say(f"Note: {remark}", err=True)
     if request.births is not None:
@@ -171,11 +172,6 @@ def open_session(request: Request) -> Session:
         if second is None:
             raise nothing_follows(source, run_options.start)
         frames = _after(second, frames)
-    if run_options.smooth and source.is_live and run_options.frames is None:
-        raise InputError(
-            f"--smooth waits for the end of the clip, and the end of '{source.path}' is unknown; "
-            "use --smooth-lag 50, or --frames."
-        )
     return Session(request, source, first, frames, start, later, truth, output)
 
 

@@ -6,7 +6,7 @@ A substate is (u, v, a): centre in pixels and scale relative to the start (smith
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,6 +32,10 @@ from jaxpf.targets.appearance import (
 )
 from jaxpf.targets.later import starts_by_frame
 from jaxpf.targets.target import Looks, Marks, Start, Target
+
+if TYPE_CHECKING:
+    from jaxpf.media.frame_source import FrameSource
+    from scenes import Scene
 
 
 class _BoxTarget(Target):
@@ -177,7 +181,7 @@ class _BoxTarget(Target):
             "corner_error": jnp.full(jnp.shape(shapes)[:-1], jnp.nan),
         }
 
-    def read_start(self, given: Mapping[str, Any], number: int, source: Any) -> Start:
+    def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
         from jaxpf.boxes import tracks
         from jaxpf.sequences.layouts import read_truth
 
@@ -202,7 +206,7 @@ class _BoxTarget(Target):
         return self.start(boxes, ids)
 
     def later_starts(
-        self, given: Mapping[str, Any], number: int, source: Any
+        self, given: Mapping[str, Any], number: int, source: "FrameSource"
     ) -> tuple[dict[int, Start], str | None]:
         """Boxes of later frames in the file of --boxes."""
         from jaxpf.boxes import tracks
@@ -221,21 +225,21 @@ class _BoxTarget(Target):
 
         return starts_by_frame(table.frame[named], table.id[named], number, start_at)
 
-    def fits_scene(self, scene: Any) -> bool:
+    def fits_scene(self, scene: "Scene") -> bool:
         """Every scene has boxes."""
         return True
 
-    def scene_shapes(self, scene: Any) -> np.ndarray:
+    def scene_shapes(self, scene: "Scene") -> np.ndarray:
         return np.asarray(scene.boxes, np.float64)
 
-    def scene_start(self, scene: Any) -> Start:
+    def scene_start(self, scene: "Scene") -> Start:
         return self.start(scene.boxes[0], scene.extras.get("ids"))
 
     def column_values(self, start: Start, shapes: np.ndarray) -> np.ndarray:
         """The top left corner and the size."""
         return shapes
 
-    def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
+    def draw(self, frame: np.ndarray, start: Start, shapes: np.ndarray, marks: Marks) -> np.ndarray:
         from jaxpf.media.overlay import draw_boxes
 
         return draw_boxes(frame, shapes, list(start.ids), marks.colours, marks.lost, marks.doubtful)

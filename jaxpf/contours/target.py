@@ -9,7 +9,7 @@ import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,10 @@ from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import check_array
 from jaxpf.shapes.splines import basis, even_places, fit_spline, points_on, resampled
 from jaxpf.targets.target import Looks, Marks, Start, Target
+
+if TYPE_CHECKING:
+    from jaxpf.media.frame_source import FrameSource
+    from scenes import Scene
 
 #: Number of segments of a reported polyline.
 PIECES = 64
@@ -160,7 +164,7 @@ class _ContourTarget(Target):
 
         return measure_polylines(polylines(jnp.asarray(shapes)), polylines(jnp.asarray(truth)))
 
-    def read_start(self, given: Mapping[str, Any], number: int, source: Any) -> Start:
+    def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
         from jaxpf.contours.files import read_contours
 
         if not given["contours"]:
@@ -184,17 +188,17 @@ class _ContourTarget(Target):
                 )
         return start
 
-    def fits_scene(self, scene: Any) -> bool:
+    def fits_scene(self, scene: "Scene") -> bool:
         """Whether the ground truth has outlines."""
         return {"outlines", "closed"} <= set(scene.extras)
 
-    def scene_shapes(self, scene: Any) -> np.ndarray:
+    def scene_shapes(self, scene: "Scene") -> np.ndarray:
         closed = bool(scene.extras["closed"])
         outlines = np.asarray(scene.extras["outlines"], float)
         lines = [_polyline(line, closed) for pair in outlines for line in pair]
         return np.reshape(lines, (*outlines.shape[:2], -1))
 
-    def scene_start(self, scene: Any) -> Start:
+    def scene_start(self, scene: "Scene") -> Start:
         """Splines fitted to the outlines of the first frame."""
         closed = bool(scene.extras["closed"])
         outlines = scene.extras["outlines"][0]
@@ -210,7 +214,7 @@ class _ContourTarget(Target):
         return polylines(shapes).mean(axis=-2)
 
     @contextlib.contextmanager
-    def outline_file(self, path: Any, start: Start) -> Iterator[Callable[[int, Any], None]]:
+    def outline_file(self, path: Path, start: Start) -> Iterator[Callable[[int, Any], None]]:
         """CSV with the header ``frame,contour,kind,point,x,y``."""
         from jaxpf.contours.files import ContourTrackWriter
 
@@ -230,14 +234,14 @@ class _ContourTarget(Target):
 
             yield append
 
-    def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
+    def draw(self, frame: np.ndarray, start: Start, shapes: np.ndarray, marks: Marks) -> np.ndarray:
         from jaxpf.media.overlay import draw_outlines
 
         lines = polylines(np.asarray(shapes))
         return draw_outlines(frame, lines, start.ids, marks.colours, marks.lost, marks.doubtful)
 
     def draw_particles(
-        self, frame: Any, start: Start, tracker: Any, state: Any, colours: Any
+        self, frame: np.ndarray, start: Start, tracker: Any, state: Any, colours: np.ndarray
     ) -> np.ndarray:
         """Contours of the likeliest particles, occluded parts dark and dashed."""
         from jaxpf.contours.drawing import draw_contour_particles

@@ -10,7 +10,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,10 @@ from jaxpf.targets.appearance import (
     slip_option,
 )
 from jaxpf.targets.target import Looks, Marks, Start, Target
+
+if TYPE_CHECKING:
+    from jaxpf.media.frame_source import FrameSource
+    from scenes import Scene
 
 # Samples per side of a part: the error of the likelihood is then .017 sharpness, see
 # jaxpf.likelihoods._sampled.
@@ -202,7 +206,7 @@ class _PartTarget(Target):
     def outlines(self, start: Start, shapes: Any) -> Any:
         return _outlines(shapes, start.sizes)
 
-    def read_start(self, given: Mapping[str, Any], number: int, source: Any) -> Start:
+    def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
         from jaxpf.parts.files import read_parts
 
         path = given["parts_file"]
@@ -220,14 +224,14 @@ class _PartTarget(Target):
                 )
         return self.start(parts)
 
-    def fits_scene(self, scene: Any) -> bool:
+    def fits_scene(self, scene: "Scene") -> bool:
         """Whether the ground truth has poses and a part tree."""
         return {"poses", "parents"} <= set(scene.extras)
 
-    def scene_shapes(self, scene: Any) -> np.ndarray:
+    def scene_shapes(self, scene: "Scene") -> np.ndarray:
         return np.asarray(scene.extras["poses"], np.float64)
 
-    def scene_start(self, scene: Any) -> Start:
+    def scene_start(self, scene: "Scene") -> Start:
         parents = tuple(int(parent) for parent in scene.extras["parents"])
         ids = scene.extras.get("ids", range(1, len(parents) + 1))
         return self.start(Parts(tuple(ids), parents, scene.extras["poses"][0], scene.sizes))
@@ -237,7 +241,7 @@ class _PartTarget(Target):
         sizes = np.broadcast_to(start.sizes, (*shapes.shape[:-1], 2))
         return np.concatenate([shapes[..., :2], sizes, np.rad2deg(shapes[..., 2:3])], axis=-1)
 
-    def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
+    def draw(self, frame: np.ndarray, start: Start, shapes: np.ndarray, marks: Marks) -> np.ndarray:
         from jaxpf.media.overlay import draw_outlines
 
         corners = np.asarray(self.outlines(start, np.asarray(shapes)), float)

@@ -6,7 +6,7 @@ A point is a partition with substate (u, v), pixels.
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,10 @@ from jaxpf.contract.options import check_options, option
 from jaxpf.targets.appearance import slip_option
 from jaxpf.targets.later import starts_by_frame
 from jaxpf.targets.target import Looks, Marks, Start, Target
+
+if TYPE_CHECKING:
+    from jaxpf.media.frame_source import FrameSource
+    from scenes import Scene
 
 #: Side in pixels of the square that represents a point where an area is needed.
 _SIDE = 21.0
@@ -151,7 +155,7 @@ class _PointTarget(Target):
         corners = jnp.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], half.dtype)
         return jnp.asarray(shapes)[..., None, :] + corners * half
 
-    def read_start(self, given: Mapping[str, Any], number: int, source: Any) -> Start:
+    def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
         from jaxpf.points.files import parse_points, read_points
 
         said = [name for name in ("point", "points", "mask") if given[name]]
@@ -177,7 +181,7 @@ class _PointTarget(Target):
         return self.start(points.places, points.names)
 
     def later_starts(
-        self, given: Mapping[str, Any], number: int, source: Any
+        self, given: Mapping[str, Any], number: int, source: "FrameSource"
     ) -> tuple[dict[int, Start], str | None]:
         """Points of later frames in the file of --points."""
         from jaxpf.points.files import read_points
@@ -193,16 +197,16 @@ class _PointTarget(Target):
 
         return starts_by_frame(points.frames, np.array(points.names), number, start_at)
 
-    def fits_scene(self, scene: Any) -> bool:
+    def fits_scene(self, scene: "Scene") -> bool:
         """Whether the ground truth has points."""
         return "points" in scene.extras
 
-    def scene_shapes(self, scene: Any) -> np.ndarray:
+    def scene_shapes(self, scene: "Scene") -> np.ndarray:
         """Hidden points count as absent."""
         points, visible = scene.extras["points"], scene.extras["visible"]
         return np.where(visible[..., None], points, np.nan)
 
-    def scene_start(self, scene: Any) -> Start:
+    def scene_start(self, scene: "Scene") -> Start:
         """Raise InputError: a point is hidden in the first frame."""
         names, shown = scene.extras["point_names"], scene.extras["visible"][0]
         for name, visible in zip(names, shown, strict=True):
@@ -213,7 +217,7 @@ class _PointTarget(Target):
                 )
         return self.start(scene.extras["points"][0], names)
 
-    def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
+    def draw(self, frame: np.ndarray, start: Start, shapes: np.ndarray, marks: Marks) -> np.ndarray:
         """Lost points are hollow, and doubtful ones have a question mark."""
         from jaxpf.points.drawing import draw_points
 
@@ -246,7 +250,7 @@ def _check_apart(start: Start) -> None:
                 )
 
 
-def _check_inside(points: Any, source: Any) -> None:
+def _check_inside(points: Any, source: "FrameSource") -> None:
     """Refuse a point outside the frame."""
     for name, (x, y) in zip(points.names, points.places, strict=True):
         if not (0 <= x < source.width and 0 <= y < source.height):
@@ -256,7 +260,7 @@ def _check_inside(points: Any, source: Any) -> None:
             )
 
 
-def _on_mask(path: Path, step: float, source: Any) -> Any:
+def _on_mask(path: Path, step: float, source: "FrameSource") -> Any:
     """Return points on a grid within a mask of the frame's size."""
     from jaxpf.media.images import read_mask
     from jaxpf.points.files import grid_points

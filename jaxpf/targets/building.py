@@ -7,7 +7,7 @@ factories such as ``jaxpf.boxes.tracker`` build their trackers here.
 import dataclasses
 import difflib
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from jaxpf.contract.numbers import check_array
 from jaxpf.contract.options import implied, options_of
 from jaxpf.filters.filter import Filter
 from jaxpf.targets.target import Looks, Start, Target
+
+if TYPE_CHECKING:
+    from scenes import Scene
 
 #: Number of particles assumed when a histogram method is chosen, if the filter sets its own.
 _PARTICLES = 300
@@ -108,7 +111,7 @@ def looks_of_frame(frame: Any, particles: int | None, patches: Any = None) -> Lo
     )
 
 
-def looks_of_scene(scene: Any, num_particles: int, typical: Any = None) -> Looks:
+def looks_of_scene(scene: "Scene", num_particles: int, typical: Any = None) -> Looks:
     """A scene's reference patches and first frame, to learn a likelihood from."""
     return Looks(
         frame=None,

@@ -5,12 +5,13 @@ To add a target, write a ``Target`` (``jaxpf.targets.target``) as ``NAME`` in ca
 """
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jaxpf.contract.errors import InputError, check_known
 
 if TYPE_CHECKING:
     from jaxpf.targets.target import Target
+    from scenes import Scene
 
 #: Packages of the targets; a scene gets the first whose ``fits_scene`` is true.
 _TARGETS = ("points", "parts", "contours", "boxes")
@@ -33,7 +34,7 @@ def find_target(name: str) -> "Target":
     return getattr(importlib.import_module(f"jaxpf.{name}.target"), name.upper())
 
 
-def target_of_scene(scene: Any, name: str | None = None) -> "Target":
+def target_of_scene(scene: "Scene", name: str | None = None) -> "Target":
     """The target that fits a scene's ground truth.
 
     Args:

@@ -9,12 +9,17 @@ import abc
 import contextlib
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
+
+if TYPE_CHECKING:
+    from jaxpf.media.frame_source import FrameSource
+    from scenes import Scene
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -80,10 +85,10 @@ class Marks(NamedTuple):
         doubtful: bool ``[P]``, recovered and not yet confirmed; None if unknown.
     """
 
-    colours: Any
-    lost: Any
-    past: Any = None
-    doubtful: Any = None
+    colours: np.ndarray
+    lost: np.ndarray
+    past: np.ndarray | None = None
+    doubtful: np.ndarray | None = None
 
 
 class Target(abc.ABC):
@@ -200,7 +205,7 @@ class Target(abc.ABC):
         return measure_outlines(self.outlines(start, shapes), self.outlines(start, truth))
 
     @abc.abstractmethod
-    def read_start(self, given: Mapping[str, Any], number: int, source: Any) -> Start:
+    def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
         """Read where the user's objects start.
 
         Args:
@@ -213,7 +218,7 @@ class Target(abc.ABC):
         """
 
     def later_starts(
-        self, given: Mapping[str, Any], number: int, source: Any
+        self, given: Mapping[str, Any], number: int, source: "FrameSource"
     ) -> tuple[dict[int, Start], str | None]:
         """Objects that start, or start again, after the start frame ``number``.
 
@@ -223,15 +228,15 @@ class Target(abc.ABC):
         return {}, None
 
     @abc.abstractmethod
-    def fits_scene(self, scene: Any) -> bool:
+    def fits_scene(self, scene: "Scene") -> bool:
         """Whether a scene's ground truth is of this kind."""
 
     @abc.abstractmethod
-    def scene_shapes(self, scene: Any) -> np.ndarray:
+    def scene_shapes(self, scene: "Scene") -> np.ndarray:
         """A scene's ground truth ``[T, P, S]``, NaN where an object is absent."""
 
     @abc.abstractmethod
-    def scene_start(self, scene: Any) -> Start:
+    def scene_start(self, scene: "Scene") -> Start:
         """Where the objects are in a scene's first frame."""
 
     def column_values(self, start: Start, shapes: np.ndarray) -> np.ndarray:
@@ -239,7 +244,7 @@ class Target(abc.ABC):
         return shapes[..., :2]
 
     def outline_file(
-        self, path: Any, start: Start
+        self, path: Path, start: Start
     ) -> contextlib.AbstractContextManager[Callable[[int, Any], None] | None]:
         """Open a new outlines.csv; as a context it is a function of a frame's number and shapes.
 
@@ -248,7 +253,7 @@ class Target(abc.ABC):
         return contextlib.nullcontext()
 
     @abc.abstractmethod
-    def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
+    def draw(self, frame: np.ndarray, start: Start, shapes: np.ndarray, marks: Marks) -> np.ndarray:
         """The frame with the shapes drawn on it.
 
         Args:
@@ -259,7 +264,7 @@ class Target(abc.ABC):
         """
 
     def draw_particles(
-        self, frame: Any, start: Start, tracker: Any, state: Any, colours: Any
+        self, frame: np.ndarray, start: Start, tracker: Any, state: Any, colours: np.ndarray
     ) -> np.ndarray:
         """The frame with a tracker's particles drawn on it, by default one dot each."""
         from jaxpf.media.overlay import draw_particles

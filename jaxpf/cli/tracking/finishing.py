@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.boxes.tracks import read_tracks
+from jaxpf.boxes.tracks import BoxTable, read_tracks
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking.births import nobody_came
 from jaxpf.cli.tracking.session import Session
@@ -56,14 +56,14 @@ def _finish(session: Session) -> None:
     num_particles = int(num_particles or np.nanmax(diagnostics[:, 1], initial=1))
     _tell(session, verdicts, content, ess, num_particles)
     if session.truth is not None:
-        _report_truth(session, names)
+        _report_truth(session, session.truth, names)
 
 
 def _summary(
     session: Session,
     names: list[Any],
     verdicts: dict[str, dict[str, Any]],
-    table: Any,
+    table: dict[str, np.ndarray],
     ess: float | None,
 ) -> dict[str, Any]:
     counts, source = session.counts, session.source
@@ -108,7 +108,7 @@ def _summary(
     }
 
 
-def _mean_errors(table: Any, names: list[Any]) -> dict[str, float | None] | None:
+def _mean_errors(table: dict[str, np.ndarray], names: list[Any]) -> dict[str, float | None] | None:
     """Mean Monte-Carlo error of x and y in pixels by object; None unless requested."""
     if "x_error" not in table:
         return None
@@ -130,7 +130,7 @@ def _model_errors(session: Session, names: list[Any]) -> dict[str, list[float]]:
     return {str(name): row for name, row in zip(names, errors.round(4).tolist(), strict=True)}
 
 
-def _likelihood_method(session: Session) -> Any:
+def _likelihood_method(session: Session) -> str | None:
     """Method of the likelihood, if it reports one; else the requested method."""
     if session.request.run.tracker:
         return None
@@ -199,10 +199,10 @@ def _warn(text: str) -> None:
     say(text, err=True)
 
 
-def _report_truth(session: Session, names: list[Any]) -> None:
+def _report_truth(session: Session, truth: BoxTable, names: list[Any]) -> None:
     from jaxpf.cli.tracking import against_truth
 
-    run, output, truth = session.request.run, session.output, session.truth
+    run, output = session.request.run, session.output
     if session.population is not None:
         against_truth.report_identities(output, run.start, session.counts.tracked, truth)
         return

@@ -32,6 +32,7 @@ def start_when_compiled(session: "Session") -> None:
     """
     import jax
 
+    from jaxpf.media.live import LiveSource
     from jaxpf.running.streaming import stream
 
     say("Compiling: leave the objects at their boxes.", err=True)
@@ -48,6 +49,7 @@ def start_when_compiled(session: "Session") -> None:
         if _kind(session.tracker) == compiled_for:
             break
     say("Tracking begins: the start frame is taken.  Ctrl-C ends it.", err=True)
+    assert isinstance(session.source, LiveSource)
     session.source.count_from(session.request.run.start)
 
 

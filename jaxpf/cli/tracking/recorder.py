@@ -5,7 +5,6 @@ import itertools
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from jaxpf.cli.shared import console
 from jaxpf.cli.shared.config import write_config
@@ -13,11 +12,13 @@ from jaxpf.cli.shared.stopping import announced_stop
 from jaxpf.cli.tracking.later import starting_later
 from jaxpf.cli.tracking.live import start_when_compiled
 from jaxpf.cli.tracking.records import Record, Scene, changing_population, fixed_population
+from jaxpf.cli.tracking.request import Run
 from jaxpf.cli.tracking.session import OUTPUTS, Session, nothing_follows
 from jaxpf.cli.tracking.writers import Diagnostics, Overlay, Smoothed, Tracks, Writer
 from jaxpf.contract.errors import InputError
 from jaxpf.files import writing
 from jaxpf.files.locking import locked
+from jaxpf.media.frame_source import FrameSource
 
 #: Seconds between two saves of the state, from which a killed run goes on.
 _SAVE_EVERY = 60.0
@@ -115,7 +116,7 @@ def _until_tracked(records: Iterator[Record]) -> list[Record]:
     return beginning
 
 
-def _expected_frames(source: Any, run: Any) -> int | None:
+def _expected_frames(source: FrameSource, run: Run) -> int | None:
     """Number of frames after the start frame according to the video, or None."""
     expected = source.num_frames or source.frames_expected
     total = None if expected is None else max(expected - run.start - 1, 0)

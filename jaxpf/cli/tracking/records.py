@@ -3,7 +3,7 @@
 import dataclasses
 import itertools
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from jaxpf.cli.tracking.births import Births, by_frame
 from jaxpf.cli.tracking.track_table import Places, places_of
 from jaxpf.contract.lost import judge
 from jaxpf.targets.target import Start, Target
+
+if TYPE_CHECKING:
+    from jaxpf.populations.lifetimes import Changes
 
 #: All partitions.
 _ALL = slice(None)
@@ -45,15 +48,15 @@ class Record(NamedTuple):
     shapes: np.ndarray
     places: Places
     lost: np.ndarray
-    confidence: Any = None
-    outside: Any = None
-    without_likelihood: Any = None
+    confidence: np.ndarray | None = None
+    outside: np.ndarray | None = None
+    without_likelihood: np.ndarray | None = None
     summary: Any = None
     state: Any = None
     slots: Any = _ALL
-    changes: Any = None
-    scene: Any = None
-    parts: tuple[Any, ...] = ()
+    changes: "Changes | None" = None
+    scene: "Scene | None" = None
+    parts: tuple["Record", ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)

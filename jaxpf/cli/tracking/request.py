@@ -13,6 +13,7 @@ from jaxpf.cli.tracking.births import Births, defaults_of, read_births
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, check_options, option, options_of
 from jaxpf.files.writing import check_output_file
+from jaxpf.filters.filter import Filter
 from jaxpf.targets.appearance import COLOUR
 from jaxpf.targets.building import filter_for
 from jaxpf.targets.target import Target
@@ -125,11 +126,11 @@ class Request:
     starts: Mapping[str, Any]
     run: Run
     model: Any
-    filter: Any
+    filter: Filter
     filter_options: Any
     births: Births | None
 
-    def table(self, video: Any) -> dict[str, Any]:
+    def table(self, video: str | Path) -> dict[str, Any]:
         """Contents of run.toml: everything that repeats the run, in command-line notation.
 
         Args:
@@ -254,7 +255,7 @@ def _given(ctx: click.Context, target: Target) -> dict[str, Any]:
     return {n: None if n in left_out & written else value for n, value in values.items()}
 
 
-def _filter_of(values: Mapping[str, Any], target: Target, opens: bool) -> tuple[Any, str | None]:
+def _filter_of(values: Mapping[str, Any], target: Target, opens: bool) -> tuple[Filter, str | None]:
     """The filter that --method or --births selects, and the name of the method."""
     able_families = [family for family in filters.all_filters().values() if family.opens]
     method = values["method"]

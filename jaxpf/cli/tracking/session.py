@@ -15,6 +15,7 @@ from jaxpf.cli.tracking.live import used_to_the_light
 from jaxpf.cli.tracking.request import Request, check_together
 from jaxpf.cli.tracking.writers import Counts, Population
 from jaxpf.contract.errors import InputError
+from jaxpf.media.frame_source import FrameSource
 from jaxpf.media.video import open_frames
 from jaxpf.running.memory import check_memory, needed_by
 from jaxpf.targets.building import build, looks_of_frame
@@ -62,7 +63,7 @@ class Session:
     """
 
     request: Request
-    source: Any
+    source: FrameSource
     first: np.ndarray
     frames: Generator[np.ndarray]
     start: Start
@@ -230,7 +231,7 @@ def _check_output(output: Path, video: Path) -> None:
         )
 
 
-def nothing_follows(source: Any, start: int) -> InputError:
+def nothing_follows(source: FrameSource, start: int) -> InputError:
     """The error for a video that ends with its start frame."""
     return InputError(
         f"no frame of '{source.path}' follows the start frame {start}, so there is nothing to "

@@ -31,10 +31,10 @@ class Places(NamedTuple):
     """
 
     values: np.ndarray
-    interval: Any = None
-    speed: Any = None
-    speed_interval: Any = None
-    error: Any = None
+    interval: np.ndarray | None = None
+    speed: np.ndarray | None = None
+    speed_interval: np.ndarray | None = None
+    error: np.ndarray | None = None
 
 
 class Tracks:

@@ -2,8 +2,9 @@
 
 import collections
 import contextlib
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -11,7 +12,11 @@ from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking.records import Record, Scene
 from jaxpf.cli.tracking.track_table import Tracks, centres_of, places_of
 from jaxpf.files.writing import LineWriter
+from jaxpf.media.frame_source import FrameSource
 from jaxpf.targets.target import Marks
+
+if TYPE_CHECKING:
+    from jaxpf.smoothing.look_back import LookBack, SmoothedFrame
 
 #: Length of a trail in frames.
 _TRAIL = 20
@@ -35,7 +40,7 @@ class Writer(Protocol):
 class Diagnostics:
     """Writes diagnostics.csv: effective sample size, evidence, uniqueness and confidence."""
 
-    def __init__(self, output: Path, names: Any, stack: contextlib.ExitStack):
+    def __init__(self, output: Path, names: Sequence[Any], stack: contextlib.ExitStack):
         self._file = stack.enter_context(LineWriter(output / "diagnostics.csv"))
         self._names, self._is_new = names, True
 
@@ -65,7 +70,9 @@ class Overlay:
     frames.
     """
 
-    def __init__(self, output: Path, scene: Scene, source: Any, stack: contextlib.ExitStack):
+    def __init__(
+        self, output: Path, scene: Scene, source: FrameSource, stack: contextlib.ExitStack
+    ):
         from jaxpf.media.video_writer import VideoWriter
 
         self._scene = scene
@@ -125,10 +132,12 @@ class Smoothed:
     Spreads are those of the smoother, but at least ``_LEAST_SPREAD`` of the filtered ones.
     """
 
-    def __init__(self, output: Path, scene: Scene, look_back: Any, stack: contextlib.ExitStack):
+    def __init__(
+        self, output: Path, scene: Scene, look_back: "LookBack", stack: contextlib.ExitStack
+    ):
         self._tracks = Tracks(output, scene, stack, is_smoothed=True)
         self._scene, self._look_back = scene, look_back
-        self._before: Any = None
+        self._before: np.ndarray | None = None
         self._latest: Record | None = None
         self._filtered: collections.deque[np.ndarray] = collections.deque()
 
@@ -152,7 +161,7 @@ class Smoothed:
                 err=True,
             )
 
-    def _append(self, frames: Any) -> None:
+    def _append(self, frames: Iterable["SmoothedFrame"]) -> None:
         scene, start = self._scene, self._scene.start
         for frame in frames:
             assert self._latest is not None
@@ -186,6 +195,7 @@ class Population:
         from jaxpf.populations.lifetimes import EMPTY
 
         number, changes = record.number, record.changes
+        assert changes is not None
         for birth in changes.births:
             self.births.append({"id": birth.id, "frame": number, "box": birth.box.tolist()})
         for death in changes.deaths:

@@ -18,6 +18,7 @@ from jaxpf.contract.errors import Argument, InputError, check_names, check_type
 from jaxpf.contract.model import Model, check_tree
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import check_options, option
+from jaxpf.parts.data import Parts
 from jaxpf.targets.appearance import (
     bands_option,
     likelihood_option,
@@ -83,23 +84,6 @@ class Options:
                 " goes with histograms, and likelihood 'patch' compares pixels; leave one of them "
                 "out.",
             )
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Parts:
-    """The parts of one or several articulated objects.
-
-    Attributes:
-        names: of the P parts.
-        parents: index of each part's parent, -1 for the root of an object.
-        poses: ``[P, 3]``: x, y of the centre in pixels, and the angle in radians, clockwise.
-        sizes: ``[P, 2]``: width and height in pixels.
-    """
-
-    names: tuple[Any, ...]
-    parents: tuple[int, ...]
-    poses: np.ndarray
-    sizes: np.ndarray
 
 
 class _PartTarget(Target):

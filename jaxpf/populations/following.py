@@ -24,7 +24,8 @@ from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import check_array, numbers_in
 from jaxpf.contract.options import chosen
-from jaxpf.filters.labelled import options as labelled
+from jaxpf.filters.labelled.family import LABELLED
+from jaxpf.filters.labelled.options import Options as FilterOptions
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.filters.labelled.tracker import Labelled
@@ -121,10 +122,10 @@ def open_box_tracker(
         settings: options of boxes and of the labelled filter, such as ``scale`` or ``scope``.
     """
     settings["particles"] = num_particles
-    check_names(settings, box_target.BOXES, labelled.LABELLED)
+    check_names(settings, box_target.BOXES, LABELLED)
     options = chosen(box_target.Options, settings)
     model = open_model(options, frame_shape, capacity, typical_size, num_particles)
-    return labelled.LABELLED.tracker(model, chosen(labelled.Options, settings))
+    return LABELLED.tracker(model, chosen(FilterOptions, settings))
 
 
 def follow(

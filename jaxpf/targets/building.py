@@ -192,7 +192,6 @@ def make(
         looks = looks_of_frame(frame, options.particles, patches)
         tracker = build(target, model, filter_, options, start, looks)
     else:
-        filter_.check(options, start.parents)
         tracker = filter_.tracker(target.model(model, start, likelihood), options)
     own = {"ordering": ordering, "resampling": None if isinstance(scheme, str) else scheme}
     own = {name: value for name, value in own.items() if value is not None}

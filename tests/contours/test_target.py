@@ -17,7 +17,8 @@ from jaxpf.contours import Contours
 from jaxpf.contours.files import ContourTrackWriter
 from jaxpf.contours.options import Options
 from jaxpf.contours.target import CONTOURS, _hidden
-from jaxpf.filters.partitioned.options import PARTITIONED, Options as FilterOptions
+from jaxpf.filters.partitioned.family import PARTITIONED
+from jaxpf.filters.partitioned.options import Options as FilterOptions
 from jaxpf.shapes import fit_spline
 from jaxpf.targets.target import Looks, Start
 

@@ -14,7 +14,7 @@ from jaxpf.evaluation import Plan, evaluate
 from jaxpf.evaluation.configurations import complete, configurations
 from jaxpf.evaluation.work.fingerprint import describe_plan
 from jaxpf.files.pieces import differences
-from jaxpf.filters.partitioned.options import PARTITIONED, order_label
+from jaxpf.filters.partitioned.family import PARTITIONED, order_label
 from jaxpf.targets.target import Start
 
 

@@ -128,7 +128,6 @@ class Session:
             from jaxpf.populations import open_model
 
             capacity = request.births.rules.capacity
-            request.filter.check(options, (-1,) * capacity)
             size = request.births.typical_size
             model = open_model(request.model, frame.shape[:2], capacity, size, options.particles)
             return request.filter.tracker(model, options)

@@ -79,10 +79,10 @@ def _record_frames(session: Session, stack: contextlib.ExitStack) -> None:
                 smoothed = Smoothed(session.output, scene, look_back, stack)
             writers = [*_writers(session, scene, smoothed, stack), *overlay]
             for record in itertools.chain(beginning, records):
-                for writer in writers:
-                    writer.write(record)
+                for write in writers:
+                    write(record)
                 state = record.state
-                if record.summary is None:
+                if not record.filtered:
                     continue
                 if run.save_state is not None and time.monotonic() - saved > _SAVE_EVERY:
                     states.save(run.save_state, state)
@@ -111,7 +111,7 @@ def _until_tracked(records: Iterator[Record]) -> list[Record]:
     beginning = []
     for record in records:
         beginning.append(record)
-        if record.summary is not None:
+        if record.filtered:
             break
     return beginning
 
@@ -143,7 +143,7 @@ def _scene(session: Session) -> Scene:
 def _writers(
     session: Session, scene: Scene, smoothed: Smoothed | None, stack: contextlib.ExitStack
 ) -> list[Writer]:
-    births, names = session.request.births, [*session.names]
+    births, names = session.request.births, session.names.tolist()
     if births is not None:
         names = [f"slot_{number}" for number in range(1, births.rules.capacity + 1)]
     writers: list[Writer] = [

@@ -38,7 +38,8 @@ class Record(NamedTuple):
         slots: partitions occupied by the objects.
         changes: births and deaths; None for a fixed population.
         scene: the scene of the tracker that this record comes from, if not the run's.
-        parts: records of groups of objects with trackers of their own; () for one tracker.
+        parts: records of groups of objects with trackers of their own; () for one tracker.  This
+            record then joins their ``start``, ``colours``, ``shapes`` and ``lost`` alone.
     """
 
     number: int
@@ -57,6 +58,16 @@ class Record(NamedTuple):
     changes: "Changes | None" = None
     scene: "Scene | None" = None
     parts: tuple["Record", ...] = ()
+
+    @property
+    def groups(self) -> tuple["Record", ...]:
+        """The record of each tracker."""
+        return self.parts or (self,)
+
+    @property
+    def filtered(self) -> list["Record"]:
+        """The groups that were filtered in this frame."""
+        return [group for group in self.groups if group.summary is not None]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -63,15 +63,16 @@ class Tracks:
         self._waiting: list[Record] = []
         self._columns: list[str] = []
 
-    def write(self, record: "Record") -> None:
-        """See ``Writer``."""
+    def __call__(self, record: "Record") -> None:
+        """Write the rows of a frame."""
         if self._write_outlines is not None:
             self._write_outlines(record.number, record.shapes)
-        self._waiting.append(record)
+        self._waiting += record.groups
         if not self._columns:
-            if record.places.speed is None:
+            moving = [group for group in record.groups if group.places.speed is not None]
+            if not moving:
                 return
-            self._columns = self._header(record)
+            self._columns = self._header(moving[0])
             self._file.write_rows([["frame", "time", "id", *self._columns]])
         for each in self._waiting:
             self._file.write_rows(self._rows(each))

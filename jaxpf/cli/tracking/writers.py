@@ -2,9 +2,9 @@
 
 import collections
 import contextlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,37 +30,51 @@ _DRAWS = 400
 _LEAST_SPREAD = 1.0
 
 
-class Writer(Protocol):
-    """Receives the records of a run in order."""
-
-    def write(self, record: Record) -> None:
-        """Keep this writer's part of the record."""
+#: Receives the records of a run in order, and keeps its part of them.
+Writer = Callable[[Record], None]
 
 
 class Diagnostics:
     """Writes diagnostics.csv: effective sample size, evidence, uniqueness and confidence."""
 
-    def __init__(self, output: Path, names: Sequence[Any], stack: contextlib.ExitStack):
+    def __init__(self, output: Path, names: list[Any], stack: contextlib.ExitStack):
         self._file = stack.enter_context(LineWriter(output / "diagnostics.csv"))
         self._names, self._is_new = names, True
 
-    def write(self, record: Record) -> None:
-        """See ``Writer``; a user-defined tracker may report less than the built-in ones."""
-        summary = record.summary
-        if summary is None:
+    def __call__(self, record: Record) -> None:
+        """Write a row; a user-defined tracker may report less than the built-in ones."""
+        if not record.filtered:
             return
-        unknown = np.full(len(self._names), np.nan)
-        columns = {"uniqueness": getattr(summary, "uniqueness", unknown)}
-        if record.confidence is not None:
-            columns["confidence"] = np.array(summary.confidence)
-            columns["confidence"][record.slots] = record.confidence
+        columns = {"uniqueness": self._row(record, "uniqueness")}
+        if any(group.confidence is not None for group in record.filtered):
+            columns["confidence"] = self._row(record, "confidence")
         if self._is_new:
             names = [f"{column}_{name}" for column in columns for name in self._names]
             self._file.write_rows([["frame", "ess", "log_evidence", *names]])
             self._is_new = False
-        scalars = [float(getattr(summary, name, np.nan)) for name in ("ess", "log_evidence")]
+        scalars = [min(_reported(record, "ess")), sum(_reported(record, "log_evidence"))]
         values = [*scalars, *np.concatenate([*columns.values()])]
         self._file.write_rows([[record.number, *(f"{value:.6g}" for value in values)]])
+
+    def _row(self, record: Record, name: str) -> np.ndarray:
+        """A column of the summaries, by object; NaN where a group does not report it."""
+        row = np.full(len(self._names), np.nan)
+        for group in record.filtered:
+            if (values := getattr(group.summary, name, None)) is None:
+                continue
+            values = np.array(values, float)
+            if name == "confidence":
+                values[group.slots] = group.confidence
+            if not record.parts:
+                return values
+            columns = [self._names.index(each) for each in group.start.ids.tolist()]
+            row[columns] = values[group.slots]
+        return row
+
+
+def _reported(record: Record, name: str, otherwise: float = np.nan) -> list[float]:
+    """A number of each summary."""
+    return [float(getattr(group.summary, name, otherwise)) for group in record.filtered]
 
 
 class Overlay:
@@ -83,8 +97,8 @@ class Overlay:
         self._past: collections.deque[np.ndarray] = collections.deque(maxlen=_TRAIL)
         self._unconfirmed: dict[Any, int] = {}
 
-    def write(self, record: Record) -> None:
-        """See ``Writer``."""
+    def __call__(self, record: Record) -> None:
+        """Draw a frame."""
         doubtful = self._doubtful(record)
         if record.changes is None:
             if self._past and len(self._past[-1]) != len(record.shapes):
@@ -106,8 +120,7 @@ class Overlay:
         from jaxpf.media.overlay import draw_spreads
 
         target, frame = self._scene.target, record.frame
-        parts = [part for part in record.parts or (record,) if part.summary is not None]
-        for part in parts:
+        for part in record.filtered:
             scene = part.scene or self._scene
             colours = np.zeros((len(part.summary.estimate), 3), np.uint8)
             colours[part.slots] = part.colours
@@ -116,7 +129,7 @@ class Overlay:
         past = np.stack(self._past) if self._past else None
         marks = Marks(record.colours, record.lost, past, doubtful)
         picture = target.draw(frame, record.start, record.shapes, marks)
-        for part in parts:
+        for part in record.filtered:
             scene, spread = part.scene or self._scene, getattr(part.summary, "spread", None)
             if spread is None or scene.has_own_boxes or not target.has_places:
                 continue
@@ -141,12 +154,12 @@ class Smoothed:
         self._latest: Record | None = None
         self._filtered: collections.deque[np.ndarray] = collections.deque()
 
-    def write(self, record: Record) -> None:
-        """See ``Writer``."""
+    def __call__(self, record: Record) -> None:
+        """Write the frames whose later ones are now known."""
         self._latest = record
         if record.summary is None:
             self._before = places_of(self._scene, record.number, record.start, record.shapes)[1]
-            self._tracks.write(record)
+            self._tracks(record)
             return
         self._filtered.append(record.summary.spread)
         self._append(self._look_back.add(self._scene.cloud(record.state)))
@@ -170,7 +183,7 @@ class Smoothed:
             draws = _NormalDraws(frame.estimate, spread)
             number = scene.first + 1 + frame.time
             places, self._before = places_of(scene, number, start, shapes, draws, self._before)
-            self._tracks.write(self._latest._replace(number=number, shapes=shapes, places=places))
+            self._tracks(self._latest._replace(number=number, shapes=shapes, places=places))
 
 
 class _NormalDraws:
@@ -190,8 +203,8 @@ class Population:
         self.deaths: list[dict] = []
         self.refused: list[dict] = []
 
-    def write(self, record: Record) -> None:
-        """See ``Writer``."""
+    def __call__(self, record: Record) -> None:
+        """Collect the changes of a frame."""
         from jaxpf.populations.lifetimes import EMPTY
 
         number, changes = record.number, record.changes
@@ -214,17 +227,17 @@ class Counts:
         self.outside: dict[str, list[int]] = {str(name): [] for name in ids}
         self.without_likelihood: dict[str, list[int]] = {str(name): [] for name in ids}
 
-    def write(self, record: Record) -> None:
-        """See ``Writer``."""
-        if record.summary is None:
+    def __call__(self, record: Record) -> None:
+        """Count a frame."""
+        if not record.filtered:
             return
         self.tracked += 1
-        self.invalid += int(getattr(record.summary, "num_invalid", 0))
-        log_evidence = float(getattr(record.summary, "log_evidence", np.nan))
-        self.impossible += int(np.isneginf(log_evidence))
-        for where, frames in (
-            (record.outside, self.outside),
-            (record.without_likelihood, self.without_likelihood),
-        ):
-            for name in record.start.ids[where]:
-                frames.setdefault(str(name), []).append(record.number)
+        self.invalid += int(sum(_reported(record, "num_invalid", 0)))
+        self.impossible += int(np.isneginf(sum(_reported(record, "log_evidence"))))
+        for group in record.filtered:
+            for where, frames in (
+                (group.outside, self.outside),
+                (group.without_likelihood, self.without_likelihood),
+            ):
+                for name in group.start.ids[where]:
+                    frames.setdefault(str(name), []).append(record.number)

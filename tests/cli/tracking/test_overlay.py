@@ -36,7 +36,7 @@ def test_an_object_found_again_is_doubtful_until_five_frames_confirm_it(tmp_path
         overlay = Overlay(tmp_path, scene, SimpleNamespace(fps=25, pixel_aspect=1), stack)
         for number, mark in enumerate(story):
             lost = np.array([mark == "L", False])
-            overlay.write(Record(number, FRAME, START, colours, START.shapes, None, lost))
+            overlay(Record(number, FRAME, START, colours, START.shapes, None, lost))
     expected = {
         mark: draw_boxes(
             FRAME, START.shapes, START.ids, colours, [mark == "L", False], [mark == "?", False]

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jaxpf.contract.errors import Argument, InputError, check_known
+from jaxpf.contract.errors import Argument, InputError, check_known, choice
 from jaxpf.contract.numbers import check_number, check_whole
 
 _KEY = "option"
@@ -223,8 +223,11 @@ def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
         for value in chosen_values:
             if value not in (wanted, OPEN):
                 raise InputError(
-                    f"{giver.flag} goes with {declared[other].flag} {wanted}, and {value} was "
-                    "chosen, by name or by another option; leave one of them out."
+                    Argument(name),
+                    " goes with ",
+                    choice(other, wanted),
+                    f", and {value} was chosen, by name or by another option; leave one of them "
+                    "out.",
                 )
         values[other] = wanted
     return values

@@ -16,7 +16,7 @@ above; a test holds this.
 ``populations/``
     Boxes that come and go.
 ``boxes/``, ``parts/``, ``points/``, ``contours/``
-    One folder per kind of target: its factory, target, models, adapter, files and drawing.
+    One folder per kind of target: its factory, target, models, files and drawing.
 ``targets/``
     What a kind of target must offer, and the registry that lists them.
 ``sequences/``

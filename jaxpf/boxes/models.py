@@ -34,16 +34,11 @@ def box_model(likelihood: Any, boxes: ArrayLike, scale: ArrayLike = DEFAULT_SCAL
 
     check_array("boxes", boxes, "x, y, w, h in pixels, [..., 4]")
     boxes = np.asarray(boxes, np.float32).reshape(-1, 4)
-    check_array("scale", scale, "three numbers from 0, [..., 3]")
-    scale = np.asarray(scale, np.float32)
-    if scale.shape[-1:] != (3,) or not np.all(np.isfinite(scale)) or np.any(scale < 0):
-        raise InputError(
-            f"scale {scale.tolist()} must be three finite numbers >= 0: the noise of x and y in "
-            "pixels and of the relative size, such as 4,2,0.003."
-        )
+    wanted = "noise from 0 of x and y in pixels and of the relative size, such as 4,2,0.003"
+    check_array("scale", scale, f"{wanted}, [..., 3]", least=0)
     centres = boxes[:, :2] + boxes[:, 2:] / 2
     return Model(
-        dynamics=PixelMotion(scale=scale, sizes=boxes[:, 2:]),
+        dynamics=PixelMotion(scale=np.asarray(scale, np.float32), sizes=boxes[:, 2:]),
         likelihood=likelihood,
         initial=np.concatenate([centres, np.ones((len(boxes), 1), np.float32)], axis=1),
         parents=(-1,) * len(boxes),
@@ -66,18 +61,14 @@ def relative_box_model(
     """
     from jaxpf.dynamics.relative import RelativeMotion
 
-    check_array("boxes", boxes, "x, y, w, h in pixels, [..., 4]")
-    boxes = np.asarray(boxes, np.float32).reshape(-1, 4)
-    check_array("steps", steps, "three numbers from 0, [..., 3]")
-    steps = np.asarray(steps, np.float32)
-    if steps.shape[-1:] != (3,) or not np.all(np.isfinite(steps)) or np.any(steps < 0):
-        raise InputError(
-            f"steps {steps.tolist()} must be three finite numbers >= 0: usual steps and long ones "
-            "as shares of the size, and the noise of its logarithm, such as 0.045,0.18,0.02."
-        )
+    wanted = "usual steps, long steps and noise of the size, from 0, such as 0.045,0.18,0.02"
+    check_array("steps", steps, f"{wanted}, [..., 3]", least=0)
     model = box_model(likelihood, boxes)
-    momentum = np.asarray(momentum, np.float32)
-    motion = RelativeMotion(sizes=boxes[:, 2:], steps=steps, momentum=momentum)
+    motion = RelativeMotion(
+        sizes=model.dynamics.sizes,
+        steps=np.asarray(steps, np.float32),
+        momentum=np.asarray(momentum, np.float32),
+    )
     return model._replace(dynamics=motion)
 
 

@@ -5,24 +5,22 @@ A substate is (u, v, a): centre in pixels and scale relative to the start (smith
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jaxpf.boxes.models import (
-    DEFAULT_MOMENTUM,
-    DEFAULT_SCALE,
-    DEFAULT_STEPS,
-    LONE_STEPS,
     box_model,
     boxes_at,
     reach_of,
     relative_box_model,
     relative_steps,
 )
+from jaxpf.boxes.options import Options
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
-from jaxpf.contract.options import OPEN, check_options, plain
+from jaxpf.contract.options import OPEN, plain
 from jaxpf.targets.appearance import (
     COLOUR,
     DISCRIMINATIVE,
@@ -30,53 +28,45 @@ from jaxpf.targets.appearance import (
     PIXELS,
     PRETRAINED,
     RELATIVE,
-    appearance_option,
-    bands_option,
     check_contrast,
-    exclusion_option,
-    gain_option,
-    likelihood_option,
-    momentum_option,
-    motion_option,
     naming,
-    network_option,
-    scale_option,
-    sharpness_option,
-    steps_option,
 )
-from jaxpf.targets.target import Looks, Start, Target
+from jaxpf.targets.later import starts_by_frame
+from jaxpf.targets.target import Looks, Marks, Start, Target
+
+if TYPE_CHECKING:
+    from jaxpf.media.frame_source import FrameSource
+    from scenes import Scene
 
 
-@dataclasses.dataclass(frozen=True)
-class Options:
-    """Options of the box model; see the help of each."""
-
-    sharpness: float = sharpness_option(20.0, "likelihood.sharpness")
-    scale: tuple[float, ...] = scale_option(DEFAULT_SCALE, tuned=("[0]", "[1]"))
-    bands: int = bands_option(2)
-    likelihood: str = likelihood_option("auto", "integral", "sampled")
-    appearance: str = appearance_option()
-    gain: float = gain_option(1.0)
-    network: str | None = network_option()
-    motion: str = motion_option()
-    relative_scale: tuple[float, ...] | None = steps_option(DEFAULT_STEPS, LONE_STEPS)
-    momentum: float = momentum_option(DEFAULT_MOMENTUM)
-    exclusion: str = exclusion_option()
-
-    def __post_init__(self) -> None:
-        check_options(self)
-
-
-class BoxTarget(Target):
+class _BoxTarget(Target):
     """Boxes as a target; shapes are boxes x, y, w, h in pixels."""
 
     name = "boxes"
     options = Options
     coordinates = ("x", "y", "scale")
     has_boxes = True
+    example = "--box 120,80,40,90 --box 300,85,42,88"
+    columns = ("x", "y", "w", "h")
+    place = "upper left corner"
+    start_flags: Mapping[str, Mapping[str, Any]] = {
+        "box": {"multiple": True, "metavar": "X,Y,W,H", "help": "A start box; repeat it."},
+        "boxes": {
+            "type": Path,
+            "help": "CSV of start boxes, such as frame,id,x,y,w,h.  With that header, or that of a "
+            "tracks.csv, frames and x, y count from 0; without a header, as in MOT files, from 1.  "
+            "A box in a later frame starts its object there, or puts it right.",
+        },
+        "ids": {"type": [int], "help": "Objects of --boxes, such as 1,2,5."},
+        "births": {
+            "type": Path,
+            "help": "Objects come and go by detections: a MOT det.txt.  A line "
+            "with an id in the place of -1 starts that object there, detected or not.",
+        },
+    }
 
     def start(self, given: Any, names: Any = None) -> Start:
-        """See ``Target``: boxes ``[P, 4]``; default names are numbers from 1."""
+        """Boxes ``[P, 4]``; default names are numbers from 1."""
         boxes = np.asarray(given, np.float64)
         ids = np.arange(1, len(boxes) + 1) if names is None else np.asarray(names)
         return Start(ids, boxes, boxes[:, 2:], (-1,) * len(boxes))
@@ -84,7 +74,7 @@ class BoxTarget(Target):
     def resolved(
         self, options: Options, settings: Mapping[str, Any], num_objects: int | None = None
     ) -> Options:
-        """See ``Target``: by default discriminative appearance and relative motion."""
+        """By default discriminative appearance and relative motion."""
         appearance, motion = options.appearance, options.motion
         if appearance == OPEN:
             appearance = settings.get("appearance", DISCRIMINATIVE)
@@ -97,7 +87,6 @@ class BoxTarget(Target):
         return dataclasses.replace(options, relative_scale=tuple(steps.ravel().tolist()))
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
-        """See ``Target``."""
         from jaxpf.likelihoods.histogram import histogram, histogram_from_patches
 
         if options.appearance == DISCRIMINATIVE:
@@ -119,7 +108,7 @@ class BoxTarget(Target):
             )
 
     def training_likelihood(self, options: Options, start: Start, looks: Looks, frames: Any) -> Any:
-        """See ``Target``: bilinear features, as a ratio to those of random background boxes."""
+        """Bilinear features, as a ratio to those of random background boxes."""
         from jaxpf.likelihoods.histogram import histogram_from_patches
 
         if len(options.relative_scale or ()) > 3:
@@ -177,14 +166,13 @@ class BoxTarget(Target):
         return likelihood
 
     def model(self, options: Options, start: Start, likelihood: Any) -> Model:
-        """See ``Target``; substates are (u, v, a)."""
+        """Substates are (u, v, a)."""
         if options.motion != RELATIVE:
             return box_model(likelihood, start.shapes, options.scale)
         steps = relative_steps(options.relative_scale, len(start.shapes))
         return relative_box_model(likelihood, start.shapes, steps, options.momentum)
 
     def settled(self, options: Options, start: Start, looks: Looks) -> Options:
-        """See ``Target``."""
         options = self.resolved(options, looks.settings)
         if options.appearance != COLOUR or options.likelihood != OPEN:
             return options
@@ -192,11 +180,9 @@ class BoxTarget(Target):
         return dataclasses.replace(options, likelihood=method)
 
     def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
-        """See ``Target``."""
         return boxes_at(estimate, start.sizes)
 
     def outlines(self, start: Start, shapes: Any) -> Any:
-        """See ``Target``."""
         import jax.numpy as jnp
 
         x, y, w, h = jnp.moveaxis(jnp.asarray(shapes), -1, 0)
@@ -204,7 +190,7 @@ class BoxTarget(Target):
         return jnp.stack([jnp.stack(corner, axis=-1) for corner in corners], axis=-2)
 
     def measures(self, start: Start, shapes: Any, truth: Any) -> dict[str, Any]:
-        """See ``Target``: exact measures for boxes."""
+        """Exact measures for boxes."""
         import jax.numpy as jnp
 
         from jaxpf.measures import metrics
@@ -219,5 +205,68 @@ class BoxTarget(Target):
             "corner_error": jnp.full(jnp.shape(shapes)[:-1], jnp.nan),
         }
 
+    def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
+        from jaxpf.boxes import tracks
+        from jaxpf.sequences.layouts import read_truth
 
-BOXES = BoxTarget()
+        if given["box"] and given["boxes"]:
+            raise InputError("--box and --boxes were both given; use one of them.")
+        if given["ids"] is not None and not given["boxes"]:
+            raise InputError("--ids names objects of a CSV file; give the file with --boxes.")
+        if given["boxes"]:
+            table = read_truth(given["boxes"])
+            ids, boxes = tracks.start_boxes(table, number, given["ids"])
+        elif given["box"]:
+            boxes = np.stack([tracks.parse_box(text) for text in given["box"]])
+            ids = np.arange(1, len(boxes) + 1)
+        elif given.get("births"):
+            return self.start(np.zeros((0, 4)))
+        else:
+            raise InputError(
+                "no start box: give --box x,y,w,h for every object, or --boxes FILE.csv.  Draw the "
+                f"start boxes with `jaxpf mark {source.path}`."
+            )
+        tracks.check_boxes(boxes, source.width, source.height, [f"object {i}" for i in ids])
+        return self.start(boxes, ids)
+
+    def later_starts(
+        self, given: Mapping[str, Any], number: int, source: "FrameSource"
+    ) -> tuple[dict[int, Start], str | None]:
+        """Boxes of later frames in the file of --boxes."""
+        from jaxpf.boxes import tracks
+
+        if not given["boxes"]:
+            return {}, None
+        table = tracks.read_boxes(given["boxes"])
+        ids = table.id if given["ids"] is None else given["ids"]
+        named = np.isin(table.id, ids)
+
+        def start_at(frame: int) -> Start:
+            rows = named & (table.frame == frame)
+            names = [f"object {i} in frame {frame}" for i in table.id[rows]]
+            tracks.check_boxes(table.box[rows], source.width, source.height, names)
+            return self.start(table.box[rows], table.id[rows])
+
+        return starts_by_frame(table.frame[named], table.id[named], number, start_at)
+
+    def fits_scene(self, scene: "Scene") -> bool:
+        """Every scene has boxes."""
+        return True
+
+    def scene_shapes(self, scene: "Scene") -> np.ndarray:
+        return np.asarray(scene.boxes, np.float64)
+
+    def scene_start(self, scene: "Scene") -> Start:
+        return self.start(scene.boxes[0], scene.extras.get("ids"))
+
+    def column_values(self, start: Start, shapes: np.ndarray) -> np.ndarray:
+        """The top left corner and the size."""
+        return shapes
+
+    def draw(self, frame: np.ndarray, start: Start, shapes: np.ndarray, marks: Marks) -> np.ndarray:
+        from jaxpf.media.overlay import draw_boxes
+
+        return draw_boxes(frame, shapes, list(start.ids), marks.colours, marks.lost, marks.doubtful)
+
+
+BOXES = _BoxTarget()

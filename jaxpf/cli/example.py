@@ -106,9 +106,9 @@ def _write_points(folder: Path, scene: Any) -> None:
 
 def _write_contours(folder: Path, scene: Any) -> None:
     from jaxpf.contours.files import write_contours
-    from jaxpf.targets import adapters
+    from jaxpf.targets import all_targets
 
-    start: Any = adapters()["contours"].scene_start(scene)
+    start: Any = all_targets()["contours"].scene_start(scene)
     write_contours(folder / "wires.json", start.contours)
     rows = (
         [frame, wire, number, *_rounded(*point)]

@@ -4,150 +4,36 @@ A contour is a partition whose substate is a point of a shape space, such as tho
 ``jaxpf.shapes.spaces``; all coordinates are in pixels.
 """
 
+import contextlib
 import dataclasses
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jaxpf.contours.data import Contours, Learned
-from jaxpf.contract.errors import Argument, InputError, check_tracker
+from jaxpf.contours.options import FLIP, Options
+from jaxpf.contract.errors import InputError, check_tracker
 from jaxpf.contract.model import Model
-from jaxpf.contract.names import EXCLUSIONS, SHAPE_SPACES
 from jaxpf.contract.numbers import check_array
-from jaxpf.contract.options import check_options, option, plain
-from jaxpf.shapes.splines import basis, even_places, points_on
-from jaxpf.targets.appearance import slip_option
-from jaxpf.targets.target import Looks, Start, Target
+from jaxpf.shapes.splines import basis, even_places, fit_spline, points_on, resampled
+from jaxpf.targets.target import Looks, Marks, Start, Target
+
+if TYPE_CHECKING:
+    from jaxpf.media.frame_source import FrameSource
+    from scenes import Scene
 
 #: Number of segments of a reported polyline.
 PIECES = 64
-#: The depth order of separate contours is unknown; few particles would keep an arbitrary one.
-_FLIP = 0.5
 #: Default slip on film of open and of closed contours, as a share of their size; see
 #: "Contours" in docs/development/defaults.md.
 _SLIP = {False: 0.1, True: 0.05}
-
-
-@dataclasses.dataclass(frozen=True)
-class Options:
-    """Options of the contour model; see the help of each."""
-
-    shape_space: str | None = option(
-        None,
-        "How shapes may change: translation, similarity (default; also turns and scales) or "
-        "affine.  Other shapes are learned, see --learned.",
-        kind=str,
-        choices=SHAPE_SPACES,
-        common=True,
-        compiles=True,
-    )
-    shift_noise: float | None = option(
-        None,
-        "Noise of the shift in x and y per frame, in pixels; by default 0.05 of the contour's "
-        "size, or learned (contours only).  The size is the side of a square with the diagonal of "
-        "the bounding box of the control points.",
-        kind=float,
-        least=0,
-    )
-    bend_noise: float | None = option(
-        None,
-        "Noise of every other coordinate of the shape per frame, in pixels by which points of the "
-        "contour move; by default 0.006 of the contour's size, or learned (contours only).",
-        kind=float,
-        least=0,
-    )
-    exclusion: str = option(
-        "wires",
-        "Whether an edge may belong to several contours: wires (to one only), opaque or none.  "
-        "opaque is for two to four closed contours, of which nearer ones hide others; with none, "
-        "look-alikes coalesce.  In wires-literal, opaque-literal and none-literal, as published, "
-        "every line near an edge counts it.",
-        choices=EXCLUSIONS,
-        common=True,
-        compiles=True,
-    )
-    wire_width: float | None = option(
-        None,
-        "Width in pixels of a wire with two visible edges; by default that of the file (open "
-        "contours only).",
-        kind=float,
-        above=0,
-    )
-    lines: int = option(
-        32,
-        "Number of measurement lines on a contour (contours only).",
-        least=4,
-        most=1000,
-        compiles=True,
-    )
-    line_length: int = option(
-        41,
-        "Length of a measurement line, an odd number of pixels: edges are found up to half of it "
-        "away (contours only).",
-        least=3,
-        most=253,
-        compiles=True,
-    )
-    edge_threshold: float = option(
-        8.0, "Weakest edge that counts, in grey levels per pixel (contours only).", least=0
-    )
-    edge_smoothing: float = option(
-        1.0,
-        "Blur of the frame before edges are found, in pixels (contours only).",
-        least=0,
-        most=20,
-        compiles=True,
-    )
-    sigma: float = option(
-        7.0,
-        "Standard deviation of an edge's distance from the contour, in pixels (contours only).",
-        above=0,
-    )
-    independence: float = option(
-        0.3,
-        "Weight of a measurement line's log likelihood: less than 1, since neighbouring lines see "
-        "the same edge (contours only).  1 as published, where few particles keep any weight.",
-        above=0,
-        most=1,
-    )
-    clutter: float | None = option(
-        None,
-        "Mean number of edges on a measurement line of the background; by default the distribution "
-        "of that number is learned from the start frame (contours only).",
-        kind=float,
-        above=0,
-    )
-    slip: float | None = slip_option()
-    flip: float | None = option(
-        None,
-        "Probability per frame that two contours next to each other in depth change places, unless "
-        f"they overlap; by default {_FLIP:g}, which forgets the order while they are apart (opaque "
-        "contours only).  0.01 as published.",
-        kind=float,
-        least=0,
-        most=1,
-    )
-
-    def __post_init__(self) -> None:
-        check_options(self)
-        if self.flip is not None and not self.hides:
-            raise InputError(
-                Argument("flip", plain(self.flip)),
-                f" is of contours that hide one another, and exclusion is {self.exclusion!r}; "
-                "choose exclusion 'opaque', or leave it out.",
-            )
-        if self.bend_noise is not None and self.shape_space == "translation":
-            raise InputError(
-                Argument("bend_noise", plain(self.bend_noise)),
-                " is of shapes that change, and 'translation' only shifts them; leave one of them "
-                "out.",
-            )
-
-    @property
-    def hides(self) -> bool:
-        """Whether contours occlude one another."""
-        return self.exclusion.startswith("opaque")
+#: Number of control points of a scene's contours, closed and open.
+_SCENE_POINTS = {True: 16, False: 8}
+#: Number of particles to draw, those with the largest weights.
+_DRAWN = 20
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -163,7 +49,7 @@ class ContourStart(Start):
     learned: Learned | None = None
 
 
-class ContourTarget(Target):
+class _ContourTarget(Target):
     """Contours as a target.
 
     A shape is a polyline x, y, x, y, ... in pixels; a closed contour's last point equals its first.
@@ -173,15 +59,27 @@ class ContourTarget(Target):
     options = Options
     defaults: Mapping[str, Any] = {"method": "ps", "particles": 500}
     unsuited = ("sps",)  # exclusion weighs contours together
+    example = "--contours wires.json --sigma 3"
+    start_flags: Mapping[str, Mapping[str, Any]] = {
+        "contours": {
+            "type": Path,
+            "help": "JSON of start contours, control points of splines in pixels.  Such as "
+            '{"closed": true, "contours": {"leaf": [[10, 20], [30, 18], [32, 40], [12, 38]]}}; for '
+            'wires "closed": false and "width": their width.',
+        },
+        "learned": {
+            "type": Path,
+            "help": "Shape space and dynamics of contours, from `jaxpf contour learn`.",
+        },
+    }
 
     def start(self, given: Contours, names: Any = None) -> ContourStart:
-        """See ``Target``."""
         if names is not None:
             given = dataclasses.replace(given, names=tuple(names))
         return contour_start(given)
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
-        """See ``Target``; clutter is learned from ``looks.typical``."""
+        """Clutter is learned from ``looks.typical``."""
         from jaxpf.contract.pytree import as_array
         from jaxpf.likelihoods.contours import EdgeDetector, contours
 
@@ -213,7 +111,7 @@ class ContourTarget(Target):
         return likelihood.started(looks.frame, space.project(start.contours.points))
 
     def model(self, options: Options, start: Start, likelihood: Any) -> Model:
-        """See ``Target``; substates are points of a shape space.
+        """Substates are points of a shape space.
 
         Raises:
             InputError: options that conflict with the learned model.
@@ -238,20 +136,19 @@ class ContourTarget(Target):
                 start.contours.usual_noise,
                 np.array(noise, float),
             ),
-            flip=(_FLIP if options.flip is None else options.flip) if options.hides else None,
+            flip=(FLIP if options.flip is None else options.flip) if options.hides else None,
         )
 
     @property
     def has_places(self) -> bool:
-        """See ``Target``: every shape space begins with the shift of the centre."""
+        """Every shape space begins with the shift of the centre."""
         return True
 
     def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
-        """See ``Target``."""
         return shapes_of(tracker, estimate)
 
     def outlines(self, start: Start, shapes: Any) -> Any:
-        """See ``Target``: polylines there and back, so that closing the polygon adds no line.
+        """Polylines there and back, so that closing the polygon adds no line.
 
         These outlines are not convex; ``measures`` accounts for that.
         """
@@ -261,15 +158,104 @@ class ContourTarget(Target):
         return jnp.concatenate([lines, jnp.flip(lines, axis=-2)], axis=-2)
 
     def measures(self, start: Start, shapes: Any, truth: Any) -> dict[str, Any]:
-        """See ``Target``."""
         import jax.numpy as jnp
 
         from jaxpf.measures.polylines import measure_polylines
 
         return measure_polylines(polylines(jnp.asarray(shapes)), polylines(jnp.asarray(truth)))
 
+    def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
+        from jaxpf.contours.files import read_contours
 
-CONTOURS = ContourTarget()
+        if not given["contours"]:
+            raise InputError(
+                "no start contour: give --contours FILE.json with control points.  Draw contours "
+                f"with `jaxpf mark {source.path} --target contours`."
+            )
+        contours = read_contours(given["contours"])
+        learned = None
+        if given["learned"]:
+            from jaxpf.contours.learned_files import read_learned
+
+            learned = read_learned(given["learned"])
+        start = contour_start(contours, learned)
+        for name, line in zip(contours.names, polylines(start.shapes), strict=True):
+            seen = (line >= 0) & (line < (source.width, source.height))
+            if not seen.all(axis=1).any():
+                raise InputError(
+                    f"contour '{name}' lies outside the frame of {source.width} x {source.height} "
+                    "pixels: move it inside, or leave it out."
+                )
+        return start
+
+    def fits_scene(self, scene: "Scene") -> bool:
+        """Whether the ground truth has outlines."""
+        return {"outlines", "closed"} <= set(scene.extras)
+
+    def scene_shapes(self, scene: "Scene") -> np.ndarray:
+        closed = bool(scene.extras["closed"])
+        outlines = np.asarray(scene.extras["outlines"], float)
+        lines = [_polyline(line, closed) for pair in outlines for line in pair]
+        return np.reshape(lines, (*outlines.shape[:2], -1))
+
+    def scene_start(self, scene: "Scene") -> Start:
+        """Splines fitted to the outlines of the first frame."""
+        closed = bool(scene.extras["closed"])
+        outlines = scene.extras["outlines"][0]
+        points = [fit_spline(line, _SCENE_POINTS[closed], closed=closed) for line in outlines]
+        names = scene.extras.get("ids", range(1, len(outlines) + 1))
+        width = None if closed else scene.parameters.get("wire_width")
+        return contour_start(
+            Contours(tuple(map(str, names)), np.array(points), closed=closed, width=width)
+        )
+
+    def column_values(self, start: Start, shapes: np.ndarray) -> np.ndarray:
+        """The mean of the outline's points."""
+        return polylines(shapes).mean(axis=-2)
+
+    @contextlib.contextmanager
+    def outline_file(self, path: Path, start: Start) -> Iterator[Callable[[int, Any], None]]:
+        """CSV with the header ``frame,contour,kind,point,x,y``."""
+        from jaxpf.contours.files import ContourTrackWriter
+
+        inverse = np.zeros((0, PIECES + 1))  # without splines there are no control points
+        contours = getattr(start, "contours", None)
+        if contours is not None:
+            places = even_places(PIECES + 1, closed=False)
+            kind: dict[str, Any] = {"closed": contours.closed, "degree": contours.degree}
+            # The control points follow from the points on the spline, which are more.
+            inverse = np.linalg.pinv(basis(places, contours.points.shape[1], **kind))
+
+        with ContourTrackWriter(path) as writer:
+
+            def append(frame: int, shapes: Any) -> None:
+                lines = polylines(np.asarray(shapes, float))
+                writer.append(frame, start.ids, inverse @ lines, lines)
+
+            yield append
+
+    def draw(self, frame: np.ndarray, start: Start, shapes: np.ndarray, marks: Marks) -> np.ndarray:
+        from jaxpf.media.overlay import draw_outlines
+
+        lines = polylines(np.asarray(shapes))
+        return draw_outlines(frame, lines, start.ids, marks.colours, marks.lost, marks.doubtful)
+
+    def draw_particles(
+        self, frame: np.ndarray, start: Start, tracker: Any, state: Any, colours: np.ndarray
+    ) -> np.ndarray:
+        """Contours of the likeliest particles, occluded parts dark and dashed."""
+        from jaxpf.contours.drawing import draw_contour_particles
+
+        log_weights = np.asarray(state.log_weights)
+        best = np.argsort(log_weights)[::-1][:_DRAWN]
+        lines = polylines(self.shapes(start, np.asarray(state.substates)[best], tracker))
+        hidden, orders = None, getattr(tracker.likelihood, "orders_of_labels", None)
+        if getattr(state, "label", None) is not None and orders is not None:
+            hidden = _hidden(lines, [orders[label] for label in np.asarray(state.label)[best]])
+        return draw_contour_particles(frame, lines, np.exp(log_weights[best]), hidden, colours)
+
+
+CONTOURS = _ContourTarget()
 
 
 def contour_start(contours: Contours, learned: Learned | None = None) -> ContourStart:
@@ -329,3 +315,27 @@ def _space(options: Options, start: ContourStart) -> Any:
 def polylines(shapes: Any) -> Any:
     """Reshape shapes ``[..., P, 2 V]`` to polylines ``[..., P, V, 2]``."""
     return shapes.reshape(*shapes.shape[:-1], -1, 2)
+
+
+def _polyline(outline: np.ndarray, closed: bool) -> np.ndarray:
+    """A shape ``[2 V]`` from an outline ``[S, 2]``; NaN where it is not finite."""
+    if not np.isfinite(outline).all():
+        return np.full(2 * (PIECES + 1), np.nan)
+    even = resampled(outline, PIECES + (not closed), closed=closed)
+    return np.concatenate([even, even[:1]] if closed else [even]).ravel()
+
+
+def _hidden(lines: np.ndarray, orders: Sequence[Sequence[int]]) -> np.ndarray:
+    """Which points of ``[n, P, V, 2]`` lie inside a nearer contour, by orders, nearest first."""
+    import cv2
+
+    is_hidden = np.zeros(lines.shape[:3], bool)
+    for hidden, outlines, order in zip(is_hidden, lines, orders, strict=True):
+        for nearer, farther in combinations(order, 2):
+            if np.isfinite(outlines[[nearer, farther]]).all():
+                outline = outlines[nearer].astype(np.float32)[:, None]
+                hidden[farther] |= [
+                    cv2.pointPolygonTest(outline, (float(x), float(y)), False) > 0
+                    for x, y in outlines[farther]
+                ]
+    return is_hidden

@@ -5,13 +5,6 @@ METHODS = ("sir", "ps", "dps", "sps")
 #: Orders of ps by name: as the objects are listed (a part tree level by level), and every circular
 #: shift of that order.
 ORDERS = GIVEN, SHIFTS = ("given", "shifts")
-#: Methods of the factored filter.
-FACTORED_METHODS = ("eskil", "pffl")
-#: eskil2014: rules of the drift between partitions, and of the shape constraint.
-DRIFTS = ("clip", "signed", "literal", "ridge", "none")
-SHAPES = ("relative", "pixels", "none")
-#: Weighting rules of PFFL.
-FORMS = ("auxiliary", "literal")
 #: Exchange rules of simultaneous partitioned sampling, in the order of their codes.
 SWAPS = ("none", "random", "sorted", "combinatorial")
 #: Rules that reassemble the components of DPS at the end of a frame.

@@ -12,7 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jaxpf.contract.errors import Argument, InputError
+from jaxpf.contract.errors import Argument, InputError, check_known, choice
+from jaxpf.contract.numbers import check_number, check_whole
 
 _KEY = "option"
 #: The value of an option that is settled automatically.
@@ -184,6 +185,30 @@ def check_options(options: Any) -> None:
         object.__setattr__(options, name, declared.checked(getattr(options, name)))
 
 
+def check_declared(owner: Any, options: type, *names: str, **renamed: str) -> None:
+    """Refuse fields of a tracker that are outside the ranges of their options.
+
+    Traced values pass, and so does None where it is the field's default.
+
+    Args:
+        owner: a dataclass whose constructor takes the values.
+        options: the options class that declares their ranges.
+        names: of the fields.
+        renamed: name of a field -> name of its option, if they differ.
+    """
+    declared, defaults = options_of(options), type(owner).__dataclass_fields__
+    for field, name in (dict(zip(names, names, strict=True)) | renamed).items():
+        value, about = getattr(owner, field), declared[name]
+        if value is None and defaults[field].default is None:
+            continue
+        if about.choices:
+            check_known(f"{field}=", value, about.choices)
+        elif about.kind is int:
+            check_whole(field, value, int(about.least), int(about.most))
+        else:
+            check_number(field, value, above=about.above, least=about.least, most=about.most)
+
+
 def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
     """Return the values that given options imply for others: name -> value.
 
@@ -204,8 +229,11 @@ def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
         for value in chosen_values:
             if value != OPEN and not giver.applies_with(value):
                 raise InputError(
-                    f"{giver.flag} goes with {declared[other].flag} {wanted}, and {value} was "
-                    "chosen, by name or by another option; leave one of them out."
+                    Argument(name),
+                    " goes with ",
+                    choice(other, wanted),
+                    f", and {value} was chosen, by name or by another option; leave one of them "
+                    "out.",
                 )
         if set(chosen_values) <= {wanted, OPEN}:
             values[other] = wanted

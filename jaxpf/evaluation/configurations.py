@@ -9,7 +9,7 @@ from jaxpf import filters
 from jaxpf.contract.options import chosen, implied, options_of
 from jaxpf.evaluation.plan import Plan, applicable
 from jaxpf.evaluation.work.results import Configuration
-from jaxpf.targets import find_adapter
+from jaxpf.targets import find_target
 from jaxpf.targets.target import Start, Target
 
 
@@ -26,9 +26,9 @@ def complete(plan: Plan, name: str, parents: Sequence[int] | None = None) -> Pla
     """
     methods = plan.methods
     if methods is None and parents is not None:
-        methods = _default_methods(find_adapter(plan.target or name).target, parents)
+        methods = _default_methods(find_target(plan.target or name), parents)
     plan = dataclasses.replace(plan, target=plan.target or name, methods=methods)
-    target = find_adapter(plan.target or name).target
+    target = find_target(plan.target or name)
     # Where defaults differ between filters, each filter uses its own.
     owners = [options_of(owner) for owner in (target.options, *(f.options for f in plan.filters()))]
     defaults = {
@@ -72,7 +72,7 @@ def configurations(
         InputError: an order is not a permutation of the objects; options are incompatible.
     """
     assert plan.target is not None  # by complete
-    target = find_adapter(plan.target).target
+    target = find_target(plan.target)
     asked = {"order": plan.orders, "swap": plan.swaps}
     settled: dict[Any, Any] = {}
     listed: dict[str, Configuration] = {}

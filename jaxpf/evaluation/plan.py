@@ -17,7 +17,7 @@ from jaxpf.contract.names import GIVEN, ORDERS, SWAPS
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.options import Option, check_distinct, counting, options_of
 from jaxpf.filters.filter import Filter
-from jaxpf.targets import DEFAULT, adapters, find_adapter
+from jaxpf.targets import DEFAULT, all_targets, find_target
 from jaxpf.targets.target import Target
 
 #: Largest number of runs per configuration; planning more batches would take minutes.
@@ -46,7 +46,7 @@ class Plan:
         grid: option name -> values; other options have their defaults.  Options come from the
             target (``jaxpf.targets``) and the methods' filters, such as "sharpness", "scale",
             "particles" and "resampling".
-        target: from ``jaxpf.targets.adapters()``; None for the target of the scene's truth.
+        target: from ``jaxpf.targets.all_targets()``; None for the target of the scene's truth.
         runs: independent runs per configuration.
         seed: of all runs.  Run r of every configuration has the key ``fold_in(key(seed), r)``.
         tracks: results of other trackers, name -> MOT file or CSV with the header
@@ -122,8 +122,8 @@ class Plan:
     def targets(self) -> list[Target]:
         """Targets whose options apply, the default first, because error messages refer to it."""
         if self.target:
-            return [find_adapter(self.target).target]
-        every = (adapter.target for adapter in adapters().values())
+            return [find_target(self.target)]
+        every = all_targets().values()
         return sorted(every, key=lambda target: target.name != DEFAULT)
 
     def options_for(self, target: Target) -> dict[str, Option]:
@@ -156,7 +156,7 @@ class Plan:
 
     def _unknown(self, name: str, known: Iterable[str]) -> InputError:
         """The error for an option that is unknown or belongs to other targets or methods."""
-        having = [kind for kind, of in adapters().items() if name in options_of(of.target.options)]
+        having = [kind for kind, of in all_targets().items() if name in options_of(of.options)]
         whose = f" of {self.target}" if self.target else ""
         if having:
             return InputError(

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 #: Name -> address of its ``Filter``.
 _FILTERS = {
-    "partitioned": "jaxpf.filters.partitioned.options:PARTITIONED",
-    "factored": "jaxpf.filters.factored.options:FACTORED",
-    "labelled": "jaxpf.filters.labelled.options:LABELLED",
+    "partitioned": "jaxpf.filters.partitioned.family:PARTITIONED",
+    "factored": "jaxpf.filters.factored.family:FACTORED",
+    "labelled": "jaxpf.filters.labelled.family:LABELLED",
 }
 
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError, choice
 from jaxpf.contract.options import option, plain
 
 
@@ -27,7 +27,9 @@ def relocation_of(likelihood: Any, epsilon: float) -> Any:
 
     if not has_log_odds(likelihood) or not hasattr(likelihood, "frame_shape"):
         raise InputError(
-            f"--relocate {plain(epsilon)} searches for lost objects, and this likelihood does not "
-            "report which are lost; use --appearance discriminative, or leave --relocate out."
+            Argument("relocate", plain(epsilon)),
+            " searches for lost objects, and this likelihood does not report which are lost; use ",
+            choice("appearance", "discriminative"),
+            ", or leave relocate out.",
         )
     return relocation_in(likelihood.frame_shape, epsilon)

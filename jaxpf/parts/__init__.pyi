@@ -1,3 +1,4 @@
+from .data import Parts as Parts
 from .factory import shapes as shapes, tracker as tracker
 from .models import (
     DEFAULT_JOINT_SCALE as DEFAULT_JOINT_SCALE,
@@ -9,4 +10,3 @@ from .models import (
     parts_model as parts_model,
     with_log_odds as with_log_odds,
 )
-from .target import Parts as Parts

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.numbers import check_array
-from jaxpf.parts.target import PARTS, Parts
+from jaxpf.parts.data import Parts
+from jaxpf.parts.target import PARTS
 from jaxpf.targets import building
 
 

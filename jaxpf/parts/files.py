@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import check_name, parse_number, read_below
-from jaxpf.parts.target import Parts
+from jaxpf.parts.data import Parts
 
 HEADER = "part,parent,x,y,w,h,angle"
 

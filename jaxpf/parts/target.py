@@ -9,7 +9,8 @@ radians, clockwise in the image.  Options and files use degrees.
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from jaxpf.contract.errors import Argument, InputError, check_names, check_type
 from jaxpf.contract.model import Model, check_tree
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import check_options, option
+from jaxpf.parts.data import Parts
 from jaxpf.targets.appearance import (
     bands_option,
     likelihood_option,
@@ -25,7 +27,11 @@ from jaxpf.targets.appearance import (
     sharpness_option,
     slip_option,
 )
-from jaxpf.targets.target import Looks, Start, Target
+from jaxpf.targets.target import Looks, Marks, Start, Target
+
+if TYPE_CHECKING:
+    from jaxpf.media.frame_source import FrameSource
+    from scenes import Scene
 
 # Samples per side of a part: the error of the likelihood is then .017 sharpness, see
 # jaxpf.likelihoods._sampled.
@@ -80,24 +86,7 @@ class Options:
             )
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Parts:
-    """The parts of one or several articulated objects.
-
-    Attributes:
-        names: of the P parts.
-        parents: index of each part's parent, -1 for the root of an object.
-        poses: ``[P, 3]``: x, y of the centre in pixels, and the angle in radians, clockwise.
-        sizes: ``[P, 2]``: width and height in pixels.
-    """
-
-    names: tuple[Any, ...]
-    parents: tuple[int, ...]
-    poses: np.ndarray
-    sizes: np.ndarray
-
-
-class PartTarget(Target):
+class _PartTarget(Target):
     """Parts as a target; shapes are poses x, y (pixels), theta (radians)."""
 
     name = "parts"
@@ -105,9 +94,19 @@ class PartTarget(Target):
     coordinates = ("x", "y", "angle")
     defaults: Mapping[str, Any] = {"method": "sps"}
     outlines_of_estimates = staticmethod(_outlines)
+    example = "--parts-file parts.csv"
+    columns = ("x", "y", "w", "h", "angle")
+    fixed_columns = ("w", "h")
+    start_flags: Mapping[str, Mapping[str, Any]] = {
+        "parts_file": {
+            "type": Path,
+            "help": "CSV of the parts of one or several articulated objects, with the header "
+            "part,parent,x,y,w,h,angle (x, y: centre; angle: degrees clockwise; leave parent empty "
+            "for each object's root).",
+        }
+    }
 
     def start(self, given: Parts, names: Any = None) -> Start:
-        """See ``Target``."""
         check_type("parts", given, Parts)
         poses = numbers_in("poses", given.poses, "numbers x, y, theta of every part, [P, 3]")
         sizes = numbers_in("sizes", given.sizes, "numbers width, height of every part, [P, 2]")
@@ -116,7 +115,7 @@ class PartTarget(Target):
         return Start(np.array(names), poses, sizes, parents)
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
-        """See ``Target``; parts learned from the start frame get log odds and a slip."""
+        """Parts learned from the start frame get log odds and a slip."""
         from jaxpf.contract.pytree import as_array
         from jaxpf.parts.models import with_log_odds
 
@@ -132,12 +131,12 @@ class PartTarget(Target):
         return dataclasses.replace(part, slip=as_array(slip, float))
 
     def training_likelihood(self, options: Options, start: Start, looks: Looks, frames: Any) -> Any:
-        """See ``Target``: bilinear histograms, as a ratio to those of random background boxes."""
+        """Bilinear histograms, as a ratio to those of random background boxes."""
         bilinear = {"interpolation": "bilinear", "form": "ratio", "background_frames": frames}
         return self._histogram(options, start, looks, **bilinear)
 
     def model(self, options: Options, start: Start, likelihood: Any) -> Model:
-        """See ``Target``; the likelihood is of (u, v, scale, theta), or wrapped for parts."""
+        """The likelihood is of (u, v, scale, theta), or wrapped for parts."""
         from jaxpf.parts.models import parts_model
 
         return parts_model(
@@ -181,18 +180,57 @@ class PartTarget(Target):
             )
 
     def settled(self, options: Options, start: Start, looks: Looks) -> Options:
-        """See ``Target``."""
         if options.likelihood != "auto":
             return options
         return dataclasses.replace(options, likelihood="sampled")
 
     def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
-        """See ``Target``."""
         return np.asarray(estimate)[..., :3]
 
     def outlines(self, start: Start, shapes: Any) -> Any:
-        """See ``Target``."""
         return _outlines(shapes, start.sizes)
 
+    def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
+        from jaxpf.parts.files import read_parts
 
-PARTS = PartTarget()
+        path = given["parts_file"]
+        if path is None:
+            raise InputError(
+                "no parts: give --parts-file FILE.csv.  Draw parts with "
+                f"`jaxpf mark {source.path} --target parts`."
+            )
+        parts = read_parts(path)
+        for name, (x, y, _) in zip(parts.names, parts.poses, strict=True):
+            if not (0 <= x < source.width and 0 <= y < source.height):
+                raise InputError(
+                    f"part '{name}' of '{path}' has its centre ({x:g},{y:g}) outside the "
+                    f"{source.width}x{source.height} frame; give x and y of the centre, in pixels."
+                )
+        return self.start(parts)
+
+    def fits_scene(self, scene: "Scene") -> bool:
+        """Whether the ground truth has poses and a part tree."""
+        return {"poses", "parents"} <= set(scene.extras)
+
+    def scene_shapes(self, scene: "Scene") -> np.ndarray:
+        return np.asarray(scene.extras["poses"], np.float64)
+
+    def scene_start(self, scene: "Scene") -> Start:
+        parents = tuple(int(parent) for parent in scene.extras["parents"])
+        ids = scene.extras.get("ids", range(1, len(parents) + 1))
+        return self.start(Parts(tuple(ids), parents, scene.extras["poses"][0], scene.sizes))
+
+    def column_values(self, start: Start, shapes: np.ndarray) -> np.ndarray:
+        """Centre, size and clockwise angle in degrees."""
+        sizes = np.broadcast_to(start.sizes, (*shapes.shape[:-1], 2))
+        return np.concatenate([shapes[..., :2], sizes, np.rad2deg(shapes[..., 2:3])], axis=-1)
+
+    def draw(self, frame: np.ndarray, start: Start, shapes: np.ndarray, marks: Marks) -> np.ndarray:
+        from jaxpf.media.overlay import draw_outlines
+
+        corners = np.asarray(self.outlines(start, np.asarray(shapes)), float)
+        lines = np.concatenate([corners, corners[:, :1]], axis=1)
+        return draw_outlines(frame, lines, start.ids, marks.colours, marks.lost, marks.doubtful)
+
+
+PARTS = _PartTarget()

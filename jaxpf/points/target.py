@@ -5,7 +5,8 @@ A point is a partition with substate (u, v), pixels.
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,10 +15,17 @@ from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import check_options, option
 from jaxpf.targets.appearance import slip_option
-from jaxpf.targets.target import Looks, Start, Target
+from jaxpf.targets.later import starts_by_frame
+from jaxpf.targets.target import Looks, Marks, Start, Target
+
+if TYPE_CHECKING:
+    from jaxpf.media.frame_source import FrameSource
+    from scenes import Scene
 
 #: Side in pixels of the square that represents a point where an area is needed.
 _SIDE = 21.0
+#: Default spacing of a grid of points, pixels.
+_MASK_STEP = 20.0
 #: Slip on film, pixels ("Points" in docs/development/defaults.md).
 _SLIP = 8.0
 
@@ -72,16 +80,31 @@ class Options:
             )
 
 
-class PointTarget(Target):
+class _PointTarget(Target):
     """Points as a target; shapes are x, y in pixels."""
 
     name = "points"
     options = Options
     coordinates = ("x", "y")
     defaults: Mapping[str, Any] = {"method": "sps", "particles": 1000}
+    example = "--point 120,80,nose --point 161,95,shoulder"
+    start_flags: Mapping[str, Mapping[str, Any]] = {
+        "point": {"multiple": True, "metavar": "X,Y[,NAME]", "help": "A start point; repeat it."},
+        "points": {
+            "type": Path,
+            "help": "CSV of start points: lines x,y or x,y,name.  With the header frame,id,x,y a "
+            "point in a later frame starts there, or is put right.",
+        },
+        "mask": {
+            "type": Path,
+            "help": "A picture of the start frame's size; a grid of points starts where it is not "
+            "black.",
+        },
+        "mask_step": {"type": float, "help": "Pixels between points of that grid.  [default: 20]"},
+    }
 
     def start(self, given: Any, names: Any = None) -> Start:
-        """See ``Target``: x and y ``[P, 2]``, pixels; default names are numbers from 0."""
+        """X and y ``[P, 2]``, pixels; default names are numbers from 0."""
         places = numbers_in("points", given, "x, y in pixels of every point, [>= 1, 2]")
         names = range(len(places)) if names is None else names
         check_names(names, len(places))
@@ -91,17 +114,12 @@ class PointTarget(Target):
     def resolved(
         self, options: Options, settings: Mapping[str, Any], num_objects: int | None = None
     ) -> Options:
-        """See ``Target``."""
         if options.slip is not None:
             return options
         return dataclasses.replace(options, slip=settings.get("slip", _SLIP))
 
-    def settled(self, options: Options, start: Start, looks: Looks) -> Options:
-        """See ``Target``."""
-        return self.resolved(options, looks.settings)
-
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
-        """See ``Target``: the patches if they have the window's size, else windows of the frame."""
+        """The patches if they have the window's size, else windows of the frame."""
         from jaxpf.likelihoods.windows import windows, windows_from_pictures
 
         side = (options.window_size, options.window_size)
@@ -115,7 +133,7 @@ class PointTarget(Target):
         return windows(looks.start_frame, start.shapes, window=side, **settings)
 
     def model(self, options: Options, start: Start, likelihood: Any) -> Model:
-        """See ``Target``; substates are (u, v)."""
+        """Substates are (u, v)."""
         from jaxpf.dynamics.gaussian import AR2
 
         _check_apart(start)
@@ -127,19 +145,97 @@ class PointTarget(Target):
         )
 
     def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
-        """See ``Target``."""
         return np.asarray(estimate)[..., :2]
 
     def outlines(self, start: Start, shapes: Any) -> Any:
-        """See ``Target``: squares around the points, where polygons are needed."""
+        """Squares around the points, where polygons are needed."""
         import jax.numpy as jnp
 
         half = jnp.asarray(start.sizes, jnp.asarray(shapes).dtype)[:, None] / 2
         corners = jnp.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], half.dtype)
         return jnp.asarray(shapes)[..., None, :] + corners * half
 
+    def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
+        from jaxpf.points.files import parse_points, read_points
 
-POINTS = PointTarget()
+        said = [name for name in ("point", "points", "mask") if given[name]]
+        if len(said) > 1:
+            raise InputError(f"--{said[0]} and --{said[1]} were both given; use one of them.")
+        if not said:
+            raise InputError(
+                "no start point: give --point x,y for every point, --points FILE.csv or --mask "
+                f"PICTURE.  Draw the points with `jaxpf mark {source.path} --target points`."
+            )
+        if given["mask_step"] is not None and not given["mask"]:
+            raise InputError("--mask-step is about the grid on a --mask, and none was given.")
+        if given["mask"]:
+            step = _MASK_STEP if given["mask_step"] is None else given["mask_step"]
+            points = _on_mask(given["mask"], step, source)
+        else:
+            points = (
+                read_points(given["points"]).at(number)
+                if given["points"]
+                else parse_points(given["point"])
+            )
+        _check_inside(points, source)
+        return self.start(points.places, points.names)
+
+    def later_starts(
+        self, given: Mapping[str, Any], number: int, source: "FrameSource"
+    ) -> tuple[dict[int, Start], str | None]:
+        """Points of later frames in the file of --points."""
+        from jaxpf.points.files import read_points
+
+        points = read_points(given["points"]) if given["points"] else None
+        if points is None or points.frames is None:
+            return {}, None
+
+        def start_at(frame: int) -> Start:
+            there = points.at(frame)
+            _check_inside(there, source)
+            return self.start(there.places, there.names)
+
+        return starts_by_frame(points.frames, np.array(points.names), number, start_at)
+
+    def fits_scene(self, scene: "Scene") -> bool:
+        """Whether the ground truth has points."""
+        return "points" in scene.extras
+
+    def scene_shapes(self, scene: "Scene") -> np.ndarray:
+        """Hidden points count as absent."""
+        points, visible = scene.extras["points"], scene.extras["visible"]
+        return np.where(visible[..., None], points, np.nan)
+
+    def scene_start(self, scene: "Scene") -> Start:
+        """Raise InputError: a point is hidden in the first frame."""
+        names, shown = scene.extras["point_names"], scene.extras["visible"][0]
+        for name, visible in zip(names, shown, strict=True):
+            if not visible:
+                raise InputError(
+                    f"point '{name}' of scene '{scene.name}' is hidden in the first frame, so that "
+                    "nothing is known of its looks; leave it out or begin with another frame."
+                )
+        return self.start(scene.extras["points"][0], names)
+
+    def draw(self, frame: np.ndarray, start: Start, shapes: np.ndarray, marks: Marks) -> np.ndarray:
+        """Lost points are hollow, and doubtful ones have a question mark."""
+        from jaxpf.points.drawing import draw_points
+
+        doubtful = np.zeros(len(start.ids), bool) if marks.doubtful is None else marks.doubtful
+        return draw_points(
+            frame,
+            shapes,
+            trails=marks.past,
+            hidden=marks.lost,
+            colours=marks.colours,
+            names=[
+                f"{name} ?" if is_doubtful else f"{name}"
+                for name, is_doubtful in zip(start.ids, doubtful, strict=True)
+            ],
+        )
+
+
+POINTS = _PointTarget()
 
 
 def _check_apart(start: Start) -> None:
@@ -152,3 +248,31 @@ def _check_apart(start: Start) -> None:
                     f"points {start.ids[first]} and {start.ids[second]} are both at "
                     f"({x:g}, {y:g}): move or remove one."
                 )
+
+
+def _check_inside(points: Any, source: "FrameSource") -> None:
+    """Refuse a point outside the frame."""
+    for name, (x, y) in zip(points.names, points.places, strict=True):
+        if not (0 <= x < source.width and 0 <= y < source.height):
+            raise InputError(
+                f"point '{name}' is at ({x:g}, {y:g}), outside the frame of {source.width} x "
+                f"{source.height} pixels: move it inside, or leave it out."
+            )
+
+
+def _on_mask(path: Path, step: float, source: "FrameSource") -> Any:
+    """Return points on a grid within a mask of the frame's size."""
+    from jaxpf.media.images import read_mask
+    from jaxpf.points.files import grid_points
+
+    if not path.is_file():
+        raise InputError(f"there is no mask at '{path}'; give a picture that is 0 off the body.")
+    mask = read_mask(path) > 0
+    if not mask.any():
+        raise InputError(f"the mask '{path}' is 0 everywhere; mark the body in it.")
+    if mask.shape != (source.height, source.width):
+        raise InputError(
+            f"the mask '{path}' has {mask.shape[1]} x {mask.shape[0]} pixels and the frame "
+            f"{source.width} x {source.height}; give a mask of the frame's size."
+        )
+    return grid_points(mask, step)

@@ -23,8 +23,9 @@ from jaxpf.boxes.models import box_model, boxes_at
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import check_array, numbers_in
-from jaxpf.contract.options import OPEN, chosen, options_of
-from jaxpf.filters.labelled import options as labelled
+from jaxpf.contract.options import OPEN, chosen
+from jaxpf.filters.labelled.family import LABELLED
+from jaxpf.filters.labelled.options import Options as FilterOptions
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.filters.labelled.tracker import Labelled
@@ -37,6 +38,7 @@ from jaxpf.populations.lifetimes import EMPTY, Changes, Living, Refusal, Rules
 from jaxpf.running import streaming
 from jaxpf.running.runs import init_compiled
 from jaxpf.targets.appearance import COLOUR, RELATIVE
+from jaxpf.targets.building import check_names
 
 
 class TrackedPopulation(NamedTuple):
@@ -120,11 +122,10 @@ def open_box_tracker(
         settings: options of boxes and of the labelled filter, such as ``scale`` or ``scope``.
     """
     settings["particles"] = num_particles
-    for name in settings.keys() - options_of(box_target.Options, labelled.Options).keys():
-        raise InputError(f"{name} is no option of boxes or of the labelled filter; leave it out.")
+    check_names(settings, box_target.BOXES, LABELLED)
     options = chosen(box_target.Options, settings)
     model = open_model(options, frame_shape, capacity, typical_size, num_particles)
-    return labelled.LABELLED.tracker(model, chosen(labelled.Options, settings))
+    return LABELLED.tracker(model, chosen(FilterOptions, settings))
 
 
 def follow(

@@ -1,6 +1,6 @@
 from .registry import (
     DEFAULT as DEFAULT,
-    adapter_of_scene as adapter_of_scene,
-    adapters as adapters,
-    find_adapter as find_adapter,
+    all_targets as all_targets,
+    find_target as find_target,
+    target_of_scene as target_of_scene,
 )

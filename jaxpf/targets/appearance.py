@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.options import OPEN, option, plain
+from jaxpf.contract.options import OPEN, option
 
 #: Values of ``--appearance``, ``--motion`` and ``--exclusion``.
 COLOUR, DISCRIMINATIVE, PRETRAINED = "colour", "discriminative", "pretrained"
@@ -44,70 +44,6 @@ def gain_option(default: float) -> Any:
         tuned=("",),
         implies=("appearance", DISCRIMINATIVE),
         also_with=(PRETRAINED,),
-    )
-
-
-def network_option() -> Any:
-    """Weights of the network of pretrained appearance."""
-    return option(
-        None,
-        "File with the weights of EfficientNet-lite0, .pth or .npz; by default those of "
-        "'jaxpf[pretrained]' (pretrained appearance only).",
-        kind=str,
-        implies=("appearance", PRETRAINED),
-    )
-
-
-def motion_option() -> Any:
-    """Unit of the process noise."""
-    return option(
-        OPEN,
-        "Unit of the noise: pixels (--scale), relative to the object's size (--relative-scale) or "
-        "auto.  Relative noise is heavy-tailed; auto is relative unless appearance is colour.",
-        choices=(OPEN, PIXELS, RELATIVE),
-        common=True,
-        compiles=True,
-    )
-
-
-def steps_option(usual: tuple[float, ...], lone: tuple[float, ...]) -> Any:
-    """Process noise of relative motion, as shares of the object's size."""
-    return option(
-        None,
-        "Noise per frame: of usual steps and of long ones, as shares of the object's size, and of "
-        f"the size's logarithm; by default {plain(usual)}, and {plain(lone)} for a single object "
-        "(relative motion only).  Three numbers for all objects, or three for each.",
-        kind=float,
-        length=3,
-        least=0,
-        per_object=True,
-        path="dynamics.steps",
-        tuned=("[0]", "[1]"),
-        implies=("motion", RELATIVE),
-    )
-
-
-def momentum_option(default: float) -> Any:
-    """Share of the last step that an object repeats."""
-    return option(
-        default,
-        "Share of the last displacement that is repeated (relative motion only).",
-        least=0,
-        most=1,
-        implies=("motion", RELATIVE),
-    )
-
-
-def exclusion_option() -> Any:
-    """Whether the same pixels may explain two boxes."""
-    return option(
-        NONE,
-        "boxes keeps two boxes from explaining the same pixels, for look-alikes that meet; none "
-        "does not (discriminative appearance only).  What one box covers of another, if it is most "
-        "of it, does not count for that one.",
-        choices=(NONE, BOXES),
-        compiles=True,
-        implies=("appearance", DISCRIMINATIVE),
     )
 
 

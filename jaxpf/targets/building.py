@@ -6,8 +6,8 @@ factories such as ``jaxpf.boxes.tracker`` build their trackers here.
 
 import dataclasses
 import difflib
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from jaxpf.contract.numbers import check_array
 from jaxpf.contract.options import implied, options_of
 from jaxpf.filters.filter import Filter
 from jaxpf.targets.target import Looks, Start, Target
+
+if TYPE_CHECKING:
+    from scenes import Scene
 
 #: Number of particles assumed when a histogram method is chosen, if the filter sets its own.
 _PARTICLES = 300
@@ -30,6 +33,25 @@ def filter_for(target: Target, method: str | None = None) -> Filter:
     """
     method = method or target.defaults.get("method")
     return filters.filter_of(method) if method else next(iter(filters.all_filters().values()))
+
+
+def check_names(given: Iterable[str], target: Target, filter_: Filter, *others: str) -> None:
+    """Refuse names that are options neither of a target nor of a filter, nor among the others.
+
+    Raises:
+        InputError: suggests the names that resemble it.
+    """
+    names = [*options_of(target.options, filter_.options), *others]
+    for name in given:
+        if name not in names:
+            near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+            remedy = (
+                f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(names)}."
+            )
+            raise InputError(
+                f"there is no option {name!r} of {target.name} or of the {filter_.name} filter; "
+                f"{remedy}"
+            )
 
 
 def filled(owner: type, given: Mapping[str, Any], defaults: Mapping[str, Any] | None = None) -> Any:
@@ -89,6 +111,19 @@ def looks_of_frame(frame: Any, particles: int | None, patches: Any = None) -> Lo
     )
 
 
+def looks_of_scene(scene: "Scene", num_particles: int, typical: Any = None) -> Looks:
+    """A scene's reference patches and first frame, to learn a likelihood from."""
+    return Looks(
+        frame=None,
+        patches=scene.patches,
+        frame_shape=scene.frames.shape[1:3],
+        num_particles=num_particles,
+        typical=typical,
+        surroundings=scene.frames[0],
+        settings=scene.settings,
+    )
+
+
 def make(
     target: Target,
     frame: Any,
@@ -141,7 +176,7 @@ def make(
     if scheme is not None and not isinstance(scheme, str):
         del values["resampling"]
     filter_ = filter_for(target, values.get("method"))
-    _check_names(values, target, filter_)
+    check_names(values, target, filter_, "likelihood", "ordering", "patches")
     defaults = target.defaults if filter_ is filter_for(target) else {}
     defaults = {**defaults, "method": values.get("method", target.defaults.get("method"))}
     if defaults["method"] is None:
@@ -157,25 +192,10 @@ def make(
         looks = looks_of_frame(frame, options.particles, patches)
         tracker = build(target, model, filter_, options, start, looks)
     else:
-        filter_.check(options, start.parents)
         tracker = filter_.tracker(target.model(model, start, likelihood), options)
     own = {"ordering": ordering, "resampling": None if isinstance(scheme, str) else scheme}
     own = {name: value for name, value in own.items() if value is not None}
     return dataclasses.replace(tracker, **own) if own else tracker
-
-
-def _check_names(values: Mapping[str, Any], target: Target, filter_: Filter) -> None:
-    names = [*options_of(target.options, filter_.options), "likelihood", "ordering", "patches"]
-    for name in values:
-        if name not in names:
-            near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
-            others = (
-                f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(names)}."
-            )
-            raise InputError(
-                f"there is no option {name!r} of {target.name} with the method "
-                f"{values.get('method') or target.defaults.get('method', 'dps')}; {others}"
-            )
 
 
 def _checked(frame: Any) -> np.ndarray:

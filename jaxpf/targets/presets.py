@@ -9,11 +9,12 @@ from typing import Any
 
 from jaxpf import ordering as orderings
 from jaxpf.contract.errors import InputError
+from jaxpf.targets.target import Start
 
 Preset = tuple[dict[str, Any], Any]
 
 
-def preset(like: Any, target: str, start: Any) -> Preset:
+def preset(like: Any, target: str, start: Start) -> Preset:
     """Options of a paper's system, and its ordering if no option states it, else None.
 
     Raises:
@@ -27,7 +28,7 @@ def preset(like: Any, target: str, start: Any) -> Preset:
     return known[like](start)
 
 
-def _smith2004(start: Any) -> Preset:
+def _smith2004(start: Start) -> Preset:
     """DPS, section 4, with the paper's reassembly; likelihood exp(-lambda d^2) of histograms."""
     options = {
         "particles": 300,
@@ -39,7 +40,7 @@ def _smith2004(start: Any) -> Preset:
     return options, orderings.dps(len(start.ids), reassembly="literal")
 
 
-def _gonzales2011(start: Any) -> Preset:
+def _gonzales2011(start: Start) -> Preset:
     """SPS, sections 3.1 and 3.2: the sorted swap; every part moves on its own."""
     return {
         "method": "sps",
@@ -50,7 +51,7 @@ def _gonzales2011(start: Any) -> Preset:
     }, None
 
 
-def _eskil2014(start: Any) -> Preset:
+def _eskil2014(start: Start) -> Preset:
     """Eq. 6 to 9 as printed: summed squares, distances held to 0.01 pixel, plain sum in eq. 9."""
     return {
         "method": "eskil",
@@ -74,7 +75,7 @@ def _maccormick1999(start: Any) -> Preset:
 
 
 #: Target -> paper -> function of the start.  rowe2005 has a builder of its own, in ``boxes``.
-PRESETS: Mapping[str, Mapping[str, Callable[[Any], Preset]]] = {
+PRESETS: Mapping[str, Mapping[str, Callable[[Start], Preset]]] = {
     "boxes": {"smith2004": _smith2004},
     "parts": {"gonzales2011": _gonzales2011},
     "points": {"eskil2014": _eskil2014},

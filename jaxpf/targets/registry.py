@@ -1,41 +1,41 @@
-"""The registry of targets: one adapter each.
+"""The registry of targets.
 
-To add a target, write a ``Target`` (``jaxpf.targets.target``) and an ``Adapter``
-(``jaxpf.targets.adapter``) as ``ADAPTER`` of ``jaxpf/NAME/adapter.py``, and add NAME to
-``_ADAPTERS``.
+To add a target, write a ``Target`` (``jaxpf.targets.target``) as ``NAME`` in capitals of
+``jaxpf/NAME/target.py``, and add NAME to ``_TARGETS``.
 """
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jaxpf.contract.errors import InputError, check_known
 
 if TYPE_CHECKING:
-    from jaxpf.targets.adapter import Adapter
+    from jaxpf.targets.target import Target
+    from scenes import Scene
 
 #: Packages of the targets; a scene gets the first whose ``fits_scene`` is true.
-_ADAPTERS = ("points", "parts", "contours", "boxes")
+_TARGETS = ("points", "parts", "contours", "boxes")
 #: Target to track if none is given.
 DEFAULT = "boxes"
 
 
-def adapters() -> "dict[str, Adapter]":
-    """All adapters, by target name."""
-    return {name: find_adapter(name) for name in _ADAPTERS}
+def all_targets() -> "dict[str, Target]":
+    """All targets, by name."""
+    return {name: find_target(name) for name in _TARGETS}
 
 
-def find_adapter(name: str) -> "Adapter":
-    """The adapter of a target.
+def find_target(name: str) -> "Target":
+    """The target of a name.
 
     Raises:
         InputError: the target is unknown.
     """
-    check_known("target ", name, _ADAPTERS)
-    return importlib.import_module(f"jaxpf.{name}.adapter").ADAPTER
+    check_known("target ", name, _TARGETS)
+    return getattr(importlib.import_module(f"jaxpf.{name}.target"), name.upper())
 
 
-def adapter_of_scene(scene: Any, name: str | None = None) -> "Adapter":
-    """The adapter that fits a scene's ground truth.
+def target_of_scene(scene: "Scene", name: str | None = None) -> "Target":
+    """The target that fits a scene's ground truth.
 
     Args:
         scene: see ``scenes.Scene``.
@@ -44,10 +44,10 @@ def adapter_of_scene(scene: Any, name: str | None = None) -> "Adapter":
     Raises:
         InputError: the target is unknown, or the ground truth is of another kind.
     """
-    own = next(adapter for adapter in adapters().values() if adapter.fits_scene(scene))
+    own = next(target for target in all_targets().values() if target.fits_scene(scene))
     if name is None:
         return own
-    of = find_adapter(name)
+    of = find_target(name)
     if not of.fits_scene(scene):
         raise InputError(
             f"scene {scene.name!r} has no truth for {of.name}; leave the target out, which takes "

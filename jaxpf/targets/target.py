@@ -1,18 +1,25 @@
 """The interface of a target, so that no other module needs to know a target by name.
 
-A target defines what a substate means.  Its module imports JAX only when a tracker is built, so
-that the command line can list its options quickly.
+A target defines what a substate means, and how programs read, write and draw it.  Its module
+imports JAX and OpenCV only when a tracker is built or something is drawn, so that the command line
+can list its options quickly.
 """
 
 import abc
+import contextlib
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
+
+if TYPE_CHECKING:
+    from jaxpf.media.frame_source import FrameSource
+    from scenes import Scene
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -68,12 +75,28 @@ class Looks(NamedTuple):
         return self.surroundings if self.frame is None else self.frame
 
 
-class Target(abc.ABC):
-    """A kind of target: the meaning of a substate, its likelihood and its motion.
+class Marks(NamedTuple):
+    """How P shapes are drawn on a frame; a target uses what applies to it.
 
-    A target must define ``name``, ``options``, ``start``, ``likelihood``, ``model``, ``shapes``
-    and ``outlines``; a class without them cannot be instantiated.  The rest has defaults, some of
-    which raise ``InputError``.  A target may define its own dynamics and likelihood.
+    Attributes:
+        colours: uint8 RGB ``[P, 3]``.
+        lost: bool ``[P]``, see ``jaxpf.contract.lost``.
+        past: ``[L, P, S]``, shapes of the previous L frames, latest last, for trails.
+        doubtful: bool ``[P]``, recovered and not yet confirmed; None if unknown.
+    """
+
+    colours: np.ndarray
+    lost: np.ndarray
+    past: np.ndarray | None = None
+    doubtful: np.ndarray | None = None
+
+
+class Target(abc.ABC):
+    """A kind of target: a substate's meaning, likelihood and motion, and its files and drawing.
+
+    A target must define ``name``, ``options`` and all abstract methods; a class without them cannot
+    be instantiated.  The rest has defaults, some of which raise ``InputError``.  A target may
+    define its own dynamics and likelihood.
 
     Attributes:
         name: its name in the registry of ``jaxpf.targets``.
@@ -86,6 +109,13 @@ class Target(abc.ABC):
         has_boxes: whether its shapes are boxes x, y, w, h, as in MOT files and standard scores.
         outlines_of_estimates: function of estimates ``[..., P, D]`` and sizes ``[P, 2]`` that
             returns outlines ``[..., P, V, 2]``, differentiable; None if shapes are boxes.
+        start_flags: options of ``jaxpf track`` that say where objects start, name -> arguments of
+            ``click.option``; ``read_start`` gets their values.
+        example: arguments of ``jaxpf track`` after the video, for its help.
+        columns: columns of tracks.csv that hold an object's position; angles in degrees, all
+            others in pixels.
+        place: what x and y are of an object, for messages.
+        fixed_columns: those columns that never change, and so have no interval.
     """
 
     name: str
@@ -95,6 +125,11 @@ class Target(abc.ABC):
     coordinates: tuple[str, ...] = ()
     has_boxes: bool = False
     outlines_of_estimates: Callable[[Any, Any], Any] | None = None
+    start_flags: Mapping[str, Mapping[str, Any]] = {}
+    example: str = ""
+    columns: tuple[str, ...] = ("x", "y")
+    place: str = "centre"
+    fixed_columns: tuple[str, ...] = ()
 
     @abc.abstractmethod
     def start(self, given: Any, names: Any = None) -> Start:
@@ -148,7 +183,7 @@ class Target(abc.ABC):
 
     def settled(self, options: Any, start: Start, looks: Looks) -> Any:
         """The options with every "auto" replaced by its choice, to be stored with the results."""
-        return options
+        return self.resolved(options, looks.settings)
 
     @abc.abstractmethod
     def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
@@ -168,3 +203,73 @@ class Target(abc.ABC):
         from jaxpf.measures.outlines import measure_outlines
 
         return measure_outlines(self.outlines(start, shapes), self.outlines(start, truth))
+
+    @abc.abstractmethod
+    def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
+        """Read where the user's objects start.
+
+        Args:
+            given: values of ``start_flags``.
+            number: index of the start frame, from 0.
+            source: has ``width``, ``height`` and ``path``.
+
+        Raises:
+            InputError: no option was given, a file is unreadable, or an object is off the frame.
+        """
+
+    def later_starts(
+        self, given: Mapping[str, Any], number: int, source: "FrameSource"
+    ) -> tuple[dict[int, Start], str | None]:
+        """Objects that start, or start again, after the start frame ``number``.
+
+        Returns:
+            frame -> start, and a remark for the user or None.
+        """
+        return {}, None
+
+    @abc.abstractmethod
+    def fits_scene(self, scene: "Scene") -> bool:
+        """Whether a scene's ground truth is of this kind."""
+
+    @abc.abstractmethod
+    def scene_shapes(self, scene: "Scene") -> np.ndarray:
+        """A scene's ground truth ``[T, P, S]``, NaN where an object is absent."""
+
+    @abc.abstractmethod
+    def scene_start(self, scene: "Scene") -> Start:
+        """Where the objects are in a scene's first frame."""
+
+    def column_values(self, start: Start, shapes: np.ndarray) -> np.ndarray:
+        """Values ``[..., P, C]`` of ``columns`` for shapes ``[..., P, S]``."""
+        return shapes[..., :2]
+
+    def outline_file(
+        self, path: Path, start: Start
+    ) -> contextlib.AbstractContextManager[Callable[[int, Any], None] | None]:
+        """Open a new outlines.csv; as a context it is a function of a frame's number and shapes.
+
+        By default there is no such file, and the context is None.
+        """
+        return contextlib.nullcontext()
+
+    @abc.abstractmethod
+    def draw(self, frame: np.ndarray, start: Start, shapes: np.ndarray, marks: Marks) -> np.ndarray:
+        """The frame with the shapes drawn on it.
+
+        Args:
+            frame: uint8 RGB ``[H, W, 3]``.
+            start: where tracking started.
+            shapes: ``[P, S]``.
+            marks: how each is drawn.
+        """
+
+    def draw_particles(
+        self, frame: np.ndarray, start: Start, tracker: Any, state: Any, colours: np.ndarray
+    ) -> np.ndarray:
+        """The frame with a tracker's particles drawn on it, by default one dot each."""
+        from jaxpf.media.overlay import draw_particles
+
+        if not hasattr(state, "substates"):
+            return frame
+        centres = np.swapaxes(np.asarray(state.substates)[..., :2], 0, 1)
+        return draw_particles(frame, centres, colours)

@@ -10,8 +10,7 @@ import numpy as np
 from jaxpf.contract.errors import Argument, InputError, check_type
 from jaxpf.contract.options import chosen, options_of
 from jaxpf.gradients import named
-from jaxpf.targets import building, find_adapter
-from jaxpf.targets.adapter import Adapter, looks_of_scene
+from jaxpf.targets import building, find_target
 from jaxpf.targets.target import Looks, Start, Target
 from jaxpf.tuning.declared import with_tuned
 from jaxpf.tuning.problem import TrainingSequence
@@ -40,12 +39,7 @@ class Recipe:
         check_type("values", self.values, Mapping)
         values = {**of.defaults, **self.values}
         filter_ = building.filter_for(of, values.get("method"))
-        declared = options_of(of.options, filter_.options)
-        for name in self.values:
-            if name not in declared:
-                raise InputError(
-                    f"{name} is no option of {self.target}; the options are {', '.join(declared)}."
-                )
+        building.check_names(self.values, of, filter_)
         model, of_filter = chosen(of.options, values), chosen(filter_.options, values)
         complete = {**_as_values(of_filter), **_as_values(model)}
         object.__setattr__(self, "values", complete)
@@ -53,12 +47,7 @@ class Recipe:
     @property
     def of(self) -> Target:
         """The target."""
-        return self.adapter.target
-
-    @property
-    def adapter(self) -> Adapter:
-        """The adapter that reads scenes of the target."""
-        return find_adapter(self.target)
+        return find_target(self.target)
 
     def with_values(self, values: Mapping[str, Any]) -> "Recipe":
         """Replace values by tuned ones, tracker path -> value."""
@@ -94,13 +83,13 @@ def training_sequence(
             one; default all.
     """
     of = recipe.of
-    start = recipe.adapter.scene_start(scene)
-    looks = looks_of_scene(scene, int(recipe.values["particles"]))
+    start = of.scene_start(scene)
+    looks = building.looks_of_scene(scene, int(recipe.values["particles"]))
     background = scene.frames[_spread(len(scene.frames), _BACKGROUND_FRAMES)]
     tracker = dataclasses.replace(
         recipe.tracker(start, looks, background), gradient=named(recipe.gradient)
     )
-    shapes = np.array(recipe.adapter.scene_shapes(scene)[1:], np.float32)
+    shapes = np.array(of.scene_shapes(scene)[1:], np.float32)
     if labels is not None:
         if not 1 <= labels <= len(shapes):
             raise InputError(

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jaxpf.boxes.adapter import ADAPTER
+from jaxpf.boxes.target import BOXES
 from jaxpf.cli.tracking.track_table import places_of
 
 #: x, y, w, h.
@@ -21,8 +21,14 @@ def draws(rng, deviation):
 def interval_of(particles, error):
     """The 95% interval [2, 1, 4] in tracks.csv, given the model's error of the size."""
     state = SimpleNamespace(substates=particles, log_weights=np.full(20_000, -np.log(20_000)))
-    given = (ADAPTER, None, lambda x: x, BOX, state, slice(None), 25.0, BOX[:, :2])
-    return places_of(*given, np.array([[0, 0, error]]))[0].interval
+    scene = SimpleNamespace(
+        target=BOXES,
+        first=0,
+        shown_at=lambda number: number / 25,
+        shapes=lambda start, substates: substates,
+        model_error=lambda count: np.array([[0, 0, error]]),
+    )
+    return places_of(scene, 1, None, BOX, state, BOX[:, :2])[0].interval
 
 
 @pytest.mark.parametrize("error", [0.0, 0.1])

@@ -11,7 +11,7 @@ from jaxpf.cli.tracking.request import OF_BOXES, Run
 from jaxpf.cli.tuning.command import Options as Tuning
 from jaxpf.contract.options import Option, options_of, plain
 from jaxpf.populations import Rules
-from jaxpf.targets import adapters
+from jaxpf.targets import all_targets
 
 
 def outside(option: Option):
@@ -35,12 +35,12 @@ def method_of(option: Option, family) -> str:
 def every_refusal(tmp_path):
     """(arguments without the wrong value, option) of ``track``, ``evaluate`` and ``tune``."""
     (tmp_path / "det.txt").write_text("1,-1,1,1,9,9,1\n")
-    for name, adapter in adapters().items():
+    for name, target in all_targets().items():
         track, evaluate = ("track", name, "nowhere.mp4"), ("evaluate", "nowhere", "--target", name)
         run = options_of(Run)
-        for option in [run[n] for n in run if adapter.target.has_boxes or n not in OF_BOXES]:
+        for option in [run[n] for n in run if target.has_boxes or n not in OF_BOXES]:
             yield track, option
-        for option in options_of(adapter.target.options).values():
+        for option in options_of(target.options).values():
             yield track, option
             yield evaluate, option
     for family in filters.all_filters().values():

@@ -14,10 +14,11 @@ from refusals import message_of
 import jaxpf
 import scenes
 from jaxpf.contours import Contours
-from jaxpf.contours.adapter import ADAPTER as CONTOUR_FILES, _hidden
 from jaxpf.contours.files import ContourTrackWriter
-from jaxpf.contours.target import CONTOURS, Options
-from jaxpf.filters.partitioned.options import PARTITIONED, Options as FilterOptions
+from jaxpf.contours.options import Options
+from jaxpf.contours.target import CONTOURS, _hidden
+from jaxpf.filters.partitioned.family import PARTITIONED
+from jaxpf.filters.partitioned.options import Options as FilterOptions
 from jaxpf.shapes import fit_spline
 from jaxpf.targets.target import Looks, Start
 
@@ -187,7 +188,7 @@ def test_what_cannot_be_tracked_is_refused(wires):
 
 def test_scenes_tell_where_contours_start_and_how_well_they_are_found(tmp_path, wires, tracked):
     scene, _ = wires
-    start, truth = CONTOUR_FILES.scene_start(scene), CONTOUR_FILES.scene_shapes(scene)
+    start, truth = CONTOURS.scene_start(scene), CONTOURS.scene_shapes(scene)
     assert start.contours.width == scene.parameters["wire_width"]
     found = CONTOURS.shapes(start, tracked[1], tracked[0])
     measured = CONTOURS.measures(start, found, truth[1:])
@@ -195,20 +196,17 @@ def test_scenes_tell_where_contours_start_and_how_well_they_are_found(tmp_path, 
     assert np.asarray(measured["corner_error"])[-1].max() < 5
     # A stored evaluation knows of shapes, and of no splines.
     stored = Start(start.ids, start.shapes, start.sizes, start.parents)
-    with CONTOUR_FILES.outline_file(tmp_path / "tracks.csv", stored) as write:
+    with CONTOURS.outline_file(tmp_path / "tracks.csv", stored) as write:
         write(3, found[0])
     rows = rows_of(tmp_path / "tracks.csv")
     assert {(row["contour"], row["kind"]) for row in rows} == {("1", "outline"), ("2", "outline")}
-    _, doubled = CONTOUR_FILES.scaled(stored, found, (2.0, 1.0))
-    wide, plain = (np.asarray(CONTOURS.outlines(stored, shapes)) for shapes in (doubled, found))
-    np.testing.assert_allclose(wide, plain * (2, 1))
 
 
 def test_a_closed_contour_ends_where_it_begins():
     scene = scenes.make("leaves", seed=0, num_frames=2)
-    shapes = CONTOUR_FILES.scene_shapes(scene)
+    shapes = CONTOURS.scene_shapes(scene)
     np.testing.assert_array_equal(shapes[..., :2], shapes[..., -2:])
-    start = CONTOUR_FILES.scene_start(scene)
+    start = CONTOURS.scene_start(scene)
     np.testing.assert_array_equal(start.shapes[:, :2], start.shapes[:, -2:])
     assert np.asarray(CONTOURS.measures(start, start.shapes, shapes[0])["corner_error"]).max() < 1
     options = Options(exclusion="opaque", clutter=1.0)

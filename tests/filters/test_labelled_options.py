@@ -8,7 +8,8 @@ import pytest
 import jaxpf
 from jaxpf.contract.model import Model
 from jaxpf.dynamics import AR2
-from jaxpf.filters.labelled.options import LABELLED, Options
+from jaxpf.filters.labelled.family import LABELLED
+from jaxpf.filters.labelled.options import Options
 from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.likelihoods import Gaussian
 

@@ -10,8 +10,8 @@ import numpy as np
 from jaxpf import cli
 from jaxpf.cli.tracking.command import TrackCommand
 from jaxpf.cli.tracking.request import request_of
-from jaxpf.cli.tracking.work import build_tracker, open_input
-from jaxpf.targets import find_adapter
+from jaxpf.cli.tracking.session import open_session
+from jaxpf.targets import find_target
 
 
 class Outcome(NamedTuple):
@@ -43,12 +43,12 @@ def refusal_of(*arguments):
 
 def built_by_track(target, video, *arguments):
     """Where ``jaxpf track`` starts and the tracker that it builds, which is not run."""
-    adapter = find_adapter(target)
+    target = find_target(target)
     words = [str(word) for word in (video, *arguments)]
-    with TrackCommand(adapter).make_context("track", words) as context:
-        request = request_of(context, adapter)
-        opened = open_input(request)
-    return opened.start, build_tracker(request, opened).tracker
+    with TrackCommand(target).make_context("track", words) as context:
+        session = open_session(request_of(context, target))
+    session.build()
+    return session.start, session.tracker
 
 
 def assert_same(one, other):

@@ -1,6 +1,7 @@
 """A target of one's own: bright spots, with a motion and a likelihood of its own."""
 
 import dataclasses
+from collections.abc import Mapping
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +10,8 @@ import numpy as np
 import jaxpf
 from jaxpf.contract.model import Model
 from jaxpf.contract.options import check_options, option
+from jaxpf.points import draw_points
+from jaxpf.points.files import parse_points
 from jaxpf.targets.target import Start, Target
 
 
@@ -42,6 +45,10 @@ class Brightness:
 class Spots(Target):
     name = "spots"
     options = Options
+    example = "--spot 120,80"
+    start_flags: Mapping = {
+        "spot": {"multiple": True, "metavar": "X,Y", "help": "A spot; repeat it."}
+    }
 
     def start(self, given, names=None):
         places = np.asarray(given, float)
@@ -61,6 +68,26 @@ class Spots(Target):
     def outlines(self, start, shapes):
         corners = jnp.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         return jnp.asarray(shapes)[..., None, :] + corners
+
+    # For the command line: how spots are asked for, read from scenes, and drawn.
+
+    def read_start(self, given, number, source):
+        if not given["spot"]:
+            raise jaxpf.InputError("no spot: give --spot x,y for every one.")
+        found = parse_points(given["spot"])
+        return self.start(found.places, found.names)
+
+    def fits_scene(self, scene):
+        return "spots" in scene.extras
+
+    def scene_shapes(self, scene):
+        return scene.extras["spots"]
+
+    def scene_start(self, scene):
+        return self.start(scene.extras["spots"][0])
+
+    def draw(self, frame, start, shapes, marks):
+        return draw_points(frame, shapes, colours=marks.colours, names=list(start.ids))
 
 
 SPOTS = Spots()

@@ -1,4 +1,4 @@
-"""A new target is two files, what it is and its adapter, and one line of the registry."""
+"""A new target is one file and one line of the registry."""
 
 import csv
 import importlib
@@ -11,7 +11,6 @@ import pytest
 from command_line import jaxpf as command
 
 from jaxpf.targets import registry
-from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.target import Target
 
 
@@ -20,9 +19,9 @@ def entered():
     """As if the files stood in ``jaxpf/spots``."""
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(Path(__file__).parent))
-        module = importlib.import_module("own_adapter")
-        patch.setitem(sys.modules, "jaxpf.spots.adapter", module)
-        patch.setattr(registry, "_ADAPTERS", (*registry._ADAPTERS, "spots"))  # the line
+        module = importlib.import_module("own_target")
+        patch.setitem(sys.modules, "jaxpf.spots.target", module)
+        patch.setattr(registry, "_TARGETS", (*registry._TARGETS, "spots"))  # the line
         yield module
 
 
@@ -57,7 +56,6 @@ def test_its_help_shows_its_own_options():
     assert "--box" not in shown
 
 
-@pytest.mark.parametrize("base", [Target, Adapter])
-def test_one_that_lacks_a_method_cannot_be_made(base):
+def test_one_that_lacks_a_method_cannot_be_made():
     with pytest.raises(TypeError, match=r"abstract .*, "):
-        type("Half", (base,), {"name": "half"})()
+        type("Half", (Target,), {"name": "half"})()

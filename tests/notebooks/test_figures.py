@@ -359,8 +359,8 @@ def test_figures_of_questions_and_tasks():
     for page, words in {
         "faq.md": (
             f"it is, by an IoU of {gained('csrt')} on 13 test clips (and "
-            f"{gained('csrt', 'choose')} on 15 clips that chose how to use them). By default not: no "
-            "difference was shown on 11 test clips, and CSRT was better by "
+            f"{gained('csrt', 'choose')} on 15 clips that chose how to use them). By default not: "
+            "no difference was shown on 11 test clips, and CSRT was better by "
             f"{negated(csrt).lstrip('+')} on 44 clips"
         ),
         "howto/animals.md": (

@@ -15,10 +15,9 @@ from jaxpf.cli.tracking.track_table import places_of
 from jaxpf.evaluation import Configuration
 from jaxpf.evaluation.work.trackers import built_in_tracker
 from jaxpf.points import draw_points
-from jaxpf.points.adapter import ADAPTER as POINT_FILES
 from jaxpf.points.target import POINTS, Options
-from jaxpf.targets.adapter import Marks, looks_of_scene
-from jaxpf.targets.target import Looks, Start
+from jaxpf.targets.building import looks_of_scene
+from jaxpf.targets.target import Looks, Marks, Start
 from jaxpf.tuning.declared import with_tuned
 
 RNG = np.random.default_rng(0)
@@ -106,7 +105,7 @@ NOTHING = {"point": (), "points": None, "mask": None, "mask_step": None}
 
 
 def start_of(**given):
-    return POINT_FILES.read_start(NOTHING | given, 0, _Source)
+    return POINTS.read_start(NOTHING | given, 0, _Source)
 
 
 def test_the_target_says_where_points_start():
@@ -146,8 +145,8 @@ def face():
 
 
 def test_the_target_starts_from_a_scene(face):
-    assert POINT_FILES.fits_scene(face)
-    start = POINT_FILES.scene_start(face)
+    assert POINTS.fits_scene(face)
+    start = POINTS.scene_start(face)
     options = Options(window_size=21, slip=0)
     learned = [
         POINTS.likelihood(options, start, Looks(frame, patches, (400, 640), 10))
@@ -155,12 +154,12 @@ def test_the_target_starts_from_a_scene(face):
     ]
     np.testing.assert_allclose(*(np.asarray(one.references) for one in learned), rtol=1e-5)
     hidden = dict(face.extras) | {"visible": face.extras["visible"] & (np.arange(18) != 3)}
-    message = message_of(POINT_FILES.scene_start, dataclasses.replace(face, extras=hidden))
+    message = message_of(POINTS.scene_start, dataclasses.replace(face, extras=hidden))
     assert "'left eye inner' of scene 'face' is hidden" in message
 
 
 def test_windows_of_scenes_have_the_size_that_was_asked_for(face):
-    start, looks = POINT_FILES.scene_start(face), looks_of_scene(face, 10)
+    start, looks = POINTS.scene_start(face), looks_of_scene(face, 10)
     for side in (31, 13):
         options = Options(window_size=side, slip=0)
         assert POINTS.likelihood(options, start, looks).window == (side, side)
@@ -169,9 +168,9 @@ def test_windows_of_scenes_have_the_size_that_was_asked_for(face):
 def test_points_of_a_stored_evaluation_which_knows_numbers_are_drawn():
     start = Start(np.array([1, 2]), PLACES[:2], np.full((2, 2), 21.0), (-1, -1))
     marks = Marks(np.full((2, 3), 255, np.uint8), np.zeros(2, bool))
-    drawn = POINT_FILES.draw(PICTURE, start, PLACES[:2], marks)
+    drawn = POINTS.draw(PICTURE, start, PLACES[:2], marks)
     assert (drawn != PICTURE).any()
-    doubtful = POINT_FILES.draw(
+    doubtful = POINTS.draw(
         PICTURE, start, PLACES[:2], marks._replace(doubtful=np.array([True, False]))
     )
     named = draw_points(PICTURE, PLACES[:2], colours=marks.colours, names=["1 ?", "2"])
@@ -184,7 +183,7 @@ def test_points_slip_on_film_and_not_in_drawn_scenes(face):
     filmed = dataclasses.replace(face, settings={})
     for values, slips in (({}, [0.0, 8.0]), ({"slip": 3.0}, [3.0, 3.0])):
         given = Configuration("pffl", parameters={"method": "pffl", **values})
-        trackers = [built_in_tracker(scene, POINT_FILES, given) for scene in (face, filmed)]
+        trackers = [built_in_tracker(scene, POINTS, given) for scene in (face, filmed)]
         assert [float(tracker.likelihood.slip) for tracker in trackers] == slips
     assert jaxpf.points.tracker(PICTURE, PLACES).likelihood.slip == 8
 
@@ -193,13 +192,17 @@ def test_intervals_in_tracks_are_widened_by_the_slip():
     rng, start = np.random.default_rng(1), POINTS.start(PLACES)
     particles = PLACES + rng.normal(0, 3, (20_000, 3, 2))
     state = SimpleNamespace(substates=particles, log_weights=np.full(20_000, -np.log(20_000)))
-    shapes, before = particles.mean(axis=0), PLACES
+    shapes = particles.mean(axis=0)
     slips, deviations = np.array([0.0, 4.0, 7**0.5]), np.array([3.0, 5.0, 4.0])
-    error = slips[:, None] * [1, 1, 0]
+    scene = SimpleNamespace(
+        target=POINTS,
+        first=0,
+        shown_at=lambda number: number / 25,
+        shapes=lambda start, substates: substates,
+        model_error=lambda count: slips[:, None] * [1, 1, 0],
+    )
     for slots in (slice(None), np.array([2, 0])):  # all points, or those that are reported
-        places, _ = places_of(
-            POINT_FILES, start, lambda x: x, shapes, state, slots, 25.0, before, error
-        )
+        places, _ = places_of(scene, 1, start, shapes, state, PLACES, slots)
         width = places.interval[1] - places.interval[0]
         expected = 3.92 * np.tile(deviations[slots, None], 2)
         # 4.5 standard errors of two 2.5% quantiles.

@@ -9,7 +9,7 @@ import pytest
 from jaxpf import InputError
 from jaxpf.evaluation.opening import load_scene
 from jaxpf.sequences import open_sequence
-from jaxpf.targets import adapter_of_scene
+from jaxpf.targets import target_of_scene
 
 # Real clips, first on a folder made here
 
@@ -139,8 +139,8 @@ def test_points_without_boxes_are_truth_for_points(folder):
     rows = "frame,id,cx,cy,visible\n0,4,3,2,1\n0,7,5,4,1\n1,4,4,2.5,0\n1,7,6,4,1\n2,4,5,3,1\n"
     (folder / "points.csv").write_text(rows)
     scene = load_scene(folder, ids=[7, 4])
-    adapter = adapter_of_scene(scene)
-    assert adapter.name == "points"
-    assert adapter.scene_start(scene).ids.tolist() == ["7", "4"]
+    target = target_of_scene(scene)
+    assert target.name == "points"
+    assert target.scene_start(scene).ids.tolist() == ["7", "4"]
     expected = [[(5, 4), (3, 2)], [(6, 4), (np.nan,) * 2], [(np.nan,) * 2, (5, 3)]]
-    np.testing.assert_array_equal(adapter.scene_shapes(scene), expected)
+    np.testing.assert_array_equal(target.scene_shapes(scene), expected)

@@ -13,7 +13,7 @@ import jaxpf
 from jaxpf import tune, tuning
 from jaxpf.contract.options import options_of
 from jaxpf.likelihoods import histogram
-from jaxpf.targets import adapters
+from jaxpf.targets import all_targets
 from jaxpf.tuning import Parameter, TrainingSequence
 
 # Paths and bounds
@@ -54,8 +54,8 @@ def test_values_stay_within_their_bounds_whatever_the_free_numbers(low, high):
 
 
 def test_noise_and_sharpness_of_every_target_stay_positive_by_default():
-    for adapter in adapters().values():
-        for option in options_of(adapter.target.options).values():
+    for target in all_targets().values():
+        for option in options_of(target.options).values():
             assert not option.tuned or tuning.parameter(option.path).low == 0
 
 

@@ -80,7 +80,7 @@ def _prepare(request: Request) -> tuple[Any, Any]:
         say(f"Baselines come first: {', '.join(options.baseline)}", err=True)
     limits = Limits(options.memory * 2**20, workers=workers, devices=devices)
     prepared = prepare(request.plan, request.output, limits)
-    target = prepared.adapter.target
+    target = prepared.target
     report_implied(request.grid, target.resolved(target.options(), prepared.scene.settings))
     if prepared.missing_runs:
         show_plan(prepared, workers, devices)

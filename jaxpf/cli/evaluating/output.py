@@ -50,7 +50,7 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
 
 def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, str]]:
     """A row per method, and the parameters that all configurations share."""
-    of, configurations = prepared.adapter.target, prepared.results.configurations
+    of, configurations = prepared.target, prepared.results.configurations
     by_method: dict[str, list[int]] = {}
     values: dict[str, dict[str, None]] = {}
     for index, configuration in enumerate(configurations):

@@ -19,7 +19,7 @@ from jaxpf.cli.shared.scene_options import (
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import GIVEN, ORDERS, SHIFTS
 from jaxpf.contract.options import check_options, option, options_of
-from jaxpf.targets import adapters
+from jaxpf.targets import all_targets
 
 #: Options that choose output or computing resources and do not affect results.
 _NOT_REPEATED = ("output", "dry_run", "dask", "speed")
@@ -171,7 +171,7 @@ def parse(values: Mapping[str, Any]) -> Request:
         tracker=tuple(f"{name}={place}" for name, place in map(_own, options.tracker)),
         baseline=tuple(dict.fromkeys(available() if _ALL in named else named)),
     )
-    owners: list[Any] = [adapter.target for adapter in adapters().values()]
+    owners: list[Any] = [*all_targets().values()]
     owners += filters.all_filters().values()
     declared = options_of(*(owner.options for owner in owners))
     given = given_in(values)

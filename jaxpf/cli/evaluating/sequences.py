@@ -65,14 +65,14 @@ def _of_one_kind(
     """
     from jaxpf.evaluation.work.scene import start_frame
     from jaxpf.sequences import open_sequence
-    from jaxpf.targets import adapter_of_scene
+    from jaxpf.targets import target_of_scene
 
     chosen: dict[Path, int | None] = {}
     for folder in folders:
         try:
             sequence = open_sequence(folder)
             scene = sequence.scene(num_frames=2)
-            kind = adapter_of_scene(scene, kind).name
+            kind = target_of_scene(scene, kind).name
         except InputError as error:
             say(f"{folder.name} is left out: {error}", err=True)
             continue

@@ -10,7 +10,7 @@ import click
 from jaxpf.cli.shared.flags import Flag, NumberList
 from jaxpf.contract.errors import InputError
 from jaxpf.files.writing import atomic_write
-from jaxpf.targets import find_adapter
+from jaxpf.targets import find_target
 
 
 def _load(ctx: click.Context, param: click.Parameter, path: str | None) -> str | None:
@@ -45,7 +45,7 @@ def target_in(arguments: Sequence[str]) -> str | None:
         if flag == "--config" and (equals or index + 1 < len(arguments)):
             path = path if equals else arguments[index + 1]
             target = _table(Path(path), "track").get("target")
-            return None if target is None else find_adapter(str(target)).name
+            return None if target is None else find_target(str(target)).name
     return None
 
 
@@ -74,7 +74,7 @@ def _table(path: Path, name: str) -> dict[str, Any]:
 def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
     name = getattr(ctx.command, "table", ctx.command.name) or ""
     table = _table(path, name)
-    target = getattr(ctx.command, "adapter", None)
+    target = getattr(ctx.command, "target", None)
     if target is not None and table.pop("target", target.name) != target.name:
         raise InputError(
             f"the configuration '{path}' is not for {target.name}; leave '{target.name}' out "

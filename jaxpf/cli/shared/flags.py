@@ -19,7 +19,7 @@ from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, Option, counting, options_of, plain
-from jaxpf.targets import adapters
+from jaxpf.targets import all_targets
 from jaxpf.targets.appearance import COLOUR
 from jaxpf.targets.building import filled
 
@@ -330,8 +330,7 @@ def refuse_others(values: Mapping[str, Any], target: Any, filter_: Any) -> None:
         filter_: the filter that tracks it.
     """
     own = options_of(target.options, filter_.options)
-    every: dict[str, Any] = {name: owner.target for name, owner in adapters().items()}
-    every |= filters.all_filters()
+    every: dict[str, Any] = {**all_targets(), **filters.all_filters()}
     for name in [name for name in given_in(values) if name not in own]:
         having = {n: options_of(owner.options) for n, owner in every.items()}
         owners = [n for n, options in having.items() if name in options]

@@ -14,7 +14,7 @@ from jaxpf.cli.shared.config import config_flag
 from jaxpf.cli.shared.flags import ALL, Command, Flag, declared_flags, filter_flags
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import option, options_of
-from jaxpf.targets import adapter_of_scene, adapters, find_adapter
+from jaxpf.targets import all_targets, find_target, target_of_scene
 
 _TARGET, _METHODS = "jaxpf.cli.target", "jaxpf.cli.methods"
 
@@ -24,7 +24,7 @@ class SceneOptions:
     """The scene and the part of it to use."""
 
     target: str | None = option(
-        None, f"Kind of target: {', '.join(adapters())}; by default that of the truth."
+        None, f"Kind of target: {', '.join(all_targets())}; by default that of the truth."
     )
     set: tuple[str, ...] = option(
         (), "NAME=VALUE, parameter of a synthetic scene, repeatable.  Such as lead_distance=60."
@@ -41,7 +41,7 @@ class SceneOptions:
 
 def _particles() -> str:
     """The default number of particles, with the targets that have another."""
-    defaults = {name: adapter.target.defaults for name, adapter in adapters().items()}
+    defaults = {name: target.defaults for name, target in all_targets().items()}
     others = [f"{name} {own['particles']}" for name, own in defaults.items() if "particles" in own]
     usual = options_of(filters.filter_of("dps").options)["particles"].default
     return f"{usual}; {', '.join(others)}"
@@ -86,13 +86,13 @@ class SceneCommand(Command):
         params = [click.Argument(["scene"]), *own, config_flag(own[-1].section)]
         super().__init__(name, params=params, callback=callback, **settings)
         self._own, self._about = list(self.params), (grid, tuple(without), defaults or {})
-        flags = [flag for name in adapters() for flag in self._of_target(name)]
+        flags = [flag for name in all_targets() for flag in self._of_target(name)]
         by_name = {flag.name: flag for flag in reversed([*flags, *self._of_filters({})])}
         self.params = [*self.params, *reversed(by_name.values())]
 
     def _of_target(self, name: str) -> list[Flag]:
         grid, _, defaults = self._about
-        declared = options_of(find_adapter(name).target.options)
+        declared = options_of(find_target(name).options)
         return declared_flags(declared, f"Of {name}", defaults=defaults, grid=grid)
 
     def _of_filters(self, of_target: Mapping[str, Any], methods: Sequence[str] = ()) -> list[Flag]:
@@ -105,11 +105,11 @@ class SceneCommand(Command):
         ``--help-all`` shows those of all targets.
         """
         named, methods = ctx.meta.get(_TARGET), ctx.meta.get(_METHODS, ())
-        names = [named] if named else adapters()
+        names = [named] if named else all_targets()
         of = [flag for name in names for flag in self._of_target(name)]
         for flag in of:
             flag.common = bool(named)
-        of_target = find_adapter(named).target.defaults if named else {"particles": _particles()}
+        of_target = find_target(named).defaults if named else {"particles": _particles()}
         of_filters = self._of_filters(of_target, methods)
         own = [*self._own, *self.get_params(ctx)[-1:], *of_filters]
         return [*own, *of] if named or ctx.meta.get(ALL) else own
@@ -132,7 +132,7 @@ def _target_of(values: Mapping[str, Any]) -> str | None:
 
     if values["target"] or not values["scene"]:
         return values["target"]
-    return adapter_of_scene(load_scene(values["scene"])).name
+    return target_of_scene(load_scene(values["scene"])).name
 
 
 def _methods_of(values: Mapping[str, Any]) -> list[str]:

@@ -15,7 +15,9 @@ _SCORES = ("HOTA", "DetA", "AssA", "IDF1", "MOTA", "MOTP")
 _COUNTS = ("FP", "FN", "IDSW", "Frag")
 
 
-def report_truth(output: Path, ids: Sequence[Any], first: int, truth: Any, which: str = "") -> None:
+def report_truth(
+    output: Path, ids: Sequence[Any], first: int, truth: tracks.BoxTable, which: str = ""
+) -> None:
     """Report metrics over the frames with ground truth, as a table and as metrics.csv.
 
     Args:
@@ -51,7 +53,7 @@ def report_truth(output: Path, ids: Sequence[Any], first: int, truth: Any, which
     write_text(path, csv_text([["id", *names], *lines]))
 
 
-def report_identities(output: Path, start: int, num_frames: int, truth: Any) -> None:
+def report_identities(output: Path, start: int, num_frames: int, truth: tracks.BoxTable) -> None:
     """Report identity scores of objects that come and go, as a table and as metrics.csv.
 
     Args:

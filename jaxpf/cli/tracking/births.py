@@ -10,6 +10,7 @@ from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.flags import picked
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import options_of, plain
+from jaxpf.media.frame_source import FrameSource
 from jaxpf.populations.detections import DETECTED, check_frames, read_detections
 from jaxpf.populations.lifetimes import Rules
 from jaxpf.targets.target import Start
@@ -92,7 +93,7 @@ def defaults_of(births: Births | None) -> tuple[dict, Mapping[str, Any]]:
     return particles, _GUIDED if guided else {}
 
 
-def check_births(births: Births, start: Start, number: int, source: Any) -> None:
+def check_births(births: Births, start: Start, number: int, source: FrameSource) -> None:
     """Check detections and start boxes against the video."""
     table, capacity = births.table, births.rules.capacity
     if not source.is_live and table.frame.max() >= (

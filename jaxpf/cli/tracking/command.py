@@ -11,28 +11,28 @@ from jaxpf.cli.tracking.request import OF_BOXES, Run, request_of
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import options_of
 from jaxpf.populations.lifetimes import Rules
-from jaxpf.targets import DEFAULT, adapters, find_adapter
-from jaxpf.targets.adapter import Adapter
+from jaxpf.targets import DEFAULT, all_targets, find_target
 from jaxpf.targets.building import filter_for
+from jaxpf.targets.target import Target
 
 
 class TrackCommand(Command):
     """``jaxpf track`` for one target."""
 
-    def __init__(self, adapter: Adapter):
-        about = _ABOUT.format(what=adapter.name)
-        named = "" if adapter.name == DEFAULT else f" {adapter.name}"
-        if adapter.name == DEFAULT:
-            others = [name for name in adapters() if name != DEFAULT]
+    def __init__(self, target: Target):
+        about = _ABOUT.format(what=target.name)
+        named = "" if target.name == DEFAULT else f" {target.name}"
+        if target.name == DEFAULT:
+            others = [name for name in all_targets() if name != DEFAULT]
             about += _OTHERS.format(others="|".join(others))
         super().__init__(
-            adapter.name,
-            params=list(_params(adapter)),
+            target.name,
+            params=list(_params(target)),
             callback=_track,
             more=_LIVE,
-            help=f"{about}Example: jaxpf track{named} clip.mp4 {adapter.example}",
+            help=f"{about}Example: jaxpf track{named} clip.mp4 {target.example}",
         )
-        self.adapter, self.table = adapter, "track"
+        self.target, self.table = target, "track"
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse as click does, with a hint for an option of another kind of target."""
@@ -45,14 +45,14 @@ class TrackCommand(Command):
 
     def hint(self, flag: str) -> str:
         """Suggest a command for a flag of another kind of target; "" if no kind has it."""
-        others = [name for name in adapters() if name != self.adapter.name]
+        others = [name for name in all_targets() if name != self.target.name]
         if flag == "--target":
             return (
                 f"--target is no option: name the kind of target before the video, as in `jaxpf "
                 f"track {others[0]} VIDEO ...`."
             )
-        having = [name for name in others if _has(find_adapter(name), flag)]
-        if not having or _has(self.adapter, flag):
+        having = [name for name in others if _has(find_target(name), flag)]
+        if not having or _has(self.target, flag):
             return ""
         return (
             f"{flag} works only for {' and '.join(having)}; write `jaxpf track {having[0]} VIDEO "
@@ -81,14 +81,14 @@ shows what camera 0 sees.
 For a video file named like a kind of target, such as points, write ./points."""
 
 
-def _has(adapter: Adapter, flag: str) -> bool:
-    return any(flag in param.opts for param in _params(adapter))
+def _has(target: Target, flag: str) -> bool:
+    return any(flag in param.opts for param in _params(target))
 
 
 @functools.cache
-def _params(adapter: Adapter) -> list[click.Parameter]:
+def _params(target: Target) -> list[click.Parameter]:
     run = options_of(Run)
-    if not adapter.target.has_boxes:
+    if not target.has_boxes:
         run = {name: option for name, option in run.items() if name not in OF_BOXES}
 
     def of_run(section: str, *names: str, but: tuple[str, ...] = ()) -> list[Flag]:
@@ -103,10 +103,10 @@ def _params(adapter: Adapter) -> list[click.Parameter]:
 
     early = ("start", "frames")
     flags: list[click.Parameter] = [click.Argument(["video"])]
-    flags += start_flags(adapter.start_flags, "Start") + of_run("Start", *early)
-    flags += declared_flags(options_of(adapter.target.options), "Model")
-    flags += filter_flags(adapter.target.defaults, family=filter_for(adapter.target))
-    if "births" in adapter.start_flags:
+    flags += start_flags(target.start_flags, "Start") + of_run("Start", *early)
+    flags += declared_flags(options_of(target.options), "Model")
+    flags += filter_flags(target.defaults, family=filter_for(target))
+    if "births" in target.start_flags:
         flags += declared_flags(options_of(Rules), "Births and deaths")
     flags += of_run("Run and output", but=early)
     return [*flags, config_flag("Run and output")]
@@ -116,13 +116,13 @@ class _Targets(click.Group):
     """Commands of all kinds of target; defaults to boxes."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(adapters())
+        return list(all_targets())
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        return TrackCommand(find_adapter(name)) if name in adapters() else None
+        return TrackCommand(find_target(name)) if name in all_targets() else None
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        if not args or args[0] not in adapters():
+        if not args or args[0] not in all_targets():
             args = [target_in(args) or DEFAULT, *args]
         return super().parse_args(ctx, args)
 
@@ -133,7 +133,7 @@ command = _Targets("track")
 @click.pass_context
 def _track(ctx: click.Context, **_: Any) -> None:
     assert isinstance(ctx.command, TrackCommand)
-    request = request_of(ctx, ctx.command.adapter)
+    request = request_of(ctx, ctx.command.target)
     from jaxpf.cli.tracking.work import track
 
     track(request)

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.boxes.tracks import read_tracks
+from jaxpf.boxes.tracks import BoxTable, read_tracks
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking.births import nobody_came
-from jaxpf.cli.tracking.later import all_names
-from jaxpf.cli.tracking.recorder import Recording
+from jaxpf.cli.tracking.session import Session
 from jaxpf.cli.tracking.verdict import object_verdicts, sentences
 from jaxpf.contract.errors import InputError
 from jaxpf.files import writing
@@ -22,64 +21,64 @@ from jaxpf.files.versions import versions
 _TABLES = ("tracks.csv", "outlines.csv", "smoothed.csv", "smoothed_outlines.csv")
 
 
-def finish(recording: Recording, truth: Any) -> None:
+def finish(session: Session) -> None:
     """Write summary and plots, print the verdicts, and raise the error that ended the run early."""
-    if recording.is_kept:
+    if session.is_kept:
         # The tracks so far are kept; an error here must not hide the first one.
-        with contextlib.suppress(*([] if recording.stopped is None else [InputError])):
-            _finish(recording, truth)
-    if recording.stopped is not None:
-        raise recording.stopped
+        with contextlib.suppress(*([] if session.stopped is None else [InputError])):
+            _finish(session)
+    if session.stopped is not None:
+        raise session.stopped
 
 
-def _finish(recording: Recording, truth: Any) -> None:
+def _finish(session: Session) -> None:
     from jaxpf.media import plotting
 
-    output, start = recording.output, recording.opened.start
+    output = session.output
     table = read_tracks(output / "tracks.csv")
     diagnostics = np.loadtxt(output / "diagnostics.csv", delimiter=",", skiprows=1, ndmin=2)
-    names = all_names(start, recording.opened.later).tolist()
-    if recording.population is not None:
-        names = [birth["id"] for birth in recording.population.births]
+    names = session.names.tolist()
+    if session.population is not None:
+        names = [birth["id"] for birth in session.population.births]
     verdicts = object_verdicts(table, names)
     sizes = diagnostics[:, 1]
-    if recording.population is not None:
+    if session.population is not None:
         sizes = sizes[sizes > 0]  # 0 while there is no object
     ess = float(np.median(sizes)) if len(sizes) and not np.isnan(sizes).any() else None
-    content = _summary(recording, names, verdicts, table, ess)
+    content = _summary(session, names, verdicts, table, ess)
     writing.write_text(output / SUMMARY, json.dumps(content, indent=2) + "\n")
     lost = {name: about["lost"] for name, about in verdicts.items()}
-    adapter = recording.request.adapter
-    columns = [name for name in adapter.columns if name not in adapter.fixed_columns]
+    target = session.request.target
+    columns = [name for name in target.columns if name not in target.fixed_columns]
     figure = plotting.trajectories(table, columns, lost)
     plotting.save_figure(figure, output / "trajectories.png")
-    num_particles = getattr(recording.tracker, "num_particles", 0)
+    num_particles = getattr(session.tracker, "num_particles", 0)
     num_particles = int(num_particles or np.nanmax(diagnostics[:, 1], initial=1))
-    _tell(recording, verdicts, content, ess, num_particles)
-    if truth is not None:
-        _report_truth(recording, truth, names)
+    _tell(session, verdicts, content, ess, num_particles)
+    if session.truth is not None:
+        _report_truth(session, session.truth, names)
 
 
 def _summary(
-    recording: Recording,
+    session: Session,
     names: list[Any],
     verdicts: dict[str, dict[str, Any]],
-    table: Any,
+    table: dict[str, np.ndarray],
     ess: float | None,
 ) -> dict[str, Any]:
-    counts, source = recording.counts, recording.opened.source
-    population, stopped = recording.population, recording.stopped
-    first, rest = recording.seconds
-    start = recording.request.run.start
-    frames = slice(start, start + recording.built.before[1] + counts.tracked + 1)
+    counts, source = session.counts, session.source
+    population, stopped = session.population, session.stopped
+    first, rest = session.seconds
+    start = session.request.run.start
+    frames = slice(start, start + session.before[1] + counts.tracked + 1)
     kept = {} if population is None else vars(population)
     return {
         "parameters": {
             name: str(value) if isinstance(value, Path) else value
-            for name, value in recording.table.items()
+            for name, value in session.table.items()
         },
-        "likelihood_method": _likelihood_method(recording),
-        "model_error": _model_errors(recording, recording.opened.start.ids.tolist()),
+        "likelihood_method": _likelihood_method(session),
+        "model_error": _model_errors(session, session.start.ids.tolist()),
         "ids": names,
         **kept,
         "objects": verdicts,
@@ -92,7 +91,7 @@ def _summary(
         "error": str(stopped) if isinstance(stopped, InputError) else None,
         "video_truncated": source.truncated,
         "video_note": source.note,
-        "remarks": list(recording.opened.start.remarks),
+        "remarks": list(session.start.remarks),
         "frames_outside": counts.outside,
         "frames_without_likelihood": counts.without_likelihood,
         "mean_error": _mean_errors(table, names),
@@ -102,14 +101,14 @@ def _summary(
         "seconds_other_frames": round(rest, 3),
         "frames_per_second": round((counts.tracked - 1) / rest, 2) if rest > 0 else None,
         "versions": versions(),
-        "tables": digests(recording.output, _TABLES),
+        "tables": digests(session.output, _TABLES),
         # Of the start frame and all that follow.
         "times": [round(source.shown_at(n), 4) for n in range(frames.start, frames.stop)],
         "pictures": source.pictures and source.pictures[frames],
     }
 
 
-def _mean_errors(table: Any, names: list[Any]) -> dict[str, float | None] | None:
+def _mean_errors(table: dict[str, np.ndarray], names: list[Any]) -> dict[str, float | None] | None:
     """Mean Monte-Carlo error of x and y in pixels by object; None unless requested."""
     if "x_error" not in table:
         return None
@@ -123,34 +122,34 @@ def _mean_errors(table: Any, names: list[Any]) -> dict[str, float | None] | None
     return means
 
 
-def _model_errors(recording: Recording, names: list[Any]) -> dict[str, list[float]]:
+def _model_errors(session: Session, names: list[Any]) -> dict[str, list[float]]:
     """The error that the model declares, such as its slip: of x, y and log size, by object."""
     from jaxpf import contract
 
-    errors = contract.model_error(recording.built.filter, len(names))
+    errors = contract.model_error(session.filter, len(names))
     return {str(name): row for name, row in zip(names, errors.round(4).tolist(), strict=True)}
 
 
-def _likelihood_method(recording: Recording) -> Any:
+def _likelihood_method(session: Session) -> str | None:
     """Method of the likelihood, if it reports one; else the requested method."""
-    if recording.request.run.tracker:
+    if session.request.run.tracker:
         return None
-    likelihood = recording.built.filter.likelihood
+    likelihood = session.filter.likelihood
     likelihood = getattr(likelihood, "likelihood", likelihood)
-    return getattr(likelihood, "method", getattr(recording.request.model, "likelihood", None))
+    return getattr(likelihood, "method", getattr(session.request.model, "likelihood", None))
 
 
 def _tell(
-    recording: Recording,
+    session: Session,
     verdicts: dict[str, dict[str, Any]],
     content: dict[str, Any],
     ess: float | None,
     num_particles: int,
 ) -> None:
-    counts, rate = recording.counts, content["frames_per_second"]
+    counts, rate = session.counts, content["frames_per_second"]
     speed = "" if rate is None else f", {rate:.1f} frames/s"
-    say(f"{recording.output}: {counted(counts.tracked)} tracked{speed}")
-    place = recording.request.adapter.place
+    say(f"{session.output}: {counted(counts.tracked)} tracked{speed}")
+    place = session.request.target.place
     for line in sentences(verdicts, ess, num_particles, place):
         say(line)
     if (errors := content["mean_error"]) is not None:
@@ -162,8 +161,8 @@ def _tell(
                 "Note: too few ancestors were left to estimate the Monte-Carlo error; ask for "
                 "fewer frames (--error-bars), more particles (-n) or --runs."
             )
-    if recording.opened.source.note:
-        _warn(f"Note: {recording.opened.source.note}")
+    if session.source.note:
+        _warn(f"Note: {session.source.note}")
     for where, frames_of in (
         ("was outside the picture", counts.outside),
         ("had no likelihood for any particle", counts.without_likelihood),
@@ -181,13 +180,13 @@ def _tell(
         )
     if counts.invalid:
         _warn(f"Warning: {counts.invalid} likelihood(s) were not a number and counted as zero.")
-    if recording.population is not None:
-        population = recording.population
+    if session.population is not None:
+        population = session.population
         came = counted(len(population.births), "object")
         say(f"{came} came, {len(population.deaths)} went")
-        births = recording.request.births
+        births = session.request.births
         if births is not None and not population.births and not population.refused:
-            _warn(f"Note: {nobody_came(births, recording.request.run.start)}")
+            _warn(f"Note: {nobody_came(births, session.request.run.start)}")
         if population.refused:
             refusal = population.refused[0]
             _warn(
@@ -200,14 +199,14 @@ def _warn(text: str) -> None:
     say(text, err=True)
 
 
-def _report_truth(recording: Recording, truth: Any, names: list[Any]) -> None:
+def _report_truth(session: Session, truth: BoxTable, names: list[Any]) -> None:
     from jaxpf.cli.tracking import against_truth
 
-    run, output = recording.request.run, recording.output
-    if recording.population is not None:
-        against_truth.report_identities(output, run.start, recording.counts.tracked, truth)
+    run, output = session.request.run, session.output
+    if session.population is not None:
+        against_truth.report_identities(output, run.start, session.counts.tracked, truth)
         return
-    first = run.start + recording.built.before[1]
+    first = run.start + session.before[1]
     against_truth.report_truth(output, names, first, truth)
     if run.smooths:
         against_truth.report_truth(output, names, first, truth, "smoothed")

@@ -6,8 +6,7 @@ An object that starts again leaves its former group, whose other objects go on a
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Iterator, Mapping
-from types import SimpleNamespace
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import jax
@@ -17,16 +16,6 @@ from jaxpf.cli.tracking.records import Record, Scene, fixed_population
 from jaxpf.cli.tracking.track_table import Places
 from jaxpf.contract.errors import InputError
 from jaxpf.targets.target import Start
-
-
-def check_later(request: Any) -> None:
-    """Refuse options that need one tracker for the whole run."""
-    for name in ("runs", "error_bars", "smooth", "smooth_lag", "save_state", "resume", "tracker"):
-        if getattr(request.run, name) not in (None, False):
-            raise InputError(
-                f"--{name.replace('_', '-')} works with objects that all start in the start frame, "
-                "and the start file names later frames; leave it out, or their rows."
-            )
 
 
 def all_names(start: Start, later: Mapping[int, Start]) -> np.ndarray:
@@ -81,7 +70,7 @@ def starting_later(
             groups = [group._replace(ids=np.setdiff1d(group.ids, start.ids)) for group in groups]
             groups = [group for group in groups if len(group.ids)]
             groups.append(_Group(of_start, start.ids, records))
-        yield _joined([_part(group, colours) for group in groups], names)
+        yield _joined([_part(group, colours) for group in groups])
         try:
             frame = next(source)
         except StopIteration:
@@ -119,63 +108,23 @@ def _part(group: _Group, colours: Mapping[Any, np.ndarray]) -> Record:
     )
 
 
-def _joined(parts: list[Record], names: np.ndarray) -> Record:
+def _joined(parts: list[Record]) -> Record:
     """One record of several groups' objects, which ``parts`` also keep apart."""
-    tracked = [part for part in parts if part.summary is not None]
 
-    def together(values: list[Any], axis: int = 0) -> Any:
-        """Rows of all groups; NaN for a group without, None if there is none at all."""
-        if all(value is None for value in values):
-            return None
-        like = next(value for value in values if value is not None)
-        filled = []
-        for value, part in zip(values, parts, strict=True):
-            shape = list(like.shape)
-            shape[axis] = len(part.slots)
-            fill = False if like.dtype == bool else np.nan
-            filled.append(np.full(shape, fill, like.dtype) if value is None else value)
-        return np.concatenate(filled, axis=axis)
+    def rows(values: Iterable[np.ndarray]) -> np.ndarray:
+        return np.concatenate(list(values))
 
-    places = Places._make(
-        together([getattr(part.places, field) for part in parts], int(field.endswith("interval")))
-        for field in Places._fields
-    )
     start = dataclasses.replace(
         parts[0].start,
-        ids=np.concatenate([part.start.ids for part in parts]),
-        shapes=np.concatenate([part.start.shapes for part in parts]),
-        sizes=np.concatenate([part.start.sizes for part in parts]),
-        parents=(-1,) * sum(len(part.slots) for part in parts),
+        ids=rows(part.start.ids for part in parts),
+        shapes=rows(part.start.shapes for part in parts),
+        sizes=rows(part.start.sizes for part in parts),
+        parents=(-1,) * sum(len(part.start.ids) for part in parts),
     )
-    rows: dict[str, Any] = {
-        name: together([getattr(part, name) for part in parts]) for name in _ROWS
-    }
     return parts[0]._replace(
         start=start,
-        places=places,
-        colours=np.concatenate([part.colours for part in parts]),
-        slots=np.array([names.tolist().index(name) for name in start.ids.tolist()]),
-        summary=_summary(tracked, names) if tracked else None,
-        state=None,
+        colours=rows(part.colours for part in parts),
+        shapes=rows(part.shapes for part in parts),
+        lost=rows(part.lost for part in parts),
         parts=tuple(parts),
-        **rows,
-    )
-
-
-def _summary(parts: list[Record], names: np.ndarray) -> Any:
-    """What diagnostics report of several groups, by object in the order of ``names``."""
-    rows: dict[str, np.ndarray] = {}
-    for part in parts:
-        at = [names.tolist().index(name) for name in part.start.ids.tolist()]
-        for name in ("uniqueness", "confidence"):
-            values = getattr(part.summary, name, None)
-            if values is not None:
-                row = rows.setdefault(name, np.full(len(names), np.nan))
-                row[at] = np.asarray(values)[part.slots]
-    summaries = [part.summary for part in parts]
-    return SimpleNamespace(
-        ess=min(float(getattr(summary, "ess", np.nan)) for summary in summaries),
-        log_evidence=sum(float(getattr(summary, "log_evidence", np.nan)) for summary in summaries),
-        num_invalid=sum(int(getattr(summary, "num_invalid", 0)) for summary in summaries),
-        **rows,
     )

@@ -2,7 +2,7 @@
 
 import collections
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,31 +11,12 @@ from jaxpf.cli.shared.console import say
 from jaxpf.contract.errors import InputError
 
 if TYPE_CHECKING:
-    from jaxpf.cli.tracking.request import Request
+    from jaxpf.cli.tracking.session import Session
 
 #: Seconds of camera frames to skip.
 _FIRST_SECOND = 1.0
 #: Maximum number of start frames to try; two views of a scene rarely differ in compiled shapes.
 _ATTEMPTS = 3
-
-
-def check_live(request: "Request", source: Any) -> None:
-    """Refuse options that a camera's frames cannot support."""
-    if source.is_live and request.run.resume is not None:
-        raise InputError(
-            f"--resume goes on in a video that begins as it did, and '{source.path}' is live; "
-            "leave it out, or record a video first."
-        )
-    said = {
-        "--truth": request.run.truth,
-        "--births": request.births,
-    }
-    for flag, value in said.items():
-        if source.is_camera and value is not None:
-            raise InputError(
-                f"{flag} is about frames that are known beforehand, and camera "
-                f"'{source.path}' is live; leave it out, or record a video first."
-            )
 
 
 def used_to_the_light(frames: Iterator[np.ndarray]) -> np.ndarray:
@@ -44,40 +25,32 @@ def used_to_the_light(frames: Iterator[np.ndarray]) -> np.ndarray:
     return next(frame for frame in frames if time.monotonic() > until)
 
 
-def start_when_compiled(
-    make: Callable[[np.ndarray], Any],
-    tracker: Any,
-    frame: np.ndarray,
-    frames: Iterator[np.ndarray],
-    source: Any,
-) -> tuple[Any, np.ndarray]:
-    """Take a camera's start frame and its tracker once compilation is done.
+def start_when_compiled(session: "Session") -> None:
+    """Take a camera's start frame, and build its tracker, once compilation is done.
 
     Compilation takes seconds, in which the objects move on.
-
-    Args:
-        make: function from a frame to the tracker that starts there.
-        tracker: tracker built from an earlier frame.
-        frame: the earlier frame.
-        frames: frames of the camera.
-        source: the camera.
     """
     import jax
 
+    from jaxpf.media.live import LiveSource
     from jaxpf.running.streaming import stream
 
     say("Compiling: leave the objects at their boxes.", err=True)
     for _ in range(_ATTEMPTS):
-        collections.deque(stream(tracker, jax.random.key(0), [frame]), maxlen=0)
-        compiled_for = _kind(tracker)
-        latest = next(frames, None)
+        one_frame = stream(session.tracker, jax.random.key(0), [session.first])
+        collections.deque(one_frame, maxlen=0)
+        compiled_for = _kind(session.tracker)
+        latest = next(session.frames, None)
         if latest is None:
-            raise InputError(f"camera '{source.path}' stopped; check that it is still plugged in.")
-        tracker, frame = make(latest), latest
-        if _kind(tracker) == compiled_for:
+            raise InputError(
+                f"camera '{session.source.path}' stopped; check that it is still plugged in."
+            )
+        session.tracker, session.first = session.tracker_at(latest, session.start), latest
+        if _kind(session.tracker) == compiled_for:
             break
     say("Tracking begins: the start frame is taken.  Ctrl-C ends it.", err=True)
-    return tracker, frame
+    assert isinstance(session.source, LiveSource)
+    session.source.count_from(session.request.run.start)
 
 
 def _kind(tracker: Any) -> Any:

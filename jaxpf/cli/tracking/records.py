@@ -1,18 +1,19 @@
 """Per-frame records, shared by fixed and changing populations."""
 
 import dataclasses
-import functools
 import itertools
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from jaxpf.cli.tracking.births import Births, by_frame
 from jaxpf.cli.tracking.track_table import Places, places_of
 from jaxpf.contract.lost import judge
-from jaxpf.targets.adapter import Adapter
-from jaxpf.targets.target import Start
+from jaxpf.targets.target import Start, Target
+
+if TYPE_CHECKING:
+    from jaxpf.populations.lifetimes import Changes
 
 #: All partitions.
 _ALL = slice(None)
@@ -37,7 +38,8 @@ class Record(NamedTuple):
         slots: partitions occupied by the objects.
         changes: births and deaths; None for a fixed population.
         scene: the scene of the tracker that this record comes from, if not the run's.
-        parts: records of groups of objects with trackers of their own; () for one tracker.
+        parts: records of groups of objects with trackers of their own; () for one tracker.  This
+            record then joins their ``start``, ``colours``, ``shapes`` and ``lost`` alone.
     """
 
     number: int
@@ -47,15 +49,25 @@ class Record(NamedTuple):
     shapes: np.ndarray
     places: Places
     lost: np.ndarray
-    confidence: Any = None
-    outside: Any = None
-    without_likelihood: Any = None
+    confidence: np.ndarray | None = None
+    outside: np.ndarray | None = None
+    without_likelihood: np.ndarray | None = None
     summary: Any = None
     state: Any = None
     slots: Any = _ALL
-    changes: Any = None
-    scene: Any = None
-    parts: tuple[Any, ...] = ()
+    changes: "Changes | None" = None
+    scene: "Scene | None" = None
+    parts: tuple["Record", ...] = ()
+
+    @property
+    def groups(self) -> tuple["Record", ...]:
+        """The record of each tracker."""
+        return self.parts or (self,)
+
+    @property
+    def filtered(self) -> list["Record"]:
+        """The groups that were filtered in this frame."""
+        return [group for group in self.groups if group.summary is not None]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,7 +75,7 @@ class Scene:
     """Settings shared by all frames of a run.
 
     Attributes:
-        adapter: adapter of the kind of target.
+        target: the kind of target.
         tracker: the filter itself, without the wrapper that repeats it.
         start: where objects start.
         size: width and height of the frames, pixels.
@@ -73,7 +85,7 @@ class Scene:
         check_first: refuses objects that are not visible in the first frame.
     """
 
-    adapter: Adapter
+    target: Target
     tracker: Any
     start: Start
     size: tuple[int, int]
@@ -85,7 +97,7 @@ class Scene:
     @property
     def has_own_boxes(self) -> bool:
         """Whether a user-defined tracker converts estimates to boxes itself."""
-        return self.adapter.target.has_boxes and hasattr(self.tracker, "boxes")
+        return self.target.has_boxes and hasattr(self.tracker, "boxes")
 
     def model_error(self, num_partitions: int) -> np.ndarray:
         """``[P, 3]``, see ``jaxpf.contract.Likelihood``."""
@@ -95,7 +107,7 @@ class Scene:
 
     def outside(self, start: Start, shapes: np.ndarray) -> np.ndarray:
         """Which shapes lie outside the image or are not finite."""
-        corners = np.asarray(self.adapter.target.outlines(start, shapes), float)
+        corners = np.asarray(self.target.outlines(start, shapes), float)
         lowest, highest = corners.min(axis=1), corners.max(axis=1)
         return ~np.all((lowest < np.array(self.size)) & (highest > 0), axis=1)
 
@@ -103,23 +115,7 @@ class Scene:
         """Shapes ``[..., P, S]`` of estimates or particles ``[..., P, D]``."""
         from jaxpf.evaluation.work.trackers import shapes_of
 
-        return np.asarray(shapes_of(self.tracker, self.adapter.target, start, estimate), float)
-
-    def places(
-        self,
-        number: int,
-        start: Start,
-        shapes: Any,
-        state: Any = None,
-        before: Any = None,
-        slots: Any = _ALL,
-    ) -> tuple[Places, np.ndarray]:
-        """Places in the frame of this number; see ``places_of``."""
-        error, step = self.model_error(len(shapes)), np.nan
-        if number > self.first:
-            step = self.shown_at(number) - self.shown_at(number - 1)
-        to_shapes = functools.partial(self.shapes, start)
-        return places_of(self.adapter, start, to_shapes, shapes, state, slots, step, before, error)
+        return np.asarray(shapes_of(self.tracker, self.target, start, estimate), float)
 
 
 def fixed_population(
@@ -142,7 +138,7 @@ def fixed_population(
     colours, nobody = object_colours(len(start.ids)), np.zeros(len(start.ids), bool)
 
     cloud = scene.cloud(state) if time and not scene.has_own_boxes else None
-    places, centres = scene.places(scene.first, start, start.shapes, cloud)
+    places, centres = places_of(scene, scene.first, start, start.shapes, cloud)
     if not time:
         places = Places(places.values)
         yield Record(scene.first, frame, start, colours, start.shapes, places, nobody)
@@ -158,9 +154,9 @@ def fixed_population(
         confidence, lost = judge(outside, hopeless, getattr(summary, "confidence", None))
         cloud = None if scene.has_own_boxes else scene.cloud(tracked.state)
         number = scene.first + 1 + tracked.time
-        places, centres = scene.places(number, start, shapes, cloud, centres)
+        places, centres = places_of(scene, number, start, shapes, cloud, centres)
         variance = getattr(summary, "estimate_variance", None)
-        if variance is not None and scene.adapter.target.has_places:
+        if variance is not None and scene.target.has_places:
             places = places._replace(error=np.sqrt(variance)[:, :2])
         yield Record(
             number=number,
@@ -210,7 +206,7 @@ def changing_population(
             centres = np.where((tracked.ids == ids)[:, None], centres, np.nan)
         state = None if tracked.summary is None else tracked.state
         number = scene.first + tracked.time
-        places, centres = scene.places(number, all_, tracked.boxes, state, centres, slots)
+        places, centres = places_of(scene, number, all_, tracked.boxes, state, centres, slots)
         if tracked.summary is None:
             places = Places(places.values)
         ids = tracked.ids

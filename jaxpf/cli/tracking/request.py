@@ -13,7 +13,7 @@ from jaxpf.cli.tracking.births import Births, defaults_of, read_births
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, check_options, option, options_of
 from jaxpf.files.writing import check_output_file
-from jaxpf.targets.adapter import Adapter
+from jaxpf.filters.filter import Filter
 from jaxpf.targets.appearance import COLOUR
 from jaxpf.targets.building import filter_for
 from jaxpf.targets.target import Target
@@ -112,7 +112,7 @@ class Request:
 
     Attributes:
         video: a file, a folder, or a live source.
-        adapter: adapter of the kind of target.
+        target: the kind of target.
         starts: values of its ``start_flags``.
         run: options shared by all kinds of target.
         model: options of the target.
@@ -122,20 +122,15 @@ class Request:
     """
 
     video: str | Path
-    adapter: Adapter
+    target: Target
     starts: Mapping[str, Any]
     run: Run
     model: Any
-    filter: Any
+    filter: Filter
     filter_options: Any
     births: Births | None
 
-    @property
-    def target(self) -> Target:
-        """The kind of target."""
-        return self.adapter.target
-
-    def table(self, video: Any) -> dict[str, Any]:
+    def table(self, video: str | Path) -> dict[str, Any]:
         """Contents of run.toml: everything that repeats the run, in command-line notation.
 
         Args:
@@ -153,9 +148,9 @@ class Request:
         }
 
 
-def request_of(ctx: click.Context, adapter: Adapter) -> Request:
+def request_of(ctx: click.Context, target: Target) -> Request:
     """Build the request from the command line and a configuration file."""
-    values, target = _given(ctx, adapter), adapter.target
+    values = _given(ctx, target)
     run = picked(values, Run)
     births = read_births(values)
     filter_, method = _filter_of(values, target, births is not None)
@@ -170,9 +165,9 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
     settings = {} if births is None else {"appearance": COLOUR}
     model = target.resolved(picked(values, target.options, of_target), settings)
     report_implied(values, target.resolved(target.options(), settings))
-    starts = {name: values[name] for name in adapter.start_flags}
-    request = Request(values["video"], adapter, starts, run, model, filter_, filter_options, births)
-    _check_together(request)
+    starts = {name: values[name] for name in target.start_flags}
+    request = Request(values["video"], target, starts, run, model, filter_, filter_options, births)
+    check_together(request)
     if run.save_state is not None:
         # A chain of runs goes on from one file, which the user names twice.
         goes_on = run.resume is not None and run.resume.resolve() == run.save_state.resolve()
@@ -181,7 +176,7 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
 
 
 _ERRORS, _LEAVE = ("runs", "error_bars"), "leave one of them out."
-#: Options, another one that they exclude, and why.
+#: Options, what they exclude, and why: another option, or what is known once the video is open.
 _EXCLUSIONS = (
     (("births",), "tracker", "works only with the built-in filters; leave it or --tracker out."),
     (("runs",), "error_bars", "estimates the same as --error-bars; use one of them."),
@@ -202,33 +197,57 @@ _EXCLUSIONS = (
         "works only with the built-in filters; leave it out, or wrap your tracker in "
         "jaxpf.filters.SideBySide.",
     ),
+    (
+        (*_ERRORS, "smooth", "smooth_lag", "save_state", "resume", "tracker"),
+        "later",
+        "works with objects that all start in the start frame, and the start file names later "
+        "frames; leave it out, or their rows.",
+    ),
+    (
+        ("resume",),
+        "live",
+        "goes on in a video that begins as it did, and '{video}' is live; leave it out, or record "
+        "a video first.",
+    ),
+    (
+        ("truth", "births"),
+        "camera",
+        "is about frames that are known beforehand, and camera '{video}' is live; leave it out, or "
+        "record a video first.",
+    ),
+    (
+        ("smooth",),
+        "endless",
+        "waits for the end of the clip, and the end of '{video}' is unknown; use --smooth-lag 50, "
+        "or --frames.",
+    ),
 )
 
 
-def _check_together(request: Request) -> None:
-    """Refuse options that exclude each other."""
-    values = vars(request.run) | {"births": request.births}
+def check_together(request: Request, video: Any = None, **known: Any) -> None:
+    """Refuse options that exclude each other, or what is ``known`` of the opened ``video``."""
+    values = vars(request.run) | {"births": request.births} | known
     for names, other, why in _EXCLUSIONS:
         for name in names:
-            if values[name] not in (None, False) and values[other] is not None:
-                raise InputError(f"--{name.replace('_', '-')} {why}")
+            if all(values.get(each) not in (None, False, {}) for each in (name, other)):
+                raise InputError(f"--{name.replace('_', '-')} {why.format(video=video)}")
 
 
-def _given(ctx: click.Context, adapter: Adapter) -> dict[str, Any]:
+def _given(ctx: click.Context, target: Target) -> dict[str, Any]:
     """Command-line values, and values of the configuration file that do not contradict them."""
     values = dict(ctx.params)
     source = {name: ctx.get_parameter_source(name) for name in values}
     typed = {n for n in values if source[n] is click.core.ParameterSource.COMMANDLINE}
     written = {n for n in values if source[n] is click.core.ParameterSource.DEFAULT_MAP}
     left_out: set[str] = set()
-    if (typed & set(adapter.start_flags)) - set(_ADDS_TO_START):
-        left_out |= set(adapter.start_flags)
+    if (typed & set(target.start_flags)) - set(_ADDS_TO_START):
+        left_out |= set(target.start_flags)
     families = [family.options for family in filters.all_filters().values()]
     if "method" in typed:
         chosen = filters.filter_of(values["method"])
         left_out |= set(options_of(*families)) - set(options_of(chosen.options))
         left_out |= set() if values["method"] == "ps" else {"order"}
-    for owner in (adapter.target.options, *families):
+    for owner in (target.options, *families):
         for name, option_ in options_of(owner).items():
             other, _ = option_.implies or ("", "")
             if other in typed and values[other] != OPEN and not option_.applies_with(values[other]):
@@ -236,7 +255,7 @@ def _given(ctx: click.Context, adapter: Adapter) -> dict[str, Any]:
     return {n: None if n in left_out & written else value for n, value in values.items()}
 
 
-def _filter_of(values: Mapping[str, Any], target: Target, opens: bool) -> tuple[Any, str | None]:
+def _filter_of(values: Mapping[str, Any], target: Target, opens: bool) -> tuple[Filter, str | None]:
     """The filter that --method or --births selects, and the name of the method."""
     able_families = [family for family in filters.all_filters().values() if family.opens]
     method = values["method"]

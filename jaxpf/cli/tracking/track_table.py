@@ -1,12 +1,17 @@
 """tracks.csv: one row per frame and object, for every kind of target."""
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from jaxpf.files.writing import LineWriter
+from jaxpf.targets.target import Start, Target
+
+if TYPE_CHECKING:
+    from jaxpf.cli.tracking.records import Record, Scene
 
 #: Percentages of the quantiles that bound a 95% interval.
 LEVELS = (2.5, 97.5)
@@ -26,62 +31,70 @@ class Places(NamedTuple):
     """
 
     values: np.ndarray
-    interval: Any = None
-    speed: Any = None
-    speed_interval: Any = None
-    error: Any = None
+    interval: np.ndarray | None = None
+    speed: np.ndarray | None = None
+    speed_interval: np.ndarray | None = None
+    error: np.ndarray | None = None
 
 
-class TrackTable(LineWriter):
-    """Write tracks.csv; the first filtered frame determines its header."""
+class Tracks:
+    """Writes tracks.csv, and outlines.csv for targets with outlines.
 
-    def __init__(self, path: Path, adapter: Any, shown_at: Callable[[int], float]):
-        """Create the file for a kind of target; ``shown_at`` gives a frame's time in seconds."""
-        super().__init__(path)
-        self._adapter, self._shown_at = adapter, shown_at
-        self._waiting: list[tuple[int, Any, Places, Any, Any]] = []
+    The first filtered frame determines the header; the start frame's rows are delayed until then.
+    """
+
+    def __init__(
+        self,
+        output: Path,
+        scene: "Scene",
+        stack: contextlib.ExitStack,
+        is_smoothed: bool = False,
+    ):
+        """Create the files; those of smoothed tracks say neither confidence nor who is lost."""
+        names = ("tracks.csv", "outlines.csv")
+        if is_smoothed:
+            names = ("smoothed.csv", "smoothed_outlines.csv")
+        tracks, outlines = (output / name for name in names)
+        self._is_smoothed = is_smoothed
+        self._file = stack.enter_context(LineWriter(tracks))
+        outline_file = scene.target.outline_file(outlines, scene.start)
+        self._write_outlines = stack.enter_context(outline_file)
+        self._target, self._shown_at = scene.target, scene.shown_at
+        self._waiting: list[Record] = []
         self._columns: list[str] = []
 
-    def write(
-        self, number: int, ids: Any, places: Places, lost: Any = None, confidence: Any = None
-    ) -> None:
-        """Append the rows of one frame; rows of the start frame are delayed until the next frame.
-
-        Args:
-            number: frame number, from 0.
-            ids: ``[P]``.
-            places: positions of the objects.
-            lost: bool ``[P]``, or None if unknown.
-            confidence: ``[P]``, or None if the likelihood defines none.
-        """
-        self._waiting.append((number, ids, places, lost, confidence))
-        if not self._columns and places.speed is None:
-            return
+    def __call__(self, record: "Record") -> None:
+        """Write the rows of a frame."""
+        if self._write_outlines is not None:
+            self._write_outlines(record.number, record.shapes)
+        self._waiting += record.groups
         if not self._columns:
-            self._columns = self._header(places, lost, confidence)
-            self.write_rows([["frame", "time", "id", *self._columns]])
-        for frame in self._waiting:
-            self.write_rows(self._rows(*frame))
+            moving = [group for group in record.groups if group.places.speed is not None]
+            if not moving:
+                return
+            self._columns = self._header(moving[0])
+            self._file.write_rows([["frame", "time", "id", *self._columns]])
+        for each in self._waiting:
+            self._file.write_rows(self._rows(each))
         self._waiting.clear()
 
-    def _header(self, places: Places, lost: Any, confidence: Any) -> list[str]:
-        names = [*self._adapter.columns]
+    def _header(self, record: "Record") -> list[str]:
+        places, names = record.places, [*self._target.columns]
         if places.interval is not None:
-            varying = [name for name in names if name not in self._adapter.fixed_columns]
+            varying = [name for name in names if name not in self._target.fixed_columns]
             names += [f"{name}_{level:g}" for name in varying for level in LEVELS]
         names.append("speed")
         if places.speed_interval is not None:
             names += [f"speed_{level:g}" for level in LEVELS]
-        if confidence is not None:
-            names.append("confidence")
-        if lost is not None:
+        if not self._is_smoothed:
+            names += [] if record.confidence is None else ["confidence"]
             names.append("lost")
         return names + ([] if places.error is None else ["x_error", "y_error"])
 
-    def _rows(self, number: int, ids: Any, places: Places, lost: Any, confidence: Any) -> Any:
-        count = len(ids)
-        cells: dict[str, Any] = {"speed": places.speed, "confidence": confidence}
-        for column, name in enumerate(self._adapter.columns):
+    def _rows(self, record: "Record") -> Iterator[list[Any]]:
+        places = record.places
+        cells: dict[str, Any] = {"speed": places.speed, "confidence": record.confidence}
+        for column, name in enumerate(self._target.columns):
             cells[name] = places.values[:, column]
             for end, level in enumerate(LEVELS):
                 if places.interval is not None:
@@ -91,15 +104,16 @@ class TrackTable(LineWriter):
                 cells[f"speed_{level:g}"] = places.speed_interval[end]
         if places.error is not None:
             cells |= {"x_error": places.error[:, 0], "y_error": places.error[:, 1]}
-        unknown = np.full(count, np.nan)
+        unknown = np.full(len(record.start.ids), np.nan)
         given = (cells.get(name) for name in self._columns)
         table = [unknown if values is None else values for values in given]
+        time = f"{self._shown_at(record.number):.4f}"
         for place in np.flatnonzero(np.isfinite(places.values).all(axis=1)):
             row = [
-                str(int(lost[place])) if name == "lost" else _cell(name, values[place])
+                str(int(record.lost[place])) if name == "lost" else _cell(name, values[place])
                 for name, values in zip(self._columns, table, strict=True)
             ]
-            yield [number, f"{self._shown_at(number):.4f}", ids[place], *row]
+            yield [record.number, time, record.start.ids[place], *row]
 
 
 def _cell(name: str, value: float) -> str:
@@ -109,47 +123,47 @@ def _cell(name: str, value: float) -> str:
 
 
 def places_of(
-    adapter: Any,
-    start: Any,
-    to_shapes: Any,
+    scene: "Scene",
+    number: int,
+    start: Start,
     shapes: np.ndarray,
-    state: Any,
-    slots: Any,
-    step: float,
-    before: np.ndarray | None,
-    error: np.ndarray,
+    state: Any = None,
+    before: np.ndarray | None = None,
+    slots: Any = slice(None),
 ) -> tuple[Places, np.ndarray]:
     """Values, intervals and speeds of one frame, and the centres ``[P, 2]`` for the next.
 
     Args:
-        adapter: adapter of the kind of target.
+        scene: settings of the run.
+        number: of the frame.
         start: start of all partitions.
-        to_shapes: function from substates ``[N, P, D]`` to shapes ``[N, P, S]``.
         shapes: ``[P, S]``, the estimate, NaN for a partition without an object.
         state: holds the weighted particles; a state without ``substates`` has no intervals.
-        slots: partitions to report.
-        step: seconds since the previous frame.
         before: ``[P, 2]``, centres in the previous frame; None if unknown.
-        error: ``[P, 3]``, ``model_error`` of ``jaxpf.contract.Likelihood``.
+        slots: partitions to report.
     """
-    values = adapter.column_values(start, shapes)
+    target, step = scene.target, np.nan
+    if number > scene.first:
+        step = scene.shown_at(number) - scene.shown_at(number - 1)
+    values = target.column_values(start, shapes)
     before = np.full((len(shapes), 2), np.nan) if before is None else before
     substates = getattr(state, "substates", None)
     if substates is None:
-        centres = centres_of(adapter, values)
+        centres = centres_of(target, values)
         speed = np.linalg.norm(centres - before, axis=-1) / step
         return Places(values[slots], speed=speed[slots]), centres
     from jaxpf.filters import quantiles
 
     kept, weights = _kept(state)
-    particles = adapter.column_values(start, to_shapes(np.asarray(substates)[kept]))
+    particles = target.column_values(start, scene.shapes(start, np.asarray(substates)[kept]))
     levels = [level / 100 for level in LEVELS]
     # Sort only the reported partitions.
     shown = weights if weights.ndim == 1 else weights[slots]
     interval = quantiles(particles[:, slots], shown, levels)
+    error = scene.model_error(len(shapes))
     if error.any():
-        interval = _widened(values[slots], interval, error[slots], adapter.target.has_boxes)
-    middles = centres_of(adapter, particles)
+        interval = _widened(values[slots], interval, error[slots], target.has_boxes)
+    middles = centres_of(target, particles)
     centres = _mean(middles, weights)
     moved = (centres - before) / step
     speed = np.linalg.norm(moved, axis=-1)
@@ -157,8 +171,8 @@ def places_of(
     previous = getattr(state, "previous_substates", None)
     if previous is None:
         return places, centres
-    earlier = adapter.column_values(start, to_shapes(np.asarray(previous)[kept]))
-    steps = (middles - centres_of(adapter, earlier)) / step
+    earlier = target.column_values(start, scene.shapes(start, np.asarray(previous)[kept]))
+    steps = (middles - centres_of(target, earlier)) / step
     # Deviation of each particle's step from the mean step, along the estimate's direction.
     along = np.sum((steps - _mean(steps, weights)) * moved, -1) / np.maximum(speed, 1e-9)
     ends = speed[slots] + quantiles(along[:, slots, None], shown, levels)[..., 0]
@@ -204,7 +218,7 @@ def _mean(values: np.ndarray, log_weights: np.ndarray) -> np.ndarray:
     return np.where(total > 0, sums / np.maximum(total, 1e-300), np.nan)
 
 
-def centres_of(adapter: Any, values: np.ndarray) -> np.ndarray:
+def centres_of(target: Target, values: np.ndarray) -> np.ndarray:
     """x and y of the centre: ``[..., 2]``."""
     corner = values[..., :2]
-    return corner + values[..., 2:4] / 2 if adapter.target.has_boxes else corner
+    return corner + values[..., 2:4] / 2 if target.has_boxes else corner

@@ -2,17 +2,21 @@
 
 import collections
 import contextlib
-from fractions import Fraction
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking.records import Record, Scene
-from jaxpf.cli.tracking.track_table import TrackTable, centres_of
+from jaxpf.cli.tracking.track_table import Tracks, centres_of, places_of
 from jaxpf.files.writing import LineWriter
-from jaxpf.targets.adapter import Marks
+from jaxpf.media.frame_source import FrameSource
+from jaxpf.targets.target import Marks
+
+if TYPE_CHECKING:
+    from jaxpf.smoothing.look_back import LookBack, SmoothedFrame
 
 #: Length of a trail in frames.
 _TRAIL = 20
@@ -26,67 +30,51 @@ _DRAWS = 400
 _LEAST_SPREAD = 1.0
 
 
-#: Files of ``Tracks`` and of ``Smoothed``: tracks and outlines.
-_TRACKS = "tracks.csv", "outlines.csv"
-_SMOOTHED = "smoothed.csv", "smoothed_outlines.csv"
-
-
-class Writer(Protocol):
-    """Receives the records of a run in order."""
-
-    def write(self, record: Record) -> None:
-        """Keep this writer's part of the record."""
-
-
-class Tracks:
-    """Writes tracks.csv, and outlines.csv for targets with outlines."""
-
-    def __init__(
-        self, output: Path, scene: Scene, stack: contextlib.ExitStack, names: Any = _TRACKS
-    ):
-        tracks, outlines = (output / name for name in names)
-        self._table = stack.enter_context(TrackTable(tracks, scene.adapter, scene.shown_at))
-        outline_file = scene.adapter.outline_file(outlines, scene.start)
-        self._write_outlines = stack.enter_context(outline_file)
-
-    def write(self, record: Record) -> None:
-        """See ``Writer``."""
-        ids, lost, confidence = record.start.ids, record.lost, record.confidence
-        self.append(record.number, ids, record.shapes, record.places, lost, confidence)
-
-    def append(
-        self, number: int, ids: Any, shapes: Any, places: Any, lost: Any = None, sure: Any = None
-    ) -> None:
-        """Write a frame; ``sure`` is the confidence, see ``TrackTable.write``."""
-        self._table.write(number, ids, places, lost, sure)
-        if self._write_outlines is not None:
-            self._write_outlines(number, shapes)
+#: Receives the records of a run in order, and keeps its part of them.
+Writer = Callable[[Record], None]
 
 
 class Diagnostics:
     """Writes diagnostics.csv: effective sample size, evidence, uniqueness and confidence."""
 
-    def __init__(self, output: Path, names: Any, stack: contextlib.ExitStack):
+    def __init__(self, output: Path, names: list[Any], stack: contextlib.ExitStack):
         self._file = stack.enter_context(LineWriter(output / "diagnostics.csv"))
         self._names, self._is_new = names, True
 
-    def write(self, record: Record) -> None:
-        """See ``Writer``; a user-defined tracker may report less than the built-in ones."""
-        summary = record.summary
-        if summary is None:
+    def __call__(self, record: Record) -> None:
+        """Write a row; a user-defined tracker may report less than the built-in ones."""
+        if not record.filtered:
             return
-        unknown = np.full(len(self._names), np.nan)
-        columns = {"uniqueness": getattr(summary, "uniqueness", unknown)}
-        if record.confidence is not None:
-            columns["confidence"] = np.array(summary.confidence)
-            columns["confidence"][record.slots] = record.confidence
+        columns = {"uniqueness": self._row(record, "uniqueness")}
+        if any(group.confidence is not None for group in record.filtered):
+            columns["confidence"] = self._row(record, "confidence")
         if self._is_new:
             names = [f"{column}_{name}" for column in columns for name in self._names]
             self._file.write_rows([["frame", "ess", "log_evidence", *names]])
             self._is_new = False
-        scalars = [float(getattr(summary, name, np.nan)) for name in ("ess", "log_evidence")]
+        scalars = [min(_reported(record, "ess")), sum(_reported(record, "log_evidence"))]
         values = [*scalars, *np.concatenate([*columns.values()])]
         self._file.write_rows([[record.number, *(f"{value:.6g}" for value in values)]])
+
+    def _row(self, record: Record, name: str) -> np.ndarray:
+        """A column of the summaries, by object; NaN where a group does not report it."""
+        row = np.full(len(self._names), np.nan)
+        for group in record.filtered:
+            if (values := getattr(group.summary, name, None)) is None:
+                continue
+            values = np.array(values, float)
+            if name == "confidence":
+                values[group.slots] = group.confidence
+            if not record.parts:
+                return values
+            columns = [self._names.index(each) for each in group.start.ids.tolist()]
+            row[columns] = values[group.slots]
+        return row
+
+
+def _reported(record: Record, name: str, otherwise: float = np.nan) -> list[float]:
+    """A number of each summary."""
+    return [float(getattr(group.summary, name, otherwise)) for group in record.filtered]
 
 
 class Overlay:
@@ -97,25 +85,20 @@ class Overlay:
     """
 
     def __init__(
-        self,
-        output: Path,
-        scene: Scene,
-        fps: float,
-        pixel_aspect: Fraction,
-        stack: contextlib.ExitStack,
+        self, output: Path, scene: Scene, source: FrameSource, stack: contextlib.ExitStack
     ):
         from jaxpf.media.video_writer import VideoWriter
 
         self._scene = scene
         self._video = stack.enter_context(
-            VideoWriter(output / "overlay.mp4", *scene.size, fps, pixel_aspect)
+            VideoWriter(output / "overlay.mp4", *scene.size, source.fps, source.pixel_aspect)
         )
         self._began: float | None = None
         self._past: collections.deque[np.ndarray] = collections.deque(maxlen=_TRAIL)
         self._unconfirmed: dict[Any, int] = {}
 
-    def write(self, record: Record) -> None:
-        """See ``Writer``."""
+    def __call__(self, record: Record) -> None:
+        """Draw a frame."""
         doubtful = self._doubtful(record)
         if record.changes is None:
             if self._past and len(self._past[-1]) != len(record.shapes):
@@ -136,22 +119,21 @@ class Overlay:
     def _draw(self, record: Record, doubtful: np.ndarray) -> np.ndarray:
         from jaxpf.media.overlay import draw_spreads
 
-        adapter, frame = self._scene.adapter, record.frame
-        parts = [part for part in record.parts or (record,) if part.summary is not None]
-        for part in parts:
+        target, frame = self._scene.target, record.frame
+        for part in record.filtered:
             scene = part.scene or self._scene
             colours = np.zeros((len(part.summary.estimate), 3), np.uint8)
             colours[part.slots] = part.colours
             cloud = scene.cloud(part.state)
-            frame = adapter.draw_particles(frame, scene.start, scene.tracker, cloud, colours)
+            frame = target.draw_particles(frame, scene.start, scene.tracker, cloud, colours)
         past = np.stack(self._past) if self._past else None
         marks = Marks(record.colours, record.lost, past, doubtful)
-        picture = adapter.draw(frame, record.start, record.shapes, marks)
-        for part in parts:
+        picture = target.draw(frame, record.start, record.shapes, marks)
+        for part in record.filtered:
             scene, spread = part.scene or self._scene, getattr(part.summary, "spread", None)
-            if spread is None or scene.has_own_boxes or not adapter.target.has_places:
+            if spread is None or scene.has_own_boxes or not target.has_places:
                 continue
-            centres = centres_of(adapter, part.places.values)
+            centres = centres_of(target, part.places.values)
             spread = np.hypot(spread[:, :2], scene.model_error(len(spread))[:, :2])[part.slots]
             picture = draw_spreads(picture, centres, spread, part.colours)
         return picture
@@ -163,17 +145,21 @@ class Smoothed:
     Spreads are those of the smoother, but at least ``_LEAST_SPREAD`` of the filtered ones.
     """
 
-    def __init__(self, output: Path, scene: Scene, look_back: Any, stack: contextlib.ExitStack):
-        self._tracks = Tracks(output, scene, stack, _SMOOTHED)
+    def __init__(
+        self, output: Path, scene: Scene, look_back: "LookBack", stack: contextlib.ExitStack
+    ):
+        self._tracks = Tracks(output, scene, stack, is_smoothed=True)
         self._scene, self._look_back = scene, look_back
-        self._before: Any = None
+        self._before: np.ndarray | None = None
+        self._latest: Record | None = None
         self._filtered: collections.deque[np.ndarray] = collections.deque()
 
-    def write(self, record: Record) -> None:
-        """See ``Writer``."""
+    def __call__(self, record: Record) -> None:
+        """Write the frames whose later ones are now known."""
+        self._latest = record
         if record.summary is None:
-            self._before = self._scene.places(record.number, record.start, record.shapes)[1]
-            self._tracks.append(record.number, record.start.ids, record.shapes, record.places)
+            self._before = places_of(self._scene, record.number, record.start, record.shapes)[1]
+            self._tracks(record)
             return
         self._filtered.append(record.summary.spread)
         self._append(self._look_back.add(self._scene.cloud(record.state)))
@@ -188,15 +174,16 @@ class Smoothed:
                 err=True,
             )
 
-    def _append(self, frames: Any) -> None:
+    def _append(self, frames: Iterable["SmoothedFrame"]) -> None:
         scene, start = self._scene, self._scene.start
         for frame in frames:
+            assert self._latest is not None
             shapes = scene.shapes(start, frame.estimate)
             spread = np.maximum(frame.spread, _LEAST_SPREAD * self._filtered.popleft())
             draws = _NormalDraws(frame.estimate, spread)
             number = scene.first + 1 + frame.time
-            places, self._before = scene.places(number, start, shapes, draws, self._before)
-            self._tracks.append(number, start.ids, shapes, places)
+            places, self._before = places_of(scene, number, start, shapes, draws, self._before)
+            self._tracks(self._latest._replace(number=number, shapes=shapes, places=places))
 
 
 class _NormalDraws:
@@ -216,11 +203,12 @@ class Population:
         self.deaths: list[dict] = []
         self.refused: list[dict] = []
 
-    def write(self, record: Record) -> None:
-        """See ``Writer``."""
+    def __call__(self, record: Record) -> None:
+        """Collect the changes of a frame."""
         from jaxpf.populations.lifetimes import EMPTY
 
         number, changes = record.number, record.changes
+        assert changes is not None
         for birth in changes.births:
             self.births.append({"id": birth.id, "frame": number, "box": birth.box.tolist()})
         for death in changes.deaths:
@@ -239,17 +227,17 @@ class Counts:
         self.outside: dict[str, list[int]] = {str(name): [] for name in ids}
         self.without_likelihood: dict[str, list[int]] = {str(name): [] for name in ids}
 
-    def write(self, record: Record) -> None:
-        """See ``Writer``."""
-        if record.summary is None:
+    def __call__(self, record: Record) -> None:
+        """Count a frame."""
+        if not record.filtered:
             return
         self.tracked += 1
-        self.invalid += int(getattr(record.summary, "num_invalid", 0))
-        log_evidence = float(getattr(record.summary, "log_evidence", np.nan))
-        self.impossible += int(np.isneginf(log_evidence))
-        for where, frames in (
-            (record.outside, self.outside),
-            (record.without_likelihood, self.without_likelihood),
-        ):
-            for name in record.start.ids[where]:
-                frames.setdefault(str(name), []).append(record.number)
+        self.invalid += int(sum(_reported(record, "num_invalid", 0)))
+        self.impossible += int(np.isneginf(sum(_reported(record, "log_evidence"))))
+        for group in record.filtered:
+            for where, frames in (
+                (group.outside, self.outside),
+                (group.without_likelihood, self.without_likelihood),
+            ):
+                for name in group.start.ids[where]:
+                    frames.setdefault(str(name), []).append(record.number)

@@ -24,7 +24,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import GRADIENTS, OBJECTIVES
 from jaxpf.contract.options import OPEN, chosen, option, options_of
 from jaxpf.running.memory import check_memory, needed_by
-from jaxpf.targets import adapter_of_scene, adapters
+from jaxpf.targets import all_targets, target_of_scene
 from jaxpf.targets.building import filter_for
 from jaxpf.tuning.settings import Settings
 
@@ -219,7 +219,7 @@ def _check_names(parameters: str | None) -> None:
     """Refuse misspelt parameters before scenes are opened."""
     from jaxpf import tuning
 
-    targets = (adapter.target.options for adapter in adapters().values())
+    targets = (target.options for target in all_targets().values())
     every = [option.path or "" for each in targets for option in options_of(each).values()]
     for name in (tuning.parameter(text).name for text in names_in(parameters or "")):
         near = difflib.get_close_matches(name, every, n=1, cutoff=0.8)
@@ -253,7 +253,7 @@ def _recipe(
     from jaxpf.tuning.declared import tuned_by_default
     from jaxpf.tuning.sequences import Recipe
 
-    target = adapter_of_scene(scene, options.target).target
+    target = target_of_scene(scene, options.target)
     filter_ = filter_for(target, values["method"])
     own = {n: v for n, v in values.items() if n not in options_of(Options)}
     refuse_others(own, target, filter_)

@@ -29,8 +29,8 @@ from jaxpf.evaluation.work.scene import (
 )
 from jaxpf.files.locking import locked
 from jaxpf.files.writing import remove_leavings, report_os_errors
-from jaxpf.targets import adapter_of_scene
-from jaxpf.targets.adapter import Adapter
+from jaxpf.targets import target_of_scene
+from jaxpf.targets.target import Target
 
 if TYPE_CHECKING:
     from jaxpf.evaluation.work.worker import Work
@@ -43,7 +43,7 @@ class Prepared:
     Attributes:
         plan: the requested plan.
         scene: its opened scene.
-        adapter: for the type of its objects.
+        target: the kind of its objects.
         results: what is on disk, with settings, truth and configurations.
         done: bool ``[R]`` per configuration, whether each run is on disk.
         damaged: damaged batch files; their runs count as missing.
@@ -56,7 +56,7 @@ class Prepared:
 
     plan: Plan
     scene: Any
-    adapter: Adapter
+    target: Target
     results: Results
     done: list[np.ndarray]
     damaged: list[Path]
@@ -143,30 +143,30 @@ def prepare(
 
     scene = open_scene(plan.scene)
     check_scene(scene)
-    adapter = adapter_of_scene(scene, plan.target)
-    start = adapter.scene_start(scene)
+    target = target_of_scene(scene, plan.target)
+    start = target.scene_start(scene)
     if settings is None:
-        settings = new_settings(plan, scene, adapter.target, start)
+        settings = new_settings(plan, scene, target, start)
     else:
         check_continues(settings, scene, folder)
         about_scene = {**settings["scene"], "files": fingerprint(plan.scene)}
         settings = {**settings, "runs": plan.runs, "scene": about_scene}
     digest = settings["scene"]["digest"]
     reopen = functools.partial(same_scene, plan.scene, digest)
-    results = Results(folder, settings, adapter.scene_shapes(scene)[1:], start, reopen)
+    results = Results(folder, settings, target.scene_shapes(scene)[1:], start, reopen)
     done, damaged = results.survey()
     configurations = results.configurations
     remember_scene(scene, digest)
-    work, memory = batches(plan, scene, adapter, digest, configurations, done, limits)
+    work, memory = batches(plan, scene, target, digest, configurations, done, limits)
     imports = {
-        index: _imported(plan, scene, adapter, configuration)
+        index: _imported(plan, scene, target, configuration)
         for index, configuration in enumerate(configurations)
         if configuration.is_imported and not done[index].all()
     }
     return Prepared(
         plan=plan,
         scene=scene,
-        adapter=adapter,
+        target=target,
         results=results,
         done=done,
         damaged=damaged,
@@ -208,13 +208,13 @@ def carry_out(
 
 
 def _imported(
-    plan: Plan, scene: Any, adapter: Adapter, configuration: Configuration
+    plan: Plan, scene: Any, target: Target, configuration: Configuration
 ) -> tuple[Batch, float | None]:
     """Read or compute another tracker's tracks; also the seconds that computing them took."""
     from jaxpf.evaluation.work.trackers import own_tracker
     from jaxpf.evaluation.work.worker import imported_batch
 
-    name, target = configuration.method, adapter.target
+    name = configuration.method
     boxes, seconds = None, None
     if name in plan.trackers:
         function: Any = plan.trackers[name]

@@ -14,8 +14,7 @@ import numpy as np
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.evaluation.work.batches import Batch, batch_files, read_batch
 from jaxpf.files.pieces import SETTINGS, Damaged, Pieces
-from jaxpf.targets import find_adapter
-from jaxpf.targets.adapter import Adapter
+from jaxpf.targets import find_target
 from jaxpf.targets.target import Start, Target
 
 #: Name of the stored file with the ground truth.
@@ -120,14 +119,9 @@ class Results:
         return cls(folder, settings, truth, start, load_scene)
 
     @property
-    def adapter(self) -> Adapter:
-        """Adapter that writes and draws the scene's type of objects."""
-        return find_adapter(self.settings["scene"]["target"])
-
-    @property
     def target(self) -> Target:
         """Type of the scene's objects."""
-        return self.adapter.target
+        return find_target(self.settings["scene"]["target"])
 
     @property
     def scene_name(self) -> str:

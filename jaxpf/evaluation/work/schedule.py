@@ -17,7 +17,6 @@ from jaxpf.evaluation.work.worker import Work
 from jaxpf.lowering import platform
 from jaxpf.running.chunks import chunk_length
 from jaxpf.running.widths import WIDE, Blocks, blocks_of
-from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.target import Target
 
 #: Largest number of likelihoods per batch and core, which an interrupted process can lose: about 15
@@ -50,7 +49,7 @@ class Costs(NamedTuple):
 def batches(
     plan: Plan,
     scene: Any,
-    adapter: Adapter,
+    target: Target,
     digest: str,
     configurations: list[Configuration],
     done: list[np.ndarray],
@@ -74,10 +73,10 @@ def batches(
         configuration = configurations[index]
         if done[index].all():
             continue
-        shape = shape_of(configuration, adapter.target)
+        shape = shape_of(configuration, target)
         function = plan.trackers.get(configuration.method)
         if shape not in cost_by_shape:
-            cost_by_shape[shape] = costs(configuration, scene, adapter)
+            cost_by_shape[shape] = costs(configuration, scene, target)
         cost = cost_by_shape[shape]
         most = limits.runs_per_batch or WIDE * devices
         if cost and not limits.runs_per_batch:
@@ -95,7 +94,7 @@ def batches(
                     float64=double_precision(),
                     scene=plan.scene,
                     digest=digest,
-                    target=adapter.name,
+                    target=target.name,
                     function=function,
                 )
             )
@@ -113,11 +112,11 @@ def double_precision() -> bool:
     return jnp.zeros(()).dtype == jnp.float64
 
 
-def costs(configuration: Configuration, scene: Any, adapter: Adapter) -> Costs | None:
+def costs(configuration: Configuration, scene: Any, target: Target) -> Costs | None:
     """Estimate the cost of a configuration's runs; None for user-defined trackers."""
     if configuration.kind != BUILT_IN:
         return None
-    tracker = tracker_of(scene, adapter, configuration)
+    tracker = tracker_of(scene, target, configuration)
     num_frames = len(scene.frames) - 1
     size = _bytes(jax.eval_shape(tracker.init, jax.random.key(0)))
     frame = jax.ShapeDtypeStruct(scene.frames.shape[1:], scene.frames.dtype)

@@ -61,7 +61,7 @@ def measure_speeds(
         if kind not in measured:
             on_begin(configuration.label)
             scene, function = results.scene(), trackers.get(configuration.method)
-            tracker = tracker_of(scene, results.adapter, configuration, function)
+            tracker = tracker_of(scene, results.target, configuration, function)
             frames = scene.frames[1 : 2 + _FRAMES]
             measured[kind] = _frames_per_second(tracker, jax.random.key(results.seed), frames)
         speeds[index] = measured[kind]

@@ -16,7 +16,6 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import chosen
 from jaxpf.evaluation.work.results import BUILT_IN, Configuration
 from jaxpf.targets import building
-from jaxpf.targets.adapter import Adapter, looks_of_scene
 from jaxpf.targets.target import Looks, Start, Target
 
 #: One frame in this many samples the appearance of a scene.
@@ -25,18 +24,14 @@ _EVERY = 8
 
 def looks_of(scene: Any, num_particles: int) -> Looks:
     """Appearance of a scene's objects."""
-    return looks_of_scene(scene, num_particles, scene.frames[::_EVERY])
+    return building.looks_of_scene(scene, num_particles, scene.frames[::_EVERY])
 
 
-def built_in_tracker(scene: Any, adapter: Adapter, configuration: Configuration) -> Any:
+def built_in_tracker(scene: Any, target: Target, configuration: Configuration) -> Any:
     """Build the tracker of one configuration: its filter on the scene's target."""
     values = configuration.parameters | configuration.variant
     filter_ = filters.filter_of(values["method"])
-    target, start, options = (
-        adapter.target,
-        adapter.scene_start(scene),
-        chosen(filter_.options, values),
-    )
+    start, options = target.scene_start(scene), chosen(filter_.options, values)
     looks = looks_of(scene, options.particles)
     return building.build(target, chosen(target.options, values), filter_, options, start, looks)
 
@@ -83,9 +78,9 @@ def shapes_of(tracker: Any, target: Target, start: Start, estimate: Any) -> np.n
 
 
 def tracker_of(
-    scene: Any, adapter: Adapter, configuration: Configuration, function: Any = None
+    scene: Any, target: Target, configuration: Configuration, function: Any = None
 ) -> Any:
     """Make the tracker of a configuration, built in or from a user's function."""
     if configuration.kind == BUILT_IN:
-        return built_in_tracker(scene, adapter, configuration)
+        return built_in_tracker(scene, target, configuration)
     return own_tracker(configuration.method, function, scene)

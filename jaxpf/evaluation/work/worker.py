@@ -14,7 +14,7 @@ from jaxpf.evaluation.work.scene import same_scene
 from jaxpf.evaluation.work.trackers import shapes_of, tracker_of
 from jaxpf.running.blocks import run_blocks
 from jaxpf.running.widths import Blocks
-from jaxpf.targets import find_adapter
+from jaxpf.targets import find_target
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,7 +72,7 @@ def run_batch(work: Work, attempt: int = 0) -> Batch:
     """
     with jax.enable_x64(work.float64):
         scene = same_scene(work.scene, work.digest)
-        of = find_adapter(work.target)
+        of = find_target(work.target)
         start, tracker = of.scene_start(scene), _tracker(scene, work)
         error = model_error(tracker, start.num_partitions).astype(np.float32)
         recorded = run_blocks(
@@ -90,7 +90,7 @@ def run_batch(work: Work, attempt: int = 0) -> Batch:
     return Batch(
         seeds=np.full(work.num_runs, work.seed, np.int64),
         runs=np.arange(work.first_run, work.first_run + work.num_runs),
-        shapes=shapes_of(tracker, of.target, start, kept.pop("estimate")).astype(np.float32),
+        shapes=shapes_of(tracker, of, start, kept.pop("estimate")).astype(np.float32),
         model_error=np.broadcast_to(error, (work.num_runs, *error.shape)),
         **kept,
     )
@@ -146,10 +146,10 @@ def imported_batch(shapes: np.ndarray, seed: int) -> Batch:
 def _tracker(scene: Any, work: Work) -> Any:
     """Make the tracker; a user's function is called once per scene and its tracker reused."""
     if work.configuration.kind == BUILT_IN:
-        return tracker_of(scene, find_adapter(work.target), work.configuration)
+        return tracker_of(scene, find_target(work.target), work.configuration)
     key = work.digest, work.configuration.method
     if _own_tracker.get("key") != key:
-        tracker = tracker_of(scene, find_adapter(work.target), work.configuration, work.function)
+        tracker = tracker_of(scene, find_target(work.target), work.configuration, work.function)
         _own_tracker.update(key=key, tracker=tracker)
     return _own_tracker["tracker"]
 

@@ -13,15 +13,16 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf import contract
-from jaxpf.contract.errors import InputError, check_known, choice
-from jaxpf.contract.names import DRIFTS, SHAPES
-from jaxpf.contract.numbers import FINITE, check_array, check_number, check_whole
+from jaxpf.contract.errors import InputError, choice
+from jaxpf.contract.numbers import FINITE, check_array
+from jaxpf.contract.options import check_declared
 from jaxpf.contract.pytree import as_array, compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.refusals import Bias
 from jaxpf.contract.state import Summary
 from jaxpf.filters import confidence
 from jaxpf.filters.factored import cloud, drift, shape
 from jaxpf.filters.factored.cloud import FactoredState
+from jaxpf.filters.factored.options import Options
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
 
@@ -62,8 +63,8 @@ class Eskil(contract.Tracker):
         num_particles: static, M per partition.
         upsampling: static, number of moves per particle; not published.
         memory: static, tau, number of frames over which velocities are compared; not published.
-        drift: static, one of ``jaxpf.contract.names.DRIFTS``.
-        shape: static, one of ``jaxpf.contract.names.SHAPES``.
+        drift: static, ``"clip"``, ``"signed"``, ``"literal"``, ``"ridge"`` or ``"none"``.
+        shape: static, ``"relative"``, ``"pixels"`` or ``"none"``.
         proper: static, whether the drift is a proposal, see above.
         resampling: a name in ``jaxpf.resampling.SCHEMES``, or a custom scheme, see there.
     """
@@ -189,13 +190,10 @@ def _log_ratio(dynamics, new, diffused, lagged):
 
 
 def _check(tracker: Eskil) -> None:
-    check_whole("num_particles", tracker.num_particles)
-    check_whole("upsampling", tracker.upsampling)
+    names = ("upsampling", "drift", "shape", "shape_scale")
+    renamed = {"num_particles": "particles", "memory": "velocity_memory"}
+    check_declared(tracker, Options, *names, **renamed)
     cloud.check_factors(tracker.dynamics, tracker.likelihood)
-    check_known("drift=", tracker.drift, DRIFTS)
-    check_known("shape=", tracker.shape, SHAPES)
-    check_whole("memory", tracker.memory, least=2)
-    check_number("shape_scale", tracker.shape_scale, above=0)
     if tracker.drift != "none" and tracker.num_partitions < 2:
         raise InputError(
             choice("drift", tracker.drift),

@@ -1,20 +1,11 @@
-"""The factored filters' options."""
+"""Options of the factored filters."""
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Any
 
-import numpy as np
-
-from jaxpf.contract.errors import InputError
-from jaxpf.contract.model import Model
-from jaxpf.contract.names import DRIFTS, FACTORED_METHODS, FORMS, SCHEMES, SHAPES
+from jaxpf.contract.names import SCHEMES
 from jaxpf.contract.options import check_options, option
-from jaxpf.filters.filter import Filter
 
-#: Published numbers of particles per partition.
-_PARTICLES = {"eskil": 10, "pffl": 50}
-_UPSAMPLING = {"eskil": 3, "pffl": 1}
+METHODS = ("eskil", "pffl")
 _ESKIL = ("method", "eskil")
 
 
@@ -26,7 +17,7 @@ class Options:
         "eskil",
         "eskil (every object has its own particles; objects drift together and keep a shape), "
         "pffl (the same without drift and shape).",
-        choices=FACTORED_METHODS,
+        choices=METHODS,
     )
     particles: int | None = option(
         None,
@@ -49,14 +40,14 @@ class Options:
     drift: str = option(
         "clip",
         "How objects move together (eskil only).",
-        choices=DRIFTS,
+        choices=("clip", "signed", "literal", "ridge", "none"),
         compiles=True,
         implies=_ESKIL,
     )
     shape: str = option(
         "relative",
         "How objects keep their distances (eskil only).",
-        choices=SHAPES,
+        choices=("relative", "pixels", "none"),
         compiles=True,
         implies=_ESKIL,
     )
@@ -84,63 +75,10 @@ class Options:
     form: str = option(
         "auxiliary",
         "How pffl weights: as a sound auxiliary particle filter, or literally as published.",
-        choices=FORMS,
+        choices=("auxiliary", "literal"),
         compiles=True,
         implies=("method", "pffl"),
     )
 
     def __post_init__(self) -> None:
         check_options(self)
-
-
-class FactoredFilter(Filter):
-    """The factored filters, with separate particles per partition: PFFL and eskil2014."""
-
-    name = "factored"
-    methods = FACTORED_METHODS
-    options = Options
-
-    def tracker(self, model: Model, options: Options) -> Any:
-        """See ``Filter``."""
-        from jaxpf.dynamics.gaussian import AR2
-        from jaxpf.filters.factored.eskil import Eskil
-        from jaxpf.filters.factored.pffl import PFFL
-
-        self.check(options, model.parents)
-        method = options.method
-        shared: dict[str, Any] = {
-            "dynamics": model.dynamics,
-            "likelihood": model.likelihood,
-            "initial": model.initial,
-            "num_particles": options.particles or _PARTICLES[method],
-            "upsampling": options.upsampling or _UPSAMPLING[method],
-            "resampling": options.resampling,
-        }
-        if method == "pffl":
-            return PFFL(form=options.form, **shared)
-        if options.drift != "none" and type(model.dynamics) is AR2:
-            # Drift and momentum would count the same motion twice, and points would run away.
-            shared["dynamics"] = dataclasses.replace(model.dynamics, momentum=np.float32(0))
-        return Eskil(
-            shape_scale=options.shape_scale,
-            memory=options.velocity_memory,
-            drift=options.drift,
-            shape=options.shape,
-            proper=options.proper,
-            **shared,
-        )
-
-    def admits(self, method: str, parents: Sequence[int]) -> bool:
-        """See ``Filter``: no part trees, as partitions share no particles."""
-        return all(parent < 0 for parent in parents)
-
-    def check(self, options: Options, parents: Sequence[int]) -> None:
-        """See ``Filter``."""
-        if not self.admits(options.method, parents):
-            raise InputError(
-                f"method {options.method!r} follows independent objects, and this is a part tree; "
-                "choose sir, ps or sps."
-            )
-
-
-FACTORED = FactoredFilter()

@@ -13,15 +13,15 @@ import jax.numpy as jnp
 
 from jaxpf import contract
 from jaxpf.contract import Tracker
-from jaxpf.contract.errors import check_known
-from jaxpf.contract.names import FORMS
-from jaxpf.contract.numbers import check_number, check_whole
+from jaxpf.contract.numbers import check_number
+from jaxpf.contract.options import check_declared
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.refusals import Bias
 from jaxpf.contract.state import Summary
 from jaxpf.filters import confidence
 from jaxpf.filters.factored import cloud
 from jaxpf.filters.factored.cloud import FactoredState
+from jaxpf.filters.factored.options import Options
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
 
@@ -48,7 +48,7 @@ class PFFL(Tracker):
         safety: share of the ancestors drawn by their weights alone, in (0, 1].
         num_particles: static, M per partition; 50 in eskil2014.
         upsampling: static, number of moves per ancestor; the next frame thins the set to M.
-        form: static, one of ``jaxpf.contract.names.FORMS``.
+        form: static, ``"auxiliary"`` or ``"literal"``.
         resampling: a name in ``jaxpf.resampling.SCHEMES``, or a custom scheme, see there.
     """
 
@@ -64,10 +64,8 @@ class PFFL(Tracker):
     def __post_init__(self):
         object.__setattr__(self, "initial", cloud.checked_initial(self.initial))
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
-        check_whole("num_particles", self.num_particles)
-        check_whole("upsampling", self.upsampling)
+        check_declared(self, Options, "upsampling", "form", num_particles="particles")
         cloud.check_factors(self.dynamics, self.likelihood)
-        check_known("form=", self.form, FORMS)
         check_number("safety", self.safety, above=0, most=1)
 
     @property

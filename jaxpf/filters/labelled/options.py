@@ -1,16 +1,10 @@
-"""The labelled filter's options, for commands and evaluations."""
+"""Options of the labelled filter."""
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Any
 
-from jaxpf.contract.errors import Argument, InputError
-from jaxpf.contract.model import Model
 from jaxpf.contract.names import SCHEMES
 from jaxpf.contract.options import check_options, option
-from jaxpf.filters.filter import Filter
-from jaxpf.filters.labelled.choices import FEEDBACKS, SCOPES, WEIGHTS
-from jaxpf.filters.relocation_option import relocate_option, relocation_of
+from jaxpf.filters.relocation_option import relocate_option
 
 METHODS = ("labelled",)
 
@@ -31,19 +25,19 @@ class Options:
         "equal_share",
         "How labelled particles are shared: equal_share (each object gets as many), plain (the "
         "likelier, the more), corrected (equal shares, weights kept).",
-        choices=WEIGHTS,
+        choices=("equal_share", "plain", "corrected"),
         compiles=True,
     )
     scope: str = option(
         "across",
         "Whether labelled particles are resampled across objects or within each.",
-        choices=SCOPES,
+        choices=("across", "within"),
         compiles=True,
     )
     feedback: str = option(
         "none",
         "Whether labelled particles move at their own speed (none) or at that of the estimate.",
-        choices=FEEDBACKS,
+        choices=("none", "estimate"),
         compiles=True,
     )
     regularise: tuple[float, ...] | None = option(
@@ -60,62 +54,3 @@ class Options:
 
     def __post_init__(self) -> None:
         check_options(self)
-
-
-class LabelledFilter(Filter):
-    """The labelled filter (rowe2005)."""
-
-    name = "labelled"
-    methods = METHODS
-    options = Options
-    opens = True
-
-    def tracker(self, model: Model, options: Options) -> Any:
-        """See ``Filter``."""
-        import numpy as np
-
-        from jaxpf.filters.labelled.tracker import Labelled
-
-        self.check(options, model.parents)
-        rates = options.regularise
-        return Labelled(
-            dynamics=model.dynamics,
-            likelihood=model.likelihood,
-            initial=model.initial,
-            num_targets=model.num_partitions,
-            num_particles=options.particles,
-            resampling=options.resampling,
-            weights=options.weights,
-            scope=options.scope,
-            feedback=options.feedback,
-            relocation=relocation_of(model.likelihood, options.relocate),
-            population="open" if model.is_open else "fixed",
-            regularise=None if rates is None else np.asarray(rates, np.float32),
-        )
-
-    def admits(self, method: str, parents: Sequence[int]) -> bool:
-        """See ``Filter``: objects have no parents, as each particle holds one object."""
-        return all(parent < 0 for parent in parents)
-
-    def check(self, options: Options, parents: Sequence[int]) -> None:
-        """See ``Filter``."""
-        if not self.admits(options.method, parents):
-            raise InputError(
-                "method 'labelled' tracks independent objects, and these are parts of a tree; use "
-                "method 'ps' or 'sps'."
-            )
-        if options.particles < len(parents):
-            raise InputError(
-                Argument("particles", options.particles),
-                f" is fewer than the {len(parents)} objects that share them; give at least one "
-                "each, better some fifty.",
-            )
-
-    def check_first(self, summary: Any, ids: Sequence[Any]) -> None:
-        """See ``Filter``."""
-        from jaxpf.filters.labelled.refusals import check_started
-
-        check_started(summary, ids)
-
-
-LABELLED = LabelledFilter()

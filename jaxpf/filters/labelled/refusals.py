@@ -7,23 +7,18 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import check_whole, numbers_in
+from jaxpf.contract.numbers import numbers_in
+from jaxpf.contract.options import check_declared
 from jaxpf.contract.pytree import is_concrete
-from jaxpf.filters.labelled.choices import FEEDBACKS, POPULATIONS, SCOPES, WEIGHTS
+from jaxpf.filters.labelled.options import Options
 from jaxpf.filters.relocation import check_relocation
 from jaxpf.gradients import check_gradients
 
 
 def check_tracker(tracker: Any) -> None:
     """Refuse settings that cannot work or would be silently wrong."""
-    check_whole("num_particles", tracker.num_particles)
-    for name, choices in (
-        ("scope", SCOPES),
-        ("weights", WEIGHTS),
-        ("feedback", FEEDBACKS),
-        ("population", POPULATIONS),
-    ):
-        check_known(f"{name}=", getattr(tracker, name), choices)
+    check_declared(tracker, Options, "scope", "weights", "feedback", num_particles="particles")
+    check_known("population=", tracker.population, ("fixed", "open"))
     check_gradients(tracker)
     if tracker.gradient.blends or not tracker.gradient.equalises:
         raise InputError(

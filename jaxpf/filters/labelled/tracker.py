@@ -53,15 +53,15 @@ class Labelled(Tracker):
         gradient: ``NoGradient()`` or ``StopGradient()`` of ``jaxpf.gradients``.
         num_targets: static, L; required only if ``initial`` is a sampler.
         num_particles: static, N, for all targets together.
-        scope: static, one of ``choices.SCOPES``: resample ``"across"`` all labels, or ``"within"``
-            each label, which gives L independent filters of fixed sizes.
-        weights: static, one of ``choices.WEIGHTS``: ``"equal_share"`` (eq. 4), ``"plain"``, or
-            ``"corrected"``, which selects by eq. 4 and keeps the weights.
-        feedback: static, one of ``choices.FEEDBACKS``: ``"estimate"`` moves particles at the speed
-            of the regularised estimate (eq. 5), ``"none"`` at their own speed.
-        population: static, one of ``choices.POPULATIONS``: in an ``"open"`` population,
-            ``jaxpf.filters.born`` and ``ended`` add and remove targets between frames;
-            ``num_targets`` is then the maximum number at once.
+        scope: static: resample ``"across"`` all labels, or ``"within"`` each label, which gives L
+            independent filters of fixed sizes.
+        weights: static: ``"equal_share"`` (eq. 4), ``"plain"``, or ``"corrected"``, which selects
+            by eq. 4 and keeps the weights.
+        feedback: static: ``"estimate"`` moves particles at the speed of the regularised estimate
+            (eq. 5), ``"none"`` at their own speed.
+        population: static: in an ``"open"`` population, ``jaxpf.filters.born`` and ``ended`` add
+            and remove targets between frames; ``num_targets`` is then the maximum number at once.
+            ``"fixed"`` otherwise.
         position: static, indices of the position coordinates.
         speed: static, indices of the coordinates that hold the speed per frame, one for each of
             ``position``; None for dynamics that take it from ``current - previous``.

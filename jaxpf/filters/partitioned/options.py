@@ -1,15 +1,12 @@
-"""Options of the partitioned filter, and the ordering of each method."""
+"""Options of the partitioned filter."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
 from typing import Any
 
-from jaxpf.contract.errors import Argument, InputError
-from jaxpf.contract.model import Model
-from jaxpf.contract.names import GIVEN, METHODS, ORDERS, SCHEMES, SHIFTS, SWAPS
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.names import METHODS, SCHEMES, SWAPS
 from jaxpf.contract.options import check_options, option
-from jaxpf.filters.filter import Filter, Variant
-from jaxpf.filters.relocation_option import relocate_option, relocation_of
+from jaxpf.filters.relocation_option import relocate_option
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,106 +67,3 @@ class Options:
             raise InputError(
                 f"an order was given, but method {self.method!r} has none; use method 'ps'."
             )
-
-
-class PartitionedFilter(Filter):
-    """The partitioned filters: SIR, PS, DPS and SPS."""
-
-    name = "partitioned"
-    methods = METHODS
-    options = Options
-    varied = ("method", "order", "swap")
-    by_default = True
-
-    def tracker(self, model: Model, options: Options) -> Any:
-        """See ``Filter``."""
-        from jaxpf.filters.partitioned.tracker import Partitioned
-        from jaxpf.ordering import branched, named
-
-        self.check(options, model.parents)
-        orders = getattr(model.likelihood, "orders_of_labels", None)
-        if options.method == "ps" and options.order is None and orders is not None:
-            ordering = branched(orders)
-        else:
-            ordering = named(options.method, model.parents, order=options.order, swap=options.swap)
-        return Partitioned(
-            dynamics=model.dynamics,
-            likelihood=model.likelihood,
-            ordering=ordering,
-            initial=model.initial,
-            initial_label=model.initial_label,
-            parents=model.parents,
-            num_particles=options.particles,
-            resampling=options.resampling,
-            ess_threshold=options.ess_threshold,
-            relocation=relocation_of(model.likelihood, options.relocate),
-            look_ahead=options.look_ahead,
-        )
-
-    def admits(self, method: str, parents: Sequence[int]) -> bool:
-        """See ``Filter``: no DPS on part trees, as circular shifts put parts before parents."""
-        return method != "dps" or all(parent < 0 for parent in parents)
-
-    def check(self, options: Options, parents: Sequence[int]) -> None:
-        """See ``Filter``: DPS needs enough particles, and an order must name every object."""
-        count = len(parents)
-        if options.method == "dps" and options.particles < count:
-            raise InputError(
-                Argument("particles", options.particles),
-                f" is fewer than the {count} components of dps, one per object; give at least "
-                f"{count}, better some hundreds.",
-            )
-        if options.order is None:
-            return
-        shown = ",".join(str(place + 1) for place in options.order)
-        if sorted(options.order) != list(range(count)):
-            raise InputError(
-                f"the order {shown} is not a permutation of the {count} object(s); list each of 1 "
-                f"to {count} once."
-            )
-        for part, parent in enumerate(parents):
-            if parent >= 0 and options.order.index(part) < options.order.index(parent):
-                raise InputError(
-                    f"the order {shown} puts part {part + 1} before its parent {parent + 1}; list "
-                    "every parent first."
-                )
-
-    def variants(
-        self, method: str, parents: Sequence[int], asked: Mapping[str, Sequence[Any]]
-    ) -> list[Variant]:
-        """See ``Filter``: PS with each requested order, SPS with each requested swap."""
-        if method == "ps":
-            orders = _orders(asked["order"], parents)
-            return [Variant(order_label(o), {"method": method, "order": o}) for o in orders]
-        if method == "sps":
-            return [Variant(swap, {"method": method, "swap": swap}) for swap in asked["swap"]]
-        return [Variant(SHIFTS if method == "dps" else "", {"method": method})]
-
-
-PARTITIONED = PartitionedFilter()
-
-
-def order_label(order: Sequence[int]) -> str:
-    """Format an order from 1: (2, 0, 1) is "312", with hyphens for ten or more objects."""
-    return ("" if len(order) < 10 else "-").join(str(place + 1) for place in order)
-
-
-def _orders(asked: Sequence[Any], parents: Sequence[int]) -> list[tuple[int, ...]]:
-    """Return the distinct orders that an evaluation requests."""
-    orders: list[tuple[int, ...]] = []
-    for order in asked:
-        if order in ORDERS:
-            orders += _shifts(parents)[: 1 if order == GIVEN else None]
-        else:
-            orders.append(tuple(order))
-    return list(dict.fromkeys(orders))
-
-
-def _shifts(parents: Sequence[int]) -> list[tuple[int, ...]]:
-    """Return the circular shifts; on a part tree, only the level-by-level order."""
-    if any(parent >= 0 for parent in parents):
-        from jaxpf.ordering import named
-
-        return [tuple(named("ps", parents).order[0].tolist())]
-    base = tuple(range(len(parents)))
-    return [base[shift:] + base[:shift] for shift in range(len(base))]

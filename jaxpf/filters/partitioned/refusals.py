@@ -8,10 +8,12 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.contract.calls import coupled_with
 from jaxpf.contract.errors import InputError, choice
-from jaxpf.contract.numbers import check_number, check_whole
+from jaxpf.contract.numbers import check_number
+from jaxpf.contract.options import check_declared
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.refusals import refused
 from jaxpf.filters.partitioned.labels import check_labels, moves_labels
+from jaxpf.filters.partitioned.options import Options
 from jaxpf.gradients import check_gradients
 
 
@@ -21,12 +23,10 @@ def check_tracker(tracker: Any) -> Any:
     Returns:
         Bool, whether a traced ordering is one to refuse; None if it is known.
     """
-    check_whole("num_particles", tracker.num_particles)
+    check_declared(tracker, Options, "ess_threshold", num_particles="particles")
     check_gradients(tracker)
     if tracker.tempering is not None:
         check_number("tempering", tracker.tempering, above=0, most=1)
-    if tracker.ess_threshold is not None:
-        check_number("ess_threshold", tracker.ess_threshold, least=0, most=1)
     ordering, parents = tracker.ordering, tracker.parents
     if len(parents) != ordering.num_partitions:
         raise InputError(

@@ -194,7 +194,9 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     every = options_of(*(one.options for one in all_filters().values()))
     of_others = every.keys() - options_of(filter_of("dps").options) | options_of(Rules).keys()
     # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
-    unset = "sharpness bands likelihood scale swap relative_scale network boxes ids births frames fps"
+    unset = (
+        "sharpness bands likelihood scale swap relative_scale network boxes ids births frames fps"
+    )
     unset += " order ess_threshold tracker runs error_bars smooth_lag resume"
     elsewhere = "output overwrite config help_all save_state"
     names = {param.name for param in params} | {"target"}

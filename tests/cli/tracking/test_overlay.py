@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from jaxpf.boxes.adapter import ADAPTER
 from jaxpf.boxes.target import BOXES
 from jaxpf.cli.tracking.records import Record
 from jaxpf.cli.tracking.writers import Overlay
@@ -33,11 +32,11 @@ def test_an_object_found_again_is_doubtful_until_five_frames_confirm_it(tmp_path
     story = "--LL??L????---L????--"
     colours = object_colours(2)
     with contextlib.ExitStack() as stack:
-        scene = SimpleNamespace(adapter=ADAPTER, size=(120, 90), shown_at=lambda n: n / 10)
-        overlay = Overlay(tmp_path, scene, 25, 1, stack)
+        scene = SimpleNamespace(target=BOXES, size=(120, 90), shown_at=lambda n: n / 10)
+        overlay = Overlay(tmp_path, scene, SimpleNamespace(fps=25, pixel_aspect=1), stack)
         for number, mark in enumerate(story):
             lost = np.array([mark == "L", False])
-            overlay.write(Record(number, FRAME, START, colours, START.shapes, None, lost))
+            overlay(Record(number, FRAME, START, colours, START.shapes, None, lost))
     expected = {
         mark: draw_boxes(
             FRAME, START.shapes, START.ids, colours, [mark == "L", False], [mark == "?", False]

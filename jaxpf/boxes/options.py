@@ -1,0 +1,79 @@
+"""Options of the box model."""
+
+import dataclasses
+
+from jaxpf.boxes.models import DEFAULT_MOMENTUM, DEFAULT_SCALE, DEFAULT_STEPS, LONE_STEPS
+from jaxpf.contract.options import OPEN, check_options, option, plain
+from jaxpf.targets.appearance import (
+    BOXES,
+    DISCRIMINATIVE,
+    NONE,
+    PIXELS,
+    PRETRAINED,
+    RELATIVE,
+    appearance_option,
+    bands_option,
+    gain_option,
+    likelihood_option,
+    scale_option,
+    sharpness_option,
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """Options of the box model; see the help of each."""
+
+    sharpness: float = sharpness_option(20.0, "likelihood.sharpness")
+    scale: tuple[float, ...] = scale_option(DEFAULT_SCALE, tuned=("[0]", "[1]"))
+    bands: int = bands_option(2)
+    likelihood: str = likelihood_option("auto", "integral", "sampled")
+    appearance: str = appearance_option()
+    gain: float = gain_option(1.0)
+    network: str | None = option(
+        None,
+        "File with the weights of EfficientNet-lite0, .pth or .npz; by default those of "
+        "'jaxpf[pretrained]' (pretrained appearance only).",
+        kind=str,
+        implies=("appearance", PRETRAINED),
+    )
+    motion: str = option(
+        OPEN,
+        "Unit of the noise: pixels (--scale), relative to the object's size (--relative-scale) or "
+        "auto.  Relative noise is heavy-tailed; auto is relative unless appearance is colour.",
+        choices=(OPEN, PIXELS, RELATIVE),
+        common=True,
+        compiles=True,
+    )
+    relative_scale: tuple[float, ...] | None = option(
+        None,
+        "Noise per frame: of usual steps and of long ones, as shares of the object's size, and of "
+        f"the size's logarithm; by default {plain(DEFAULT_STEPS)}, and {plain(LONE_STEPS)} for a "
+        "single object (relative motion only).  Three numbers for all objects, or three for each.",
+        kind=float,
+        length=3,
+        least=0,
+        per_object=True,
+        path="dynamics.steps",
+        tuned=("[0]", "[1]"),
+        implies=("motion", RELATIVE),
+    )
+    momentum: float = option(
+        DEFAULT_MOMENTUM,
+        "Share of the last displacement that is repeated (relative motion only).",
+        least=0,
+        most=1,
+        implies=("motion", RELATIVE),
+    )
+    exclusion: str = option(
+        NONE,
+        "boxes keeps two boxes from explaining the same pixels, for look-alikes that meet; none "
+        "does not (discriminative appearance only).  What one box covers of another, if it is most "
+        "of it, does not count for that one.",
+        choices=(NONE, BOXES),
+        compiles=True,
+        implies=("appearance", DISCRIMINATIVE),
+    )
+
+    def __post_init__(self) -> None:
+        check_options(self)

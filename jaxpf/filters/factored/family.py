@@ -1,0 +1,67 @@
+"""The factored filters as a family, with separate particles per partition."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.model import Model
+from jaxpf.filters.factored.options import METHODS, Options
+from jaxpf.filters.filter import Filter
+
+#: Published numbers of particles per partition.
+_PARTICLES = {"eskil": 10, "pffl": 50}
+_UPSAMPLING = {"eskil": 3, "pffl": 1}
+
+
+class _FactoredFilter(Filter):
+    """The factored filters, with separate particles per partition: PFFL and eskil2014."""
+
+    name = "factored"
+    methods = METHODS
+    options = Options
+
+    def tracker(self, model: Model, options: Options) -> Any:
+        from jaxpf.dynamics.gaussian import AR2
+        from jaxpf.filters.factored.eskil import Eskil
+        from jaxpf.filters.factored.pffl import PFFL
+
+        self.check(options, model.parents)
+        method = options.method
+        shared: dict[str, Any] = {
+            "dynamics": model.dynamics,
+            "likelihood": model.likelihood,
+            "initial": model.initial,
+            "num_particles": options.particles or _PARTICLES[method],
+            "upsampling": options.upsampling or _UPSAMPLING[method],
+            "resampling": options.resampling,
+        }
+        if method == "pffl":
+            return PFFL(form=options.form, **shared)
+        if options.drift != "none" and type(model.dynamics) is AR2:
+            # Drift and momentum would count the same motion twice, and points would run away.
+            shared["dynamics"] = dataclasses.replace(model.dynamics, momentum=np.float32(0))
+        return Eskil(
+            shape_scale=options.shape_scale,
+            memory=options.velocity_memory,
+            drift=options.drift,
+            shape=options.shape,
+            proper=options.proper,
+            **shared,
+        )
+
+    def admits(self, method: str, parents: Sequence[int]) -> bool:
+        """No part trees, as partitions share no particles."""
+        return all(parent < 0 for parent in parents)
+
+    def check(self, options: Options, parents: Sequence[int]) -> None:
+        if not self.admits(options.method, parents):
+            raise InputError(
+                f"method {options.method!r} follows independent objects, and this is a part tree; "
+                "choose sir, ps or sps."
+            )
+
+
+FACTORED = _FactoredFilter()

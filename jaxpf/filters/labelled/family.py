@@ -1,0 +1,66 @@
+"""The labelled filter as a family, for commands and evaluations."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from jaxpf.contract.errors import Argument, InputError
+from jaxpf.contract.model import Model
+from jaxpf.filters.filter import Filter
+from jaxpf.filters.labelled.options import METHODS, Options
+from jaxpf.filters.relocation_option import relocation_of
+
+
+class _LabelledFilter(Filter):
+    """The labelled filter (rowe2005)."""
+
+    name = "labelled"
+    methods = METHODS
+    options = Options
+    opens = True
+
+    def tracker(self, model: Model, options: Options) -> Any:
+        import numpy as np
+
+        from jaxpf.filters.labelled.tracker import Labelled
+
+        self.check(options, model.parents)
+        rates = options.regularise
+        return Labelled(
+            dynamics=model.dynamics,
+            likelihood=model.likelihood,
+            initial=model.initial,
+            num_targets=model.num_partitions,
+            num_particles=options.particles,
+            resampling=options.resampling,
+            weights=options.weights,
+            scope=options.scope,
+            feedback=options.feedback,
+            relocation=relocation_of(model.likelihood, options.relocate),
+            population="open" if model.is_open else "fixed",
+            regularise=None if rates is None else np.asarray(rates, np.float32),
+        )
+
+    def admits(self, method: str, parents: Sequence[int]) -> bool:
+        """Objects have no parents, as each particle holds one object."""
+        return all(parent < 0 for parent in parents)
+
+    def check(self, options: Options, parents: Sequence[int]) -> None:
+        if not self.admits(options.method, parents):
+            raise InputError(
+                "method 'labelled' tracks independent objects, and these are parts of a tree; use "
+                "method 'ps' or 'sps'."
+            )
+        if options.particles < len(parents):
+            raise InputError(
+                Argument("particles", options.particles),
+                f" is fewer than the {len(parents)} objects that share them; give at least one "
+                "each, better some fifty.",
+            )
+
+    def check_first(self, summary: Any, ids: Sequence[Any]) -> None:
+        from jaxpf.filters.labelled.refusals import check_started
+
+        check_started(summary, ids)
+
+
+LABELLED = _LabelledFilter()

@@ -1,6 +1,6 @@
 """Parts of a long experiment, stored on disk so that it can resume.
 
-An experiment names each part, ``part("fish-3", measure)``; the command line sets the folder,
+An experiment names each part and the function that measures it; the command line sets the folder,
 ``with keeping(folder, settings)``.  Outside such a block nothing is stored.  ``each`` measures
 independent parts: it distributes them over the workers of an executor (``with sharing(executor)``)
 and yields them in order.
@@ -28,51 +28,43 @@ NAME = "parts"
 
 #: Function that measures a part: arrays by name.
 Measure = Callable[[], Mapping[str, Any]]
+Arrays = dict[str, np.ndarray]
 
 _store: contextvars.ContextVar[Pieces | None] = contextvars.ContextVar("parts", default=None)
 _executor: contextvars.ContextVar[Pool | None] = contextvars.ContextVar("workers", default=None)
 
 
-def part(name: str, measure: Measure) -> dict[str, Any]:
-    """Read a stored part, or measure it now.
+def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[Arrays]:
+    """Read or measure each part; yields them in order.
 
     Args:
-        name: valid file name, unique within the experiment.
-        measure: see ``Measure``.
-
-    Raises:
-        InputError: the part cannot be written.
-    """
-    stored = _known(name)
-    return _kept(name, _arrays(measure)) if stored is None else stored
-
-
-def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[dict[str, Any]]:
-    """Yield ``part`` for each of them in order.
-
-    Args:
-        parts: name and function.  Use ``functools.partial`` of a module-level function, so that it
-            can be sent to another process.
+        parts: name, a valid file name that is unique within the experiment, and function.  Use
+            ``functools.partial`` of a module-level function, so that it can be sent to another
+            process.
         threads: number of threads if there is no executor.
 
     Raises:
         InputError: a part cannot be written, or a worker died too often.
     """
-    executor = _executor.get()
-    if executor is None and threads == 1:
+    executor = _executor.get() or (partial(ThreadPoolExecutor, threads) if threads > 1 else None)
+    store, names, done = _store.get(), [], {}
+
+    def missing() -> Iterator[_Part]:
         for name, measure in parts:
-            yield part(name, measure)
-        return
-    pieces = [_Piece(name, measure, double_precision()) for name, measure in parts]
-    stored = {piece.name: _known(piece.name) for piece in pieces}
-    missing = [piece for piece in pieces if stored[piece.name] is None]
-    measured = in_turn(_measure, missing, executor or partial(ThreadPoolExecutor, threads))
-    for piece in pieces:
-        while (values := stored[piece.name]) is None:
-            done, flat = next(measured)
-            stored[done.name] = _kept(done.name, flat)
-        yield values
-        del stored[piece.name]
+            names.append(name)
+            if store is not None:
+                with contextlib.suppress(Damaged), store.opened(name) as arrays:
+                    done[name] = dict(arrays)
+                    continue
+            yield _Part(name, measure, double_precision())
+
+    for part, arrays in in_turn(_measure, missing(), executor):
+        if store is not None:
+            store.write(part.name, arrays)
+        done[part.name] = arrays
+        while names and names[0] in done:
+            yield done.pop(names.pop(0))
+    yield from map(done.pop, names)
 
 
 def of_scenes(
@@ -81,18 +73,17 @@ def of_scenes(
     seeds: Sequence[int],
     report: Callable[[str], None],
     threads: int = 1,
-) -> dict[str, np.ndarray]:
+) -> Arrays:
     """Measure the scene of each seed, a part each; arrays ``[S, ...]`` of the scenes that have one.
 
     Args:
         name: of the scenes; the parts are ``NAME-SEED``.
-        measure: function of a seed -> arrays of its scene by name; a ``functools.partial`` of a
-            module-level function, so that it can be sent to another process.
+        measure: function of a seed -> arrays of its scene by name; see ``each``.
         seeds: seeds of the scenes; the first scene has all arrays.
         report: receives a line per scene.
         threads: see ``each``.
     """
-    found: list[dict[str, Any]] = []
+    found: list[Arrays] = []
     for arrays in each(((f"{name}-{seed}", partial(measure, seed)) for seed in seeds), threads):
         found.append(arrays)
         report(f"  {name}: scene {len(found)} of {len(seeds)} done")
@@ -109,7 +100,7 @@ def sharing(executor: Pool | None) -> Iterator[None]:
         _executor.reset(token)
 
 
-class _Piece(NamedTuple):
+class _Part(NamedTuple):
     """A part to measure, possibly in another process, with this process's precision."""
 
     name: str
@@ -120,31 +111,11 @@ class _Piece(NamedTuple):
         return self.name
 
 
-def _measure(piece: _Piece, attempt: int) -> dict[str, np.ndarray]:
+def _measure(part: _Part, attempt: int) -> Arrays:
     import jax
 
-    with jax.enable_x64(piece.float64):
-        return _arrays(piece.measure)
-
-
-def _arrays(measure: Measure) -> dict[str, np.ndarray]:
-    return {name: np.asarray(values) for name, values in measure().items()}
-
-
-def _known(name: str) -> dict[str, Any] | None:
-    """A stored part; None if it is missing or damaged."""
-    store = _store.get()
-    if store is not None:
-        with contextlib.suppress(Damaged), store.opened(name) as arrays:
-            return dict(arrays)
-    return None
-
-
-def _kept(name: str, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    store = _store.get()
-    if store is not None:
-        store.write(name, arrays)
-    return dict(arrays)
+    with jax.enable_x64(part.float64):
+        return {name: np.asarray(values) for name, values in part.measure().items()}
 
 
 def can_resume(output: Path, settings: Mapping[str, Any]) -> bool:

@@ -6,27 +6,22 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf.papers import maccormick1999
 from jaxpf.papers.judging.claims import NOT_SEEN, PREVIEW, SUPPORTED, judge_all
 from jaxpf.papers.maccormick1999 import (
+    PAPER,
     figures,
     measures,
     one_line,
     passing,
-    published,
     scenes as cases,
-    tables,
     toy,
     tracking,
 )
-from jaxpf.papers.maccormick1999.passing import Measurement
 
 
-def verdicts(**measured):
+def verdicts(steps=None, **passings):
     """Key of a claim -> verdict, of what was measured."""
-    nothing = passing.Passing([], {}, {})
-    whole = dict.fromkeys(Measurement._fields, nothing) | {"toy": {}} | measured
-    figures = maccormick1999.PAPER.quantities(Measurement(**whole))
+    figures = PAPER.quantities(passing.study(steps or {}, passings))
     return {each.claim.key: each.verdict for each in judge_all("maccormick1999", figures)}
 
 
@@ -35,7 +30,7 @@ def test_one_target_peaks_at_every_feature_and_two_do_not_share_one():
     assert together.max() < 0.1 * apart.min()
     alone = one_line.likelihood(np.array([[-50.0, -32.0]]))
     assert alone[0] > 5 * alone[1]
-    assert measures.of_line().value < 0.1
+    assert one_line.ratio_of_peaks() < 0.1
 
 
 @pytest.fixture(scope="module")
@@ -162,14 +157,12 @@ def with_outcomes(found, methods):
 
 
 def test_labels_are_scored_by_the_truth_and_lost_runs_do_not_widen(one_kept_one_lost):
-    found = one_kept_one_lost
-    np.testing.assert_array_equal(found.labels_right("PS"), [0.5])
-    np.testing.assert_allclose(found.widening("PS"), [3.0])
-    np.testing.assert_allclose(found.narrowing("PS"), [0.5])
-    (outcome,) = found.outcomes["PS"]
-    lost = found._replace(outcomes={"PS": [outcome._replace(kept=np.zeros(2, bool))]})
-    assert np.isnan(lost.widening("PS")).all()
-    assert np.isnan(lost.narrowing("PS")).all()
+    (case,), (outcome,) = one_kept_one_lost.cases, one_kept_one_lost.outcomes["PS"]
+    found = measures.measures(case, outcome)
+    assert found["label right"] == 0.5
+    assert (found["widening"], found["narrowing"]) == (3.0, 0.5)
+    lost = measures.measures(case, outcome._replace(kept=np.zeros(2, bool)))
+    assert np.isnan([lost["widening"], lost["narrowing"]]).all()
 
 
 def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost):
@@ -221,9 +214,9 @@ def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost
 def test_labels_that_were_always_right_may_be_wrong_on_the_next_sequence(one_kept_one_lost):
     (outcome,) = one_kept_one_lost.outcomes["PS"]
     right = outcome._replace(in_front=outcome.in_front[:1])
-    found = with_outcomes(one_kept_one_lost, {"PS": [right] * 10})
-    whole = Measurement(*[None] * 5)._replace(leaves=found)
-    (figure,) = measures.MEASURES["leaves: label right"].figures(whole, "PS")
+    leaves = with_outcomes(one_kept_one_lost, {"PS": [right] * 10})
+    found = passing.study({}, {"leaves": leaves})
+    (figure,) = found.figures("percent", "leaves: label right", "PS")
     value, low, high = figure.measured()
     assert (value, high) == (100, 100)
     assert low == pytest.approx(100 * 0.025**0.1, abs=1.5)  # Clopper and Pearson's of ten trials
@@ -233,7 +226,8 @@ def test_tables_and_figures_show_every_method(one_kept_one_lost):
     (outcome,) = one_kept_one_lost.outcomes["PS"]
     names = passing.PARTITIONED, passing.AS_MANY
     found = with_outcomes(one_kept_one_lost, {name: [outcome] * 25 for name in names})
-    shown = {table.name: table for table in tables.tables(Measurement({}, *[found] * 4))}
+    kinds = ("wires", "leaves", "walkers", "figure_11")
+    shown = {t.name: t for t in PAPER.tables(passing.study({}, dict.fromkeys(kinds, found)))}
     assert list(shown) == ["figure_4_wires", "passing_leaves", "passing_walkers", "figure_11"]
     for table in shown.values():
         assert [label for label, _ in table.rows] == list(names)
@@ -249,7 +243,7 @@ def test_tables_and_figures_show_every_method(one_kept_one_lost):
 def test_figure_11_counts_lines_in_full_before_the_leaves_overlap():
     case = cases.leaves_of_figure_11(0)
     assert case.options["independence"] == 1
-    assert len(case.frames) == len(case.truth) == published.FIRST_FRAMES
+    assert len(case.frames) == len(case.truth) == cases.FIRST_FRAMES
     assert {method.one_in for method in passing.FIGURE_11.values()} == {1}
 
 
@@ -300,4 +294,4 @@ def test_the_steps_of_the_toy_are_the_filters_own(method):
 
 @pytest.mark.slow
 def test_the_toy_shows_that_partitioned_sets_are_finer():
-    assert verdicts(toy=toy.steps(0)) == {"toy": SUPPORTED}
+    assert verdicts(toy.steps(0)) == {"toy": SUPPORTED}

@@ -14,9 +14,11 @@ from command_line import jaxpf
 from jaxpf import InputError
 from jaxpf.cli import reproduce
 from jaxpf.papers import paper
-from jaxpf.papers.checkpoints import can_resume, each, keeping, part, sharing
-from jaxpf.papers.judging.claims import claims_of, computed
+from jaxpf.papers.checkpoints import can_resume, each, keeping, sharing
+from jaxpf.papers.judging.claims import claims_of
+from jaxpf.papers.judging.estimates import computed
 from jaxpf.papers.paper import PAPERS, Paper, paper_of
+from jaxpf.papers.study import Study, tidy
 
 
 class Measured:
@@ -30,7 +32,7 @@ class Measured:
             self.asked.append(name)
             return {"with a space": np.arange(3.0), "flags": np.array([True, False])}
 
-        return part(name, measure)
+        return next(each([(name, measure)]))
 
 
 def test_without_a_folder_parts_are_measured_each_time():
@@ -109,20 +111,10 @@ def test_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
         if stops:
             raise stops.pop()
         measured.part("b")
-        return request
-
-    def nothing(found):
-        return []
+        return Study(tidy({}))
 
     stopping = Paper(
-        name="eskil2014",
-        title="a title",
-        scenes=5,
-        measure=measure,
-        tables=nothing,
-        quantities=lambda found: {"fish_kept": [computed(95.0)]},
-        figures=lambda found: {},
-        notes=["a note"],
+        "eskil2014", measure, lambda study: {}, lambda: {"fish_kept": [computed(95.0)]}
     )
     monkeypatch.setattr(paper, "paper_of", lambda name: stopping)
     command = ["reproduce", "eskil2014", "-o", str(tmp_path / "out")]
@@ -135,7 +127,7 @@ def test_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
     assert not (tmp_path / "out" / "parts").exists()
     assert (tmp_path / "out" / "eskil2014.md").exists()
     (verdict,) = csv.DictReader((tmp_path / "out" / "verdicts.csv").read_text().splitlines())
-    assert verdict["command"].startswith("jaxpf reproduce eskil2014 --scenes 5 --seed 0")
+    assert verdict["command"].startswith("jaxpf reproduce eskil2014 --scenes 50 --seed 0")
     # The quick version and the full one do not get into each other's way.
     monkeypatch.chdir(tmp_path)
     for quick in ([], ["--quick"]):
@@ -146,14 +138,18 @@ def test_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", PAPERS)
 def test_papers_look_alike(name):
-    """The same files in every folder, and at least 25 scenes."""
+    """The same files in every folder, at least 25 scenes, and every measure has its use."""
     found = paper_of(name)
     assert found.name == name
-    for file in ("published", "scenes", "tables", "figures", "measures"):
-        module = importlib.import_module(f"jaxpf.papers.{name}.{file}")
-        assert module.__doc__
-    measures, without = module.MEASURES, found.computed()
+    for file in ("scenes", "figures"):
+        assert importlib.import_module(f"jaxpf.papers.{name}.{file}").__doc__
+    measures, without = found.declared["measures"], found.computed()
+    used = {claim.measure for claim in claims_of(name).values() if claim.measure}
     for key, claim in claims_of(name).items():
         assert (claim.measure in measures) != (key in without), key
-    assert found.scenes >= 25
+    for table in found.declared["tables"]:
+        for column in table["columns"].values():
+            used.add(column if isinstance(column, str) else column[0])
+    assert used == set(measures)
+    assert found.declared["scenes"] >= 25
     assert reproduce.PAPERS == PAPERS

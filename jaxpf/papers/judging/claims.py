@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from jaxpf.measures.intervals import DECISIVE, has_width
+from jaxpf.papers.judging.estimates import Quantity
 
 SUPPORTED, CONTRADICTED, OPEN, PREVIEW = "supported", "contradicted", "open", "preview"
 NOT_SEEN, WEAKER, EQUAL = "not seen with our settings", "weaker than claimed", "equal within"
@@ -50,39 +51,6 @@ RULE = (
 _MOST_SCENES = 100_000
 
 
-class Measured(NamedTuple):
-    """A figure and its 95% interval, in the units of its table."""
-
-    value: float
-    low: float
-    high: float
-
-
-class Quantity(NamedTuple):
-    """One measured figure of a claim.
-
-    Attributes:
-        value: the estimate.
-        interval: level -> confidence interval (low, high).
-        units: number of scenes, or of other units; 0 for a computed, deterministic figure.
-        what: description for reports, such as "sharpness 20".
-    """
-
-    value: float
-    interval: Callable[[float], tuple[float, float]]
-    units: int
-    what: str = ""
-
-    def measured(self, level: float = 0.95) -> Measured:
-        """The figure with its interval."""
-        return Measured(self.value, *self.interval(level))
-
-
-def computed(value: float, what: str = "") -> Quantity:
-    """A computed, deterministic figure."""
-    return Quantity(value, lambda level: (value, value), 0, what)
-
-
 class Claim(NamedTuple):
     """A published claim: a row of ``claims.csv``.
 
@@ -100,8 +68,8 @@ class Claim(NamedTuple):
         unit: unit of counting, such as "scenes".
         settings: ``PAPERS_OWN`` if every free setting is the paper's or every plausible reading
             was tried; otherwise empty.
-        measure: name of the measure that judges it, see ``jaxpf.papers.judging.measures``; empty
-            if a function of the paper does.
+        measure: name of the measure that judges it, see ``jaxpf.papers.paper``; empty if a function
+            of the paper does.
         variant: whose measure.
         against: the variant to compare with, or empty.
     """

@@ -4,7 +4,6 @@ A ``Comparison`` is written as Markdown, CSV and PNG.
 """
 
 import dataclasses
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,31 +11,8 @@ from typing import Any
 from jaxpf import __version__
 from jaxpf.files.tables import Table, markdown_table
 from jaxpf.files.writing import csv_text, write_text
-from jaxpf.papers.judging.claims import GROUPS, RULE, Judged, Measured
-
-
-@dataclasses.dataclass(frozen=True)
-class Cell:
-    """A published and a measured figure; either may be missing.
-
-    Attributes:
-        published: the paper's figure, or None.
-        measured: ours with its 95% interval, or None.
-        digits: decimal places to show.
-    """
-
-    published: float | None = None
-    measured: Measured | None = None
-    digits: int = 0
-
-    def __str__(self) -> str:
-        """``published | measured [low, high]``, with a dash for a missing value."""
-        left = "–" if self.published is None else f"{self.published:z.{self.digits}f}"
-        if self.measured is None or math.isnan(self.measured.value):
-            return f"{left} | –"
-        value, low, high = (f"{x:z.{self.digits}f}" for x in self.measured)
-        interval = "" if math.isnan(self.measured.low) else f" [{low}, {high}]"
-        return f"{left} | {value}{interval}"
+from jaxpf.papers.judging.claims import GROUPS, RULE, Judged
+from jaxpf.papers.tables import table_rows
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,7 +99,7 @@ def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
         written.append(name)
 
     for table in comparison.tables:
-        text(f"{table.name}.csv", table_csv(table))
+        text(f"{table.name}.csv", csv_text(table_rows(table)))
     if comparison.claims:
         judged = (each._replace(command=command) for each in comparison.claims)
         text("verdicts.csv", verdicts_csv(each._replace(version=__version__) for each in judged))
@@ -138,19 +114,3 @@ def verdicts_csv(judged: Iterable[Judged]) -> str:
     """The content of ``verdicts.csv``."""
     rows = [[each.claim.key, *each[1:]] for each in judged]
     return csv_text([("key", *Judged._fields[1:]), *rows])
-
-
-def table_csv(table: Table) -> str:
-    """Long format: one line per cell, with columns for the published and the measured figure."""
-    header = ("row", "column", "published", "measured", "low", "high", "text")
-    lines: list[Sequence[Any]] = [header]
-    for label, cells in table.rows:
-        for column, cell in zip(table.columns[1:], cells, strict=True):
-            if isinstance(cell, str):
-                lines.append((label, column, "", "", "", "", cell))
-                continue
-            published = "" if cell.published is None else cell.published
-            known = cell.measured or (math.nan,) * 3
-            measured = [f"{x:.6g}" if math.isfinite(x) else "" for x in known]
-            lines.append((label, column, published, *measured, ""))
-    return csv_text(lines)

@@ -9,20 +9,21 @@ from jaxpf.media import plotting
 from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.judging.estimates import mean_of
 from jaxpf.papers.maccormick1999 import toy
-from jaxpf.papers.maccormick1999.one_line import likelihood
-from jaxpf.papers.maccormick1999.passing import AS_MANY, ENOUGH, PARTITIONED, Measurement, Passing
-from jaxpf.papers.maccormick1999.published import FEATURES
+from jaxpf.papers.maccormick1999.one_line import FEATURES, likelihood
+from jaxpf.papers.maccormick1999.passing import AS_MANY, ENOUGH, PARTITIONED, Passing
+from jaxpf.papers.study import Study
 
 
-def figures(measured: Measurement) -> dict[str, Any]:
+def figures(study: Study) -> dict[str, Any]:
     """File-name stem -> figure."""
+    shown = study.shown
     return {
         "figure_3": line_figure(),
-        "figures_9_10": toy_figure(measured.toy),
-        "figure_11": ess_figure(measured.figure_11),
-        "figure_4": meeting_figure(measured.wires),
-        "figure_7": passing_figure(measured.leaves, (PARTITIONED, AS_MANY, ENOUGH)),
-        "figures_1_6": passing_figure(measured.walkers),
+        "figures_9_10": toy_figure(shown["toy"]),
+        "figure_11": ess_figure(shown["figure_11"]),
+        "figure_4": meeting_figure(shown["wires"]),
+        "figure_7": passing_figure(shown["leaves"], (PARTITIONED, AS_MANY, ENOUGH)),
+        "figures_1_6": passing_figure(shown["walkers"]),
     }
 
 
@@ -74,9 +75,8 @@ def ess_figure(leaves: Passing) -> Any:
     drawing, axes = plotting.new_figure(1, 1, figsize=(8, 4.6))
     (axis,) = axes[0]
     for name, colour in zip((PARTITIONED, AS_MANY), plotting.colours(2), strict=True):
-        curve = np.array(
-            [mean_of(each).measured() for each in leaves.of("ess", name).mean(axis=1).T]
-        )
+        runs = np.array([outcome.ess for outcome in leaves.outcomes[name]])
+        curve = np.array([mean_of(each).measured() for each in runs.mean(axis=1).T])
         values, lows, highs = curve.T
         of_sequences = counted(len(leaves.outcomes[name]), "sequences")
         frames = np.arange(1, len(curve) + 1)

@@ -1,9 +1,8 @@
 """Parts of a long experiment, stored on disk so that it can resume.
 
-An experiment names each part and the function that measures it; the command line sets the folder,
-``with keeping(folder, settings)``.  Outside such a block nothing is stored.  ``each`` measures
-independent parts: it distributes them over the workers of an executor (``with sharing(executor)``)
-and yields them in order.
+An experiment names each part and the function that measures it, and ``each`` yields them in order.
+The command line sets the folder, and the executor over whose workers parts are distributed: ``with
+keeping(folder, settings, executor)``.  Outside such a block nothing is stored.
 """
 
 import contextlib
@@ -30,8 +29,9 @@ NAME = "parts"
 Measure = Callable[[], Mapping[str, Any]]
 Arrays = dict[str, np.ndarray]
 
-_store: contextvars.ContextVar[Pieces | None] = contextvars.ContextVar("parts", default=None)
-_executor: contextvars.ContextVar[Pool | None] = contextvars.ContextVar("workers", default=None)
+#: Where to store parts, and who measures them.
+_kept: contextvars.ContextVar[tuple[Pieces | None, Pool | None]]
+_kept = contextvars.ContextVar("parts", default=(None, None))
 
 
 def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[Arrays]:
@@ -46,8 +46,10 @@ def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[Arr
     Raises:
         InputError: a part cannot be written, or a worker died too often.
     """
-    executor = _executor.get() or (partial(ThreadPoolExecutor, threads) if threads > 1 else None)
-    store, names, done = _store.get(), [], {}
+    store, executor = _kept.get()
+    factory = executor or (partial(ThreadPoolExecutor, threads) if threads > 1 else None)
+    names: list[str] = []
+    done: dict[str, Arrays] = {}
 
     def missing() -> Iterator[_Part]:
         for name, measure in parts:
@@ -58,7 +60,7 @@ def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[Arr
                     continue
             yield _Part(name, measure, double_precision())
 
-    for part, arrays in in_turn(_measure, missing(), executor):
+    for part, arrays in in_turn(_measure, missing(), factory):
         if store is not None:
             store.write(part.name, arrays)
         done[part.name] = arrays
@@ -90,16 +92,6 @@ def of_scenes(
     return {key: np.stack([arrays[key] for arrays in found if key in arrays]) for key in found[0]}
 
 
-@contextlib.contextmanager
-def sharing(executor: Pool | None) -> Iterator[None]:
-    """Within the block, ``each`` sends parts to workers of new executors; None for none."""
-    token = _executor.set(executor)
-    try:
-        yield
-    finally:
-        _executor.reset(token)
-
-
 class _Part(NamedTuple):
     """A part to measure, possibly in another process, with this process's precision."""
 
@@ -126,13 +118,16 @@ def can_resume(output: Path, settings: Mapping[str, Any]) -> bool:
 
 
 @contextlib.contextmanager
-def keeping(output: Path, settings: Mapping[str, Any]) -> Iterator[None]:
+def keeping(
+    output: Path, settings: Mapping[str, Any], executor: Pool | None = None
+) -> Iterator[None]:
     """Store parts in an output folder until the block ends without an error.
 
     Args:
         output: an existing folder.
         settings: everything that parts depend on, as JSON values; parts with other settings are
             removed.
+        executor: makes executors whose workers measure parts; by default this process does.
 
     Raises:
         InputError: the folder cannot be written.
@@ -142,12 +137,12 @@ def keeping(output: Path, settings: Mapping[str, Any]) -> Iterator[None]:
         with report_os_errors("write", store.folder):
             store.remove()
         store.begin(_described(settings))
-    token, done = _store.set(store), False
+    token, done = _kept.set((store, executor)), False
     try:
         yield
         done = True
     finally:
-        _store.reset(token)
+        _kept.reset(token)
         if done or not any(store.folder.glob("*.npz")):
             store.remove()
 

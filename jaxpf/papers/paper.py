@@ -20,6 +20,7 @@ from jaxpf.papers.judging.claims import Judged, claims_of, judge_all, read_rows
 from jaxpf.papers.judging.comparison_table import Comparison
 from jaxpf.papers.judging.estimates import Quantity
 from jaxpf.papers.judging.verdicts import judged_again, stored
+from jaxpf.papers.study import Study
 from jaxpf.papers.tables import tables
 
 #: Papers that can be repeated; each is a module here with a ``PAPER``.
@@ -32,37 +33,20 @@ def paper_of(name: str) -> "Paper":
 
 
 @dataclasses.dataclass(frozen=True)
-class Request:
-    """The part of a paper to repeat.
-
-    Attributes:
-        seeds: seeds of the scenes.
-        quick: measure much less, as a preview.
-        report: receives lines of progress.
-    """
-
-    seeds: range
-    quick: bool
-    report: Callable[[str], None]
-
-
-@dataclasses.dataclass(frozen=True)
 class Paper:
     """Describes how to repeat a paper.
 
     Attributes:
         name: such as "smith2004".
-        measure: runs all measurements for tables, claims and figures; returns a ``Study``.
+        measure: runs all measurements for tables, claims and figures, see ``compare``.
         figures: of a study; file-name stem -> matplotlib figure.
         computed: key of a claim -> figures that are computed without a measurement.
-        quick_scenes: number of scenes in the quick version.
     """
 
     name: str
-    measure: Callable[[Request], Any]
-    figures: Callable[[Any], Mapping[str, Any]]
+    measure: Callable[[range, bool, Callable[[str], None]], Study]
+    figures: Callable[[Study], Mapping[str, Any]]
     computed: Callable[[], Mapping[str, Sequence[Quantity]]] = dict
-    quick_scenes: int = 2
 
     @functools.cached_property
     def declared(self) -> dict[str, Any]:
@@ -70,29 +54,21 @@ class Paper:
         path = Path(__file__).parent / self.name / "paper.toml"
         return tomllib.loads(path.read_text(encoding="utf-8"))
 
-    def request(
-        self,
-        scenes: int | None = None,
-        seed: int = 0,
-        quick: bool = False,
-        report: Callable[[str], None] = print,
-    ) -> Request:
-        """Choose the number of scenes.
+    def seeds(self, scenes: int | None = None, seed: int = 0, quick: bool = False) -> range:
+        """Seeds of so many scenes; by default of the planned number, or of two."""
+        return range(seed, seed + (scenes or (2 if quick else self.declared["scenes"])))
+
+    def compare(
+        self, seeds: range, quick: bool = False, report: Callable[[str], None] = print
+    ) -> Comparison:
+        """Run the measurements and compare them with the published figures.
 
         Args:
-            scenes: number of scenes, over which intervals are computed; default the planned number,
-                which are evaluated once, or ``quick_scenes``.
-            seed: seed of the first scene.
-            quick: a much smaller version, as a preview.
+            seeds: of the scenes, over which intervals are computed.
+            quick: measure much less, as a preview.
             report: receives lines of progress.
         """
-        if scenes is None:
-            scenes = self.quick_scenes if quick else self.declared["scenes"]
-        return Request(range(seed, seed + scenes), quick, report)
-
-    def compare(self, request: Request) -> Comparison:
-        """Run the measurements and compare them with the published figures."""
-        study = self.measure(request)
+        study = self.measure(seeds, quick, report)
         return Comparison(
             paper=self.name,
             title=f"{self.name} repeated: {self.declared['title']}",
@@ -102,11 +78,11 @@ class Paper:
             notes=self.declared["notes"],
         )
 
-    def tables(self, study: Any) -> list[Table]:
+    def tables(self, study: Study) -> list[Table]:
         """Tables of the measurements, in display order."""
         return tables(self.declared, study)
 
-    def quantities(self, study: Any) -> dict[str, list[Quantity]]:
+    def quantities(self, study: Study) -> dict[str, list[Quantity]]:
         """Key of a claim -> its figures, for claims whose measure and variants were measured."""
         figures = {}
         for key, claim in claims_of(self.name).items():

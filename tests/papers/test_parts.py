@@ -14,7 +14,7 @@ from command_line import jaxpf
 from jaxpf import InputError
 from jaxpf.cli import reproduce
 from jaxpf.papers import paper
-from jaxpf.papers.checkpoints import can_resume, each, keeping, sharing
+from jaxpf.papers.checkpoints import can_resume, each, keeping
 from jaxpf.papers.judging.claims import claims_of
 from jaxpf.papers.judging.estimates import computed
 from jaxpf.papers.paper import PAPERS, Paper, paper_of
@@ -62,8 +62,8 @@ def test_what_was_measured_before_a_stop_is_not_measured_again(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("share", [True, False])
-def test_parts_that_are_shared_out_come_in_their_order_and_once(tmp_path, share):
+@pytest.mark.parametrize("executor", [partial(ThreadPoolExecutor, 3), None])
+def test_parts_that_are_shared_out_come_in_their_order_and_once(tmp_path, executor):
     asked = []
 
     def measure(number):
@@ -72,18 +72,13 @@ def test_parts_that_are_shared_out_come_in_their_order_and_once(tmp_path, share)
         return {"number": number}
 
     def measured(numbers):
-        executor = partial(ThreadPoolExecutor, 3) if share else None
-        with sharing(executor):
-            parts = ((f"part-{number}", partial(measure, number)) for number in numbers)
-            return [int(found["number"]) for found in each(parts, threads=2)]
+        parts = ((f"part-{number}", partial(measure, number)) for number in numbers)
+        return [int(found["number"]) for found in each(parts, threads=2)]
 
-    assert measured(range(3)) == [0, 1, 2]
-    assert sorted(asked) == [0, 1, 2]
-    asked.clear()
-    with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {}):
+    with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {}, executor):
         assert measured([2, 1]) == [2, 1]
         raise KeyboardInterrupt
-    with keeping(tmp_path, {}):
+    with keeping(tmp_path, {}, executor):
         assert measured(range(4)) == [0, 1, 2, 3]
     assert sorted(asked) == [0, 1, 2, 3]
 
@@ -106,7 +101,7 @@ def test_other_settings_begin_anew(tmp_path):
 def test_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
     measured, stops = Measured(), [InputError("the disk is full; make room.")]
 
-    def measure(request):
+    def measure(*asked):
         measured.part("a")
         if stops:
             raise stops.pop()

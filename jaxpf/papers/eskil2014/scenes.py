@@ -1,7 +1,7 @@
 """Run all methods on a set of scenes; the tables are computed from these runs."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax
@@ -16,7 +16,6 @@ from jaxpf.papers.checkpoints import of_scenes
 from jaxpf.papers.eskil2014 import methods
 from jaxpf.papers.eskil2014.measures import measures
 from jaxpf.papers.judging.claims import counted
-from jaxpf.papers.paper import Request
 from jaxpf.papers.study import Study, tidy
 from jaxpf.running.blocks import monte_carlo
 
@@ -32,9 +31,8 @@ _LONG = ("skydiving",)
 SEQUENCES = {"platty": ("fish", 5.0), "skydiving": ("skydivers", 5.0), "face": ("face", 5.0)}
 
 
-def measure_all(request: Request) -> Study:
+def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
     """Run all measurements; the figures show names, visibility and errors by kind of scene."""
-    quick, seeds, report = request.quick, request.seeds, request.report
     found = {}
     for name in ["platty"] if quick else list(SEQUENCES):
         scene, scale = SEQUENCES[name]

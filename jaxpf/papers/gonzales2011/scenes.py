@@ -20,7 +20,6 @@ from jaxpf.ordering import Ordering, named
 from jaxpf.papers.checkpoints import of_scenes
 from jaxpf.papers.grid import Grid, stacked
 from jaxpf.papers.judging.claims import counted
-from jaxpf.papers.paper import Request
 from jaxpf.papers.study import Study, tidy
 from jaxpf.parts.models import parts_model
 from jaxpf.shapes.rectangles import corners_from_poses
@@ -83,16 +82,16 @@ NOISE = {
 Curves = Mapping[tuple[str, int, int], Mapping[tuple[str, str], np.ndarray]]
 
 
-def measure_all(request: Request) -> Study:
+def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
     """Run all measurements; the quick ones are of fewer cells and frames."""
     erratic = "erratic", FIGURE_11_PARTS, (FIGURE_11_PARTICLES,)
-    request.report(f"{counted(len(request.seeds), 'sequences')}, one run of 8 trackers on each")
-    if request.quick:
+    report(f"{counted(len(seeds), 'sequences')}, one run of 8 trackers on each")
+    if quick:
         cells = [("smooth", 5, (5, 10)), erratic]
-        return study(measure(cells, request.seeds, 40, request.report))
+        return study(measure(cells, seeds, 40, report))
     smooth = [("smooth", parts, FIGURE_8_PARTICLES) for parts in FIGURE_8_PARTS]
     strong = [("strong_start", parts, (FIGURE_10_PARTICLES,)) for parts in PARTS]
-    return study(measure([*smooth, *strong, erratic], request.seeds, FRAMES, request.report))
+    return study(measure([*smooth, *strong, erratic], seeds, FRAMES, report))
 
 
 def study(curves: Curves) -> Study:

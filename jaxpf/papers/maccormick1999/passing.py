@@ -12,7 +12,6 @@ from jaxpf.papers.maccormick1999 import scenes, toy
 from jaxpf.papers.maccormick1999.measures import measures
 from jaxpf.papers.maccormick1999.scenes import Case
 from jaxpf.papers.maccormick1999.tracking import REDRAWN, Outcome, track, tracker_of
-from jaxpf.papers.paper import Request
 from jaxpf.papers.study import Study, tidy
 
 
@@ -85,9 +84,8 @@ class Passing(NamedTuple):
     methods: Mapping[str, Method]
 
 
-def measure_all(request: Request) -> Study:
+def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
     """Run all measurements."""
-    seeds, report = request.seeds, request.report
 
     def passed(name: str, make: Callable[[int], Case], methods: Mapping[str, Method]) -> Passing:
         report(f"{name}: {counted(len(seeds), 'sequences')}, one run of each method")
@@ -97,7 +95,7 @@ def measure_all(request: Request) -> Study:
     report("Figure 3 and the toy of figures 9 and 10")
     steps = toy.steps(seeds[0])
     of_leaves, of_walkers = LEAVES, WALKERS
-    if request.quick:
+    if quick:
         of_leaves = {name: of_leaves[name] for name in _QUICK_LEAVES}
         of_walkers = {name: of_walkers[name] for name in _QUICK_WALKERS}
     passings = {

@@ -14,7 +14,6 @@ from jaxpf.boxes.rowe2005 import Rowe2005Settings
 from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.lowering.programs import compiled
 from jaxpf.papers.checkpoints import of_scenes
-from jaxpf.papers.paper import Request
 from jaxpf.papers.rowe2005.measures import measures
 from jaxpf.papers.study import Study, tidy
 from jaxpf.shapes.rectangles import area, intersection_area
@@ -78,9 +77,8 @@ def tracker_of(scene: Any, variant: str) -> jaxpf.Labelled:
     )
 
 
-def measure_all(request: Request) -> Study:
+def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
     """Run all measurements; the figures show the arrays of ``measure``."""
-    seeds, report = request.seeds, request.report
     report(f"{len(seeds)} scenes with {RUNS_PER_SCENE} runs of every variant each")
     apart = measure(seeds, tuple(VARIANTS), report)
     report("Targets that cross: mean against product")

@@ -3,12 +3,11 @@
 Variants are methods; most measures have a case for each sharpness.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
-from jaxpf.papers.paper import Request
 from jaxpf.papers.smith2004.conditions import ENDINGS, PARTICLES, measure_conditions
 from jaxpf.papers.smith2004.orders import best_and_worst, shuffled_orders
 from jaxpf.papers.smith2004.scenes import METHODS, NUM_OBJECTS, SHARPNESS, Outcome, measure
@@ -29,14 +28,13 @@ _BEST_GIVEN_AT = slice(1, 2)
 Values = dict[tuple[str, str, str], Any]
 
 
-def measure_all(request: Request) -> Study:
+def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
     """Run all measurements; the quick ones are of fewer conditions."""
-    seeds, report = request.seeds, request.report
     report(f"Tables 1 and 2: {len(seeds)} scenes")
     outcome = measure(seeds, report=report)
     report("Conditions under which the order may matter more")
-    particles = PARTICLES[-1:] if request.quick else PARTICLES
-    endings = ("as here", "stages counted twice") if request.quick else tuple(ENDINGS)
+    particles = PARTICLES[-1:] if quick else PARTICLES
+    endings = ("as here", "stages counted twice") if quick else tuple(ENDINGS)
     return study(outcome, measure_conditions(seeds, particles, endings, report))
 
 

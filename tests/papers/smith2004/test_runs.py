@@ -12,7 +12,7 @@ from jaxpf import measures, running
 from jaxpf.evaluation import local_pool
 from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.likelihoods import histogram_from_patches
-from jaxpf.papers.checkpoints import sharing
+from jaxpf.papers.checkpoints import keeping
 from jaxpf.papers.smith2004 import scenes as synthetic
 from jaxpf.papers.smith2004.comparison import scene_tracker
 from jaxpf.papers.smith2004.scenes import Outcome
@@ -51,9 +51,9 @@ def measured_small(seeds):
 
 
 @pytest.mark.slow
-def test_another_process_gives_the_same_bits():
+def test_another_process_gives_the_same_bits(tmp_path):
     here = measured_small([0, 1])
-    with sharing(local_pool(1, jax.local_device_count())):
+    with keeping(tmp_path, {}, local_pool(1, jax.local_device_count())):
         np.testing.assert_equal(measured_small([0, 1])[1:], here[1:])
 
 

@@ -1,12 +1,13 @@
 """Tables of published and measured figures, as ``paper.toml`` declares them.
 
 A table has ``columns``: heading -> name of a measure, or a list of measure, variant and perhaps
-the variant to compare with.  Its ``rows`` are variants: a list, label -> variant, or ``"all"``;
-without ``rows`` there is a row for each case.  ``published`` has the paper's figures by heading:
-one for each row (nan for none), one for all rows, or by label.  ``how`` overrides a measure's
-``kind`` and ``digits`` by heading; its kinds ``"number"``, ``"count"`` (of scenes) and ``"range"``
-(over all cases and scenes) are texts without an interval.  Title and note may quote ``{scenes}``,
-``{sequences}`` (their number) and the study's words.
+the variant to compare with; or a ``measure``, and columns of variants.  Its ``rows`` are variants,
+or ``"all"``; without ``rows`` there is a row for each case.  Lists are of names that are headings.
+``published`` has the paper's figures by heading: one for each row (nan for none), one for all rows,
+or by label.  ``how`` overrides a measure's ``kind`` and ``digits`` by heading; its kinds
+``"number"``, ``"count"`` (of scenes) and ``"range"`` (over all cases and scenes) are texts without
+an interval.  Title and note may quote ``{scenes}``, ``{sequences}`` (their number) and the study's
+words.
 """
 
 import dataclasses
@@ -61,8 +62,9 @@ def tables(declared: Mapping[str, Any], study: Study) -> list[Table]:
 def _table(declared: Mapping[str, Any], measures: Mapping[str, Any], study: Study) -> Table | None:
     rows: dict[str, list[Any]] = {}
     number = 0
-    for heading, column in declared["columns"].items():
-        measure, *variants = [column] if isinstance(column, str) else column
+    for heading, column in named(declared["columns"]).items():
+        column = [column] if isinstance(column, str) else column
+        measure, *variants = [declared["measure"], *column] if "measure" in declared else column
         how = {**measures[measure], **declared.get("how", {}).get(heading, {})}
         known = declared.get("published", {}).get(heading)
         for label, *of_row in _labels(declared, measure, study, variants):
@@ -79,7 +81,7 @@ def _table(declared: Mapping[str, Any], measures: Mapping[str, Any], study: Stud
         return None
     words = {unit: counted(number, unit) for unit in ("scenes", "sequences")} | dict(study.words)
     title, note = (declared.get(name, "").format_map(words) for name in ("title", "note"))
-    columns = [declared.get("corner", ""), *declared["columns"]]
+    columns = [declared.get("corner", ""), *named(declared["columns"])]
     return Table(declared["name"], title, columns, list(rows.items()), note)
 
 
@@ -90,9 +92,12 @@ def _labels(
     rows = declared.get("rows")
     if rows is None:
         return [("", *variants)]
-    if isinstance(rows, Mapping):
-        return list(rows.items())
-    return [(row, row) for row in (study.variants(measure) if rows == "all" else rows)]
+    return list(named(study.variants(measure) if rows == "all" else rows).items())
+
+
+def named(items: Mapping[str, Any] | Sequence[str]) -> Mapping[str, Any]:
+    """A list of names that are their own labels as a mapping."""
+    return items if isinstance(items, Mapping) else dict(zip(items, items, strict=True))
 
 
 def _published(known: Any, label: str, row: int) -> float | None:

@@ -244,6 +244,10 @@ def test_figure_11_counts_lines_in_full_before_the_leaves_overlap():
     case = cases.leaves_of_figure_11(0)
     assert case.options["independence"] == 1
     assert len(case.frames) == len(case.truth) == cases.FIRST_FRAMES
+    assert cases.leaves(0).hidden[: cases.FIRST_FRAMES].max() == 0
+    ends = [np.zeros(1, bool)] * 3
+    still = tracking.Outcome(*[np.zeros((1, 10, 2))] * 3, *ends, np.zeros((1, 10)))
+    assert set(measures.measures(case, still)) == {"kept", "coalesced", "exchanged", "ess"}
     assert {method.one_in for method in passing.FIGURE_11.values()} == {1}
 
 

@@ -19,6 +19,7 @@ from jaxpf.papers.judging.claims import claims_of
 from jaxpf.papers.judging.estimates import computed
 from jaxpf.papers.paper import PAPERS, Paper, paper_of
 from jaxpf.papers.study import Study, tidy
+from jaxpf.papers.tables import named
 
 
 class Measured:
@@ -143,8 +144,8 @@ def test_papers_look_alike(name):
     for key, claim in claims_of(name).items():
         assert (claim.measure in measures) != (key in without), key
     for table in found.declared["tables"]:
-        for column in table["columns"].values():
-            used.add(column if isinstance(column, str) else column[0])
+        columns = [table["measure"]] if "measure" in table else named(table["columns"]).values()
+        used |= {column if isinstance(column, str) else column[0] for column in columns}
     assert used == set(measures)
     assert found.declared["scenes"] >= 25
     assert reproduce.PAPERS == PAPERS

@@ -67,6 +67,7 @@ def _by_sharpness(outcome: Outcome) -> Values:
         rates = _rates(outcome)[:, orders, column].mean(axis=0)
         places = {method: outcome.of(method) for method in METHODS}
         places |= {_BEST: [orders[rates.argmax()]], _WORST: [orders[rates.argmin()]]}
+        places["PS mean"] = orders
         for name, (field, factor) in _FIELDS.items():
             rates = _rates(outcome, field)[:, :, column]
             for variant, of_variant in places.items():

@@ -12,6 +12,7 @@ import numpy as np
 import jaxpf
 import scenes
 from jaxpf import ordering
+from jaxpf.boxes import tracker as box_tracker
 from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods.histogram import histogram_from_patches
@@ -20,7 +21,6 @@ from jaxpf.measures import metrics, particle_sets
 from jaxpf.ordering import Ordering
 from jaxpf.papers.checkpoints import of_scenes
 from jaxpf.papers.grid import Grid, stacked
-from jaxpf.papers.smith2004.comparison import scene_tracker
 from jaxpf.shapes.rectangles import boxes_from_substates
 
 NUM_OBJECTS = 7
@@ -149,6 +149,20 @@ def _on_scene(
     )
     values = _measures(recorded, scene.boxes[1:], scene.sizes, tracker.dynamics.scale)
     return dict(zip(Outcome._fields[1:], values, strict=True))
+
+
+def scene_tracker(
+    scene: Any, ordering: Ordering | None = None, *, num_particles: int | None = None
+) -> Partitioned:
+    """The paper's tracker of a scene's patches; by default DPS with 300 particles."""
+    return box_tracker(
+        scene.frames[0],
+        scene.boxes[0],
+        like="smith2004",
+        patches=scene.patches,
+        ordering=ordering,
+        particles=num_particles,
+    )
 
 
 def tracker_of(scene: Any, num_particles: int | None = None) -> Partitioned:

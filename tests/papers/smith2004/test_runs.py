@@ -14,8 +14,7 @@ from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.likelihoods import histogram_from_patches
 from jaxpf.papers.checkpoints import keeping
 from jaxpf.papers.smith2004 import scenes as synthetic
-from jaxpf.papers.smith2004.comparison import scene_tracker
-from jaxpf.papers.smith2004.scenes import Outcome
+from jaxpf.papers.smith2004.scenes import Outcome, scene_tracker
 from jaxpf.shapes import boxes_from_substates
 
 # --- Runs ----------------------------------------------------------------------------------

@@ -1,18 +1,20 @@
 """Targets that meet or pass, tracked by several methods: figures 1, 4, 6, 7, 11."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxpf.papers.checkpoints import Measure, each
+from jaxpf.papers.checkpoints import of_scenes
 from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.maccormick1999 import scenes, toy
 from jaxpf.papers.maccormick1999.measures import measures
 from jaxpf.papers.maccormick1999.scenes import Case
-from jaxpf.papers.maccormick1999.tracking import REDRAWN, Outcome, track, tracker_of
+from jaxpf.papers.maccormick1999.tracking import REDRAWN, track, tracker_of
 from jaxpf.papers.study import Study, tidy
+
+Values = dict[tuple[str, str, str], Any]
 
 
 class Method(NamedTuple):
@@ -71,93 +73,88 @@ _QUICK_WALKERS = OCCLUSION, INDEPENDENT
 
 
 class Passing(NamedTuple):
-    """Targets that met or passed each other.
+    """What the figures show of targets that met or passed each other.
 
     Attributes:
-        cases: one or more sequences; only the first keeps its frames.
-        outcomes: method -> one outcome per case, or for the first cases only.
-        methods: the methods of the outcomes.
+        case: the first sequence.
+        outlines: method -> estimates ``[1, T, 2, M, 2]`` on it.
+        ess: method -> effective sample sizes ``[S, T]`` on all sequences.
     """
 
-    cases: Sequence[Case]
-    outcomes: Mapping[str, Sequence[Outcome]]
-    methods: Mapping[str, Method]
+    case: Case
+    outlines: Mapping[str, np.ndarray]
+    ess: Mapping[str, np.ndarray]
 
 
 def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
-    """Run all measurements."""
-
-    def passed(name: str, make: Callable[[int], Case], methods: Mapping[str, Method]) -> Passing:
-        report(f"{name}: {counted(len(seeds), 'sequences')}, one run of each method")
-        cases: Iterable[Case] = map(make, seeds)
-        return measure(cases, seeds, methods, report)
-
+    """Run all measurements; the figures show the toy's steps and a ``Passing`` of every kind."""
     report("Figure 3 and the toy of figures 9 and 10")
     steps = toy.steps(seeds[0])
-    of_leaves, of_walkers = LEAVES, WALKERS
-    if quick:
-        of_leaves = {name: of_leaves[name] for name in _QUICK_LEAVES}
-        of_walkers = {name: of_walkers[name] for name in _QUICK_WALKERS}
-    passings = {
-        "wires": passed("Figure 4, wires", scenes.wires, WIRES),
-        "leaves": passed("Leaves", scenes.leaves, of_leaves),
-        "walkers": passed("Walkers", scenes.walkers, of_walkers),
-        # Before they overlap, with all measurement lines independent as in the paper.
-        "figure_11": passed("Figure 11", scenes.leaves_of_figure_11, FIGURE_11),
-    }
-    return study(steps, passings)
-
-
-def study(steps: Mapping[str, Sequence[toy.Step]], passings: Mapping[str, Passing]) -> Study:
-    """Rows of all measures, from the toy's steps of one frame by method and from the passings."""
+    shown: dict[str, Any] = {"toy": steps}
     # Figures 9 and 10: the last step's effective sample size, of each run.
-    values: dict[tuple[str, str, str], Any]
-    values = {("toy: ess", name, ""): shown[-1].ess for name, shown in steps.items()}
-    for kind, passing in passings.items():
-        for name, outcomes in passing.outcomes.items():
-            method = passing.methods[name]
-            for case, outcome in zip(passing.cases, outcomes, strict=False):
-                of_case = measures(case, outcome) | {"N": method.num_particles}
-                if method.ordering == "independent":
-                    # Resampled apart, so that joint particles have equal weights.
-                    of_case["ess"] = np.nan
-                for measure, value in of_case.items():
-                    values.setdefault((f"{kind}: {measure}", name, ""), []).append(value)
-    return Study(tidy(values), {"toy": steps, **passings})
+    values: Values = {("toy: ess", name, ""): of_name[-1].ess for name, of_name in steps.items()}
+    leaves, walkers = (
+        {name: methods[name] for name in (names if quick else methods)}
+        for methods, names in ((LEAVES, _QUICK_LEAVES), (WALKERS, _QUICK_WALKERS))
+    )
+    for kind, title, make, methods in (
+        ("wires", "Figure 4, wires", scenes.wires, WIRES),
+        ("leaves", "Leaves", scenes.leaves, leaves),
+        ("walkers", "Walkers", scenes.walkers, walkers),
+        # Before they overlap, with all measurement lines independent as in the paper.
+        ("figure_11", "Figure 11", scenes.leaves_of_figure_11, FIGURE_11),
+    ):
+        report(f"{title}: {counted(len(seeds), 'sequences')}, one run of each method")
+        measured, shown[kind] = measure(kind, make, methods, seeds, report)
+        values |= measured
+    return Study(tidy(values), shown)
 
 
 def measure(
-    cases: Iterable[Case],
-    seeds: Sequence[int],
+    kind: str,
+    make: Callable[[int], Case],
     methods: Mapping[str, Method],
+    seeds: Sequence[int],
     report: Callable[[str], None],
-) -> Passing:
-    """Track every case once by each method; its seed determines the run."""
-    kept: list[Case] = []
-    # At least three, for an interval.
-    least = min(len(seeds), 3)
-    last = {name: max(len(seeds) // method.one_in, least) for name, method in methods.items()}
-    tracked = [[name for name in methods if number < last[name]] for number in range(len(seeds))]
-    outcomes: dict[str, list[Outcome]] = {name: [] for name in methods}
-
-    def parts() -> Iterator[tuple[str, Measure]]:
-        for case, seed, names in zip(cases, seeds, tracked, strict=True):
-            # Figures show the first case; the frames of many sequences would fill the memory.
-            kept.append(case._replace(frames=case.frames[:0]) if kept else case)
-            for method in map(methods.__getitem__, names):
-                name = "-".join(map(str, (case.name, *method[:3], method.flip, seed)))
-                yield name, partial(_outcome, case, method, seed)
-
-    measured = each(parts())
-    for done, names in enumerate(tracked, start=1):
-        for name in names:
-            outcomes[name].append(Outcome(**next(measured)))
-        report(f"  {kept[done - 1].name}: sequence {done} of {len(seeds)} done")
-    return Passing(kept, outcomes, methods)
+) -> tuple[Values, Passing]:
+    """Track the sequence of every seed once by each method; the seed determines the runs."""
+    least = min(len(seeds), 3)  # for an interval
+    tracked = {
+        name: seeds[: max(len(seeds) // method.one_in, least)] for name, method in methods.items()
+    }
+    found = of_scenes(kind, partial(_on_scene, make, methods, tracked, seeds[0]), seeds, report)
+    arrays = {tuple(name.split(": ")): each for name, each in found.items()}
+    values = {
+        (f"{kind}: {what}", name, ""): each
+        for (name, what), each in arrays.items()
+        if each.ndim == 1
+    }
+    outlines, ess = (
+        {name: arrays[name, what] for name in methods} for what in ("outlines", "ess curve")
+    )
+    return values, Passing(make(seeds[0]), outlines, ess)
 
 
-def _outcome(case: Case, method: Method, seed: int) -> dict[str, np.ndarray]:
-    """Fields of the ``Outcome`` of a run."""
-    kind, ordering, particles, _, flip = method
-    tracker = tracker_of(case, kind, particles, ordering, flip)
-    return track(case, tracker, 1, seed)._asdict()
+def _on_scene(
+    make: Callable[[int], Case],
+    methods: Mapping[str, Method],
+    tracked: Mapping[str, Sequence[int]],
+    first: int,
+    seed: int,
+) -> dict[str, Any]:
+    """Measures and arrays of a ``Passing``, named such as "PS, 750: kept", of a seed's sequence."""
+    case = make(seed)
+    found: dict[str, Any] = {}
+    for name, method in methods.items():
+        if seed not in tracked[name]:
+            continue
+        kind, ordering, particles, _, flip = method
+        outcome = track(case, tracker_of(case, kind, particles, ordering, flip), 1, seed)
+        arrays = measures(case, outcome) | {"N": particles, "ess curve": outcome.ess[0]}
+        if ordering == "independent":
+            # Resampled apart, so that joint particles have equal weights.
+            arrays["ess"] = np.nan
+        if seed == first:
+            arrays["outlines"] = outcome.outlines[0]
+        found |= {f"{name}: {what}": each for what, each in arrays.items()}
+    return found

@@ -72,7 +72,7 @@ class Paper:
         return Comparison(
             paper=self.name,
             title=f"{self.name} repeated: {self.declared['title']}",
-            tables=[*self.tables(study), *settings_tables(self.name)],
+            tables=[*self.tables(study), settings_table(self.name)],
             claims=judge_all(self.name, {**self.quantities(study), **self.computed()}),
             figures=self.figures(study),
             notes=self.declared["notes"],
@@ -103,10 +103,10 @@ class Paper:
         return again
 
 
-def settings_tables(paper: str) -> list[Table]:
-    """The paper's ``settings.csv`` as a table; an empty list if it does not exist."""
+def settings_table(paper: str) -> Table:
+    """The paper's ``settings.csv`` as a table."""
     settings = read_rows(paper, "settings.csv")
     rows = [(row["setting"], [row["value"], row["how"]]) for row in settings]
     title = "Settings that the paper leaves open, chosen on scenes that no report uses"
     columns = ["setting", "value", "how it was chosen"]
-    return [Table("chosen_settings", title, columns, rows)] if rows else []
+    return Table("chosen_settings", title, columns, rows)

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from judged import verdicts
 
 from jaxpf.papers.eskil2014 import PAPER, measures, methods
 from jaxpf.papers.eskil2014.scenes import study
-from jaxpf.papers.judging.claims import NOT_SEEN, SUPPORTED, judge_all
+from jaxpf.papers.judging.claims import NOT_SEEN, SUPPORTED
 
 FISH = ("nose", "eye", "dorsal front", "tail")
 DIVERS = ("head", "left hand", "right hand")
@@ -17,11 +18,6 @@ def measured(scene, names, errors, visible=None):
     if visible is None:
         visible = np.ones((shape[0], *shape[2:]), bool)
     return study({scene: {"names": np.array([names]), "visible": visible, **errors}})
-
-
-def verdicts(found):
-    judged = judge_all("eskil2014", PAPER.quantities(found))
-    return {each.claim.key: each.verdict for each in judged}
 
 
 def fish(proposed: float, pffl: float):
@@ -39,10 +35,10 @@ def fish(proposed: float, pffl: float):
 
 
 def test_claims_follow_the_figures():
-    found = verdicts(fish(0.02, 0.2))
+    found = verdicts(PAPER, fish(0.02, 0.2))
     assert found.pop("fish_together") == NOT_SEEN  # PFFL's error grows from the first frame on
     assert set(found.values()) == {SUPPORTED}
-    assert list(verdicts(fish(0.2, 0.02)).values()).count(NOT_SEEN) == 6
+    assert list(verdicts(PAPER, fish(0.2, 0.02)).values()).count(NOT_SEEN) == 6
 
 
 def test_spot_is_compared_on_the_scenes_that_it_has():
@@ -52,7 +48,7 @@ def test_spot_is_compared_on_the_scenes_that_it_has():
         noise = rng.uniform(0.9, 1.1, (2, 50, 1, 100, len(names)))
         found = {methods.PROPOSED: 0.02 * noise[0], methods.SPOT: error * noise[1, :25]}
         found[methods.PFFL] = found[methods.PROPOSED]
-        return verdicts(measured(scene, names, found))[f"{scene}_spot"]
+        return verdicts(PAPER, measured(scene, names, found))[f"{scene}_spot"]
 
     assert [spot_rows("fish", error) for error in (0.02, 0.2)] == [SUPPORTED, NOT_SEEN]
     assert [spot_rows("skydivers", error) for error in (0.02, 0.9)] == [NOT_SEEN, SUPPORTED]
@@ -68,7 +64,7 @@ def test_a_lost_run_does_not_hide_among_the_others():
     figures = PAPER.quantities(found)
     (peak,), (near,) = figures["skydivers_peak"], figures["skydivers_near"]
     assert peak.value == pytest.approx((1.5 + 0.6 + 3 * 0.1) / 5, abs=0.02)
-    assert verdicts(found)["skydivers_peak"] == NOT_SEEN
+    assert verdicts(PAPER, found)["skydivers_peak"] == NOT_SEEN
     # Frames count in which all three are near: 190 of 200.
     assert near.value == pytest.approx(95)
 
@@ -103,7 +99,7 @@ def test_blinks_are_judged_by_the_eyes_alone():
     errors[..., 1] = 0.5
 
     def verdict(errors):
-        return verdicts(measured("face", names, {methods.PROPOSED: errors}))["face_blinks"]
+        return verdicts(PAPER, measured("face", names, {methods.PROPOSED: errors}))["face_blinks"]
 
     errors[0, 0, 28, 0] = 0.3
     assert verdict(errors) == SUPPORTED

@@ -5,6 +5,7 @@ from contextlib import suppress
 import jax
 import numpy as np
 import pytest
+from judged import verdicts
 
 import scenes as drawn
 from jaxpf import run
@@ -111,14 +112,9 @@ def everything(curves):
     return dict.fromkeys(cells, curves)
 
 
-def verdicts(curves):
-    figures = PAPER.quantities(study(curves))
-    return {each.claim.key: each.verdict for each in judge_all("gonzales2011", figures)}
-
-
 def test_claims_follow_what_was_measured():
     gains = {"SPS sorted": 12.0, "SPS combinatorial": -12.0}
-    found = verdicts(everything(made(gains, {"SPS sorted": 0.0})))
+    found = verdicts(PAPER, study(everything(made(gains, {"SPS sorted": 0.0}))))
     assert len(found) == 15
     for key, verdict in found.items():
         expected = {NOT_SEEN if key.startswith("combinatorial") else SUPPORTED}
@@ -135,10 +131,10 @@ def test_claims_follow_what_was_measured():
 def test_one_bad_cell_contradicts_its_claim_alone():
     curves = everything(made({"SPS sorted": 8.0}))
     curves["smooth", 7, 40] = made({"SPS sorted": -8.0})
-    found = verdicts(curves)
+    found = verdicts(PAPER, study(curves))
     own = [key for key in found if not key.startswith("combinatorial")]
     assert [key for key in own if found[key] == NOT_SEEN] == ["error"]
-    assert verdicts({}) == {}
+    assert verdicts(PAPER, study({})) == {}
 
 
 def test_tables_and_figures_show_every_cell():

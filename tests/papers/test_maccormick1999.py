@@ -4,9 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from judged import verdicts
 
 import jaxpf
-from jaxpf.papers.judging.claims import NOT_SEEN, PREVIEW, SUPPORTED, judge_all
+from jaxpf.papers.judging.claims import NOT_SEEN, PREVIEW, SUPPORTED
 from jaxpf.papers.maccormick1999 import (
     PAPER,
     figures,
@@ -30,12 +31,6 @@ def study_of(**kinds):
                 for what, value in of_run.items():
                     values.setdefault((f"{kind}: {what}", name, ""), []).append(value)
     return Study(tidy(values))
-
-
-def verdicts(found):
-    """Key of a claim -> verdict, of what was measured."""
-    judged = judge_all("maccormick1999", PAPER.quantities(found))
-    return {each.claim.key: each.verdict for each in judged}
 
 
 def test_one_target_peaks_at_every_feature_and_two_do_not_share_one():
@@ -135,7 +130,7 @@ def test_claims_follow_from_the_rates(wires):
             name: [(wires, without if method.exclusion == "none" else with_exclusion)] * 50
             for name, method in passing.WIRES.items()
         }
-        return verdicts(study_of(wires=outcomes))
+        return verdicts(PAPER, study_of(wires=outcomes))
 
     assert list(judged(good, bad).values()) == [SUPPORTED] * 6
     assert list(judged(bad, good).values()) == [NOT_SEEN] * 6
@@ -202,7 +197,7 @@ def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost
             passing.AS_MANY: second,
             passing.FOUR_TIMES: second,
         }
-        return verdicts(study_of(walkers=walkers, leaves=leaves))
+        return verdicts(PAPER, study_of(walkers=walkers, leaves=leaves))
 
     found = judged(all_good, all_bad)
     assert len(found) == 12
@@ -307,4 +302,4 @@ def test_the_steps_of_the_toy_are_the_filters_own(method):
 @pytest.mark.slow
 def test_the_toy_shows_that_partitioned_sets_are_finer():
     values = {("toy: ess", name, ""): steps[-1].ess for name, steps in toy.steps(0).items()}
-    assert verdicts(Study(tidy(values))) == {"toy": SUPPORTED}
+    assert verdicts(PAPER, Study(tidy(values))) == {"toy": SUPPORTED}

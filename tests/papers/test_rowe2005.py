@@ -4,12 +4,13 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from judged import verdicts
 
 import jaxpf
 import scenes
 from jaxpf.papers.checkpoints import keeping
 from jaxpf.papers.judging import comparison_table
-from jaxpf.papers.judging.claims import NOT_SEEN, SUPPORTED, judge_all
+from jaxpf.papers.judging.claims import NOT_SEEN, SUPPORTED
 from jaxpf.papers.rowe2005 import PAPER, measures, scenes as synthetic
 
 SCENES, RUNS, FRAMES, TARGETS = 25, synthetic.RUNS_PER_SCENE, 20, 2
@@ -42,9 +43,8 @@ def made(**errors):
     return found
 
 
-def verdicts(found):
-    figures = PAPER.quantities(synthetic.study(found, found))
-    return {each.claim.key: each.verdict for each in judge_all("rowe2005", figures)}
+def judged(found):
+    return verdicts(PAPER, synthetic.study(found, found))
 
 
 def test_the_published_figures_are_those_of_table_1():
@@ -61,7 +61,7 @@ def test_the_published_figures_are_those_of_table_1():
 
 
 def test_what_agrees_with_the_paper_is_supported():
-    found = verdicts(made(neither=0.15))
+    found = judged(made(neither=0.15))
     keys = "starves half error samples negligible collapse size_term condensation proposal"
     assert {found[key] for key in keys.split()} == {SUPPORTED}
 
@@ -70,9 +70,9 @@ def test_what_disagrees_is_contradicted():
     found = made(neither=0.05, both=0.2)
     found["without size term"]["area_ratio"] += 0.8
     found["Condensation"]["between"] *= 0.01
-    judged = verdicts(found)
-    assert judged["error"] == judged["collapse"] == judged["condensation"] == NOT_SEEN
-    lost = verdicts(made(both=3.0))
+    turned = judged(found)
+    assert turned["error"] == turned["collapse"] == turned["condensation"] == NOT_SEEN
+    lost = judged(made(both=3.0))
     assert lost["never_lost"] == lost["power"] == NOT_SEEN
 
 

@@ -3,10 +3,9 @@
 A ``Comparison`` is written as Markdown, CSV and PNG.
 """
 
-import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from jaxpf import __version__
 from jaxpf.files.tables import Table, markdown_table
@@ -15,8 +14,7 @@ from jaxpf.papers.judging.claims import GROUPS, RULE, Judged
 from jaxpf.papers.tables import table_rows
 
 
-@dataclasses.dataclass(frozen=True)
-class Comparison:
+class Comparison(NamedTuple):
     """Published and measured figures of a paper.
 
     Attributes:
@@ -32,8 +30,8 @@ class Comparison:
     title: str
     tables: Sequence[Table]
     claims: Sequence[Judged]
-    figures: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    notes: Sequence[str] = ()
+    figures: Mapping[str, Any]
+    notes: Sequence[str]
 
 
 #: How to read the tables.
@@ -45,20 +43,15 @@ CELLS = (
 
 def markdown(comparison: Comparison) -> str:
     """The whole comparison as one Markdown text; figures are linked by file name."""
-    lines = [f"# {comparison.title}", ""]
-    if comparison.tables:
-        lines += [CELLS, ""]
+    lines = [f"# {comparison.title}", "", CELLS, ""]
     for table in comparison.tables:
         lines += [f"## {table.title}", "", *markdown_table(table.columns, table.texts()), ""]
         if table.note:
             lines += [table.note, ""]
-    if comparison.claims:
-        lines += ["## Claims", "", RULE, "", *claims_markdown(comparison.claims)]
+    lines += ["## Claims", "", RULE, "", *claims_markdown(comparison.claims)]
     for stem in comparison.figures:
         lines += [f"![{stem}]({stem}.png)", ""]
-    if comparison.notes:
-        lines += ["## Notes", "", *(f"- {note}" for note in comparison.notes), ""]
-    return "\n".join(lines)
+    return "\n".join([*lines, "## Notes", "", *(f"- {note}" for note in comparison.notes), ""])
 
 
 def claims_markdown(claims: Sequence[Judged], level: int = 3) -> list[str]:
@@ -100,9 +93,8 @@ def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
 
     for table in comparison.tables:
         text(f"{table.name}.csv", csv_text(table_rows(table)))
-    if comparison.claims:
-        judged = (each._replace(command=command) for each in comparison.claims)
-        text("verdicts.csv", verdicts_csv(each._replace(version=__version__) for each in judged))
+    judged = (each._replace(command=command, version=__version__) for each in comparison.claims)
+    text("verdicts.csv", verdicts_csv(judged))
     for stem, figure in comparison.figures.items():
         plotting.save_figure(figure, folder / f"{stem}.png")
         written.append(f"{stem}.png")

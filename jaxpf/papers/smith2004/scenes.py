@@ -91,13 +91,11 @@ class Outcome(NamedTuple):
     uniqueness: np.ndarray
     dynamics: np.ndarray
 
-    def orders(self) -> list[int]:
-        """Indices of the PS orders."""
-        return [place for place, name in enumerate(self.names) if name.startswith("PS ")]
-
     def of(self, method: str) -> list[int]:
         """Indices of a method of ``METHODS``: all orders for "PS", one for the others."""
-        return self.orders() if method == "PS" else [self.names.index(method)]
+        if method != "PS":
+            return [self.names.index(method)]
+        return [place for place, name in enumerate(self.names) if name.startswith("PS ")]
 
 
 def measure(

@@ -1,9 +1,10 @@
 """Verdicts on the claims of smith2004, and their statistics."""
 
 import numpy as np
+from judged import verdicts
 from smith2004_outcomes import outcome_of
 
-from jaxpf.papers.judging.claims import NOT_SEEN, OPEN, PREVIEW, SUPPORTED, judge_all
+from jaxpf.papers.judging.claims import NOT_SEEN, OPEN, PREVIEW, SUPPORTED
 from jaxpf.papers.smith2004 import PAPER, scenes
 from jaxpf.papers.smith2004.figures import figure_4
 from jaxpf.papers.smith2004.measures import study
@@ -13,40 +14,36 @@ RATES = {"Non-PS": 0.0, "PS": 0.3, "DPS": 0.4, "SPS": 0.7}
 ORDERS = [name for name in scenes.all_orderings() if name.startswith("PS ")]
 
 
-def verdicts(outcome):
-    figures = PAPER.quantities(study(outcome, {}))
-    return {each.claim.key: each.verdict for each in judge_all("smith2004", figures)}
-
-
 def tables(outcome, conditions=None):
     return {table.name: table for table in PAPER.tables(study(outcome, conditions or {}))}
 
 
 def test_verdicts_follow_the_recovery_rates():
-    clear = verdicts(
-        outcome_of({"Non-PS": 0.02, "PS": 0.2, "DPS": 0.7, "SPS": 0.9}, runs=50, scenes_=25)
-    )
-    reverse = verdicts(
-        outcome_of({"Non-PS": 0.7, "PS": 0.4, "DPS": 0.1, "SPS": 0.9}, runs=50, scenes_=25)
-    )
-    same = verdicts(outcome_of(dict.fromkeys(RATES, 0.3)))
+    def judged(*rates, **made):
+        outcome = outcome_of(dict(zip(RATES, rates, strict=True)), **made)
+        return verdicts(PAPER, study(outcome, {}))
+
+    clear = judged(0.02, 0.2, 0.7, 0.9, runs=50, scenes_=25)
+    reverse = judged(0.7, 0.4, 0.1, 0.9, runs=50, scenes_=25)
+    same = judged(0.3, 0.3, 0.3, 0.3)
     for key in ("ps_recovers", "dps_recovers_each"):
         assert (clear[key], reverse[key], same[key]) == (SUPPORTED, NOT_SEEN, OPEN)
 
 
 def test_few_scenes_are_a_preview():
     for count in (1, 9):
-        assert set(verdicts(outcome_of(RATES, scenes_=count)).values()) == {PREVIEW}
+        found = verdicts(PAPER, study(outcome_of(RATES, scenes_=count), {}))
+        assert set(found.values()) == {PREVIEW}
 
 
 def test_orders_that_differ_are_told_from_luck():
     alike = outcome_of(RATES, runs=2)
     # The worst of seven equal orders looks far below the best, on the scenes that chose them.
-    rates = alike.recovered[:, alike.orders(), 0].mean(axis=(0, 2))
+    rates = alike.recovered[:, alike.of("PS"), 0].mean(axis=(0, 2))
     assert rates.max() - rates.min() > 0.1
-    assert verdicts(alike)["orders"] != SUPPORTED
+    assert verdicts(PAPER, study(alike, {}))["orders"] != SUPPORTED
     far = {**RATES, **dict(zip(ORDERS, np.linspace(0.02, 0.8, 7), strict=True))}
-    assert verdicts(outcome_of(far, scenes_=80))["orders"] == SUPPORTED
+    assert verdicts(PAPER, study(outcome_of(far, scenes_=80), {}))["orders"] == SUPPORTED
 
 
 def test_worst_and_best_are_those_of_the_recovery_rate():
@@ -64,7 +61,7 @@ def test_worst_and_best_are_those_of_the_recovery_rate():
 def test_uniqueness_is_read_by_stage():
     """Object (shift + stage) stands at that stage of the order that begins with ``shift``."""
     outcome = outcome_of(RATES)
-    for shift, place in enumerate(outcome.orders()):
+    for shift, place in enumerate(outcome.of("PS")):
         for stage, partition in enumerate(scenes.shifted(shift)):
             outcome.uniqueness[:, place, 0, partition] = 0.01 * (stage + 1)
     values = [cells[0].measured.value for _, cells in tables(outcome)["uniqueness"].rows]

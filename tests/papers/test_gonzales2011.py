@@ -107,9 +107,13 @@ def made(gains, variance_gains=None, num_scenes=25):
 
 
 def everything(curves):
-    cells = [("smooth", p, n) for p in (7, 9) for n in scenes.FIGURE_8_PARTICLES]
-    cells += [("strong_start", p, 20) for p in scenes.PARTS] + [("erratic", 5, 10)]
-    return dict.fromkeys(cells, curves)
+    figures = scenes.FIGURES.values()
+    return {
+        (motion, parts, number): curves
+        for _, motion, sizes, numbers in figures
+        for parts in sizes
+        for number in numbers
+    }
 
 
 def test_claims_follow_what_was_measured():

@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxpf.measures import particle_sets
 from jaxpf.ordering import named
-from jaxpf.papers.gonzales2011.scenes import FIGURE_8_PARTS
+from jaxpf.papers.gonzales2011.scenes import FIGURES
 from jaxpf.papers.judging.estimates import Quantity, computed
 
 
@@ -32,7 +32,7 @@ def sorted_evidence(num_particles: int) -> float:
 def resamplings() -> list[Quantity]:
     """Ratio of PS's to SPS's number of resamplings per frame."""
     figures = []
-    for num_parts in FIGURE_8_PARTS:
+    for num_parts in FIGURES["figure 8"][2]:
         tree = [-1 if part == 0 else max(part - 2, 0) for part in range(num_parts)]
         ps, sps = (
             int(particle_sets.resamplings_per_frame(named(method, tree).resample_after))

@@ -24,26 +24,16 @@ from jaxpf.papers.study import Study, tidy
 from jaxpf.parts.models import parts_model
 from jaxpf.shapes.rectangles import corners_from_poses
 
-#: Numbers of parts of the objects.
-PARTS = (3, 5, 7, 9, 11)
 FRAMES = 300
 #: Lambda of the likelihood exp(-lambda d^2).
 SHARPNESS = 50.0
-#: Figure 8: numbers of particles, and numbers of parts of the objects.
-FIGURE_8_PARTICLES, FIGURE_8_PARTS = (2, 5, 10, 20, 30, 40), (7, 9)
-#: Figure 9: variance of the particle set, for the numbers of parts in figure 8.
-FIGURE_9_PARTICLES = 10
-#: Figure 10: strong motion at the beginning, for all numbers of parts.
-FIGURE_10_PARTICLES = 20
-#: Figure 11: strong and erratic motion throughout.
-FIGURE_11_PARTICLES, FIGURE_11_PARTS = 10, 5
-#: Measure of a claim -> field, motion, and numbers of parts and particles of a figure's cells.
+#: Measure of a claim -> field, motion, and numbers of parts and of particles of a figure's cells.
 FIGURES = {
-    "figure 8": ("error", "smooth", FIGURE_8_PARTS, FIGURE_8_PARTICLES),
-    "figure 9": ("variance", "smooth", FIGURE_8_PARTS, (FIGURE_9_PARTICLES,)),
-    "figure 10": ("error", "strong_start", PARTS, (FIGURE_10_PARTICLES,)),
-    "figure 11, error": ("error", "erratic", (FIGURE_11_PARTS,), (FIGURE_11_PARTICLES,)),
-    "figure 11, variance": ("variance", "erratic", (FIGURE_11_PARTS,), (FIGURE_11_PARTICLES,)),
+    "figure 8": ("error", "smooth", (7, 9), (2, 5, 10, 20, 30, 40)),
+    "figure 9": ("variance", "smooth", (7, 9), (10,)),
+    "figure 10": ("error", "strong_start", (3, 5, 7, 9, 11), (20,)),
+    "figure 11, error": ("error", "erratic", (5,), (10,)),
+    "figure 11, variance": ("variance", "erratic", (5,), (10,)),
 }
 #: Samples per side of a part: d^2 has an error of .017 (standard deviation), the log-likelihood .8.
 SAMPLES = 10
@@ -84,14 +74,13 @@ Curves = Mapping[tuple[str, int, int], Mapping[tuple[str, str], np.ndarray]]
 
 def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
     """Run all measurements; the quick ones are of fewer cells and frames."""
-    erratic = "erratic", FIGURE_11_PARTS, (FIGURE_11_PARTICLES,)
     report(f"{counted(len(seeds), 'sequences')}, one run of 8 trackers on each")
     if quick:
-        cells = [("smooth", 5, (5, 10)), erratic]
+        cells = [("smooth", 5, (5, 10)), ("erratic", 5, (10,))]
         return study(measure(cells, seeds, 40, report))
-    smooth = [("smooth", parts, FIGURE_8_PARTICLES) for parts in FIGURE_8_PARTS]
-    strong = [("strong_start", parts, (FIGURE_10_PARTICLES,)) for parts in PARTS]
-    return study(measure([*smooth, *strong, erratic], seeds, FRAMES, report))
+    figures = (FIGURES[name] for name in ("figure 8", "figure 10", "figure 11, error"))
+    every = [(motion, parts, counts) for _, motion, sizes, counts in figures for parts in sizes]
+    return study(measure(every, seeds, FRAMES, report))
 
 
 def study(curves: Curves) -> Study:

@@ -55,7 +55,7 @@ class Paper:
         return tomllib.loads(path.read_text(encoding="utf-8"))
 
     def seeds(self, scenes: int | None = None, seed: int = 0, quick: bool = False) -> range:
-        """Seeds of so many scenes; by default of the planned number, or of two."""
+        """Seeds of the scenes; by default the planned number of them, or two."""
         return range(seed, seed + (scenes or (2 if quick else self.declared["scenes"])))
 
     def compare(

@@ -69,7 +69,7 @@ def command(
 
     began = time.perf_counter()
     chosen = paper_of(paper)
-    request = chosen.request(scenes, seed, quick, say)
+    seeds = chosen.seeds(scenes, seed, quick)
     executor = None
     if dask is not None:
         executor = click.get_current_context().with_resource(cluster(dask))
@@ -79,9 +79,9 @@ def command(
     if resumes:
         say(f"Resuming from '{folder}'.")
     say("The first scenes take longest: their programs are compiled.")
-    with checkpoints.sharing(executor), checkpoints.keeping(output, options):
-        comparison = chosen.compare(request)
-        explicit = options | {"scenes": len(request.seeds)}
+    with checkpoints.keeping(output, options, executor):
+        comparison = chosen.compare(seeds, quick, say)
+        explicit = options | {"scenes": len(seeds)}
         written = comparison_table.write(comparison, folder, _typed(explicit))
         write_config(folder / "run.toml", "reproduce", options)
     for table in comparison.tables:

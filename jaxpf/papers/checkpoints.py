@@ -1,9 +1,8 @@
 """Parts of a long experiment, stored on disk so that it can resume.
 
-An experiment names each part, ``part("fish-3", measure)``; the command line sets the folder,
-``with keeping(folder, settings)``.  Outside such a block nothing is stored.  ``each`` measures
-independent parts: it distributes them over the workers of an executor (``with sharing(executor)``)
-and yields them in order.
+An experiment names each part and the function that measures it, and ``each`` yields them in order.
+The command line sets the folder, and the executor over whose workers parts are distributed: ``with
+keeping(folder, settings, executor)``.  Outside such a block nothing is stored.
 """
 
 import contextlib
@@ -28,51 +27,46 @@ NAME = "parts"
 
 #: Function that measures a part: arrays by name.
 Measure = Callable[[], Mapping[str, Any]]
+Arrays = dict[str, np.ndarray]
 
-_store: contextvars.ContextVar[Pieces | None] = contextvars.ContextVar("parts", default=None)
-_executor: contextvars.ContextVar[Pool | None] = contextvars.ContextVar("workers", default=None)
-
-
-def part(name: str, measure: Measure) -> dict[str, Any]:
-    """Read a stored part, or measure it now.
-
-    Args:
-        name: valid file name, unique within the experiment.
-        measure: see ``Measure``.
-
-    Raises:
-        InputError: the part cannot be written.
-    """
-    stored = _known(name)
-    return _kept(name, _arrays(measure)) if stored is None else stored
+#: Where to store parts, and who measures them.
+_kept: contextvars.ContextVar[tuple[Pieces | None, Pool | None]]
+_kept = contextvars.ContextVar("parts", default=(None, None))
 
 
-def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[dict[str, Any]]:
-    """Yield ``part`` for each of them in order.
+def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[Arrays]:
+    """Read or measure each part; yields them in order.
 
     Args:
-        parts: name and function.  Use ``functools.partial`` of a module-level function, so that it
-            can be sent to another process.
+        parts: name, a valid file name that is unique within the experiment, and function.  Use
+            ``functools.partial`` of a module-level function, so that it can be sent to another
+            process.
         threads: number of threads if there is no executor.
 
     Raises:
         InputError: a part cannot be written, or a worker died too often.
     """
-    executor = _executor.get()
-    if executor is None and threads == 1:
+    store, executor = _kept.get()
+    factory = executor or (partial(ThreadPoolExecutor, threads) if threads > 1 else None)
+    names: list[str] = []
+    done: dict[str, Arrays] = {}
+
+    def missing() -> Iterator[_Part]:
         for name, measure in parts:
-            yield part(name, measure)
-        return
-    pieces = [_Piece(name, measure, double_precision()) for name, measure in parts]
-    stored = {piece.name: _known(piece.name) for piece in pieces}
-    missing = [piece for piece in pieces if stored[piece.name] is None]
-    measured = in_turn(_measure, missing, executor or partial(ThreadPoolExecutor, threads))
-    for piece in pieces:
-        while (values := stored[piece.name]) is None:
-            done, flat = next(measured)
-            stored[done.name] = _kept(done.name, flat)
-        yield values
-        del stored[piece.name]
+            names.append(name)
+            if store is not None:
+                with contextlib.suppress(Damaged), store.opened(name) as arrays:
+                    done[name] = dict(arrays)
+                    continue
+            yield _Part(name, measure, double_precision())
+
+    for part, arrays in in_turn(_measure, missing(), factory):
+        if store is not None:
+            store.write(part.name, arrays)
+        done[part.name] = arrays
+        while names and names[0] in done:
+            yield done.pop(names.pop(0))
+    yield from map(done.pop, names)
 
 
 def of_scenes(
@@ -81,35 +75,24 @@ def of_scenes(
     seeds: Sequence[int],
     report: Callable[[str], None],
     threads: int = 1,
-) -> dict[str, np.ndarray]:
+) -> Arrays:
     """Measure the scene of each seed, a part each; arrays ``[S, ...]`` of the scenes that have one.
 
     Args:
         name: of the scenes; the parts are ``NAME-SEED``.
-        measure: function of a seed -> arrays of its scene by name; a ``functools.partial`` of a
-            module-level function, so that it can be sent to another process.
+        measure: function of a seed -> arrays of its scene by name; see ``each``.
         seeds: seeds of the scenes; the first scene has all arrays.
         report: receives a line per scene.
         threads: see ``each``.
     """
-    found: list[dict[str, Any]] = []
+    found: list[Arrays] = []
     for arrays in each(((f"{name}-{seed}", partial(measure, seed)) for seed in seeds), threads):
         found.append(arrays)
         report(f"  {name}: scene {len(found)} of {len(seeds)} done")
     return {key: np.stack([arrays[key] for arrays in found if key in arrays]) for key in found[0]}
 
 
-@contextlib.contextmanager
-def sharing(executor: Pool | None) -> Iterator[None]:
-    """Within the block, ``each`` sends parts to workers of new executors; None for none."""
-    token = _executor.set(executor)
-    try:
-        yield
-    finally:
-        _executor.reset(token)
-
-
-class _Piece(NamedTuple):
+class _Part(NamedTuple):
     """A part to measure, possibly in another process, with this process's precision."""
 
     name: str
@@ -120,31 +103,11 @@ class _Piece(NamedTuple):
         return self.name
 
 
-def _measure(piece: _Piece, attempt: int) -> dict[str, np.ndarray]:
+def _measure(part: _Part, attempt: int) -> Arrays:
     import jax
 
-    with jax.enable_x64(piece.float64):
-        return _arrays(piece.measure)
-
-
-def _arrays(measure: Measure) -> dict[str, np.ndarray]:
-    return {name: np.asarray(values) for name, values in measure().items()}
-
-
-def _known(name: str) -> dict[str, Any] | None:
-    """A stored part; None if it is missing or damaged."""
-    store = _store.get()
-    if store is not None:
-        with contextlib.suppress(Damaged), store.opened(name) as arrays:
-            return dict(arrays)
-    return None
-
-
-def _kept(name: str, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    store = _store.get()
-    if store is not None:
-        store.write(name, arrays)
-    return dict(arrays)
+    with jax.enable_x64(part.float64):
+        return {name: np.asarray(values) for name, values in part.measure().items()}
 
 
 def can_resume(output: Path, settings: Mapping[str, Any]) -> bool:
@@ -155,13 +118,16 @@ def can_resume(output: Path, settings: Mapping[str, Any]) -> bool:
 
 
 @contextlib.contextmanager
-def keeping(output: Path, settings: Mapping[str, Any]) -> Iterator[None]:
+def keeping(
+    output: Path, settings: Mapping[str, Any], executor: Pool | None = None
+) -> Iterator[None]:
     """Store parts in an output folder until the block ends without an error.
 
     Args:
         output: an existing folder.
         settings: everything that parts depend on, as JSON values; parts with other settings are
             removed.
+        executor: makes executors whose workers measure parts; by default this process does.
 
     Raises:
         InputError: the folder cannot be written.
@@ -171,12 +137,12 @@ def keeping(output: Path, settings: Mapping[str, Any]) -> Iterator[None]:
         with report_os_errors("write", store.folder):
             store.remove()
         store.begin(_described(settings))
-    token, done = _store.set(store), False
+    token, done = _kept.set((store, executor)), False
     try:
         yield
         done = True
     finally:
-        _store.reset(token)
+        _kept.reset(token)
         if done or not any(store.folder.glob("*.npz")):
             store.remove()
 

@@ -3,8 +3,7 @@
 import numpy as np
 
 from jaxpf.papers.smith2004 import scenes
-from jaxpf.papers.smith2004.published import SHARPNESS
-from jaxpf.papers.smith2004.scenes import NUM_OBJECTS, Outcome
+from jaxpf.papers.smith2004.scenes import NUM_OBJECTS, SHARPNESS, Outcome
 
 
 def outcome_of(recovery, runs=scenes.RUNS_PER_SCENE, scenes_=10, seed=0):

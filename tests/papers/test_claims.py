@@ -15,12 +15,18 @@ from jaxpf.papers.judging.claims import (
     SUPPORTED,
     WEAKER,
     Claim,
-    Quantity,
-    computed,
     growth,
     judge,
 )
-from jaxpf.papers.judging.estimates import gap_of, mean_of, ratio_of, share_of
+from jaxpf.papers.judging.estimates import (
+    Quantity,
+    computed,
+    gain_of,
+    gap_of,
+    mean_of,
+    ratio_of,
+    share_of,
+)
 
 
 def claim(at_least=-math.inf, at_most=math.inf, margin=0.0, digits=0, settings=PAPERS_OWN):
@@ -164,15 +170,14 @@ def test_unbounded_means_of_few_scenes_are_open():
 
 def test_figures_are_those_of_the_measures_intervals():
     rng = np.random.default_rng(0)
-    values, trials = rng.exponential(size=30), rng.random((30, 4)) < 0.7
+    values, rates = rng.exponential(size=30), rng.binomial(4, 0.7, (2, 30)) / 4
     found = mean_interval(values)
     assert mean_of([*values, math.nan]).measured() == (found.value, found.lower, found.upper)
-    found = mean_interval(trials.mean(axis=1), bounds=(0, 1))
-    np.testing.assert_allclose(share_of(trials).measured(), 100 * np.array(found)[[0, 2, 3]])
-    found = difference_interval(1.0 * trials[:, 0], trials[:, 1], bounds=(0, 1))
-    gap = gap_of(trials[:, :1], trials[:, 1:2])
-    np.testing.assert_allclose(gap.measured(), 100 * np.array(found)[[0, 2, 3]])
-    assert share_of(np.ones((20, 1))).measured().high == 100
+    found = mean_interval(rates[0], bounds=(0, 1))
+    np.testing.assert_allclose(share_of(rates[0]).measured(), 100 * np.array(found)[[0, 2, 3]])
+    found = difference_interval(*rates, bounds=(0, 1))
+    np.testing.assert_allclose(gap_of(*rates).measured(), 100 * np.array(found)[[0, 2, 3]])
+    assert share_of(np.ones(20)).measured().high == 100
 
 
 def test_a_ratio_is_the_geometric_mean():
@@ -183,3 +188,12 @@ def test_a_ratio_is_the_geometric_mean():
     ratio = ratio_of([1.0, 4.0] * 15, [2.0, 2.0] * 15)
     low, high = ratio.interval(0.95)
     assert low == pytest.approx(1 / high, rel=0.05)
+    assert gain_of([10.0, 40.0], [40.0, 10.0]).value == pytest.approx(0)
+
+
+def test_gains_are_per_cent_of_the_other_scene_by_scene():
+    ours, base = np.array([15.0, 60.0] * 15), np.array([20.0, 60.0] * 15)
+    found = gain_of(ours, base)
+    np.testing.assert_allclose(found.value, 100 * (1 - np.sqrt(0.75)))
+    low, high = found.interval(0.9)
+    assert low < found.value < high

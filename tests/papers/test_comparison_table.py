@@ -5,8 +5,11 @@ import pytest
 from jaxpf import InputError, media
 from jaxpf.files.tables import Table
 from jaxpf.papers.judging import comparison_table
-from jaxpf.papers.judging.claims import Claim, Judged, Measured
-from jaxpf.papers.judging.comparison_table import Cell, Comparison
+from jaxpf.papers.judging.claims import Claim, Judged
+from jaxpf.papers.judging.comparison_table import Comparison
+from jaxpf.papers.judging.estimates import Measured
+from jaxpf.papers.study import Study, tidy
+from jaxpf.papers.tables import Cell, tables
 
 CLAIM = Claim("a_b", "paper", "a is b", "1", "a | b.", "table 1", 0.0, float("inf"), 0.0, 0, "runs")
 
@@ -33,6 +36,41 @@ def test_cells_show_published_and_measured_side_by_side():
     assert str(Cell(19, Measured(26.6, 20.2, 33.4))) == "19 | 27 [20, 33]"
     assert str(Cell(None, Measured(1.96, 1.5, 2.5), digits=1)) == "– | 2.0 [1.5, 2.5]"
     assert str(Cell(1.99, None, digits=2)) == "1.99 | –"
+
+
+def test_a_declared_table_has_the_rows_that_were_measured():
+    rows = tidy({("hits", name, ""): [0.0, 1.0] for name in "ab"})
+    declared = {
+        "measures": {"hits": {"kind": "percent"}, "shots": {}},
+        "tables": [
+            {
+                "name": "one",
+                "title": "{scenes}, {more}",
+                "rows": "all",
+                "columns": {"hits (%)": "hits", "n": "hits"},
+                "how": {"n": {"kind": "count"}},
+                "published": {"hits (%)": {"b": 70}},
+            },
+            {
+                "name": "two",
+                "columns": {"a": ["hits", "a"], "b - a": ["hits", "b", "a"]},
+                "published": {"a": [float("nan")], "b - a": 5},
+            },
+            {"name": "not measured", "columns": {"a": ["shots", "a"]}},
+        ],
+    }
+    one, two = tables(declared, Study(rows, words={"more": "more"}))
+    assert (one.title, one.columns) == ("2 scenes, more", ["", "hits (%)", "n"])
+    assert one.texts() == [["a", "– | 50", "2"], ["b", "70 | 50", "2"]]
+    assert two.texts() == [["", "– | 50", "5 | 0"]]
+
+
+def test_variants_are_compared_on_their_common_scenes():
+    rows = tidy({("m", "a", "x"): [1.0, 2.0, 9.0], ("m", "b", "x"): [3.0, 5.0]})
+    (figure,) = Study(rows).figures("mean", "m", "b", "a")
+    assert (figure.value, figure.units, figure.what) == (2.5, 2, "x")
+    assert Study(rows).figures("mean", "m", "c", "a") == []
+    assert Study(rows).figures("mean", "m", "a", "c") == []
 
 
 def test_everything_is_written(comparison, tmp_path):

@@ -2,20 +2,25 @@
 
 import numpy as np
 import pytest
+from judged import verdicts
 
-from jaxpf.papers import eskil2014
-from jaxpf.papers.eskil2014 import figures, measures, methods, published, tables
-from jaxpf.papers.eskil2014.scenes import Outcome
-from jaxpf.papers.judging.claims import NOT_SEEN, SUPPORTED, judge_all
+from jaxpf.papers.eskil2014 import PAPER, measures, methods
+from jaxpf.papers.eskil2014.scenes import study
+from jaxpf.papers.judging.claims import NOT_SEEN, SUPPORTED
 
-NAMES = ("nose", "eye", "dorsal front", "tail")
-
-
-def verdicts(measured):
-    return {each.claim.key: each.verdict for each in judge_all("eskil2014", measured)}
+FISH = ("nose", "eye", "dorsal front", "tail")
+DIVERS = ("head", "left hand", "right hand")
 
 
-def made(proposed: float, pffl: float) -> Outcome:
+def measured(scene, names, errors, visible=None):
+    """A study of one kind of scene; errors by method, ``[S, R, T, P]``."""
+    shape = errors[methods.PROPOSED].shape
+    if visible is None:
+        visible = np.ones((shape[0], *shape[2:]), bool)
+    return study({scene: {"names": np.array([names]), "visible": visible, **errors}})
+
+
+def fish(proposed: float, pffl: float):
     """Many scenes of a fish, four points; errors grow to the given ones at the end."""
     rng = np.random.default_rng(0)
     growth = np.linspace(0, 1, 40)[:, None]
@@ -26,37 +31,28 @@ def made(proposed: float, pffl: float) -> Outcome:
     visible = np.ones((50, 40, 4), bool)
     visible[:, 2:8, 0] = False  # back for thirty frames
     found = {methods.PROPOSED: errors(proposed), methods.PFFL: errors(pffl)}
-    return Outcome("fish", NAMES, found, visible)
+    return measured("fish", FISH, found, visible)
 
 
 def test_claims_follow_the_figures():
-    found = verdicts(eskil2014.PAPER.quantities({"fish": made(0.02, 0.2)}))
+    found = verdicts(PAPER, fish(0.02, 0.2))
     assert found.pop("fish_together") == NOT_SEEN  # PFFL's error grows from the first frame on
     assert set(found.values()) == {SUPPORTED}
-    turned = verdicts(eskil2014.PAPER.quantities({"fish": made(0.2, 0.02)}))
-    assert list(turned.values()).count(NOT_SEEN) == 6
+    assert list(verdicts(PAPER, fish(0.2, 0.02)).values()).count(NOT_SEEN) == 6
 
 
 def test_spot_is_compared_on_the_scenes_that_it_has():
-    def spot_rows(shape, errors):
+    def spot_rows(scene, error):
         rng = np.random.default_rng(1)
-        scene = {"skydivers": ("head", "left hand", "right hand"), "face": ("right lip corner",)}
-        names = scene.get(shape, NAMES)
+        names = {"skydivers": DIVERS, "face": ("right lip corner",)}.get(scene, FISH)
         noise = rng.uniform(0.9, 1.1, (2, 50, 1, 100, len(names)))
-        found = {methods.PROPOSED: 0.02 * noise[0], methods.SPOT: errors * noise[1, :25]}
+        found = {methods.PROPOSED: 0.02 * noise[0], methods.SPOT: error * noise[1, :25]}
         found[methods.PFFL] = found[methods.PROPOSED]
-        outcome = Outcome(shape, names, found, np.ones((50, 100, len(names)), bool))
-        return verdicts(eskil2014.PAPER.quantities({shape: outcome}))[f"{shape}_spot"]
+        return verdicts(PAPER, measured(scene, names, found))[f"{scene}_spot"]
 
     assert [spot_rows("fish", error) for error in (0.02, 0.2)] == [SUPPORTED, NOT_SEEN]
     assert [spot_rows("skydivers", error) for error in (0.02, 0.9)] == [NOT_SEEN, SUPPORTED]
     assert [spot_rows("face", error) for error in (0.01, 0.2)] == [NOT_SEEN, SUPPORTED]
-
-
-def test_noise_is_scaled_to_our_film():
-    assert published.SEQUENCES["platty"].scale == 10
-    assert published.SEQUENCES["platty"].scale_here == 5
-    assert published.SEQUENCES["face"].scale_here == published.SEQUENCES["face"].scale
 
 
 def test_a_lost_run_does_not_hide_among_the_others():
@@ -64,12 +60,11 @@ def test_a_lost_run_does_not_hide_among_the_others():
     errors = np.full(shape, 0.1) + 1e-3 * np.random.default_rng(0).random(shape)
     errors[:, 0, -5:] = 1.5  # its mean with the other four is .38, above .25
     errors[:, 1, :5] = 0.6  # but this one's would be .2
-    names = ("head", "left hand", "right hand")
-    found = Outcome("skydivers", names, {methods.PROPOSED: errors}, np.ones((30, 40, 3), bool))
-    measured = eskil2014.PAPER.quantities({"skydivers": found})
-    (peak,), (near,) = measured["skydivers_peak"], measured["skydivers_near"]
+    found = measured("skydivers", DIVERS, {methods.PROPOSED: errors})
+    figures = PAPER.quantities(found)
+    (peak,), (near,) = figures["skydivers_peak"], figures["skydivers_near"]
     assert peak.value == pytest.approx((1.5 + 0.6 + 3 * 0.1) / 5, abs=0.02)
-    assert verdicts(measured)["skydivers_peak"] == NOT_SEEN
+    assert verdicts(PAPER, found)["skydivers_peak"] == NOT_SEEN
     # Frames count in which all three are near: 190 of 200.
     assert near.value == pytest.approx(95)
 
@@ -98,17 +93,14 @@ def test_the_printed_drift_divides_by_the_plain_sum():
 
 
 def test_blinks_are_judged_by_the_eyes_alone():
-    names = ("left eye outer", "nose tip")
+    names = ("left eye outer", "nose tip", "right lip corner")
     rng = np.random.default_rng(0)
-    errors = 0.02 + 0.001 * rng.random((40, 5, 127, 2))
+    errors = 0.02 + 0.001 * rng.random((40, 5, 127, 3))
     errors[..., 1] = 0.5
 
     def verdict(errors):
-        found = {methods.PROPOSED: errors}
-        face = Outcome("face", (*names, "right lip corner"), found, np.ones((40, 127, 3), bool))
-        return verdicts(eskil2014.PAPER.quantities({"face": face}))["face_blinks"]
+        return verdicts(PAPER, measured("face", names, {methods.PROPOSED: errors}))["face_blinks"]
 
-    errors = np.concatenate([errors, errors[..., :1]], axis=-1)
     errors[0, 0, 28, 0] = 0.3
     assert verdict(errors) == SUPPORTED
     errors[:, :, 70:, 0] = rng.uniform(0.2, 0.4, errors[:, :, 70:, 0].shape)
@@ -117,21 +109,16 @@ def test_blinks_are_judged_by_the_eyes_alone():
 
 
 def test_the_table_has_a_row_for_every_method():
-    table = tables.scene_table(made(0.02, 0.2))
+    (table,) = PAPER.tables(fish(0.02, 0.2))
     assert [label for label, _ in table.rows] == [methods.PROPOSED, methods.PFFL]
     kept = {label: cells[3].measured.value for label, cells in table.rows}
-    assert kept[methods.PROPOSED] == 4
-    assert kept[methods.PFFL] == 0
-    drawn = figures.figures({"fish": made(0.02, 0.2)})
-    assert set(drawn) == {"figure_3", "figure_4"}
+    assert kept == {methods.PROPOSED: 4, methods.PFFL: 0}
+    assert set(PAPER.figures(fish(0.02, 0.2))) == {"figure_3", "figure_4"}
 
 
 @pytest.mark.slow
 def test_the_quick_version_runs_through():
-    comparison = eskil2014.PAPER.run(scenes=2, quick=True, report=lambda line: None)
-    assert [table.name for table in comparison.tables] == [
-        "errors_fish",
-        "chosen_settings",
-    ]
+    comparison = PAPER.compare(range(2), quick=True)
+    assert [table.name for table in comparison.tables] == ["errors_fish", "chosen_settings"]
     assert len(comparison.claims) >= 4
     assert all(claim.figures for claim in comparison.claims)

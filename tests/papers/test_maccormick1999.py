@@ -4,30 +4,33 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from judged import verdicts
 
 import jaxpf
-from jaxpf.papers import maccormick1999
-from jaxpf.papers.judging.claims import NOT_SEEN, PREVIEW, SUPPORTED, judge_all
+from jaxpf.papers.judging.claims import NOT_SEEN, PREVIEW, SUPPORTED
 from jaxpf.papers.maccormick1999 import (
+    PAPER,
     figures,
     measures,
     one_line,
     passing,
-    published,
     scenes as cases,
-    tables,
     toy,
     tracking,
 )
-from jaxpf.papers.maccormick1999.passing import Measurement
+from jaxpf.papers.study import Study, tidy
 
 
-def verdicts(**measured):
-    """Key of a claim -> verdict, of what was measured."""
-    nothing = passing.Passing([], {}, {})
-    whole = dict.fromkeys(Measurement._fields, nothing) | {"toy": {}} | measured
-    figures = maccormick1999.PAPER.quantities(Measurement(**whole))
-    return {each.claim.key: each.verdict for each in judge_all("maccormick1999", figures)}
+def study_of(**kinds):
+    """A study of the outcomes of each kind and method, each with its case."""
+    values = {}
+    for kind, methods in kinds.items():
+        for name, outcomes in methods.items():
+            for case, outcome in outcomes:
+                of_run = measures.measures(case, outcome) | {"N": 9}
+                for what, value in of_run.items():
+                    values.setdefault((f"{kind}: {what}", name, ""), []).append(value)
+    return Study(tidy(values))
 
 
 def test_one_target_peaks_at_every_feature_and_two_do_not_share_one():
@@ -35,7 +38,7 @@ def test_one_target_peaks_at_every_feature_and_two_do_not_share_one():
     assert together.max() < 0.1 * apart.min()
     alone = one_line.likelihood(np.array([[-50.0, -32.0]]))
     assert alone[0] > 5 * alone[1]
-    assert measures.of_line().value < 0.1
+    assert one_line.ratio_of_peaks() < 0.1
 
 
 @pytest.fixture(scope="module")
@@ -124,11 +127,10 @@ def test_claims_follow_from_the_rates(wires):
 
     def judged(with_exclusion, without):
         outcomes = {
-            name: [without if method.exclusion == "none" else with_exclusion] * 50
+            name: [(wires, without if method.exclusion == "none" else with_exclusion)] * 50
             for name, method in passing.WIRES.items()
         }
-        meeting = passing.Passing([wires] * 50, outcomes, passing.WIRES)
-        return verdicts(wires=meeting)
+        return verdicts(PAPER, study_of(wires=outcomes))
 
     assert list(judged(good, bad).values()) == [SUPPORTED] * 6
     assert list(judged(bad, good).values()) == [NOT_SEEN] * 6
@@ -151,61 +153,51 @@ def one_kept_one_lost():
     spread[1] = 50 + np.arange(frames)[:, None] ** 2
     ends = np.array([True, False]), np.zeros(2, bool), np.zeros(2, bool)
     outlines, ess = np.zeros((runs, frames, 2, 4, 2)), np.ones((runs, frames))
-    outcome = tracking.Outcome(outlines, ess, spread, *ends, right)
-    return passing.Passing([case], {"PS": [outcome]}, {"PS": passing.Method("opaque", "ps", 9)})
-
-
-def with_outcomes(found, methods):
-    """Every method with outcomes of its own on as many sequences as it has."""
-    cases_of = [found.cases[0]] * max(map(len, methods.values()))
-    return passing.Passing(cases_of, methods, dict.fromkeys(methods, found.methods["PS"]))
+    return case, tracking.Outcome(outlines, ess, spread, *ends, right)
 
 
 def test_labels_are_scored_by_the_truth_and_lost_runs_do_not_widen(one_kept_one_lost):
-    found = one_kept_one_lost
-    np.testing.assert_array_equal(found.labels_right("PS"), [0.5])
-    np.testing.assert_allclose(found.widening("PS"), [3.0])
-    np.testing.assert_allclose(found.narrowing("PS"), [0.5])
-    (outcome,) = found.outcomes["PS"]
-    lost = found._replace(outcomes={"PS": [outcome._replace(kept=np.zeros(2, bool))]})
-    assert np.isnan(lost.widening("PS")).all()
-    assert np.isnan(lost.narrowing("PS")).all()
+    case, outcome = one_kept_one_lost
+    found = measures.measures(case, outcome)
+    assert found["label right"] == 0.5
+    assert (found["widening"], found["narrowing"]) == (3.0, 0.5)
+    lost = measures.measures(case, outcome._replace(kept=np.zeros(2, bool)))
+    assert np.isnan([lost["widening"], lost["narrowing"]]).all()
 
 
 def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost):
     """Of runs that keep both with exclusion and end on one without; and the other way round."""
-    (outcome,) = one_kept_one_lost.outcomes["PS"]
+    case, outcome = one_kept_one_lost
     good, bad = (
         type(outcome)(*(None if value is None else value[[run]] for value in outcome))
         for run in (0, 1)
     )
     bad = bad._replace(coalesced=np.ones(1, bool))
-    hidden = one_kept_one_lost.cases[0].hidden
+    hidden = case.hidden
 
     def varied(outcome, k):
         """Spreads differ between sequences, and on one of ten so does one frame's label."""
         spread = np.where(hidden[:, None] > 0, 1 + 0.01 * k, 1) * outcome.spread
         other = (k % 10 == 0) & (np.arange(len(hidden)) == hidden.argmax())
         in_front = np.where(other, 1 - outcome.in_front, outcome.in_front)
-        return outcome._replace(spread=spread, in_front=in_front)
+        return case, outcome._replace(spread=spread, in_front=in_front)
 
     all_good, all_bad = ([varied(each, k) for k in range(50)] for each in (good, bad))
 
     def judged(first, second):
-        methods = {
+        walkers = {
             passing.OCCLUSION: first,
             passing.INDEPENDENT: second,
             passing.OCCLUSION + passing.PRINTED: first,
         }
-        walkers = with_outcomes(one_kept_one_lost, methods)
-        methods = {
+        leaves = {
             passing.PARTITIONED: first,
             passing.PARTITIONED + passing.PRINTED: second,
             passing.ENOUGH: first,
             passing.AS_MANY: second,
             passing.FOUR_TIMES: second,
         }
-        return verdicts(walkers=walkers, leaves=with_outcomes(one_kept_one_lost, methods))
+        return verdicts(PAPER, study_of(walkers=walkers, leaves=leaves))
 
     found = judged(all_good, all_bad)
     assert len(found) == 12
@@ -219,21 +211,21 @@ def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost
 
 
 def test_labels_that_were_always_right_may_be_wrong_on_the_next_sequence(one_kept_one_lost):
-    (outcome,) = one_kept_one_lost.outcomes["PS"]
+    case, outcome = one_kept_one_lost
     right = outcome._replace(in_front=outcome.in_front[:1])
-    found = with_outcomes(one_kept_one_lost, {"PS": [right] * 10})
-    whole = Measurement(*[None] * 5)._replace(leaves=found)
-    (figure,) = measures.MEASURES["leaves: label right"].figures(whole, "PS")
+    found = study_of(leaves={"PS": [(case, right)] * 10})
+    (figure,) = found.figures("percent", "leaves: label right", "PS")
     value, low, high = figure.measured()
     assert (value, high) == (100, 100)
     assert low == pytest.approx(100 * 0.025**0.1, abs=1.5)  # Clopper and Pearson's of ten trials
 
 
 def test_tables_and_figures_show_every_method(one_kept_one_lost):
-    (outcome,) = one_kept_one_lost.outcomes["PS"]
+    case, outcome = one_kept_one_lost
     names = passing.PARTITIONED, passing.AS_MANY
-    found = with_outcomes(one_kept_one_lost, {name: [outcome] * 25 for name in names})
-    shown = {table.name: table for table in tables.tables(Measurement({}, *[found] * 4))}
+    methods = dict.fromkeys(names, [one_kept_one_lost] * 25)
+    kinds = ("wires", "leaves", "walkers", "figure_11")
+    shown = {table.name: table for table in PAPER.tables(study_of(**dict.fromkeys(kinds, methods)))}
     assert list(shown) == ["figure_4_wires", "passing_leaves", "passing_walkers", "figure_11"]
     for table in shown.values():
         assert [label for label, _ in table.rows] == list(names)
@@ -242,6 +234,9 @@ def test_tables_and_figures_show_every_method(one_kept_one_lost):
     assert cells["both kept (%)"].measured.value == 50
     assert cells["widening"].measured.value == pytest.approx(3)
     assert (cells["N"], cells["sequences"]) == ("9", "25")
+    ess = np.ones((25, len(case.frames)))
+    of_both = (dict.fromkeys(names, each) for each in (outcome.outlines, ess))
+    found = passing.Passing(case, *of_both)
     assert len(figures.ess_figure(found).axes) == 1
     assert len(figures.passing_figure(found).axes) == len(figures.meeting_figure(found).axes) == 6
 
@@ -249,25 +244,31 @@ def test_tables_and_figures_show_every_method(one_kept_one_lost):
 def test_figure_11_counts_lines_in_full_before_the_leaves_overlap():
     case = cases.leaves_of_figure_11(0)
     assert case.options["independence"] == 1
-    assert len(case.frames) == len(case.truth) == published.FIRST_FRAMES
+    assert len(case.frames) == len(case.truth) == cases.FIRST_FRAMES
+    assert cases.leaves(0).hidden[: cases.FIRST_FRAMES].max() == 0
+    ends = [np.zeros(1, bool)] * 3
+    still = tracking.Outcome(*[np.zeros((1, 10, 2))] * 3, *ends, np.zeros((1, 10)))
+    assert set(measures.measures(case, still)) == {"kept", "coalesced", "exchanged", "ess"}
     assert {method.one_in for method in passing.FIGURE_11.values()} == {1}
 
 
-def test_slow_filters_track_the_first_sequences(monkeypatch):
+def test_slow_filters_track_the_first_sequences(monkeypatch, wires):
     seen = []
 
-    def outcome(case, method, seed):
-        seen.append((method.num_particles, seed))
-        return dict.fromkeys(tracking.Outcome._fields, np.zeros(1))
+    def track(case, particles, runs, seed):
+        seen.append((particles, seed))
+        ends = [np.array([seed == 2])] * 3
+        return tracking.Outcome(*[np.zeros((1, 10, 2))] * 3, *ends, np.zeros((1, 10)))
 
-    monkeypatch.setattr(passing, "_outcome", outcome)
-    blank = cases.Case("leaves", np.zeros((3, 2)), *[None] * 6)._replace(hidden=np.zeros(3))
-    methods = {"a": passing.Method("opaque", "ps", 1), "b": passing.Method("opaque", "sir", 2, 3)}
-    found = passing.measure([blank] * 4, range(4), methods, lambda line: None)
+    monkeypatch.setattr(passing, "tracker_of", lambda case, kind, particles, *_: particles)
+    monkeypatch.setattr(passing, "track", track)
+    methods = {"a": passing.Method("wires", "ps", 1), "b": passing.Method("none", "sir", 2, 3)}
+    values, shown = passing.measure("wires", lambda _: wires, methods, range(4), lambda line: None)
     assert seen == [(1, 0), (2, 0), (1, 1), (2, 1), (1, 2), (2, 2), (1, 3)]
-    assert [len(found.outcomes[name]) for name in methods] == [4, 3]
-    # Figures show the first; the others need not be kept in memory.
-    assert [len(case.frames) for case in found.cases] == [3, 0, 0, 0]
+    np.testing.assert_array_equal(values["wires: kept", "a", ""], [0, 0, 1, 0])
+    np.testing.assert_array_equal(values["wires: N", "b", ""], [2, 2, 2])
+    assert [len(shown.outlines[name]) for name in methods] == [1, 1]
+    assert [len(shown.ess[name]) for name in methods] == [4, 3]
 
 
 def test_hidden_shares_follow_the_overlap():
@@ -300,4 +301,5 @@ def test_the_steps_of_the_toy_are_the_filters_own(method):
 
 @pytest.mark.slow
 def test_the_toy_shows_that_partitioned_sets_are_finer():
-    assert verdicts(toy=toy.steps(0)) == {"toy": SUPPORTED}
+    values = {("toy: ess", name, ""): steps[-1].ess for name, steps in toy.steps(0).items()}
+    assert verdicts(PAPER, Study(tidy(values))) == {"toy": SUPPORTED}

@@ -14,9 +14,12 @@ from command_line import jaxpf
 from jaxpf import InputError
 from jaxpf.cli import reproduce
 from jaxpf.papers import paper
-from jaxpf.papers.checkpoints import can_resume, each, keeping, part, sharing
-from jaxpf.papers.judging.claims import claims_of, computed
+from jaxpf.papers.checkpoints import can_resume, each, keeping
+from jaxpf.papers.judging.claims import claims_of
+from jaxpf.papers.judging.estimates import computed
 from jaxpf.papers.paper import PAPERS, Paper, paper_of
+from jaxpf.papers.study import Study, tidy
+from jaxpf.papers.tables import named
 
 
 class Measured:
@@ -30,7 +33,7 @@ class Measured:
             self.asked.append(name)
             return {"with a space": np.arange(3.0), "flags": np.array([True, False])}
 
-        return part(name, measure)
+        return next(each([(name, measure)]))
 
 
 def test_without_a_folder_parts_are_measured_each_time():
@@ -60,8 +63,8 @@ def test_what_was_measured_before_a_stop_is_not_measured_again(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("share", [True, False])
-def test_parts_that_are_shared_out_come_in_their_order_and_once(tmp_path, share):
+@pytest.mark.parametrize("executor", [partial(ThreadPoolExecutor, 3), None])
+def test_parts_that_are_shared_out_come_in_their_order_and_once(tmp_path, executor):
     asked = []
 
     def measure(number):
@@ -70,18 +73,13 @@ def test_parts_that_are_shared_out_come_in_their_order_and_once(tmp_path, share)
         return {"number": number}
 
     def measured(numbers):
-        executor = partial(ThreadPoolExecutor, 3) if share else None
-        with sharing(executor):
-            parts = ((f"part-{number}", partial(measure, number)) for number in numbers)
-            return [int(found["number"]) for found in each(parts, threads=2)]
+        parts = ((f"part-{number}", partial(measure, number)) for number in numbers)
+        return [int(found["number"]) for found in each(parts, threads=2)]
 
-    assert measured(range(3)) == [0, 1, 2]
-    assert sorted(asked) == [0, 1, 2]
-    asked.clear()
-    with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {}):
+    with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {}, executor):
         assert measured([2, 1]) == [2, 1]
         raise KeyboardInterrupt
-    with keeping(tmp_path, {}):
+    with keeping(tmp_path, {}, executor):
         assert measured(range(4)) == [0, 1, 2, 3]
     assert sorted(asked) == [0, 1, 2, 3]
 
@@ -104,25 +102,15 @@ def test_other_settings_begin_anew(tmp_path):
 def test_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
     measured, stops = Measured(), [InputError("the disk is full; make room.")]
 
-    def measure(request):
+    def measure(*asked):
         measured.part("a")
         if stops:
             raise stops.pop()
         measured.part("b")
-        return request
-
-    def nothing(found):
-        return []
+        return Study(tidy({}))
 
     stopping = Paper(
-        name="eskil2014",
-        title="a title",
-        scenes=5,
-        measure=measure,
-        tables=nothing,
-        quantities=lambda found: {"fish_kept": [computed(95.0)]},
-        figures=lambda found: {},
-        notes=["a note"],
+        "eskil2014", measure, lambda study: {}, lambda: {"fish_kept": [computed(95.0)]}
     )
     monkeypatch.setattr(paper, "paper_of", lambda name: stopping)
     command = ["reproduce", "eskil2014", "-o", str(tmp_path / "out")]
@@ -135,7 +123,7 @@ def test_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
     assert not (tmp_path / "out" / "parts").exists()
     assert (tmp_path / "out" / "eskil2014.md").exists()
     (verdict,) = csv.DictReader((tmp_path / "out" / "verdicts.csv").read_text().splitlines())
-    assert verdict["command"].startswith("jaxpf reproduce eskil2014 --scenes 5 --seed 0")
+    assert verdict["command"].startswith("jaxpf reproduce eskil2014 --scenes 50 --seed 0")
     # The quick version and the full one do not get into each other's way.
     monkeypatch.chdir(tmp_path)
     for quick in ([], ["--quick"]):
@@ -146,14 +134,18 @@ def test_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", PAPERS)
 def test_papers_look_alike(name):
-    """The same files in every folder, and at least 25 scenes."""
+    """The same files in every folder, at least 25 scenes, and every measure has its use."""
     found = paper_of(name)
     assert found.name == name
-    for file in ("published", "scenes", "tables", "figures", "measures"):
-        module = importlib.import_module(f"jaxpf.papers.{name}.{file}")
-        assert module.__doc__
-    measures, without = module.MEASURES, found.computed()
+    for file in ("scenes", "figures"):
+        assert importlib.import_module(f"jaxpf.papers.{name}.{file}").__doc__
+    measures, without = found.declared["measures"], found.computed()
+    used = {claim.measure for claim in claims_of(name).values() if claim.measure}
     for key, claim in claims_of(name).items():
         assert (claim.measure in measures) != (key in without), key
-    assert found.scenes >= 25
+    for table in found.declared["tables"]:
+        columns = [table["measure"]] if "measure" in table else named(table["columns"]).values()
+        used |= {column if isinstance(column, str) else column[0] for column in columns}
+    assert used == set(measures)
+    assert found.declared["scenes"] >= 25
     assert reproduce.PAPERS == PAPERS

@@ -7,7 +7,7 @@ from command_line import assert_same
 import jaxpf
 import scenes
 from jaxpf import InputError, ordering
-from jaxpf.papers.smith2004.comparison import scene_tracker
+from jaxpf.papers.smith2004.scenes import scene_tracker
 
 FRAME = np.random.default_rng(0).integers(0, 255, (90, 120, 3), np.uint8)
 BOXES = np.array([[20.0, 20, 16, 20], [60, 30, 16, 20], [90, 50, 16, 20]])

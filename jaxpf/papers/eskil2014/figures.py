@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxpf.media import plotting
 from jaxpf.papers.eskil2014 import methods
-from jaxpf.papers.eskil2014.scenes import Outcome
+from jaxpf.papers.study import Study
 
 _SHOWN = {
     "fish": ("nose", "eye", "dorsal front"),
@@ -18,24 +18,20 @@ _NUMBERS = {"fish": (3, 4), "skydivers": (6, 7), "face": (9, 10)}
 _COMPARED = (methods.PROPOSED, methods.PFFL, methods.SPOT, methods.FLOW, "PS", "SPS")
 
 
-def figures(outcomes: Mapping[str, Outcome]) -> dict[str, Any]:
+def figures(study: Study) -> dict[str, Any]:
     """Figures 3, 6, 9 (errors of single points) and 4, 7, 10 (mean errors) of the paper."""
     drawn = {}
-    for scene, outcome in outcomes.items():
+    for scene, arrays in study.shown.items():
         single, mean = _NUMBERS[scene]
-        proposed = outcome.errors[methods.PROPOSED].mean(axis=(0, 1))
+        names, proposed = list(arrays["names"][0]), arrays[methods.PROPOSED].mean(axis=(0, 1))
         drawn[f"figure_{single}"] = _curves(
-            {name: proposed[:, outcome.names.index(name)] for name in _SHOWN[scene]},
-            outcome.visible,
+            {name: proposed[:, names.index(name)] for name in _SHOWN[scene]},
+            arrays["visible"],
             f"{scene}: {methods.PROPOSED}, single points (the paper's figure {single})",
         )
         drawn[f"figure_{mean}"] = _curves(
-            {
-                method: outcome.errors[method].mean(axis=(0, 1, 3))
-                for method in _COMPARED
-                if method in outcome.errors
-            },
-            outcome.visible,
+            {name: arrays[name].mean(axis=(0, 1, 3)) for name in _COMPARED if name in arrays},
+            arrays["visible"],
             f"{scene}: mean over all points (the paper's figure {mean})",
             yscale="log",
         )

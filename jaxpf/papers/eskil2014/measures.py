@@ -1,14 +1,10 @@
-"""Measures of the experiment, by the names in ``claims.csv``; variants are methods."""
+"""Measures of the runs of a method on one scene: errors ``[R, T, P]``, visibility ``[T, P]``."""
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from jaxpf.measures import points as measures
-from jaxpf.papers.eskil2014 import published
-from jaxpf.papers.eskil2014.scenes import Outcome
-from jaxpf.papers.judging.measures import Measure
+from jaxpf.measures.points import mean_error, points_kept, recoveries
 
 #: A point counts as kept or recovered within this distance, relative to the body's length.
 NEAR = 0.1
@@ -16,136 +12,112 @@ NEAR = 0.1
 WITHIN = 30
 #: Number of final frames of ``WITHIN`` in which the median distance must be small.
 _STAYS = 10
-#: Frames after the middle of a blink in which the eye is open again.
-_OPEN = range(5, 11)
+_LAST = slice(-10, None)
+#: Bound on most errors of the skydiver relative to his length.
+SKYDIVER_MOSTLY = 0.2
+#: Frames after which PFFL's curve parts from the proposed method's (figures 7 and 10).
+PARTING = {"skydivers": 50, "face": 85}
+#: Frame from which SPOT is lost on the skydivers (figure 7).
+SPOT_LOST = 75
+#: Frames of the fish before PFFL's points drift ("as early as frame 15"), and after its curve parts
+#: ("from frame 20"); errors begin with frame 1.
+FISH_TOGETHER, FISH_PARTED = slice(0, 14), slice(19, 30)
+#: Middle frames of the three blinks in our synthetic face (scenes.face), and the frames after each
+#: in which the eye is open again.
+BLINKS, _OPEN = (22, 68, 108), range(5, 11)
+#: Frames in which the mouth smiles.
+SMILE = (56, 95)
 
-#: Function of errors ``[R, T, P]`` and visibility ``[T, P]`` -> ``[R]``.
-OfRuns = Callable[[np.ndarray, np.ndarray], Any]
 
+def measures(
+    scene: str, names: Sequence[str], errors: np.ndarray, visible: np.ndarray
+) -> dict[str, float]:
+    """Measure -> mean over runs, of one kind of scene.
 
-def by_scene(outcome: Outcome, method: str, measure: OfRuns) -> np.ndarray:
-    """A measure averaged over runs: ``[S]``."""
-    return np.array(
-        [
-            float(np.mean(measure(errors, visible)))
-            for errors, visible in zip(outcome.errors[method], outcome.visible, strict=False)
-        ]
-    )
-
-
-def found_again(errors: np.ndarray, visible: np.ndarray) -> np.ndarray:
-    """Share of the ``ended_occlusions`` after which a point was recovered; NaN without any.
-
-    A point is recovered if its median distance in the last ten of ``WITHIN`` frames is small; being
-    near in a single frame is not enough.
+    Measures of certain frames are left out if there are too few.
     """
-    again = [
-        np.median(errors[:, back + WITHIN - _STAYS : back + WITHIN, point], axis=1) <= NEAR
-        for point, back in ended_occlusions(visible)
-    ]
-    return np.mean(again, axis=0) if again else np.full(len(errors), np.nan)
+    values = {**_of_every_scene(errors, visible), **_OF_SCENE[scene](names, errors)}
+    return {f"{scene}: {name}": float(np.mean(each)) for name, each in values.items()}
 
 
-def ended_occlusions(visible: np.ndarray) -> list[tuple[int, int]]:
-    """Points that reappear and stay visible for ``WITHIN`` frames, with the frame."""
-    return [
-        (point, back)
-        for point, _, back in measures.recoveries(visible)
-        if back + WITHIN <= len(visible) and visible[back : back + WITHIN, point].all()
-    ]
-
-
-def _values(
-    scene: str, measure: OfRuns, points: str | tuple[str, ...] = "", least: int = 0
-) -> Callable[[Mapping[str, Outcome], str], np.ndarray]:
-    """A measure on one kind of scene, of all points or of those whose names contain a text.
-
-    Scenes of at most ``least`` frames count as not measured.
-    """
-
-    def values(outcomes: Mapping[str, Outcome], method: str) -> np.ndarray:
-        outcome = outcomes[scene]
-        if outcome.visible.shape[1] <= least:
-            raise KeyError(f"{scene} has too few frames")
-        chosen = [
-            number
-            for number, name in enumerate(outcome.names)
-            if (points in name if isinstance(points, str) else name in points)
-        ]
-        return by_scene(outcome, method, lambda e, v: measure(e[..., chosen], v[..., chosen]))
-
-    return values
-
-
-def _percent(*args: Any, **options: Any) -> Measure:
-    values = _values(*args, **options)
-    return Measure(lambda outcomes, method: values(outcomes, method)[:, None], "percent")
-
-
-def _error(scene: str, frames: slice = slice(None), least: int = 0) -> Measure:
-    """Mean error over a range of frames, in % of the length."""
-    measure = _values(scene, lambda e, v: 100 * measures.mean_error(e[:, frames]), least=least)
-    return Measure(measure, digits=1)
-
-
-def _kept_points(errors: np.ndarray, visible: np.ndarray) -> np.ndarray:
-    return measures.points_kept(errors, NEAR)
-
-
-def of_scene(scene: str) -> dict[str, Measure]:
-    """The measures of every kind of scene, with headings of their table."""
-    hidden = _values(scene, lambda e, v: 100 * measures.mean_error(e, ~v))
+def _of_every_scene(errors: np.ndarray, visible: np.ndarray) -> dict[str, np.ndarray]:
     return {
-        "all frames": _error(scene),
-        "while hidden": Measure(hidden, digits=1),
-        "last 10 frames": _error(scene, slice(-10, None)),
-        "points kept": Measure(_values(scene, _kept_points), digits=1),
-        "recovered (%)": _percent(scene, found_again),
+        "all frames": _error(errors),
+        "while hidden": 100 * mean_error(errors, ~visible),
+        "last 10 frames": _error(errors, _LAST),
+        "points kept": points_kept(errors, NEAR),
+        "recovered (%)": found_again(errors, visible),
     }
 
 
-_CHECKED = ("head", "left hand", "right hand")
-_BEGIN, _END = published.SMILE
-_PARTING, _SPOT_LOST = published.PARTING, published.SPOT_LOST
-_AFTER_BLINKS = [blink + after for blink in published.BLINKS for after in _OPEN]
+def _of_fish(names: Sequence[str], errors: np.ndarray) -> dict[str, np.ndarray]:
+    kept = points_kept(errors, NEAR) / errors.shape[-1]
+    values = {"kept": kept, "final error": _error(errors, _LAST)}
+    if errors.shape[1] > FISH_PARTED.stop:
+        values |= {"together": _error(errors, FISH_TOGETHER), "parted": _error(errors, FISH_PARTED)}
+    return values
 
-MEASURES: Mapping[str, Measure] = {
-    **{
-        f"{scene}: {name}": measure
-        for scene in ("fish", "skydivers", "face")
-        for name, measure in of_scene(scene).items()
-    },
-    "fish: kept": _percent("fish", lambda e, v: _kept_points(e, v) / e.shape[-1]),
-    "fish: final error": _error("fish", slice(-10, None))._replace(kind="ratio"),
-    "fish: together": _error("fish", published.FISH_TOGETHER, published.FISH_PARTED.stop),
-    "fish: parted": _error("fish", published.FISH_PARTED, published.FISH_PARTED.stop),
-    # The peak of each run, since the mean over runs would hide a lost run.
-    "skydivers: peak": Measure(_values("skydivers", lambda e, v: e.mean(axis=2).max(axis=1))),
-    "skydivers: near": _percent(
-        "skydivers",
-        lambda e, v: (e <= published.SKYDIVER_MOSTLY).all(axis=-1).mean(axis=-1),
-        points=_CHECKED,
-    ),
-    **{
-        f"{scene}: {words}": _error(scene, frames, after)
-        for scene, after in _PARTING.items()
-        for words, frames in (("before", slice(0, after)), ("after", slice(after, None)))
-    },
-    "skydivers: late": _error("skydivers", slice(_SPOT_LOST, None), _SPOT_LOST),
-    "face: after blinks": _percent(
-        "face",
-        lambda e, v: (e[:, _AFTER_BLINKS] <= NEAR).mean(axis=(1, 2)),
-        points="eye",
-        least=published.BLINKS[-1] + _OPEN.stop,
-    ),
-    "face: smile": Measure(
-        _values(
-            "face",
-            lambda e, v: (
-                100 * (e[:, _BEGIN + 6 : _END - 6].mean(axis=(1, 2)) - e[:, -10:].mean(axis=(1, 2)))
-            ),
-            points=("right lip corner",),
-            least=_END,
-        )
-    ),
-}
+
+def _of_skydivers(names: Sequence[str], errors: np.ndarray) -> dict[str, np.ndarray]:
+    checked = _of_points(names, errors, ("head", "left hand", "right hand").__contains__)
+    values = {
+        # The peak of each run, since the mean over runs would hide a lost run.
+        "peak": errors.mean(axis=2).max(axis=1),
+        "near": (checked <= SKYDIVER_MOSTLY).all(axis=-1).mean(axis=-1),
+        **_around(errors, PARTING["skydivers"]),
+    }
+    if errors.shape[1] > SPOT_LOST:
+        values["late"] = _error(errors, slice(SPOT_LOST, None))
+    return values
+
+
+def _of_face(names: Sequence[str], errors: np.ndarray) -> dict[str, np.ndarray]:
+    values = _around(errors, PARTING["face"])
+    if errors.shape[1] > SMILE[1]:
+        lip = _of_points(names, errors, "right lip corner".__eq__)
+        smiling = lip[:, SMILE[0] + 6 : SMILE[1] - 6].mean(axis=(1, 2))
+        values["smile"] = 100 * (smiling - lip[:, _LAST].mean(axis=(1, 2)))
+    if errors.shape[1] > BLINKS[-1] + _OPEN.stop:
+        eyes = _of_points(names, errors, lambda name: "eye" in name)
+        after_blinks = [blink + after for blink in BLINKS for after in _OPEN]
+        values["after blinks"] = (eyes[:, after_blinks] <= NEAR).mean(axis=(1, 2))
+    return values
+
+
+_OF_SCENE: Mapping[str, Callable[..., dict[str, np.ndarray]]]
+_OF_SCENE = {"fish": _of_fish, "skydivers": _of_skydivers, "face": _of_face}
+
+
+def _error(errors: np.ndarray, frames: slice = slice(None)) -> np.ndarray:
+    """Mean error over a range of frames, in % of the length."""
+    return 100 * mean_error(errors[:, frames])
+
+
+def _around(errors: np.ndarray, parting: int) -> dict[str, np.ndarray]:
+    """Errors before and after the curves part."""
+    if errors.shape[1] <= parting:
+        return {}
+    return {
+        "before": _error(errors, slice(0, parting)),
+        "after": _error(errors, slice(parting, None)),
+    }
+
+
+def _of_points(
+    names: Sequence[str], errors: np.ndarray, is_chosen: Callable[[str], bool]
+) -> np.ndarray:
+    return errors[..., [place for place, name in enumerate(names) if is_chosen(name)]]
+
+
+def found_again(errors: np.ndarray, visible: np.ndarray) -> np.ndarray:
+    """``[R]``: share of the occlusions after which a point was recovered; NaN without any.
+
+    Points count that reappear and stay visible for ``WITHIN`` frames.  A point is recovered if its
+    median distance in the last ten of them is small; being near in a single frame is not enough.
+    """
+    again = [
+        np.median(errors[:, back + WITHIN - _STAYS : back + WITHIN, point], axis=1) <= NEAR
+        for point, _, back in recoveries(visible)
+        if back + WITHIN <= len(visible) and visible[back : back + WITHIN, point].all()
+    ]
+    return np.mean(again, axis=0) if again else np.full(len(errors), np.nan)

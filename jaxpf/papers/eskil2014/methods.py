@@ -8,8 +8,10 @@ import numpy as np
 
 import jaxpf.points
 from jaxpf.dynamics.gaussian import AR2
-from jaxpf.papers.eskil2014.published import PFFL_PARTICLES, SIGMA
 
+#: M of PFFL; sigma_o.
+PFFL_PARTICLES = 50
+SIGMA = 0.1
 PROPOSED, PFFL, SPOT, FLOW = "eskil2014", "PFFL", "SPOT", "Lucas-Kanade"
 PRINTED, WITH_DRIFT = "eskil2014 as printed", "PFFL with drift"
 #: Share of the last displacement that a particle of "PFFL with drift" repeats; not published.

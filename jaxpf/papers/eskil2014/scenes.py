@@ -1,8 +1,8 @@
 """Run all methods on a set of scenes; the tables are computed from these runs."""
 
 import functools
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -11,11 +11,12 @@ import numpy as np
 import scenes
 from jaxpf.evaluation.baselines.optical_flow import follow_points
 from jaxpf.evaluation.baselines.spot import spot
-from jaxpf.measures import points as measures
+from jaxpf.measures.points import point_distances
 from jaxpf.papers.checkpoints import of_scenes
-from jaxpf.papers.eskil2014 import methods, published
+from jaxpf.papers.eskil2014 import methods
+from jaxpf.papers.eskil2014.measures import measures
 from jaxpf.papers.judging.claims import counted
-from jaxpf.papers.paper import Request
+from jaxpf.papers.study import Study, tidy
 from jaxpf.running.blocks import monte_carlo
 
 #: Runs per scene; the paper has one film of each kind.
@@ -25,51 +26,53 @@ _QUICK_FRAMES = 60
 _LONG = ("skydiving",)
 
 
-class Outcome(NamedTuple):
-    """S scenes of one kind, R runs per scene (1 for a deterministic method), T frames, P points.
-
-    SPOT has only the first ``methods.SPOT_SCENES`` scenes.
-
-    Attributes:
-        scene: name of the kind.
-        names: names of the points.
-        errors: method -> ``[S, R, T, P]``, distances divided by the body's length.
-        visible: ``[S, T, P]`` bool.
-    """
-
-    scene: str
-    names: tuple[str, ...]
-    errors: Mapping[str, np.ndarray]
-    visible: np.ndarray
+#: The paper's sequence -> our synthetic substitute, and sigma_t in pixels of our film: as printed,
+#: but halved for the fish, whose film is half as wide.
+SEQUENCES = {"platty": ("fish", 5.0), "skydiving": ("skydivers", 5.0), "face": ("face", 5.0)}
 
 
-def measure_all(request: Request) -> dict[str, Outcome]:
-    """Run all measurements: one outcome for each kind of scene."""
-    quick, seeds, report = request.quick, request.seeds, request.report
-    outcomes = {}
-    for name in ["platty"] if quick else list(published.SEQUENCES):
-        scene, scale = published.SEQUENCES[name].scene, published.SEQUENCES[name].scale_here
+def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
+    """Run all measurements; the figures show names, visibility and errors by kind of scene."""
+    found = {}
+    for name in ["platty"] if quick else list(SEQUENCES):
+        scene, scale = SEQUENCES[name]
         chosen = seeds[: -(-len(seeds) // 2)] if name in _LONG else seeds
         report(f"{name}: {counted(len(chosen), 'scenes')}, one run of every method on each")
         filters = methods.QUICK if quick else methods.FILTERS
         shorter = {"num_frames": _QUICK_FRAMES} if quick else {}
         with_spot = chosen[: methods.SPOT_SCENES]
         on_scene = functools.partial(_on_scene, scene, scale, filters, with_spot, shorter)
-        found = of_scenes(scene, on_scene, chosen, report)
-        names, visible = found.pop("names")[0], found.pop("visible")
-        outcomes[scene] = Outcome(scene, tuple(map(str, names)), found, visible)
-    return outcomes
+        found[scene] = of_scenes(scene, on_scene, chosen, report)
+    return study(found)
+
+
+def study(found: Mapping[str, Mapping[str, np.ndarray]]) -> Study:
+    """Rows of all measures, from the arrays ``[S, ...]`` of ``_on_scene`` by kind of scene."""
+    values: dict[tuple[str, str, str], list[float]] = {}
+    words: dict[str, str] = {}
+    for scene, arrays in found.items():
+        names = [str(name) for name in arrays["names"][0]]
+        errors = {name: each for name, each in arrays.items() if name not in ("names", "visible")}
+        spot = f", of SPOT {len(errors[methods.SPOT])}" if methods.SPOT in errors else ""
+        words |= {f"points_{scene}": str(len(names)), f"spot_{scene}": spot}
+        for method, of_method in errors.items():
+            for of_scene, visible in zip(of_method, arrays["visible"], strict=False):
+                for name, value in measures(scene, names, of_scene, visible).items():
+                    values.setdefault((name, method, ""), []).append(value)
+    return Study(tidy(values), found, words)
 
 
 def _on_scene(
     scene: str,
     scale: float,
-    filters: Sequence[str],
-    with_spot: Sequence[int],
+    filters: tuple[str, ...],
+    with_spot: range,
     parameters: Mapping[str, Any],
     seed: int,
 ) -> dict[str, Any]:
-    """Names and visibility of the points, and the errors of every method, on one scene."""
+    """Of P points in T frames of one scene: ``names`` ``[P]``, ``visible`` ``[T, P]`` bool, and by
+    method the errors ``[R, T, P]``, distances divided by the body's length.
+    """
     drawn = scenes.make(scene, seed=seed, **parameters)
     truth, lengths = drawn.extras["points"], drawn.extras["body_length"][1:]
     others = [name for name in methods.OTHERS if name != methods.SPOT or seed in with_spot]
@@ -78,7 +81,7 @@ def _on_scene(
         "names": drawn.extras["point_names"],
         "visible": drawn.extras["visible"][1:],
         **{
-            method: measures.point_distances(of_method, truth[1:], lengths)
+            method: point_distances(of_method, truth[1:], lengths)
             for method, of_method in places.items()
         },
     }
@@ -88,8 +91,8 @@ def track(
     frames: np.ndarray,
     points: np.ndarray,
     scale: float,
-    filters: Sequence[str],
-    others: Sequence[str],
+    filters: tuple[str, ...],
+    others: list[str],
     seed: int,
 ) -> dict[str, np.ndarray]:
     """Method -> positions ``[R, T, P, 2]`` after the first frame, in which the points start."""

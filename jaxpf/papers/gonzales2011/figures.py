@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 
 from jaxpf.media import plotting
-from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, Outcomes
+from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, Curves
+from jaxpf.papers.study import Study
 
 
-def figures(outcomes: Outcomes) -> dict[str, Any]:
+def figures(study: Study) -> dict[str, Any]:
     """Curves over time, as in the paper: one column per panel, one row per dynamics."""
+    outcomes: Curves = study.shown
     smooth = [key for key in outcomes if key[0] == "smooth"]
     drawn = {}
     for parts in sorted({key[1] for key in smooth}):
@@ -32,7 +34,7 @@ _LABELS = {"error": "sum of corner distances (pixels)", "variance": "variance (p
 
 
 def _curves(
-    outcomes: Outcomes, cells: Sequence[tuple[str, int, int]], measures: Sequence[str]
+    outcomes: Curves, cells: Sequence[tuple[str, int, int]], measures: Sequence[str]
 ) -> Any:
     columns = len(cells) * len(measures)
     figure, axes = plotting.new_figure(
@@ -44,8 +46,7 @@ def _curves(
             cell, measure = cells[column // len(measures)], measures[column % len(measures)]
             axis = axes[row, column]
             for method, colour in zip(METHODS, colours, strict=True):
-                values = outcomes[cell].of(measure, f"{method}, {dynamics}")
-                curve = np.nanmean(values, axis=0)
+                curve = np.nanmean(outcomes[cell][measure, f"{method}, {dynamics}"], axis=0)
                 axis.plot(1 + np.arange(len(curve)), curve, color=colour, label=method, lw=1.2)
             axis.set(title=f"{cell[1]} parts, N = {cell[2]}", ylim=(0, None))
             axis.grid(alpha=0.3)

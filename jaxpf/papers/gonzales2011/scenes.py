@@ -1,9 +1,10 @@
 """PS and SPS on sequences of articulated objects, under both dynamics."""
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -17,13 +18,23 @@ from jaxpf.lowering.programs import compiled
 from jaxpf.measures import particle_sets
 from jaxpf.ordering import Ordering, named
 from jaxpf.papers.checkpoints import of_scenes
-from jaxpf.papers.gonzales2011 import published
 from jaxpf.papers.grid import Grid, stacked
 from jaxpf.papers.judging.claims import counted
-from jaxpf.papers.paper import Request
+from jaxpf.papers.study import Study, tidy
 from jaxpf.parts.models import parts_model
 from jaxpf.shapes.rectangles import corners_from_poses
 
+FRAMES = 300
+#: Lambda of the likelihood exp(-lambda d^2).
+SHARPNESS = 50.0
+#: Measure of a claim -> field, motion, and numbers of parts and of particles of a figure's cells.
+FIGURES = {
+    "figure 8": ("error", "smooth", (7, 9), (2, 5, 10, 20, 30, 40)),
+    "figure 9": ("variance", "smooth", (7, 9), (10,)),
+    "figure 10": ("error", "strong_start", (3, 5, 7, 9, 11), (20,)),
+    "figure 11, error": ("error", "erratic", (5,), (10,)),
+    "figure 11, variance": ("variance", "erratic", (5,), (10,)),
+}
 #: Samples per side of a part: d^2 has an error of .017 (standard deviation), the log-likelihood .8.
 SAMPLES = 10
 
@@ -36,7 +47,7 @@ SWAPS = {
     "SPS without swap": "none",
 }
 METHODS = tuple(SWAPS)
-#: Method and dynamics -> their place in an ``Outcome``.
+#: Method and dynamics -> their place in a ``grid``.
 VARIANTS = {
     f"{method}, {kind}": (row, column)
     for row, method in enumerate(METHODS)
@@ -56,37 +67,36 @@ NOISE = {
 }
 
 
-class Outcome(NamedTuple):
-    """Runs of M methods under K dynamics on S sequences of T frames.
-
-    Attributes:
-        error: sum of corner distances, pixels, ``[S, M, K, T]``.
-        variance: variance of the particle set, pixels^2, ``[S, M, K, T]``.
-    """
-
-    error: np.ndarray
-    variance: np.ndarray
-
-    def of(self, field: str, variant: str) -> np.ndarray:
-        """``[S, T]``, a field of one of ``VARIANTS``."""
-        row, column = VARIANTS[variant]
-        return getattr(self, field)[:, row, column]
+#: (motion, parts, particles) -> ("error" or "variance", variant) -> ``[S, T]``: the sum of corner
+#: distances in pixels, or the variance of the particle set in pixels^2.
+Curves = Mapping[tuple[str, int, int], Mapping[tuple[str, str], np.ndarray]]
 
 
-#: (motion, parts, particles) -> outcome.
-Outcomes = Mapping[tuple[str, int, int], Outcome]
-
-
-def measure_all(request: Request) -> Outcomes:
+def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
     """Run all measurements; the quick ones are of fewer cells and frames."""
-    erratic = "erratic", published.FIGURE_11_PARTS, (published.FIGURE_11_PARTICLES,)
-    request.report(f"{counted(len(request.seeds), 'sequences')}, one run of 8 trackers on each")
-    if request.quick:
-        return measure([("smooth", 5, (5, 10)), erratic], request.seeds, 40, request.report)
-    smooth = [("smooth", p, published.FIGURE_8_PARTICLES) for p in published.FIGURE_8_PARTS]
-    strong = [("strong_start", p, (published.FIGURE_10_PARTICLES,)) for p in published.PARTS]
-    cells = [*smooth, *strong, erratic]
-    return measure(cells, request.seeds, published.FRAMES, request.report)
+    report(f"{counted(len(seeds), 'sequences')}, one run of 8 trackers on each")
+    if quick:
+        cells = [("smooth", 5, (5, 10)), ("erratic", 5, (10,))]
+        return study(measure(cells, seeds, 40, report))
+    figures = (FIGURES[name] for name in ("figure 8", "figure 10", "figure 11, error"))
+    every = [(motion, parts, counts) for _, motion, sizes, counts in figures for parts in sizes]
+    return study(measure(every, seeds, FRAMES, report))
+
+
+def study(curves: Curves) -> Study:
+    """Rows of the means over frames: of every cell, and again by the paper's figures."""
+    values: dict[tuple[str, str, str], np.ndarray] = {}
+    for (motion, parts, number), curve in curves.items():
+        for (field, variant), each in curve.items():
+            case = f"{motion}, {parts} parts, N = {number}"
+            values[field, variant, case] = np.nanmean(each, axis=1)
+    for name, (field, motion, counts, particles) in FIGURES.items():
+        for number, parts, variant in itertools.product(particles, counts, VARIANTS):
+            mean = values.get((field, variant, f"{motion}, {parts} parts, N = {number}"))
+            if mean is not None:
+                several = f"N = {number}, " if len(particles) > 1 else ""
+                values[name, variant, f"{several}{parts} parts"] = mean
+    return Study(tidy(values), shown=curves)
 
 
 def measure(
@@ -94,7 +104,7 @@ def measure(
     seeds: Sequence[int],
     num_frames: int,
     report: Callable[[str], None] = lambda line: None,
-) -> Outcomes:
+) -> Curves:
     """Track the sequences of every cell once with every method.
 
     Args:
@@ -103,21 +113,26 @@ def measure(
         num_frames: frames per sequence; the trackers start at the first.
         report: receives a line per sequence.
     """
-    outcomes = {}
+    curves = {}
     for motion, num_parts, particles in cells:
         on_scene = partial(_on_scene, motion, num_parts, particles, num_frames)
         # Two threads: one compiles while the other tracks.
         found = of_scenes(f"{motion}-{num_parts}-parts", on_scene, seeds, report, threads=2)
         for place, number in enumerate(particles):
-            fields = {name: values[:, place] for name, values in found.items()}
-            outcomes[motion, num_parts, number] = Outcome(**fields)
-    return outcomes
+            curves[motion, num_parts, number] = {
+                (field, variant): values[:, place, row, column]
+                for field, values in found.items()
+                for variant, (row, column) in VARIANTS.items()
+            }
+    return curves
 
 
 def _on_scene(
     motion: str, num_parts: int, particles: Sequence[int], num_frames: int, seed: int
 ) -> dict[str, Any]:
-    """Fields of an ``Outcome`` of one sequence, for each number of particles."""
+    """Errors and variances ``[N, M, K, T]`` of one sequence, by number of particles, method and
+    dynamics.
+    """
     scene = scenes.make(
         "articulated", seed, num_parts=num_parts, motion=motion, num_frames=num_frames
     )
@@ -187,7 +202,7 @@ def learn(scene: Any, samples: int = SAMPLES) -> HistogramLikelihood:
     likelihood = histogram_from_patches(
         scene.patches,
         scene.sizes,
-        sharpness=published.SHARPNESS,
+        sharpness=SHARPNESS,
         parts=1,
         method="sampled",
         samples=samples,

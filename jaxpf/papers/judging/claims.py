@@ -19,11 +19,12 @@ evaluated once.
 
 import csv
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from jaxpf.measures.intervals import DECISIVE, has_width
+from jaxpf.papers.judging.estimates import Quantity
 
 SUPPORTED, CONTRADICTED, OPEN, PREVIEW = "supported", "contradicted", "open", "preview"
 NOT_SEEN, WEAKER, EQUAL = "not seen with our settings", "weaker than claimed", "equal within"
@@ -50,39 +51,6 @@ RULE = (
 _MOST_SCENES = 100_000
 
 
-class Measured(NamedTuple):
-    """A figure and its 95% interval, in the units of its table."""
-
-    value: float
-    low: float
-    high: float
-
-
-class Quantity(NamedTuple):
-    """One measured figure of a claim.
-
-    Attributes:
-        value: the estimate.
-        interval: level -> confidence interval (low, high).
-        units: number of scenes, or of other units; 0 for a computed, deterministic figure.
-        what: description for reports, such as "sharpness 20".
-    """
-
-    value: float
-    interval: Callable[[float], tuple[float, float]]
-    units: int
-    what: str = ""
-
-    def measured(self, level: float = 0.95) -> Measured:
-        """The figure with its interval."""
-        return Measured(self.value, *self.interval(level))
-
-
-def computed(value: float, what: str = "") -> Quantity:
-    """A computed, deterministic figure."""
-    return Quantity(value, lambda level: (value, value), 0, what)
-
-
 class Claim(NamedTuple):
     """A published claim: a row of ``claims.csv``.
 
@@ -100,8 +68,8 @@ class Claim(NamedTuple):
         unit: unit of counting, such as "scenes".
         settings: ``PAPERS_OWN`` if every free setting is the paper's or every plausible reading
             was tried; otherwise empty.
-        measure: name of the measure that judges it, see ``jaxpf.papers.judging.measures``; empty
-            if a function of the paper does.
+        measure: name of the measure that judges it, see ``jaxpf.papers.paper``; empty if a function
+            of the paper does.
         variant: whose measure.
         against: the variant to compare with, or empty.
     """
@@ -121,6 +89,24 @@ class Claim(NamedTuple):
     measure: str = ""
     variant: str = ""
     against: str = ""
+
+    @property
+    def ends(self) -> list[float]:
+        """The finite ends of the claimed range."""
+        return [end for end in (self.at_least, self.at_most) if math.isfinite(end)]
+
+    def includes(self, low: float, high: float) -> bool:
+        """Whether an interval lies in the range; False for NaN, as below."""
+        return self.at_least < low and high < self.at_most
+
+    def excludes(self, low: float, high: float) -> bool:
+        """Whether it lies outside by more than the margin."""
+        return high < self.at_least - self.margin or low > self.at_most + self.margin
+
+    def is_near(self, low: float, high: float) -> bool:
+        """Whether it lies in the range, or within the margin around one of its ends."""
+        around = ((end - self.margin, end + self.margin) for end in self.ends)
+        return self.includes(low, high) or any(a < low and high < b for a, b in around)
 
 
 class Judged(NamedTuple):
@@ -202,20 +188,25 @@ def _verdict(claim: Claim, figures: Sequence[Quantity], level: float) -> str:
     if not figures:
         return OPEN
     corrected = 1 - (1 - level) / len(figures)
-    if any(_clearly(_is_beyond, claim, each, corrected) for each in figures):
+    if any(claim.excludes(*_certain(each, corrected)) for each in figures):
         return CONTRADICTED if claim.settings == PAPERS_OWN else NOT_SEEN
-    if all(_clearly(_is_inside, claim, each, level) for each in figures):
+    intervals = [_certain(each, level) for each in figures]
+    if all(claim.includes(*ends) for ends in intervals):
         return SUPPORTED
     if all(claim.at_least < each.value < claim.at_most for each in figures):
         return OPEN
-    if not all(_clearly(_is_near, claim, each, level) for each in figures):
-        return OPEN
-    return _within(claim, [each.interval(level) for each in figures])
+    return _within(claim, intervals) if all(claim.is_near(*ends) for ends in intervals) else OPEN
+
+
+def _certain(figure: Quantity, level: float) -> tuple[float, float]:
+    """The interval; NaN if all scenes agree, which does not give certainty."""
+    low, high = figure.interval(level)
+    return (low, high) if figure.units == 0 or has_width(low, high) else (math.nan, math.nan)
 
 
 def _within(claim: Claim, intervals: Sequence[tuple[float, float]]) -> str:
     """The verdict on a claim that is not met but every interval of which is near its range."""
-    ends = [abs(end) for end in (claim.at_least, claim.at_most) if math.isfinite(end)]
+    ends = [abs(end) for end in claim.ends]
     reach = max(ends) + claim.margin
     is_difference = min(ends) == max(ends) and (len(ends) == 2 or reach == claim.margin)
     if is_difference and all(-reach < low and high < reach for low, high in intervals):
@@ -228,28 +219,6 @@ def _within(claim: Claim, intervals: Sequence[tuple[float, float]]) -> str:
 def counted(count: int, unit: str) -> str:
     """A number with its unit, such as "1 scene" or "50 scenes"."""
     return f"{count} {unit.removesuffix('s') if count == 1 else unit}"
-
-
-def _clearly(holds: Callable[..., bool], claim: Claim, figure: Quantity, level: float) -> bool:
-    """Whether ``holds`` is true of the interval; scenes that all agree do not give certainty."""
-    low, high = figure.interval(level)
-    return (figure.units == 0 or has_width(low, high)) and holds(claim, low, high)
-
-
-def _is_inside(claim: Claim, low: float, high: float) -> bool:
-    return claim.at_least < low and high < claim.at_most
-
-
-def _is_beyond(claim: Claim, low: float, high: float) -> bool:
-    return high < claim.at_least - claim.margin or low > claim.at_most + claim.margin
-
-
-def _is_near(claim: Claim, low: float, high: float) -> bool:
-    """Whether an interval lies in the range, or within the margin around one of its ends."""
-    ends = (end for end in (claim.at_least, claim.at_most) if math.isfinite(end))
-    return _is_inside(claim, low, high) or any(
-        end - claim.margin < low and high < end + claim.margin for end in ends
-    )
 
 
 def _remark(claim: Claim, figures: Sequence[Quantity], level: float, count: int) -> str:

@@ -3,44 +3,18 @@
 A ``Comparison`` is written as Markdown, CSV and PNG.
 """
 
-import dataclasses
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from jaxpf import __version__
 from jaxpf.files.tables import Table, markdown_table
 from jaxpf.files.writing import csv_text, write_text
-from jaxpf.papers.judging.claims import GROUPS, RULE, Judged, Measured
+from jaxpf.papers.judging.claims import GROUPS, RULE, Judged
+from jaxpf.papers.tables import table_rows
 
 
-@dataclasses.dataclass(frozen=True)
-class Cell:
-    """A published and a measured figure; either may be missing.
-
-    Attributes:
-        published: the paper's figure, or None.
-        measured: ours with its 95% interval, or None.
-        digits: decimal places to show.
-    """
-
-    published: float | None = None
-    measured: Measured | None = None
-    digits: int = 0
-
-    def __str__(self) -> str:
-        """``published | measured [low, high]``, with a dash for a missing value."""
-        left = "–" if self.published is None else f"{self.published:z.{self.digits}f}"
-        if self.measured is None or math.isnan(self.measured.value):
-            return f"{left} | –"
-        value, low, high = (f"{x:z.{self.digits}f}" for x in self.measured)
-        interval = "" if math.isnan(self.measured.low) else f" [{low}, {high}]"
-        return f"{left} | {value}{interval}"
-
-
-@dataclasses.dataclass(frozen=True)
-class Comparison:
+class Comparison(NamedTuple):
     """Published and measured figures of a paper.
 
     Attributes:
@@ -56,8 +30,8 @@ class Comparison:
     title: str
     tables: Sequence[Table]
     claims: Sequence[Judged]
-    figures: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    notes: Sequence[str] = ()
+    figures: Mapping[str, Any]
+    notes: Sequence[str]
 
 
 #: How to read the tables.
@@ -69,20 +43,15 @@ CELLS = (
 
 def markdown(comparison: Comparison) -> str:
     """The whole comparison as one Markdown text; figures are linked by file name."""
-    lines = [f"# {comparison.title}", ""]
-    if comparison.tables:
-        lines += [CELLS, ""]
+    lines = [f"# {comparison.title}", "", CELLS, ""]
     for table in comparison.tables:
         lines += [f"## {table.title}", "", *markdown_table(table.columns, table.texts()), ""]
         if table.note:
             lines += [table.note, ""]
-    if comparison.claims:
-        lines += ["## Claims", "", RULE, "", *claims_markdown(comparison.claims)]
+    lines += ["## Claims", "", RULE, "", *claims_markdown(comparison.claims)]
     for stem in comparison.figures:
         lines += [f"![{stem}]({stem}.png)", ""]
-    if comparison.notes:
-        lines += ["## Notes", "", *(f"- {note}" for note in comparison.notes), ""]
-    return "\n".join(lines)
+    return "\n".join([*lines, "## Notes", "", *(f"- {note}" for note in comparison.notes), ""])
 
 
 def claims_markdown(claims: Sequence[Judged], level: int = 3) -> list[str]:
@@ -123,10 +92,9 @@ def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
         written.append(name)
 
     for table in comparison.tables:
-        text(f"{table.name}.csv", table_csv(table))
-    if comparison.claims:
-        judged = (each._replace(command=command) for each in comparison.claims)
-        text("verdicts.csv", verdicts_csv(each._replace(version=__version__) for each in judged))
+        text(f"{table.name}.csv", csv_text(table_rows(table)))
+    judged = (each._replace(command=command, version=__version__) for each in comparison.claims)
+    text("verdicts.csv", verdicts_csv(judged))
     for stem, figure in comparison.figures.items():
         plotting.save_figure(figure, folder / f"{stem}.png")
         written.append(f"{stem}.png")
@@ -138,19 +106,3 @@ def verdicts_csv(judged: Iterable[Judged]) -> str:
     """The content of ``verdicts.csv``."""
     rows = [[each.claim.key, *each[1:]] for each in judged]
     return csv_text([("key", *Judged._fields[1:]), *rows])
-
-
-def table_csv(table: Table) -> str:
-    """Long format: one line per cell, with columns for the published and the measured figure."""
-    header = ("row", "column", "published", "measured", "low", "high", "text")
-    lines: list[Sequence[Any]] = [header]
-    for label, cells in table.rows:
-        for column, cell in zip(table.columns[1:], cells, strict=True):
-            if isinstance(cell, str):
-                lines.append((label, column, "", "", "", "", cell))
-                continue
-            published = "" if cell.published is None else cell.published
-            known = cell.measured or (math.nan,) * 3
-            measured = [f"{x:.6g}" if math.isfinite(x) else "" for x in known]
-            lines.append((label, column, published, *measured, ""))
-    return csv_text(lines)

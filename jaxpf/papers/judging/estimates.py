@@ -1,19 +1,57 @@
-"""Estimates with intervals over scenes: means, rates, ratios and differences."""
+"""Estimates with intervals over scenes, alone or paired: means, shares, ratios and gains."""
 
 import math
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from jaxpf.measures.intervals import difference_interval, mean_interval
-from jaxpf.papers.judging.claims import Quantity
 
 
-def mean_of(
-    values: Any,
-    what: str = "",
-    bounds: tuple[float, float] | None = None,
-) -> Quantity:
+class Measured(NamedTuple):
+    """A figure and its 95% interval, in the units of its table."""
+
+    value: float
+    low: float
+    high: float
+
+
+class Quantity(NamedTuple):
+    """One measured figure of a claim.
+
+    Attributes:
+        value: the estimate.
+        interval: level -> confidence interval (low, high).
+        units: number of scenes, or of other units; 0 for a computed, deterministic figure.
+        what: description for reports, such as "sharpness 20".
+    """
+
+    value: float
+    interval: Callable[[float], tuple[float, float]]
+    units: int
+    what: str = ""
+
+    def measured(self, level: float = 0.95) -> Measured:
+        """The figure with its interval."""
+        return Measured(self.value, *self.interval(level))
+
+    def scaled(self, function: Callable[[float], float]) -> "Quantity":
+        """A monotonic function of the figure."""
+
+        def interval(level: float) -> tuple[float, float]:
+            low, high = sorted(map(function, self.interval(level)))
+            return low, high
+
+        return self._replace(value=function(self.value), interval=interval)
+
+
+def computed(value: float, what: str = "") -> Quantity:
+    """A computed, deterministic figure."""
+    return Quantity(value, lambda level: (value, value), 0, what)
+
+
+def mean_of(values: Any, what: str = "", bounds: tuple[float, float] | None = None) -> Quantity:
     """The mean of the scenes' values ``[S]``, ignoring NaN.  See ``mean_interval``."""
     values = np.asarray(values, float)
     values = values[np.isfinite(values)]
@@ -26,6 +64,11 @@ def mean_of(
     return Quantity(value, interval, max(len(values), 1), what)
 
 
+def difference_of(first: Any, second: Any, what: str = "") -> Quantity:
+    """The mean of the scenes' differences ``[S]``."""
+    return mean_of(np.asarray(first, float) - np.asarray(second, float), what)
+
+
 def ratio_of(first: Any, second: Any, what: str = "") -> Quantity:
     """The geometric mean of the scenes' ratios ``[S]``, first over second.
 
@@ -33,34 +76,23 @@ def ratio_of(first: Any, second: Any, what: str = "") -> Quantity:
     is not finite or not positive are excluded.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        logarithms = mean_of(np.log(np.asarray(first, float) / np.asarray(second, float)))
-
-    def interval(level: float) -> tuple[float, float]:
-        low, high = logarithms.interval(level)
-        return math.exp(low), math.exp(high)
-
-    return logarithms._replace(value=math.exp(logarithms.value), interval=interval, what=what)
+        logarithms = np.log(np.asarray(first, float) / np.asarray(second, float))
+    return mean_of(logarithms, what).scaled(math.exp)
 
 
 def gain_of(ours: Any, base: Any, what: str = "") -> Quantity:
     """By how many per cent the scenes' values ``[S]`` are below others: one less ``ratio_of``."""
-    ratio = ratio_of(ours, base, what)
-
-    def interval(level: float) -> tuple[float, float]:
-        low, high = ratio.interval(level)
-        return 100 * (1 - high), 100 * (1 - low)
-
-    return ratio._replace(value=100 * (1 - ratio.value), interval=interval)
+    return ratio_of(ours, base, what).scaled(lambda ratio: 100 * (1 - ratio))
 
 
-def share_of(trials: Any, what: str = "") -> Quantity:
-    """The percentage of successful trials ``[S, trials]`` bool."""
-    return mean_of(100 * _by_scene(trials), what, (0.0, 100.0))
+def share_of(rates: Any, what: str = "") -> Quantity:
+    """The percentage of successes, from the scenes' rates ``[S]``."""
+    return mean_of(100 * np.asarray(rates, float), what, (0.0, 100.0))
 
 
 def gap_of(first: Any, second: Any, what: str = "") -> Quantity:
-    """Difference of two success percentages, ``[S, trials]`` on the same scenes, in points."""
-    rates = _by_scene(first), _by_scene(second)
+    """Difference of two success percentages in points, from the same scenes' rates ``[S]``."""
+    rates = np.asarray(first, float), np.asarray(second, float)
 
     def interval(level: float) -> tuple[float, float]:
         ends = difference_interval(*rates, level, (0.0, 1.0))
@@ -70,6 +102,16 @@ def gap_of(first: Any, second: Any, what: str = "") -> Quantity:
     return Quantity(value, interval, max(len(rates[0]), 1), what)
 
 
-def _by_scene(trials: Any) -> np.ndarray:
-    """The scenes' rates ``[S]``."""
-    return np.asarray(trials, float).mean(axis=1)
+#: Estimates by the kind of a measure, see ``jaxpf.papers.study``: of one variant, and of two.
+ALONE: Mapping[str, Callable[..., Quantity]] = {
+    "mean": mean_of,
+    "percent": share_of,
+    "ratio": lambda values, what: ratio_of(values, 1.0, what),
+    "gain": mean_of,
+}
+COMPARED: Mapping[str, Callable[..., Quantity]] = {
+    "mean": difference_of,
+    "percent": gap_of,
+    "ratio": ratio_of,
+    "gain": gain_of,
+}

@@ -20,12 +20,11 @@ from jaxpf.papers.judging.claims import (
     SUPPORTED,
     WEAKER,
     Judged,
-    Quantity,
     claims_of,
-    computed,
     judge,
     read_rows,
 )
+from jaxpf.papers.judging.estimates import Quantity, computed
 
 COLUMNS = ("claim", "published", "ours", "verdict")
 #: Form of each paper's method in which its own claims are judged.

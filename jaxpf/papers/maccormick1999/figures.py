@@ -9,20 +9,21 @@ from jaxpf.media import plotting
 from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.judging.estimates import mean_of
 from jaxpf.papers.maccormick1999 import toy
-from jaxpf.papers.maccormick1999.one_line import likelihood
-from jaxpf.papers.maccormick1999.passing import AS_MANY, ENOUGH, PARTITIONED, Measurement, Passing
-from jaxpf.papers.maccormick1999.published import FEATURES
+from jaxpf.papers.maccormick1999.one_line import FEATURES, likelihood
+from jaxpf.papers.maccormick1999.passing import AS_MANY, ENOUGH, PARTITIONED, Passing
+from jaxpf.papers.study import Study
 
 
-def figures(measured: Measurement) -> dict[str, Any]:
+def figures(study: Study) -> dict[str, Any]:
     """File-name stem -> figure."""
+    shown = study.shown
     return {
         "figure_3": line_figure(),
-        "figures_9_10": toy_figure(measured.toy),
-        "figure_11": ess_figure(measured.figure_11),
-        "figure_4": meeting_figure(measured.wires),
-        "figure_7": passing_figure(measured.leaves, (PARTITIONED, AS_MANY, ENOUGH)),
-        "figures_1_6": passing_figure(measured.walkers),
+        "figures_9_10": toy_figure(shown["toy"]),
+        "figure_11": ess_figure(shown["figure_11"]),
+        "figure_4": meeting_figure(shown["wires"]),
+        "figure_7": passing_figure(shown["leaves"], (PARTITIONED, AS_MANY, ENOUGH)),
+        "figures_1_6": passing_figure(shown["walkers"]),
     }
 
 
@@ -74,11 +75,9 @@ def ess_figure(leaves: Passing) -> Any:
     drawing, axes = plotting.new_figure(1, 1, figsize=(8, 4.6))
     (axis,) = axes[0]
     for name, colour in zip((PARTITIONED, AS_MANY), plotting.colours(2), strict=True):
-        curve = np.array(
-            [mean_of(each).measured() for each in leaves.of("ess", name).mean(axis=1).T]
-        )
+        curve = np.array([mean_of(each).measured() for each in leaves.ess[name].T])
         values, lows, highs = curve.T
-        of_sequences = counted(len(leaves.outcomes[name]), "sequences")
+        of_sequences = counted(len(leaves.ess[name]), "sequences")
         frames = np.arange(1, len(curve) + 1)
         axis.plot(frames, values, color=colour, label=f"{name} ({of_sequences})")
         axis.fill_between(frames, lows, highs, color=colour, alpha=0.2, lw=0)
@@ -90,7 +89,7 @@ def ess_figure(leaves: Passing) -> Any:
 
 def meeting_figure(meeting: Passing) -> Any:
     """Three frames of the first sequence with the contours of each likelihood."""
-    times = [round(time) for time in np.linspace(0, len(meeting.cases[0].frames) - 1, 3)]
+    times = [round(time) for time in np.linspace(0, len(meeting.case.frames) - 1, 3)]
     return _frames_figure(meeting, times, "Figure 4 repeated: A and B by colour")
 
 
@@ -99,19 +98,18 @@ def passing_figure(passing: Passing, methods: Sequence[str] = ()) -> Any:
 
     Shows all methods, or the named ones that were measured.
     """
-    case = passing.cases[0]
+    case = passing.case
     times = 0, int(case.hidden.argmax()), len(case.frames) - 1
     if methods:
-        kept = {name: passing.methods[name] for name in methods if name in passing.methods}
-        passing = passing._replace(methods=kept)
+        kept = {name: passing.outlines[name] for name in methods if name in passing.outlines}
+        passing = passing._replace(outlines=kept)
     return _frames_figure(passing, times, f"{case.name}: A and B by colour")
 
 
 def _frames_figure(passing: Passing, times: Sequence[int], title: str) -> Any:
-    case, size = passing.cases[0], (12, 3.2 * len(passing.methods))
-    drawing, axes = plotting.new_figure(len(passing.methods), len(times), figsize=size)
-    for row, name in zip(axes, passing.methods, strict=True):
-        outlines = passing.outcomes[name][0].outlines
+    case, size = passing.case, (12, 3.2 * len(passing.outlines))
+    drawing, axes = plotting.new_figure(len(passing.outlines), len(times), figsize=size)
+    for row, (name, outlines) in zip(axes, passing.outlines.items(), strict=True):
         for axis, time in zip(row, times, strict=True):
             draw_contours(axis, case.frames[time], outlines[:, time], case.space.closed)
             axis.set_title(f"{name}: frame {time}", fontsize=9)

@@ -1,54 +1,52 @@
-"""Measures of the experiment, by the names in ``claims.csv``."""
-
-from collections.abc import Callable, Mapping
-from typing import Any
+"""Measures of the runs of a method on one sequence, whose targets meet or pass."""
 
 import numpy as np
 
-from jaxpf.papers.judging.claims import Quantity, computed
-from jaxpf.papers.judging.measures import Measure
-from jaxpf.papers.maccormick1999 import one_line
-from jaxpf.papers.maccormick1999.passing import Passing
-from jaxpf.papers.maccormick1999.published import FIRST_FRAMES
+from jaxpf.papers.maccormick1999.scenes import FIRST_FRAMES, Case
+from jaxpf.papers.maccormick1999.tracking import Outcome
+
+#: Labels are judged where more than this share of the farther target is hidden.
+MUCH_HIDDEN = 0.2
+#: Number of frames just before an occlusion, and frames after it, for comparing spreads.
+_BEFORE, _AFTER = 5, slice(5, 10)
 
 
-def of_line() -> Quantity:
-    """Figure 3, which is deterministic: ratio of the peaks on the diagonal to those beside it."""
-    together, apart = one_line.peaks()
-    return computed(float(together.max() / apart.min()))
+def measures(case: Case, outcome: Outcome) -> dict[str, float]:
+    """Shares of the runs, effective sample size, and of opaque targets labels and spreads.
 
-
-def of_kind(kind: str) -> dict[str, Measure]:
-    """The measures of wires, leaves, walkers or the leaves of figure 11."""
-
-    def of(values: Callable[[Passing, str], np.ndarray], *how: Any) -> Measure:
-        return Measure(lambda measured, method: values(getattr(measured, kind), method), *how)
-
-    def share_of(field: str) -> Measure:
-        return of(lambda passing, method: passing.of(field, method), "percent")
-
-    return {
-        "kept": share_of("kept"),
-        "coalesced": share_of("coalesced"),
-        "exchanged": share_of("swapped"),
-        "label right": of(lambda passing, method: passing.labels_right(method)[:, None], "percent"),
-        "widening": of(Passing.widening, "ratio", 2),
-        "narrowing": of(Passing.narrowing, "ratio", 2),
-        # Over the first frames.
-        "ess": of(
-            lambda passing, method: passing.of("ess", method)[..., :FIRST_FRAMES].mean(axis=(1, 2)),
-            "ratio",
-            1,
-        ),
+    ``widening`` is the farther contour's spread at the height of the occlusion over that before,
+    ``narrowing`` its spread some frames after the occlusion over that at the height.  Only runs
+    that keep both targets count, because the spread of a lost target means something else; NaN if
+    no run does.
+    """
+    values = {
+        "kept": np.mean(outcome.kept),
+        "coalesced": np.mean(outcome.coalesced),
+        "exchanged": np.mean(outcome.swapped),
+        "ess": np.mean(outcome.ess[:, :FIRST_FRAMES]),
     }
+    if case.hidden is not None:
+        before, hidden, after = _spreads(case, outcome)
+        values["label right"] = label_right(case, outcome)
+        values |= {"widening": hidden / before, "narrowing": after / hidden}
+    return values
 
 
-MEASURES: Mapping[str, Measure] = {
-    **{
-        f"{kind}: {name}": measure
-        for kind in ("wires", "leaves", "walkers", "figure_11")
-        for name, measure in of_kind(kind).items()
-    },
-    # Figures 9 and 10: the last step's effective sample size.
-    "toy: ess": Measure(lambda measured, variant: measured.toy[variant][-1].ess, "ratio"),
-}
+def label_right(case: Case, outcome: Outcome) -> float:
+    """Share of frames with strong overlap whose more likely label is right."""
+    of_front = outcome.in_front if case.farther == 1 else 1 - outcome.in_front
+    of_front = of_front[:, case.hidden > MUCH_HIDDEN]
+    return float(np.mean(np.where(np.isnan(of_front), np.nan, of_front > 0.5)))
+
+
+def _spreads(case: Case, outcome: Outcome) -> tuple[float, float, float]:
+    """Of the farther contour: before the occlusion, at its height, and some frames after it."""
+    spread = outcome.spread[outcome.kept][:, :, case.farther]  # [kept, T]
+    if not len(spread):
+        return np.nan, np.nan, np.nan
+    spread, hidden = spread.mean(axis=0), case.hidden
+    covered = np.flatnonzero(hidden > 0)
+    first, after = max(covered[0], 1), spread[covered[-1] + 1 :][_AFTER]
+    before = spread[max(first - _BEFORE, 0) : first].mean()
+    height = spread[hidden > 0.5 * hidden.max()].mean()
+    return before, height, after.mean() if len(after) else np.nan

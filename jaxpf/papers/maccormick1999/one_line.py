@@ -14,8 +14,9 @@ from jaxpf.likelihoods.contours import (
     poisson_clutter,
 )
 from jaxpf.lowering.programs import compiled
-from jaxpf.papers.maccormick1999.published import FEATURES
 
+#: Positions of four features in figure 3, read off approximately, pixels from the line's middle.
+FEATURES = (-50.0, -15.0, 20.0, 55.0)
 _LENGTH, _SIGMA, _CLUTTER = 161, 7.0, 2.0
 
 
@@ -30,6 +31,12 @@ def peaks() -> tuple[np.ndarray, np.ndarray]:
     places = np.array(FEATURES)
     together = likelihood(np.stack([places, places]))
     return together, likelihood(np.stack([places[first], places[second]]))
+
+
+def ratio_of_peaks() -> float:
+    """The highest peak on the diagonal over the lowest beside it."""
+    together, apart = peaks()
+    return float(together.max() / apart.min())
 
 
 @compiled

@@ -5,49 +5,47 @@ from typing import Any
 import numpy as np
 
 from jaxpf.media import plotting
-from jaxpf.papers.rowe2005.scenes import Measurement, Outcome
+from jaxpf.papers.study import Study
 
 
-def figures(measured: Measurement) -> dict[str, Any]:
+def figures(study: Study) -> dict[str, Any]:
     """File-name stem -> figure."""
+    shown = study.shown
     return {
-        "figure_2": figure_2(measured.outcome),
-        "figure_3": figure_3(measured.outcome),
-        "figure_4": figure_4(measured.outcome),
+        "figure_2": figure_2({name: shown[name]["share"] for name in ("without eq. 4", "both")}),
+        "figure_3": figure_3({name: shown[name]["astray"] for name in ("neither", "both")}),
+        "figure_4": figure_4(shown["both"]["area_ratio"]),
     }
 
 
-def figure_2(outcome: Outcome) -> Any:
+def figure_2(shares: dict[str, np.ndarray]) -> Any:
     """Share of samples on target 1 per frame: the first run of every scene."""
     figure, axes = plotting.new_figure(1, 2, figsize=(10, 3.6))
-    for axis, variant, title in zip(
-        axes[0], ("without eq. 4", "both"), ("without eq. 4", "with eq. 4"), strict=True
-    ):
-        shares = 100 * outcome.share[outcome.of(variant), :, 0, :, 0]
-        axis.plot(np.arange(1, shares.shape[1] + 1), shares.T, linewidth=0.7)
+    titles = ("without eq. 4", "with eq. 4")
+    for axis, share, title in zip(axes[0], shares.values(), titles, strict=True):
+        of_first = 100 * share[:, 0, :, 0].T
+        axis.plot(np.arange(1, len(of_first) + 1), of_first, linewidth=0.7)
         axis.set(title=title, xlabel="frame", ylabel="samples on target 1 (%)", ylim=(-2, 102))
     return figure
 
 
-def figure_3(outcome: Outcome) -> Any:
+def figure_3(astray: dict[str, np.ndarray]) -> Any:
     """Share of lost samples per frame, mean over runs."""
     figure, axes = plotting.new_figure(figsize=(7, 3.6))
     axis = axes[0, 0]
-    for variant, colour in zip(("neither", "both"), plotting.colours(2), strict=True):
-        astray = 100 * outcome.astray[outcome.of(variant)].mean(axis=(0, 1))
-        axis.plot(np.arange(1, len(astray) + 1), astray, color=colour, label=variant)
+    for (variant, shares), colour in zip(astray.items(), plotting.colours(2), strict=True):
+        curve = 100 * shares.mean(axis=(0, 1))
+        axis.plot(np.arange(1, len(curve) + 1), curve, color=colour, label=variant)
     axis.set(xlabel="frame", ylabel="lost samples (%)")
     axis.legend(title="regularising and feedback")
     return figure
 
 
-def figure_4(outcome: Outcome) -> Any:
+def figure_4(ratio: np.ndarray) -> Any:
     """Error of the area in six runs, both targets."""
     figure, axes = plotting.new_figure(figsize=(7, 3.6))
     axis = axes[0, 0]
-    ratio = outcome.area_ratio[outcome.of("both")]
-    ratio = ratio.reshape(-1, *ratio.shape[2:])[:6]
-    for run in ratio:
+    for run in ratio.reshape(-1, *ratio.shape[2:])[:6]:
         axis.plot(np.arange(1, len(run) + 1), 100 * (run - 1), linewidth=0.7)
     axis.set(xlabel="frame", ylabel="error of the area (%)", ylim=(-100, 200))
     return figure

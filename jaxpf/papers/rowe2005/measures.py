@@ -1,102 +1,61 @@
-"""Measures of the experiment, by the names in ``claims.csv``."""
+"""Measures of the runs of a variant on S scenes: R runs of T frames, L targets."""
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
-from jaxpf.papers.judging.measures import Measure
-from jaxpf.papers.rowe2005 import published
-from jaxpf.papers.rowe2005.scenes import Measurement, Outcome
+#: Range of the mean number of samples per target over runs in per cent, figure 2 (b).
+SHARE_BAND = (49.5, 50.5)
+#: A larger error relative to the target's size counts as a lost target: the published errors are
+#: all below .14 or above 2.4.
+LOST = 1.0
 
 
-def run_share(outcome: Outcome, variant: str) -> np.ndarray:
-    """``[S, R]``: the first target's share of the particles, mean over frames, per cent."""
-    return 100 * outcome.share[outcome.of(variant), ..., 0].mean(axis=-1)
+def measures(runs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Measure -> ``[S]``, of the arrays that ``scenes.measure`` returns for a variant."""
+    error, ratio, share = runs["error"], runs["area_ratio"], runs["share"]
+    # The first target's share of the particles, mean over frames.
+    shares = 100 * share[..., 0].mean(axis=-1)
+    return {
+        "share": shares.mean(axis=1),
+        "in band": np.mean((SHARE_BAND[0] <= shares) & (shares <= SHARE_BAND[1]), axis=1),
+        "starved": (share[:, :, -1] == 0).any(axis=-1).mean(axis=1),
+        "error": tracked_error(error),
+        "error at a strip": _mean_where(runs["in_strip"], error),
+        "error elsewhere": _mean_where(~runs["in_strip"], error),
+        "lost": lost(error).mean(axis=1),
+        "samples lost": 100 * runs["astray"].mean(axis=(1, 2)),
+        "side": last_side(ratio),
+        "between": 100 * runs["between"],
+        "within": 100 * runs["within"],
+        "between over within": runs["between"] / runs["within"],
+    }
 
 
-def starved(outcome: Outcome, variant: str) -> np.ndarray:
-    """``[S, R]`` bool: some target has no particles in the last frame."""
-    return (outcome.share[outcome.of(variant), :, :, -1] == 0).any(axis=-1)
+def lost(error: np.ndarray) -> np.ndarray:
+    """``[S, R L]`` bool: targets whose mean error ``[S, R, T, L]`` is above ``LOST``."""
+    return (error.mean(axis=2) > LOST).reshape(len(error), -1)
 
 
-def lost(outcome: Outcome, variant: str) -> np.ndarray:
-    """``[S, R L]`` bool: targets whose mean error is above ``published.LOST``."""
-    error = outcome.error[outcome.of(variant)].mean(axis=2)
-    return (error > published.LOST).reshape(len(error), -1)
-
-
-def tracked_error(outcome: Outcome, variant: str) -> np.ndarray:
+def tracked_error(error: np.ndarray) -> np.ndarray:
     """``[S]``: mean error of a scene's targets that were not lost; NaN if all were lost."""
-    error = outcome.error[outcome.of(variant)].mean(axis=2).reshape(len(outcome.in_strip), -1)
-    kept = error <= published.LOST
-    total = np.where(kept, error, 0.0).sum(axis=1)
+    mean = error.mean(axis=2).reshape(len(error), -1)
+    kept = ~lost(error)
+    total = np.where(kept, mean, 0.0).sum(axis=1)
     return np.where(kept.any(axis=1), total / np.maximum(kept.sum(axis=1), 1), np.nan)
 
 
-def astray(outcome: Outcome, variant: str) -> np.ndarray:
-    """``[S]``: percentage of particles whose box misses their target's true box."""
-    return 100 * outcome.astray[outcome.of(variant)].mean(axis=(1, 2))
-
-
-def error_by_place(outcome: Outcome, variant: str, strip: bool) -> np.ndarray:
-    """``[S]``: mean error over frames whose true box overlaps a strip, or over the others."""
-    counts = (outcome.in_strip == strip)[:, None]
-    error = outcome.error[outcome.of(variant)]
-    total = np.where(counts, error, 0.0).sum(axis=(1, 2, 3))
-    number = np.broadcast_to(counts, error.shape).sum(axis=(1, 2, 3))
-    return np.where(number > 0, total / np.maximum(number, 1), np.nan)
-
-
-def last_ratio(outcome: Outcome, variant: str) -> np.ndarray:
+def last_side(ratio: np.ndarray) -> np.ndarray:
     """``[S]``: root of estimated over true area in the last tenth of the frames, lost or not.
 
     Geometric mean over runs, targets and frames.
     """
-    ratio = outcome.area_ratio[outcome.of(variant)]
     late = ratio[:, :, -max(ratio.shape[2] // 10, 1) :]
     return np.exp(np.log(np.maximum(late, 1e-6)).mean(axis=(1, 2, 3)) / 2)
 
 
-def _in_band(outcome: Outcome, variant: str) -> np.ndarray:
-    low, high = published.SHARE_BAND
-    shares = run_share(outcome, variant)
-    return (low <= shares) & (shares <= high)
-
-
-def _of(measure: Callable[..., Any], runs: str = "outcome", **options: Any) -> Callable[..., Any]:
-    """The measure as a function of the whole measurement and the variant."""
-
-    def values(measured: Measurement, variant: str) -> np.ndarray:
-        return measure(getattr(measured, runs), variant, **options)
-
-    return values
-
-
-def _between(outcome: Outcome, variant: str) -> np.ndarray:
-    return 100 * outcome.between[outcome.of(variant)]
-
-
-def _within(outcome: Outcome, variant: str) -> np.ndarray:
-    return 100 * outcome.within[outcome.of(variant)]
-
-
-def _between_over_within(outcome: Outcome, variant: str) -> np.ndarray:
-    return _between(outcome, variant) / _within(outcome, variant)
-
-
-MEASURES: Mapping[str, Measure] = {
-    "share": Measure(_of(lambda *args: run_share(*args).mean(axis=1)), digits=2),
-    "in band": Measure(_of(_in_band), "percent"),
-    "starved": Measure(_of(starved), "percent"),
-    "error": Measure(_of(tracked_error), digits=3),
-    "error at a strip": Measure(_of(error_by_place, strip=True), digits=3),
-    "error elsewhere": Measure(_of(error_by_place, strip=False), digits=3),
-    "lost": Measure(_of(lost), "percent"),
-    "lost where crossing": Measure(_of(lost, "crossing"), "percent"),
-    "samples lost": Measure(_of(astray), digits=1),
-    "side": Measure(_of(last_ratio), digits=2),
-    "between": Measure(_of(_between), "ratio", digits=1),
-    "within": Measure(_of(_within), digits=1),
-    "between over within": Measure(_of(_between_over_within), "ratio"),
-}
+def _mean_where(counts: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """``[S]``: mean error over the frames that count, ``[S, T, L]`` bool."""
+    counts = np.broadcast_to(counts[:, None], error.shape)
+    total, number = np.where(counts, error, 0.0).sum(axis=(1, 2, 3)), counts.sum(axis=(1, 2, 3))
+    return np.where(number > 0, total / np.maximum(number, 1), np.nan)

@@ -1,8 +1,8 @@
 """Run every variant of the labelled filter on projectile scenes, for all tables."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -14,10 +14,12 @@ from jaxpf.boxes.rowe2005 import Rowe2005Settings
 from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.lowering.programs import compiled
 from jaxpf.papers.checkpoints import of_scenes
-from jaxpf.papers.paper import Request
-from jaxpf.papers.rowe2005.published import PARTICLES
+from jaxpf.papers.rowe2005.measures import measures
+from jaxpf.papers.study import Study, tidy
 from jaxpf.shapes.rectangles import area, intersection_area
 
+#: N of the synthetic test.
+PARTICLES = 100
 #: Runs per scene: claims about the variance between runs need several.
 RUNS_PER_SCENE = 4
 
@@ -75,55 +77,24 @@ def tracker_of(scene: Any, variant: str) -> jaxpf.Labelled:
     )
 
 
-class Outcome(NamedTuple):
-    """V variants, S scenes, R runs per scene, T frames, L targets.
-
-    Attributes:
-        names: names of the variants.
-        error: ``[V, S, R, T, L]``, distance of the centres divided by the root of the true area.
-        area_ratio: ``[V, S, R, T, L]``, estimated over true area.
-        share: ``[V, S, R, T, L]``, the target's share of the particles.
-        astray: ``[V, S, R, T]``, share of particles whose box misses their target's true box.
-        between: ``[V, S]``, deviation of the runs' estimates from their mean, divided by the root
-            of the true area: root mean square over runs, frames and targets that have particles
-            in at least two runs.
-        within: ``[V, S]``, the same for particles within a run, for targets that have some.
-        in_strip: ``[S, T, L]`` bool, the true box overlaps a strip.
-    """
-
-    names: tuple[str, ...]
-    error: np.ndarray
-    area_ratio: np.ndarray
-    share: np.ndarray
-    astray: np.ndarray
-    between: np.ndarray
-    within: np.ndarray
-    in_strip: np.ndarray
-
-    def of(self, variant: str) -> int:
-        """Index of a variant."""
-        return self.names.index(variant)
-
-
-class Measurement(NamedTuple):
-    """All measurements.
-
-    Attributes:
-        outcome: runs of all variants.
-        crossing: runs of the mean and of the product on targets that cross.
-    """
-
-    outcome: Outcome
-    crossing: Outcome
-
-
-def measure_all(request: Request) -> Measurement:
-    """Run all measurements."""
-    seeds, report = request.seeds, request.report
+def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
+    """Run all measurements; the figures show the arrays of ``measure``."""
     report(f"{len(seeds)} scenes with {RUNS_PER_SCENE} runs of every variant each")
-    outcome = measure(seeds, tuple(VARIANTS), report)
+    apart = measure(seeds, tuple(VARIANTS), report)
     report("Targets that cross: mean against product")
-    return Measurement(outcome, measure(seeds, ("both", "product"), report, paths="crossing"))
+    return study(apart, measure(seeds, ("both", "product"), report, paths="crossing"))
+
+
+def study(apart: Mapping[str, Any], crossing: Mapping[str, Any]) -> Study:
+    """Rows from what ``measure`` returned, for all variants and for targets that cross."""
+    values: dict[tuple[str, str, str], np.ndarray] = {}
+    for variant, runs in apart.items():
+        values |= {(name, variant, ""): each for name, each in measures(runs).items()}
+        for run, shares in enumerate(runs["share"][..., 0].mean(axis=-1).T):
+            values["share of a run", variant, f"{run + 1}"] = 100 * shares
+    for variant, runs in crossing.items():
+        values["lost where crossing", variant, ""] = measures(runs)["lost"]
+    return Study(tidy(values), shown=apart)
 
 
 def measure(
@@ -131,20 +102,30 @@ def measure(
     variants: tuple[str, ...],
     report: Callable[[str], None],
     paths: str = "apart",
-) -> Outcome:
+) -> dict[str, dict[str, np.ndarray]]:
     """Run variants ``RUNS_PER_SCENE`` times on the scene of each seed; see ``settings_of``.
 
     ``paths`` is a parameter of the scene.  A run's random numbers depend only on its seed and
     number, which all variants share.
+
+    Returns:
+        Variant -> arrays of S scenes, R runs, T frames and L targets: ``error`` ``[S, R, T, L]``,
+        distance of the centres divided by the root of the true area; ``area_ratio`` as it,
+        estimated over true area; ``share`` as it, the target's share of the particles;
+        ``astray`` ``[S, R, T]``, share of particles whose box misses their target's true box;
+        ``between`` ``[S]``, see ``deviation_between``; ``within`` ``[S]``, the same for particles
+        within a run; ``in_strip`` ``[S, T, L]`` bool, the true box overlaps a strip.
     """
     found = of_scenes(paths, partial(_on_scene, variants, paths), seeds, report)
     in_strip = found.pop("in_strip")
-    by_variant = {field: np.moveaxis(values, 1, 0) for field, values in found.items()}
-    return Outcome(variants, **by_variant, in_strip=in_strip)
+    return {
+        variant: {name: values[:, place] for name, values in found.items()} | {"in_strip": in_strip}
+        for place, variant in enumerate(variants)
+    }
 
 
 def _on_scene(variants: Sequence[str], paths: str, seed: int) -> dict[str, np.ndarray]:
-    """Fields of an ``Outcome`` for one scene, without the scene axis."""
+    """The arrays of ``measure`` of one scene, ``[V, ...]`` but for ``in_strip``."""
     scene = scenes.make("projectiles", seed=seed, paths=paths)
     keys = run_keys(seed, 0, RUNS_PER_SCENE)
     frames, truth = jnp.asarray(scene.frames[1:]), np.asarray(scene.boxes[1:], np.float32)
@@ -152,10 +133,9 @@ def _on_scene(variants: Sequence[str], paths: str, seed: int) -> dict[str, np.nd
     for variant in variants:
         tracker = tracker_of(scene, variant)
         recorded = jaxpf.monte_carlo(tracker, keys, frames, _record, batch_size=RUNS_PER_SCENE)
-        measured.append([np.asarray(each) for each in _measures(recorded, truth)])
-    columns = [np.stack(column) for column in zip(*measured, strict=True)]
-    in_strip = _in_strip(truth, scene.extras["strips"])
-    return dict(zip(Outcome._fields[1:], [*columns, in_strip], strict=True))
+        measured.append(_measures(recorded, truth))
+    stacked = jax.tree.map(lambda *values: np.stack(values), *measured)
+    return {**stacked, "in_strip": _in_strip(truth, scene.extras["strips"])}
 
 
 def _in_strip(boxes: np.ndarray, strips: np.ndarray) -> np.ndarray:
@@ -170,7 +150,7 @@ def _record(state: Any, summary: Any) -> Any:
 
 
 @compiled
-def _measures(recorded: Any, truth: jax.Array) -> tuple[jax.Array, ...]:
+def _measures(recorded: Any, truth: jax.Array) -> dict[str, jax.Array]:
     estimate, share, spread, particles, labels = recorded
     centres = truth[..., :2] + truth[..., 2:] / 2
     error = jnp.linalg.norm(estimate[..., :2] - centres, axis=-1) / jnp.sqrt(area(truth))
@@ -181,11 +161,20 @@ def _measures(recorded: Any, truth: jax.Array) -> tuple[jax.Array, ...]:
     astray = jnp.mean(intersection_area(boxes, own) <= 0, axis=-1)
     between = deviation_between(estimate[..., :2], share > 0, area(truth))
     within = jnp.sqrt(jnp.nanmean(jnp.sum(spread**2, axis=-1) / area(truth)))
-    return error, ratio, share, astray, between, within
+    return {
+        "error": error,
+        "area_ratio": ratio,
+        "share": share,
+        "astray": astray,
+        "between": between,
+        "within": within,
+    }
 
 
 def deviation_between(places: jax.Array, counts: jax.Array, areas: jax.Array) -> jax.Array:
-    """``between`` of an ``Outcome`` from estimates ``[R, T, L, 2]``; NaN if none counts.
+    """Deviation of the runs' estimates from their mean, divided by the root of the true area.
+
+    Root mean square over runs, frames and targets that count in at least two runs; NaN without any.
 
     Args:
         places: estimates, pixels.

@@ -16,7 +16,7 @@ All of this is in wrappers here: the library resamples once and corrects for eve
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -25,7 +25,6 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.state import Summary
-from jaxpf.papers.paper import Request
 from jaxpf.papers.smith2004.scenes import Outcome, all_orderings, measure
 from jaxpf.resampling.weighted import ancestors
 
@@ -130,26 +129,3 @@ def measure_conditions(
         for count in particles
         for ending in endings
     }
-
-
-class Measurement(NamedTuple):
-    """All measurements.
-
-    Attributes:
-        outcome: runs on the paper's scene.
-        conditions: conditions under which the order of objects may matter more.
-    """
-
-    outcome: Outcome
-    conditions: Mapping[str, Outcome]
-
-
-def measure_all(request: Request) -> Measurement:
-    """Run all measurements; the quick ones are of fewer conditions."""
-    seeds, report = request.seeds, request.report
-    report(f"Tables 1 and 2: {len(seeds)} scenes")
-    outcome = measure(seeds, report=report)
-    report("Conditions under which the order may matter more")
-    particles = PARTICLES[-1:] if request.quick else PARTICLES
-    endings = ("as here", "stages counted twice") if request.quick else tuple(ENDINGS)
-    return Measurement(outcome, measure_conditions(seeds, particles, endings, report))

@@ -5,14 +5,13 @@ from typing import Any
 import numpy as np
 
 from jaxpf.media import plotting
-from jaxpf.papers.smith2004.conditions import Measurement
-from jaxpf.papers.smith2004.published import SHARPNESS
-from jaxpf.papers.smith2004.scenes import NUM_OBJECTS, Outcome, order_name, shifted
+from jaxpf.papers.smith2004.scenes import NUM_OBJECTS, SHARPNESS, Outcome, order_name, shifted
+from jaxpf.papers.study import Study
 
 
-def figures(measured: Measurement) -> dict[str, Any]:
+def figures(study: Study) -> dict[str, Any]:
     """File-name stem -> figure."""
-    return {"figure_4": figure_4(measured.outcome)}
+    return {"figure_4": figure_4(study.shown)}
 
 
 def figure_4(outcome: Outcome) -> Any:

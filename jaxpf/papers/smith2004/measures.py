@@ -1,132 +1,140 @@
-"""Measures of the experiment, by the names in ``claims.csv``; variants are methods.
+"""Measures of the experiment: rows of a study, from the outcomes of the runs.
 
-Most have a case for each sharpness.  Shares are ``[S, n]``, of the n orderings of a method.
+Variants are methods; most measures have a case for each sharpness.
 """
 
 from collections.abc import Callable, Mapping
-from functools import partial
+from typing import Any
 
 import numpy as np
 
-from jaxpf.papers.judging.measures import Measure
-from jaxpf.papers.smith2004.orders import best_and_worst
-from jaxpf.papers.smith2004.published import BEST_GIVEN_AT, SHARPNESS
-from jaxpf.papers.smith2004.scenes import NUM_OBJECTS, Outcome
+from jaxpf.papers.smith2004.conditions import ENDINGS, PARTICLES, measure_conditions
+from jaxpf.papers.smith2004.orders import best_and_worst, shuffled_orders
+from jaxpf.papers.smith2004.scenes import METHODS, NUM_OBJECTS, SHARPNESS, Outcome, measure
+from jaxpf.papers.study import Study, tidy
 
-Cases = dict[str, np.ndarray]
 _BEST, _WORST = "PS best", "PS worst"
+#: Measure -> field of the outcome, and factor: the first two are shares of successes.
+_FIELDS = {
+    "recovery": ("recovered", 1),
+    "success": ("success", 1),
+    "precision": ("precision", 100),
+    "recall": ("recall", 100),
+    "precision, object 1": ("leader_precision", 100),
+    "recall, object 1": ("leader_recall", 100),
+}
+#: Place of the only sharpness, 30, at which section 3.3 gives the best order's recovery.
+_BEST_GIVEN_AT = slice(1, 2)
+Values = dict[tuple[str, str, str], Any]
 
 
-def shares(outcome: Outcome, variant: str, field: str = "recovered") -> Cases:
-    """Shares at each sharpness; the best and the worst order of PS are those by recovery."""
-    cases = {}
+def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
+    """Run all measurements; the quick ones are of fewer conditions."""
+    report(f"Tables 1 and 2: {len(seeds)} scenes")
+    outcome = measure(seeds, report=report)
+    report("Conditions under which the order may matter more")
+    particles = PARTICLES[-1:] if quick else PARTICLES
+    endings = ("as here", "stages counted twice") if quick else tuple(ENDINGS)
+    return study(outcome, measure_conditions(seeds, particles, endings, report))
+
+
+def study(outcome: Outcome, conditions: Mapping[str, Outcome]) -> Study:
+    """Rows of the paper's scene, and of conditions under which the order may matter more."""
+    values = {**_by_sharpness(outcome), **_by_object(outcome)}
+    for method in METHODS:
+        values["recovery at every sharpness", method, ""] = everywhere(outcome, method)
+        for what in ("precision", "recall"):
+            place = f"leader_{what}"
+            values["quality, object 1", method, what] = 100 * everywhere(outcome, method, place)
+    for variant, rates in zip((_BEST, _WORST), chosen_orders(outcome, _BEST_GIVEN_AT), strict=True):
+        values["recovery of chosen orders at 30", variant, ""] = rates
+    for condition, found in conditions.items():
+        for method in ("PS", "DPS"):
+            values["conditions: recovery", method, condition] = everywhere(found, method)
+        for variant, rates in zip((_BEST, _WORST), chosen_orders(found), strict=True):
+            values["conditions: best and worst order", variant, condition] = rates
+        for stage in range(1, NUM_OBJECTS + 1):
+            rates = by_stage(found, stage)
+            values["conditions: stage of object 1", f"{stage}", condition] = rates
+    return Study(tidy(values), outcome, {"extremes": _extremes(outcome)})
+
+
+def _by_sharpness(outcome: Outcome) -> Values:
+    """Means over a method's orderings; the best and the worst order of PS are those by recovery."""
+    values: Values = {}
+    orders = outcome.of("PS")
     for column, sharpness in enumerate(SHARPNESS):
-        recovered = outcome.recovered[:, :, column].mean(axis=-1)
-        places = outcome.of("PS" if variant in (_BEST, _WORST) else variant)
-        if variant in (_BEST, _WORST):
-            rates = recovered[:, places].mean(axis=0)
-            places = [places[int(rates.argmax() if variant == _BEST else rates.argmin())]]
-        values = recovered if field == "recovered" else getattr(outcome, field)[:, :, column]
-        cases[f"{sharpness:g}"] = values[:, places]
-    return cases
+        rates = _rates(outcome)[:, orders, column].mean(axis=0)
+        places = {method: outcome.of(method) for method in METHODS}
+        places |= {_BEST: [orders[rates.argmax()]], _WORST: [orders[rates.argmin()]]}
+        places["PS mean"] = orders
+        for name, (field, factor) in _FIELDS.items():
+            rates = _rates(outcome, field)[:, :, column]
+            for variant, of_variant in places.items():
+                values[name, variant, f"{sharpness:g}"] = factor * _mean(rates[:, of_variant])
+    for name in ("precision", "recall"):
+        for variant, case in [key[1:] for key in values if key[0] == name]:
+            values["precision and recall", variant, f"{name}, {case}"] = values[name, variant, case]
+    return values
 
 
-def _shares(field: str) -> Measure:
-    return Measure(partial(shares, field=field), "percent")
+def _by_object(outcome: Outcome) -> Values:
+    """Uniqueness and effective dynamics at the first sharpness, per cent.
+
+    Uniqueness of PS is by stage, over all orders, else by object; ranges are of objects 2 to P, as
+    object 1 is distracted, under PS's first order; of dynamics the mean of u and v.
+    """
+    values: Values = {}
+    for method in METHODS:
+        places = outcome.of(method)
+        # Object (shift + stage) stands at that stage of the order that begins with ``shift``.
+        shifts = np.arange(len(places))
+        for stage in range(NUM_OBJECTS):
+            unique = outcome.uniqueness[:, places, 0, (shifts + stage) % NUM_OBJECTS]
+            values["uniqueness", method, f"{stage + 1}"] = 100 * _mean(unique)
+        values["uniqueness, first stage", method, ""] = values["uniqueness", method, "1"]
+        unique = 100 * outcome.uniqueness[:, places[0], 0, 1:]
+        dynamics = (100 * outcome.dynamics[:, places[0], 0, 1:]).mean(axis=-1)
+        values["range of uniqueness", method, ""] = np.ptp(unique, axis=1)
+        values["range of dynamics", method, ""] = np.ptp(dynamics, axis=1)
+        values["shrinking of dynamics", method, ""] = dynamics[:, -1] - dynamics[:, 0]
+    return values
+
+
+def everywhere(outcome: Outcome, method: str, field: str = "recovered") -> np.ndarray:
+    """``[S]``, mean over a method's orderings and all sharpness values."""
+    rates = _rates(outcome, field)[:, outcome.of(method)]
+    return _mean(np.swapaxes(rates, 1, 2).reshape(len(rates), -1))
+
+
+def chosen_orders(outcome: Outcome, columns: slice = slice(None)) -> list[np.ndarray]:
+    """Shares of half of the scenes, under PS's best and worst order of the other half."""
+    return best_and_worst(_rates(outcome)[:, outcome.of("PS"), columns].mean(axis=2))
+
+
+def by_stage(outcome: Outcome, stage: int) -> np.ndarray:
+    """``[S]``, under PS that comes to object 1 at a stage: the order shifted by 1 - stage."""
+    shift = (1 - stage) % NUM_OBJECTS
+    return _rates(outcome)[:, outcome.of("PS")[shift]].mean(axis=1)
+
+
+def _rates(outcome: Outcome, field: str = "recovered") -> np.ndarray:
+    """``[S, O, L]``, a field of the outcome; of recoveries the mean over runs."""
+    values = np.asarray(getattr(outcome, field), float)
+    return values.mean(axis=-1) if field == "recovered" else values
 
 
 def _mean(values: np.ndarray) -> np.ndarray:
-    """``[S]``, per cent, of shares; NaN where none is known."""
-    return 100 * np.ma.masked_invalid(values).mean(axis=1).filled(np.nan)
+    """``[S]``, the mean of ``[S, n]``; NaN where none is known."""
+    return np.ma.masked_invalid(values).mean(axis=1).filled(np.nan)
 
 
-def _means(field: str) -> Callable[[Outcome, str], Cases]:
-    return lambda outcome, variant: {
-        what: _mean(each) for what, each in shares(outcome, variant, field).items()
-    }
-
-
-def _both(outcome: Outcome, variant: str) -> Cases:
-    return {
-        f"{field}, {sharpness}": values
-        for field in ("precision", "recall")
-        for sharpness, values in _means(field)(outcome, variant).items()
-    }
-
-
-def _at_every_sharpness(outcome: Outcome, variant: str, field: str) -> np.ndarray:
-    """Shares of a method's orderings at all sharpness values."""
-    return np.concatenate(list(shares(outcome, variant, field).values()), axis=1)
-
-
-def _leader(outcome: Outcome, variant: str) -> Cases:
-    return {
-        what: _mean(_at_every_sharpness(outcome, variant, f"leader_{what}"))
-        for what in ("precision", "recall")
-    }
-
-
-def _chosen(outcome: Outcome, variant: str, columns: slice = slice(None)) -> np.ndarray:
-    """Shares of half of the scenes, under PS's best or worst order of the other half."""
-    rates = outcome.recovered[:, outcome.of("PS"), columns].mean(axis=(2, 3))
-    return best_and_worst(rates)[(_BEST, _WORST).index(variant)][:, None]
-
-
-def _by_stage(outcome: Outcome, stage: str) -> np.ndarray:
-    """Shares under PS that comes to object 1 at a stage, from 1: the order shifted by 1 - stage."""
-    shift = (1 - int(stage)) % NUM_OBJECTS
-    return outcome.recovered[:, outcome.of("PS")[shift]].mean(axis=-1)
-
-
-def _uniqueness(outcome: Outcome, variant: str) -> Cases:
-    """Per cent at the first sharpness: of PS by stage, over all orders, else by object."""
-    places = outcome.of(variant)
-    # Object (shift + stage) stands at that stage of the order that begins with ``shift``.
-    shifts = np.arange(len(places))
-    return {
-        f"{stage + 1}": _mean(outcome.uniqueness[:, places, 0, (shifts + stage) % NUM_OBJECTS])
-        for stage in range(NUM_OBJECTS)
-    }
-
-
-def _by_object(outcome: Outcome, variant: str, field: str) -> np.ndarray:
-    """``[S, P - 1]``, per cent at the first sharpness, without object 1, which is distracted.
-
-    Of PS in its first order; of dynamics the mean of u and v.
-    """
-    values = 100 * getattr(outcome, field)[:, outcome.of(variant)[0], 0, 1:]
-    return values.mean(axis=-1) if field == "dynamics" else values
-
-
-def _range(field: str) -> Measure:
-    return Measure(lambda outcome, variant: np.ptp(_by_object(outcome, variant, field), axis=1))
-
-
-def _shrinking(outcome: Outcome, variant: str) -> np.ndarray:
-    dynamics = _by_object(outcome, variant, "dynamics")
-    return dynamics[:, -1] - dynamics[:, 0]
-
-
-MEASURES: Mapping[str, Measure] = {
-    "success": _shares("success"),
-    "precision": Measure(_means("precision")),
-    "recall": Measure(_means("recall")),
-    "precision and recall": Measure(_both),
-    "recovery": _shares("recovered"),
-    "recovery at every sharpness": Measure(
-        partial(_at_every_sharpness, field="recovered"), "percent"
-    ),
-    "recovery of chosen orders": Measure(_chosen, "percent"),
-    "recovery of chosen orders at 30": Measure(
-        partial(_chosen, columns=slice(BEST_GIVEN_AT, BEST_GIVEN_AT + 1)), "percent"
-    ),
-    "recovery by stage": Measure(_by_stage, "percent"),
-    "precision, object 1": Measure(_means("leader_precision")),
-    "recall, object 1": Measure(_means("leader_recall")),
-    "quality, object 1": Measure(_leader),
-    "uniqueness": Measure(_uniqueness, digits=1),
-    "uniqueness, first stage": Measure(lambda *args: _uniqueness(*args)["1"]),
-    "shrinking of dynamics": Measure(_shrinking),
-    "range of uniqueness": _range("uniqueness"),
-    "range of dynamics": _range("dynamics"),
-}
+def _extremes(outcome: Outcome) -> str:
+    """Best and worst recovery in per cent of orders that are all alike, at each sharpness."""
+    pieces = []
+    for column in range(len(SHARPNESS)):
+        recovered = _rates(outcome)[:, outcome.of("PS"), column]
+        chance = 100 * shuffled_orders(recovered[..., None])
+        worst, best = chance.min(axis=1).mean(), chance.max(axis=1).mean()
+        pieces.append(f"{worst:.0f} and the best {best:.0f}")
+    return ", ".join(pieces)

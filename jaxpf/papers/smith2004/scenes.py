@@ -12,6 +12,7 @@ import numpy as np
 import jaxpf
 import scenes
 from jaxpf import ordering
+from jaxpf.boxes import tracker as box_tracker
 from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods.histogram import histogram_from_patches
@@ -20,11 +21,11 @@ from jaxpf.measures import metrics, particle_sets
 from jaxpf.ordering import Ordering
 from jaxpf.papers.checkpoints import of_scenes
 from jaxpf.papers.grid import Grid, stacked
-from jaxpf.papers.smith2004.comparison import scene_tracker
-from jaxpf.papers.smith2004.published import SHARPNESS
 from jaxpf.shapes.rectangles import boxes_from_substates
 
 NUM_OBJECTS = 7
+#: Lambda of the likelihood exp(-lambda d^2), the rows of tables 1 and 2.
+SHARPNESS = (20.0, 30.0, 40.0, 50.0)
 
 #: Scene parameters that the paper does not give; see ``settings.csv`` for how they were chosen.
 SCENE: dict[str, Any] = {
@@ -90,13 +91,11 @@ class Outcome(NamedTuple):
     uniqueness: np.ndarray
     dynamics: np.ndarray
 
-    def orders(self) -> list[int]:
-        """Indices of the PS orders."""
-        return [place for place, name in enumerate(self.names) if name.startswith("PS ")]
-
     def of(self, method: str) -> list[int]:
         """Indices of a method of ``METHODS``: all orders for "PS", one for the others."""
-        return self.orders() if method == "PS" else [self.names.index(method)]
+        if method != "PS":
+            return [self.names.index(method)]
+        return [place for place, name in enumerate(self.names) if name.startswith("PS ")]
 
 
 def measure(
@@ -148,6 +147,20 @@ def _on_scene(
     )
     values = _measures(recorded, scene.boxes[1:], scene.sizes, tracker.dynamics.scale)
     return dict(zip(Outcome._fields[1:], values, strict=True))
+
+
+def scene_tracker(
+    scene: Any, ordering: Ordering | None = None, *, num_particles: int | None = None
+) -> Partitioned:
+    """The paper's tracker of a scene's patches; by default DPS with 300 particles."""
+    return box_tracker(
+        scene.frames[0],
+        scene.boxes[0],
+        like="smith2004",
+        patches=scene.patches,
+        ordering=ordering,
+        particles=num_particles,
+    )
 
 
 def tracker_of(scene: Any, num_particles: int | None = None) -> Partitioned:

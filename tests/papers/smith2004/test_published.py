@@ -4,9 +4,11 @@ import re
 
 import numpy as np
 
-from jaxpf.papers.smith2004.published import TABLE_1, TABLE_2
+from jaxpf.papers.smith2004 import PAPER
 
-# --- Published figures ---------------------------------------------------------------------
+PUBLISHED = {each["name"]: each["published"] for each in PAPER.declared["tables"]}
+TABLE_1 = {name: PUBLISHED[f"table_1_{name}"] for name in ("success", "precision", "recall")}
+TABLE_2 = {name: PUBLISHED[f"table_2_{name}"] for name in ("recovery", "precision", "recall")}
 
 # A second transcription, in the order in which one reads the paper's rows.
 ROWS_1 = """97,69/69 100,90/87 100,91/86
@@ -50,3 +52,13 @@ def test_the_papers_gains_follow_from_its_tables():
     }
     assert gain["precision"][:3].mean() == 22
     assert gain["recall"].mean() == 19.75
+
+
+def test_the_table_of_conditions_quotes_table_2():
+    ps, dps, best, worst = (
+        TABLE_2["recovery"][name] for name in ("PS mean", "DPS", "PS best", "PS worst")
+    )
+    published = PUBLISHED["conditions"]
+    assert published["PS"] == np.mean(ps)
+    assert published["DPS - PS"] == np.mean(dps) - np.mean(ps)
+    assert published["best - worst order"] == best[1] - worst[1]

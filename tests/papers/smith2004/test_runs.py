@@ -12,10 +12,9 @@ from jaxpf import measures, running
 from jaxpf.evaluation import local_pool
 from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.likelihoods import histogram_from_patches
-from jaxpf.papers.checkpoints import sharing
+from jaxpf.papers.checkpoints import keeping
 from jaxpf.papers.smith2004 import scenes as synthetic
-from jaxpf.papers.smith2004.comparison import scene_tracker
-from jaxpf.papers.smith2004.scenes import Outcome
+from jaxpf.papers.smith2004.scenes import Outcome, scene_tracker
 from jaxpf.shapes import boxes_from_substates
 
 # --- Runs ----------------------------------------------------------------------------------
@@ -51,9 +50,9 @@ def measured_small(seeds):
 
 
 @pytest.mark.slow
-def test_another_process_gives_the_same_bits():
+def test_another_process_gives_the_same_bits(tmp_path):
     here = measured_small([0, 1])
-    with sharing(local_pool(1, jax.local_device_count())):
+    with keeping(tmp_path, {}, local_pool(1, jax.local_device_count())):
         np.testing.assert_equal(measured_small([0, 1])[1:], here[1:])
 
 

@@ -1,18 +1,17 @@
 import gc
 import os
 import sys
-from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+from older_emitters import HAS_OLDER_EMITTERS
 
 pytest_plugins = ["divided_tests"]
 _BESIDE_THE_PROJECT = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
-#: A third less to do in all; the arithmetic is the same, but for the last bits.  Where nothing is
-#: optimised, XLA's older emitters take half as long as its new ones; jaxlib 0.12 has none, and ends
-#: a process that asks for them.  Programs are compiled in one piece: a worker has one core.
+#: A third less to do in all; the arithmetic is the same, but for the last bits.  Programs are
+#: compiled in one piece: a worker has one core.
 _COMPILE_QUICKLY = (
     "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true "
     "--xla_cpu_parallel_codegen_split_count=1"
@@ -46,8 +45,7 @@ def pytest_configure(config: pytest.Config) -> None:
     # Workers of the next run find the tests' bytecode: rewriting assertions takes 8 seconds each.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     if "not slow" in config.option.markexpr and not _has_accelerator():
-        has_older = tuple(map(int, version("jaxlib").split(".")[:2])) < (0, 11)
-        flags = _COMPILE_QUICKLY + _OLDER_EMITTERS * has_older
+        flags = _COMPILE_QUICKLY + _OLDER_EMITTERS * HAS_OLDER_EMITTERS
         os.environ.setdefault("XLA_FLAGS", flags)
     folder = str(config.cache.mkdir("jaxpf-compiled"))
     os.environ |= {

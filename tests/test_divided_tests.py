@@ -60,21 +60,24 @@ def test_rooms_select_their_tests():
     assert "tests/test_divided_tests.py" in touched(["tests/helpers/divided_tests.py"])
 
 
+def started(folder, *options):
+    """What pytest prints for the tests of a folder, divided; all that ran have passed."""
+    command = [sys.executable, "-m", "pytest", "-pdivided_tests", "-pno:cacheprovider", *options]
+    path = {"PYTHONPATH": str(Path(divided_tests.__file__).parent)}
+    done = subprocess.run(
+        command, cwd=folder, env=os.environ | path, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout
+    return done.stdout
+
+
 def test_pytest_takes_a_share_and_begins_no_test_after_the_time(tmp_path):
     """Of nine tests three are chosen; the first lets the time end while it runs."""
     one = f"def test_{{}}():\n    os.environ['{divided_tests.UNTIL}'] = '1'\n\n"
     (tmp_path / "test_it.py").write_text("import os\n" + "".join(map(one.format, range(9))))
-    options = ["-n1", "-pdivided_tests", "-pno:cacheprovider", "--share=c0ffee"]
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", *options],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(Path(divided_tests.__file__).parent)},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stdout
-    assert done.stdout.count("NOT RUN test_it.py::test_") == 2
-    assert "1 passed, 2 not run" in done.stdout
+    said = started(tmp_path, "-n1", "--share=c0ffee")
+    assert said.count("NOT RUN test_it.py::test_") == 2
+    assert "1 passed, 2 not run" in said
 
 
 def test_a_share_begins_with_tests_that_always_run(tmp_path):
@@ -83,15 +86,7 @@ def test_a_share_begins_with_tests_that_always_run(tmp_path):
     (tmp_path / "test_it.py").write_text(f"import pytest\n\n{others}{marked}")
     (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers =\n    always: in every share\n")
     for share in ("c0ffee", "c0ffef"):
-        options = ["-v", "-pdivided_tests", "-pno:cacheprovider", f"--share={share}"]
-        done = subprocess.run(
-            [sys.executable, "-m", "pytest", *options],
-            cwd=tmp_path,
-            env=os.environ | {"PYTHONPATH": str(Path(divided_tests.__file__).parent)},
-            capture_output=True,
-            text=True,
-        )
-        assert done.returncode == 0, done.stdout
-        ran = [line.split()[0] for line in done.stdout.splitlines() if " PASSED" in line]
+        said = started(tmp_path, "-v", f"--share={share}")
+        ran = [line.split()[0] for line in said.splitlines() if " PASSED" in line]
         assert ran[0] == "test_it.py::test_marked"
         assert len(ran) == 1 + 3  # and a third of the others

@@ -22,7 +22,7 @@ def paired(first, second):
 def test_interval_of_the_rate_over_all_objects_covers():
     """Objects that share their luck: the interval covers, that of independent trials does not."""
     random = np.random.default_rng(1)
-    runs, objects, repetitions = 50, 6, 200
+    runs, objects, repetitions = 50, 6, 100
     luck = random.beta(1.6, 0.4, (repetitions, runs, 1))  # mean .8, correlation 1 / 3 within a run
     outcomes = (random.random((repetitions, runs, objects)) < luck).astype(float)
     covered, naive = 0, 0

@@ -194,7 +194,7 @@ def test_a_likelihood_that_sees_the_state_before_has_the_exact_evidence(
     assert scores.max() < LIMIT if is_right else scores.max() > WRONG
 
 
-@pytest.mark.parametrize("is_right", [True, False])
+@pytest.mark.parametrize("is_right", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_likelihood_that_sees_the_state_before_is_smoothed_exactly(is_right, monkeypatch):
     """Four frames, one missing, against Rauch-Tung-Striebel; then without its factor."""
     if not is_right:

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import LIMIT
+from quick_compiling import quick
 from scipy.stats import multivariate_normal
 
 import jaxpf
@@ -22,6 +23,18 @@ SEEN[1], SEEN[2, 0], SEEN[3] = False, False, True
 LIKELIHOOD = Gaussian(NOISE, SEES)
 
 
+@quick
+def densities(frame, partition, points):
+    """Log densities, and the slopes of their sum."""
+
+    def total(points):
+        found = LIKELIHOOD.log_prob_all(frame, partition, points)
+        return found.sum(), found
+
+    slope, found = jax.grad(total, has_aux=True)(points)
+    return found, slope
+
+
 def test_the_density_is_that_of_the_components_that_were_seen():
     points = RNG.normal(size=(D, 5))
     for frame, seen in zip(FRAMES, SEEN, strict=True):
@@ -33,13 +46,8 @@ def test_the_density_is_that_of_the_components_that_were_seen():
                 for m in mean.T
             ]
 
-            def log_prob(points, p=p, given=np.where(seen, frame, np.nan)):  # noqa: B008
-                return LIKELIHOOD.log_prob_all(given, p, points)
-
-            np.testing.assert_allclose(
-                log_prob(jnp.asarray(points)), expected, rtol=1e-4, atol=1e-5
-            )
-            slope = jax.grad(lambda x, f=log_prob: f(x).sum())(jnp.asarray(points))
+            found, slope = densities(np.where(seen, frame, np.nan), p, points)
+            np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
             assert np.isfinite(slope).all()
 
 
@@ -54,6 +62,7 @@ def tracker(num_particles=400):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.statistical
 def test_the_evidence_is_unbiased():
     eye, size = np.eye(P * D), P * D

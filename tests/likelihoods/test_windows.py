@@ -24,6 +24,11 @@ def log_prob_of_one(likelihood, frame, point, place):
     return likelihood.log_prob(likelihood.observe(frame), point, place)
 
 
+@jax.jit
+def log_odds_all(likelihood, frame, points, places):
+    return likelihood.log_odds_all(likelihood.observe(frame), points, places)
+
+
 def log_prob(likelihood, frame, places, points=0):
     """Log-likelihoods of places [N, 2], filled up to 272: tests then share a program."""
     more = COUNT - len(places)
@@ -74,7 +79,7 @@ def shown(frame, points, window=(9, 9)):
     def log_odds(seen, estimates):
         numbers = np.arange(len(estimates))
         estimates = np.asarray(estimates, np.float32).T
-        return np.asarray(likelihood.log_odds_all(likelihood.observe(seen), numbers, estimates))
+        return np.asarray(log_odds_all(likelihood, seen, numbers, estimates))
 
     return log_odds
 
@@ -105,13 +110,13 @@ def test_a_twentieth_of_other_places_matches_better_than_e(contrast):
     places = np.stack(np.meshgrid(np.arange(5.5, 295, 9), np.arange(5.5, 195, 9)), -1)
     places = places.reshape(-1, 2).astype(np.float32)
     numbers = np.zeros(len(places), int)
-    odds = np.asarray(likelihood.log_odds_all(likelihood.observe(noise[1]), numbers, places.T))
+    odds = np.asarray(log_odds_all(likelihood, noise[1], numbers, places.T))
     share = np.mean(odds > -1.1)
     # Both sides are estimated from about as many disjoint windows.
     error = np.sqrt(0.05 * 0.95 * 2 / len(places))
     assert abs(share - 0.05) < 4.5 * error
     point = np.array([[150.5], [100.5]], np.float32)
-    at_point = likelihood.log_odds_all(likelihood.observe(noise[0]), numbers[:1], point)
+    at_point = log_odds_all(likelihood, noise[0], numbers[:1], point)
     assert at_point[0] > np.max(odds) + 3
 
 

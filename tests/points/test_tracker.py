@@ -34,7 +34,9 @@ def test_every_filter_follows_points(method):
     assert np.linalg.norm(summary.estimate - truth, axis=-1).mean() < 2.5
 
 
-@pytest.mark.parametrize("method", ["eskil", "pffl", "ps", "sps"])
+@pytest.mark.parametrize(
+    "method", [pytest.param("eskil", marks=pytest.mark.slow), "pffl", "ps", "sps"]
+)
 def test_every_filter_doubts_a_point_that_disappears(method):
     published = {"sigma": 0.1, "window_size": 21} if method == "eskil" else {}
     tracker = jaxpf.points.tracker(PICTURE, PLACES, method=method, diffusion=3.0, **published)

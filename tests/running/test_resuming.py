@@ -27,6 +27,15 @@ def partitioned():
     )
 
 
+def walk(num_particles):
+    return jaxpf.state_space(
+        initial=np.zeros(()),
+        transition=lambda key, x, p: x + jax.random.normal(key),
+        log_likelihood=lambda y, x, p: jax.scipy.stats.norm.logpdf(y, x),
+        num_particles=num_particles,
+    )
+
+
 TRACKERS = {
     "partitioned": partitioned,
     "pffl": lambda: jaxpf.PFFL(*MODEL, START, num_particles=6),
@@ -56,10 +65,13 @@ def same(one, other):
         np.testing.assert_array_equal(a, b)
 
 
+#: The others share their clouds and populations, or wrap a tracker.
+QUICK = ["partitioned", "pffl", "labelled"]
+
+
 @pytest.mark.parametrize(
     "kind",
-    # Runs side by side hold error bars.
-    [pytest.param(one, marks=pytest.mark.slow) if one == "error bars" else one for one in TRACKERS],
+    [one if one in QUICK else pytest.param(one, marks=pytest.mark.slow) for one in TRACKERS],
 )
 def test_a_resumed_run_is_the_uninterrupted_one_bit_for_bit(kind, tmp_path):
     its = TRACKERS[kind]()
@@ -74,15 +86,15 @@ def test_a_resumed_run_is_the_uninterrupted_one_bit_for_bit(kind, tmp_path):
 
 
 def test_streams_forecasts_and_transforms_resume_at_the_time_of_the_state():
-    its = partitioned()
-    states, _ = whole_run(its)
+    its, frames = walk(6), FRAMES[:, 0, 0]
+    states, _ = whole_run(its, frames)
     half, other = at(1, states), at(2, states)
-    streamed = list(jaxpf.stream(its, KEY, FRAMES[2:], state=half))
+    streamed = list(jaxpf.stream(its, KEY, frames[2:], state=half))
     assert [one.time for one in streamed] == [2, 3]
     np.testing.assert_allclose(streamed[-1].state.lagged, at(-1, states).lagged, rtol=1e-6)
     # A forecast is a run over missing frames.
-    missing = np.full_like(FRAMES[2:], np.nan)
-    whole = whole_run(its, np.concatenate([FRAMES[:2], missing]))[1]
+    missing = np.full_like(frames[2:], np.nan)
+    whole = whole_run(its, np.concatenate([frames[:2], missing]))[1]
     np.testing.assert_allclose(
         jaxpf.forecast(its, KEY, half, 2)[1].estimate, whole.estimate[2:], rtol=1e-6
     )
@@ -94,16 +106,7 @@ def test_streams_forecasts_and_transforms_resume_at_the_time_of_the_state():
         later.lagged[1], jaxpf.forecast(its, KEY, other, 2)[0].lagged, rtol=1e-6
     )
     with pytest.raises(InputError, match=r"ParticleState has the time Array\(\[2, 3\]"):
-        jaxpf.run(its, KEY, FRAMES, state=both)
-
-
-def walk(num_particles):
-    return jaxpf.state_space(
-        initial=np.zeros(()),
-        transition=lambda key, x, p: x + jax.random.normal(key),
-        log_likelihood=lambda y, x, p: jax.scipy.stats.norm.logpdf(y, x),
-        num_particles=num_particles,
-    )
+        jaxpf.run(its, KEY, frames, state=both)
 
 
 def test_a_random_walk_resumed_after_every_frame_spreads_as_it_should():

@@ -44,13 +44,6 @@ def test_same_key_gives_the_same_bits_and_another_key_does_not():
     assert not np.array_equal(one[0].substates, other[0].substates)
 
 
-def test_a_longer_sequence_begins_like_a_shorter_one():
-    made = tracker()
-    whole = jaxpf.run(made, jax.random.key(0), FRAMES)[1]
-    part = jaxpf.run(made, jax.random.key(0), FRAMES[:2])[1]
-    np.testing.assert_array_equal(np.asarray(whole.estimate)[:2], part.estimate)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("float64", [False, True], ids=["float32", "float64"])
 def test_a_run_does_not_depend_on_how_many_runs_share_its_batch(float64):

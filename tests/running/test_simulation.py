@@ -45,6 +45,7 @@ def test_moments_of_simulated_parts_are_those_of_the_model():
     assert score(drawn.states) > WRONG
 
 
+@pytest.mark.slow
 def test_predictive_intervals_cover_95_percent():
     """Of simulated futures; intervals of the state instead are too narrow."""
 

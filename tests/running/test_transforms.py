@@ -102,12 +102,12 @@ def test_every_function_takes_frames_that_are_closed_over(function):
     trace(function, "jit", "closed over")
 
 
-@pytest.mark.parametrize("transform", TRANSFORMS)
+@pytest.mark.parametrize("transform", [name for name in TRANSFORMS if name != "jit"])
 def test_every_transform_takes_frames_that_are_closed_over(transform):
     trace("run", transform, "closed over")
 
 
-@pytest.mark.parametrize("name", TRACKERS)
+@pytest.mark.parametrize("name", [name for name in TRACKERS if name != "partitioned"])
 def test_every_tracker_takes_frames_that_are_closed_over(name):
     trace("run", "jit", "closed over", TRACKERS[name])
 

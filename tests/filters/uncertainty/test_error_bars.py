@@ -22,6 +22,7 @@ def tracker(order=None, **changes):
         "ordering": PS if order is None else order,
         "initial": jnp.zeros((3, 1)),
         "num_particles": 64,
+        "resampling": "multinomial",
     }
     return jaxpf.Partitioned(**settings | changes)
 
@@ -29,10 +30,14 @@ def tracker(order=None, **changes):
 PS, EXCHANGE = ordering.ps([1, 0, 2]), ordering.sps([-1, -1, -1])
 
 
+def both(*both):
+    return both
+
+
 def told(its, frames=FRAMES, **settings):
     """States and summaries of all frames, with error bars."""
     its = WithErrorBars(its, **settings)
-    return jax.device_get(jaxpf.run(its, KEY, frames, lambda *both: both)[1])
+    return jax.device_get(jaxpf.run(its, KEY, frames, both)[1])
 
 
 @pytest.mark.parametrize("order", [PS, EXCHANGE])
@@ -83,7 +88,7 @@ def test_the_evidence_has_an_error_bar_with_multinomial_draws_alone():
 )
 def test_bars_are_those_computed_by_hand(ess_threshold, num_frames, generations):
     """Of families by hand, over so many generations of particles."""
-    its = tracker(resampling="multinomial", ess_threshold=ess_threshold)
+    its = tracker(ess_threshold=ess_threshold)
     states, summary = told(its, 0.3 * FRAMES)
     last = num_frames - 1
     family = np.arange(64)
@@ -109,7 +114,7 @@ LONG = np.tile(FRAMES, (7, 1, 1))
 
 
 def test_what_is_not_known_is_not_zero():
-    _, summary = told(tracker(num_particles=16, resampling="multinomial"), LONG)
+    _, summary = told(tracker(num_particles=16), LONG)
     assert np.isnan(summary.estimate_variance[-1]).all()
     assert np.isnan(summary.evidence_variance[-1])
     assert summary.unknown[-1].all()
@@ -117,7 +122,7 @@ def test_what_is_not_known_is_not_zero():
 
 
 def test_a_lag_keeps_error_bars_alive_and_says_nothing_of_the_evidence():
-    states, summary = told(tracker(num_particles=400, resampling="multinomial"), LONG, lag=2)
+    states, summary = told(tracker(num_particles=400), LONG, lag=2)
     known = np.isfinite(summary.estimate_variance)
     assert known.mean() > 0.9
     assert (summary.estimate_variance[known] > 0).all()
@@ -135,7 +140,6 @@ def test_the_stage_of_the_sharpest_likelihood_makes_most_of_the_error(order):
         ordering.ps(order),
         likelihood=Gaussian(noise=noise),
         num_particles=400,
-        resampling="multinomial",
     )
     _, summary = told(its, lag=1, stages=True)
     assert (summary.evidence_terms[:2].argmax(axis=-1) == order.index(0)).all()

@@ -295,10 +295,11 @@ def test_a_hidden_crossing_takes_no_place_from_a_visible_one():
     # B's outline crosses A's upper lines twice; with A in front its nearer side is hidden.
     substates = jnp.asarray([[REST, (-62.0, 3.0)]], jnp.float32)[0][..., None]
     observation = jax.jit(OPAQUE.observe)(BOTH)
-    lines = OPAQUE.lines_of_all(substates)
+    lines = jax.jit(OPAQUE.lines_of_all)(substates)
+    crossings = jax.jit(lambda made, *given: made.all_crossings(*given)[1])
+    wires = crossings(WIRES, observation, lines)
     for label in (0, 1):
-        places, there = OPAQUE.all_crossings(observation, lines, jnp.asarray([label]))
-        _, wires = WIRES.all_crossings(observation, lines)
+        there = crossings(OPAQUE, observation, lines, jnp.asarray([label]))
         assert np.asarray(there).sum() < np.asarray(wires).sum()
 
 

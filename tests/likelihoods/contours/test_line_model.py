@@ -93,11 +93,12 @@ def test_the_subset_recursion_equals_brute_force(num_features, num_boundaries):
 
 def test_a_group_of_boundaries_is_a_line_that_no_other_crosses():
     boundaries, places = np.linspace(-15, 15, MOST_BOUNDARIES), (-12.0, -3.0, 1.0, 14.0)
-    groups = [[], [3], [4, 0], [0, 1, 2, 3], range(MOST_BOUNDARIES)]
+    groups = (), (3,), (4, 0), (0, 1, 2, 3), tuple(range(MOST_BOUNDARIES))
     weights = line_weights(LEARNED, detection_probabilities(MOST_BOUNDARIES), LENGTH)
     features = Features(jnp.array(places), jnp.ones(len(places), bool))
     there = np.ones(MOST_BOUNDARIES, bool)
-    found = log_ratios(weights, features, jnp.asarray(boundaries), there, SIGMA, REACH, groups)
+    ratios = jax.jit(log_ratios, static_argnums=6)
+    found = ratios(weights, features, jnp.asarray(boundaries), there, SIGMA, REACH, groups)
     expected = [brute_force(places, boundaries[list(group)]) for group in groups]
     np.testing.assert_allclose(np.exp(found), expected, rtol=2e-5)
 

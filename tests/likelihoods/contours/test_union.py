@@ -13,6 +13,10 @@ from jaxpf.likelihoods.contours.line_model import log_ratios
 from jaxpf.likelihoods.contours.share import log_mean_of, log_means
 from jaxpf.likelihoods.contours.union import mean_over_orders, sets_before
 
+# One program each, in place of one for every operation.
+log_ratios = jax.jit(log_ratios, static_argnums=6)
+mean_over_orders = jax.jit(mean_over_orders)
+log_means = jax.jit(log_means, static_argnums=5)
 LENGTH, REACH, SIGMA, MOST = 41.0, 20.5, 4.0, 3
 CLUTTER = np.array([0.3, 0.3, 0.2, 0.2])
 POINTS, SHARES = np.polynomial.legendre.leggauss(32)
@@ -39,6 +43,7 @@ def ratios(boundaries, groups):
     nu = np.reshape(boundaries, (-1, 1, 1)) * np.ones(features.places.shape[1:])
     weights = line_weights(CLUTTER, detection_probabilities(len(boundaries)), LENGTH)
     there = np.ones(nu.shape, bool)
+    groups = tuple(map(tuple, groups))
     return [np.asarray(r) for r in log_ratios(weights, features, nu, there, SIGMA, REACH, groups)]
 
 

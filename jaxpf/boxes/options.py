@@ -68,11 +68,12 @@ class Options:
     exclusion: str = option(
         NONE,
         "boxes keeps two boxes from explaining the same pixels, for look-alikes that meet; none "
-        "does not (discriminative appearance only).  What one box covers of another, if it is most "
-        "of it, does not count for that one.",
+        "does not (discriminative and pretrained appearance only).  What one box covers of "
+        "another, if it is most of it, does not count for that one.",
         choices=(NONE, BOXES),
         compiles=True,
         implies=("appearance", DISCRIMINATIVE),
+        also_with=(PRETRAINED,),
     )
 
     def __post_init__(self) -> None:

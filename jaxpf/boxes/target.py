@@ -137,7 +137,8 @@ class _BoxTarget(Target):
         )
 
     def _discriminative(self, options: Options, start: Start, looks: Looks, **settings: Any) -> Any:
-        from jaxpf.likelihoods.discriminative import discriminative, excluding
+        from jaxpf.likelihoods.discriminative import discriminative
+        from jaxpf.likelihoods.exclusion import excluding
 
         with naming([f"the box of object {number}" for number in start.ids]):
             if options.motion == RELATIVE:
@@ -150,20 +151,16 @@ class _BoxTarget(Target):
         return likelihood if options.exclusion == NONE else excluding(likelihood)
 
     def _pretrained(self, options: Options, start: Start, looks: Looks) -> Any:
+        from jaxpf.likelihoods.exclusion import excluding
         from jaxpf.likelihoods.pretrained import efficientnet_lite0, pretrained
 
-        if options.exclusion != NONE:
-            raise InputError(
-                "exclusion boxes and appearance pretrained do not go together; choose appearance "
-                "discriminative, or exclusion none."
-            )
         with naming([f"the box of object {number}" for number in start.ids]):
             network = efficientnet_lite0(options.network)
             likelihood = pretrained(
                 looks.start_frame, start.shapes, network=network, gain=options.gain
             )
             check_contrast(looks.start_frame, start.shapes)
-        return likelihood
+        return likelihood if options.exclusion == NONE else excluding(likelihood)
 
     def model(self, options: Options, start: Start, likelihood: Any) -> Model:
         """Substates are (u, v, a)."""

@@ -17,15 +17,18 @@ from .contours import (
 from .detected import Detected as Detected
 from .discriminative import (
     DiscriminativeLikelihood as DiscriminativeLikelihood,
-    ExclusiveAppearance as ExclusiveAppearance,
     discriminative as discriminative,
-    excluding as excluding,
 )
 from .distance_law import (
     learn_background as learn_background,
     log_density as log_density,
     log_normaliser as log_normaliser,
     log_tilt as log_tilt,
+)
+from .exclusion import (
+    ExclusiveAppearance as ExclusiveAppearance,
+    ExclusivePretrained as ExclusivePretrained,
+    excluding as excluding,
 )
 from .gaussian import (
     Gaussian as Gaussian,

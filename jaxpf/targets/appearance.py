@@ -38,7 +38,7 @@ def gain_option(default: float) -> Any:
     return option(
         default,
         "Sharpness of the learned likelihood: larger trusts its score more, and gives narrower "
-        "intervals (discriminative appearance only).",
+        "intervals (discriminative and pretrained appearance only).",
         above=0,
         path="likelihood.gain",
         tuned=("",),

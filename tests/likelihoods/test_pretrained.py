@@ -16,7 +16,7 @@ from quick_compiling import quick
 import jaxpf
 import jaxpf.boxes
 from jaxpf import InputError
-from jaxpf.likelihoods import PretrainedLikelihood, efficientnet_lite0, pretrained
+from jaxpf.likelihoods import PretrainedLikelihood, efficientnet_lite0, excluding, pretrained
 from jaxpf.likelihoods.pretrained.cells import cell_features, score_in_boxes, score_table
 from jaxpf.likelihoods.pretrained.weights import read_weights
 from jaxpf.likelihoods.pretrained.windows import SIDE, window_around
@@ -124,6 +124,17 @@ def test_a_filter_that_gives_no_estimates_is_refused(tracker):
         likelihood.log_prob_all(
             likelihood.observe(FRAMES[0]), jnp.zeros(1, jnp.int32), jnp.ones((3, 1))
         )
+
+
+def test_two_boxes_on_one_object_exclude_each_other(tracker):
+    """One of two boxes in one place costs nothing and gains nothing."""
+    twice = np.repeat(BOXES, 2, axis=0)
+    likelihood = excluding(pretrained(FRAMES[0], twice, network=edges))
+    substates = jnp.array([[62.0, 42.0, 1.0]] * 2)
+    seen = likelihood.look_near(likelihood.observe(FRAMES[0]), substates)
+    own = likelihood.log_prob_all(seen, jnp.arange(2), substates.T)
+    joint = likelihood.log_joint(seen, substates, own)
+    assert joint == pytest.approx(float(own[0]), rel=1e-4)
 
 
 def test_relocation_which_looks_anywhere_is_refused(tracker):

@@ -19,26 +19,29 @@ pairs.
 
 import dataclasses
 import math
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract.errors import check_type
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass
-from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
+from jaxpf.likelihoods.discriminative import DiscriminativeLikelihood
+from jaxpf.likelihoods.pretrained import PretrainedLikelihood
 from jaxpf.shapes.rectangles import area, intersection_area
 
 #: Covered share of a box up to which nothing is taken, and from which everything is.
 _TAKEN = 0.7, 0.95
 
 
-@pytree_dataclass
-class ExclusiveAppearance(DiscriminativeLikelihood):
-    """Learned appearance of objects that exclude each other; make one with :func:`excluding`.
+class _Exclusive:
+    """Objects of boxes ``sizes`` that exclude each other.
 
     Each object's own log-likelihood is the weighting function of partitioned sampling.  With
     ``look_ahead``, each object is weighted jointly with the expected states of the others.
     """
+
+    sizes: Any
 
     def log_joint(self, observation, substates, log_probs):
         """Log-likelihood ``[]`` of all objects' substates ``[P, D]`` together."""
@@ -66,8 +69,31 @@ class ExclusiveAppearance(DiscriminativeLikelihood):
         return jnp.moveaxis(jnp.concatenate([centre - extent / 2, extent], axis=1), 1, -1)
 
 
-def excluding(likelihood: DiscriminativeLikelihood) -> ExclusiveAppearance:
+@pytree_dataclass
+class ExclusiveAppearance(_Exclusive, DiscriminativeLikelihood):
+    """Learned appearance of objects that exclude each other; make one with :func:`excluding`."""
+
+
+@pytree_dataclass
+class ExclusivePretrained(_Exclusive, PretrainedLikelihood):
+    """The same by a network's features; make one with :func:`excluding`."""
+
+
+_EXCLUSIVE = {
+    DiscriminativeLikelihood: ExclusiveAppearance,
+    PretrainedLikelihood: ExclusivePretrained,
+}
+
+
+def excluding(
+    likelihood: DiscriminativeLikelihood | PretrainedLikelihood,
+) -> ExclusiveAppearance | ExclusivePretrained:
     """The same learned appearance, of objects that exclude each other."""
-    check_type("likelihood", likelihood, DiscriminativeLikelihood)
-    fields = dataclasses.fields(likelihood)
-    return ExclusiveAppearance(**{field.name: getattr(likelihood, field.name) for field in fields})
+    kind = _EXCLUSIVE.get(type(likelihood))
+    if kind is None:
+        raise InputError(
+            f"likelihood is {type(likelihood).__name__}: objects exclude each other by learned "
+            "appearance, from jaxpf.likelihoods.discriminative or pretrained."
+        )
+    fields = {each.name: getattr(likelihood, each.name) for each in dataclasses.fields(likelihood)}
+    return kind(**fields)

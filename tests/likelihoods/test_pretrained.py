@@ -83,8 +83,12 @@ def test_streaming_gives_what_a_run_gives(tracker, followed):
 
 def test_a_run_has_the_same_bits_whatever_runs_beside_it(tracker):
     keys = jax.random.split(jax.random.key(3), 3)
-    together = jaxpf.monte_carlo(tracker, keys, FRAMES[1:4], batch_size=2).estimate
-    alone = jaxpf.monte_carlo(tracker, keys[2:], FRAMES[1:4], batch_size=2).estimate
+    together = jaxpf.monte_carlo(
+        tracker, keys, FRAMES[1:4], batch_size=2, devices=jax.devices()
+    ).estimate
+    alone = jaxpf.monte_carlo(
+        tracker, keys[2:], FRAMES[1:4], batch_size=2, devices=jax.devices()
+    ).estimate
     np.testing.assert_array_equal(together[2:], alone)
 
 
@@ -109,6 +113,23 @@ def test_boxes_that_cannot_be_compared(tracker):
     assert np.isnan(unknown)
     assert np.isfinite(outside)
     assert there > outside
+
+
+def test_an_object_scores_as_it_does_alone():
+    """Objects of several sizes are seen in frames shrunk by several factors."""
+    frame = textured(2, 320, 480)
+    boxes = np.array([[20.0, 20, 200, 180], [300, 100, 40, 40]])
+    both = pretrained(frame, boxes, network=edges)
+    assert both.factors == (2, 1)
+    substates = np.concatenate([boxes[:, :2] + boxes[:, 2:] / 2, np.ones((2, 1))], axis=1)
+    seen = _LOOK(both, both.observe(frame), substates)
+    together = _LOG_PROBS(both, seen, jnp.arange(2), substates.T)
+    for number in range(2):
+        own = slice(number, number + 1)
+        alone = pretrained(frame, boxes[own], network=edges)
+        seen = _LOOK(alone, alone.observe(frame), substates[own])
+        log_prob = _LOG_PROBS(alone, seen, jnp.zeros(1, int), substates[own].T)
+        assert together[number] == pytest.approx(float(log_prob[0]), rel=1e-4)
 
 
 def test_an_unknown_place_is_looked_for_in_the_middle(tracker):

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError
@@ -160,24 +161,31 @@ class PretrainedLikelihood(Likelihood):
             A ``Seen``, the observation of all other methods.
         """
         dtype = estimates.dtype
-        known = jnp.all(jnp.isfinite(estimates), axis=1)
+        is_known = jnp.all(jnp.isfinite(estimates), axis=1)
         middle = jnp.asarray(self.frame_shape[::-1], dtype) / 2
-        centres = jnp.where(known[:, None], estimates[:, :2], middle)
-        scale = jnp.where(known, jnp.clip(estimates[:, 2], 1 / _LARGEST, _LARGEST), 1)
+        centres = jnp.where(is_known[:, None], estimates[:, :2], middle)
+        scale = jnp.where(is_known, jnp.clip(estimates[:, 2], 1 / _LARGEST, _LARGEST), 1)
         zooms = jnp.asarray(self.zooms, dtype) / scale
-        halves, tables = [], []
-        for number, factor in enumerate(self.factors):
-            own = [(m[number], d[number], w[number]) for m, d, w in self._layers]
+        layers = list(zip(self.middles, self.spreads, self.weights, strict=True))
+        order: list[int] = []
+        shown = []
+        for factor in sorted(set(self.factors)):  # one program for all objects of a factor
+            own = np.flatnonzero(np.array(self.factors) == factor)
             look = one_by_one(partial(_shown, factor))
-            half, scores = look(self.network, own, pictures[factor], centres[number], zooms[number])
-            halves.append(half)
-            tables.append(scores)
-        stacked = tuple(jnp.stack(each) for each in zip(*tables, strict=True))
-        return Seen(centres, zooms, self.known.seen_in([jnp.concatenate(halves)]), stacked)
-
-    @property
-    def _layers(self):
-        return list(zip(self.middles, self.spreads, self.weights, strict=True))
+            order.extend(own)
+            shown.append(
+                jax.vmap(look, (None, 0, None, 0, 0))(
+                    self.network,
+                    jax.tree.map(lambda of, own=own: jnp.asarray(of)[own], layers),
+                    pictures[factor],
+                    centres[own],
+                    zooms[own],
+                )
+            )
+        back = np.argsort(order)
+        halves, tables = jax.tree.map(lambda *of: jnp.concatenate(of)[back], *shown)
+        known = self.known.seen_in([halves.reshape(-1, *halves.shape[2:])])
+        return Seen(centres, zooms, known, tuple(tables))
 
     def log_prob_all(self, observation, partition, substates):
         """Log-likelihoods of N particles.

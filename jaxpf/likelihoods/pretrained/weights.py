@@ -62,8 +62,9 @@ def read_weights(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
                 return dict(file)
         return _read_zip(path) if zipfile.is_zipfile(path) else _read_legacy(path)
     except Exception as error:  # a pickle can raise anything
+        reason = getattr(error, "strerror", None) or error or type(error).__name__
         raise InputError(
-            f"the weights '{path}' cannot be read ({error or type(error).__name__}); give a "
+            f"the weights '{path}' cannot be read ({reason}); give a "
             ".pth of PyTorch that holds tensors alone (a state_dict), or a .npz."
         ) from None
 

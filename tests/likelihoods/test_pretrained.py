@@ -289,7 +289,7 @@ def torch(monkeypatch):
     return module, utils
 
 
-def pickled(torch, arrays):
+def pickled(torch, arrays, offset=0):
     module, utils = torch
     file = io.BytesIO()
 
@@ -309,7 +309,7 @@ def pickled(torch, arrays):
             array = arrays[obj.name]
             strides = tuple(step // 4 for step in array.strides)
             storage = ("storage", obj.name)
-            rest = (storage, 0, array.shape, strides, False, collections.OrderedDict())
+            rest = (storage, offset, array.shape, strides, False, collections.OrderedDict())
             return utils._rebuild_tensor_v2, rest
 
     Pickler(file, 2).dump(collections.OrderedDict((name, Tensor(name)) for name in arrays))
@@ -340,6 +340,17 @@ def test_weights_of_both_formats_of_pytorch_are_read(torch, tmp_path):
         assert read.keys() == ARRAYS.keys()
         for name, array in ARRAYS.items():
             np.testing.assert_array_equal(read[name], array)
+
+
+@pytest.mark.parametrize("offset", [1, -1, 10**12])
+def test_tensors_outside_their_storage_are_refused(torch, tmp_path, offset):
+    path = tmp_path / "model.pth"
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("model/data.pkl", pickled(torch, ARRAYS, offset))
+        for name, array in ARRAYS.items():
+            file.writestr(f"model/data/{name}", array.tobytes())
+    with pytest.raises(InputError, match="outside its storage"):
+        read_weights(path)
 
 
 class Harmful:

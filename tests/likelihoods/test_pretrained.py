@@ -319,6 +319,7 @@ def pickled(torch, arrays, offset=0):
 ARRAYS = {
     "a": np.arange(6, dtype=np.float32).reshape(2, 3),
     "b": np.ones((1, 2, 2), np.float32),
+    "scalar": np.float32(3).reshape(()),
 }
 
 

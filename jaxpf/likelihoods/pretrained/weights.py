@@ -80,7 +80,7 @@ class _Tensor(NamedTuple):
     def read(self, values: np.ndarray) -> np.ndarray:
         """The tensor's numbers, in a storage's values ``[n]``."""
         steps = sum((n - 1) * step for n, step in zip(self.shape, self.strides, strict=True))
-        is_inside = min(self.offset, *self.shape, *self.strides) >= 0 and 0 not in self.shape
+        is_inside = min([self.offset, *self.shape, *self.strides]) >= 0 and 0 not in self.shape
         if not is_inside or self.offset + steps >= len(values):
             raise ValueError("a tensor lies outside its storage")
         strides = [stride * values.itemsize for stride in self.strides]

@@ -57,8 +57,8 @@ VARIANTS = {
 REACH = (5.0, 5.0, 0.1)
 
 #: Motion -> process noise per frame, (pixels, pixels, radians): of every part of the absolute
-#: random walk, of the root of the relative dynamics, and of a joint's offset and angle.  The paper's
-#: noise "has been manually chosen"; for ours see ``settings.csv``.
+#: random walk, of the root of the relative dynamics, and of a joint's offset and angle.  The noise
+#: of the paper "has been manually chosen"; for ours see ``settings.csv``.
 NOISE = {
     "smooth": {"absolute": (4, 4, 0.12), "root": (3, 3, 0.08), "joint": (0.5, 0.5, 0.08)},
     "strong_start": {"absolute": (6, 6, 0.06), "root": (6, 6, 0.15), "joint": (0.5, 0.5, 0.15)},

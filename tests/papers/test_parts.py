@@ -115,7 +115,10 @@ def test_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
     monkeypatch.setattr(paper, "paper_of", lambda name: stopping)
     command = ["reproduce", "eskil2014", "-o", str(tmp_path / "out")]
     assert jaxpf(*command).code == 2
-    assert "is not empty" in jaxpf(*command, "--seed", "7").err
+    other = jaxpf(*command, "--seed", "7")
+    assert other.code == 2
+    assert "is not empty" in other.err
+    assert "--overwrite" in other.err
     result = jaxpf(*command)
     assert result.code == 0, result.err
     assert "Resuming from" in result.out

@@ -43,8 +43,6 @@ _OPTIONS: Mapping[str, dict[str, Any]] = {
     "SPS": {"method": "sps", "particles": 2 * PFFL_PARTICLES},
 }
 FILTERS = tuple(_OPTIONS)
-#: Deterministic methods.
-OTHERS = (FLOW, SPOT, "not moving")
 #: Scenes of each kind on which SPOT runs, which takes a quarter of a second per frame.
 SPOT_SCENES = 25
 QUICK = (PROPOSED, PFFL, "PS")

@@ -74,41 +74,22 @@ def _on_scene(
     method the errors ``[R, T, P]``, distances divided by the body's length.
     """
     drawn = scenes.make(scene, seed=seed, **parameters)
-    truth, lengths = drawn.extras["points"], drawn.extras["body_length"][1:]
-    others = [name for name in methods.OTHERS if name != methods.SPOT or seed in with_spot]
-    places = track(drawn.frames, truth[0], scale, filters, others, seed)
+    frames, truth = drawn.frames, drawn.extras["points"]
+    keys, later = jax.random.split(jax.random.key(seed), RUNS_PER_SCENE), jnp.asarray(frames[1:])
+    places = {}
+    for name in filters:
+        tracker = methods.tracker(name, frames[0], truth[0], scale)
+        places[name] = monte_carlo(tracker, keys, later, _estimate, batch_size=RUNS_PER_SCENE)
+    places[methods.FLOW] = follow_points(frames, truth[0])[0][None]
+    if seed in with_spot:
+        places[methods.SPOT] = spot(frames, truth[0])[None]
+    places["not moving"] = np.broadcast_to(truth[0], (1, *truth[1:].shape))
+    lengths = drawn.extras["body_length"][1:]
     return {
         "names": drawn.extras["point_names"],
         "visible": drawn.extras["visible"][1:],
-        **{
-            method: point_distances(of_method, truth[1:], lengths)
-            for method, of_method in places.items()
-        },
+        **{name: point_distances(each, truth[1:], lengths) for name, each in places.items()},
     }
-
-
-def track(
-    frames: np.ndarray,
-    points: np.ndarray,
-    scale: float,
-    filters: tuple[str, ...],
-    others: list[str],
-    seed: int,
-) -> dict[str, np.ndarray]:
-    """Method -> positions ``[R, T, P, 2]`` after the first frame, in which the points start."""
-    later = jnp.asarray(frames[1:])
-    keys, places = jax.random.split(jax.random.key(seed), RUNS_PER_SCENE), {}
-    for name in filters:
-        tracker = methods.tracker(name, frames[0], points, scale)
-        estimates = monte_carlo(tracker, keys, later, _estimate, batch_size=RUNS_PER_SCENE)
-        places[name] = np.asarray(estimates)
-    if methods.FLOW in others:
-        places[methods.FLOW] = follow_points(frames, points)[0][None]
-    if methods.SPOT in others:
-        places[methods.SPOT] = spot(frames, points)[None]
-    if "not moving" in others:
-        places["not moving"] = np.broadcast_to(points, (1, len(later), *points.shape))
-    return places
 
 
 def _estimate(state: Any, summary: Any) -> Any:

@@ -56,16 +56,14 @@ VARIANTS = {
 #: Range of the initial particles around the object: pixels, pixels, radians (our choice).
 REACH = (5.0, 5.0, 0.1)
 
-
-#: Motion -> process noise per frame, (pixels, radians): of every part of the absolute random walk,
-#: of the root of the relative dynamics, and of a joint's offset and angle.  The paper's noise "has
-#: been manually chosen"; for ours see ``settings.csv``.
+#: Motion -> process noise per frame, (pixels, pixels, radians): of every part of the absolute
+#: random walk, of the root of the relative dynamics, and of a joint's offset and angle.  The noise
+#: of the paper "has been manually chosen"; for ours see ``settings.csv``.
 NOISE = {
-    "smooth": {"absolute": (4.0, 0.12), "root": (3.0, 0.08), "joint": (0.5, 0.08)},
-    "strong_start": {"absolute": (6.0, 0.06), "root": (6.0, 0.15), "joint": (0.5, 0.15)},
-    "erratic": {"absolute": (9.0, 0.06), "root": (6.0, 0.15), "joint": (0.5, 0.15)},
+    "smooth": {"absolute": (4, 4, 0.12), "root": (3, 3, 0.08), "joint": (0.5, 0.5, 0.08)},
+    "strong_start": {"absolute": (6, 6, 0.06), "root": (6, 6, 0.15), "joint": (0.5, 0.5, 0.15)},
+    "erratic": {"absolute": (9, 9, 0.06), "root": (6, 6, 0.15), "joint": (0.5, 0.5, 0.15)},
 }
-
 
 #: (motion, parts, particles) -> ("error" or "variance", variant) -> ``[S, T]``: the sum of corner
 #: distances in pixels, or the variance of the particle set in pixels^2.
@@ -166,8 +164,8 @@ def grid(scene: Any, motion: str, num_particles: int) -> Grid:
         scene.extras["poses"][0],
         scene.sizes,
         parents,
-        scale=_both(noise["root"]),
-        joint_scale=_both(noise["joint"]),
+        scale=noise["root"],
+        joint_scale=noise["joint"],
         anchors=(scene.extras["parent_anchors"], scene.extras["part_anchors"]),
         reach=REACH,
     )
@@ -181,7 +179,7 @@ def grid(scene: Any, motion: str, num_particles: int) -> Grid:
         num_particles=num_particles,
         resampling="multinomial",
     )
-    alone, absolute = np.array(parents) < 0, np.array(_both(noise["absolute"]), np.float32)
+    alone, absolute = np.array(parents) < 0, np.array(noise["absolute"], np.float32)
     moves: Any = tracker.dynamics
     dynamics = [
         dataclasses.replace(
@@ -209,10 +207,6 @@ def learn(scene: Any, samples: int = SAMPLES) -> HistogramLikelihood:
     )
     # Scenes have different textures, and so different numbers of occupied bins.
     return _padded(likelihood, num_bins=112, num_levels=16)
-
-
-def _both(noise: tuple[float, float]) -> tuple[float, float, float]:
-    return noise[0], noise[0], noise[1]
 
 
 def _padded(likelihood: HistogramLikelihood, num_bins: int, num_levels: int) -> HistogramLikelihood:

@@ -6,6 +6,7 @@ import dataclasses
 import jax
 import numpy as np
 import pytest
+from command_line import jaxpf
 
 import scenes
 from jaxpf import measures, running
@@ -16,8 +17,6 @@ from jaxpf.papers.checkpoints import keeping
 from jaxpf.papers.smith2004 import scenes as synthetic
 from jaxpf.papers.smith2004.scenes import Outcome, scene_tracker
 from jaxpf.shapes import boxes_from_substates
-
-# --- Runs ----------------------------------------------------------------------------------
 
 SMALL = {"num_frames": 9, "frame_width": 180, "frame_height": 160, "num_objects": 3}
 
@@ -74,23 +73,17 @@ def test_measures_of_a_scene_are_those_of_metrics():
 
 
 @pytest.mark.slow
-def test_the_command_prints_and_writes_the_comparison(tmp_path, capsys):
-    from jaxpf.cli import main
-
-    output = tmp_path / "out"
-    main(["reproduce", "smith2004", "--scenes", "2", "--quick", "--output", str(output)])
-    printed = capsys.readouterr().out
+def test_the_command_prints_and_writes_the_comparison(tmp_path):
+    result = jaxpf("reproduce", "smith2004", "--scenes", "2", "--quick", "-o", str(tmp_path))
     for words in (
         "Table 1, objects 2-7: success",
         "Table 2, object 1: recovery",
         "a preview, too few",
     ):
-        assert words in printed
-    assert {"figure_4.png", "verdicts.csv", "run.toml", "smith2004.md"} <= {
-        path.name for path in output.iterdir()
-    }
-    with open(output / "table_1_precision.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
+        assert words in result.out
+    written = {path.name for path in tmp_path.iterdir()}
+    assert {"figure_4.png", "verdicts.csv", "run.toml", "smith2004.md"} <= written
+    rows = list(csv.DictReader((tmp_path / "table_1_precision.csv").open(newline="")))
     assert len(rows) == 4 * 5
     by_method = {row["column"]: float(row["measured"]) for row in rows if row["row"] == "20"}
     # One scene is enough for what does not depend on it: PS follows closer than the plain filter.
@@ -105,20 +98,7 @@ def test_the_command_prints_and_writes_the_comparison(tmp_path, capsys):
         (["--seed", "-1"], "Invalid value for '--seed': -1 is not in the range 0<=x<=1048575"),
     ],
 )
-def test_mistakes_are_one_sentence(arguments, words, tmp_path, capsys, monkeypatch):
-    from jaxpf.cli import main
-
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as exit_:
-        main(["reproduce", "smith2004", "--output", "out", *arguments])
-    assert exit_.value.code == 2
-    assert words in capsys.readouterr().err
-
-
-def test_a_folder_with_results_is_not_overwritten(tmp_path, capsys):
-    from jaxpf.cli import main
-
-    (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(SystemExit):
-        main(["reproduce", "smith2004", "--output", str(tmp_path)])
-    assert "--overwrite" in capsys.readouterr().err
+def test_mistakes_are_one_sentence(arguments, words, tmp_path):
+    result = jaxpf("reproduce", "smith2004", "-o", str(tmp_path), *arguments)
+    assert result.code == 2
+    assert words in result.err

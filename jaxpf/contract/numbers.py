@@ -1,7 +1,9 @@
 """Checks of numbers, counts and arrays that a user gives.  Imports no JAX, so help loads none."""
 
+import math
 import re
 import sys
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -114,13 +116,33 @@ def check_number(
     """
     if _is_traced(value):
         return
-    bounds = (("above", above), ("at least", least), ("below", below), ("at most", most))
-    limits = [f"{word} {bound:g}" for word, bound in bounds if np.isfinite(bound)]
-    wanted = f"one finite number {' and '.join(limits)}".strip()
+    wanted = f"a finite number{bounds_in_words(above, least, below, most)}"
     number = numbers_in(name, value, wanted)
     is_one = number.ndim == 0 and np.isfinite(number)
     if not (is_one and above < number < below and least <= number <= most):
         raise InputError(f"{name}={_shown(value)} must be {wanted}.")
+
+
+def bounds_in_words(
+    above: float = -np.inf, least: float = -np.inf, below: float = np.inf, most: float = np.inf
+) -> str:
+    """Bounds as they follow a noun in a message, such as " from 0 to 1"; "" if there are none."""
+    if np.isfinite([least, most]).all():
+        return f" from {plain(least)} to {plain(most)}"
+    bounds = (("above", above), ("of at least", least), ("below", below), ("at most", most))
+    return " and".join(f" {word} {plain(bound)}" for word, bound in bounds if np.isfinite(bound))
+
+
+def plain(value: Any) -> str:
+    """Format a value as a user types it: no trailing ".0", lists with commas."""
+    if isinstance(value, list | tuple):
+        return ",".join(map(plain, value)) or "none"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{name}: {plain(entry)}' for name, entry in value.items())}}}"
+    if isinstance(value, float):
+        text = f"{value:g}"
+        return text if float(text) == value or math.isnan(value) else repr(value)
+    return "nothing" if value is None else str(value)
 
 
 def check_together(**arrays: Any) -> None:

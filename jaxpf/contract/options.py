@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxpf.contract.errors import Argument, InputError, check_known, choice
-from jaxpf.contract.numbers import check_number, check_whole
+from jaxpf.contract.numbers import bounds_in_words, check_number, check_whole, plain
 
 _KEY = "option"
 #: The value of an option that is settled automatically.
@@ -118,15 +118,7 @@ class Option:
             noun = count + {int: "whole numbers", float: "finite numbers"}.get(self.kind, "names")
             if self.per_object:
                 noun += f", or {count.strip()} for every object,"
-        bounds = ""
-        if not math.isinf(self.above):
-            bounds = f" above {plain(self.above)}"
-            if not math.isinf(self.most):
-                bounds += f" and at most {plain(self.most)}"
-        elif not math.isinf(self.most):
-            bounds = f" from {plain(self.least)} to {plain(self.most)}"
-        elif not math.isinf(self.least):
-            bounds = f" of at least {plain(self.least)}"
+        bounds = bounds_in_words(above=self.above, least=self.least, most=self.most)
         example = f", such as {plain(self.default)}" if self.length > 0 and self.default else ""
         return f"{noun}{bounds}{example}"
 
@@ -254,18 +246,6 @@ def counting(options: Any) -> dict[str, bool]:
 def chosen(owner: type, values: Mapping[str, Any]) -> Any:
     """Construct an options class from the values that it declares; ignore the others."""
     return owner(**{name: values[name] for name in options_of(owner) if name in values})
-
-
-def plain(value: Any) -> str:
-    """Format a value as a user types it: no trailing ".0", lists with commas."""
-    if isinstance(value, list | tuple):
-        return ",".join(map(plain, value)) or "none"
-    if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{name}: {plain(entry)}' for name, entry in value.items())}}}"
-    if isinstance(value, float):
-        text = f"{value:g}"
-        return text if float(text) == value or math.isnan(value) else repr(value)
-    return "nothing" if value is None else str(value)
 
 
 def check_distinct(name: str, values: Iterable[Any]) -> tuple[Any, ...]:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
 
 
@@ -29,6 +30,7 @@ class Filter:
         varied: options that ``variants`` varies and that are therefore not in an evaluation's grid.
         by_default: whether evaluations include its methods by default.
         opens: whether it supports open populations, see ``Model.is_open``.
+        takes_trees: whether objects may be parts of a tree.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Filter:
     varied: tuple[str, ...] = ("method",)
     by_default: bool = False
     opens: bool = False
+    takes_trees: bool = True
 
     def tracker(self, model: Model, options: Any) -> Any:
         """Build the tracker for a model."""
@@ -44,10 +47,15 @@ class Filter:
 
     def admits(self, method: str, parents: Sequence[int]) -> bool:
         """Whether a method supports a part tree."""
-        return True
+        return self.takes_trees or all(parent < 0 for parent in parents)
 
     def check(self, options: Any, parents: Sequence[int]) -> None:
         """Refuse options that do not fit a part tree, before compilation."""
+        if not (self.takes_trees or self.admits(options.method, parents)):
+            raise InputError(
+                f"method {options.method!r} tracks independent objects, and these are parts of a "
+                "tree; choose sir, ps or sps."
+            )
 
     def check_first(self, summary: Any, ids: Sequence[Any]) -> None:
         """Refuse an initial state that does not fit the first frame, judged by its summary.

@@ -54,6 +54,11 @@ def check_names(given: Iterable[str], target: Target, filter_: Filter, *others: 
             )
 
 
+def defaults_for(target: Target, filter_: Filter) -> Mapping[str, Any]:
+    """Defaults of a filter's options that a target overrides: only those of its default filter."""
+    return target.defaults if filter_ is filter_for(target) else {}
+
+
 def filled(owner: type, given: Mapping[str, Any], defaults: Mapping[str, Any] | None = None) -> Any:
     """An instance of an options class, from those given values that it defines.
 
@@ -177,11 +182,7 @@ def make(
         del values["resampling"]
     filter_ = filter_for(target, values.get("method"))
     check_names(values, target, filter_, "likelihood", "ordering", "patches")
-    defaults = target.defaults if filter_ is filter_for(target) else {}
-    defaults = {**defaults, "method": values.get("method", target.defaults.get("method"))}
-    if defaults["method"] is None:
-        del defaults["method"]
-    options = filled(filter_.options, values, defaults)
+    options = filled(filter_.options, values, defaults_for(target, filter_))
     model = target.resolved(filled(target.options, values), {})
     if patches is not None:
         from jaxpf.likelihoods._checks import check_pictures

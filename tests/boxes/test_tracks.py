@@ -116,7 +116,7 @@ def test_unusable_boxes_are_refused(box, expected):
     ("call", "arguments", "expected"),
     [
         (check_boxes, ([[1, 2, 3]], 640, 480), "boxes has shape [1, 3]; give x, y, w, h"),
-        (check_boxes, ([[1, 2, 3, 4]], None, 480), "width=None must be one finite number above 0"),
+        (check_boxes, ([[1, 2, 3, 4]], None, 480), "width=None must be a finite number above 0"),
         (check_boxes, ([[1, 2, 3, 4]], 640, 480, "ab"), "names='ab' must be one name for each"),
         (BoxTable, ([0], [1, 2], np.ones((1, 4)), [0], [1]), "id has shape [2]; give one for"),
         (start_boxes, (None, 0), "table is NoneType: give a BoxTable"),

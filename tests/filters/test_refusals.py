@@ -217,7 +217,7 @@ def test_what_is_refused_with_an_exchange_is_fine_without():
     (lambda: eskil(initial=START * np.nan), "not finite"),
     (lambda: eskil(drift="nearest"), "choose one of clip"),
     (lambda: eskil(shape="round"), "choose one of relative"),
-    *((lambda scale=scale: eskil(shape_scale=scale), f"shape_scale={scale!r} must be one finite")
+    *((lambda scale=scale: eskil(shape_scale=scale), f"shape_scale={scale!r} must be a finite")
       for scale in (0.0, "wide", [1, 2])),
     (lambda: eskil(memory=2.5), "memory = 2.5 must be a whole number"),
     (lambda: eskil(memory=1), "memory = 1"),
@@ -231,8 +231,8 @@ def test_what_is_refused_with_an_exchange_is_fine_without():
     (lambda: eskil(dynamics=Blind(), proper=True), "has no log_density"),
     (lambda: eskil(likelihood=CORRELATED), "weighs all objects together"),
     (lambda: pffl(form="sound"), "choose one of auxiliary"),
-    (lambda: pffl(safety=0.0), "safety=0.0 must be one finite number above 0 and at most 1"),
-    (lambda: pffl(safety=None), "safety=None must be one"),
+    (lambda: pffl(safety=0.0), "safety=0.0 must be a finite number above 0 and at most 1"),
+    (lambda: pffl(safety=None), "safety=None must be a finite"),
 ])  # fmt: skip
 def test_what_labelled_and_factored_filters_cannot_do_is_refused(call, named):
     assert named in message_of(call)

@@ -70,7 +70,7 @@ def test_a_video_can_be_read_again_and_from_any_frame(tmp_path):
 def test_a_given_rate_replaces_that_of_the_container(tmp_path):
     path = write_video(tmp_path / "walk.mp4", 3)
     assert open_frames(path, fps=7).fps == 7
-    assert "fps=0.0 must be one finite number above 0" in message_of(open_frames, path, 0.0)
+    assert "fps=0.0 must be a finite number above 0" in message_of(open_frames, path, 0.0)
 
 
 def test_start_frames_outside_the_video_are_refused(tmp_path):

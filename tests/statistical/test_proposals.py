@@ -192,6 +192,6 @@ def test_what_no_proposal_goes_with_is_refused(settings, message):
             **options,
         )
     with pytest.raises(
-        InputError, match=r"share=1\.0 must be one finite number at least 0 and below 1"
+        InputError, match=r"share=1\.0 must be a finite number of at least 0 and below 1"
     ):
         Mixture(Bad(), 1.0)

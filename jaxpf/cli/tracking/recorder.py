@@ -5,6 +5,7 @@ import itertools
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from jaxpf.cli.shared import console
 from jaxpf.cli.shared.config import write_config
@@ -48,22 +49,15 @@ def _record_frames(session: Session, stack: contextlib.ExitStack) -> None:
 
     from jaxpf.files import states
 
-    run, births = session.request.run, session.request.births
-    key, before = jax.random.key(run.seed), session.before
-    frames = itertools.islice(session.frames, before[1], run.frames)
-    given = session.tracker, key, session.first, frames
+    run, before = session.request.run, session.before
+    key = jax.random.key(run.seed)
     total = _expected_frames(session.source, run)
     scene, smoothed, look_back = _scene(session), None, None
     if run.smooths:
         from jaxpf.smoothing import LookBack
 
         look_back = LookBack(scene.tracker, key, run.smooth_lag, total, first=before[1])
-    if session.later:
-        records = starting_later(scene, *given, session.later, session.tracker_at)
-    elif births is None:
-        records = fixed_population(scene, *given, before)
-    else:
-        records = changing_population(scene, *given, births)
+    records = _records(session, scene, key)
     total = None if total is None else max(total - before[1], 0)
     state, counts, saved = None, session.counts, time.monotonic()
     clock = time.perf_counter()
@@ -104,6 +98,18 @@ def _record_frames(session: Session, stack: contextlib.ExitStack) -> None:
         progress.update(task, total=counts.tracked)
     if counts.tracked == 0:
         raise nothing_follows(session.source, run.start + before[1])
+
+
+def _records(session: Session, scene: Scene, key: Any) -> Iterator[Record]:
+    """The records of all frames, as they are tracked."""
+    run, births = session.request.run, session.request.births
+    frames = itertools.islice(session.frames, session.before[1], run.frames)
+    given = scene, session.tracker, key, session.first, frames
+    if session.later:
+        return starting_later(*given, session.later, session.tracker_at)
+    if births is not None:
+        return changing_population(*given, births)
+    return fixed_population(*given, session.before)
 
 
 def _until_tracked(records: Iterator[Record]) -> list[Record]:

@@ -15,7 +15,7 @@ from jaxpf.contract.options import OPEN, check_options, option, options_of
 from jaxpf.files.writing import check_output_file
 from jaxpf.filters.filter import Filter
 from jaxpf.targets.appearance import COLOUR
-from jaxpf.targets.building import filter_for
+from jaxpf.targets.building import defaults_for, filter_for
 from jaxpf.targets.target import Target
 
 #: Maximum number of frames in a video.
@@ -153,14 +153,11 @@ def request_of(ctx: click.Context, target: Target) -> Request:
     values = _given(ctx, target)
     run = picked(values, Run)
     births = read_births(values)
-    filter_, method = _filter_of(values, target, births is not None)
+    filter_ = _filter_of(values["method"], target, births is not None)
     refuse_others(values, target, filter_)
     particles, of_target = defaults_of(births)
-    defaults = {**(target.defaults if filter_ is filter_for(target) else {}), **particles}
-    defaults.pop("method", None)
-    filter_options = picked(
-        values, filter_.options, defaults | ({"method": method} if method else {})
-    )
+    defaults = {**defaults_for(target, filter_), **particles}
+    filter_options = picked(values, filter_.options, defaults)
     # Objects that appear later are not in the start frame, so nothing can be learned from it.
     settings = {} if births is None else {"appearance": COLOUR}
     model = target.resolved(picked(values, target.options, of_target), settings)
@@ -255,18 +252,16 @@ def _given(ctx: click.Context, target: Target) -> dict[str, Any]:
     return {n: None if n in left_out & written else value for n, value in values.items()}
 
 
-def _filter_of(values: Mapping[str, Any], target: Target, opens: bool) -> tuple[Filter, str | None]:
-    """The filter that --method or --births selects, and the name of the method."""
+def _filter_of(method: str | None, target: Target, opens: bool) -> Filter:
+    """The filter that --method or --births selects."""
     able_families = [family for family in filters.all_filters().values() if family.opens]
-    method = values["method"]
     if opens and not method:
-        return able_families[0], None
+        return able_families[0]
     chosen = filter_for(target, method)
-    method = method or target.defaults.get("method")
     if opens and not chosen.opens:
         able = [name for family in able_families for name in family.methods]
         raise InputError(
             f"--births does not work with --method {method}, whose population is fixed; use "
             f"--method {', '.join(able)}."
         )
-    return chosen, method
+    return chosen

@@ -1,12 +1,10 @@
 """The factored filters as a family, with separate particles per partition."""
 
 import dataclasses
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
 from jaxpf.filters.factored.options import METHODS, Options
 from jaxpf.filters.filter import Filter
@@ -22,6 +20,7 @@ class _FactoredFilter(Filter):
     name = "factored"
     methods = METHODS
     options = Options
+    takes_trees = False  # partitions share no particles
 
     def tracker(self, model: Model, options: Options) -> Any:
         from jaxpf.dynamics.gaussian import AR2
@@ -51,17 +50,6 @@ class _FactoredFilter(Filter):
             proper=options.proper,
             **shared,
         )
-
-    def admits(self, method: str, parents: Sequence[int]) -> bool:
-        """No part trees, as partitions share no particles."""
-        return all(parent < 0 for parent in parents)
-
-    def check(self, options: Options, parents: Sequence[int]) -> None:
-        if not self.admits(options.method, parents):
-            raise InputError(
-                f"method {options.method!r} follows independent objects, and this is a part tree; "
-                "choose sir, ps or sps."
-            )
 
 
 FACTORED = _FactoredFilter()

@@ -17,6 +17,7 @@ class _LabelledFilter(Filter):
     methods = METHODS
     options = Options
     opens = True
+    takes_trees = False  # each particle holds one object
 
     def tracker(self, model: Model, options: Options) -> Any:
         import numpy as np
@@ -40,16 +41,8 @@ class _LabelledFilter(Filter):
             regularise=None if rates is None else np.asarray(rates, np.float32),
         )
 
-    def admits(self, method: str, parents: Sequence[int]) -> bool:
-        """Objects have no parents, as each particle holds one object."""
-        return all(parent < 0 for parent in parents)
-
     def check(self, options: Options, parents: Sequence[int]) -> None:
-        if not self.admits(options.method, parents):
-            raise InputError(
-                "method 'labelled' tracks independent objects, and these are parts of a tree; use "
-                "method 'ps' or 'sps'."
-            )
+        super().check(options, parents)
         if options.particles < len(parents):
             raise InputError(
                 Argument("particles", options.particles),

@@ -1,6 +1,5 @@
 """``jaxpf track contours`` and ``jaxpf contour learn``, on a small drawn clip."""
 
-import csv
 import json
 import re
 import tomllib
@@ -9,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from command_line import jaxpf, refusal_of
+from csv_rows import rows_of
 
 WIDTH, HEIGHT, LENGTH = 120, 90, 6
 #: Every run has these, so that the filter is compiled once.
@@ -61,11 +61,6 @@ def track(clip, start, output, *options):
 def whole_run(clip, start, tmp_path_factory):
     output = tmp_path_factory.mktemp("run") / "out"
     return track(clip, start, output), output
-
-
-def rows_of(path):
-    with open(path, newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def test_the_spread_is_drawn_around_the_contour(clip, start, tmp_path, monkeypatch):

@@ -1,6 +1,5 @@
 """``jaxpf track parts``: articulated objects from the command line."""
 
-import csv
 import json
 import re
 import tomllib
@@ -9,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from command_line import assert_same, built_by_track, jaxpf, refusal_of
+from csv_rows import rows_of
 
 import scenes
 from jaxpf.shapes import corners_from_poses
@@ -68,14 +68,9 @@ def whole_run(clip, parts_file, tmp_path_factory):
     return jaxpf("track", "parts", clip, *given), output
 
 
-def rows_of(output):
-    with (output / "tracks.csv").open(newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def mean_corner_distance(scene, output):
     poses = np.zeros((LENGTH, len(NAMES), 3))
-    for row in rows_of(output):
+    for row in rows_of(output / "tracks.csv"):
         pose = float(row["x"]), float(row["y"]), np.radians(float(row["angle"]))
         poses[int(row["frame"]), NAMES.index(row["id"])] = pose
     corners = corners_from_poses(poses, scene.sizes)
@@ -119,7 +114,9 @@ def test_two_bodies_are_followed_in_one_run(scene, track, tmp_path_factory, tmp_
     file.write_text("part,parent,x,y,w,h,angle\n" + "\n".join(rows) + "\n")
     outcome = track(*options, video=film, file=file)
     assert outcome.code == 0, outcome.err
-    last = [row for row in rows_of(tmp_path / "out") if int(row["frame"]) == LENGTH - 1]
+    last = [
+        row for row in rows_of(tmp_path / "out" / "tracks.csv") if int(row["frame"]) == LENGTH - 1
+    ]
     found = {row["id"]: (float(row["x"]), float(row["y"])) for row in last}
     assert len(found) == 2 * len(NAMES)
     mirrored = poses[-1, :, :2] * (-1, 1) + (width, height)

@@ -1,6 +1,5 @@
 """A tracker from start contours: it follows its targets, keeps them apart, and writes tracks."""
 
-import csv
 import dataclasses
 from itertools import permutations
 
@@ -8,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from csv_rows import rows_of
 from quick_compiling import quick
 from refusals import message_of
 
@@ -104,11 +104,6 @@ def test_filmed_contours_slip_and_move_by_shares_of_their_size(wires):
     np.testing.assert_allclose(asked.likelihood.model_error, 0)
     np.testing.assert_allclose(asked.dynamics.scale[:, :2], 2)
     np.testing.assert_allclose(asked.dynamics.scale[:, 2:], made.dynamics.scale[:, 2:])
-
-
-def rows_of(path):
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def test_tracks_hold_control_points_and_outlines(tmp_path, tracked):

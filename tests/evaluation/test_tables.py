@@ -6,10 +6,11 @@ import os
 
 import numpy as np
 import pytest
+from csv_rows import rows_of
 from made_results import DPS, OTHER, PARAMETERS, PS, SIR, batch, imported, make, walks
 from quick_compiling import quick
 from small_evaluation import small_scene
-from two_objects import BOXES, FAR, NAN, TRUE, TRUTH, found, numbers, rows_of
+from two_objects import BOXES, FAR, NAN, TRUE, TRUTH, found, numbers
 
 from jaxpf import InputError, measures as metrics
 from jaxpf.evaluation import Configuration, Plan, Results

@@ -1,9 +1,9 @@
 """Two objects in two frames, and three runs whose measures are known by hand."""
 
-import csv
 import math
 
 import numpy as np
+from csv_rows import rows_of
 
 NAN = [math.nan] * 4
 TRUE = [0.0, 0.0, 10.0, 10.0]
@@ -18,11 +18,6 @@ BOXES = np.array(
         [[TRUE, TRUE], [FAR, NAN]],
     ]
 )
-
-
-def rows_of(path):
-    with open(path, newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
 
 
 def numbers(rows, name):

@@ -5,7 +5,6 @@ beside this one, go through ``jaxpf.monte_carlo``, ``jaxpf evaluate --tracker``,
 --tracker`` and, where there is something to tune, ``jaxpf.tune``.
 """
 
-import csv
 import dataclasses
 import importlib.util
 import json
@@ -18,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from command_line import jaxpf as command
+from csv_rows import rows_of
 from quick_compiling import quick
 from scipy.stats import multivariate_normal
 
@@ -162,8 +162,7 @@ def evaluated(tmp_path_factory, compiled_quickly):
 
 @pytest.mark.slow
 def test_they_stand_in_the_tables_beside_the_built_in_methods(evaluated):
-    with (evaluated / "summary.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(evaluated / "summary.csv")
     methods = {row["method"] for row in rows}
     assert methods == {"SIR", *(function for function, _ in OWN.values())}
     overlap = {

@@ -1,6 +1,5 @@
 """A new target is one file and one line of the registry."""
 
-import csv
 import importlib
 import sys
 from pathlib import Path
@@ -9,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from command_line import jaxpf as command
+from csv_rows import rows_of
 
 from jaxpf.targets import registry
 from jaxpf.targets.target import Target
@@ -40,7 +40,7 @@ def test_it_is_tracked_from_the_command_line(clip, tmp_path):
     out = tmp_path / "out"
     outcome = command("track", "spots", clip, "--spot", "10,12,star", "--step", "2", "-o", out)
     assert outcome.code == 0, outcome.err
-    rows = list(csv.DictReader((out / "tracks.csv").open()))
+    rows = rows_of(out / "tracks.csv")
     assert [row["id"] for row in rows] == ["star"] * 6
     assert abs(float(rows[-1]["x"]) - 20) < 3
     assert abs(float(rows[-1]["y"]) - 17) < 3

@@ -1,6 +1,5 @@
 """``jaxpf evaluate``: what it writes, that it continues, and what it says to a mistake."""
 
-import csv
 import subprocess
 import sys
 import tomllib
@@ -8,6 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 from command_line import jaxpf, refusal_of
+from csv_rows import rows_of
 from small_evaluation import COMMON, PARAMETERS, PARTICLES, assert_equal_bits, content
 from small_sequence_folder import SMALL
 
@@ -16,11 +16,6 @@ from jaxpf.evaluation import Results
 pytestmark = pytest.mark.usefixtures("started_jax")
 WRITTEN = ["report.html", "results.csv", "summary.csv", "summary.md", "run.toml"]
 SCENE = ("distracter", *SMALL)
-
-
-def rows_of(path):
-    with open(path, newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def stamps(folder):

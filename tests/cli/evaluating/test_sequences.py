@@ -1,9 +1,8 @@
 """``jaxpf evaluate`` of several sequences, and what it says to folders that cannot be."""
 
-import csv
-
 import pytest
 from command_line import jaxpf
+from csv_rows import rows_of
 from small_evaluation import COMMON
 from small_sequence_folder import write_sequence
 
@@ -27,13 +26,12 @@ def test_several_sequences_get_a_table_over_all(place, tmp_path, short_report):
     assert "one (1 of 2)" in outcome.out
     table = outcome.out[outcome.out.index("means over 2 sequences") :]
     assert "differences from SIR, paired by sequence" in table
-    with open(output / "sequences.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(output / "sequences.csv")
     assert {row["sequence"] for row in rows} == {"one", "two"}
     # The same pictures under two names.
     values = {row["sequence"]: row["value"] for row in rows if row["measure"] == "overlap"}
     assert values["one"] == values["two"]
-    measures = {row["measure"] for row in csv.DictReader((output / "overall.csv").open(newline=""))}
+    measures = {row["measure"] for row in rows_of(output / "overall.csv")}
     assert {"coverage_50", "coverage_95", "size_coverage_50", "size_coverage_95"} <= measures
     again = jaxpf("evaluate", "--config", output / "run.toml", "-o", output)
     assert again.code == 0, again.err

@@ -1,6 +1,5 @@
 """``jaxpf mark`` and ``jaxpf view`` as a person uses them: a mouse in a real browser."""
 
-import csv
 import json
 import shutil
 import subprocess
@@ -10,6 +9,7 @@ import time
 import numpy as np
 import pytest
 from command_line import jaxpf
+from csv_rows import rows_of
 
 Keys = pytest.importorskip("selenium.webdriver.common.keys").Keys
 
@@ -126,11 +126,6 @@ def opened(browser):
         process.wait()
     browser.get_log("browser")
     assert not wrong
-
-
-def rows_of(path):
-    with open(path, newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def test_from_a_film_to_a_reviewed_and_corrected_track(opened, street, tmp_path, monkeypatch):

@@ -1,5 +1,6 @@
 """Builds trackers of boxes: one upright rectangle per object."""
 
+import os
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,13 @@ def tracker(
         if particles is not None:
             options["num_particles"] = particles
         return rowe2005_tracker(frame, _start(boxes).shapes, patches=patches, **options)
+    if callable(network := options.get("network")):
+        raise InputError(
+            "network names a file; for a network of your own, give "
+            "likelihood=jaxpf.likelihoods.pretrained(frame, boxes, network=...)."
+        )
+    if isinstance(network, os.PathLike):
+        options["network"] = os.fspath(network)
     given = {"like": like, "method": method, "particles": particles, **options}
     own = {"likelihood": likelihood, "ordering": ordering, "patches": patches}
     return building.make(BOXES, frame, _start(boxes), given, **own)

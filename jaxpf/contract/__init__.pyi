@@ -4,7 +4,6 @@ from .calls import (
     changed_inside as changed_inside,
     check_uncoupled as check_uncoupled,
     draws_independently as draws_independently,
-    evidence_biases as evidence_biases,
     expecting as expecting,
     first_motion as first_motion,
     frame_of as frame_of,
@@ -24,6 +23,7 @@ from .calls import (
     log_odds_all as log_odds_all,
     log_prob_all as log_prob_all,
     looked_near as looked_near,
+    looks_near as looks_near,
     method_of as method_of,
     model_error as model_error,
     moments as moments,
@@ -57,7 +57,7 @@ from .pytree import (
     pytree_dataclass as pytree_dataclass,
     static_field as static_field,
 )
-from .refusals import Bias as Bias
+from .refusals import Bias as Bias, evidence_biases as evidence_biases
 from .state import (
     STATUS_IMPOSSIBLE as STATUS_IMPOSSIBLE,
     STATUS_INVALID_LIKELIHOOD as STATUS_INVALID_LIKELIHOOD,

@@ -1,7 +1,7 @@
 """How the library calls what users write: optional methods are looked up here and nowhere else."""
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -347,9 +347,14 @@ def looked_near(likelihood: Any, observation: Any, estimates: Callable[[], jax.A
         observation: from ``observe``.
         estimates: function that returns the estimates of the previous frame, ``[P, D]``.
     """
-    if not hasattr(likelihood, "look_near"):
+    if not looks_near(likelihood):
         return observation
     return likelihood.look_near(observation, lax.stop_gradient(estimates()))
+
+
+def looks_near(likelihood: Any) -> bool:
+    """Whether what a likelihood sees depends on the filter's last estimates."""
+    return hasattr(likelihood, "look_near")
 
 
 def has_log_odds(likelihood: Any) -> bool:
@@ -384,16 +389,6 @@ def model_error(tracker: Any, num_partitions: int) -> np.ndarray:
             f"[{num_partitions}, 3]."
         )
     return np.broadcast_to(declared, (num_partitions, 3))
-
-
-def evidence_biases(tracker: Any) -> Sequence[Any]:
-    """Settings that bias a tracker's evidence, ``contract.Bias``, of a wrapper those inside.
-
-    A tracker without the property ``evidence_biases`` has an unbiased evidence.
-    """
-    while not hasattr(tracker, "evidence_biases") and hasattr(tracker, "tracker"):
-        tracker = tracker.tracker
-    return getattr(tracker, "evidence_biases", ())
 
 
 def has_state_gradient(likelihood: Any) -> bool:

@@ -1,14 +1,14 @@
 """Refusals that depend on arrays: an error where they are known, NaN where they are traced."""
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract.calls import evidence_biases
+from jaxpf.contract.calls import looks_near
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.state import STATUS_OK, STATUS_UNSUPPORTED, Summary
@@ -52,6 +52,24 @@ class Bias(NamedTuple):
     cause: str
     remedy: str
     gross: bool = True
+
+
+def evidence_biases(tracker: Any) -> Sequence[Bias]:
+    """Settings that bias a tracker's evidence, of a wrapper those inside.
+
+    They are its property ``evidence_biases``, without which its evidence is unbiased, and a
+    likelihood that looks near the particles' mean: a particle's weight then depends on the others.
+    """
+    while not hasattr(tracker, "evidence_biases") and hasattr(tracker, "tracker"):
+        tracker = tracker.tracker
+    biases, likelihood = (
+        getattr(tracker, "evidence_biases", ()),
+        getattr(tracker, "likelihood", None),
+    )
+    if not looks_near(likelihood):
+        return biases
+    cause = f"{type(likelihood).__name__}, which looks near the particles' mean,"
+    return *biases, Bias(True, cause, "a likelihood of the frame alone", gross=False)
 
 
 def biased_evidence(tracker: Any, what: str, otherwise: str, tuning: bool = False) -> Any:

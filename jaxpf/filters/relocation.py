@@ -84,7 +84,7 @@ def check_relocation(tracker: Any) -> None:
     for used, what in (
         (any(parent >= 0 for parent in getattr(tracker, "parents", ())), "a part tree"),
         (getattr(tracker, "population", "fixed") == "open", "an open population"),
-        (hasattr(likelihood, "look_near"), f"{type(likelihood).__name__}, which looks nearby only"),
+        (contract.looks_near(likelihood), f"{type(likelihood).__name__}, which looks nearby only"),
         (contract.has_log_joint(likelihood), "a likelihood that has log_joint"),
         (tracker.motion_gradient != "pathwise", f"motion_gradient={tracker.motion_gradient!r}"),
     ):

@@ -150,6 +150,12 @@ class LikelihoodOfNoFrame(LikelihoodWithGaps):
 
         return of_nothing
 
+    @property
+    def look_near(self):
+        """Looks at nothing; only if the inner likelihood looks near estimates."""
+        _ = self.likelihood.look_near
+        return lambda observation, estimates: observation
+
     def as_seen(self, observation):
         """See ``jaxpf.contract.as_seen``: nothing was seen."""
         return self.likelihood, None, np.False_

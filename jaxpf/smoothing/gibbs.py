@@ -159,6 +159,11 @@ def check_conditional(tracker: Any) -> Any:
     ):
         if getattr(tracker, name) is not without:
             raise InputError(f"a conditional sweep is not proved with {name}; leave it out.")
+    if contract.looks_near(tracker.likelihood):
+        raise InputError(
+            f"a conditional sweep is not proved with {type(tracker.likelihood).__name__}, which "
+            "looks near the particles' mean; use a likelihood of the frame alone."
+        )
     ordering = tracker.ordering
     one_component = (
         "a conditional sweep keeps its reference in one component without exchange; use "

@@ -6,6 +6,7 @@ import pickle
 import sys
 import types
 import zipfile
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +16,7 @@ from quick_compiling import quick
 
 import jaxpf
 import jaxpf.boxes
-from jaxpf import InputError
+from jaxpf import InputError, contract
 from jaxpf.likelihoods import PretrainedLikelihood, efficientnet_lite0, excluding, pretrained
 from jaxpf.likelihoods.pretrained.cells import cell_features, score_in_boxes, score_table
 from jaxpf.likelihoods.pretrained.weights import read_weights
@@ -158,6 +159,52 @@ def test_two_boxes_on_one_object_exclude_each_other(tracker):
     assert joint == pytest.approx(float(own[0]), rel=1e-4)
 
 
+def test_the_evidence_of_what_looks_near_the_mean_is_called_biased(tracker):
+    (bias,) = [each for each in contract.evidence_biases(tracker) if each.applies]
+    assert "looks near the particles' mean" in bias.cause
+    assert not bias.gross
+
+
+def test_a_forecast_looks_at_nothing(tracker, followed):
+    state, _ = followed
+    _, ahead = jaxpf.forecast(tracker, jax.random.key(1), state, 2)
+    assert np.isfinite(ahead.estimate).all()
+
+
+def test_a_module_may_hold_functions_beside_its_arrays(tracker):
+    """Such as an Equinox module with an activation function."""
+
+    @jaxpf.pytree_dataclass
+    class Module:
+        factor: Any
+        activation: Any
+
+        def __call__(self, window):
+            return self.activation(self.factor * edges(window))
+
+    module = Module(jnp.float32(1), lambda maps: maps)
+    learned = pretrained(FRAMES[0], BOXES, network=module)
+    np.testing.assert_allclose(learned.weights[0], tracker.likelihood.weights[0], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("network", "message"),
+    [
+        (lambda window: {"maps": window}, "makes dict of a window"),
+        (lambda window: edges(window) * jnp.nan, r"NaN or infinite maps .* boxes\[0\]"),
+    ],
+    ids=["dictionary", "nan"],
+)
+def test_a_network_that_cannot_be_used_is_refused(network, message):
+    with pytest.raises(InputError, match=message):
+        pretrained(FRAMES[0], BOXES, network=network)
+
+
+def test_a_function_in_the_place_of_a_file_names_the_right_argument():
+    with pytest.raises(InputError, match=r"likelihood=jaxpf\.likelihoods\.pretrained"):
+        jaxpf.boxes.tracker(FRAMES[0], BOXES, appearance="pretrained", network=edges)
+
+
 def test_relocation_which_looks_anywhere_is_refused(tracker):
     with pytest.raises(InputError, match="does not work with PretrainedLikelihood"):
         jaxpf.boxes.tracker(FRAMES[0], BOXES, likelihood=tracker.likelihood, relocate=0.1)
@@ -273,6 +320,15 @@ def test_the_network_is_efficientnet_lite0(tmp_path):
 def test_weights_that_lack_an_array_are_refused(tmp_path):
     np.savez(tmp_path / "weights.npz", other=np.zeros(3))
     with pytest.raises(InputError, match=r"lack '_blocks\.0\._bn1\.running_mean'"):
+        efficientnet_lite0(tmp_path / "weights.npz")
+
+
+def test_weights_of_other_sizes_are_refused(tmp_path):
+    weights = random_weights()
+    name = "_blocks.3._project_conv.weight"
+    weights[name] = weights[name][:, :7]
+    np.savez(tmp_path / "weights.npz", **weights)
+    with pytest.raises(InputError, match="other sizes than EfficientNet-lite0's"):
         efficientnet_lite0(tmp_path / "weights.npz")
 
 

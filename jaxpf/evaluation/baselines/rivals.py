@@ -65,7 +65,11 @@ def baselines(names: Collection[str]) -> dict[str, Baseline]:
         if len(files) != len(wanted) or not all(Path(file).is_file() for file in files):
             form = ":".join([kind, *(f"{each.upper()}.onnx" for each in wanted)])
             raise InputError(f"baseline {name!r} must be {form}, with files that exist.")
-    return {name.partition(":")[0]: Baseline(name) for name in names}
+    kinds = [name.partition(":")[0] for name in names]
+    for kind in kinds:
+        if kinds.count(kind) > 1:
+            raise InputError(f"baseline {kind!r} is asked for twice; give one file at a time.")
+    return {kind: Baseline(name) for kind, name in zip(kinds, names, strict=True)}
 
 
 def available() -> list[str]:

@@ -80,6 +80,9 @@ def pretrained(
             _coefficients(alone, network, pictures, as_array(place, float), penalty, tuple(cells))
         )
     weights, offset, residual, middles, spreads = jax.tree.map(lambda *of: np.stack(of), *learned)
+    for number, own in enumerate(zip(*jax.tree.leaves((middles, spreads)), strict=True)):
+        if not all(np.isfinite(each).all() for each in own):
+            raise InputError(f"the network makes NaN or infinite maps of the box boxes[{number}].")
     check_learned(residual)
     length = known.num_features
     known = with_coefficients(known, weights[:, :length], np.zeros(len(boxes)), residual)
@@ -105,9 +108,22 @@ def pretrained(
 
 
 def _as_network(network: Callable) -> Callable:
-    """The network as a pytree that returns a tuple of maps."""
-    is_pytree = not jax.tree_util.all_leaves([network])
-    return network if is_pytree else jax.tree_util.Partial(network)
+    """The network as a function of its arrays: a module may also hold functions and names."""
+    leaves, structure = jax.tree.flatten(network)
+    is_array = [hasattr(leaf, "dtype") for leaf in leaves]
+    if all(is_array):
+        return network
+    if not any(is_array):
+        return jax.tree_util.Partial(network)
+    rest = [None if own else leaf for leaf, own in zip(leaves, is_array, strict=True)]
+
+    def apply(arrays, window):
+        left = iter(arrays)
+        merged = [next(left) if own else x for x, own in zip(rest, is_array, strict=True)]
+        return jax.tree.unflatten(structure, merged)(window)
+
+    arrays = [leaf for leaf, own in zip(leaves, is_array, strict=True) if own]
+    return jax.tree_util.Partial(apply, arrays)
 
 
 def _map_shapes(network: Callable) -> list[tuple[int, ...]]:
@@ -121,14 +137,15 @@ def _map_shapes(network: Callable) -> list[tuple[int, ...]]:
         network,
         jax.ShapeDtypeStruct((SIDE, SIDE, 3), jnp.float32),
     )
-    shapes = [each.shape for each in maps]
-    for shape in shapes:
-        if len(shape) != 3 or shape[0] != shape[1] or SIDE % shape[0]:
+    for each in maps:
+        shape = getattr(each, "shape", ())
+        if len(shape) != 3 or shape[0] != shape[1] or SIDE % max(shape[0], 1):
+            shown = list(shape) if hasattr(each, "shape") else type(each).__name__
             raise InputError(
-                f"the network makes {list(shape)} of a window [{SIDE}, {SIDE}, 3]; return maps "
-                f"[h, h, C] whose h divides {SIDE}."
+                f"the network makes {shown} of a window [{SIDE}, {SIDE}, 3]; return a map "
+                f"[h, h, C] whose h divides {SIDE}, or a tuple of maps."
             )
-    return shapes
+    return [each.shape for each in maps]
 
 
 def _grid(shape: tuple[int, ...]) -> tuple[int, int]:

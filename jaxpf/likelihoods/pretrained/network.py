@@ -117,7 +117,8 @@ def efficientnet_lite0(path: str | os.PathLike[str] | None = None) -> EfficientN
     Raises:
         InputError: the package is missing, or the file lacks an array.
     """
-    weights = read_weights(package_file() if path is None else path)
+    path = package_file() if path is None else path
+    weights = read_weights(path)
 
     def folded(prefix: str, convolution: str, norm: str) -> tuple[np.ndarray, np.ndarray]:
         """Kernel [k, k, in, out] and bias of a convolution and the normalisation after it."""
@@ -148,4 +149,12 @@ def efficientnet_lite0(path: str | os.PathLike[str] | None = None) -> EfficientN
             layers["expand"] = kernel[0, 0], bias
         blocks.append(layers)
     stem = folded("", "_conv_stem", "_bn0")
-    return jax.tree.map(jnp.asarray, EfficientNetLite0(stem=stem, blocks=tuple(blocks)))
+    network = jax.tree.map(jnp.asarray, EfficientNetLite0(stem=stem, blocks=tuple(blocks)))
+    try:
+        jax.eval_shape(network, jax.ShapeDtypeStruct((64, 64, 3), jnp.float32))
+    except (TypeError, ValueError) as error:
+        reason = " ".join(str(error).split())
+        raise InputError(
+            f"the weights '{path}' have other sizes than EfficientNet-lite0's: {reason:.100}."
+        ) from None
+    return network

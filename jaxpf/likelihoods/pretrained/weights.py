@@ -7,6 +7,7 @@ dictionaries, and nothing else.
 import collections
 import importlib.util
 import io
+import math
 import os
 import pickle
 import zipfile
@@ -81,7 +82,8 @@ class _Tensor(NamedTuple):
         """The tensor's numbers, in a storage's values ``[n]``."""
         steps = sum((n - 1) * step for n, step in zip(self.shape, self.strides, strict=True))
         is_inside = min([self.offset, *self.shape, *self.strides]) >= 0 and 0 not in self.shape
-        if not is_inside or self.offset + steps >= len(values):
+        is_whole = math.prod(self.shape) <= len(values)  # else strides repeat it
+        if not (is_inside and is_whole) or self.offset + steps >= len(values):
             raise ValueError("a tensor lies outside its storage")
         strides = [stride * values.itemsize for stride in self.strides]
         return np.lib.stride_tricks.as_strided(values[self.offset :], self.shape, strides).copy()

@@ -21,7 +21,7 @@ def zoom_of(width: float, height: float) -> float:
 
 
 def factor_of(zoom: float) -> int:
-    """How often the frame is shrunk before a window is cut, so that no pixel is skipped."""
+    """How often the frame is shrunk before a window is cut: no pixel is skipped up to scale 2."""
     return max(int(1 / zoom), 1)
 
 

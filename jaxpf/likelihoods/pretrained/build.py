@@ -138,7 +138,7 @@ def _map_shapes(network: Callable) -> list[tuple[int, ...]]:
         jax.ShapeDtypeStruct((SIDE, SIDE, 3), jnp.float32),
     )
     for each in maps:
-        shape = getattr(each, "shape", ())
+        shape: tuple[int, ...] = getattr(each, "shape", ())
         if len(shape) != 3 or shape[0] != shape[1] or SIDE % max(shape[0], 1):
             shown = list(shape) if hasattr(each, "shape") else type(each).__name__
             raise InputError(

@@ -23,8 +23,8 @@ def appearance_option() -> Any:
     """Appearance model of boxes."""
     return option(
         OPEN,
-        "Appearance model: colour (histograms), discriminative, pretrained or auto (discriminative "
-        "in video).  Discriminative learns in the start frame to distinguish each object from its "
+        "Appearance model: colour, discriminative, pretrained or auto (discriminative in video).  "
+        "Colour compares histograms; discriminative learns in the start frame to distinguish each object from its "
         "surroundings, by colours and gradients; pretrained also by the features of a small "
         "network, which lose fewer objects (pip install 'jaxpf[pretrained]').  Auto is colour in "
         "synthetic scenes.",

@@ -60,11 +60,11 @@ class Compared:
     )
     baseline: tuple[str, ...] = option(
         (),
-        "Baselines, comma-separated: mil, csrt, kcf, dlib, meanshift, still, all; "
-        "vit:NET.onnx and nano:BACKBONE.onnx:NECKHEAD.onnx of OpenCV; points: spot, flow.  "
-        "Boxes of still do not move; csrt and kcf need opencv-contrib, dlib dlib-bin; all takes "
-        "those installed for boxes.  spot: Zhang and van der Maaten 2013; flow: optical flow "
-        "(points only).",
+        "Baselines, comma-separated: mil, csrt, kcf, dlib, meanshift, still, all; points: spot, "
+        "flow.  Boxes of still do not move; csrt and kcf need opencv-contrib, dlib dlib-bin; all "
+        "takes those installed for boxes.  vit:NET.onnx and nano:BACKBONE.onnx:NECKHEAD.onnx are "
+        "OpenCV's networks, with model files of yours.  spot: Zhang and van der Maaten 2013; flow: "
+        "optical flow (points only).",
     )
 
 

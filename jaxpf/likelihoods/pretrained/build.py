@@ -54,7 +54,7 @@ def pretrained(
             ``jax.tree_util.Partial(apply, weights)``, so that the weights are not compiled in.
             By default EfficientNet-lite0, with the weights of ``jaxpf[pretrained]``.
         gain: trust in the scores, see :func:`jaxpf.likelihoods.discriminative`.
-        bands, grid: of today's features, see there.
+        bands, grid: of the usual features, see there.
         penalty: of the ridge regression, per background.
 
     Raises:

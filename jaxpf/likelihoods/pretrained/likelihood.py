@@ -93,7 +93,7 @@ class PretrainedLikelihood(Likelihood):
         zooms: [P], pixels of a window per pixel of the frame at scale 1.
         offset: [P], of the score.
         residual: [P], root mean squared residual of the regression.
-        known: the likelihood of today's features in the windows, at half their resolution.
+        known: the likelihood of the usual features in the windows, at half their resolution.
         network: function of a window, float [SIDE, SIDE, 3] from 0 to 1, that returns maps
             [h, w, C]; a pytree.
         weights: for each map, [P, rows, columns, C].

@@ -1,233 +1,23 @@
-"""Missing frames: particles move by their dynamics and are not weighted.
+"""Which frames and partitions are missing: what a user says, or frames of NaN.
 
-Filters need no code for missing frames.  A wrapper around the likelihood returns log-likelihood 0
-in a missing frame, so weights do not change, with any ordering and weighting rule.  The wrapper
-does not call the inner likelihood, so a missing frame's values do not reach its ``observe`` or any
-derivative.  If single partitions are missing, such as a landmark out of view, only their
-log-likelihoods are 0.
-
-The evidence of a missing frame is the filter's total weight.  It is 1 for most filters.  It is
-random with mean 1 if selections do not preserve it (``Soft`` gradients, ``Labelled`` with corrected
-weights), and has a derivative if the weights have one (``StopGradient``,
-``motion_gradient="score"``).  Dropping these terms would bias the evidence and its gradient.
+``jaxpf.running.gaps`` wraps a tracker so that it takes the marked frames.
 """
 
-import dataclasses
 import inspect
 import itertools
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.numbers import check_array
-from jaxpf.contract.pytree import is_concrete, pytree_dataclass
+from jaxpf.contract.pytree import is_concrete
 from jaxpf.running.chunks import come_one_by_one
-
-#: Tolerated rounding of a sum of weights, in units in the last place: enough for several stages of
-#: a million particles.
-_ROUNDING = 1000
-#: Methods of a likelihood that take an observation, beyond ``log_prob``.
-_OF_OBSERVATIONS = frozenset(
-    f"{name}{suffix}"
-    for name in ("log_joint", "log_joint_labelled", "log_odds")
-    for suffix in ("", "_all")
-)
-
-
-@pytree_dataclass
-class LikelihoodWithGaps(contract.Likelihood):
-    """A likelihood of frames ``(frame, seen)``; ``seen`` is bool ``[]``, or ``[P]`` by partition.
-
-    With ``[P]``, the inner ``log_joint`` gets ``observed=seen``.
-
-    Attributes:
-        likelihood: the inner likelihood.
-    """
-
-    likelihood: Any
-
-    def __getattr__(self, name):
-        """Optional methods, only if the inner likelihood defines them."""
-        if name.startswith("__") or name == "likelihood":
-            raise AttributeError(name)
-        inner = getattr(self.likelihood, name)
-        if name not in _OF_OBSERVATIONS:
-            return inner
-
-        def of_seen(observation, *rest):
-            observation, seen = observation
-            if not seen.ndim:
-                return _if_seen(seen, lambda: inner(observation, *rest))
-            if not name.startswith("log_odds"):
-                return inner(observation, *rest, observed=seen)
-            partition = rest[0]
-            return jnp.where(seen[partition], inner(observation, *rest), 0)
-
-        return of_seen
-
-    @property
-    def expecting(self):
-        """Forwards to the inner likelihood and wraps the result."""
-        inner = self.likelihood.expecting
-        return lambda estimates: type(self)(inner(estimates))
-
-    @property
-    def look_near(self):
-        """Looks only at frames that were seen, see ``jaxpf.contract.looked_near``."""
-        inner = self.likelihood.look_near
-
-        def of_seen(observation, estimates):
-            observation, seen = observation
-            return _if_seen(seen.any(), lambda: inner(observation, estimates)), seen
-
-        return of_seen
-
-    @property
-    def at_frame(self):
-        """Forwards to the inner likelihood and wraps the result."""
-        inner = self.likelihood.at_frame
-        return lambda time: type(self)(inner(time))
-
-    @property
-    def state_gradient(self):
-        """Forwards to the inner likelihood."""
-        return contract.has_state_gradient(self.likelihood)
-
-    @property
-    def form(self):
-        """Forwards to the inner likelihood."""
-        return getattr(self.likelihood, "form", None)
-
-    def as_seen(self, observation):
-        """See ``jaxpf.contract.as_seen``."""
-        return self.likelihood, *observation
-
-    def observe(self, frame):
-        """The inner observation of a frame, zeros if it was not seen."""
-        frame, seen = frame
-        seen = jnp.asarray(seen)
-        can_be_nan = getattr(self.likelihood, "handles_nan", False)
-
-        def without_nan(x):
-            # The compiler may compute both branches, so the unused one must not see NaN.
-            x = jnp.where(seen.any(), x, jnp.zeros_like(x))
-            is_part = seen.ndim and not can_be_nan and jnp.issubdtype(x.dtype, jnp.floating)
-            return jnp.where(jnp.isnan(x), 0, x) if is_part else x
-
-        frame = jax.tree.map(without_nan, frame)
-        return _if_seen(seen.any(), lambda: self.likelihood.observe(frame)), seen
-
-    def log_prob_all(self, observation, partition, substates):
-        """The inner log-likelihoods ``[N]``, 0 for frames or partitions that were not seen."""
-        observation, seen = observation
-
-        def inner():
-            return contract.log_prob_all(self.likelihood, observation, partition, substates)
-
-        if seen.ndim:
-            return jnp.where(contract.of_partition(seen, partition), inner(), 0)
-        return _if_seen(seen, inner)
-
-
-@pytree_dataclass
-class LikelihoodOfNoFrame(LikelihoodWithGaps):
-    """A likelihood for runs in which all frames are missing."""
-
-    def __getattr__(self, name):
-        """Optional methods of the inner likelihood; functions of an observation return 0."""
-        inner = super().__getattr__(name)
-        if name not in _OF_OBSERVATIONS:
-            return inner
-
-        def of_nothing(observation, *rest):
-            return jnp.zeros(rest[-1].shape[-1:] if name.endswith("_all") else ())
-
-        return of_nothing
-
-    @property
-    def look_near(self):
-        """Looks at nothing; only if the inner likelihood looks near estimates."""
-        _ = self.likelihood.look_near
-        return lambda observation, estimates: observation
-
-    def as_seen(self, observation):
-        """See ``jaxpf.contract.as_seen``: nothing was seen."""
-        return self.likelihood, None, np.False_
-
-    def observe(self, frame):
-        """Ignore the frame."""
-        return ()
-
-    def log_prob_all(self, observation, partition, substates):
-        """0 for every particle, ``[N]``."""
-        return jnp.zeros(substates.shape[-1:], substates.dtype)
-
-
-@pytree_dataclass
-class WithGaps(contract.Tracker):
-    """A tracker of frames ``(frame, seen)``; ``seen`` is bool ``[]`` or ``[P]``.
-
-    In a missing frame, ``log_evidence`` is the filter's log total weight, exactly 0 if it is 0 by
-    construction, and confidence does not change.
-
-    Attributes:
-        tracker: has a ``likelihood``, or a ``tracker`` that has one.
-    """
-
-    tracker: Any
-
-    _wraps = LikelihoodWithGaps
-
-    @property
-    def num_partitions(self) -> int:
-        """Number of partitions of the tracker, P."""
-        return self.tracker.num_partitions
-
-    def init(self, key):
-        """Return the tracker's initial state."""
-        return self.tracker.init(key)
-
-    def observe(self, frame):
-        """Return the tracker's observation of a frame, and whether it was seen."""
-        inner = contract.changed_inside(self.tracker, "likelihood", self._wraps)
-        return contract.observed_apart(inner)[0](frame), jnp.asarray(frame[1])
-
-    def step_observed(self, key, state, observation):
-        """Return the tracker's next state and summary."""
-        observation, seen = observation
-        step = contract.observed_apart(
-            contract.changed_inside(self.tracker, "likelihood", self._wraps)
-        )[1]
-        state, summary = step(key, state, observation)
-        totals = {
-            name: _without_rounding(getattr(summary, name), seen.any())
-            for name in ("log_evidence", "label_log_evidence")
-            if getattr(summary, name, None) is not None
-        }
-        return state, dataclasses.replace(summary, **totals) if totals else summary
-
-
-@pytree_dataclass
-class WithoutFrames(WithGaps):
-    """A tracker of missing frames ``(anything, False)``."""
-
-    _wraps = LikelihoodOfNoFrame
-
-
-def _without_rounding(log_total: jax.Array, seen: jax.Array) -> jax.Array:
-    """Round log total weights of missing frames to 0 if they are 0 up to rounding.
-
-    Keeps the derivative, which may be random even if the value is not.
-    """
-    is_one = ~seen & (jnp.abs(log_total) < _ROUNDING * jnp.finfo(log_total.dtype).eps)
-    zero = jnp.where(is_one, log_total, 0.0)
-    return jnp.where(is_one, zero - lax.stop_gradient(zero), log_total)
+from jaxpf.running.gaps import OF_OBSERVATIONS, WithGaps
 
 
 def marked(tracker: Any, frames: Any, observed: Any = None, first: int = 0) -> tuple[Any, Any]:
@@ -382,15 +172,6 @@ def _check_nan(tracker: Any, frames: Any, seen: Any, first: int) -> None:
             )
 
 
-def _if_seen(seen: jax.Array, compute: Callable[[], Any]) -> Any:
-    """``compute()`` if seen, else zeros of the same shapes."""
-
-    def zeros() -> Any:
-        return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(compute))
-
-    return lax.cond(seen, compute, zeros)
-
-
 def _can_have_gaps(tracker: Any) -> bool:
     return hasattr(tracker, "likelihood") or (
         hasattr(tracker, "tracker") and _can_have_gaps(tracker.tracker)
@@ -424,7 +205,7 @@ def _check_parts(tracker: Any) -> None:
             "target would upset; give observed for whole frames, [T]."
         )
     likelihood = tracker.likelihood
-    for name in _OF_OBSERVATIONS:
+    for name in OF_OBSERVATIONS:
         joint = getattr(likelihood, name, None)
         takes = joint is None or "observed" in inspect.signature(joint).parameters
         if name.startswith("log_joint") and not takes:

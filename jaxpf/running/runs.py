@@ -14,7 +14,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.recognised import recognised
 from jaxpf.lowering.programs import compiled
-from jaxpf.running import missing_frames
+from jaxpf.running import gaps, missing_frames
 from jaxpf.running.checks import as_arrays, check_frames, check_order, check_run, warn_if_nan
 from jaxpf.running.chunks import come_one_by_one
 
@@ -54,7 +54,7 @@ def run(
             of the shape of ``frames``, false for a missing component, with a likelihood that
             handles NaN, such as ``jaxpf.likelihoods.Gaussian``.  By default, float frames that are
             entirely NaN are missing.  The log-evidence increment of
-            a missing frame is 0, unless it is random (``jaxpf.running.missing_frames``).
+            a missing frame is 0, unless it is random (``jaxpf.running.gaps``).
         state: state after the previous frames, to resume; None starts with ``tracker.init``.
             It must say its ``time``, see ``jaxpf.contract.Tracker``.
         inputs: known inputs of these frames, a pytree of arrays ``[T, ...]``; functions of
@@ -122,7 +122,7 @@ def forecast(
     first = check_resumed(tracker, key, state, record)
     nothing = np.zeros(steps, bool)
     tracker = with_inputs(tracker, inputs, nothing, first)
-    blind = missing_frames.WithoutFrames(tracker)
+    blind = gaps.WithoutFrames(tracker)
     record = recognised("record", record)
     return run_compiled(blind, key, (nothing, nothing), record, state)
 

@@ -14,7 +14,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array, check_whole
 from jaxpf.contract.state import ParticleState
 from jaxpf.lowering.programs import compiled
-from jaxpf.running.missing_frames import WithoutFrames
+from jaxpf.running.gaps import WithoutFrames
 from jaxpf.running.runs import as_key, check_resumed, init, one_run, summary_only, with_inputs
 
 

@@ -33,7 +33,7 @@ from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import sanitised
 from jaxpf.lowering import platform
 from jaxpf.lowering.prefix import running_sum
-from jaxpf.running import missing_frames
+from jaxpf.running import gaps, missing_frames
 
 #: Array size in a pass over particles and trajectories: fits into a core's cache, or a small part
 #: of an accelerator's memory.
@@ -114,7 +114,7 @@ class SeenMoves(contract.DynamicsWithDensity):
         model = missing_frames.unmarked(tracker, frames)[0]
         likelihood = model.likelihood
         if tracker is not model:
-            likelihood = missing_frames.LikelihoodWithGaps(likelihood)
+            likelihood = gaps.LikelihoodWithGaps(likelihood)
         return cls(model.dynamics, likelihood, lax.map(likelihood.observe, frames))
 
     def at_frame(self, time):

@@ -30,7 +30,7 @@ from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.refusals import biased_evidence, poisoned
 from jaxpf.lowering import platform
 from jaxpf.lowering.programs import compiled
-from jaxpf.running import missing_frames
+from jaxpf.running import gaps, missing_frames
 from jaxpf.running.checks import as_arrays, check_run
 from jaxpf.smoothing.genealogy import draw_paths
 from jaxpf.smoothing.groups import check_genealogy, sees_previous
@@ -207,7 +207,7 @@ class _Model(NamedTuple):
             record, halves = _keep_ancestors, 2 if sees_previous(tracker) else 1
         tracker = contract.with_inputs(tracker, inputs)
         if self.has_gaps:
-            tracker = missing_frames.WithGaps(tracker)
+            tracker = gaps.WithGaps(tracker)
         times = np.arange(running.num_frames(frames))
 
         def step(state, item):

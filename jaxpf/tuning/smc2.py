@@ -27,7 +27,7 @@ from jaxpf.contract.refusals import biased_evidence, poisoned
 from jaxpf.contract.state import moments
 from jaxpf.lowering.programs import compiled
 from jaxpf.resampling.weighted import ancestors
-from jaxpf.running import missing_frames
+from jaxpf.running import gaps, missing_frames
 from jaxpf.running.checks import as_arrays, check_run
 from jaxpf.tuning.in_pieces import LongScans, Progress
 from jaxpf.tuning.objectives import keep_log_evidence
@@ -143,7 +143,7 @@ class _Filters(NamedTuple):
         if self.num_particles is not None:
             tracker = dataclasses.replace(tracker, num_particles=self.num_particles)
         tracker = contract.with_inputs(tracker, inputs)
-        return missing_frames.WithGaps(tracker) if self.has_gaps else tracker
+        return gaps.WithGaps(tracker) if self.has_gaps else tracker
 
 
 class _Draws(NamedTuple):

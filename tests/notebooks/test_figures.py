@@ -380,3 +380,9 @@ def test_figures_of_questions_and_tasks():
         "../../CHANGELOG.md": f"at least a factor of {least_factor()} wide either way",
     }.items():
         assert words in prose(read(SITE / page)), page
+
+
+def test_where_pretrained_features_lose_more():
+    pets = (by_clip(name, "overlap")["pets09_first400"] for name in ("pretrained", "default"))
+    words = "it loses more ({:.3f} for {:.3f} on one of the clips)".format(*pets)
+    assert words in prose(read(SITE / "howto" / "pretrained.md"))

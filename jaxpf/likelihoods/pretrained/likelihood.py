@@ -25,26 +25,25 @@ import numpy as np
 from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass, static_field
-from jaxpf.likelihoods.color import check_frame
 from jaxpf.likelihoods.discriminative.cells import Boxes
 from jaxpf.likelihoods.discriminative.levels import shrunk
 from jaxpf.likelihoods.discriminative.likelihood import (
+    LARGEST,
     LEAST_RESIDUAL,
     DiscriminativeLikelihood,
+    best_beside,
+    check_size,
     clipped,
+    grid_places,
 )
 from jaxpf.likelihoods.pretrained.cells import score_in_boxes, score_table
 from jaxpf.likelihoods.pretrained.windows import SIDE, halved, window_around
 from jaxpf.lowering.branches import one_by_one
 
-#: Rows and columns of the grid of places elsewhere in a window.
-_PLACES = 12
 #: Of the log odds: slope, share of the best score elsewhere, and the score at which they are zero.
 _ODDS = 19.0, 0.25, 0.22
-#: Error of the place, in sizes of the object, and of the size's logarithm.
-_SLIP, _OF_SIZE = 0.1, 0.3
-#: Largest scale of a box.
-_LARGEST = 8.0
+#: Error of the place, in sizes of the object.
+_SLIP = 0.1
 
 
 class Seen(NamedTuple):
@@ -130,7 +129,8 @@ class PretrainedLikelihood(Likelihood):
         frames in which the object is followed.
         """
         side = jnp.sqrt(jnp.prod(jnp.asarray(self.sizes), axis=1))
-        return jnp.stack([_SLIP * side, _SLIP * side, jnp.full_like(side, _OF_SIZE)], axis=1)
+        of_size = jnp.full_like(side, DiscriminativeLikelihood.model_error[2])
+        return jnp.stack([_SLIP * side, _SLIP * side, of_size], axis=1)
 
     def observe(self, frame):
         """The frame, shrunk for the windows that are cut from it by :meth:`look_near`.
@@ -141,13 +141,7 @@ class PretrainedLikelihood(Likelihood):
         Raises:
             InputError: the frame has another shape or dtype.
         """
-        check_frame(frame)
-        if tuple(frame.shape[:2]) != self.frame_shape:
-            (height, width), (rows, columns) = frame.shape[:2], self.frame_shape
-            raise InputError(
-                f"a frame of {width} x {height} pixels does not match the start frame of "
-                f"{columns} x {rows}, from which appearance was learned; bring all to one size."
-            )
+        check_size(frame, self.frame_shape)
         return {factor: shrunk(jnp.asarray(frame), factor) for factor in set(self.factors)}
 
     def look_near(self, pictures, estimates):
@@ -164,7 +158,7 @@ class PretrainedLikelihood(Likelihood):
         is_known = jnp.all(jnp.isfinite(estimates), axis=1)
         middle = jnp.asarray(self.frame_shape[::-1], dtype) / 2
         centres = jnp.where(is_known[:, None], estimates[:, :2], middle)
-        scale = jnp.where(is_known, jnp.clip(estimates[:, 2], 1 / _LARGEST, _LARGEST), 1)
+        scale = jnp.where(is_known, jnp.clip(estimates[:, 2], 1 / LARGEST, LARGEST), 1)
         zooms = jnp.asarray(self.zooms, dtype) / scale
         layers = list(zip(self.middles, self.spreads, self.weights, strict=True))
         order: list[int] = []
@@ -204,7 +198,7 @@ class PretrainedLikelihood(Likelihood):
         sharpness = jnp.asarray(self.gain, dtype) / residual
         score = clipped(self.scores_all(observation, partition, substates))
         width, height = (jnp.asarray(self.sizes, dtype)[partition] * substates[2][:, None]).T
-        valid = (width >= 1) & (height >= 2) & (substates[2] <= _LARGEST)
+        valid = (width >= 1) & (height >= 2) & (substates[2] <= LARGEST)
         log_prob = jnp.where(valid, sharpness[partition] * score, -jnp.inf)
         return jnp.where(jnp.all(jnp.isfinite(substates), axis=0), log_prob, jnp.nan)
 
@@ -255,25 +249,17 @@ class PretrainedLikelihood(Likelihood):
         Returns:
             [N].
         """
-        score, best = self.score_and_rival(observation, partition, substates)
-        slope, share, level = _ODDS
-        return slope * (score - share * best - level)
-
-    def score_and_rival(self, observation, partition, substates):
-        """Scores [N] of estimates, and the best beside them in their windows, [N], at least 0."""
         dtype, count = substates.dtype, len(partition)
-        places = (jnp.arange(_PLACES, dtype=dtype) + 0.5) / _PLACES - 0.5
-        v, u = jnp.meshgrid(places, places, indexing="ij")
-        steps = jnp.stack([u.ravel(), v.ravel()])[:, None] * SIDE
+        steps = (grid_places((SIDE, SIDE), dtype) - SIDE / 2)[:, None]
         zoom = observation.zooms.astype(dtype)[partition]
-        centres = observation.centres.astype(dtype)[partition].T[..., None] + steps / zoom[:, None]
-        scales = jnp.broadcast_to(substates[2][:, None], centres.shape[1:])
-        every = jnp.concatenate(
-            [substates[:3, :, None], jnp.stack([*centres, scales])[:, :, :]], -1
-        )
+        places = observation.centres.astype(dtype)[partition].T[..., None] + steps / zoom[:, None]
+        scales = jnp.broadcast_to(substates[2][:, None], places.shape[1:])
+        elsewhere = jnp.concatenate([places, scales[None]])
+        every = jnp.concatenate([substates[:3, :, None], elsewhere], axis=-1)
         numbers = jnp.repeat(partition, every.shape[-1])
         score = clipped(self.scores_all(observation, numbers, every.reshape(3, -1)))
         score = score.reshape(count, -1)
         size = jnp.asarray(self.sizes, dtype)[partition].T * substates[2]
-        beside = jnp.any(jnp.abs(centres - substates[:2, :, None]) > size[..., None], axis=0)
-        return score[:, 0], jnp.max(jnp.where(beside, score[:, 1:], 0.0), axis=1)
+        best = best_beside(score[:, 1:], places, substates, size)
+        slope, share, level = _ODDS
+        return slope * (score[:, 0] - share * best - level)

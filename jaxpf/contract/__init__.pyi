@@ -4,7 +4,6 @@ from .calls import (
     changed_inside as changed_inside,
     check_uncoupled as check_uncoupled,
     draws_independently as draws_independently,
-    expecting as expecting,
     first_motion as first_motion,
     frame_of as frame_of,
     handles_nan as handles_nan,
@@ -22,12 +21,9 @@ from .calls import (
     log_label as log_label,
     log_odds_all as log_odds_all,
     log_prob_all as log_prob_all,
-    looked_near as looked_near,
-    looks_near as looks_near,
     method_of as method_of,
     model_error as model_error,
     moments as moments,
-    observe_nearby as observe_nearby,
     observed_apart as observed_apart,
     of_frame as of_frame,
     of_partition as of_partition,
@@ -50,6 +46,12 @@ from .interface import (
     Likelihood as Likelihood,
     Proposal as Proposal,
     Tracker as Tracker,
+)
+from .near import (
+    expecting as expecting,
+    looked_near as looked_near,
+    looks_near as looks_near,
+    observe_nearby as observe_nearby,
 )
 from .pytree import (
     as_array as as_array,

@@ -1,4 +1,4 @@
-"""How the library calls what users write: optional methods are looked up here and nowhere else."""
+"""How the library calls what users write: optional methods are looked up here and in ``near``."""
 
 import copy
 from collections.abc import Callable
@@ -57,16 +57,6 @@ def moments(tracker: Any, values: Any) -> Any:
 def states(tracker: Any, substates: Any) -> Any:
     """Return substates ``[..., P, D]`` as the tracker's states, if those are pytrees."""
     return tracker.states(substates) if hasattr(tracker, "states") else substates
-
-
-def observe_nearby(observer: Any, frame: Any, near: Any) -> Any:
-    """The observation of some parts of a frame, by a tracker or likelihood; None if it has none.
-
-    ``observe_nearby(frame, near)`` of a likelihood takes estimates ``[P, D]``, that of a tracker
-    its state after the previous frame.  The likelihood of a substate that the parts do not show
-    is NaN, and a run repeats the step with ``observe``.
-    """
-    return observer.observe_nearby(frame, near) if hasattr(observer, "observe_nearby") else None
 
 
 def frame_of(observations: Any, place: jax.Array) -> Any:
@@ -324,37 +314,6 @@ def log_label(dynamics, new, label, substates) -> jax.Array:
     if not hasattr(dynamics, "propagate_label"):
         return jnp.where(new == label, 0.0, -jnp.inf)
     return dynamics.log_label(new, label, substates)
-
-
-def expecting(likelihood: Any, estimates: jax.Array) -> Any:
-    """Pass the filter's last estimates ``[P, D]`` to the likelihood if it defines ``expecting``.
-
-    Filters that keep an estimate call ``expecting(estimates [P, D]) -> likelihood`` once per frame;
-    there is no default.
-    """
-    return likelihood.expecting(estimates) if hasattr(likelihood, "expecting") else likelihood
-
-
-def looked_near(likelihood: Any, observation: Any, estimates: Callable[[], jax.Array]) -> Any:
-    """The observation, with what a likelihood sees only near the filter's last estimates.
-
-    A likelihood may define ``look_near(observation, estimates [P, D]) -> observation``.  Filters
-    call it once per frame and run, so that costly features are computed near the objects alone;
-    every other method then gets its result.
-
-    Args:
-        likelihood: of the filter.
-        observation: from ``observe``.
-        estimates: function that returns the estimates of the previous frame, ``[P, D]``.
-    """
-    if not looks_near(likelihood):
-        return observation
-    return likelihood.look_near(observation, lax.stop_gradient(estimates()))
-
-
-def looks_near(likelihood: Any) -> bool:
-    """Whether what a likelihood sees depends on the filter's last estimates."""
-    return hasattr(likelihood, "look_near")
 
 
 def has_log_odds(likelihood: Any) -> bool:

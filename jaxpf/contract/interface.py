@@ -41,7 +41,7 @@ observation   any pytree                                                   ``tak
 sampler       ``__call__(key) -> [P, D]``                                  ``independent``
 ============  ===========================================================  =====================
 
-Only the functions of ``jaxpf.contract.calls`` look up optional methods.
+Only the functions of ``jaxpf.contract.calls`` and ``near`` look up optional methods.
 """
 
 from typing import Any

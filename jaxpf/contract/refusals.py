@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract.calls import looks_near
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.near import looks_near
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.state import STATUS_OK, STATUS_UNSUPPORTED, Summary
 

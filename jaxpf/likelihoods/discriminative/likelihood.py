@@ -59,7 +59,7 @@ def grid_places(frame_shape: tuple[int, int], dtype: Any) -> jax.Array:
 
 
 def check_size(frame: Any, frame_shape: tuple[int, int]) -> None:
-    """Refuse what is no frame, or one of another size than the start frame.
+    """Refuse a frame of another size than the start frame.
 
     Raises:
         InputError: the frame has another shape or dtype.

@@ -1,6 +1,6 @@
 """Appearance by the features of a pretrained network, beside colours and gradients.
 
-A network that was trained to tell things apart turns a window around each object into maps.  A
+A network that was trained to classify pictures turns a window around each object into maps.  A
 box's score is linear in the maps' means over the cells of the box (``cells``) and in the usual
 features of the same window at half its resolution (``jaxpf.likelihoods.discriminative``), and is
 learned from the start frame in the same way: ridge regression on overlaps, in front of that frame's

@@ -1,0 +1,48 @@
+"""What a likelihood sees near the filter's last estimates: three optional methods."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+from jax import lax
+
+
+def observe_nearby(observer: Any, frame: Any, near: Any) -> Any:
+    """The observation of some parts of a frame, by a tracker or likelihood; None if it has none.
+
+    ``observe_nearby(frame, near)`` of a likelihood takes estimates ``[P, D]``, that of a tracker
+    its state after the previous frame.  The likelihood of a substate that the parts do not show
+    is NaN, and a run repeats the step with ``observe``.
+    """
+    return observer.observe_nearby(frame, near) if hasattr(observer, "observe_nearby") else None
+
+
+def expecting(likelihood: Any, estimates: jax.Array) -> Any:
+    """Pass the filter's last estimates ``[P, D]`` to the likelihood if it defines ``expecting``.
+
+    Filters that keep an estimate call ``expecting(estimates [P, D]) -> likelihood`` once per frame;
+    there is no default.
+    """
+    return likelihood.expecting(estimates) if hasattr(likelihood, "expecting") else likelihood
+
+
+def looks_near(likelihood: Any) -> bool:
+    """Whether what a likelihood sees depends on the filter's last estimates."""
+    return hasattr(likelihood, "look_near")
+
+
+def looked_near(likelihood: Any, observation: Any, estimates: Callable[[], jax.Array]) -> Any:
+    """The observation, with what a likelihood sees only near the filter's last estimates.
+
+    A likelihood may define ``look_near(observation, estimates [P, D]) -> observation``.  Filters
+    call it once per frame and run, so that costly features are computed near the objects alone;
+    every other method then gets its result.
+
+    Args:
+        likelihood: of the filter.
+        observation: from ``observe``.
+        estimates: function that returns the estimates of the previous frame, ``[P, D]``.
+    """
+    if not looks_near(likelihood):
+        return observation
+    return likelihood.look_near(observation, lax.stop_gradient(estimates()))

@@ -197,6 +197,13 @@ def multiplied(log_weights: jax.Array, log_factor: jax.Array) -> tuple[jax.Array
     return jnp.where(possible, weighted, logs.normalised(log_weights)[0]), totals
 
 
+def looked_near(tracker: Any, state: FactoredState, observation: Any) -> Any:
+    """The observation near the estimates of a state, see ``jaxpf.contract.looked_near``."""
+    return contract.looked_near(
+        tracker.likelihood, observation, lambda: means(state.log_weights, state.lagged[0]).T
+    )
+
+
 def means(log_weights: jax.Array, values: jax.Array) -> jax.Array:
     """Weighted means ``[D, P]`` of ``[D, P, N]``; particles of zero weight may hold NaN."""
     return moments(values, jnp.exp(log_weights), _weighted_sum)[0]

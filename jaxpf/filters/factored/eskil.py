@@ -125,11 +125,7 @@ class Eskil(contract.Tracker):
     ) -> tuple[FactoredState, Summary]:
         """Advance by one observed frame; see the class."""
         chex.assert_shape(state.log_weights, (None, self.num_particles * self.upsampling))
-        observation = contract.looked_near(
-            self.likelihood,
-            observation,
-            lambda: cloud.means(state.log_weights, state.lagged[0]).T,
-        )
+        observation = cloud.looked_near(self, state, observation)
         motion = state.history
         sample_key, simulate_key, move_key = jax.random.split(key, 3)
         lagged, log_weights = cloud.survivors(self, sample_key, state)

@@ -11,7 +11,6 @@ import chex
 import jax
 import jax.numpy as jnp
 
-from jaxpf import contract
 from jaxpf.contract import Tracker
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.options import check_declared
@@ -94,11 +93,7 @@ class PFFL(Tracker):
     ) -> tuple[FactoredState, Summary]:
         """Advance by one observed frame; see the class."""
         chex.assert_shape(state.log_weights, (None, self.num_particles * self.upsampling))
-        observation = contract.looked_near(
-            self.likelihood,
-            observation,
-            lambda: cloud.means(state.log_weights, state.lagged[0]).T,
-        )
+        observation = cloud.looked_near(self, state, observation)
         sample_key, simulate_key, choose_key, move_key = jax.random.split(key, 4)
         lagged, log_weights = state.lagged, state.log_weights
         if self.upsampling > 1 or self.form == "literal":

@@ -85,6 +85,7 @@ def test_tuning_by_an_evidence_of_no_use_is_refused(cause):
     assert refuse(BIASED["literal"], tuning=True) is None  # vanishes with more particles
 
 
+@pytest.mark.slow
 def test_the_error_of_a_grossly_biased_evidence_is_not_known():
     frame = np.zeros((2, 1), np.float32)
 

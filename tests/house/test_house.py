@@ -73,7 +73,9 @@ def only_estimate(state, summary):
     return summary.estimate
 
 
-@pytest.mark.parametrize("sizes", [[8], [0, 3, 4, 1], [8, 0]])
+@pytest.mark.parametrize(
+    "sizes", [[0, 3, 4, 1], *(pytest.param(s, marks=pytest.mark.slow) for s in ([8], [8, 0]))]
+)
 def test_a_scheme_is_unbiased_within_components(sizes):
     """Of n slots of a component, particle i has ``n w_i`` on average, and none without weight."""
     scheme = function_of("own_resampling", "Shuffled")()
@@ -98,7 +100,12 @@ def test_a_scheme_is_unbiased_within_components(sizes):
 
 
 @pytest.mark.parametrize(
-    "kind", ["dps", "labelled", pytest.param("within labels", marks=pytest.mark.slow), "factored"]
+    "kind",
+    [
+        "labelled",
+        "factored",
+        *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("dps", "within labels")),
+    ],
 )
 def test_a_scheme_leaves_the_evidence_of_every_filter_unbiased(kind):
     frames = np.float32([[[0.3], [-1.0]], [[1.2], [-0.4]], [[0.1], [0.9]]])

@@ -91,6 +91,7 @@ def test_it_is_the_papers_formula_place_by_place(interpolation):
     assert close.all() if interpolation == "bilinear" else close.mean() > 0.9
 
 
+@pytest.mark.slow
 def test_five_per_cent_off_is_the_figure_of_the_design():
     # 22 x 22 x 3 = 1452 entries, each off by 5% of the mean, half up and half down.
     frame = noise()

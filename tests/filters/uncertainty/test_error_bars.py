@@ -40,7 +40,7 @@ def told(its, frames=FRAMES, **settings):
     return jax.device_get(jaxpf.run(its, KEY, frames, both)[1])
 
 
-@pytest.mark.parametrize("order", [PS, EXCHANGE])
+@pytest.mark.parametrize("order", [PS, pytest.param(EXCHANGE, marks=pytest.mark.slow)])
 def test_the_filter_answers_as_without(order):
     its = tracker(order)
     _, plain = jaxpf.run(its, KEY, FRAMES)
@@ -121,6 +121,7 @@ def test_what_is_not_known_is_not_zero():
     assert (summary.num_ancestors[-1] == 1).all()
 
 
+@pytest.mark.slow
 def test_a_lag_keeps_error_bars_alive_and_says_nothing_of_the_evidence():
     states, summary = told(tracker(num_particles=400), LONG, lag=2)
     known = np.isfinite(summary.estimate_variance)
@@ -133,6 +134,7 @@ def test_a_lag_keeps_error_bars_alive_and_says_nothing_of_the_evidence():
     np.testing.assert_array_equal(states.families[5, 2, 0, 0], two_back)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [[0, 1, 2], [2, 1, 0]])
 def test_the_stage_of_the_sharpest_likelihood_makes_most_of_the_error(order):
     noise = jnp.array([0.05, 3.0, 3.0])[:, None, None]

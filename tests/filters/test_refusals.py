@@ -187,7 +187,6 @@ def test_what_is_refused_with_an_exchange_is_fine_without():
 @every([
     (lambda: labelled(num_particles=2), "fewer than the 3 targets"),
     (lambda: labelled(weights="fair"), "choose one of equal_share, plain, corrected"),
-    (lambda: labelled(scope="all"), "choose one of across, within"),
     (lambda: labelled(feedback="speed"), "choose one of none, estimate"),
     (lambda: labelled(resampling="random"), "not a resampling scheme"),
     (lambda: labelled(gradient="soft"), "give NoGradient(), StopGradient()"),
@@ -201,10 +200,6 @@ def test_what_is_refused_with_an_exchange_is_fine_without():
     (lambda: labelled(speed=(1,), **SPEED), "one speed for each position"),
     (lambda: labelled(speed=(0, 1), **SPEED), "different coordinates"),
     (lambda: labelled(motion_gradient="score", **SPEED), "changes the move"),
-    (lambda: labelled(reseed=(1.0,) * 5), "one for each coordinate"),
-    (lambda: labelled(reseed="wide"), "reseed='wide' must be finite standard deviations"),
-    (lambda: labelled(reseed=(-1.0, 1.0)), "standard deviations >= 0"),
-    (lambda: labelled(reseed=(1.0, 1.0), weights="plain"), "equal share"),
     (lambda: labelled(population="closed"), "choose one of fixed, open"),
     (lambda: population(weights="plain"), "equal share"),
     (lambda: population(num_particles=2), "fewer than the 3 targets"),

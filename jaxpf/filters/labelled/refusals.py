@@ -17,7 +17,7 @@ from jaxpf.gradients import check_gradients
 
 def check_tracker(tracker: Any) -> None:
     """Refuse settings that cannot work or would be silently wrong."""
-    check_declared(tracker, Options, "scope", "weights", "feedback", num_particles="particles")
+    check_declared(tracker, Options, "weights", "feedback", num_particles="particles")
     check_known("population=", tracker.population, ("fixed", "open"))
     check_gradients(tracker)
     if tracker.gradient.blends or not tracker.gradient.equalises:
@@ -103,26 +103,12 @@ def _check_coordinates(tracker: Any) -> None:
 
 
 def _check_rates(tracker: Any) -> None:
-    rates, scale = tracker.regularise, tracker.reseed
+    rates = tracker.regularise
     if rates is not None and is_concrete(rates):
         wanted = "two rates above 0 and at most 1, of position and speed, or None"
         values = numbers_in("regularise", rates, wanted)
         if values.shape != (2,) or not np.all((values > 0) & (values <= 1)):
             raise InputError(f"regularise={rates} must be {wanted}.")
-    if scale is None:
-        return
-    if tracker.weights != "equal_share":
-        raise InputError(
-            f"reseed gives lost targets an equal share again, which weights={tracker.weights!r} "
-            "does not; use weights='equal_share' or reseed=None."
-        )
-    if is_concrete(scale):
-        wanted = "finite standard deviations >= 0, one for each coordinate of a substate"
-        values = numbers_in("reseed", scale, wanted)
-        dimension = None if callable(tracker.initial) else np.shape(tracker.initial)[1]
-        fits = dimension is None or values.shape[-1:] in ((), (1,), (dimension,))
-        if not fits or not np.all(np.isfinite(values) & (values >= 0)):
-            raise InputError(f"reseed={scale} must be {wanted}.")
 
 
 def check_started(summary: Any, ids: Any = None) -> None:

@@ -59,9 +59,8 @@ def pffl(**changes):
     return jaxpf.PFFL(**MODEL | changes)
 
 
-def bars(order=None, lag=3, stages=False, **changes):
-    order = ordering.ps([1, 0, 2]) if order is None else order
-    return WithErrorBars(partitioned(order, **changes), lag=lag, stages=stages)
+def bars(lag=3, **changes):
+    return WithErrorBars(partitioned(ordering.ps([1, 0, 2]), **changes), lag=lag)
 
 
 def move(key, x, p):
@@ -162,9 +161,6 @@ def test_a_wrong_ordering_is_refused(call, named):
     (lambda: partitioned(gradient=Transport(epsilon=0.0)), "Transport's epsilon=0.0"),
     (lambda: bars(lag=-1), "lag = -1"),
     (lambda: bars(lag=1.5), "lag = 1.5 must be a whole number"),
-    (lambda: bars(lag=None, stages=True), "stages=True needs a lag"),
-    (lambda: bars(EXCHANGE, stages=True), "exchanges no parts"),
-    (lambda: bars(ess_threshold=0.5, stages=True), "use ess_threshold=None or stages=False"),
     (lambda: bars(gradient=Transport()), "Transport blends"),
     (lambda: WithErrorBars(pffl()), "PFFL has not"),
     (lambda: SideBySide(partitioned(), 1), "num_runs = 1"),

@@ -197,7 +197,7 @@ def pixels(
 def _colours_in(words, substates, window):
     """Colours at the grid places of boxes (u, v, w, h, ...), [N, rows * columns, 3]."""
     u, v, width, height = substates[:4]
-    return window_colours(words, u, v, width, height, jnp.zeros_like(u), window, "nearest")
+    return window_colours(words, u, v, width, height, jnp.zeros_like(u), window)
 
 
 def _words(frame, colour):

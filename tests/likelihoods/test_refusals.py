@@ -116,7 +116,6 @@ def test_wrong_histograms_are_refused(call, named):
     (lambda: of_patch(sizes=SIZES * 0), "sizes[0] is 0 x 0 pixels"),
     (lambda: of_patch(sigma=0.0), "sigma=0.0 must be a finite number"),
     (lambda: of_patch(window=(0, 3)), "window is (0, 3)"),
-    (lambda: of_patch(interpolation="cubic"), "interpolation='cubic' is unknown"),
     (lambda: log_prob(of_patch(), 20, 20), "a substate has 2 values"),
     (lambda: patch_from_pictures([FLAT, 0 * FLAT]), "pictures[1] is black"),
     (lambda: patch_from_pictures([]), "pictures=[] must be a list with a picture"),

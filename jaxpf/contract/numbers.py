@@ -75,13 +75,11 @@ def coordinates_in(name: str, value: Any) -> tuple[int, ...]:
     return tuple(int(number) for number in numbers)
 
 
-def numbers_in(name: str, value: Any, wanted: str) -> np.ndarray:
-    """Convert the concrete ``value`` of the argument ``name`` to float64.
-
-    Raises:
-        InputError: it does not hold real numbers of the ``wanted`` shape, see ``check_array``.
-    """
-    check_array(name, value, wanted)
+def numbers_in(
+    name: str, value: Any, wanted: str, least: float = -np.inf, most: float = np.inf
+) -> np.ndarray:
+    """Convert the concrete ``value`` of the argument ``name`` to float64; see ``check_array``."""
+    check_array(name, value, wanted, least, most)
     return np.asarray(value).astype(float)
 
 

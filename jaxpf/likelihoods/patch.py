@@ -18,16 +18,18 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Likelihood
-from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_number, numbers_in
+from jaxpf.contract.numbers import FINITE, check_number, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
-from jaxpf.likelihoods._checks import check_pictures, check_window, window_sizes
+from jaxpf.likelihoods._checks import (
+    DARKEST_MEAN,
+    check_coordinates,
+    check_not_black,
+    check_pictures,
+    check_window,
+    checked_sizes,
+)
 from jaxpf.likelihoods._windows import window_colours, words_of
 from jaxpf.likelihoods.color import check_frame
-
-# Lower bound of the mean, on the scale 0 to 255, by which a window is divided: noise on black must
-# not look like contrast.
-_DARKEST_MEAN = 1.0
 
 
 @pytree_dataclass
@@ -79,11 +81,8 @@ class PatchLikelihood(Likelihood):
         Raises:
             InputError: D is below 3.
         """
-        if substates.shape[0] < 3:
-            raise InputError(
-                f"a substate has {substates.shape[0]} values: the patch likelihood takes (u, v, a) "
-                "or (u, v, a, theta, ...)."
-            )
+        wanted = "(u, v, a) or (u, v, a, theta, ...)"
+        check_coordinates(substates, "the patch likelihood", wanted, 3)
         dtype = substates.dtype
         u, v, scale = substates[0], substates[1], substates[2]
         theta = substates[3] if substates.shape[0] > 3 else jnp.zeros_like(u)
@@ -121,23 +120,18 @@ def patch(
         InputError: an argument is out of range, or a window is black.
     """
     check_frame(frame)
-    poses = numbers_in("poses", poses, "x, y, theta of every object, [>= 1, 3]").astype(np.float32)
-    if not np.isfinite(poses).all():
-        raise InputError(f"poses is {poses.tolist()}: every number must be finite.")
+    wanted = "finite x, y, theta of every object, [>= 1, 3]"
+    poses = numbers_in("poses", poses, wanted, FINITE).astype(np.float32)
     check_number("sigma", sigma, above=0)
     check_window(window, "(21, 21)")
-    sizes = window_sizes(sizes, len(poses))
+    sizes = checked_sizes("sizes", sizes, len(poses)).astype(np.float32)
     u, v, theta = jnp.asarray(poses).T
     width, height = jnp.asarray(sizes).T
     words = words_of(jnp.asarray(frame))
     seen = window_colours(words, u, v, width, height, theta, tuple(window))
-    for i, mean in enumerate(np.mean(np.asarray(seen), axis=(1, 2))):
-        if mean < _DARKEST_MEAN:
-            name = f"the window of object {i}" if names is None else names[i]
-            raise InputError(
-                f"{name} is black, its mean {mean:.2g} of 255, so nothing can be divided by it: "
-                "move or enlarge it."
-            )
+    if names is None:
+        names = [f"the window of object {i}" for i in range(len(poses))]
+    check_not_black(np.asarray(seen), names)
     return _build(_normalised(seen), sizes, sigma, window)
 
 
@@ -161,7 +155,7 @@ def patch_from_pictures(
     """
     check_pictures("pictures", pictures)
     extents = np.array([(len(picture[0]), len(picture)) for picture in pictures], np.float32)
-    sizes = window_sizes(extents if sizes is None else sizes, len(pictures))
+    sizes = checked_sizes("sizes", extents if sizes is None else sizes, len(pictures))
     references = []
     for i, (picture, extent) in enumerate(zip(pictures, extents, strict=True)):
         middle = [(*(extent / 2), 0.0)]
@@ -174,7 +168,7 @@ def patch_from_pictures(
 def _normalised(seen):
     """o / E[o] of windows [N, places, 3]."""
     mean = jnp.mean(seen, axis=(1, 2), keepdims=True)
-    return seen / jnp.maximum(mean, _DARKEST_MEAN)
+    return seen / jnp.maximum(mean, DARKEST_MEAN)
 
 
 def _build(references, sizes, sigma, window) -> PatchLikelihood:

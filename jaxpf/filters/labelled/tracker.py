@@ -14,7 +14,7 @@ from jaxpf.contract.numbers import coordinates_in
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.refusals import Bias
 from jaxpf.filters import confidence
-from jaxpf.filters.initial import as_floats, checked_initial
+from jaxpf.filters.initial import as_floats, initial_rows
 from jaxpf.filters.labelled import by_label, kernel, population
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_tracker
@@ -79,9 +79,10 @@ class Labelled(Tracker):
     motion_gradient: str = static_field(default="pathwise")
 
     def __post_init__(self):
-        initial = checked_initial(self.initial, may_be_empty=self.population != "fixed")
+        is_open = self.population != "fixed"
+        initial = initial_rows(self.initial, self.num_targets, may_be_empty=is_open)
         object.__setattr__(self, "initial", initial)
-        if self.num_targets is None and not callable(initial) and initial.ndim == 2:
+        if self.num_targets is None and not callable(initial):
             object.__setattr__(self, "num_targets", initial.shape[0])
         for name in ("position", "speed"):
             value = getattr(self, name)

@@ -34,7 +34,6 @@ UNBIASED = {
     "forest": forest(exchange_roots=False),
     "soft": partitioned(SORTED, gradient=Soft()),  # no exchange
     "labelled": Labelled(**MODEL, weights="corrected"),
-    "within": Labelled(**MODEL, scope="within"),
     "pffl": PFFL(**MODEL),
     "eskil": Eskil(**MODEL, shape="none", drift="none"),
     "proper": Eskil(**MODEL, shape="none", drift="clip", proper=True),

@@ -99,14 +99,7 @@ def test_a_scheme_is_unbiased_within_components(sizes):
     assert not offspring[:, weights == 0].any()
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [
-        "labelled",
-        "factored",
-        *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("dps", "within labels")),
-    ],
-)
+@pytest.mark.parametrize("kind", ["dps", "labelled", "factored"])
 def test_a_scheme_leaves_the_evidence_of_every_filter_unbiased(kind):
     frames = np.float32([[[0.3], [-1.0]], [[1.2], [-0.4]], [[0.1], [0.9]]])
     model = {
@@ -121,8 +114,7 @@ def test_a_scheme_leaves_the_evidence_of_every_filter_unbiased(kind):
     elif kind == "factored":
         tracker = jaxpf.PFFL(**model)
     else:
-        scope = "across" if kind == "labelled" else "within"
-        tracker = jaxpf.Labelled(weights="plain", scope=scope, **model)
+        tracker = jaxpf.Labelled(weights="plain", **model)
     times = np.arange(1, 4)
     covariance = np.minimum(times[:, None], times) + np.eye(3)
     each = [multivariate_normal.pdf(frames[:, part, 0], np.zeros(3), covariance) for part in (0, 1)]

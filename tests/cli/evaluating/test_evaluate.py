@@ -219,7 +219,7 @@ def test_help_explains_the_options_of_the_scenes_objects_and_of_the_methods():
     assert "--ess-threshold" in shown
     assert "--resampling" in shown
     assert "--drift" not in shown
-    assert "--scope" not in shown
+    assert "--feedback" not in shown
     assert "--drift" in jaxpf("tune", "distracter", "--method", "eskil", "--help-all").out
 
 

@@ -40,7 +40,7 @@ NINE = ",".join("1" * 9)
         ("{both} --method ps --order 0,x", "'0,x' is not whole numbers"),
         ("{both} -n 1", "--particles 1 is fewer than the 2 components of dps"),
         ("{both} -n 2000000000", "GB of memory, and this machine has"),
-        ("{both} --parts 17", "the box of object 1 is 12.0 pixels wide and 16.0 high"),
+        ("{both} --parts 17", "the box of object 1 is 12 pixels wide and 16 high"),
         ("{both} --scale 1,2", "holds 2 number(s); give 3 of them"),
         (f"{{both}} --relative-scale {NINE}", "is for 3 objects, and there are 2"),
         ("{both} --runs 4 --error-bars 3", "use one of them"),

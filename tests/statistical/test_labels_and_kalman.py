@@ -179,7 +179,7 @@ class Unknown(RandomWalk):
 
 
 def test_score_gradient_by_labels_of_unknown_law_is_refused():
-    with pytest.raises(InputError, match="Unknown has none; add the method log_label"):
+    with pytest.raises(InputError, match="of the dynamics, and Unknown has none"):
         jaxpf.Partitioned(
             dynamics=Unknown(1.0),
             likelihood=Together(),

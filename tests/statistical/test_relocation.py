@@ -231,7 +231,7 @@ class Sure:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"likelihood": Sure()}, "Sure has no log_odds"),
+        ({"likelihood": Sure()}, "log_odds of the likelihood, and Sure has none"),
         ({"dynamics": Coupled()}, "Coupled moves a partition by all the others"),
         ({"parents": (-1, 0)}, "relocation does not work with a part tree"),
         ({"gradient": jaxpf.gradients.Soft()}, "relocation does not work with gradient Soft"),

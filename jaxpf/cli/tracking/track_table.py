@@ -1,5 +1,6 @@
 """tracks.csv: one row per frame and object, for every kind of target."""
 
+import array
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -62,6 +63,8 @@ class Tracks:
         self._target, self._shown_at = scene.target, scene.shown_at
         self._waiting: list[Record] = []
         self._columns: list[str] = []
+        self._ids: list[Any] = []
+        self._numbers = array.array("d")
 
     def __call__(self, record: "Record") -> None:
         """Write the rows of a frame."""
@@ -74,9 +77,19 @@ class Tracks:
                 return
             self._columns = self._header(moving[0])
             self._file.write_rows([["frame", "time", "id", *self._columns]])
-        for each in self._waiting:
-            self._file.write_rows(self._rows(each))
+        rows = [row for each in self._waiting for row in self._rows(each)]
+        self._file.write_rows(rows)
+        for frame, time, name, *cells in rows:
+            self._ids.append(name)
+            self._numbers.extend([frame, float(time), *(float(cell or "nan") for cell in cells)])
         self._waiting.clear()
+
+    @property
+    def table(self) -> dict[str, np.ndarray]:
+        """The columns written so far, rounded as in the file; see ``jaxpf.boxes.read_tracks``."""
+        names = ["frame", "time", *self._columns]
+        table = dict(zip(names, np.reshape(self._numbers, (-1, len(names))).T, strict=True))
+        return table | {"frame": table["frame"].astype(int), "id": np.array(self._ids)}
 
     def _header(self, record: "Record") -> list[str]:
         places, names = record.places, [*self._target.columns]

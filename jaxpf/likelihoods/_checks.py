@@ -1,11 +1,12 @@
 """Argument checks shared by the image likelihoods."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_names
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.likelihoods.color import check_frame
 
@@ -15,6 +16,14 @@ _WIDEST = 1000
 INTERPOLATIONS = ("nearest", "bilinear")
 
 
+def shown_as(name: str, count: int, names: Sequence[str] | None = None) -> list[str]:
+    """How messages show each of ``count`` objects: by ``names``, or as entries of an argument."""
+    if names is None:
+        return [f"{name}[{i}]" for i in range(count)]
+    check_names(names, count)
+    return list(names)
+
+
 def check_window(window: Any, example: str, name: str = "window") -> None:
     """Reject a grid that is not two whole numbers from 1, columns and rows."""
     sides = window if isinstance(window, tuple | list) else ()
@@ -22,15 +31,13 @@ def check_window(window: Any, example: str, name: str = "window") -> None:
         raise InputError(f"{name} is {window!r}: give the two sides of a grid, such as {example}.")
 
 
-def window_sizes(sizes: Any, count: int) -> np.ndarray:
+def window_sizes(sizes: Any, count: int, names: Sequence[str] | None = None) -> np.ndarray:
     """Convert widths and heights ``[count, 2]``; refuse those below one pixel."""
     sizes = numbers_in("sizes", sizes, f"width and height of all objects, [{count}, 2]")
     sizes = sizes.astype(np.float32)
-    for i, (width, height) in enumerate(sizes):
+    for name, (width, height) in zip(shown_as("sizes", count, names), sizes, strict=True):
         if not (math.isfinite(width * height) and width >= 1 and height >= 1):
-            raise InputError(
-                f"sizes[{i}] is {width:g} x {height:g} pixels: use at least 1 of each."
-            )
+            raise InputError(f"{name} is {width:g} x {height:g} pixels: use at least 1 of each.")
     return sizes
 
 

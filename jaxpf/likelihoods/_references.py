@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import check_number, check_whole
+from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.ranges import check_ranges
 from jaxpf.likelihoods._checks import INTERPOLATIONS
 from jaxpf.likelihoods._sampled import LEVEL_LANES
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
@@ -56,15 +57,15 @@ def patch_histogram(patch, parts, place):
     return box_histogram(bins, np.array([0, 0, width, height], float), parts, place)
 
 
-def check_sizes(sizes, parts, name):
-    for i, (width, height) in enumerate(sizes):
+def check_sizes(sizes, parts, names):
+    for name, (width, height) in zip(names, sizes, strict=True):
         if not (math.isfinite(width) and math.isfinite(height)):
             raise InputError(
-                f"{name}[{i}] is {width} pixels wide and {height} high: both must be finite."
+                f"{name} is {width} pixels wide and {height} high: both must be finite."
             )
         if width < 1 or height < parts:
             raise InputError(
-                f"{name}[{i}] is {width} pixels wide and {height} high: use at least 1 pixel "
+                f"{name} is {width} pixels wide and {height} high: use at least 1 pixel "
                 f"of width and {parts} of height, one for each band."
             )
 
@@ -74,7 +75,7 @@ def check_settings(
     background_frames,
 ):  # fmt: skip
     """Reject invalid settings of a histogram likelihood."""
-    check_number("sharpness", sharpness, above=0)
+    check_ranges(sharpness=sharpness)
     check_known("method=", method, ("auto", *METHODS))
     check_known("interpolation=", interpolation, INTERPOLATIONS)
     check_known("form=", form, FORMS)

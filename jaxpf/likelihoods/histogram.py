@@ -24,6 +24,7 @@ from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
+from jaxpf.likelihoods._checks import shown_as
 from jaxpf.likelihoods._integral import LANES, SIMILARITIES, integral_table
 from jaxpf.likelihoods._interpolated import NEIGHBOURS, interpolated_similarity
 from jaxpf.likelihoods._references import (
@@ -215,6 +216,7 @@ def histogram(
     samples: int = 16,
     interpolation: str = "nearest",
     form: str = "exponential",
+    names: Sequence[str] | None = None,
 ) -> HistogramLikelihood:
     """Learn the likelihood of P objects from their boxes in one frame.
 
@@ -235,6 +237,7 @@ def histogram(
         form: ``"exponential"``, ``"density"`` or ``"ratio"``, see
             ``jaxpf.likelihoods.log_density``; the ratio's background is learned from
             boxes anywhere in ``frame``.
+        names: of the objects, in messages; by default their numbers.
 
     Raises:
         InputError: an argument is out of range.
@@ -242,13 +245,14 @@ def histogram(
     check_frame(frame)
     boxes = numbers_in("boxes", boxes, "x, y, w, h in pixels of every object, [>= 1, 4]")
     check_whole("parts", parts)
-    check_sizes(boxes[:, 2:], parts, "boxes")
+    names = shown_as("boxes", len(boxes), names)
+    check_sizes(boxes[:, 2:], parts, names)
     bins = np.asarray(hsv_bins(frame))
     learned = []
-    for i, box in enumerate(boxes):
+    for name, box in zip(names, boxes, strict=True):
         if not np.all(np.isfinite(box)):
-            raise InputError(f"boxes[{i}] is {box.tolist()}: every number must be finite.")
-        learned.append(box_histogram(bins, box, parts, f"boxes[{i}]"))
+            raise InputError(f"{name} is {box.tolist()}: every number must be finite.")
+        learned.append(box_histogram(bins, box, parts, name))
     return _build(
         np.array(learned), boxes[:, 2:], sharpness, method, num_particles, samples,
         bins.shape, interpolation, form, frame,
@@ -268,6 +272,7 @@ def histogram_from_patches(
     interpolation: str = "nearest",
     form: str = "exponential",
     background_frames: Any = None,
+    names: Sequence[str] | None = None,
 ) -> HistogramLikelihood:
     """Learn the likelihood of P objects from one picture of each.
 
@@ -279,6 +284,7 @@ def histogram_from_patches(
         sharpness, parts, method, num_particles, samples, interpolation, form: as in
             :func:`histogram`.
         background_frames: uint8 RGB [H, W, 3], from which ``form="ratio"`` learns the background.
+        names: of the objects, in messages; by default their numbers.
 
     Raises:
         InputError: an argument is out of range.
@@ -287,13 +293,12 @@ def histogram_from_patches(
     check_array("frame_shape", frame_shape, "height and width of a frame, [>= 2]", least=1)
     if not isinstance(patches, Sequence) or not patches:
         raise InputError("patches is empty: give one picture per object.")
-    learned = np.array(
-        [patch_histogram(patch, parts, f"patches[{i}]") for i, patch in enumerate(patches)]
-    )
+    shown = zip(patches, shown_as("patches", len(patches), names), strict=True)
+    learned = np.array([patch_histogram(patch, parts, name) for patch, name in shown])
     if sizes is None:
         sizes = [(patch.shape[1], patch.shape[0]) for patch in patches]
     sizes = numbers_in("sizes", sizes, f"width and height of every patch, [{len(patches)}, 2]")
-    check_sizes(sizes, parts, "sizes")
+    check_sizes(sizes, parts, shown_as("sizes", len(sizes), names))
     return _build(
         learned, sizes, sharpness, method, num_particles, samples, frame_shape,
         interpolation, form, background_frames,

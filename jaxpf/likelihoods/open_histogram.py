@@ -93,7 +93,7 @@ def with_object(
     check_type("likelihood", likelihood, HistogramLikelihood)
     check_whole("place", place, 0, len(likelihood.references) - 1)
     box, parts = numbers_in("box", box, "x, y, w, h in pixels, [4]"), likelihood.references.shape[1]
-    check_sizes(box[None, 2:], parts, "boxes")
+    check_sizes(box[None, 2:], parts, ["boxes[0]"])
     learned = np.zeros(likelihood.references.shape[1:])
     learned[:, :NUM_BINS] = np.sqrt(box_histogram(np.asarray(_bins(frame)), box, parts, "boxes[0]"))
     return _replaced(likelihood, place, learned, box[2:])

@@ -143,7 +143,7 @@ def patch(
     check_number("sigma", sigma, above=0)
     check_window(window, "(21, 21)")
     check_known("interpolation=", interpolation, INTERPOLATIONS)
-    sizes = window_sizes(sizes, len(poses))
+    sizes = window_sizes(sizes, len(poses), names)
     u, v, theta = jnp.asarray(poses).T
     width, height = jnp.asarray(sizes).T
     words = words_of(jnp.asarray(frame))

@@ -140,7 +140,8 @@ class Overlay:
             scene, spread = part.scene or self._scene, getattr(part.summary, "spread", None)
             if spread is None or scene.has_own_boxes or not target.has_places:
                 continue
-            centres = centres_of(target, part.places.values)
+            values = np.stack([part.places[name] for name in target.columns], axis=-1)
+            centres = centres_of(target, values)
             spread = np.hypot(spread[:, :2], scene.model_error(len(spread))[:, :2])[part.slots]
             picture = draw_spreads(picture, centres, spread, part.colours)
         return picture

@@ -18,8 +18,8 @@ from jaxpf.contract.interface import (
     DynamicsWithPrediction,
     Likelihood,
     Proposal,
-    of_shape,
 )
+from jaxpf.contract.numbers import returned
 
 #: Least log of a first-stage weight, relative to the largest.
 _LEAST_GUIDE = -30.0
@@ -162,6 +162,22 @@ def changed_inside(tracker: Any, name: str, change: Callable[[Any], Any]) -> Any
     return changed
 
 
+def check_factors(dynamics: Any, likelihood: Any, holder: str) -> None:
+    """Refuse a model that does not factor over partitions, for particles that hold one each.
+
+    Args:
+        dynamics: of the model.
+        likelihood: of the model.
+        holder: the particles, in the message.
+    """
+    check_uncoupled(dynamics, f"{holder} that hold one object each")
+    if has_log_joint(likelihood):
+        raise InputError(
+            f"{type(likelihood).__name__} weighs all objects together (log_joint), and {holder} "
+            "hold one of them each; choose method sir, ps, dps or sps (jaxpf.Partitioned)."
+        )
+
+
 def check_uncoupled(dynamics: Any, what: str | Argument) -> None:
     """Refuse coupled dynamics if ``what`` splits particles or does not keep whole states.
 
@@ -214,7 +230,7 @@ def propose_all(proposal, key, observation, partition, current, previous, parent
     """Draw substates ``[D, N]`` from the proposal, with the batched method if defined."""
     method = method_of(proposal, Proposal, "propose_all")
     new = method(key, observation, partition, current, previous, parent)
-    return of_shape(new, current.shape, proposal, "propose_all")
+    return returned(new, current.shape, f"{type(proposal).__name__}.propose_all")
 
 
 def proposal_log_density_all(

@@ -50,6 +50,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import returned
 from jaxpf.contract.pytree import compiled_alone
 
 
@@ -335,7 +336,8 @@ class Proposal:
         keys = jax.random.split(key, partition.shape[0])
 
         def propose(*arguments):
-            return of_shape(self.propose(*arguments), (current.shape[0],), self, "propose")
+            name = f"{type(self).__name__}.propose"
+            return returned(self.propose(*arguments), (current.shape[0],), name)
 
         return jax.vmap(propose, in_axes=(0, None, 0, 1, 1, 1), out_axes=1)(
             keys, observation, partition, current, previous, parent
@@ -352,21 +354,12 @@ class Proposal:
         _check_defined(self, Proposal, "log_density", "log_density_all")
 
         def log_density(*arguments):
-            return of_shape(self.log_density(*arguments), (), self, "log_density")
+            name = f"{type(self).__name__}.log_density"
+            return returned(self.log_density(*arguments), (), name)
 
         return jax.vmap(log_density, in_axes=(None, 0, 1, 1, 1, 1))(
             observation, partition, new, current, previous, parent
         )
-
-
-def of_shape(values: Any, shape: tuple[int, ...], proposal: Any, name: str) -> Any:
-    """Return what a proposal's method returns; refuse another shape than ``shape``."""
-    if jnp.shape(values) != shape:
-        raise InputError(
-            f"{type(proposal).__name__}.{name} returns shape {list(jnp.shape(values))}; return "
-            f"{list(shape)}."
-        )
-    return values
 
 
 def _check_defined(part: Any, base: type, one: str, every: str) -> None:

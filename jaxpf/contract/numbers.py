@@ -3,7 +3,7 @@
 import math
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -75,13 +75,11 @@ def coordinates_in(name: str, value: Any) -> tuple[int, ...]:
     return tuple(int(number) for number in numbers)
 
 
-def numbers_in(name: str, value: Any, wanted: str) -> np.ndarray:
-    """Convert the concrete ``value`` of the argument ``name`` to float64.
-
-    Raises:
-        InputError: it does not hold real numbers of the ``wanted`` shape, see ``check_array``.
-    """
-    check_array(name, value, wanted)
+def numbers_in(
+    name: str, value: Any, wanted: str, least: float = -np.inf, most: float = np.inf
+) -> np.ndarray:
+    """Convert the concrete ``value`` of the argument ``name`` to float64; see ``check_array``."""
+    check_array(name, value, wanted, least, most)
     return np.asarray(value).astype(float)
 
 
@@ -143,6 +141,33 @@ def plain(value: Any) -> str:
         text = f"{value:g}"
         return text if float(text) == value or math.isnan(value) else repr(value)
     return "nothing" if value is None else str(value)
+
+
+def returned(
+    value: Any, shape: Sequence[int | None] | None, function: str, wanted: str = ""
+) -> Any:
+    """Return what a user's function returned; refuse all but real numbers of the wanted shape.
+
+    Args:
+        value: traced or not.
+        shape: sizes, of which None is any; None for any shape.
+        function: its name.
+        wanted: what to return; default the shape.
+    """
+    is_number = hasattr(value, "shape") or isinstance(value, int | float | complex)
+    found, sizes = np.shape(value) if is_number else (), shape or ()
+    fits = shape is None or (
+        len(found) == len(sizes)
+        and all(want in (None, size) for want, size in zip(sizes, found, strict=True))
+    )
+    what = f"shape {list(found)}"
+    if not is_number:
+        what = "nothing" if value is None else type(value).__name__
+    elif getattr(value, "dtype", np.result_type(type(value))).kind == "c":
+        what, wanted = "complex numbers", "real ones"
+    elif fits:
+        return value
+    raise InputError(f"{function} returns {what}; return {wanted or list(sizes)}.")
 
 
 def check_together(**arrays: Any) -> None:

@@ -24,6 +24,19 @@ def checked_initial(initial: Any, may_be_empty: bool = False) -> Any:
     return initial.astype(jnp.promote_types(initial.dtype, jnp.float32))
 
 
+def initial_rows(initial: Any, count: int | None = None, may_be_empty: bool = False) -> Any:
+    """``checked_initial``, and refuse an array that is not ``[P, D]``, or has not P = ``count``."""
+    initial = checked_initial(initial, may_be_empty)
+    if not callable(initial):
+        shape = initial.shape
+        if len(shape) != 2 or 0 in shape or count not in (None, shape[0]):
+            raise InputError(
+                f"initial has shape {list(shape)}; give [{count or 'P'}, D], a row for each "
+                "partition, or a sampler key -> [P, D]."
+            )
+    return initial
+
+
 def as_floats(values: jax.Array) -> jax.Array:
     """Convert whole numbers, such as a sampler may draw, to floats."""
     if jnp.issubdtype(values.dtype, jnp.floating):
@@ -36,15 +49,10 @@ def _check(initial: Any, may_be_empty: bool) -> None:
         values = np.asarray(initial)
     except ValueError:  # rows of different lengths
         values = np.asarray(None)
-    if jnp.issubdtype(values.dtype, jnp.complexfloating):
-        raise InputError("initial holds complex numbers; give real ones.")
-    if values.dtype == bool:
-        raise InputError("initial holds truth values; give numbers, [P, D].")
-    if not jnp.issubdtype(values.dtype, jnp.number):
-        raise InputError(
-            f"initial is {type(initial).__name__}, not an array of numbers; give [P, D], or a "
-            "sampler key -> [P, D]."
-        )
+    if values.dtype.kind not in "iuf":
+        kind = {"c": "complex numbers", "b": "truth values"}.get(values.dtype.kind)
+        what = f"holds {kind}" if kind else f"is {type(initial).__name__}, not an array of numbers"
+        raise InputError(f"initial {what}; give real numbers, or a sampler key -> [P, D].")
     values = np.asarray(values, float)
     is_wrong = ~np.isfinite(values)
     if may_be_empty and values.ndim:

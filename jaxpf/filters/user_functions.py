@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import returned
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.initial import checked_initial
 from jaxpf.filters.layout import Layout
@@ -210,11 +211,7 @@ def _state(name: str, state: Any) -> Any:
     def array(value: Any) -> Any:
         if isinstance(value, int | float):
             value = np.asarray(value)
-        if not hasattr(value, "shape"):
-            raise InputError(f"{name} returns {type(value).__name__}; return arrays.")
-        if jnp.issubdtype(value.dtype, jnp.complexfloating):
-            raise InputError(f"{name} returns complex numbers; return real ones.")
-        return value
+        return returned(value, None, name, "arrays")
 
     if not jax.tree.leaves(state):
         raise InputError(f"{name} returns {type(state).__name__}; return the state.")
@@ -223,13 +220,5 @@ def _state(name: str, state: Any) -> Any:
 
 def number(name: str, value: Any) -> Any:
     """Return what a density returns; refuse what is not one real number."""
-    if value is None:
-        raise InputError(f"{name} returns nothing; return one number.")
-    if jnp.iscomplexobj(value):
-        raise InputError(f"{name} returns complex numbers; return real ones.")
-    if jnp.shape(value) != ():
-        raise InputError(
-            f"{name} returns shape {list(jnp.shape(value))}; return one number, for example the "
-            "sum of independent terms."
-        )
-    return value
+    wanted = "one number, for example the sum of independent terms"
+    return returned(value, (), name, wanted)

@@ -1,21 +1,10 @@
-"""Learn the reference histograms of boxes, and check the inputs."""
-
-import math
+"""Learn the reference histograms of boxes."""
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import check_whole
-from jaxpf.contract.ranges import check_ranges
-from jaxpf.likelihoods._checks import INTERPOLATIONS
+from jaxpf.contract.errors import InputError
 from jaxpf.likelihoods._sampled import LEVEL_LANES
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
-from jaxpf.likelihoods.distance_law import FORMS
-
-METHODS = ("integral", "sampled")
-
-#: Largest number of samples per side of a box that fits the counters of ``_sampled``.
-_MOST_SAMPLES = 500
 
 
 def used_levels(references):
@@ -55,41 +44,3 @@ def patch_histogram(patch, parts, place):
         )
     bins = np.asarray(hsv_bins(patch))
     return box_histogram(bins, np.array([0, 0, width, height], float), parts, place)
-
-
-def check_sizes(sizes, parts, names):
-    for name, (width, height) in zip(names, sizes, strict=True):
-        if not (math.isfinite(width) and math.isfinite(height)):
-            raise InputError(
-                f"{name} is {width} pixels wide and {height} high: both must be finite."
-            )
-        if width < 1 or height < parts:
-            raise InputError(
-                f"{name} is {width} pixels wide and {height} high: use at least 1 pixel "
-                f"of width and {parts} of height, one for each band."
-            )
-
-
-def check_settings(
-    sharpness, method, num_particles, samples, num_parts, interpolation, form,
-    background_frames,
-):  # fmt: skip
-    """Reject invalid settings of a histogram likelihood."""
-    check_ranges(sharpness=sharpness)
-    check_known("method=", method, ("auto", *METHODS))
-    check_known("interpolation=", interpolation, INTERPOLATIONS)
-    check_known("form=", form, FORMS)
-    if form == "ratio" and background_frames is None:
-        raise InputError(
-            "form is 'ratio', but there is no background_frames: give frames that show what "
-            "the background looks like."
-        )
-    if num_particles is not None:
-        check_whole("num_particles", num_particles)
-    check_whole("samples", samples)
-    if samples < num_parts:
-        raise InputError(
-            f"samples is {samples}, which leaves a part without samples: use {num_parts} or more."
-        )
-    if samples > _MOST_SAMPLES:
-        raise InputError(f"samples is {samples}: use at most {_MOST_SAMPLES} per side of a box.")

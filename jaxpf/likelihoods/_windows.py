@@ -17,24 +17,14 @@ def words_of(frame):
     return jnp.pad(red | green << 8 | blue << 16, 1)
 
 
-def window_colours(observation, u, v, width, height, theta, window, interpolation):
+def window_colours(observation, u, v, width, height, theta, window):
     """Colours at the grid places of every window: [N, rows * columns, 3]."""
     across, down = cell_centres(*window)
     x, y = places_in_image(across, down, u, v, width, height, *cos_sin(theta))
     num_rows, num_columns = observation.shape
 
-    def colours(row, column):
-        row = jnp.clip(row, 0, num_rows - 1).astype(jnp.int32)
-        column = jnp.clip(column, 0, num_columns - 1).astype(jnp.int32)
-        word = words_at(observation, row, column)
-        shifts = jnp.array([0, 8, 16], jnp.uint32)
-        return ((word[..., None] >> shifts) & 255).astype(x.dtype)
-
     # The table's first row and column are the black margin.
-    if interpolation == "nearest":
-        return colours(jnp.floor(y) + 1, jnp.floor(x) + 1)
-    left, top = jnp.floor(x - 0.5), jnp.floor(y - 0.5)
-    right, below = (x - 0.5 - left)[..., None], (y - 0.5 - top)[..., None]
-    upper = (1 - right) * colours(top + 1, left + 1) + right * colours(top + 1, left + 2)
-    lower = (1 - right) * colours(top + 2, left + 1) + right * colours(top + 2, left + 2)
-    return (1 - below) * upper + below * lower
+    row = jnp.clip(jnp.floor(y) + 1, 0, num_rows - 1).astype(jnp.int32)
+    column = jnp.clip(jnp.floor(x) + 1, 0, num_columns - 1).astype(jnp.int32)
+    shifts = jnp.array([0, 8, 16], jnp.uint32)
+    return ((words_at(observation, row, column)[..., None] >> shifts) & 255).astype(x.dtype)

@@ -21,27 +21,32 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Likelihood
-from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_array, check_whole, numbers_in
+from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.numbers import FINITE, check_array, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
-from jaxpf.likelihoods._checks import shown_as
+from jaxpf.contract.ranges import check_ranges
+from jaxpf.likelihoods._checks import (
+    BOXES,
+    INTERPOLATIONS,
+    check_coordinates,
+    check_pictures,
+    checked_sizes,
+    shown_as,
+)
 from jaxpf.likelihoods._integral import LANES, SIMILARITIES, integral_table
 from jaxpf.likelihoods._interpolated import NEIGHBOURS, interpolated_similarity
-from jaxpf.likelihoods._references import (
-    box_histogram,
-    check_settings,
-    check_sizes,
-    patch_histogram,
-    used_levels,
-)
+from jaxpf.likelihoods._references import box_histogram, patch_histogram, used_levels
 from jaxpf.likelihoods._sampled import group_distance, sample_table, sampled_similarity
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
-from jaxpf.likelihoods.distance_law import learn_background, log_density
+from jaxpf.likelihoods.distance_law import FORMS, learn_background, log_density
 from jaxpf.shapes.rectangles import cos_sin
 
 #: Number of runs assumed to share an integral table when the method is chosen.  It is fixed, since
 #: the choice affects results, and results must not depend on the number of runs.
 _SHARING_RUNS = 25
+METHODS = ("integral", "sampled")
+#: Largest number of samples per side of a box that fits the counters of ``_sampled``.
+_MOST_SAMPLES = 500
 
 
 @pytree_dataclass
@@ -158,7 +163,11 @@ class HistogramLikelihood(Likelihood):
         Raises:
             InputError: D is not 3 (or more, with the sampled method).
         """
-        self._check_substates(substates)
+        if self.method == "sampled":
+            wanted, most = "(u, v, a) or (u, v, a, theta, ...)", None
+        else:
+            wanted, most = "(u, v, a); for boxes that rotate choose method='sampled'", 3
+        check_coordinates(substates, f"the {self.method} histogram likelihood", wanted, 3, most)
         u, v, scale = substates[0], substates[1], substates[2]
         size = jnp.asarray(self.sizes, substates.dtype)[partition]
         width, height = size[:, 0] * scale, size[:, 1] * scale
@@ -190,19 +199,6 @@ class HistogramLikelihood(Likelihood):
         padded = jnp.pad(references, ((0, 0), (0, 0), (0, 1)))
         levels = jnp.asarray(self.levels)
         return levels, jnp.take_along_axis(padded, levels, axis=-1)
-
-    def _check_substates(self, substates):
-        length = substates.shape[0]
-        if self.method == "sampled" and length < 3:
-            raise InputError(
-                f"a substate has {length} values: the sampled histogram likelihood takes "
-                "(u, v, a) or (u, v, a, theta, ...)."
-            )
-        if self.method == "integral" and length != 3:
-            raise InputError(
-                f"a substate has {length} values: the integral histogram likelihood takes "
-                "(u, v, a); for boxes that rotate choose method='sampled'."
-            )
 
 
 def histogram(
@@ -243,16 +239,13 @@ def histogram(
         InputError: an argument is out of range.
     """
     check_frame(frame)
-    boxes = numbers_in("boxes", boxes, "x, y, w, h in pixels of every object, [>= 1, 4]")
+    boxes = numbers_in("boxes", boxes, BOXES, FINITE)
     check_whole("parts", parts)
     names = shown_as("boxes", len(boxes), names)
-    check_sizes(boxes[:, 2:], parts, names)
+    checked_sizes("boxes", boxes[:, 2:], len(boxes), parts, names)
     bins = np.asarray(hsv_bins(frame))
-    learned = []
-    for name, box in zip(names, boxes, strict=True):
-        if not np.all(np.isfinite(box)):
-            raise InputError(f"{name} is {box.tolist()}: every number must be finite.")
-        learned.append(box_histogram(bins, box, parts, name))
+    shown = zip(boxes, names, strict=True)
+    learned = [box_histogram(bins, box, parts, name) for box, name in shown]
     return _build(
         np.array(learned), boxes[:, 2:], sharpness, method, num_particles, samples,
         bins.shape, interpolation, form, frame,
@@ -281,24 +274,21 @@ def histogram_from_patches(
         sizes: [P, 2], width and height of the boxes at scale 1, pixels; by default the
             sizes of the patches.
         frame_shape: height and width of the frames to track in, for ``method="auto"``.
-        sharpness, parts, method, num_particles, samples, interpolation, form: as in
+        sharpness, parts, method, num_particles, samples, interpolation, form, names: as in
             :func:`histogram`.
         background_frames: uint8 RGB [H, W, 3], from which ``form="ratio"`` learns the background.
-        names: of the objects, in messages; by default their numbers.
 
     Raises:
         InputError: an argument is out of range.
     """
     check_whole("parts", parts)
     check_array("frame_shape", frame_shape, "height and width of a frame, [>= 2]", least=1)
-    if not isinstance(patches, Sequence) or not patches:
-        raise InputError("patches is empty: give one picture per object.")
+    check_pictures("patches", patches)
     shown = zip(patches, shown_as("patches", len(patches), names), strict=True)
     learned = np.array([patch_histogram(patch, parts, name) for patch, name in shown])
     if sizes is None:
         sizes = [(patch.shape[1], patch.shape[0]) for patch in patches]
-    sizes = numbers_in("sizes", sizes, f"width and height of every patch, [{len(patches)}, 2]")
-    check_sizes(sizes, parts, shown_as("sizes", len(sizes), names))
+    sizes = checked_sizes("sizes", sizes, len(patches), parts, names)
     return _build(
         learned, sizes, sharpness, method, num_particles, samples, frame_shape,
         interpolation, form, background_frames,
@@ -311,10 +301,18 @@ def _build(
 ) -> HistogramLikelihood:  # fmt: skip
     """Keep the bins that references use, choose the method, and make the likelihood."""
     num_objects, num_parts, _ = learned.shape
-    check_settings(
-        sharpness, method, num_particles, samples, num_parts, interpolation, form,
-        background_frames,
-    )  # fmt: skip
+    check_ranges(sharpness=sharpness)
+    check_known("method=", method, ("auto", *METHODS))
+    check_known("interpolation=", interpolation, INTERPOLATIONS)
+    check_known("form=", form, FORMS)
+    if form == "ratio" and background_frames is None:
+        raise InputError(
+            "form is 'ratio', but there is no background_frames: give frames that show what "
+            "the background looks like."
+        )
+    if num_particles is not None:
+        check_whole("num_particles", num_particles)
+    check_whole("samples", samples, num_parts, _MOST_SAMPLES)
     used = np.flatnonzero(learned.any(axis=(0, 1)))
     num_bins = -(-len(used) // LANES) * LANES
     bin_lookup = np.full(NUM_BINS, num_bins, np.int32)

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import check_type
 from jaxpf.contract.numbers import check_array, check_whole, numbers_in
+from jaxpf.likelihoods._checks import checked_sizes
 from jaxpf.likelihoods._integral import LANES
-from jaxpf.likelihoods._references import box_histogram, check_sizes
+from jaxpf.likelihoods._references import box_histogram
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
 from jaxpf.lowering.programs import compiled
@@ -93,7 +94,7 @@ def with_object(
     check_type("likelihood", likelihood, HistogramLikelihood)
     check_whole("place", place, 0, len(likelihood.references) - 1)
     box, parts = numbers_in("box", box, "x, y, w, h in pixels, [4]"), likelihood.references.shape[1]
-    check_sizes(box[None, 2:], parts, ["boxes[0]"])
+    checked_sizes("boxes", box[None, 2:], 1, parts)
     learned = np.zeros(likelihood.references.shape[1:])
     learned[:, :NUM_BINS] = np.sqrt(box_histogram(np.asarray(_bins(frame)), box, parts, "boxes[0]"))
     return _replaced(likelihood, place, learned, box[2:])

@@ -18,21 +18,18 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Likelihood
-from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import check_number, numbers_in
+from jaxpf.contract.numbers import FINITE, check_number, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.likelihoods._checks import (
-    INTERPOLATIONS,
+    DARKEST_MEAN,
+    check_coordinates,
+    check_not_black,
     check_pictures,
     check_window,
-    window_sizes,
+    checked_sizes,
 )
 from jaxpf.likelihoods._windows import window_colours, words_of
 from jaxpf.likelihoods.color import check_frame
-
-# Lower bound of the mean, on the scale 0 to 255, by which a window is divided: noise on black must
-# not look like contrast.
-_DARKEST_MEAN = 1.0
 
 
 @pytree_dataclass
@@ -48,22 +45,15 @@ class PatchLikelihood(Likelihood):
         references: [P, rows * columns, 3], r / E[r].
         sizes: [P, 2], width and height of the window at scale 1, pixels.
         window: (columns, rows) of the sampling grid.
-        interpolation: ``"nearest"`` reads one pixel per place of the grid; ``"bilinear"`` mixes
-            four, costs about four times as much, and has gradients with respect to u, v, a and
-            theta.
     """
 
     sigma: Any
     references: Any
     sizes: Any
     window: tuple[int, int] = static_field(default=(21, 21))
-    interpolation: str = static_field(default="nearest")
 
-    @property
-    def state_gradient(self) -> bool:
-        """Whether ``log_prob`` is differentiable in the substate."""
-        return self.interpolation == "bilinear"
-
+    #: Reads one pixel per place of the grid, so the value changes in steps.
+    state_gradient = False
     #: ``observe`` does not depend on parameters that tuning may change.
     fixed_observation = True
 
@@ -91,18 +81,13 @@ class PatchLikelihood(Likelihood):
         Raises:
             InputError: D is below 3.
         """
-        if substates.shape[0] < 3:
-            raise InputError(
-                f"a substate has {substates.shape[0]} values: the patch likelihood takes (u, v, a) "
-                "or (u, v, a, theta, ...)."
-            )
+        wanted = "(u, v, a) or (u, v, a, theta, ...)"
+        check_coordinates(substates, "the patch likelihood", wanted, 3)
         dtype = substates.dtype
         u, v, scale = substates[0], substates[1], substates[2]
         theta = substates[3] if substates.shape[0] > 3 else jnp.zeros_like(u)
         width, height = (jnp.asarray(self.sizes, dtype)[partition] * scale[:, None]).T
-        seen = window_colours(
-            observation, u, v, width, height, theta, self.window, self.interpolation
-        )
+        seen = window_colours(observation, u, v, width, height, theta, self.window)
         difference = jnp.asarray(self.references, dtype)[partition] - _normalised(seen)
         squares = jnp.sum(difference**2, axis=(1, 2))
         squares = squares / (difference.shape[1] * difference.shape[2])
@@ -118,7 +103,6 @@ def patch(
     *,
     sigma: float = 0.1,
     window: tuple[int, int] = (21, 21),
-    interpolation: str = "nearest",
     names: Sequence[str] | None = None,
 ) -> PatchLikelihood:
     """Learn the likelihood of P objects from their windows in one frame.
@@ -130,32 +114,25 @@ def patch(
         sizes: [P, 2], width and height of the windows, pixels.
         sigma: smaller is sharper; eskil2014 has .1 with its literal rule.
         window: columns and rows of the sampling grid (eskil2014: 21 x 21).
-        interpolation: ``"nearest"`` or ``"bilinear"``.
         names: of the windows in messages; by default their numbers.
 
     Raises:
         InputError: an argument is out of range, or a window is black.
     """
     check_frame(frame)
-    poses = numbers_in("poses", poses, "x, y, theta of every object, [>= 1, 3]").astype(np.float32)
-    if not np.isfinite(poses).all():
-        raise InputError(f"poses is {poses.tolist()}: every number must be finite.")
+    wanted = "finite x, y, theta of every object, [>= 1, 3]"
+    poses = numbers_in("poses", poses, wanted, FINITE).astype(np.float32)
     check_number("sigma", sigma, above=0)
     check_window(window, "(21, 21)")
-    check_known("interpolation=", interpolation, INTERPOLATIONS)
-    sizes = window_sizes(sizes, len(poses), names)
+    sizes = checked_sizes("sizes", sizes, len(poses), names=names).astype(np.float32)
     u, v, theta = jnp.asarray(poses).T
     width, height = jnp.asarray(sizes).T
     words = words_of(jnp.asarray(frame))
-    seen = window_colours(words, u, v, width, height, theta, tuple(window), interpolation)
-    for i, mean in enumerate(np.mean(np.asarray(seen), axis=(1, 2))):
-        if mean < _DARKEST_MEAN:
-            name = f"the window of object {i}" if names is None else names[i]
-            raise InputError(
-                f"{name} is black, its mean {mean:.2g} of 255, so nothing can be divided by it: "
-                "move or enlarge it."
-            )
-    return _build(_normalised(seen), sizes, sigma, window, interpolation)
+    seen = window_colours(words, u, v, width, height, theta, tuple(window))
+    if names is None:
+        names = [f"the window of object {i}" for i in range(len(poses))]
+    check_not_black(np.asarray(seen), names)
+    return _build(_normalised(seen), sizes, sigma, window)
 
 
 def patch_from_pictures(
@@ -164,7 +141,6 @@ def patch_from_pictures(
     *,
     sigma: float = 0.1,
     window: tuple[int, int] = (21, 21),
-    interpolation: str = "nearest",
 ) -> PatchLikelihood:
     """Learn the likelihood of P objects from one upright picture of each.
 
@@ -172,34 +148,33 @@ def patch_from_pictures(
         pictures: P pictures, uint8 RGB [h, w, 3], of any sizes.
         sizes: [P, 2], width and height of the windows at scale 1, pixels; by default the sizes
             of the pictures.
-        sigma, window, interpolation: as in :func:`patch`.
+        sigma, window: as in :func:`patch`.
 
     Raises:
         InputError: an argument is out of range, or a picture is black.
     """
     check_pictures("pictures", pictures)
-    settings: dict[str, Any] = {"sigma": sigma, "window": window, "interpolation": interpolation}
     extents = np.array([(len(picture[0]), len(picture)) for picture in pictures], np.float32)
-    sizes = window_sizes(extents if sizes is None else sizes, len(pictures))
+    sizes = checked_sizes("sizes", extents if sizes is None else sizes, len(pictures))
     references = []
     for i, (picture, extent) in enumerate(zip(pictures, extents, strict=True)):
         middle = [(*(extent / 2), 0.0)]
-        whole = patch(picture, middle, [extent], **settings, names=[f"pictures[{i}]"])
+        name = f"pictures[{i}]"
+        whole = patch(picture, middle, [extent], sigma=sigma, window=window, names=[name])
         references.append(whole.references[0])
-    return _build(jnp.stack(references), sizes, **settings)
+    return _build(jnp.stack(references), sizes, sigma, window)
 
 
 def _normalised(seen):
     """o / E[o] of windows [N, places, 3]."""
     mean = jnp.mean(seen, axis=(1, 2), keepdims=True)
-    return seen / jnp.maximum(mean, _DARKEST_MEAN)
+    return seen / jnp.maximum(mean, DARKEST_MEAN)
 
 
-def _build(references, sizes, sigma, window, interpolation) -> PatchLikelihood:
+def _build(references, sizes, sigma, window) -> PatchLikelihood:
     return PatchLikelihood(
         sigma=as_array(sigma, float),
         references=as_array(references, float),
         sizes=as_array(sizes, float),
         window=tuple(window),
-        interpolation=interpolation,
     )

@@ -35,10 +35,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Likelihood, of_partition
-from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.errors import check_known
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
-from jaxpf.likelihoods._checks import check_pictures, check_window
+from jaxpf.likelihoods._checks import check_coordinates, check_pictures, check_window
 from jaxpf.likelihoods._windows import window_colours, words_of
 from jaxpf.likelihoods.color import check_frame
 
@@ -106,11 +106,7 @@ class PixelLikelihood(Likelihood):
         Raises:
             InputError: D is below 4.
         """
-        if substates.shape[0] < 4:
-            raise InputError(
-                f"a substate has {substates.shape[0]} values: the pixel likelihood takes "
-                "(u, v, w, h, ...)."
-            )
+        check_coordinates(substates, "the pixel likelihood", "(u, v, w, h, ...)", 4)
         dtype = substates.dtype
         width, height = substates[2], substates[3]
         seen = _colours_in(observation, substates, self.window)
@@ -197,7 +193,7 @@ def pixels(
 def _colours_in(words, substates, window):
     """Colours at the grid places of boxes (u, v, w, h, ...), [N, rows * columns, 3]."""
     u, v, width, height = substates[:4]
-    return window_colours(words, u, v, width, height, jnp.zeros_like(u), window, "nearest")
+    return window_colours(words, u, v, width, height, jnp.zeros_like(u), window)
 
 
 def _words(frame, colour):

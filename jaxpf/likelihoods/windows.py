@@ -30,11 +30,14 @@ from jaxpf.contract.names import NORMS
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.contract.ranges import check_ranges
-from jaxpf.likelihoods._checks import check_pictures, check_window
+from jaxpf.likelihoods._checks import (
+    DARKEST_MEAN,
+    check_not_black,
+    check_pictures,
+    check_window,
+)
 from jaxpf.likelihoods.color import check_frame
 
-# Lower bound of the mean, of 255, by which a window is divided; as in ``patch``.
-_DARKEST_MEAN = 1.0
 #: Of the log odds: constant, and factors of log(d / e) and log(s + .05).
 _ODDS = -1.4, -1.2, -1.0
 #: The same for a single point.
@@ -147,7 +150,7 @@ class WindowLikelihood(Likelihood):
         u, v = jnp.where(finite, jnp.clip(substates[:2], -1e6, 1e6), 0.0)
         seen = _windows(observation, u, v, self.window).astype(dtype)
         mean = jnp.mean(seen, axis=(1, 2), keepdims=True)
-        seen = seen / jnp.maximum(mean, _DARKEST_MEAN)
+        seen = seen / jnp.maximum(mean, DARKEST_MEAN)
         return (jnp.asarray(self.references, dtype)[partition] - seen) ** 2, finite
 
 
@@ -193,12 +196,7 @@ def windows(
     u, v = jnp.asarray(points).T
     size = int(window[0]), int(window[1])
     seen = np.asarray(_windows(jnp.asarray(frame), u, v, size), np.float32)
-    for i, mean in enumerate(seen.mean(axis=(1, 2))):
-        if mean < _DARKEST_MEAN:
-            raise InputError(
-                f"the window of point {i} is black, its mean {mean:.2g} of 255, so nothing can be "
-                "divided by it: move the point or enlarge the window."
-            )
+    check_not_black(seen, [f"the window of point {i}" for i in range(len(points))])
     learned = _build(seen, sigma, size, norm, slip)
     neighbours, lengths = _neighbours(points, size)
     elsewhere = _matches_elsewhere(np.asarray(frame), points, np.asarray(learned.references), size)
@@ -259,7 +257,7 @@ def _matches_elsewhere(frame, points, references, window):
         for size, side in zip(blocks.shape[:2], (rows, columns), strict=True)
     )
     seen = np.moveaxis(blocks[np.ix_(top, left)], 2, -1).reshape(len(top) * len(left), -1)
-    seen = seen / np.maximum(seen.mean(axis=1, keepdims=True), _DARKEST_MEAN).astype(np.float32)
+    seen = seen / np.maximum(seen.mean(axis=1, keepdims=True), DARKEST_MEAN).astype(np.float32)
     references = references.reshape(len(references), -1).astype(np.float32)
     squares = np.sum(references**2, 1)[:, None] + np.sum(seen**2, 1) - 2 * references @ seen.T
     middles = np.stack(np.meshgrid(left + columns // 2, top + rows // 2), axis=-1).reshape(-1, 2)

@@ -123,7 +123,7 @@ def open_box_tracker(
     Args:
         frame_shape, capacity, typical_size: as in ``open_model``.
         num_particles: N, shared by all tracked objects.
-        settings: options of boxes and of the labelled filter, such as ``scale`` or ``scope``.
+        settings: options of boxes and of the labelled filter, such as ``scale`` or ``weights``.
     """
     settings["particles"] = num_particles
     check_names(settings, box_target.BOXES, LABELLED)

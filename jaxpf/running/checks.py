@@ -13,6 +13,7 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_tracker
+from jaxpf.contract.numbers import returned
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.running.chunks import come_one_by_one
 
@@ -158,7 +159,7 @@ def _check_methods(
     initial = tracker.initial
     if callable(initial):
         initial = jax.eval_shape(lambda filter_, key: filter_.initial(key), tracker, key)
-        _check(initial, (num_partitions, None), "the initial sampler", "[P, D]")
+        returned(initial, (num_partitions, None), "the initial sampler", f"[{num_partitions}, D]")
     size, kind = initial.shape[-1], initial.dtype
     substate = jax.ShapeDtypeStruct((size,), kind)
     place = jax.ShapeDtypeStruct((), jnp.int32)
@@ -203,7 +204,7 @@ def _check_methods(
             *(tracker, key, places, many, many, many),
             *others(many),
         )
-        _check(moved, many.shape, f"{dynamics}.propagate_all", "the moved substates [D, N]")
+        returned(moved, many.shape, f"{dynamics}.propagate_all", "the moved substates [D, N]")
     elif _defines(tracker.dynamics, base, "propagate"):
         moved = tried(
             tracker.dynamics,
@@ -211,7 +212,7 @@ def _check_methods(
             *(tracker, key, place, substate, substate, substate),
             *others(substate),
         )
-        _check(moved, substate.shape, f"{dynamics}.propagate", "the moved substate [D]")
+        returned(moved, substate.shape, f"{dynamics}.propagate", "the moved substate [D]")
 
     likelihood = type(tracker.likelihood).__name__
     seen = tried(
@@ -231,40 +232,19 @@ def _check_methods(
             lambda filter_, *x: contract.at_frame(filter_, 0).likelihood.log_prob_all(*x),
             *(tracker, seen, places, many),
         )
-        _check(weighed, (_TRIED,), f"{likelihood}.log_prob_all", "one number for each, [N]")
+        returned(weighed, (_TRIED,), f"{likelihood}.log_prob_all", "one number for each, [N]")
     elif _defines(tracker.likelihood, contract.Likelihood, "log_prob"):
         weighed = tried(
             tracker.likelihood,
             lambda filter_, *x: contract.at_frame(filter_, 0).likelihood.log_prob(*x),
             *(tracker, seen, place, substate),
         )
-        _check(weighed, (), f"{likelihood}.log_prob", "a single number")
+        returned(weighed, (), f"{likelihood}.log_prob", "a single number")
 
 
 def _defines(part: Any, base: type, name: str) -> bool:
     own = getattr(type(part), name, None)
     return own is not None and own is not getattr(base, name)
-
-
-def _check(returned: Any, shape: tuple[Any, ...], who: str, wanted: str) -> None:
-    if not hasattr(returned, "shape"):
-        what = "nothing" if returned is None else _a(type(returned).__name__)
-        raise InputError(f"{who} returns {what}; return {wanted}.")
-    fits = len(returned.shape) == len(shape) and all(
-        want in (None, size) for size, want in zip(returned.shape, shape, strict=True)
-    )
-    if not fits:
-        should = ", ".join("D" if size is None else str(size) for size in shape)
-        raise InputError(
-            f"{who} returns an array of shape {_shape(returned.shape)} where [{should}] was "
-            f"expected; return {wanted}."
-        )
-    if jnp.issubdtype(returned.dtype, jnp.complexfloating):
-        raise InputError(f"{who} returns complex numbers; return real ones.")
-
-
-def _shape(shape: tuple[int, ...]) -> str:
-    return f"[{', '.join(map(str, shape))}]"
 
 
 def _a(noun: str) -> str:

@@ -63,6 +63,7 @@ def whole_run(clip, start, tmp_path_factory):
     return track(clip, start, output), output
 
 
+@pytest.mark.slow
 def test_the_spread_is_drawn_around_the_contour(clip, start, tmp_path, monkeypatch):
     """A shift counts from the start contour, so it is no place in the frame."""
     drawn = []

@@ -94,9 +94,10 @@ def test_parts_are_followed_and_every_file_is_written(scene, whole_run):
     assert mean_corner_distance(scene, output) < 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
-    [(), pytest.param(("--smooth",), marks=pytest.mark.slow)],
+    [(), ("--smooth",)],
     ids=["filtered", "smoothed"],
 )
 def test_two_bodies_are_followed_in_one_run(scene, track, tmp_path_factory, tmp_path, options):

@@ -50,6 +50,7 @@ def tracked(wires):
     return tracker, np.asarray(summary.estimate)
 
 
+@pytest.mark.slow
 def test_both_wires_are_followed(wires, tracked):
     found, truth = jaxpf.contours.shapes(*tracked)[-1], wires[0].extras["outlines"][-1]
     gaps = np.linalg.norm(found[:, :, None] - truth[:, None], axis=-1).min(axis=-1).mean(axis=-1)

@@ -34,7 +34,6 @@ UNBIASED = {
     "forest": forest(exchange_roots=False),
     "soft": partitioned(SORTED, gradient=Soft()),  # no exchange
     "labelled": Labelled(**MODEL, weights="corrected"),
-    "within": Labelled(**MODEL, scope="within"),
     "pffl": PFFL(**MODEL),
     "eskil": Eskil(**MODEL, shape="none", drift="none"),
     "proper": Eskil(**MODEL, shape="none", drift="clip", proper=True),
@@ -85,6 +84,7 @@ def test_tuning_by_an_evidence_of_no_use_is_refused(cause):
     assert refuse(BIASED["literal"], tuning=True) is None  # vanishes with more particles
 
 
+@pytest.mark.slow
 def test_the_error_of_a_grossly_biased_evidence_is_not_known():
     frame = np.zeros((2, 1), np.float32)
 

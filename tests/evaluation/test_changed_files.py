@@ -21,6 +21,7 @@ def of(folder):
     return functools.partial(load_scene, source=str(folder))
 
 
+@pytest.mark.slow
 def test_edited_truth_is_refused_and_not_shown_again(folder, tmp_path):
     plan = small_plan(of(folder), methods=("sir",))
     evaluate(plan, tmp_path / "out", limits=ONE)

@@ -110,6 +110,7 @@ def test_an_error_of_the_function_reaches_the_caller_at_once():
         list(in_turn(refused, PIECES, start_two))
 
 
+@pytest.mark.slow
 def test_after_a_death_the_pool_is_replaced_and_only_pieces_in_flight_are_repeated(tmp_path):
     function = functools.partial(die_once, folder=str(tmp_path))
     pools = []

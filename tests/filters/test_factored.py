@@ -61,7 +61,14 @@ def moving(num_frames=12, step=2.0):
     return START + step * np.arange(1, num_frames + 1)[:, None, None] * np.array([1.0, 0.0])
 
 
-@pytest.mark.parametrize("name", ["auxiliary", "literal", "eskil", "proper"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "eskil",
+        "proper",
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("auxiliary", "literal")),
+    ],
+)
 def test_points_that_are_seen_are_followed(name):
     frames = moving()
     tracker = trackers()[name]

@@ -309,6 +309,7 @@ def log_evidence(values, **options):
     return jnp.sum(jaxpf.run(build(values, **options), KEY, FRAMES)[1].log_evidence)
 
 
+@pytest.mark.slow
 def test_a_sweep_is_a_vmap():
     def of(a):
         return log_evidence(VALUES | {"a": a})

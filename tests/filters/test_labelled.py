@@ -82,29 +82,6 @@ def test_one_target_gives_the_particles_of_partitioned_key_for_key(weights, sche
 
 
 @pytest.mark.slow
-def test_within_labels_equal_shares_change_nothing():
-    key = jax.random.key(0)
-    plain = run(tracker(scope="within", weights="plain"), key, FRAMES, everything)[1]
-    fair = run(tracker(scope="within"), key, FRAMES, everything)[1]
-    np.testing.assert_array_equal(fair[0].lagged, plain[0].lagged)
-    np.testing.assert_array_equal(fair[0].labels, plain[0].labels)
-    for name in ("estimate", "label_log_evidence", "log_evidence", "ess_parts"):
-        one, other = getattr(fair[1], name), getattr(plain[1], name)
-        np.testing.assert_allclose(one, other, rtol=2e-4, atol=1e-5, err_msg=name)
-    np.testing.assert_allclose(plain[1].uniqueness, 1 / 3, rtol=1e-6)
-
-
-def test_within_labels_targets_know_nothing_of_each_other():
-    key, changed = jax.random.key(0), FRAMES.copy()
-    changed[2:, 1] += 3
-    first, second = (run(tracker(scope="within"), key, x)[1] for x in (FRAMES, changed))
-    for name in ("estimate", "label_log_evidence"):
-        one, other = np.asarray(getattr(first, name)), np.asarray(getattr(second, name))
-        np.testing.assert_array_equal(one[:, [0, 2]], other[:, [0, 2]])
-        assert not np.allclose(one[2:, 1], other[2:, 1])
-
-
-@pytest.mark.slow
 def test_shares_are_fair_under_equal_share_and_drift_without():
     keys = jax.random.split(jax.random.key(0), 20)
     frames = FRAMES.copy()
@@ -157,16 +134,6 @@ def test_a_target_without_particles_is_reported_and_holds_its_estimate():
     assert not np.any(np.isnan(after.log_weights))
     # The others share what there is: no particle has weight without a label that has.
     np.testing.assert_allclose(np.exp(after.log_weights).sum(), 1, rtol=1e-5)
-
-
-def test_reseed_gives_a_lost_target_its_share_again():
-    chosen, state = without_target_1(reseed=(0.5, 0.5))
-    after, summary = step(chosen, jax.random.key(2), state, FRAMES[1])
-    assert not summary.lost.any()
-    assert summary.uniqueness[1] == pytest.approx(1 / 3)
-    distance = np.abs(np.asarray(after.substates)[:, 1] - np.asarray(state.estimate)[:, 1])
-    assert np.nanmax(distance) < 6
-    assert np.isnan(distance).all(axis=1).sum() == 40
 
 
 def test_speed_is_fed_back_as_equations_5_and_6_say():

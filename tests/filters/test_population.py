@@ -55,25 +55,17 @@ def weight_of(state):
     return np.bincount(np.asarray(state.labels), weights, minlength=4)
 
 
-SCOPES = pytest.mark.parametrize(
-    "scope", ["across", pytest.param("within", marks=pytest.mark.slow)]
-)
-
-
-@SCOPES
-def test_with_all_slots_taken_it_is_the_fixed_population_bit_for_bit(scope):
+def test_with_all_slots_taken_it_is_the_fixed_population_bit_for_bit():
     initial = some(0, 1, 2, 3)
     one, other = (
-        after_frames(tracker(initial, scope=scope, population=name), 4)[1]
-        for name in ("open", "fixed")
+        after_frames(tracker(initial, population=name), 4)[1] for name in ("open", "fixed")
     )
     for name in ("estimate", "log_evidence", "ess_parts", "label_log_evidence", "lost", "status"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 
 
-@SCOPES
-def test_empty_slots_have_no_weight_and_report_nothing(scope):
-    state, summary = after_frames(tracker(some(1, 3), scope=scope))
+def test_empty_slots_have_no_weight_and_report_nothing():
+    state, summary = after_frames(tracker(some(1, 3)))
     np.testing.assert_allclose(weight_of(state), [0, 0.5, 0, 0.5], atol=1e-5)
     assert summary.alive.tolist() == [False, True, False, True]
     assert np.isnan(summary.estimate[[0, 2]]).all()
@@ -82,8 +74,7 @@ def test_empty_slots_have_no_weight_and_report_nothing(scope):
     assert summary.status == 0
     assert summary.ess >= 1
     assert np.isfinite(summary.log_evidence)
-    if scope == "across":
-        np.testing.assert_allclose(summary.uniqueness, [0, 0.5, 0, 0.5], atol=0.05)
+    np.testing.assert_allclose(summary.uniqueness, [0, 0.5, 0, 0.5], atol=0.05)
 
 
 def test_who_ends_leaves_the_others_their_particles_and_then_his_own():
@@ -103,9 +94,8 @@ def test_who_ends_leaves_the_others_their_particles_and_then_his_own():
     np.testing.assert_allclose(summary.uniqueness, [0.5, 0, 0.5, 0], atol=0.04)
 
 
-@SCOPES
-def test_who_is_born_starts_in_his_place_with_a_fair_share(scope):
-    chosen = tracker(some(0, 2), scope=scope, scale=0.0)
+def test_who_is_born_starts_in_his_place_with_a_fair_share():
+    chosen = tracker(some(0, 2), scale=0.0)
     state, _ = after_frames(chosen)
     place = np.array([30.0, -7.0], np.float32)
     after = born(state, 3, place)
@@ -117,9 +107,8 @@ def test_who_is_born_starts_in_his_place_with_a_fair_share(scope):
     np.testing.assert_allclose(summary.estimate[3], place, rtol=1e-6)
     np.testing.assert_allclose(weight_of(later), [1 / 3, 0, 1 / 3, 1 / 3], rtol=1e-4)
     assert not later.newborn.any()
-    if scope == "across":
-        # A third of the particles at once, taken from both.
-        assert np.bincount(later.labels, minlength=4).tolist() == [20, 0, 20, 20]
+    # A third of the particles at once, taken from both.
+    assert np.bincount(later.labels, minlength=4).tolist() == [20, 0, 20, 20]
     # The others are where they would have been.
     alone, _ = step(chosen, jax.random.key(9), state, FRAMES[2])
     kept = np.asarray(later.labels) != 3
@@ -184,9 +173,8 @@ def test_births_and_deaths_compile_nothing_anew():
     assert once == len(traces) == 1
 
 
-@SCOPES
-def test_one_frame_without_likelihood_is_left_out_for_a_targets_mass(scope):
-    chosen = tracker(some(0, 1), scope=scope)
+def test_one_frame_without_likelihood_is_left_out_for_a_targets_mass():
+    chosen = tracker(some(0, 1))
     state, _ = after_frames(chosen)
     before = np.exp(state.log_mass)
     hidden = FRAMES[2].copy()
@@ -237,17 +225,3 @@ class Flat:
 
     def log_prob(self, observation, partition, substate):
         return jnp.zeros(())
-
-
-@pytest.mark.slow
-def test_a_lost_target_is_given_particles_again_where_that_is_asked_and_a_newborn_first_ones():
-    chosen = tracker(some(0, 1), reseed=(0.0, 0.0), feedback="estimate", regularise=(0.8, 0.5))
-    state, _ = after_frames(chosen)
-    frame = FRAMES[2].copy()
-    frame[1] = 1e20
-    state, summary = step(chosen, jax.random.key(5), state, frame)
-    assert summary.lost.tolist() == [False, True, False, False]
-    state, summary = step(chosen, jax.random.key(6), born(state, 3, FRAMES[3, 3]), FRAMES[3])
-    assert not summary.lost.any()
-    # The lost one has those that he kept, besides.
-    np.testing.assert_allclose(summary.uniqueness, [1 / 6, 1 / 2, 0, 1 / 3], atol=0.02)

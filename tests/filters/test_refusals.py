@@ -59,9 +59,8 @@ def pffl(**changes):
     return jaxpf.PFFL(**MODEL | changes)
 
 
-def bars(order=None, lag=3, stages=False, **changes):
-    order = ordering.ps([1, 0, 2]) if order is None else order
-    return WithErrorBars(partitioned(order, **changes), lag=lag, stages=stages)
+def bars(lag=3, **changes):
+    return WithErrorBars(partitioned(ordering.ps([1, 0, 2]), **changes), lag=lag)
 
 
 def move(key, x, p):
@@ -141,8 +140,8 @@ def test_a_wrong_ordering_is_refused(call, named):
     (lambda: partitioned(resampling="bootstrap"), "resampling='bootstrap'"),
     (lambda: partitioned(parents=(-1, 0)), "parents has 2 parts"),
     (lambda: partitioned(parents=(-1, 0, 7)), "parents[2]=7 is not a part"),
-    (lambda: partitioned(initial=np.zeros(3)), "initial has shape (3,)"),
-    (lambda: partitioned(initial=np.zeros((2, 1))), "initial has shape (2, 1)"),
+    (lambda: partitioned(initial=np.zeros(3)), "initial has shape [3]; give [3, D]"),
+    (lambda: partitioned(initial=np.zeros((2, 1))), "initial has shape [2, 1]"),
     (lambda: partitioned(num_particles=2), "num_particles=2 is fewer than the 3"),
     (lambda: partitioned(num_particles=0), "num_particles = 0 must be a whole"),
     (lambda: partitioned(parents=TREE), "order [1, 2, 0] puts part 1 before its parent 0"),
@@ -162,9 +161,6 @@ def test_a_wrong_ordering_is_refused(call, named):
     (lambda: partitioned(gradient=Transport(epsilon=0.0)), "Transport's epsilon=0.0"),
     (lambda: bars(lag=-1), "lag = -1"),
     (lambda: bars(lag=1.5), "lag = 1.5 must be a whole number"),
-    (lambda: bars(lag=None, stages=True), "stages=True needs a lag"),
-    (lambda: bars(EXCHANGE, stages=True), "exchanges no parts"),
-    (lambda: bars(ess_threshold=0.5, stages=True), "use ess_threshold=None or stages=False"),
     (lambda: bars(gradient=Transport()), "Transport blends"),
     (lambda: WithErrorBars(pffl()), "PFFL has not"),
     (lambda: SideBySide(partitioned(), 1), "num_runs = 1"),
@@ -187,12 +183,11 @@ def test_what_is_refused_with_an_exchange_is_fine_without():
 @every([
     (lambda: labelled(num_particles=2), "fewer than the 3 targets"),
     (lambda: labelled(weights="fair"), "choose one of equal_share, plain, corrected"),
-    (lambda: labelled(scope="all"), "choose one of across, within"),
     (lambda: labelled(feedback="speed"), "choose one of none, estimate"),
     (lambda: labelled(resampling="random"), "not a resampling scheme"),
     (lambda: labelled(gradient="soft"), "give NoGradient(), StopGradient()"),
     (lambda: labelled(gradient=Soft()), "use NoGradient() or StopGradient()"),
-    (lambda: labelled(initial=np.zeros(3)), "must be [L, D]"),
+    (lambda: labelled(initial=np.zeros(3)), "initial has shape [3]; give [3, D]"),
     (lambda: labelled(initial=sampler, num_targets=None), "num_targets=None"),
     (lambda: labelled(regularise=(0.0, 1.0)), "two rates above 0"),
     (lambda: labelled(regularise="fast"), "regularise='fast' must be two rates"),
@@ -201,10 +196,6 @@ def test_what_is_refused_with_an_exchange_is_fine_without():
     (lambda: labelled(speed=(1,), **SPEED), "one speed for each position"),
     (lambda: labelled(speed=(0, 1), **SPEED), "different coordinates"),
     (lambda: labelled(motion_gradient="score", **SPEED), "changes the move"),
-    (lambda: labelled(reseed=(1.0,) * 5), "one for each coordinate"),
-    (lambda: labelled(reseed="wide"), "reseed='wide' must be finite standard deviations"),
-    (lambda: labelled(reseed=(-1.0, 1.0)), "standard deviations >= 0"),
-    (lambda: labelled(reseed=(1.0, 1.0), weights="plain"), "equal share"),
     (lambda: labelled(population="closed"), "choose one of fixed, open"),
     (lambda: population(weights="plain"), "equal share"),
     (lambda: population(num_particles=2), "fewer than the 3 targets"),

@@ -73,7 +73,9 @@ def only_estimate(state, summary):
     return summary.estimate
 
 
-@pytest.mark.parametrize("sizes", [[8], [0, 3, 4, 1], [8, 0]])
+@pytest.mark.parametrize(
+    "sizes", [[0, 3, 4, 1], *(pytest.param(s, marks=pytest.mark.slow) for s in ([8], [8, 0]))]
+)
 def test_a_scheme_is_unbiased_within_components(sizes):
     """Of n slots of a component, particle i has ``n w_i`` on average, and none without weight."""
     scheme = function_of("own_resampling", "Shuffled")()
@@ -97,9 +99,7 @@ def test_a_scheme_is_unbiased_within_components(sizes):
     assert not offspring[:, weights == 0].any()
 
 
-@pytest.mark.parametrize(
-    "kind", ["dps", "labelled", pytest.param("within labels", marks=pytest.mark.slow), "factored"]
-)
+@pytest.mark.parametrize("kind", ["dps", "labelled", "factored"])
 def test_a_scheme_leaves_the_evidence_of_every_filter_unbiased(kind):
     frames = np.float32([[[0.3], [-1.0]], [[1.2], [-0.4]], [[0.1], [0.9]]])
     model = {
@@ -114,8 +114,7 @@ def test_a_scheme_leaves_the_evidence_of_every_filter_unbiased(kind):
     elif kind == "factored":
         tracker = jaxpf.PFFL(**model)
     else:
-        scope = "across" if kind == "labelled" else "within"
-        tracker = jaxpf.Labelled(weights="plain", scope=scope, **model)
+        tracker = jaxpf.Labelled(weights="plain", **model)
     times = np.arange(1, 4)
     covariance = np.minimum(times[:, None], times) + np.eye(3)
     each = [multivariate_normal.pdf(frames[:, part, 0], np.zeros(3), covariance) for part in (0, 1)]

@@ -209,6 +209,7 @@ def test_an_object_stays_before_another_background():
     np.testing.assert_array_equal(window, composed[9:39, 7:47])
 
 
+@pytest.mark.slow
 def test_what_is_learned_in_windows_is_the_regression_on_whole_frames():
     frame = blocks(3, (200, 300))
     # No edge of a cell lies half way between two lines, where it might fall on either.
@@ -229,6 +230,7 @@ def test_what_is_learned_in_windows_is_the_regression_on_whole_frames():
         )
 
 
+@pytest.mark.slow
 def test_the_score_follows_the_object_and_does_not_stay_with_the_wall_behind_it():
     shape = rows, columns = 100, 160
 

@@ -24,6 +24,7 @@ def substates_of(boxes):
     return np.column_stack([boxes[:, :2] + boxes[:, 2:] / 2, np.ones(len(boxes))])
 
 
+@pytest.mark.slow
 def test_what_the_one_in_front_takes_counts_as_background(exclusive):
     rng = np.random.default_rng(0)
     own = rng.normal(10, 8, 3)

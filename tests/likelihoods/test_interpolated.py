@@ -18,7 +18,6 @@ from jaxpf.likelihoods import (
     log_density,
     log_normaliser,
     log_tilt,
-    patch,
 )
 from jaxpf.likelihoods.distance_law import FORMS, compressed
 
@@ -39,11 +38,6 @@ def made(kind, **options):
 
 @functools.cache
 def _made(kind, float64, **options):
-    if kind == "patch":
-        poses = np.concatenate([BOXES[:, :2] + BOXES[:, 2:] / 2, np.zeros((2, 1))], axis=1)
-        return patch(
-            picture(), poses, BOXES[:, 2:], window=(9, 7), interpolation="bilinear", **options
-        )
     return histogram(
         picture(), BOXES, method=kind, samples=9, interpolation="bilinear", sharpness=3.0, **options
     )
@@ -80,16 +74,14 @@ def poses(count, dimension, seed=1):
 
 #: Particles of the tests in float64 and in float32: one program each for all tests of a case.
 MANY, SOME = 3001, 300
-CASES = [("integral", 3), ("sampled", 3), ("sampled", 4), ("patch", 3), ("patch", 4)]
+CASES = [("integral", 3), ("sampled", 3), ("sampled", 4)]
 
 
 @pytest.mark.parametrize(("kind", "dimension"), CASES)
 @pytest.mark.parametrize("form", ["exponential", pytest.param("ratio", marks=pytest.mark.slow)])
 def test_the_gradient_in_position_scale_and_angle_matches_finite_differences(kind, dimension, form):
-    if kind == "patch" and form == "ratio":
-        pytest.skip("the patch likelihood has one form")
     with jax.enable_x64(True):
-        likelihood = made(kind, **({} if kind == "patch" else {"form": form}))
+        likelihood = made(kind, form=form)
         observation = observe(likelihood, picture(2))
         partition, substates = poses(MANY, dimension)
 
@@ -165,16 +157,12 @@ def test_boxes_without_a_pixel_and_numbers_that_are_none_keep_finite_gradients(m
 
 
 def test_every_likelihood_says_whether_it_is_differentiable_in_the_state():
-    with jax.enable_x64(True):
-        of_patches = made("patch")
     assert made("integral").state_gradient
     assert made("sampled").state_gradient
-    assert of_patches.state_gradient
     assert Gaussian(noise=np.ones((1, 1, 1))).state_gradient
     assert CorrelatedGaussian(covariance=np.eye(2)).state_gradient
     whole = histogram(picture(), BOXES)
     assert not whole.state_gradient
-    assert not dataclasses.replace(of_patches, interpolation="nearest").state_gradient
     observation = observe(whole, picture(2))
     gradient = jax.jit(jax.grad(lambda x: whole.log_prob(observation, 0, x)))(
         np.array([18.3, 24.2, 1.0], np.float32)

@@ -75,6 +75,7 @@ def test_streaming_gives_what_a_run_gives(tracker, followed):
     np.testing.assert_allclose(np.stack(streamed), summary.estimate, rtol=1e-4, atol=1e-2)
 
 
+@pytest.mark.slow
 def test_a_run_has_the_same_bits_whatever_runs_beside_it(tracker):
     keys = jax.random.split(jax.random.key(3), 3)
     together = jaxpf.monte_carlo(
@@ -109,6 +110,7 @@ def test_boxes_that_cannot_be_compared(tracker):
     assert there > outside
 
 
+@pytest.mark.slow
 def test_an_object_scores_as_it_does_alone():
     """Objects of several sizes are seen in frames shrunk by several factors."""
     frame = textured(2, 320, 480)
@@ -141,6 +143,7 @@ def test_a_filter_that_gives_no_estimates_is_refused(tracker):
         )
 
 
+@pytest.mark.slow
 def test_two_boxes_on_one_object_exclude_each_other(tracker):
     """One of two boxes in one place costs nothing and gains nothing."""
     twice = np.repeat(BOXES, 2, axis=0)

@@ -163,7 +163,9 @@ def test_differences_are_covered_as_often_as_their_intervals_say(name, units):
 
 
 @pytest.mark.statistical
-@pytest.mark.parametrize("units", SIZES)
+@pytest.mark.parametrize(
+    "units", [n if n in (3, 11) else pytest.param(n, marks=pytest.mark.slow) for n in SIZES]
+)
 def test_the_same_for_the_hardest_cases_in_a_miniature(units):
     for name in ("lognormal", "few lost, pixels", "few lost, IoU", "0 or 1, .9"):
         check_single(name, units, 400)

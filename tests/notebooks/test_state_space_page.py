@@ -34,6 +34,7 @@ def test_stochastic_volatility_takes_ten_lines():
     assert sum(x.end_lineno - x.lineno + 1 for x in model) <= 10
 
 
+@pytest.mark.slow
 def test_the_calls_of_the_table_run(page):
     """Traced alone, which is quick; the notebook runs them all."""
     names = page | {"keys": jax.random.split(page["key"], 3)}

@@ -279,9 +279,8 @@ def test_hidden_shares_follow_the_overlap():
     assert case.farther in (0, 1)
 
 
-@pytest.mark.parametrize(
-    "method", [pytest.param(toy.CONVENTIONAL, marks=pytest.mark.slow), toy.BRANCHED]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("method", [toy.CONVENTIONAL, toy.BRANCHED])
 def test_the_steps_of_the_toy_are_the_filters_own(method):
     tracker, key = toy.tracker_of(method), jax.random.key(5)
     init_key, step_key = jax.random.split(key)

@@ -26,7 +26,9 @@ PLACES = np.array([[40.5, 40.5], [70.5, 45.5], [55.5, 75.5]])
 FRAMES = np.stack([np.roll(PICTURE, 2 * t, axis=1) for t in range(1, 9)])
 
 
-@pytest.mark.parametrize("method", ["eskil", "pffl", "ps", "sps"])
+@pytest.mark.parametrize(
+    "method", ["ps", "sps", *(pytest.param(n, marks=pytest.mark.slow) for n in ("eskil", "pffl"))]
+)
 def test_every_filter_follows_points(method):
     tracker = jaxpf.points.tracker(PICTURE, PLACES, method=method, diffusion=3.0)
     _, summary = jaxpf.run(tracker, jax.random.key(0), FRAMES)
@@ -146,6 +148,7 @@ def face():
     return scenes.make("face", seed=0, num_frames=2, frame_width=640, frame_height=400)
 
 
+@pytest.mark.slow
 def test_the_target_starts_from_a_scene(face):
     assert POINTS.fits_scene(face)
     start = POINTS.scene_start(face)

@@ -79,6 +79,7 @@ def widths(monkeypatch):
     return tried
 
 
+@pytest.mark.slow
 def test_a_block_is_halved_when_memory_runs_out(widths):
     found = jaxpf.monte_carlo(model(), KEYS, iter(Y), frames_per_chunk=2)
     assert widths[:3] == [[(1, 7)], [(3, 3)], [(3, 3)]]  # the second chunk needs no attempt

@@ -90,11 +90,11 @@ def test_what_is_right_passes():
 @pytest.mark.parametrize(
     ("made", "sentence"),
     [
-        ({"likelihood": Near("each")}, "Near.log_prob returns an array of shape [2] where [] was"),
+        ({"likelihood": Near("each")}, "Near.log_prob returns shape [2]; return a single number."),
         ({"likelihood": Near("nothing")}, "Near.log_prob returns nothing; return a single number."),
         ({"likelihood": Near("complex")}, "returns complex numbers; return real ones."),
-        ({"dynamics": Drift("longer")}, "of shape [3] where [2] was expected; return the moved"),
-        ({"dynamics": Drift("one")}, "of shape [] where [2] was expected; return the moved"),
+        ({"dynamics": Drift("longer")}, "returns shape [3]; return the moved"),
+        ({"dynamics": Drift("one")}, "returns shape []; return the moved"),
         ({"dynamics": Drift("nothing")}, "Drift.propagate returns nothing; return the moved"),
         ({"dynamics": Drift("complex")}, "Drift.propagate returns complex numbers"),
         ({"likelihood": NoPytree()}, "likelihood is a NoPytree, which is no pytree; decorate the"),
@@ -105,7 +105,7 @@ def test_what_is_right_passes():
         ),
         (
             {"initial": jax.tree_util.Partial(lambda key: jnp.zeros(2))},
-            "the initial sampler returns an array of shape [2] where [2, D] was expected",
+            "the initial sampler returns shape [2]; return [2, D].",
         ),
     ],
 )

@@ -112,6 +112,7 @@ def test_smoothing_with_a_lag_reads_the_rows_of_its_blocks():
     np.testing.assert_allclose(one, other, atol=0.2)
 
 
+@pytest.mark.slow
 def test_the_posterior_of_the_gain_of_an_input():
     def prior(p):
         return jax.scipy.stats.norm.logpdf(p, 1.0, 1.0)

@@ -26,6 +26,7 @@ def walk(**changes):
     return jaxpf.state_space(**settings | changes)
 
 
+@pytest.mark.slow
 def test_moments_of_simulated_parts_are_those_of_the_model():
     """Second moments of the observations of a part tree; those of the states differ."""
     its = problem(TREE)

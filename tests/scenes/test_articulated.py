@@ -100,6 +100,7 @@ def test_neighbouring_parts_look_different():
             assert np.abs(colours[part] - colours[parent]).max() > 40
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", ["smooth", "strong_start", "erratic"])
 def test_the_largest_object_stays_in_view(motion):
     scene = scenes.make("articulated", seed=0, num_parts=11, motion=motion)

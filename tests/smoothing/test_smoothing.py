@@ -88,6 +88,7 @@ def keep_sources(state, summary):
     return state.lagged[0], state.lagged[1], state.sources
 
 
+@pytest.mark.slow
 def test_ancestors_are_the_particles_that_were_moved():
     """With exchange each partition has its own."""
     its = tracker(ordering.sps([-1, -1]), keep_ancestors=True)
@@ -179,6 +180,7 @@ def kept(**changes):
     return tracker(**{"resampling": "multinomial", "num_particles": 6} | changes)
 
 
+@pytest.mark.slow
 def test_sweeps_go_on_from_their_reference_and_over_missing_frames():
     frames = FRAMES.copy()
     frames[2:4] = np.nan

@@ -1,4 +1,4 @@
-"""Error bars from one run against the variance over many: the clock of frames and stages."""
+"""Error bars from one run against the variance over many: the clock of frames."""
 
 import jax
 import numpy as np
@@ -12,22 +12,21 @@ pytestmark = pytest.mark.statistical
 
 
 def bars(state, summary):
-    terms = summary.estimate_terms, summary.evidence_terms
     known = summary.estimate_variance[:, 0], summary.evidence_variance, summary.unknown
-    return summary.estimate[:, 0], summary.log_evidence, *known, terms
+    return summary.estimate[:, 0], summary.log_evidence, *known
 
 
 def ratios(exact, tracker, runs, batch, **settings):
     """Mean variance told by single runs over that among runs, for estimates and the evidence.
 
     Returns:
-        Ratios and standard errors ``[P + 1]``, the evidence last; the share of runs ``[P]`` that
-        did not know, in the last frame; and what stages add.
+        Ratios and standard errors ``[P + 1]``, the evidence last; and the share of runs ``[P]``
+        that did not know, in the last frame.
     """
     keys = jax.random.split(jax.random.key(5), runs)
     its = WithErrorBars(tracker, **settings)
     found = monte_carlo(its, keys, exact.frames, record=bars, batch_size=batch)
-    estimate, log_evidence, told, of_evidence, unknown, terms = jax.tree.map(np.asarray, found)
+    estimate, log_evidence, told, of_evidence, unknown = jax.tree.map(np.asarray, found)
     scale = np.exp(log_evidence.sum(1) - exact.log_evidence.sum())
     answers = np.column_stack([estimate[:, -1], scale])
     # The estimate is unbiased for the variance of the evidence if weighted by its square.
@@ -38,8 +37,7 @@ def ratios(exact, tracker, runs, batch, **settings):
     count = np.sum(~np.isnan(told), axis=0)
     spread = (np.nanstd(told, axis=0) / np.nanmean(told, axis=0)) ** 2 / np.maximum(count, 1)
     error = ratio * np.sqrt(spread + (squares.std(0) / variance) ** 2 / runs)
-    last = [None if term is None else term[:, -1] for term in terms]
-    return ratio, error, unknown[:, -1].mean(0), last
+    return ratio, error, unknown[:, -1].mean(0)
 
 
 #: Problem, order, and the lag: 40 selections leave fewer than sqrt(N) ancestors of the start.
@@ -56,7 +54,7 @@ def test_one_run_tells_the_variance_over_many(case):
     make, order, lag = CASES[case]
     exact = make()
     tracker = exact.tracker(order, num_particles=2000, resampling="multinomial")
-    ratio, error, unknown, _ = ratios(exact, tracker, 5000, 25, lag=lag)
+    ratio, error, unknown = ratios(exact, tracker, 5000, 25, lag=lag)
     print(f"{case}: ratios {ratio.round(3)} +- {error.round(3)}, unknown {unknown.round(3)}")
     assert np.isnan(ratio[-1]) == (lag is not None)  # a lag says nothing of the evidence
     assert (np.abs(ratio[np.isfinite(ratio)] - 1) < 0.1).all()
@@ -68,27 +66,10 @@ def test_skipped_selections_are_not_counted():
     exact = problem((-1,), num_frames=10)
     settings = {"num_particles": 400, "resampling": "multinomial", "ess_threshold": 0.3}
     tracker = exact.tracker(ordering.sir(1), **settings)
-    ratio, error, unknown, _ = ratios(exact, tracker, 5000, 250)
+    ratio, error, unknown = ratios(exact, tracker, 5000, 250)
     print(f"ratios {ratio.round(3)} +- {error.round(3)}, unknown {unknown.round(3)}")
     assert (unknown == 0).all()
     assert (np.abs(ratio - 1) < np.maximum(0.1, LIMIT * error)).all()
-
-
-@pytest.mark.slow
-def test_stages_add_up_to_the_whole():
-    exact = problem(TREE, num_frames=3)
-    tracker = exact.tracker(ordering.ps([0, 1, 2]), num_particles=400, resampling="multinomial")
-    whole = ratios(exact, tracker, 200, 100)
-    by_stage = ratios(exact, tracker, 200, 100, lag=3, stages=True)
-    for one, other in zip(whole[:3], by_stage[:3], strict=True):
-        np.testing.assert_allclose(one, other)
-    of_estimates, of_evidence = by_stage[3]
-    assert of_estimates.shape == (200, 3, 3, 1)
-    keys = jax.random.split(jax.random.key(5), 200)
-    found = monte_carlo(WithErrorBars(tracker), keys, exact.frames, record=bars, batch_size=100)
-    np.testing.assert_allclose(of_estimates.sum(1)[..., 0], found[2][:, -1], rtol=1e-6)
-    # To first order in 1 / N.
-    np.testing.assert_allclose(of_evidence.sum(1), found[3][:, -1], rtol=0.05, atol=2e-4)
 
 
 #: What the library particles 0.4 tells of ten frames of ``problem((-1,))``: mean and standard error

@@ -16,7 +16,6 @@ from exact import COMPILER_OPTIONS, LIMIT, WRONG
 from labelled_targets import (
     PARTICLES,
     TARGETS,
-    label_ratios,
     label_scores,
     mass_scores,
     mixture_score,
@@ -84,16 +83,6 @@ def test_corrected_evidence_of_systematic_resampling_is_unbiased(exact):
     found = recorded(exact, weights="corrected", resampling="systematic")
     assert np.abs(mass_scores(exact, found)).max() < LIMIT
     assert abs(mixture_score(exact, found)) < LIMIT
-
-
-def test_within_labels_the_filter_is_many_independent_ones(exact):
-    """Everything is unbiased at once, the product too, and evidences do not correlate."""
-    found = recorded(exact, scope="within", resampling="multinomial")
-    assert np.abs(label_scores(exact, found)).max() < LIMIT
-    assert abs(product_score(exact, found)) < LIMIT
-    ratios = label_ratios(exact, found)
-    correlation = np.corrcoef(ratios.T)[np.triu_indices(TARGETS, 1)]
-    assert np.abs(correlation).max() * len(ratios) ** 0.5 < LIMIT
 
 
 def test_counts_per_label_are_multinomial_under_equal_shares(runs):

@@ -61,6 +61,7 @@ def test_soft_resampling_is_unbiased():
     assert found.worst < LIMIT
 
 
+@pytest.mark.slow
 def test_labels_that_are_selected_by_equal_shares_are_unbiased():
     exact = targets(missing=MISSING, num_frames=4)
     found = recorded(exact, weights="corrected")

@@ -45,10 +45,7 @@ ON_A_TREE = {
 @pytest.mark.parametrize("method", ON_A_TREE)
 @pytest.mark.parametrize(
     "name",
-    [
-        pytest.param(n, marks=() if n in ("optimal", "mixture") else pytest.mark.slow)
-        for n in PROPOSALS
-    ],
+    [pytest.param(n, marks=() if n == "optimal" else pytest.mark.slow) for n in PROPOSALS],
 )
 def test_filter_on_a_part_tree_with_a_missing_frame_is_unbiased(name, method):
     exact = problem(TREE, num_frames=4, missing=(1,))
@@ -82,6 +79,7 @@ def test_joint_likelihood_is_unbiased(look_ahead):
     assert found.worst < LIMIT
 
 
+@pytest.mark.slow
 def test_optimal_proposal_pays_where_observations_are_precise():
     exact = problem(TREE, num_frames=4, missing=(1,))  # the kernel of the test above
     precise = dataclasses.replace(exact.likelihood, noise=0.1 * np.ones((3, 1, 1)))
@@ -95,6 +93,7 @@ def test_optimal_proposal_pays_where_observations_are_precise():
     assert variance(run=monte_carlo_once) > 10 * variance(proposal=LocallyOptimal())
 
 
+@pytest.mark.slow
 def test_a_missing_frame_moves_by_the_dynamics():
     exact = problem(TREE, num_frames=2, missing=(0, 1))
     once = jax.jit(jaxpf.run)
@@ -149,6 +148,7 @@ class Bearing(jaxpf.contract.Likelihood):
         return -0.5 * jnp.sum(of_angle(observation, partition, substate) ** 2)
 
 
+@pytest.mark.slow
 def test_linearised_helps_where_observations_are_not_linear():
     frames = np.linspace(0.4, 0.9, 6)[:, None, None]
     keys = jax.random.split(jax.random.key(3), 400)

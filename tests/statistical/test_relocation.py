@@ -161,7 +161,6 @@ def test_each_label_has_the_evidence_of_its_own_mixture():
         initial=np.array([[u + 0.5, v + 0.5, 1.0] for u, v in START], np.float32),
         relocation=Relocation(EPSILON, np.array([4.0, 3.0]), (2, 2)),
         num_particles=2 * N,
-        scope="within",
     )
     keys = jax.random.split(jax.random.key(8), RUNS)
     frames = jnp.asarray(TABLES, jnp.float32), jnp.asarray(ODDS, jnp.float32)

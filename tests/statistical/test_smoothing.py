@@ -79,7 +79,9 @@ def test_smoothed_moments_converge_to_the_exact_ones(case):
             ordering.sir(1),
             id="second order",
         ),
-        pytest.param(lambda: problem((-1, 0)), ordering.ps([0, 1]), id="tree"),
+        pytest.param(
+            lambda: problem((-1, 0)), ordering.ps([0, 1]), id="tree", marks=pytest.mark.slow
+        ),
     ],
 )
 def test_three_frames_are_smoothed_exactly(make, order):
@@ -90,7 +92,13 @@ def test_three_frames_are_smoothed_exactly(make, order):
     assert np.abs(scores_of(second, expected)).max() < LIMIT
 
 
-@pytest.mark.parametrize("proposal", [None, LocallyOptimal()], ids=["dynamics", "proposal"])
+@pytest.mark.parametrize(
+    "proposal",
+    [
+        pytest.param(None, id="dynamics", marks=pytest.mark.slow),
+        pytest.param(LocallyOptimal(), id="proposal"),
+    ],
+)
 def test_smoothing_sees_what_comes_after(proposal):
     exact = problem((-1,), num_frames=4)
     tracker = exact.tracker(ordering.sir(1), num_particles=200, proposal=proposal)
@@ -100,6 +108,7 @@ def test_smoothing_sees_what_comes_after(proposal):
     assert np.abs(scores_of(mean, exact.mean)[:-1]).max() > 10
 
 
+@pytest.mark.slow
 def test_a_lag_as_long_as_the_clip_is_the_whole_clip():
     exact = objects(num_frames=FRAMES)
     tracker = exact.tracker(ordering.ps([0, 1, 2, 3]), num_particles=100)

@@ -86,7 +86,7 @@ def unevenly_seen() -> Problem:
 TIMED = {"camera": behind_a_camera, "uneven": unevenly_seen}
 
 
-@pytest.mark.parametrize("case", TIMED)
+@pytest.mark.parametrize("case", ["camera", pytest.param("uneven", marks=pytest.mark.slow)])
 def test_motion_that_changes_with_time_is_unbiased(case):
     exact = TIMED[case]()
     assert scores(exact, ordering.ps([1, 0]), **QUICK).worst < LIMIT
@@ -135,6 +135,7 @@ def test_particle_gibbs_knows_the_time():
     assert np.abs((batches.mean(axis=0) - exact.smoothed_mean) / error).max() < LIMIT
 
 
+@pytest.mark.slow
 def test_every_loop_over_frames_counts_them_alike():
     """One run, its halves, many runs, a stream and a forecast."""
     shifts, key = np.array([[4.0], [-3.0], [7.0], [20.0]]), jax.random.key(5)

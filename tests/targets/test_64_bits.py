@@ -47,7 +47,9 @@ MADE = {
 }
 
 
-@pytest.mark.parametrize("made", ["dps", "points, pffl", "points, eskil"])
+@pytest.mark.parametrize(
+    "made", ["dps", "points, pffl", pytest.param("points, eskil", marks=pytest.mark.slow)]
+)
 def test_a_tracker_is_traced_under_64_bits(made):
     with jax.enable_x64(True):
         scene, tracker = MADE[made]()

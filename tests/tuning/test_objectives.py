@@ -94,6 +94,7 @@ def test_an_evidence_of_zero_has_a_finite_gradient():
     assert np.isfinite(slope).all()
 
 
+@pytest.mark.slow
 def test_position_error_and_crps_skip_what_is_not_labelled(summaries):
     """CRPS is that of a normal as wide as the particles."""
     found, slope = with_gradient(tuning.position_error, tracker(), TRUTH)

@@ -78,7 +78,7 @@ class Tracks:
         if self._is_smoothed:
             return record.places
         sure = {} if record.confidence is None else {"confidence": record.confidence}
-        return record.places | sure | {"lost": record.lost} | record.errors
+        return {**record.places, **sure, "lost": record.lost, **record.errors}
 
     def _rows(self, record: "Record") -> Iterator[list[Any]]:
         cells, time = self._cells(record), f"{self._shown_at(record.number):.4f}"

@@ -13,8 +13,6 @@ import jax.numpy as jnp
 
 from jaxpf import contract
 from jaxpf.contract import logs
-from jaxpf.contract.calls import check_uncoupled
-from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import (
     STATUS_IMPOSSIBLE,
@@ -24,7 +22,8 @@ from jaxpf.contract.state import (
     moments,
     sanitised,
 )
-from jaxpf.filters import confidence, initial as filters_initial
+from jaxpf.filters import confidence
+from jaxpf.filters.initial import as_floats
 from jaxpf.resampling import weighted as resampling
 
 
@@ -62,28 +61,6 @@ class FactoredState:
         return jnp.moveaxis(self.lagged[..., 1, :, :, :], (-1, -2, -3), (-3, -2, -1))
 
 
-def checked_initial(initial: Any) -> Any:
-    """Convert ``initial`` to an array of floats ``[P, D]``; return a sampler unchanged."""
-    initial = filters_initial.checked_initial(initial)
-    if not callable(initial) and (initial.ndim != 2 or 0 in initial.shape):
-        raise InputError(
-            f"initial has shape {list(initial.shape)}; give [P, D], a row for each partition, or a "
-            "sampler key -> [P, D]."
-        )
-    return initial
-
-
-def check_factors(dynamics: Any, likelihood: Any) -> None:
-    """Refuse a model that does not factor over partitions."""
-    check_uncoupled(dynamics, "particles that hold one partition each")
-    if contract.has_log_joint(likelihood):
-        raise InputError(
-            f"{type(likelihood).__name__} weighs all objects together (log_joint), and factored "
-            "particles hold one of them each; choose method sir, ps, dps or sps "
-            "(jaxpf.Partitioned)."
-        )
-
-
 def count_partitions(initial: Any) -> int:
     """Number of partitions, P, of an initial state."""
     if not callable(initial):
@@ -97,7 +74,7 @@ def start(key: jax.Array, tracker: Any) -> FactoredState:
     if callable(initial):
         drawn = jax.vmap(initial)(jax.random.split(key, num))
         chex.assert_rank(drawn, 3)
-        values = jnp.moveaxis(filters_initial.as_floats(drawn), (0, 1, 2), (2, 1, 0))
+        values = jnp.moveaxis(as_floats(drawn), (0, 1, 2), (2, 1, 0))
     else:
         values = jnp.repeat(initial.T[..., None], num, axis=-1)
     return FactoredState(

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf import contract
+from jaxpf.contract.calls import check_factors
 from jaxpf.contract.errors import InputError, choice
 from jaxpf.contract.numbers import FINITE, check_array
 from jaxpf.contract.options import check_declared
@@ -23,6 +24,7 @@ from jaxpf.filters import confidence
 from jaxpf.filters.factored import cloud, drift, shape
 from jaxpf.filters.factored.cloud import FactoredState
 from jaxpf.filters.factored.options import Options
+from jaxpf.filters.initial import initial_rows
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
 
@@ -83,7 +85,7 @@ class Eskil(contract.Tracker):
     resampling: Any = "systematic"
 
     def __post_init__(self):
-        initial = cloud.checked_initial(self.initial)
+        initial = initial_rows(self.initial)
         object.__setattr__(self, "initial", initial)
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
         if self.reference is not None:
@@ -189,7 +191,7 @@ def _check(tracker: Eskil) -> None:
     names = ("upsampling", "drift", "shape", "shape_scale")
     renamed = {"num_particles": "particles", "memory": "velocity_memory"}
     check_declared(tracker, Options, *names, **renamed)
-    cloud.check_factors(tracker.dynamics, tracker.likelihood)
+    check_factors(tracker.dynamics, tracker.likelihood, "factored particles")
     if tracker.drift != "none" and tracker.num_partitions < 2:
         raise InputError(
             choice("drift", tracker.drift),

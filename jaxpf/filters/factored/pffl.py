@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf.contract import Tracker
+from jaxpf.contract.calls import check_factors
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.options import check_declared
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
@@ -21,6 +22,7 @@ from jaxpf.filters import confidence
 from jaxpf.filters.factored import cloud
 from jaxpf.filters.factored.cloud import FactoredState
 from jaxpf.filters.factored.options import Options
+from jaxpf.filters.initial import initial_rows
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
 
@@ -61,10 +63,10 @@ class PFFL(Tracker):
     resampling: Any = "systematic"
 
     def __post_init__(self):
-        object.__setattr__(self, "initial", cloud.checked_initial(self.initial))
+        object.__setattr__(self, "initial", initial_rows(self.initial))
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
         check_declared(self, Options, "upsampling", "form", num_particles="particles")
-        cloud.check_factors(self.dynamics, self.likelihood)
+        check_factors(self.dynamics, self.likelihood, "factored particles")
         check_number("safety", self.safety, above=0, most=1)
 
     @property

@@ -34,7 +34,6 @@ class _LabelledFilter(Filter):
             num_particles=options.particles,
             resampling=options.resampling,
             weights=options.weights,
-            scope=options.scope,
             feedback=options.feedback,
             relocation=relocation_of(model.likelihood, options.relocate),
             population="open" if model.is_open else "fixed",

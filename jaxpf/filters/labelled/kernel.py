@@ -48,7 +48,7 @@ from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
 from jaxpf.lowering.branches import computed_before
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.resampling import weighted
-from jaxpf.resampling.components import components_of_sizes, one_component
+from jaxpf.resampling.components import one_component
 
 
 def first_labels(num_particles: int, num_targets: int) -> np.ndarray:
@@ -57,22 +57,15 @@ def first_labels(num_particles: int, num_targets: int) -> np.ndarray:
 
 
 def select(tracker: Any, key: jax.Array, state: LabelledState) -> LabelledState:
-    """Resample across labels or within each label, at the start of the frame."""
+    """Resample across labels, at the start of the frame."""
     num_particles = tracker.num_particles
     incoming = state.log_weights
     selection = incoming
     if tracker.weights == "corrected":
         mass = jnp.where(jnp.isneginf(state.log_mass), 0.0, state.log_mass)
         selection = incoming - by_label.spread(mass, state.labels)
-    if tracker.scope == "within":
-        sizes = np.bincount(
-            first_labels(num_particles, tracker.num_targets), minlength=tracker.num_targets
-        )
-        components = components_of_sizes(jnp.asarray(sizes), num_particles)
-    else:
-        components = one_component(num_particles)
     chosen, log_weights = weighted.weighted_resample(
-        key, incoming, selection, tracker.resampling, components
+        key, incoming, selection, tracker.resampling, one_component(num_particles)
     )
     # The initial set has equal weights: resampling it would only lose particles.
     chosen = jnp.where(state.weighted, chosen, jnp.arange(num_particles, dtype=jnp.int32))
@@ -82,33 +75,6 @@ def select(tracker: Any, key: jax.Array, state: LabelledState) -> LabelledState:
     labels = state.labels if tracker.num_targets == 1 else state.labels[chosen]
     return dataclasses.replace(
         state, lagged=state.lagged[:, :, chosen], labels=labels, log_weights=log_weights
-    )
-
-
-def reseeded(
-    state: LabelledState, key: jax.Array, which: jax.Array, homes: jax.Array, scale: jax.Array
-) -> LabelledState:
-    """Draw new particles for labels around their last estimate, replacing other particles.
-
-    Args:
-        state: after ``select``; weights must be equal within a label.
-        key: a random key.
-        which: ``[L]`` bool, the labels that get new particles.
-        homes: ``[N]``, the label that may take over each slot.
-        scale: ``[D]`` or ``[L, D]``, standard deviations around the estimate.
-    """
-    centre = by_label.spread(state.estimate, homes)
-    scale = jnp.broadcast_to(jnp.asarray(scale, centre.dtype), state.estimate.T.shape).T
-    drawn = centre + by_label.spread(scale, homes) * jax.random.normal(
-        key, centre.shape, centre.dtype
-    )
-    taken = by_label.spread(which, homes)
-    uniform = jnp.full_like(state.log_weights, -np.log(state.log_weights.shape[0]))
-    return dataclasses.replace(
-        state,
-        lagged=jnp.where(taken, drawn, state.lagged),
-        labels=jnp.where(taken, homes, state.labels),
-        log_weights=jnp.where(taken, uniform, state.log_weights),
     )
 
 

@@ -28,12 +28,6 @@ class Options:
         choices=("equal_share", "plain", "corrected"),
         compiles=True,
     )
-    scope: str = option(
-        "across",
-        "Whether labelled particles are resampled across objects or within each.",
-        choices=("across", "within"),
-        compiles=True,
-    )
     feedback: str = option(
         "none",
         "Whether labelled particles move at their own speed (none) or at that of the estimate.",

@@ -19,11 +19,12 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.logs import normalised
 from jaxpf.contract.numbers import check_array, check_whole
-from jaxpf.filters.labelled import by_label, kernel
+from jaxpf.filters.labelled import by_label
 from jaxpf.filters.labelled.state import LabelledState
 from jaxpf.lowering.programs import compiled
 
@@ -83,10 +84,7 @@ def first_state(tracker: Any) -> LabelledState:
     initial, num_particles = tracker.initial.T, tracker.num_particles
     alive = jnp.all(jnp.isfinite(initial), axis=0)
     place = jnp.where(alive, initial, 0.0)
-    if tracker.scope == "within":
-        labels = jnp.asarray(kernel.first_labels(num_particles, tracker.num_targets))
-    else:
-        labels = jnp.sort(homes(alive, num_particles))
+    labels = jnp.sort(homes(alive, num_particles))
     sizes = by_label.counts(labels, tracker.num_targets).astype(place.dtype)
     mass = jnp.where(alive, -jnp.log(jnp.maximum(jnp.sum(alive), 1).astype(place.dtype)), -jnp.inf)
     values = by_label.spread(place, labels)
@@ -105,6 +103,29 @@ def first_state(tracker: Any) -> LabelledState:
         alive=alive,
         newborn=jnp.zeros_like(alive),
         time=jnp.zeros((), jnp.int32),
+    )
+
+
+def with_newborn(tracker: Any, state: LabelledState) -> LabelledState:
+    """Give newborn targets their first particles, at their birth places.
+
+    The slots are assigned in turn, so that all labels give up particles evenly.  ``state`` is that
+    after ``kernel.select``: weights are equal within a label.
+    """
+    velocity = state.velocity
+    if tracker.speed is not None:  # given with the place
+        given = state.estimate[jnp.array(tracker.speed)]
+        velocity = jnp.where(state.newborn, given, velocity)
+    label = homes(state.alive, tracker.num_particles)
+    taken = by_label.spread(state.newborn, label)
+    uniform = jnp.full_like(state.log_weights, -np.log(tracker.num_particles))
+    return dataclasses.replace(
+        state,
+        lagged=jnp.where(taken, by_label.spread(state.estimate, label), state.lagged),
+        labels=jnp.where(taken, label, state.labels),
+        log_weights=jnp.where(taken, uniform, state.log_weights),
+        velocity=velocity,
+        newborn=jnp.zeros_like(state.newborn),
     )
 
 

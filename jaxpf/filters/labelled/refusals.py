@@ -4,12 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf import contract
-from jaxpf.contract.calls import check_uncoupled
+from jaxpf.contract.calls import check_factors
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import numbers_in
+from jaxpf.contract.numbers import TINY, check_array
 from jaxpf.contract.options import check_declared
-from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.labelled.options import Options
 from jaxpf.filters.relocation import check_relocation
 from jaxpf.gradients import check_gradients
@@ -17,7 +15,7 @@ from jaxpf.gradients import check_gradients
 
 def check_tracker(tracker: Any) -> None:
     """Refuse settings that cannot work or would be silently wrong."""
-    check_declared(tracker, Options, "scope", "weights", "feedback", num_particles="particles")
+    check_declared(tracker, Options, "weights", "feedback", num_particles="particles")
     check_known("population=", tracker.population, ("fixed", "open"))
     check_gradients(tracker)
     if tracker.gradient.blends or not tracker.gradient.equalises:
@@ -30,13 +28,7 @@ def check_tracker(tracker: Any) -> None:
         _check_open(tracker)
     _check_coordinates(tracker)
     _check_rates(tracker)
-    check_uncoupled(tracker.dynamics, "particles that hold one target each")
-    if contract.has_log_joint(tracker.likelihood):
-        raise InputError(
-            f"{type(tracker.likelihood).__name__} weighs all objects together (log_joint), and a "
-            "labelled particle holds one of them; choose method sir, ps, dps or sps "
-            "(jaxpf.Partitioned)."
-        )
+    check_factors(tracker.dynamics, tracker.likelihood, "labelled particles")
     if tracker.motion_gradient == "score" and tracker.feedback != "none":
         raise InputError(
             "motion_gradient='score' needs the density of a move, and feedback='estimate' changes "
@@ -47,14 +39,6 @@ def check_tracker(tracker: Any) -> None:
 
 def _check_targets(tracker: Any) -> None:
     num_targets = tracker.num_targets
-    if not callable(tracker.initial):
-        shape = np.shape(tracker.initial)
-        if len(shape) != 2 or shape[0] != num_targets or 0 in shape:
-            raise InputError(
-                f"initial has shape {shape}; it must be [L, D], one row for each of the "
-                f"{'' if num_targets is None else f'{num_targets} '}targets, or a sampler "
-                "key -> [L, D]."
-            )
     if num_targets is None or num_targets < 1:
         raise InputError(
             f"num_targets={num_targets} must be the number of targets that the initial sampler "
@@ -103,26 +87,10 @@ def _check_coordinates(tracker: Any) -> None:
 
 
 def _check_rates(tracker: Any) -> None:
-    rates, scale = tracker.regularise, tracker.reseed
-    if rates is not None and is_concrete(rates):
-        wanted = "two rates above 0 and at most 1, of position and speed, or None"
-        values = numbers_in("regularise", rates, wanted)
-        if values.shape != (2,) or not np.all((values > 0) & (values <= 1)):
-            raise InputError(f"regularise={rates} must be {wanted}.")
-    if scale is None:
-        return
-    if tracker.weights != "equal_share":
-        raise InputError(
-            f"reseed gives lost targets an equal share again, which weights={tracker.weights!r} "
-            "does not; use weights='equal_share' or reseed=None."
-        )
-    if is_concrete(scale):
-        wanted = "finite standard deviations >= 0, one for each coordinate of a substate"
-        values = numbers_in("reseed", scale, wanted)
-        dimension = None if callable(tracker.initial) else np.shape(tracker.initial)[1]
-        fits = dimension is None or values.shape[-1:] in ((), (1,), (dimension,))
-        if not fits or not np.all(np.isfinite(values) & (values >= 0)):
-            raise InputError(f"reseed={scale} must be {wanted}.")
+    rates = tracker.regularise
+    if rates is not None:
+        wanted = "two rates above 0 and at most 1, of position and speed, or None, [2]"
+        check_array("regularise", rates, wanted, TINY, 1)
 
 
 def check_started(summary: Any, ids: Any = None) -> None:

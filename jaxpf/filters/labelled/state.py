@@ -21,7 +21,7 @@ class LabelledState:
             evidence of past frames; the exponentials sum to one.
         estimate: ``[D, L]``, last reported estimates (rowe2005, eq. 6).
         velocity: ``[E, L]``, estimated speeds per frame, of E position coordinates.
-        lost: ``[L]`` bool, last reported; ``reseed`` gives these labels new particles.
+        lost: ``[L]`` bool, last reported.
         weighted: ``[]`` bool, false only for an initial set that has not been weighted.
         alive: ``[L]`` bool, slots of an open population that hold a target; None in a fixed
             population.

@@ -1,6 +1,5 @@
 """The labelled particle filter as a tracker: ``init`` and ``step``."""
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,7 +14,7 @@ from jaxpf.contract.numbers import coordinates_in
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.refusals import Bias
 from jaxpf.filters import confidence
-from jaxpf.filters.initial import as_floats, checked_initial
+from jaxpf.filters.initial import as_floats, initial_rows
 from jaxpf.filters.labelled import by_label, kernel, population
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_tracker
@@ -46,15 +45,10 @@ class Labelled(Tracker):
             motion.
         relocation: a ``jaxpf.filters.Relocation``, the search for targets that are lost;
             None moves all targets by the dynamics.
-        reseed: standard deviations ``[D]`` or ``[L, D]``.  In the next frame a lost target gets its
-            share of the particles again, drawn around its last estimate.  None (default) does not
-            reseed.
         resampling: a name in ``jaxpf.resampling.SCHEMES``, or a custom scheme, see there.
         gradient: ``NoGradient()`` or ``StopGradient()`` of ``jaxpf.gradients``.
         num_targets: static, L; required only if ``initial`` is a sampler.
         num_particles: static, N, for all targets together.
-        scope: static: resample ``"across"`` all labels, or ``"within"`` each label, which gives L
-            independent filters of fixed sizes.
         weights: static: ``"equal_share"`` (eq. 4), ``"plain"``, or ``"corrected"``, which selects
             by eq. 4 and keeps the weights.
         feedback: static: ``"estimate"`` moves particles at the speed of the regularised estimate
@@ -72,13 +66,11 @@ class Labelled(Tracker):
     likelihood: Any
     initial: Any
     regularise: Any = None
-    reseed: Any = None
     relocation: Any = None
     resampling: Any = "systematic"
     gradient: Any = NoGradient()
     num_targets: Any = static_field(default=None)
     num_particles: int = static_field(default=300)
-    scope: str = static_field(default="across")
     weights: str = static_field(default="equal_share")
     feedback: str = static_field(default="none")
     population: str = static_field(default="fixed")
@@ -87,9 +79,10 @@ class Labelled(Tracker):
     motion_gradient: str = static_field(default="pathwise")
 
     def __post_init__(self):
-        initial = checked_initial(self.initial, may_be_empty=self.population != "fixed")
+        is_open = self.population != "fixed"
+        initial = initial_rows(self.initial, self.num_targets, may_be_empty=is_open)
         object.__setattr__(self, "initial", initial)
-        if self.num_targets is None and not callable(initial) and initial.ndim == 2:
+        if self.num_targets is None and not callable(initial):
             object.__setattr__(self, "num_targets", initial.shape[0])
         for name in ("position", "speed"):
             value = getattr(self, name)
@@ -106,11 +99,10 @@ class Labelled(Tracker):
     @property
     def evidence_biases(self) -> tuple[Bias, ...]:
         """See ``jaxpf.contract.evidence_biases``: eq. 4 can leave a target without particles."""
-        eq4 = self.weights == "equal_share" and self.scope == "across"
+        eq4 = self.weights == "equal_share"
         return (
             Bias(eq4, "weights='equal_share' (eq. 4)", "weights='corrected'", False),
             Bias(self.feedback != "none", f"feedback={self.feedback!r}", "feedback='none'", False),
-            Bias(self.reseed is not None, "reseed", "reseed=None", False),
         )
 
     @compiled_alone
@@ -160,12 +152,12 @@ class Labelled(Tracker):
         observation = contract.looked_near(self.likelihood, observation, lambda: state.estimate.T)
         # Same keys as Partitioned with one partition: one target gives the same particles.
         begin_key, stages_key = jax.random.split(key)
-        resample_key, reseed_key = jax.random.split(begin_key)
+        resample_key = jax.random.split(begin_key)[0]
         propagate_key = jax.random.split(jax.random.fold_in(stages_key, 0), 4)[0]
         before = state
         state = kernel.select(self, resample_key, state)
-        if self.population == "open" or self.reseed is not None:
-            state = self._given_particles(reseed_key, state)
+        if self.population == "open":
+            state = population.with_newborn(self, state)
         state, left = kernel.move(self, propagate_key, state)
         log_weight = None
         if self.relocation is not None:
@@ -177,30 +169,3 @@ class Labelled(Tracker):
         state, log_evidence, of_labels = kernel.share_out(self, state, log_factor, largest)
         after = kernel.report(self, state, log_evidence, of_labels, num_invalid)
         return confidence.reported(self.likelihood, before, *after, observation)
-
-    def _given_particles(self, key: jax.Array, state: LabelledState) -> LabelledState:
-        """Give newborn targets their first particles, and reseed lost targets if enabled."""
-        which, scale = state.lost, self.reseed
-        if self.population == "open":
-            which = state.newborn if scale is None else state.newborn | state.lost
-            scale = jnp.zeros((), state.lagged.dtype) if scale is None else jnp.asarray(scale)
-            scale = jnp.where(state.newborn[:, None], 0.0, scale)
-            velocity = state.velocity
-            if self.speed is not None:  # given with the place
-                given = state.estimate[np.array(self.speed)]
-                velocity = jnp.where(state.newborn, given, velocity)
-            state = dataclasses.replace(
-                state, velocity=velocity, newborn=jnp.zeros_like(state.newborn)
-            )
-        return kernel.reseeded(state, key, which, self._homes(state), scale)
-
-    def _homes(self, state: LabelledState) -> jax.Array:
-        """``[N]``: the label that may take each slot.
-
-        Across labels the slots are assigned in turn, so that all labels give up particles evenly.
-        """
-        if self.scope == "within":
-            return jnp.asarray(kernel.first_labels(self.num_particles, self.num_targets))
-        if self.population == "open":
-            return population.homes(state.alive, self.num_particles)
-        return jnp.arange(self.num_particles, dtype=jnp.int32) % self.num_targets

@@ -3,7 +3,7 @@
 A frame has P stages, and a stage has four operations, one function each: *move* the partition that
 the ordering assigns to the particle's component, *weigh* it, *exchange* parts if the ordering does,
 and *select* within components.  After the last stage, *finish* reassembles the particles and
-reports.  The tracker's strategies ``motion``, ``weighing``, ``trigger``, ``resampling`` and
+reports.  The tracker's strategies ``motion``, ``weighing``, ``resampling`` and
 ``gradient`` define how a stage draws, weights and selects.  Two ideas keep the kernel short and
 fast:
 

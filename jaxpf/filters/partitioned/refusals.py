@@ -33,13 +33,6 @@ def check_tracker(tracker: Any) -> Any:
             f"parents has {len(parents)} parts but the ordering has {ordering.num_partitions}; "
             "give both the same number of partitions."
         )
-    if not callable(tracker.initial):
-        shape = np.shape(tracker.initial)
-        if len(shape) != 2 or shape[0] != ordering.num_partitions:
-            raise InputError(
-                f"initial has shape {shape}; it must be [P, D] with P = {ordering.num_partitions} "
-                "partitions, or a sampler key -> [P, D]."
-            )
     if tracker.keep_ancestors and tracker.gradient.blends:
         raise InputError(
             "Transport blends particles, which then have no ancestors; leave keep_ancestors=True "

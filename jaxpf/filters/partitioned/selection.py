@@ -4,7 +4,7 @@ The tracker's settings choose the scheme (``jaxpf.resampling``), adaptive or unc
 resampling, tempering of the weights, and the gradient strategy (``jaxpf.gradients``).
 """
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -22,23 +22,6 @@ if TYPE_CHECKING:
 
 #: Name under which ``jax.checkpoint`` may keep ancestors: small, but slow to recompute.
 ANCESTORS = "ancestors"
-
-
-class Trigger(NamedTuple):
-    """When to resample a component.
-
-    Attributes:
-        threshold: resample if the effective sample size is at most this share of the component's
-            particles; None always resamples.
-    """
-
-    threshold: Any
-
-    def chosen(self, log_weights: jax.Array, components: Components) -> jax.Array | None:
-        """Return the components to resample, ``[C]`` bool; None for all."""
-        if self.threshold is None:
-            return None
-        return few_effective(log_weights, components, self.threshold)
 
 
 class Selected(NamedTuple):
@@ -71,7 +54,7 @@ def select_between_frames(
     divided out of the weights (auxiliary particle filter, Pitt & Shephard 1999).
     """
     if tracker.gradient.blends:
-        state = tracker.gradient.blend_state(state, tracker.trigger.threshold)
+        state = tracker.gradient.blend_state(state, tracker.ess_threshold)
     incoming = state.log_weights
     if state.path_scores is not None:
         incoming = lax.stop_gradient(incoming)  # the scores hold their derivative
@@ -98,7 +81,7 @@ def select(
     """Select within components after a stage; ``before`` are the log-weights before the stage."""
     if tracker.gradient.blends:
         stages, log_weights, equal = tracker.gradient.blend(
-            carry.stages, carry.log_weights, components, tracker.trigger.threshold
+            carry.stages, carry.log_weights, components, tracker.ess_threshold
         )
         return carry._replace(stages=stages, log_weights=log_weights, equal=equal)
     selection: jax.Array = carry.log_weights
@@ -135,12 +118,11 @@ def resample(
     )
     new_log_weights = tracker.gradient.selected(new_log_weights, log_weights, components)
     ancestors = checkpoint_name(ancestors, ANCESTORS)
-    chosen = tracker.trigger.chosen(log_selection, components)
-    if chosen is None:
+    if tracker.ess_threshold is None:
         everyone = jnp.ones((), log_weights.dtype)
         equal = jnp.array(tracker.gradient.equalises)
         return Selected(ancestors, new_log_weights, equal, everyone)
-    here = components.spread(chosen)
+    here = components.spread(few_effective(log_selection, components, tracker.ess_threshold))
     return Selected(
         ancestors=jnp.where(here, ancestors, _slots(tracker)),
         log_weights=jnp.where(here, new_log_weights, log_weights),

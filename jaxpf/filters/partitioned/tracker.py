@@ -16,11 +16,10 @@ from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.refusals import Bias, poisoned
 from jaxpf.contract.state import ParticleState, Summary, moments
 from jaxpf.filters import confidence
-from jaxpf.filters.initial import as_floats, checked_initial
+from jaxpf.filters.initial import as_floats, initial_rows
 from jaxpf.filters.partitioned import kernel, labels, levels
 from jaxpf.filters.partitioned.motion import Motion, motion_of
 from jaxpf.filters.partitioned.refusals import check_tracker
-from jaxpf.filters.partitioned.selection import Trigger
 from jaxpf.filters.partitioned.weighing import Weighing, weighing_of
 from jaxpf.gradients import NoGradient
 from jaxpf.lowering.derivatives import with_gradient_of
@@ -96,7 +95,8 @@ class Partitioned(Tracker):
             )
         tree = (-1,) * self.ordering.num_partitions if self.parents is None else self.parents
         object.__setattr__(self, "parents", check_tree(tree))
-        object.__setattr__(self, "initial", checked_initial(self.initial))
+        initial = initial_rows(self.initial, self.ordering.num_partitions)
+        object.__setattr__(self, "initial", initial)
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
         object.__setattr__(self, "refused", check_tracker(self))
 
@@ -114,11 +114,6 @@ class Partitioned(Tracker):
     def weighing(self) -> Weighing:
         """The strategy that weights a stage's draws."""
         return weighing_of(self)
-
-    @property
-    def trigger(self) -> Trigger:
-        """The rule for when to resample a component."""
-        return Trigger(self.ess_threshold)
 
     @property
     def evidence_biases(self) -> tuple[Bias, ...]:

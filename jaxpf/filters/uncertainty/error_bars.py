@@ -10,10 +10,7 @@ the descendants of ancestor e.  Then ::
 over G generations of particles.  For the evidence, f is 1 and nothing is subtracted; its relative
 variance ``1 - (N / (N - 1))^G (1 - sum_e S_e^2)`` is unbiased.
 
-*Time steps.*  A frame of partitioned sampling has one generation per selection, so the estimator
-counts time in ticks of (frame, stage).  Grouped by the ancestors at each tick, the sums of squares
-fall from the last tick to the first.  The difference between neighbouring ticks is the variance
-that arose at that tick, from the partition processed at that stage.
+*Time steps.*  A frame of partitioned sampling has one generation per selection.
 
 *Lag.*  In long clips all particles soon descend from one ancestor, and the sum carries no
 information.  Using ancestors a fixed number of frames back avoids this, but ignores older variance
@@ -40,13 +37,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import compiled_alone, is_concrete, pytree_dataclass, static_field
-from jaxpf.contract.refusals import poisoned, refused
 from jaxpf.contract.state import ParticleState, Summary
 from jaxpf.filters.partitioned.tracker import Partitioned
 
@@ -57,9 +52,9 @@ class Ancestry:
 
     Attributes:
         state: the filter's state.
-        families: ``[K, S, Q, N]`` int32, the slot in which each particle's ancestor was drawn, k
-            frames ago at stage s; without a lag, at the start of the clip, with K = S = 1.  Q is P
-            if each partition has its own ancestors, else 1.
+        families: ``[K, Q, N]`` int32, the slot in which each particle's ancestor was drawn, k
+            frames ago; without a lag, at the start of the clip, with K = 1.  Q is P if each
+            partition has its own ancestors, else 1.
         selections: ``[K]``, number of selections per frame, latest frame first, or with K = 1 over
             all frames; None if no selection is skipped.
     """
@@ -85,17 +80,12 @@ class ErrorBars(Summary):
             other than multinomial, and, with a lag, after the first ``lag + 1`` frames.
         num_ancestors: ``[P]`` int32, number of distinct ancestors per partition.
         unknown: ``[P]`` bool, fewer than sqrt(N) ancestors, too few for a variance.
-        estimate_terms: ``[S, P, D]``, contribution of each stage within the lag to
-            ``estimate_variance``; None unless requested.
-        evidence_terms: ``[S]``, the same for ``evidence_variance``, to first order.
     """
 
     estimate_variance: jax.Array | None = None
     evidence_variance: jax.Array | None = None
     num_ancestors: jax.Array | None = None
     unknown: jax.Array | None = None
-    estimate_terms: jax.Array | None = None
-    evidence_terms: jax.Array | None = None
 
     @property
     def estimate_error(self) -> jax.Array:
@@ -110,24 +100,16 @@ class WithErrorBars(contract.Tracker):
     Attributes:
         tracker: a ``jaxpf.Partitioned``.
         lag: static, number of frames to look back; None looks back to the start of the clip.
-        stages: static, whether to report each stage's contribution (``estimate_terms``,
-            ``evidence_terms``); requires ``lag``.  Stage j processes partition
-            ``tracker.ordering.order[0, j]``.
         by_partition: static, whether partitions may have their own ancestors; set by the
             constructor: if the ordering exchanges parts, or is traced.
-        refused: set by the constructor: ``[]`` bool, whether a traced ordering exchanges parts and
-            ``stages`` cannot work with it; else None.
 
     Raises:
-        InputError: another filter; transport, which has no ancestors; a lag below 0; ``stages``
-            without a lag or with exchange.
+        InputError: another filter; transport, which has no ancestors; a lag below 0.
     """
 
     tracker: Partitioned
     lag: int | None = static_field(default=None)
-    stages: bool = static_field(default=False)
     by_partition: bool = static_field(default=False, init=False)
-    refused: Any = dataclasses.field(default=None, init=False)
 
     def __post_init__(self):
         tracker = self.tracker
@@ -149,18 +131,6 @@ class WithErrorBars(contract.Tracker):
         object.__setattr__(self, "by_partition", by_partition)
         if self.lag is not None:
             check_whole("lag", self.lag, 0)
-        needs = (
-            "stages=True needs a lag, such as the number of frames, and an ordering that "
-            "exchanges no parts; give lag=..., or use stages=False."
-        )
-        if self.stages:
-            cases = (self.lag is None, [needs]), (exchanges, [needs])
-            object.__setattr__(self, "refused", refused(*cases))
-        if self.stages and tracker.ess_threshold is not None:
-            raise InputError(
-                "stages=True counts a selection after every stage, and ess_threshold="
-                f"{tracker.ess_threshold} skips some; use ess_threshold=None or stages=False."
-            )
 
     @property
     def num_partitions(self) -> int:
@@ -174,7 +144,6 @@ class WithErrorBars(contract.Tracker):
         shape = (self.num_partitions, self.tracker.num_particles)
         rows = (
             1 if self.lag is None else self.lag + 1,
-            shape[0] if self.stages else 1,
             shape[0] if self.by_partition else 1,
         )
         identity = jnp.arange(shape[1], dtype=jnp.int32)
@@ -205,46 +174,38 @@ class WithErrorBars(contract.Tracker):
             kept = selections if self.lag is None else jnp.roll(selections, 1).at[0].set(0)
             selections = kept.at[0].add(inner.selections)
         state = Ancestry(inner, families, selections)
-        return poisoned(self.refused, (state, self._report(state, summary)))
+        return state, self._report(state, summary)
 
     def _families(self, state: ParticleState, before: jax.Array) -> jax.Array:
         """Return ``families`` after this frame."""
         ordering, sources = self.tracker.ordering, jnp.asarray(state.sources)
         # Without exchange a particle has one ancestor for all partitions, as of the first stage.
-        order = ordering.order[state.component]  # [N, P]
-        particles = jnp.arange(sources.shape[1])
-        by_stage = state.lineage[order.T, particles]  # [P, N]
+        drawn_first = ordering.order[state.component, 0], jnp.arange(sources.shape[1])
         if not self.by_partition:
-            sources = sources[order[:, 0], particles][None]
-        handed_on = jnp.take_along_axis(before, sources[None, None], axis=-1)
+            sources = sources[drawn_first][None]
+        handed_on = jnp.take_along_axis(before, sources[None], axis=-1)
         if self.lag is None:
             return handed_on
-        own = by_stage[: before.shape[1], None]
+        own = state.lineage[drawn_first][None]
         if self.by_partition:
             own = jnp.where(ordering.exchanges, state.lineage, own)
         return jnp.concatenate([own[None], handed_on[:-1]])
 
     def _report(self, state: Ancestry, summary: Summary) -> ErrorBars:
-        tracker, families = self.tracker, state.families
-        num_particles = tracker.num_particles
+        tracker, num_particles = self.tracker, self.tracker.num_particles
         weights = jnp.exp(state.state.log_weights)
         values = jnp.where(weights > 0, state.state.lagged[0], 0.0) - summary.estimate.T[..., None]
         parts = jnp.where(weights > 0, values, 0.0) * weights  # [D, P, N]
 
-        def squares(of_one: jax.Array) -> tuple[jax.Array, jax.Array]:
-            """Sums of squares, ``[P, D]`` and ``[]``, over one tick's families ``[Q, N]``."""
-            of_parts = jnp.broadcast_to(of_one, (self.num_partitions, num_particles))
+        def squares(family: jax.Array, part: jax.Array) -> jax.Array:
+            """Sums ``[D]`` of squares over families ``[N]``."""
+            shares = jnp.zeros(part.shape, part.dtype).at[:, family].add(part)
+            return jnp.sum(shares**2, axis=1)
 
-            def of_partition(family: jax.Array, part: jax.Array) -> jax.Array:
-                shares = jnp.zeros(part.shape, part.dtype).at[:, family].add(part)
-                return jnp.sum(shares**2, axis=1)
-
-            shares = jnp.zeros(weights.shape, weights.dtype).at[of_one[0]].add(weights)
-            of_values = jax.vmap(of_partition, in_axes=(0, 1))(of_parts, parts)
-            return of_values, jnp.sum(shares**2)
-
-        ticks = families[::-1].reshape(-1, *families.shape[2:])  # from the oldest
-        of_values, of_weights = lax.map(squares, ticks)
+        oldest = state.families[-1]  # [Q, N]
+        of_parts = jnp.broadcast_to(oldest, (self.num_partitions, num_particles))
+        of_values = jax.vmap(squares, in_axes=(0, 1))(of_parts, parts)  # [P, D]
+        of_weights = squares(oldest[0], weights[None])[0]
 
         selections = jnp.sum(tracker.ordering.resample_after, dtype=jnp.int32) + 1
         looked_back = state.time if self.lag is None else jnp.minimum(state.time, self.lag + 1)
@@ -256,48 +217,22 @@ class WithErrorBars(contract.Tracker):
             growth = jnp.exp(rate * jnp.sum(state.selections))
         growth = growth.astype(weights.dtype)
 
-        num_ancestors = jax.vmap(lambda family: _count(family, weights))(ticks[0])
+        num_ancestors = jax.vmap(lambda family: _count(family, weights))(oldest)
         num_ancestors = jnp.broadcast_to(num_ancestors, (self.num_partitions,))
         unknown = (num_ancestors < np.sqrt(num_particles)) | (num_particles == 1)
-        estimate_variance = growth * of_values[0]
-        evidence_variance = 1 - growth * (1 - of_weights[0])
+        estimate_variance = growth * of_values
+        evidence_variance = 1 - growth * (1 - of_weights)
         # A negative value is a noisy estimate of a small variance.
         is_told = ~unknown[0] & (looked_back == state.time) & (evidence_variance > 0)
         is_multinomial = getattr(tracker.resampling, "name", "") == "multinomial"
         is_told &= is_multinomial & ~tracker.ordering.exchanges
-        terms: dict[str, Any] = {}
-        if self.stages:
-            terms = self._terms(of_values, of_weights, growth, state.time)
-            terms["estimate_terms"] = jnp.where(unknown[:, None], jnp.nan, terms["estimate_terms"])
-            terms["evidence_terms"] = jnp.where(is_told, terms["evidence_terms"], jnp.nan)
         return ErrorBars(
             **{field.name: getattr(summary, field.name) for field in dataclasses.fields(summary)},
             estimate_variance=jnp.where(unknown[:, None], jnp.nan, estimate_variance),
             evidence_variance=jnp.where(is_told, evidence_variance, jnp.nan),
             num_ancestors=num_ancestors,
             unknown=unknown,
-            **terms,
         )
-
-    def _terms(self, of_values, of_weights, growth, time) -> dict[str, Any]:
-        """Each stage's contribution: differences of the sums of squares between ticks."""
-        num_stages = self.num_partitions
-        selects = jnp.append(self.tracker.ordering.resample_after[:-1], True)
-        # Frames before the first have no ticks: their rows are identical.
-        num_frames = len(of_weights) // num_stages
-        is_tick = np.repeat(np.arange(num_frames)[::-1], num_stages) < time
-
-        def fall(sums: jax.Array) -> jax.Array:
-            return sums - jnp.concatenate([sums[1:], jnp.zeros_like(sums[:1])])
-
-        def by_stage(terms: jax.Array) -> jax.Array:
-            return jnp.sum(terms.reshape(-1, num_stages, *terms.shape[1:]), axis=0)
-
-        chance = jnp.tile(selects, num_frames) & is_tick
-        return {
-            "estimate_terms": growth * by_stage(fall(of_values)),
-            "evidence_terms": by_stage(fall(of_weights) - chance / self.tracker.num_particles),
-        }
 
 
 def _count(family: jax.Array, weights: jax.Array) -> jax.Array:

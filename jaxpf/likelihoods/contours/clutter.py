@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_type
-from jaxpf.contract.numbers import check_array, check_number, check_whole, numbers_in
+from jaxpf.contract.numbers import TINY, check_array, check_number, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array
 from jaxpf.contract.ranges import check_ranges
 from jaxpf.likelihoods.contours.edges import EdgeDetector, Lines
@@ -125,15 +125,11 @@ def check_clutter(clutter: Any, max_features: int) -> jax.Array:
     Raises:
         InputError: the length is wrong, or numbers are not above 0 or sum to more than one.
     """
-    values = numbers_in("clutter", clutter, "b(n) for every number of features, [N]")
-    if values.shape != (max_features + 1,):
+    wanted = f"b(n) above 0 for n = 0 to {max_features} features on a line, [{max_features + 1}]"
+    values = numbers_in("clutter", clutter, wanted, TINY)
+    if values.sum() > 1 + 1e-5:
         raise InputError(
-            f"clutter has shape {list(values.shape)}; give b(n) for n = 0 to {max_features}, the "
-            "most features that are kept on a line."
-        )
-    if not (values > 0).all() or values.sum() > 1 + 1e-5:
-        raise InputError(
-            f"clutter {values.round(6).tolist()} must be above 0 and sum to at most 1; smooth it, "
-            "as learn_clutter does."
+            f"clutter {values.round(6).tolist()} sums to more than 1; smooth it, as learn_clutter "
+            "does."
         )
     return as_array(values, float)

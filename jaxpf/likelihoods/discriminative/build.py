@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import check_array, check_number, check_whole, numbers_in
+from jaxpf.contract.numbers import FINITE, check_array, check_number, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array
 from jaxpf.contract.ranges import check_ranges
-from jaxpf.likelihoods._checks import INTERPOLATIONS, check_window, shown_as
+from jaxpf.likelihoods._checks import BOXES, INTERPOLATIONS, check_window, shown_as
 from jaxpf.likelihoods._integral import LANES
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.discriminative.levels import factor_of, shrunk
@@ -83,7 +83,7 @@ def discriminative(
     """
     check_frame(frame)
     frame = jnp.asarray(frame)
-    boxes = numbers_in("boxes", boxes, "x, y, w, h in pixels of every object, [>= 1, 4]")
+    boxes = numbers_in("boxes", boxes, BOXES, FINITE)
     if background_frames is not None:
         check_array("background_frames", background_frames, "uint8 RGB, [..., H, W, 3]")
     if reach is not None:
@@ -221,12 +221,10 @@ def check_boxes(
     """Reject boxes from which no appearance can be learned.
 
     Raises:
-        InputError: a box is not finite, too small, too large, or mostly outside the frame.
+        InputError: a box is too small, too large, or mostly outside the frame.
     """
     height, width = frame_shape[:2]
     for name, box in zip(shown_as("boxes", len(boxes), names), boxes, strict=True):
-        if not np.all(np.isfinite(box)):
-            raise InputError(f"{name} is {box.tolist()}: every number must be finite.")
         x, y, w, h = box
         if w < 4 or h < 4:
             raise InputError(

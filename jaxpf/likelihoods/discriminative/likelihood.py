@@ -23,6 +23,7 @@ import jax.numpy as jnp
 from jaxpf.contract import Likelihood, of_partition
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.likelihoods._checks import check_coordinates
 from jaxpf.likelihoods._integral import SIMILARITIES, integral_table
 from jaxpf.likelihoods.color import check_frame, hsv_bins
 from jaxpf.likelihoods.discriminative import nearby
@@ -344,11 +345,8 @@ class DiscriminativeLikelihood(Likelihood):
 
     def _boxes(self, partition, substates):
         """Boxes in the picture of all levels, and whether their size is valid."""
-        if substates.shape[0] not in (3, 4):
-            raise InputError(
-                f"a substate has {substates.shape[0]} values: learned appearance takes (u, v, a) "
-                "or (u, v, a, b)."
-            )
+        wanted = "(u, v, a) or (u, v, a, b)"
+        check_coordinates(substates, "learned appearance", wanted, 3, 4)
         dtype = substates.dtype
         u, v, scale = substates[:3]
         across = down = scale

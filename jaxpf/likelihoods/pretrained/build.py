@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_number, numbers_in
+from jaxpf.contract.numbers import FINITE, check_number, numbers_in
 from jaxpf.contract.pytree import as_array
 from jaxpf.contract.ranges import check_ranges
-from jaxpf.likelihoods._checks import shown_as
+from jaxpf.likelihoods._checks import BOXES, shown_as
 from jaxpf.likelihoods.color import check_frame
 from jaxpf.likelihoods.discriminative.build import check_boxes, check_learned, untrained
 from jaxpf.likelihoods.discriminative.levels import shrunk
@@ -65,7 +65,7 @@ def pretrained(
         InputError: an argument is out of range, or the weights are missing.
     """
     check_frame(frame)
-    boxes = numbers_in("boxes", boxes, "x, y, w, h in pixels of every object, [>= 1, 4]")
+    boxes = numbers_in("boxes", boxes, BOXES, FINITE)
     check_boxes(boxes, frame.shape[:2], names)
     check_ranges(gain=gain)
     check_number("penalty", penalty, above=0)

@@ -64,7 +64,8 @@ class Server:
         self.port = self._http.server_address[1]
         self.url = f"http://127.0.0.1:{self.port}/{self.token}/"
         self.is_closed = False
-        threading.Thread(target=self._http.serve_forever, daemon=True).start()
+        # It looks for the end every twentieth of a second, not every half: `close` waits for it.
+        threading.Thread(target=self._http.serve_forever, args=(0.05,), daemon=True).start()
 
     def wait(self, keep: bool = False) -> None:
         """Return a minute after the page was closed; with ``keep`` only on an interrupt."""

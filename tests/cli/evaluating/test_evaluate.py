@@ -105,6 +105,7 @@ def test_more_runs_continue_and_the_report_follows(whole, short_report):
     assert "was begun with runs = 8, now 4" in fewer
 
 
+@pytest.mark.slow
 def test_a_recorded_sequence_with_another_trackers_results(
     place, tmp_path, monkeypatch, short_report
 ):
@@ -121,6 +122,7 @@ def test_a_recorded_sequence_with_another_trackers_results(
     assert options["tracks"] == [f"theirs={(place / 'theirs.csv').resolve()}"]
 
 
+@pytest.mark.slow
 def test_baselines_stand_in_the_same_tables(place, tmp_path, short_report):
     output = tmp_path / "out"
     more = ("--baseline", "still,meanshift", "--baseline", "still", "-o", output)
@@ -217,7 +219,7 @@ def test_help_explains_the_options_of_the_scenes_objects_and_of_the_methods():
     assert "--ess-threshold" in shown
     assert "--resampling" in shown
     assert "--drift" not in shown
-    assert "--scope" not in shown
+    assert "--feedback" not in shown
     assert "--drift" in jaxpf("tune", "distracter", "--method", "eskil", "--help-all").out
 
 

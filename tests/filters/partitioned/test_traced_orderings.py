@@ -12,7 +12,6 @@ import jaxpf
 from jaxpf import InputError, Summary, ordering, pytree_dataclass, smoothing
 from jaxpf.contract.state import STATUS_UNSUPPORTED
 from jaxpf.dynamics import LinearGaussian
-from jaxpf.filters import WithErrorBars
 from jaxpf.likelihoods import Gaussian
 from jaxpf.smoothing import gibbs
 
@@ -61,11 +60,6 @@ def built(**changes):
     ), lambda order: tracker(order, **changes).refused
 
 
-def with_error_bars(order):
-    return WithErrorBars(tracker(order), lag=1, stages=True)
-
-
-ERROR_BARS = lambda order: run(with_error_bars(order)), lambda order: with_error_bars(order).refused
 SMOOTHING = lambda made: jaxpf.smooth(made, KEY, FRAMES, 3), smoothing.check_smoothing
 GIBBS = lambda made: smoothing.particle_gibbs(made, KEY, FRAMES, 2), gibbs.check_conditional
 
@@ -104,7 +98,6 @@ CASES = {
         [ordering.branched([[0, 1, 2], [2, 0, 1], [1, 0, 2]])],
         [ordering.branched([[0, 1, 2], [2, 0, 1]])],
     ),
-    "stages of error bars": (ERROR_BARS, [PS], [FLAT]),
     "particle Gibbs": (GIBBS, of(PS, ordering.sir(3)), of(DPS, FLAT)),
     "smoothing": (SMOOTHING, of(PS, FLAT), of(ordering.sps([-1] * 3, "sorted"))),
     "smoothing a forest": (

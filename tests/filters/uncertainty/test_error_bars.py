@@ -40,7 +40,7 @@ def told(its, frames=FRAMES, **settings):
     return jax.device_get(jaxpf.run(its, KEY, frames, both)[1])
 
 
-@pytest.mark.parametrize("order", [PS, EXCHANGE])
+@pytest.mark.parametrize("order", [PS, pytest.param(EXCHANGE, marks=pytest.mark.slow)])
 def test_the_filter_answers_as_without(order):
     its = tracker(order)
     _, plain = jaxpf.run(its, KEY, FRAMES)
@@ -56,17 +56,17 @@ def test_ancestors_of_the_start_are_handed_on():
     ancestor = np.arange(64)
     for source, family in zip(states.state.sources[:, 0], states.families, strict=True):
         ancestor = ancestor[source]
-        np.testing.assert_array_equal(family[0, 0, 0], ancestor)
+        np.testing.assert_array_equal(family[0, 0], ancestor)
 
 
 def test_exchanged_parts_have_ancestors_of_their_own_and_no_error_bar_of_the_evidence():
     states, summary = told(tracker(EXCHANGE))
-    assert states.families.shape == (6, 1, 1, 3, 64)
+    assert states.families.shape == (6, 1, 3, 64)
     assert (states.state.sources[-1, 0] != states.state.sources[-1, 1]).any()
     ancestor = np.arange(64)
     for source in states.state.sources[:, 2]:
         ancestor = ancestor[source]
-    np.testing.assert_array_equal(states.families[-1, 0, 0, 2], ancestor)
+    np.testing.assert_array_equal(states.families[-1, 0, 2], ancestor)
     assert np.isnan(summary.evidence_variance).all()
     assert np.isfinite(summary.estimate_variance[0]).all()
 
@@ -121,6 +121,7 @@ def test_what_is_not_known_is_not_zero():
     assert (summary.num_ancestors[-1] == 1).all()
 
 
+@pytest.mark.slow
 def test_a_lag_keeps_error_bars_alive_and_says_nothing_of_the_evidence():
     states, summary = told(tracker(num_particles=400), LONG, lag=2)
     known = np.isfinite(summary.estimate_variance)
@@ -130,16 +131,4 @@ def test_a_lag_keeps_error_bars_alive_and_says_nothing_of_the_evidence():
     # Ancestors are those of its frame; stage 0 is the turn of partition 1.
     first_drawn, sources = states.state.lineage[:, 1], states.state.sources
     two_back = first_drawn[3][sources[4, 0]][sources[5, 0]]
-    np.testing.assert_array_equal(states.families[5, 2, 0, 0], two_back)
-
-
-@pytest.mark.parametrize("order", [[0, 1, 2], [2, 1, 0]])
-def test_the_stage_of_the_sharpest_likelihood_makes_most_of_the_error(order):
-    noise = jnp.array([0.05, 3.0, 3.0])[:, None, None]
-    its = tracker(
-        ordering.ps(order),
-        likelihood=Gaussian(noise=noise),
-        num_particles=400,
-    )
-    _, summary = told(its, lag=1, stages=True)
-    assert (summary.evidence_terms[:2].argmax(axis=-1) == order.index(0)).all()
+    np.testing.assert_array_equal(states.families[5, 2, 0], two_back)

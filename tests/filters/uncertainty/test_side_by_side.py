@@ -37,6 +37,7 @@ def ran():
     return jaxpf.run(its, jax.random.key(3), FRAMES, lambda state, summary: (state, summary))[1]
 
 
+@pytest.mark.slow
 def test_a_frame_reports_the_pooled_particles_of_all_runs(ran):
     state, summary = jax.tree.map(lambda x: x[0], ran)
     weights = jnp.exp(state.log_weights)

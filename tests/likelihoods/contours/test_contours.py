@@ -99,6 +99,7 @@ def shifts(*pairs):
 REST, AWAY = (0.0, 0.0), (80.0, 0.0)
 
 
+@pytest.mark.slow
 def test_lines_may_count_for_less_than_independent_ones():
     moved = shifts((REST, REST), (AWAY, REST), ((4.0, 3.0), (-5.0, 1.0)))
     less = dataclasses.replace(WIRES, independence=0.25)
@@ -197,6 +198,7 @@ def test_one_edge_pays_once():
     assert found["opaque-literal"][1] > found["opaque-literal"][0]
 
 
+@pytest.mark.slow
 def test_a_contour_folded_back_on_half_a_worm_is_paid_once():
     """The literal rule scores the hairpin like the truth; paid once, it gets what one leg earns."""
     frame = np.full((HEIGHT, WIDTH, 3), 200, np.uint8)

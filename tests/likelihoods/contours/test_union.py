@@ -176,6 +176,7 @@ def test_three_targets_have_one_evidence_under_every_order_in_depth():
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.3, 0.5, 1.0])
 @pytest.mark.parametrize("offsets", [(0.0,), (-2.0, 2.0)])
 def test_lines_that_count_for_less_are_a_density_alone_and_beside_another(share, offsets):

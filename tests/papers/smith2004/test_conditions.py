@@ -5,6 +5,7 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 import jaxpf
 from jaxpf.dynamics import LinearGaussian
@@ -40,6 +41,7 @@ def ended(**how):
     return here, *jax.jit(tracker.step)(KEY, state, FRAME)
 
 
+@pytest.mark.slow
 def test_all_partitions_but_the_last_of_the_order_count_twice():
     here, there, summary = ended(counts_twice=True)
     values = np.asarray(here.substates)[..., 0]  # [N, P]
@@ -54,6 +56,7 @@ def test_all_partitions_but_the_last_of_the_order_count_twice():
     np.testing.assert_allclose(summary.estimate[:, 0], mean, rtol=1e-4, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_drawing_again_leaves_equal_weights_and_copies():
     here, there, early = ended(draws_again=True)
     np.testing.assert_allclose(np.exp(there.log_weights), 1 / 200, rtol=1e-5)

@@ -29,7 +29,6 @@ from jaxpf.targets.appearance import (
     PRETRAINED,
     RELATIVE,
     check_contrast,
-    naming,
 )
 from jaxpf.targets.later import starts_by_frame
 from jaxpf.targets.target import Looks, Marks, Start, Target
@@ -98,14 +97,14 @@ class _BoxTarget(Target):
             "parts": options.bands,
             "method": options.likelihood,
             "num_particles": looks.num_particles,
+            "names": _names(start),
         }
-        with naming([f"the box of object {number}" for number in start.ids]):
-            if looks.patches is None:
-                check_contrast(looks.frame, start.shapes)
-                return histogram(looks.frame, start.shapes, **settings)
-            return histogram_from_patches(
-                looks.patches, start.sizes, frame_shape=looks.frame_shape, **settings
-            )
+        if looks.patches is None:
+            check_contrast(looks.frame, start.shapes, _names(start))
+            return histogram(looks.frame, start.shapes, **settings)
+        return histogram_from_patches(
+            looks.patches, start.sizes, frame_shape=looks.frame_shape, **settings
+        )
 
     def training_likelihood(self, options: Options, start: Start, looks: Looks, frames: Any) -> Any:
         """Bilinear features, as a ratio to those of random background boxes."""
@@ -140,26 +139,24 @@ class _BoxTarget(Target):
         from jaxpf.likelihoods.discriminative import discriminative
         from jaxpf.likelihoods.exclusion import excluding
 
-        with naming([f"the box of object {number}" for number in start.ids]):
-            if options.motion == RELATIVE:
-                steps = relative_steps(options.relative_scale, len(start.shapes))
-                settings["reach"] = reach_of(steps)
-            likelihood = discriminative(
-                looks.start_frame, start.shapes, gain=options.gain, **settings
-            )
-            check_contrast(looks.start_frame, start.shapes)
+        if options.motion == RELATIVE:
+            steps = relative_steps(options.relative_scale, len(start.shapes))
+            settings["reach"] = reach_of(steps)
+        settings |= {"gain": options.gain, "names": _names(start)}
+        likelihood = discriminative(looks.start_frame, start.shapes, **settings)
+        check_contrast(looks.start_frame, start.shapes, _names(start))
         return likelihood if options.exclusion == NONE else excluding(likelihood)
 
     def _pretrained(self, options: Options, start: Start, looks: Looks) -> Any:
         from jaxpf.likelihoods.exclusion import excluding
         from jaxpf.likelihoods.pretrained import efficientnet_lite0, pretrained
 
-        with naming([f"the box of object {number}" for number in start.ids]):
-            network = efficientnet_lite0(options.network)
-            likelihood = pretrained(
-                looks.start_frame, start.shapes, network=network, gain=options.gain
-            )
-            check_contrast(looks.start_frame, start.shapes)
+        frame, shown = looks.start_frame, _names(start)
+        network = efficientnet_lite0(options.network)
+        likelihood = pretrained(
+            frame, start.shapes, network=network, gain=options.gain, names=shown
+        )
+        check_contrast(frame, start.shapes, shown)
         return likelihood if options.exclusion == NONE else excluding(likelihood)
 
     def model(self, options: Options, start: Start, likelihood: Any) -> Model:
@@ -267,3 +264,8 @@ class _BoxTarget(Target):
 
 
 BOXES = _BoxTarget()
+
+
+def _names(start: Start) -> list[str]:
+    """How messages show the boxes."""
+    return [f"the box of object {number}" for number in start.ids]

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_type
-from jaxpf.contract.numbers import check_number, numbers_in
+from jaxpf.contract.numbers import numbers_in
+from jaxpf.contract.ranges import check_ranges
 from jaxpf.shapes.splines import CUBIC, check_order
 
 if TYPE_CHECKING:
@@ -49,7 +50,9 @@ class Contours:
         if not np.isfinite(points).all():
             raise InputError("points hold a number that is not finite; give pixels, [P, K, 2].")
         if self.width is not None:
-            check_number("width", self.width, above=0)
+            check_ranges(width=self.width)
+            if self.closed:
+                raise InputError(f"width {self.width:g} is of open contours only; leave it out.")
         object.__setattr__(self, "points", points)
 
     @property

@@ -11,6 +11,7 @@ returns points on the curve.  The optional ``"width"`` makes an open contour the
 wire of that width in pixels, with two visible edges.
 """
 
+import dataclasses
 import json
 import os
 from pathlib import Path
@@ -22,7 +23,7 @@ from jaxpf.contours.data import Contours
 from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import check_name, read_text
 from jaxpf.files.writing import LineWriter, write_text
-from jaxpf.shapes.splines import CUBIC, check_order, crosses_itself, points_on
+from jaxpf.shapes.splines import CUBIC, crosses_itself, points_on
 
 TRACK_HEADER = "frame,contour,kind,point,x,y"
 _KEYS = {"closed", "contours", "degree", "width"}
@@ -48,21 +49,13 @@ def read_contours(path: str | os.PathLike[str]) -> Contours:
     if not isinstance(closed, bool):
         said = f'"closed" is {json.dumps(closed)}' if "closed" in content else '"closed" is missing'
         raise InputError(f"'{path}': {said}; give true or false.")
-    degree = content.get("degree", CUBIC)
-    if not isinstance(degree, int) or isinstance(degree, bool):
-        raise InputError(f"'{path}': \"degree\" is {json.dumps(degree)}; give a whole number.")
-    width = content.get("width")
-    if width is not None and (not _is_number(width) or width <= 0 or closed):
-        raise InputError(
-            f"'{path}': \"width\" is {json.dumps(width)}; it is a positive number of pixels, and "
-            "belongs to open contours only."
-        )
+    degree, width = content.get("degree", CUBIC), content.get("width")
     given = content.get("contours")
     if not isinstance(given, dict) or not given:
         raise InputError(f"'{path}' holds no contours; write them as in {_EXAMPLE}.")
     for name in given:
         check_name(name, f"a contour of '{path}'")
-    points = [_points(path, name, rows, degree) for name, rows in given.items()]
+    points = [_points(path, name, rows) for name, rows in given.items()]
     lengths = {name: len(rows) for name, rows in zip(given, points, strict=True)}
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"'{name}' {count}" for name, count in lengths.items())
@@ -70,19 +63,16 @@ def read_contours(path: str | os.PathLike[str]) -> Contours:
             f"'{path}': the contours have different numbers of control points: {listed}; give all "
             "the same number."
         )
+    try:
+        contours = Contours(tuple(given), np.array(points), closed, degree, width)
+    except InputError as error:
+        raise InputError(f"'{path}': {error}") from None
     remarks = []
     for name, control in zip(given, points, strict=True):
         line = points_on(control, _LOOKED_AT, closed=closed, degree=degree)
         if crosses_itself(line, closed=closed):
             remarks.append(f"The contour '{name}' of '{path}' crosses itself; check its points.")
-    return Contours(
-        names=tuple(given),
-        points=np.array(points),
-        closed=closed,
-        degree=degree,
-        width=None if width is None else float(width),
-        remarks=tuple(remarks),
-    )
+    return dataclasses.replace(contours, remarks=tuple(remarks))
 
 
 def write_contours(path: str | os.PathLike[str], contours: Contours) -> None:
@@ -154,7 +144,7 @@ def _unique(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return dict(pairs)
 
 
-def _points(path: Path, name: str, rows: Any, degree: int) -> np.ndarray:
+def _points(path: Path, name: str, rows: Any) -> np.ndarray:
     if not isinstance(rows, list):
         raise InputError(f"'{path}': contour '{name}' is no list of points [x, y].")
     for number, row in enumerate(rows):
@@ -163,10 +153,6 @@ def _points(path: Path, name: str, rows: Any, degree: int) -> np.ndarray:
                 f"'{path}': point {number} of contour '{name}' is {json.dumps(row)[:60]}; give two "
                 f"numbers of at most {_FARTHEST:.0f}, [x, y]."
             )
-    try:
-        check_order(len(rows), degree)
-    except InputError as error:
-        raise InputError(f"'{path}': contour '{name}': {error}") from None
     return np.array(rows, float)
 
 

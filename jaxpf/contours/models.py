@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from jaxpf.contours.data import Contours
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.model import Model
-from jaxpf.contract.numbers import check_number, numbers_in
+from jaxpf.contract.numbers import numbers_in
 from jaxpf.dynamics.gaussian import RandomWalk
 from jaxpf.dynamics.occlusion import WithOcclusion
 from jaxpf.shapes.depth import depth_orders
@@ -52,7 +52,6 @@ def contours_model(
     )
     if flip is None:
         return model
-    check_number("flip", flip, least=0, most=1)
     labels = len(depth_orders(len(start.points)))
     return model._replace(
         dynamics=WithOcclusion(dynamics, likelihood, flip),

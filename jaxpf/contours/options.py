@@ -5,6 +5,7 @@ import dataclasses
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.names import EXCLUSIONS, SHAPE_SPACES
 from jaxpf.contract.options import check_options, option, plain
+from jaxpf.contract.ranges import RANGES
 from jaxpf.targets.appearance import slip_option
 
 #: The depth order of separate contours is unknown; few particles would keep an arbitrary one.
@@ -54,51 +55,49 @@ class Options:
         "Width in pixels of a wire with two visible edges; by default that of the file (open "
         "contours only).",
         kind=float,
-        above=0,
+        **RANGES["width"],
     )
     lines: int = option(
         32,
         "Number of measurement lines on a contour (contours only).",
-        least=4,
-        most=1000,
+        **RANGES["num_lines"],
         compiles=True,
     )
     line_length: int = option(
         41,
         "Length of a measurement line, an odd number of pixels: edges are found up to half of it "
         "away (contours only).",
-        least=3,
-        most=253,
+        **RANGES["length"],
         compiles=True,
     )
     edge_threshold: float = option(
-        8.0, "Weakest edge that counts, in grey levels per pixel (contours only).", least=0
+        8.0,
+        "Weakest edge that counts, in grey levels per pixel (contours only).",
+        **RANGES["threshold"],
     )
     edge_smoothing: float = option(
         1.0,
         "Blur of the frame before edges are found, in pixels (contours only).",
-        least=0,
-        most=20,
+        **RANGES["smoothing"],
         compiles=True,
     )
     sigma: float = option(
         7.0,
         "Standard deviation of an edge's distance from the contour, in pixels (contours only).",
-        above=0,
+        **RANGES["sigma"],
     )
     independence: float = option(
         0.3,
         "Weight of a measurement line's log likelihood: less than 1, since neighbouring lines see "
         "the same edge (contours only).  1 as published, where few particles keep any weight.",
-        above=0,
-        most=1,
+        **RANGES["independence"],
     )
     clutter: float | None = option(
         None,
         "Mean number of edges on a measurement line of the background; by default the distribution "
         "of that number is learned from the start frame (contours only).",
         kind=float,
-        above=0,
+        **RANGES["clutter"],
     )
     slip: float | None = slip_option()
     flip: float | None = option(
@@ -107,8 +106,7 @@ class Options:
         f"they overlap; by default {FLIP:g}, which forgets the order while they are apart (opaque "
         "contours only).  0.01 as published.",
         kind=float,
-        least=0,
-        most=1,
+        **RANGES["flip"],
     )
 
     def __post_init__(self) -> None:

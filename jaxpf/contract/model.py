@@ -40,8 +40,15 @@ class Model(NamedTuple):
         return not callable(self.initial) and bool(np.isnan(self.initial).any())
 
 
-def check_tree(parents: Sequence[int]) -> tuple[int, ...]:
+def check_tree(
+    parents: Sequence[int], names: Sequence[str] | None = None, what: str = ""
+) -> tuple[int, ...]:
     """Return the part tree as a tuple of ints.
+
+    Args:
+        parents: index of each part's parent, -1 for a root.
+        names: of the parts, for messages; by default their indices.
+        what: the tree in messages; by default ``parents``.
 
     Raises:
         InputError: not a list of integers, a parent that does not exist, or a cycle.
@@ -61,13 +68,14 @@ def check_tree(parents: Sequence[int]) -> tuple[int, ...]:
                 f"parents[{part}]={parent} is not a part; use 0..{len(tree) - 1}, or -1 for a root."
             )
     for part in range(len(tree)):
-        seen, current = {part}, tree[part]
-        while current != -1:
-            if current in seen:
+        trail = [part]
+        while tree[trail[-1]] != -1:
+            trail.append(tree[trail[-1]])
+            if trail[-1] in trail[:-1]:
+                circle = trail[trail.index(trail[-1]) :]
+                shown = [f"{step}" if names is None else f"'{names[step]}'" for step in circle]
                 raise InputError(
-                    f"parents={list(tree)} has a cycle through part {part}; "
-                    "every part must lead to a root (-1)."
+                    f"{what or f'parents={list(tree)}'} hang in a circle, {' on '.join(shown)}; "
+                    "every part must lead to a root, which has no parent (-1)."
                 )
-            seen.add(current)
-            current = tree[current]
     return tree

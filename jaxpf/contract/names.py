@@ -17,6 +17,10 @@ GRADIENTS = ("none", "stop_gradient", "soft", "transport")
 MOTION_GRADIENTS = ("pathwise", "score")
 #: Objectives of tuning.
 OBJECTIVES = ("evidence", "position", "overlap", "crps")
+#: How the squared differences of a window are combined.
+NORMS = ("mean", "sum")
+#: How parts move: with their parents, or each on its own.
+PART_DYNAMICS = ("relative", "absolute")
 #: Shape spaces of contours that need no training examples.
 SHAPE_SPACES = ("translation", "similarity", "affine")
 #: Exclusion between contours: as wire frames, as opaque bodies, or none; the ``-literal`` variants

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_names
 from jaxpf.contract.numbers import FINITE, numbers_in
 from jaxpf.likelihoods.color import check_frame
 
@@ -27,14 +27,24 @@ def check_window(window: Any, example: str, name: str = "window") -> None:
         raise InputError(f"{name} is {window!r}: give the two sides of a grid, such as {example}.")
 
 
-def checked_sizes(name: str, sizes: Any, count: int, bands: int = 1) -> np.ndarray:
+def shown_as(name: str, count: int, names: Sequence[str] | None = None) -> list[str]:
+    """How messages show each of ``count`` objects: by ``names``, or as entries of an argument."""
+    if names is None:
+        return [f"{name}[{i}]" for i in range(count)]
+    check_names(names, count)
+    return list(names)
+
+
+def checked_sizes(
+    name: str, sizes: Any, count: int, bands: int = 1, names: Sequence[str] | None = None
+) -> np.ndarray:
     """Convert widths and heights ``[count, 2]``; refuse those below one pixel, or one per band."""
     wanted = f"finite width and height of every object, [{count}, 2]"
     sizes = numbers_in(name, sizes, wanted, FINITE)
-    for i, (width, height) in enumerate(sizes):
+    for shown, (width, height) in zip(shown_as(name, count, names), sizes, strict=True):
         if width < 1 or height < bands:
             raise InputError(
-                f"{name}[{i}] is {width:g} pixels wide and {height:g} high: use at least 1 pixel "
+                f"{shown} is {width:g} pixels wide and {height:g} high: use at least 1 pixel "
                 f"of width and {bands} of height."
             )
     return sizes

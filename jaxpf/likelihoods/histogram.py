@@ -24,14 +24,16 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import FINITE, check_array, check_number, check_whole, numbers_in
+from jaxpf.contract.numbers import FINITE, check_array, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
+from jaxpf.contract.ranges import check_ranges
 from jaxpf.likelihoods._checks import (
     BOXES,
     INTERPOLATIONS,
     check_coordinates,
     check_pictures,
     checked_sizes,
+    shown_as,
 )
 from jaxpf.likelihoods._integral import LANES, SIMILARITIES, integral_table
 from jaxpf.likelihoods._interpolated import NEIGHBOURS, interpolated_similarity
@@ -212,6 +214,7 @@ def histogram(
     samples: int = 16,
     interpolation: str = "nearest",
     form: str = "exponential",
+    names: Sequence[str] | None = None,
 ) -> HistogramLikelihood:
     """Learn the likelihood of P objects from their boxes in one frame.
 
@@ -232,6 +235,7 @@ def histogram(
         form: ``"exponential"``, ``"density"`` or ``"ratio"``, see
             ``jaxpf.likelihoods.log_density``; the ratio's background is learned from
             boxes anywhere in ``frame``.
+        names: of the objects, in messages; by default their numbers.
 
     Raises:
         InputError: an argument is out of range.
@@ -239,9 +243,11 @@ def histogram(
     check_frame(frame)
     boxes = numbers_in("boxes", boxes, BOXES, FINITE)
     check_whole("parts", parts)
-    checked_sizes("boxes", boxes[:, 2:], len(boxes), parts)
+    names = shown_as("boxes", len(boxes), names)
+    checked_sizes("boxes", boxes[:, 2:], len(boxes), parts, names)
     bins = np.asarray(hsv_bins(frame))
-    learned = [box_histogram(bins, box, parts, f"boxes[{i}]") for i, box in enumerate(boxes)]
+    shown = zip(boxes, names, strict=True)
+    learned = [box_histogram(bins, box, parts, name) for box, name in shown]
     return _build(
         np.array(learned), boxes[:, 2:], sharpness, method, num_particles, samples,
         bins.shape, interpolation, form, frame,
@@ -261,6 +267,7 @@ def histogram_from_patches(
     interpolation: str = "nearest",
     form: str = "exponential",
     background_frames: Any = None,
+    names: Sequence[str] | None = None,
 ) -> HistogramLikelihood:
     """Learn the likelihood of P objects from one picture of each.
 
@@ -269,7 +276,7 @@ def histogram_from_patches(
         sizes: [P, 2], width and height of the boxes at scale 1, pixels; by default the
             sizes of the patches.
         frame_shape: height and width of the frames to track in, for ``method="auto"``.
-        sharpness, parts, method, num_particles, samples, interpolation, form: as in
+        sharpness, parts, method, num_particles, samples, interpolation, form, names: as in
             :func:`histogram`.
         background_frames: uint8 RGB [H, W, 3], from which ``form="ratio"`` learns the background.
 
@@ -279,12 +286,11 @@ def histogram_from_patches(
     check_whole("parts", parts)
     check_array("frame_shape", frame_shape, "height and width of a frame, [>= 2]", least=1)
     check_pictures("patches", patches)
-    learned = np.array(
-        [patch_histogram(patch, parts, f"patches[{i}]") for i, patch in enumerate(patches)]
-    )
+    shown = zip(patches, shown_as("patches", len(patches), names), strict=True)
+    learned = np.array([patch_histogram(patch, parts, name) for patch, name in shown])
     if sizes is None:
         sizes = [(patch.shape[1], patch.shape[0]) for patch in patches]
-    sizes = checked_sizes("sizes", sizes, len(patches), parts)
+    sizes = checked_sizes("sizes", sizes, len(patches), parts, names)
     return _build(
         learned, sizes, sharpness, method, num_particles, samples, frame_shape,
         interpolation, form, background_frames,
@@ -297,7 +303,7 @@ def _build(
 ) -> HistogramLikelihood:  # fmt: skip
     """Keep the bins that references use, choose the method, and make the likelihood."""
     num_objects, num_parts, _ = learned.shape
-    check_number("sharpness", sharpness, above=0)
+    check_ranges(sharpness=sharpness)
     check_known("method=", method, ("auto", *METHODS))
     check_known("interpolation=", interpolation, INTERPOLATIONS)
     check_known("form=", form, FORMS)

@@ -126,7 +126,7 @@ def patch(
     poses = numbers_in("poses", poses, wanted, FINITE).astype(np.float32)
     check_number("sigma", sigma, above=0)
     check_window(window, "(21, 21)")
-    sizes = checked_sizes("sizes", sizes, len(poses)).astype(np.float32)
+    sizes = checked_sizes("sizes", sizes, len(poses), names=names).astype(np.float32)
     u, v, theta = jnp.asarray(poses).T
     width, height = jnp.asarray(sizes).T
     words = words_of(jnp.asarray(frame))

@@ -27,8 +27,10 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import check_number, numbers_in
+from jaxpf.contract.names import NORMS
+from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
+from jaxpf.contract.ranges import check_ranges
 from jaxpf.likelihoods._checks import (
     DARKEST_MEAN,
     check_not_black,
@@ -37,8 +39,6 @@ from jaxpf.likelihoods._checks import (
 )
 from jaxpf.likelihoods.color import check_frame
 
-#: How the squared differences of a window are combined.
-NORMS = ("mean", "sum")
 #: Of the log odds: constant, and factors of log(d / e) and log(s + .05).
 _ODDS = -1.4, -1.2, -1.0
 #: The same for a single point.
@@ -179,7 +179,7 @@ def windows(
             black or larger than the frame.
     """
     check_frame(frame)
-    check_number("sigma", sigma, above=0)
+    check_ranges(sigma=sigma)
     check_known("norm=", norm, NORMS)
     check_window(window, "(21, 21)")
     if not all(n % 2 for n in window):
@@ -238,7 +238,7 @@ def windows_from_pictures(
 
 
 def _build(seen, sigma, window, norm, slip) -> WindowLikelihood:
-    check_number("slip", slip, least=0)
+    check_ranges(slip=slip)
     means = seen.mean(axis=(1, 2), keepdims=True)
     return WindowLikelihood(
         sigma=as_array(sigma, float),

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.model import check_tree
 from jaxpf.files.reading import check_name, parse_number, read_below
 from jaxpf.parts.data import Parts
 
@@ -64,7 +65,7 @@ def read_parts(path: str | os.PathLike[str]) -> Parts:
                 f"part of the file; its parts are {', '.join(names)}"
             )
         parents.append(names.index(parent) if parent else -1)
-    _check_no_circle(path, names, parents)
+    check_tree(parents, names, f"the parts of '{path}'")
     table = np.array(numbers)
     return Parts(
         names=tuple(names),
@@ -77,18 +78,3 @@ def read_parts(path: str | os.PathLike[str]) -> Parts:
 def _number(field: str, column: int, place: str) -> float:
     name = HEADER.split(",")[column - 1]
     return parse_number(field, f"{place}: {name} (column {column}) is", "give a number")
-
-
-def _check_no_circle(path: Path, names: list[str], parents: list[int]) -> None:
-    for part in range(len(parents)):
-        trail = [part]
-        while parents[trail[-1]] >= 0:
-            trail.append(parents[trail[-1]])
-            if trail[-1] == part:
-                circle = " on ".join(f"'{names[step]}'" for step in trail)
-                raise InputError(
-                    f"the parts of '{path}' hang in a circle, {circle}; leave the parent of the "
-                    "object's root empty"
-                )
-            if len(trail) > len(parents):
-                break  # it leads into a cycle that does not contain this part

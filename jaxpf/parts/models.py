@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_known, check_names
 from jaxpf.contract.model import Model, check_tree
+from jaxpf.contract.names import PART_DYNAMICS
 from jaxpf.contract.numbers import FINITE, check_array, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass
 from jaxpf.dynamics.gaussian import RandomWalk
@@ -28,7 +29,7 @@ from jaxpf.likelihoods.histogram import HistogramLikelihood
 from jaxpf.likelihoods.wrapped import WrappedLikelihood
 from jaxpf.lowering.programs import compiled
 
-DYNAMICS = ("relative", "absolute")
+DYNAMICS = PART_DYNAMICS
 
 #: Noise of x, y (pixels) and theta (radians) per frame, for roots and absolute parts.
 DEFAULT_SCALE = (3.0, 3.0, 0.06)

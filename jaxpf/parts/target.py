@@ -16,13 +16,13 @@ import numpy as np
 
 from jaxpf.contract.errors import Argument, InputError, check_names, check_type
 from jaxpf.contract.model import Model, check_tree
+from jaxpf.contract.names import PART_DYNAMICS
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import check_options, option
 from jaxpf.parts.data import Parts
 from jaxpf.targets.appearance import (
     bands_option,
     likelihood_option,
-    naming,
     scale_option,
     sharpness_option,
     slip_option,
@@ -71,7 +71,7 @@ class Options:
     dynamics: str = option(
         "relative",
         "How parts move: relative (to their parents) or absolute (each on its own).",
-        choices=("relative", "absolute"),
+        choices=PART_DYNAMICS,
         common=True,
         compiles=True,
     )
@@ -156,10 +156,9 @@ class _PartTarget(Target):
             "sigma": 1 / math.sqrt(options.sharpness),
             "window": _PATCH_WINDOW,
         }
-        with naming([f"part '{name}'" for name in start.ids]):
-            if looks.frame is None:
-                return patch_from_pictures(looks.patches, start.sizes, **settings)
-            return patch(looks.frame, start.shapes, start.sizes, **settings)
+        if looks.frame is None:
+            return patch_from_pictures(looks.patches, start.sizes, **settings)
+        return patch(looks.frame, start.shapes, start.sizes, **settings, names=_names(start))
 
     def _histogram(self, options: Options, start: Start, looks: Looks, **settings: Any) -> Any:
         from jaxpf.likelihoods import histogram_from_patches
@@ -168,16 +167,16 @@ class _PartTarget(Target):
         pictures = looks.patches
         if pictures is None:
             pictures = cut_pictures(looks.frame, start.shapes, start.sizes)
-        with naming([f"part '{name}'" for name in start.ids]):
-            return histogram_from_patches(
-                pictures,
-                start.sizes,
-                sharpness=options.sharpness,
-                parts=options.bands,
-                method="sampled",
-                samples=max(_SAMPLES, 2 * options.bands),
-                **settings,
-            )
+        return histogram_from_patches(
+            pictures,
+            start.sizes,
+            sharpness=options.sharpness,
+            parts=options.bands,
+            method="sampled",
+            samples=max(_SAMPLES, 2 * options.bands),
+            names=_names(start),
+            **settings,
+        )
 
     def settled(self, options: Options, start: Start, looks: Looks) -> Options:
         if options.likelihood != "auto":
@@ -234,3 +233,8 @@ class _PartTarget(Target):
 
 
 PARTS = _PartTarget()
+
+
+def _names(start: Start) -> list[str]:
+    """How messages show the parts."""
+    return [f"part '{name}'" for name in start.ids]

@@ -117,9 +117,6 @@ def _points(rows: list[tuple[str, list[str]]]) -> Points:
         check_name(name, where)
         if name in names:
             raise InputError(f"{where} repeats the name '{name}'; give every point its own")
-        if (x, y) in places:
-            other = names[places.index((x, y))]
-            raise InputError(f"{where} is at the place of '{other}'; move or remove one of them")
         names.append(name)
         places.append((x, y))
     return Points(tuple(names), np.array(places))

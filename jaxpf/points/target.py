@@ -12,8 +12,10 @@ import numpy as np
 
 from jaxpf.contract.errors import Argument, InputError, check_names
 from jaxpf.contract.model import Model
+from jaxpf.contract.names import NORMS
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import check_options, option
+from jaxpf.contract.ranges import RANGES
 from jaxpf.targets.appearance import slip_option
 from jaxpf.targets.later import starts_by_frame
 from jaxpf.targets.target import Looks, Marks, Start, Target
@@ -37,7 +39,7 @@ class Options:
     sigma: float = option(
         0.03,
         "Tolerated difference between windows; larger trusts the match less (points only).",
-        above=0,
+        **RANGES["sigma"],
         path="likelihood.sigma",
         common=True,
         tuned=("",),
@@ -68,7 +70,7 @@ class Options:
     norm: str = option(
         "mean",
         "Whether a window's differences are averaged or summed (points only).",
-        choices=("mean", "sum"),
+        choices=NORMS,
     )
 
     def __post_init__(self) -> None:

@@ -1,14 +1,13 @@
 """Options of appearance and motion that several targets share, each with its own defaults."""
 
-import contextlib
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, option
+from jaxpf.contract.ranges import RANGES
 
 #: Values of ``--appearance``, ``--motion`` and ``--exclusion``.
 COLOUR, DISCRIMINATIVE, PRETRAINED = "colour", "discriminative", "pretrained"
@@ -40,7 +39,7 @@ def gain_option(default: float) -> Any:
         default,
         "Sharpness of the learned likelihood: larger trusts its score more, and gives narrower "
         "intervals (discriminative and pretrained appearance only).",
-        above=0,
+        **RANGES["gain"],
         path="likelihood.gain",
         tuned=("",),
         implies=("appearance", DISCRIMINATIVE),
@@ -54,7 +53,7 @@ def sharpness_option(default: float, path: str) -> Any:
         default,
         "Sharpness S of the likelihood exp(-S d^2) of the colour distance d: larger trusts colours "
         "more, and gives narrower intervals.",
-        above=0,
+        **RANGES["sharpness"],
         path=path,
         tuned=("",),
         implies=_OF_COLOUR,
@@ -83,7 +82,7 @@ def slip_option() -> Any:
         "the median shorter side for parts, 0.1 of the size for open contours and 0.05 for closed "
         "ones; 0 in synthetic scenes.",
         kind=float,
-        least=0,
+        **RANGES["slip"],
     )
 
 
@@ -112,36 +111,23 @@ def likelihood_option(*choices: str) -> Any:
     )
 
 
-def check_contrast(frame: Any, boxes: np.ndarray) -> None:
+def check_contrast(frame: Any, boxes: np.ndarray, names: Sequence[str]) -> None:
     """Reject boxes of one uniform colour on a background of the same colour.
 
     Args:
         frame: uint8 RGB ``[H, W, 3]``.
         boxes: x, y, w, h in pixels, ``[P, 4]``.
+        names: of the boxes, ``[P]``, for the message.
 
     Raises:
-        InputError: the message names the box.
+        InputError: a box cannot be located.
     """
     pixels = np.asarray(frame)
-    for index, (x, y, width, height) in enumerate(boxes):
+    for name, (x, y, width, height) in zip(names, boxes, strict=True):
         left, top = (max(int(at - size / 2), 0) for at, size in ((x, width), (y, height)))
         around = pixels[top : int(y + 1.5 * height) + 1, left : int(x + 1.5 * width) + 1]
         if around.size and np.ptp(around, axis=(0, 1)).max() <= _ONE_COLOUR:
             raise InputError(
-                f"boxes[{index}] lies on one colour, and so does what is around it, so that "
+                f"{name} lies on one colour, and so does what is around it, so that "
                 "it cannot be located; give a box whose edges show, or another start frame."
             )
-
-
-@contextlib.contextmanager
-def naming(names: Sequence[str]) -> Iterator[None]:
-    """Replace object numbers (from 0) in error messages by the objects' names."""
-    try:
-        yield
-    except InputError as error:
-        named = re.sub(
-            r"(?:boxes|sizes|patches|pictures)\[(\d+)\]|the window of object (\d+)",
-            lambda match: names[int(match[1] or match[2])],
-            str(error),
-        )
-        raise InputError(named) from None

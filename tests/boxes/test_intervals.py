@@ -28,7 +28,9 @@ def interval_of(particles, error):
         shapes=lambda start, substates: substates,
         model_error=lambda count: np.array([[0, 0, error]]),
     )
-    return places_of(scene, 1, None, BOX, state, BOX[:, :2])[0].interval
+    places, _ = places_of(scene, 1, None, BOX, state, BOX[:, :2])
+    ends = [[places[f"{name}_{level}"] for name in "xywh"] for level in ("2.5", "97.5")]
+    return np.array(ends).transpose(0, 2, 1)
 
 
 @pytest.mark.parametrize("error", [0.0, 0.1])

@@ -155,7 +155,7 @@ def test_three_opaque_contours_are_tracked_and_drawn(tmp_path):
             "--exclusion opaque",
             "5 opaque target.*give 2 to 4 closed contours, or treat the targets as wires",
         ),
-        ({"contours": {"short": [[1, 2], [3, 4], [5, 6]]}}, "", "'short': 3 control point"),
+        ({"contours": {"short": [[1, 2], [3, 4], [5, 6]]}}, "", "3 control point"),
         ({"contours": {"far": [[200, 2], [203, 4], [200, 9], [209, 9]]}}, "", "'far' lies outside"),
         ({}, "--wire-width 30 --clutter 1", "width 30 does not fit on lines of 21 pixels"),
         ({}, "--line-length 20", "length 20 of the measurement lines must be an odd number"),

@@ -183,9 +183,7 @@ def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_pat
     [
         ("--box 1,2,3,4", "--box works only for boxes; write `jaxpf track boxes"),
         ("--truth gt.csv", "--truth works only for boxes"),
-        ("--method dps", "method 'dps' goes through circular shifts.*choose one of sir, ps, sps"),
         ("--method ps --order 2,1,3,4,5", "puts part 2 before its parent 1"),
-        ("--method ps --order 1,2", "the order 1,2 is not a permutation of the 5 object"),
         ("--likelihood patch --bands 2", "--bands 2 goes with histograms"),
         ("--dynamics absolute --joint-scale 1,1,2", "--joint-scale goes with"),
     ],

@@ -1,11 +1,11 @@
 """What is collected over the runs: quantiles, curves, in bounded memory."""
 
-import csv
 import math
 
 import jax
 import numpy as np
 import pytest
+from csv_rows import rows_of
 from made_results import SIR, batch, make, walks
 
 from jaxpf.evaluation.measuring.collection import QUANTILES, error_quantiles
@@ -45,8 +45,7 @@ def test_curves_are_means_over_runs(tmp_path):
         if curve is success_curve:
             area = summary.estimates["success_area"].value[2]
             assert area == pytest.approx(float(np.mean(curves)), rel=1e-5)
-    with open(results.folder / "curves.csv", newline="") as file:
-        rows = [row for row in csv.DictReader(file) if row["object"] == "all"]
+    rows = [row for row in rows_of(results.folder / "curves.csv") if row["object"] == "all"]
     assert [row["curve"] for row in rows] == ["success"] * 21 + ["precision"] * 51
     (at_20,) = (row for row in rows if (row["curve"], row["threshold"]) == ("precision", "20"))
     assert float(at_20["value"]) == pytest.approx(np.mean(summary.precision.value[2, 20]))
@@ -74,8 +73,8 @@ def test_reliability_and_area_of_confidence_by_hand(tmp_path):
     line = made.remarks[-1]
     assert "0.2 to 0.4: 20%, 0.8 to 1.0: 80%; area under the curve 80%" in line
     assert line.endswith("not reported lost: 10% of all frames.")  # 2 of 20
-    with open(tmp_path / "results" / "summary.csv", newline="") as file:
-        rows = {row["measure"]: row for row in csv.DictReader(file) if row["object"] == "all"}
+    every = rows_of(tmp_path / "results" / "summary.csv")
+    rows = {row["measure"]: row for row in every if row["object"] == "all"}
     assert float(rows["on_object_4"]["value"]) == pytest.approx(0.8)
     assert float(rows["confidence_area"]["value"]) == pytest.approx(0.8)
     assert float(rows["silent"]["value"]) == pytest.approx(0.1)

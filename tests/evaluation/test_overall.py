@@ -4,6 +4,7 @@ import csv
 
 import numpy as np
 import pytest
+from csv_rows import rows_of
 
 from jaxpf import measures
 from jaxpf.evaluation.output import charts
@@ -50,8 +51,7 @@ def test_orders_of_a_method_are_averaged_and_differences_are_paired(tmp_path):
     assert [row[:2] for row in means.texts()] == [["SIR, gain 2.0", "3"], ["PS, gain 2.0", "2"]]
     assert means.texts()[0][2].startswith("60 [")
     assert means.texts()[1][2].startswith("60")  # .6 of both sequences
-    with open(tmp_path / "overall.csv", newline="") as file:
-        (found,) = (row for row in csv.DictReader(file) if row["what"] == "difference")
+    (found,) = (row for row in rows_of(tmp_path / "overall.csv") if row["what"] == "difference")
     # Only sequences that both have count: .6 - .5 and .6 - .4.
     assert (found["method"], found["sequences"]) == ("PS, gain 2.0", "2")
     assert float(found["value"]) == pytest.approx(0.15)
@@ -63,8 +63,7 @@ def test_orders_of_a_method_are_averaged_and_differences_are_paired(tmp_path):
     assert "Fewer than 10 sequences are a preview and decide nothing." in text
     assert "nan" not in text
     assert "Runs are the independent units" not in text
-    with open(tmp_path / "sequences.csv", newline="") as file:
-        assert len(list(csv.DictReader(file))) == 5
+    assert len(rows_of(tmp_path / "sequences.csv")) == 5
 
 
 @pytest.mark.parametrize("varied", [[], ["gain"]])

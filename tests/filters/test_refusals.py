@@ -159,8 +159,8 @@ def tree(**changes):
     (lambda: ordering.sps([-1, 5]), "parents[1]=5 is not a part; use 0..1"),
     (lambda: ordering.sps([-2, 0]), "parents[0]=-2 is not a part"),
     (lambda: ordering.sps([1, 0, None]), "parents [1, 0, None] is no list of whole numbers"),
-    (lambda: ordering.sps([-1, 2, 1]), "parents=[-1, 2, 1] has a cycle through part 1"),
-    (lambda: ordering.sps([0]), "parents=[0] has a cycle through part 0"),
+    (lambda: ordering.sps([-1, 2, 1]), "parents=[-1, 2, 1] hang in a circle, 1 on 2 on 1"),
+    (lambda: ordering.sps([0]), "parents=[0] hang in a circle, 0 on 0"),
 ])  # fmt: skip
 def test_a_wrong_ordering_is_refused(call, named):
     assert named in message_of(call)

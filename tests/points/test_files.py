@@ -30,12 +30,10 @@ def test_a_file_that_cannot_be_used_is_refused(tmp_path, text):
     assert f"'{path}'" in message_of(read_points, path)
 
 
-def test_two_points_of_one_name_or_place_and_files_that_are_none_are_refused(tmp_path):
+def test_two_points_of_one_name_and_files_that_are_none_are_refused(tmp_path):
     path = tmp_path / "points.csv"
     path.write_text("1,2,a\n3,4,a")
     assert "repeats the name 'a'" in message_of(read_points, path)
-    path.write_text("1,2,a\n1,2,b")
-    assert "at the place of 'a'" in message_of(read_points, path)
     assert "no file of points" in message_of(read_points, tmp_path / "nowhere.csv")
     assert "is a folder" in message_of(read_points, tmp_path)
 

@@ -208,7 +208,7 @@ def test_intervals_in_tracks_are_widened_by_the_slip():
     )
     for slots in (slice(None), np.array([2, 0])):  # all points, or those that are reported
         places, _ = places_of(scene, 1, start, shapes, state, PLACES, slots)
-        width = places.interval[1] - places.interval[0]
+        width = np.stack([places[f"{x}_97.5"] - places[f"{x}_2.5"] for x in "xy"], axis=1)
         expected = 3.92 * np.tile(deviations[slots, None], 2)
         # 4.5 standard errors of two 2.5% quantiles.
         np.testing.assert_allclose(width, expected, atol=4.5 * 1.42 * 3 * 2.7 / 141)

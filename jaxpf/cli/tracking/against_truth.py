@@ -1,37 +1,43 @@
 """``jaxpf track --truth``: print and write how close tracks are to the ground truth."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jaxpf.boxes import tracks
 from jaxpf.cli.shared import console
 from jaxpf.files.writing import csv_text, write_text
-from jaxpf.measures import metrics, scores
+from jaxpf.sequences.tables import BoxTable, dense
 
 _SCORES = ("HOTA", "DetA", "AssA", "IDF1", "MOTA", "MOTP")
 _COUNTS = ("FP", "FN", "IDSW", "Frag")
 
 
 def report_truth(
-    output: Path, ids: Sequence[Any], first: int, truth: tracks.BoxTable, which: str = ""
+    output: Path,
+    table: Mapping[str, np.ndarray],
+    ids: Sequence[Any],
+    first: int,
+    truth: BoxTable,
+    which: str = "",
 ) -> None:
     """Report metrics over the frames with ground truth, as a table and as metrics.csv.
 
     Args:
-        output: folder of the run, which holds its tracks.
+        output: folder of the run.
+        table: columns of its tracks, see ``jaxpf.boxes.read_tracks``.
         ids: ids of the objects.
         first: start frame; metrics cover the frames after it.
         truth: boxes, as returned by ``read_boxes``.
-        which: "smoothed" for smoothed.csv; "" for tracks.csv.
+        which: "smoothed" for smoothed tracks.
     """
-    estimated = tracks.read_boxes(output / f"{which or 'tracks'}.csv")
-    last = int(estimated.frame.max())
+    from jaxpf.measures import metrics, scores
+
+    last = int(table["frame"].max())
     shared = [int(i) for i in ids if i in set(truth.id.tolist())]
-    estimate = tracks.dense(estimated, shared, last + 1)[first + 1 :]
-    target = tracks.dense(truth, shared, last + 1)[first + 1 :]
+    estimate = dense(_boxes(table), shared, last + 1)[first + 1 :]
+    target = dense(truth, shared, last + 1)[first + 1 :]
     measures = metrics.summarise(estimate[None], target)
     columns = {
         "frames": np.asarray(metrics.has_truth(target)).sum(axis=0),
@@ -53,20 +59,24 @@ def report_truth(
     write_text(path, csv_text([["id", *names], *lines]))
 
 
-def report_identities(output: Path, start: int, num_frames: int, truth: tracks.BoxTable) -> None:
+def report_identities(
+    output: Path, start: int, num_frames: int, table: Mapping[str, np.ndarray], truth: BoxTable
+) -> None:
     """Report identity scores of objects that come and go, as a table and as metrics.csv.
 
     Args:
-        output: folder of the run, which holds its tracks.
+        output: folder of the run.
         start: start frame; scores cover the frames after it.
         num_frames: number of frames after the start frame.
+        table: columns of its tracks, see ``jaxpf.boxes.read_tracks``.
         truth: boxes, as returned by ``read_boxes``.
     """
-    estimated = tracks.read_boxes(output / "tracks.csv")
+    from jaxpf.measures import scores
+
     first = start + 1
     estimates, targets = (
-        tracks.dense(table, sorted(set(table.id.tolist())), first + num_frames)[first:]
-        for table in (estimated, truth)
+        dense(boxes, sorted(set(boxes.id.tolist())), first + num_frames)[first:]
+        for boxes in (_boxes(table), truth)
     )
     values = scores.tracking_scores(estimates, targets)
     row = [f"{values[name]:.3f}" for name in _SCORES] + [f"{values[n]:.0f}" for n in _COUNTS]
@@ -74,3 +84,11 @@ def report_identities(output: Path, start: int, num_frames: int, truth: tracks.B
     console.print_table(title, ["", *_SCORES, *_COUNTS], [["all", *row]])
     lines = [values, [f"{value:.6g}" for value in values.values()]]
     write_text(output / "metrics.csv", csv_text(lines))
+
+
+def _boxes(table: Mapping[str, np.ndarray]) -> BoxTable:
+    """The boxes of tracks; one without area, as it was written, is none."""
+    box = np.stack([table[name] for name in "xywh"], axis=1)
+    kept = (box[:, 2:] > 0).all(axis=1)
+    unknown = np.full(kept.sum(), -1)
+    return BoxTable(table["frame"][kept], table["id"][kept], box[kept], unknown, unknown)

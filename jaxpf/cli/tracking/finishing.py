@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.boxes.tracks import BoxTable, read_tracks
 from jaxpf.cli.shared.console import say
+from jaxpf.cli.tracking import against_truth
 from jaxpf.cli.tracking.births import nobody_came
 from jaxpf.cli.tracking.session import Session
 from jaxpf.cli.tracking.verdict import object_verdicts, sentences
@@ -35,13 +35,14 @@ def _finish(session: Session) -> None:
     from jaxpf.media import plotting
 
     output = session.output
-    table = read_tracks(output / "tracks.csv")
-    diagnostics = np.loadtxt(output / "diagnostics.csv", delimiter=",", skiprows=1, ndmin=2)
+    assert session.tracks is not None
+    table, sizes = session.tracks.table, np.array(session.ess)
     names = session.names.tolist()
     if session.population is not None:
         names = [birth["id"] for birth in session.population.births]
     verdicts = object_verdicts(table, names)
-    sizes = diagnostics[:, 1]
+    num_particles = getattr(session.tracker, "num_particles", 0)
+    num_particles = int(num_particles or np.nanmax(sizes, initial=1))
     if session.population is not None:
         sizes = sizes[sizes > 0]  # 0 while there is no object
     ess = float(np.median(sizes)) if len(sizes) and not np.isnan(sizes).any() else None
@@ -52,11 +53,17 @@ def _finish(session: Session) -> None:
     columns = [name for name in target.columns if name not in target.fixed_columns]
     figure = plotting.trajectories(table, columns, lost)
     plotting.save_figure(figure, output / "trajectories.png")
-    num_particles = getattr(session.tracker, "num_particles", 0)
-    num_particles = int(num_particles or np.nanmax(diagnostics[:, 1], initial=1))
     _tell(session, verdicts, content, ess, num_particles)
-    if session.truth is not None:
-        _report_truth(session, session.truth, names)
+    if session.truth is None:
+        return
+    first, count = session.request.run.start + session.before[1], session.counts.tracked
+    if session.population is not None:
+        against_truth.report_identities(output, first, count, table, session.truth)
+        return
+    against_truth.report_truth(output, table, names, first, session.truth)
+    if session.smoothed is not None:
+        smoothed = session.smoothed.table
+        against_truth.report_truth(output, smoothed, names, first, session.truth, "smoothed")
 
 
 def _summary(
@@ -197,19 +204,6 @@ def _tell(
 
 def _warn(text: str) -> None:
     say(text, err=True)
-
-
-def _report_truth(session: Session, truth: BoxTable, names: list[Any]) -> None:
-    from jaxpf.cli.tracking import against_truth
-
-    run, output = session.request.run, session.output
-    if session.population is not None:
-        against_truth.report_identities(output, run.start, session.counts.tracked, truth)
-        return
-    first = run.start + session.before[1]
-    against_truth.report_truth(output, names, first, truth)
-    if run.smooths:
-        against_truth.report_truth(output, names, first, truth, "smoothed")
 
 
 def counted(count: int, noun: str = "frame") -> str:

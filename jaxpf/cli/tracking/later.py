@@ -13,7 +13,6 @@ import jax
 import numpy as np
 
 from jaxpf.cli.tracking.records import Record, Scene, fixed_population
-from jaxpf.cli.tracking.track_table import Places
 from jaxpf.contract.errors import InputError
 from jaxpf.targets.target import Start
 
@@ -86,10 +85,7 @@ def _part(group: _Group, colours: Mapping[Any, np.ndarray]) -> Record:
     """The next record of a group, of the objects that it still tracks."""
     record = next(group.records)
     kept = np.flatnonzero(np.isin(record.start.ids, group.ids))
-    places = Places._make(
-        None if value is None else value[:, kept] if field.endswith("interval") else value[kept]
-        for field, value in zip(Places._fields, record.places, strict=True)
-    )
+    places = {name: values[kept] for name, values in record.places.items()}
     ids = record.start.ids[kept]
     start = dataclasses.replace(
         record.start,

@@ -71,6 +71,7 @@ def _record_frames(session: Session, stack: contextlib.ExitStack) -> None:
             write_config(session.output / "run.toml", "track", session.table)
             if look_back is not None:
                 smoothed = Smoothed(session.output, scene, look_back, stack)
+                session.smoothed = smoothed.tracks
             writers = [*_writers(session, scene, smoothed, stack), *overlay]
             for record in itertools.chain(beginning, records):
                 for write in writers:
@@ -152,10 +153,10 @@ def _writers(
     births, names = session.request.births, session.names.tolist()
     if births is not None:
         names = [f"slot_{number}" for number in range(1, births.rules.capacity + 1)]
-    writers: list[Writer] = [
-        Tracks(session.output, scene, stack),
-        Diagnostics(session.output, names, stack),
-    ]
+    session.tracks = Tracks(session.output, scene, stack)
+    diagnostics = Diagnostics(session.output, names, stack)
+    session.ess = diagnostics.ess
+    writers: list[Writer] = [session.tracks, diagnostics]
     if smoothed is not None:
         writers.append(smoothed)
     writers.append(session.counts)

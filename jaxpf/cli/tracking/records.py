@@ -2,13 +2,13 @@
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from jaxpf.cli.tracking.births import Births, by_frame
-from jaxpf.cli.tracking.track_table import Places, places_of
+from jaxpf.cli.tracking.track_table import places_of
 from jaxpf.contract.lost import judge
 from jaxpf.targets.target import Start, Target
 
@@ -28,11 +28,12 @@ class Record(NamedTuple):
         start: the P objects in this frame, with their ids.
         colours: uint8 RGB ``[P, 3]``.
         shapes: ``[P, S]``.
-        places: the shapes in columns of tracks.csv, with intervals.
+        places: columns of tracks.csv, see ``places_of``; values alone in the start frame.
         lost: bool ``[P]``, see ``jaxpf.contract.lost.judge``.
         confidence: ``[P]``, see there; None if the likelihood defines none.
         outside: bool ``[P]``, outside the image; None in a frame that is not filtered.
         without_likelihood: bool ``[P]``, no particle has any; None likewise.
+        errors: columns x_error and y_error, Monte-Carlo standard errors, if requested.
         summary: summary of all partitions; None in a frame that is not filtered.
         state: holds the particles; None in a frame that is not filtered.
         slots: partitions occupied by the objects.
@@ -47,11 +48,12 @@ class Record(NamedTuple):
     start: Start
     colours: np.ndarray
     shapes: np.ndarray
-    places: Places
+    places: dict[str, np.ndarray]
     lost: np.ndarray
     confidence: np.ndarray | None = None
     outside: np.ndarray | None = None
     without_likelihood: np.ndarray | None = None
+    errors: Mapping[str, np.ndarray] = {}
     summary: Any = None
     state: Any = None
     slots: Any = _ALL
@@ -140,7 +142,7 @@ def fixed_population(
     cloud = scene.cloud(state) if time and not scene.has_own_boxes else None
     places, centres = places_of(scene, scene.first, start, start.shapes, cloud)
     if not time:
-        places = Places(places.values)
+        places = {name: places[name] for name in scene.target.columns}
         yield Record(scene.first, frame, start, colours, start.shapes, places, nobody)
     elif not hasattr(cloud, "substates"):
         centres = np.full_like(centres, np.nan)
@@ -155,9 +157,9 @@ def fixed_population(
         cloud = None if scene.has_own_boxes else scene.cloud(tracked.state)
         number = scene.first + 1 + tracked.time
         places, centres = places_of(scene, number, start, shapes, cloud, centres)
-        variance = getattr(summary, "estimate_variance", None)
+        variance, errors = getattr(summary, "estimate_variance", None), {}
         if variance is not None and scene.target.has_places:
-            places = places._replace(error=np.sqrt(variance)[:, :2])
+            errors = dict(zip(("x_error", "y_error"), np.sqrt(variance)[:, :2].T, strict=True))
         yield Record(
             number=number,
             frame=tracked.frame,
@@ -169,6 +171,7 @@ def fixed_population(
             confidence=confidence,
             outside=outside,
             without_likelihood=hopeless,
+            errors=errors,
             summary=summary,
             state=tracked.state,
         )
@@ -208,7 +211,7 @@ def changing_population(
         number = scene.first + tracked.time
         places, centres = places_of(scene, number, all_, tracked.boxes, state, centres, slots)
         if tracked.summary is None:
-            places = Places(places.values)
+            places = {name: places[name] for name in scene.target.columns}
         ids = tracked.ids
         shapes = tracked.boxes[slots]
         outside = scene.outside(start, shapes) if len(slots) else np.zeros(0, bool)

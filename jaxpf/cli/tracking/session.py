@@ -13,6 +13,7 @@ from jaxpf.cli.tracking import births as births_of
 from jaxpf.cli.tracking.later import all_names
 from jaxpf.cli.tracking.live import used_to_the_light
 from jaxpf.cli.tracking.request import Request, check_together
+from jaxpf.cli.tracking.track_table import Tracks
 from jaxpf.cli.tracking.writers import Counts, Population
 from jaxpf.contract.errors import InputError
 from jaxpf.media.frame_source import FrameSource
@@ -57,6 +58,9 @@ class Session:
         before: state of --resume and its number of frames; else None and 0.
         counts: numbers of frames and failures.
         population: births and deaths; None for a fixed population.
+        tracks: writer of tracks.csv, which keeps its table; None before the first frame.
+        smoothed: writer of smoothed.csv, likewise; None without smoothing.
+        ess: effective sample sizes of the tracked frames.
         stopped: the exception that ended the run early, or None.
         seconds: time of the first frame, which includes compilation, and of all others.
         has_begun: whether files of an earlier run have been replaced.
@@ -74,6 +78,9 @@ class Session:
     before: tuple[Any, int] = (None, 0)
     counts: Counts = dataclasses.field(init=False)
     population: Population | None = None
+    tracks: Tracks | None = None
+    smoothed: Tracks | None = None
+    ess: list[float] = dataclasses.field(default_factory=list)
     stopped: KeyboardInterrupt | InputError | None = None
     seconds: tuple[float, float] = (0.0, 0.0)
     has_begun: bool = False

@@ -1,9 +1,10 @@
 """tracks.csv: one row per frame and object, for every kind of target."""
 
+import array
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,24 +18,6 @@ if TYPE_CHECKING:
 LEVELS = (2.5, 97.5)
 #: Maximum number of particles times objects sorted per frame; larger sets are thinned evenly.
 _MOST_SORTED = 200_000
-
-
-class Places(NamedTuple):
-    """Positions of P objects in one frame, in the C columns of their kind.
-
-    Attributes:
-        values: ``[P, C]``, pixels and degrees.
-        interval: ``[2, P, C]``, quantiles at ``LEVELS``; None if unknown.
-        speed: ``[P]``, pixels per second; None in the first frame.
-        speed_interval: ``[2, P]``; None if unknown.
-        error: ``[P, 2]``, Monte-Carlo standard errors of x and y; None unless requested.
-    """
-
-    values: np.ndarray
-    interval: np.ndarray | None = None
-    speed: np.ndarray | None = None
-    speed_interval: np.ndarray | None = None
-    error: np.ndarray | None = None
 
 
 class Tracks:
@@ -62,6 +45,8 @@ class Tracks:
         self._target, self._shown_at = scene.target, scene.shown_at
         self._waiting: list[Record] = []
         self._columns: list[str] = []
+        self._ids: list[Any] = []
+        self._numbers = array.array("d")
 
     def __call__(self, record: "Record") -> None:
         """Write the rows of a frame."""
@@ -69,54 +54,45 @@ class Tracks:
             self._write_outlines(record.number, record.shapes)
         self._waiting += record.groups
         if not self._columns:
-            moving = [group for group in record.groups if group.places.speed is not None]
+            moving = [group for group in record.groups if "speed" in group.places]
             if not moving:
                 return
-            self._columns = self._header(moving[0])
+            self._columns = list(self._cells(moving[0]))
             self._file.write_rows([["frame", "time", "id", *self._columns]])
-        for each in self._waiting:
-            self._file.write_rows(self._rows(each))
+        rows = [row for each in self._waiting for row in self._rows(each)]
+        self._file.write_rows(rows)
+        for frame, time, name, *cells in rows:
+            self._ids.append(name)
+            self._numbers.extend([frame, float(time), *(float(cell or "nan") for cell in cells)])
         self._waiting.clear()
 
-    def _header(self, record: "Record") -> list[str]:
-        places, names = record.places, [*self._target.columns]
-        if places.interval is not None:
-            varying = [name for name in names if name not in self._target.fixed_columns]
-            names += [f"{name}_{level:g}" for name in varying for level in LEVELS]
-        names.append("speed")
-        if places.speed_interval is not None:
-            names += [f"speed_{level:g}" for level in LEVELS]
-        if not self._is_smoothed:
-            names += [] if record.confidence is None else ["confidence"]
-            names.append("lost")
-        return names + ([] if places.error is None else ["x_error", "y_error"])
+    @property
+    def table(self) -> dict[str, np.ndarray]:
+        """The columns written so far, rounded as in the file; see ``jaxpf.boxes.read_tracks``."""
+        names = ["frame", "time", *self._columns]
+        table = dict(zip(names, np.reshape(self._numbers, (-1, len(names))).T, strict=True))
+        return table | {"frame": table["frame"].astype(int), "id": np.array(self._ids)}
+
+    def _cells(self, record: "Record") -> dict[str, np.ndarray]:
+        """The columns of a record, ``[P]`` each."""
+        if self._is_smoothed:
+            return record.places
+        sure = {} if record.confidence is None else {"confidence": record.confidence}
+        return {**record.places, **sure, "lost": record.lost, **record.errors}
 
     def _rows(self, record: "Record") -> Iterator[list[Any]]:
-        places = record.places
-        cells: dict[str, Any] = {"speed": places.speed, "confidence": record.confidence}
-        for column, name in enumerate(self._target.columns):
-            cells[name] = places.values[:, column]
-            for end, level in enumerate(LEVELS):
-                if places.interval is not None:
-                    cells[f"{name}_{level:g}"] = places.interval[end][:, column]
-        for end, level in enumerate(LEVELS):
-            if places.speed_interval is not None:
-                cells[f"speed_{level:g}"] = places.speed_interval[end]
-        if places.error is not None:
-            cells |= {"x_error": places.error[:, 0], "y_error": places.error[:, 1]}
-        unknown = np.full(len(record.start.ids), np.nan)
-        given = (cells.get(name) for name in self._columns)
-        table = [unknown if values is None else values for values in given]
-        time = f"{self._shown_at(record.number):.4f}"
-        for place in np.flatnonzero(np.isfinite(places.values).all(axis=1)):
+        cells, time = self._cells(record), f"{self._shown_at(record.number):.4f}"
+        there = np.isfinite([cells[name] for name in self._target.columns]).all(axis=0)
+        for place in np.flatnonzero(there):
             row = [
-                str(int(record.lost[place])) if name == "lost" else _cell(name, values[place])
-                for name, values in zip(self._columns, table, strict=True)
+                _cell(name, cells[name][place]) if name in cells else "" for name in self._columns
             ]
             yield [record.number, time, record.start.ids[place], *row]
 
 
 def _cell(name: str, value: float) -> str:
+    if name == "lost":
+        return f"{int(value)}"
     if np.isnan(value):
         return ""
     return f"{value:.6g}" if name in ("confidence", "x_error", "y_error") else f"{value:.3f}"
@@ -130,8 +106,11 @@ def places_of(
     state: Any = None,
     before: np.ndarray | None = None,
     slots: Any = slice(None),
-) -> tuple[Places, np.ndarray]:
-    """Values, intervals and speeds of one frame, and the centres ``[P, 2]`` for the next.
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Places of one frame, and the centres ``[P, 2]`` for the next.
+
+    Places are columns of tracks.csv, ``[P]`` each: values in pixels and degrees, their quantiles at
+    ``LEVELS``, the speed in pixels per second, and its quantiles.
 
     Args:
         scene: settings of the run.
@@ -146,12 +125,13 @@ def places_of(
     if number > scene.first:
         step = scene.shown_at(number) - scene.shown_at(number - 1)
     values = target.column_values(start, shapes)
+    places = dict(zip(target.columns, values[slots].T, strict=True))
     before = np.full((len(shapes), 2), np.nan) if before is None else before
     substates = getattr(state, "substates", None)
     if substates is None:
         centres = centres_of(target, values)
         speed = np.linalg.norm(centres - before, axis=-1) / step
-        return Places(values[slots], speed=speed[slots]), centres
+        return places | {"speed": speed[slots]}, centres
     from jaxpf.filters import quantiles
 
     kept, weights = _kept(state)
@@ -167,7 +147,10 @@ def places_of(
     centres = _mean(middles, weights)
     moved = (centres - before) / step
     speed = np.linalg.norm(moved, axis=-1)
-    places = Places(values[slots], interval, speed[slots])
+    for column, name in enumerate(target.columns):
+        if name not in target.fixed_columns:
+            places |= _ends(name, interval[..., column])
+    places["speed"] = speed[slots]
     previous = getattr(state, "previous_substates", None)
     if previous is None:
         return places, centres
@@ -176,7 +159,12 @@ def places_of(
     # Deviation of each particle's step from the mean step, along the estimate's direction.
     along = np.sum((steps - _mean(steps, weights)) * moved, -1) / np.maximum(speed, 1e-9)
     ends = speed[slots] + quantiles(along[:, slots, None], shown, levels)[..., 0]
-    return places._replace(speed_interval=np.maximum(ends, 0)), centres
+    return places | _ends("speed", np.maximum(ends, 0)), centres
+
+
+def _ends(name: str, interval: np.ndarray) -> dict[str, np.ndarray]:
+    """The columns of an interval ``[2, P]``."""
+    return {f"{name}_{level:g}": end for level, end in zip(LEVELS, interval, strict=True)}
 
 
 def _widened(

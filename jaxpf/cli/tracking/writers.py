@@ -35,11 +35,16 @@ Writer = Callable[[Record], None]
 
 
 class Diagnostics:
-    """Writes diagnostics.csv: effective sample size, evidence, uniqueness and confidence."""
+    """Writes diagnostics.csv: effective sample size, evidence, uniqueness and confidence.
+
+    Attributes:
+        ess: effective sample sizes of the frames, rounded as in the file.
+    """
 
     def __init__(self, output: Path, names: list[Any], stack: contextlib.ExitStack):
         self._file = stack.enter_context(LineWriter(output / "diagnostics.csv"))
         self._names, self._is_new = names, True
+        self.ess: list[float] = []
 
     def __call__(self, record: Record) -> None:
         """Write a row; a user-defined tracker may report less than the built-in ones."""
@@ -54,7 +59,9 @@ class Diagnostics:
             self._is_new = False
         scalars = [min(_reported(record, "ess")), sum(_reported(record, "log_evidence"))]
         values = [*scalars, *np.concatenate([*columns.values()])]
-        self._file.write_rows([[record.number, *(f"{value:.6g}" for value in values)]])
+        cells = [f"{value:.6g}" for value in values]
+        self._file.write_rows([[record.number, *cells]])
+        self.ess.append(float(cells[0]))
 
     def _row(self, record: Record, name: str) -> np.ndarray:
         """A column of the summaries, by object; NaN where a group does not report it."""
@@ -133,7 +140,8 @@ class Overlay:
             scene, spread = part.scene or self._scene, getattr(part.summary, "spread", None)
             if spread is None or scene.has_own_boxes or not target.has_places:
                 continue
-            centres = centres_of(target, part.places.values)
+            values = np.stack([part.places[name] for name in target.columns], axis=-1)
+            centres = centres_of(target, values)
             spread = np.hypot(spread[:, :2], scene.model_error(len(spread))[:, :2])[part.slots]
             picture = draw_spreads(picture, centres, spread, part.colours)
         return picture
@@ -148,7 +156,7 @@ class Smoothed:
     def __init__(
         self, output: Path, scene: Scene, look_back: "LookBack", stack: contextlib.ExitStack
     ):
-        self._tracks = Tracks(output, scene, stack, is_smoothed=True)
+        self.tracks = Tracks(output, scene, stack, is_smoothed=True)
         self._scene, self._look_back = scene, look_back
         self._before: np.ndarray | None = None
         self._latest: Record | None = None
@@ -159,7 +167,7 @@ class Smoothed:
         self._latest = record
         if record.summary is None:
             self._before = places_of(self._scene, record.number, record.start, record.shapes)[1]
-            self._tracks(record)
+            self.tracks(record)
             return
         self._filtered.append(record.summary.spread)
         self._append(self._look_back.add(self._scene.cloud(record.state)))
@@ -183,7 +191,7 @@ class Smoothed:
             draws = _NormalDraws(frame.estimate, spread)
             number = scene.first + 1 + frame.time
             places, self._before = places_of(scene, number, start, shapes, draws, self._before)
-            self._tracks(self._latest._replace(number=number, shapes=shapes, places=places))
+            self.tracks(self._latest._replace(number=number, shapes=shapes, places=places))
 
 
 class _NormalDraws:

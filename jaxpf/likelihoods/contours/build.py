@@ -6,8 +6,9 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError, check_known, check_type
 from jaxpf.contract.names import EXCLUSIONS
-from jaxpf.contract.numbers import check_array, check_number, check_whole
+from jaxpf.contract.numbers import check_array, check_whole
 from jaxpf.contract.pytree import as_array
+from jaxpf.contract.ranges import check_ranges
 from jaxpf.likelihoods.contours.clutter import check_clutter, learn_clutter, poisson_clutter
 from jaxpf.likelihoods.contours.edges import EdgeDetector
 from jaxpf.likelihoods.contours.exclusive import ExclusiveContours, OpaqueContours
@@ -24,8 +25,6 @@ _KINDS: dict[str, tuple[type[IndependentContours], dict[str, str]]] = {
     "wires-literal": (ExclusiveContours, {"payment": "literal"}),
     "opaque-literal": (OpaqueContours, {"payment": "literal"}),
 }
-#: Largest number of lines on a contour.
-_MOST_LINES = 1000
 #: More boundaries on a line would make too many subsets to sum over.
 _MOST_CROSSINGS = 8
 
@@ -124,10 +123,8 @@ def _check(
     space, num_targets, exclusion, sigma, independence, width, num_lines, crossings, edges
 ) -> None:
     check_known("exclusion=", exclusion, EXCLUSIONS)
-    check_number("sigma", sigma, above=0)
-    check_number("width", 1.0 if width is None else width, above=0)
-    check_number("independence", independence, above=0, most=1)
-    check_whole("num_lines", num_lines, 4, _MOST_LINES)
+    check_ranges(sigma=sigma, independence=independence, num_lines=num_lines)
+    check_ranges(width=1.0 if width is None else width)
     check_whole("num_targets", num_targets)
     check_whole("crossings", crossings, edges)
     if not hasattr(space, "num_templates"):

@@ -15,6 +15,7 @@ import numpy as np
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.numbers import TINY, check_array, check_number, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array
+from jaxpf.contract.ranges import check_ranges
 from jaxpf.likelihoods.contours.edges import EdgeDetector, Lines
 from jaxpf.lowering.programs import compiled
 
@@ -37,7 +38,7 @@ def poisson_clutter(mean: float, max_features: int) -> jax.Array:
     Raises:
         InputError: the mean is not above 0.
     """
-    check_number("clutter", mean, above=0)
+    check_ranges(clutter=mean)
     check_whole("max_features", max_features, most=_MOST_FEATURES)
     counts = np.arange(max_features + 1)
     log_factorial = np.concatenate([[0.0], np.cumsum(np.log(counts[1:]))])

@@ -11,7 +11,8 @@ import numpy as np
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.numbers import FINITE, check_array, check_number, check_whole, numbers_in
 from jaxpf.contract.pytree import as_array
-from jaxpf.likelihoods._checks import BOXES, INTERPOLATIONS, check_window
+from jaxpf.contract.ranges import check_ranges
+from jaxpf.likelihoods._checks import BOXES, INTERPOLATIONS, check_window, shown_as
 from jaxpf.likelihoods._integral import LANES
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.discriminative.levels import factor_of, shrunk
@@ -46,6 +47,7 @@ def discriminative(
     interpolation: str = "nearest",
     background_frames: Any = None,
     reach: float | None = None,
+    names: Sequence[str] | None = None,
 ) -> DiscriminativeLikelihood:
     """Learn to distinguish P objects from their surroundings, from their boxes in one frame.
 
@@ -74,6 +76,7 @@ def discriminative(
             where these are smaller than the frame.  A window reaches this far beyond its object,
             in square roots of the object's area; a particle outside makes the step use the whole
             frame.  None always uses whole frames.
+        names: of the objects, in messages; by default their numbers.
 
     Raises:
         InputError: an argument is out of range.
@@ -85,11 +88,11 @@ def discriminative(
         check_array("background_frames", background_frames, "uint8 RGB, [..., H, W, 3]")
     if reach is not None:
         check_number("reach", reach, above=0)
-    check_boxes(boxes, frame.shape)
+    check_boxes(boxes, frame.shape, names)
     _check(features, gain, bands, grid, penalty, interpolation)
     likelihood = untrained(frame, boxes, features, gain, bands, grid, interpolation)
     likelihood = trained(likelihood, frame, boxes, penalty)
-    check_learned(np.asarray(likelihood.residual))
+    check_learned(np.asarray(likelihood.residual), names)
     if reach is not None:
         likelihood = dataclasses.replace(likelihood, windows=window_shape(likelihood, reach))
     if background_frames is None:
@@ -198,44 +201,46 @@ def _channels(function: Callable) -> int:
     return shape[2]
 
 
-def check_learned(residuals: np.ndarray) -> None:
+def check_learned(residuals: np.ndarray, names: Sequence[str] | None) -> None:
     """Reject objects that look like their surroundings.
 
     Raises:
         InputError: the message names the box.
     """
-    spread = training_boxes()[1].std()
+    spread, shown = training_boxes()[1].std(), shown_as("boxes", len(residuals), names)
     for i in np.flatnonzero(~(residuals < _MOST_UNEXPLAINED * spread)):
         raise InputError(
-            f"boxes[{i}] looks like what is around it, so that it cannot be located; give a "
+            f"{shown[i]} looks like what is around it, so that it cannot be located; give a "
             "box whose edges show, or another start frame."
         )
 
 
-def check_boxes(boxes: np.ndarray, frame_shape: tuple[int, ...]) -> None:
+def check_boxes(
+    boxes: np.ndarray, frame_shape: tuple[int, ...], names: Sequence[str] | None
+) -> None:
     """Reject boxes from which no appearance can be learned.
 
     Raises:
         InputError: a box is too small, too large, or mostly outside the frame.
     """
     height, width = frame_shape[:2]
-    for i, box in enumerate(boxes):
+    for name, box in zip(shown_as("boxes", len(boxes), names), boxes, strict=True):
         x, y, w, h = box
         if w < 4 or h < 4:
             raise InputError(
-                f"boxes[{i}] is {w:g} pixels wide and {h:g} high: appearance is learned from "
+                f"{name} is {w:g} pixels wide and {h:g} high: appearance is learned from "
                 "objects of at least 4 x 4 pixels; enlarge the frames, or choose the appearance "
                 "colour."
             )
         inside = max(min(x + w, width) - max(x, 0), 0) * max(min(y + h, height) - max(y, 0), 0)
         if inside > _MOST_OF_FRAME * width * height:
             raise InputError(
-                f"boxes[{i}] is {box.tolist()}: it fills the frame of {width} x {height} pixels, "
+                f"{name} is {box.tolist()}: it fills the frame of {width} x {height} pixels, "
                 "so that nothing is left to distinguish it from; choose the appearance colour."
             )
         if inside < 0.25 * w * h:
             raise InputError(
-                f"boxes[{i}] is {box.tolist()}: less than a quarter of it lies in the frame of "
+                f"{name} is {box.tolist()}: less than a quarter of it lies in the frame of "
                 f"{width} x {height} pixels; start where more of the object is seen."
             )
 
@@ -249,7 +254,7 @@ def _check(features, gain, bands, grid, penalty, interpolation) -> None:
                 f"feature {feature!r} is unknown; choose of {', '.join(FEATURES)}, or give a "
                 "function."
             )
-    check_number("gain", gain, above=0)
+    check_ranges(gain=gain)
     check_number("penalty", penalty, above=0)
     check_whole("bands", bands)
     check_window(grid, "(4, 4)", "grid")

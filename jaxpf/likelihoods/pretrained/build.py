@@ -1,7 +1,7 @@
 """Learn an appearance likelihood by a pretrained network's features from one frame."""
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -11,7 +11,8 @@ import numpy as np
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import FINITE, check_number, numbers_in
 from jaxpf.contract.pytree import as_array
-from jaxpf.likelihoods._checks import BOXES
+from jaxpf.contract.ranges import check_ranges
+from jaxpf.likelihoods._checks import BOXES, shown_as
 from jaxpf.likelihoods.color import check_frame
 from jaxpf.likelihoods.discriminative.build import check_boxes, check_learned, untrained
 from jaxpf.likelihoods.discriminative.levels import shrunk
@@ -43,6 +44,7 @@ def pretrained(
     bands: int = 2,
     grid: tuple[int, int] = (4, 4),
     penalty: float = RIDGE,
+    names: Sequence[str] | None = None,
 ) -> PretrainedLikelihood:
     """Learn to distinguish P objects from their surroundings by a network's features as well.
 
@@ -57,14 +59,15 @@ def pretrained(
         gain: trust in the scores, see :func:`jaxpf.likelihoods.discriminative`.
         bands, grid: of the usual features, see there.
         penalty: of the ridge regression, per background.
+        names: of the objects, in messages; by default their numbers.
 
     Raises:
         InputError: an argument is out of range, or the weights are missing.
     """
     check_frame(frame)
     boxes = numbers_in("boxes", boxes, BOXES, FINITE)
-    check_boxes(boxes, frame.shape[:2])
-    check_number("gain", gain, above=0)
+    check_boxes(boxes, frame.shape[:2], names)
+    check_ranges(gain=gain)
     check_number("penalty", penalty, above=0)
     network = _as_network(efficientnet_lite0() if network is None else network)
     cells = [_grid(shape) for shape in _map_shapes(network)]
@@ -83,8 +86,9 @@ def pretrained(
     weights, offset, residual, middles, spreads = jax.tree.map(lambda *of: np.stack(of), *learned)
     for number, own in enumerate(zip(*jax.tree.leaves((middles, spreads)), strict=True)):
         if not all(np.isfinite(each).all() for each in own):
-            raise InputError(f"the network makes NaN or infinite maps of the box boxes[{number}].")
-    check_learned(residual)
+            shown = shown_as("boxes", len(boxes), names)[number]
+            raise InputError(f"the network makes NaN or infinite maps of {shown}.")
+    check_learned(residual, names)
     length = known.num_features
     known = with_coefficients(known, weights[:, :length], np.zeros(len(boxes)), residual)
     deep = []

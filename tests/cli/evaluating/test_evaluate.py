@@ -110,7 +110,7 @@ def test_a_recorded_sequence_with_another_trackers_results(
     place, tmp_path, monkeypatch, short_report
 ):
     monkeypatch.chdir(place)
-    chosen = ("--methods", "ps", "--orders", "2,1", "--ids", "3,7")
+    chosen = ("--methods", "ps", "--orders", "2,1", "--ids", "3,7", "--appearance", "colour")
     evaluated("two", *COMMON, *chosen, "--tracks", "theirs=theirs.csv", "-o", tmp_path / "out")
     results = Results.open(tmp_path / "out")
     assert results.object_ids == (3, 7)

@@ -64,7 +64,8 @@ def test_a_request_to_end_leaves_what_was_tracked_and_is_answered_at_once(
     frames = (picture(number % LENGTH, noise=False) for number in range(1000))
     clip = write_lossless_video(tmp_path / "long.avi", frames)
     output = tmp_path / "out"
-    command = [sys.executable, "-c", PROGRAM, "track", clip, *BOXES, *PARTICLES, "-o", output]
+    given = (*BOXES, *PARTICLES, "--appearance", "colour", "-o", output)  # compiled soonest
+    command = [sys.executable, "-c", PROGRAM, "track", clip, *given]
     process = subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE, text=True)
     try:
         deadline = time.monotonic() + 600

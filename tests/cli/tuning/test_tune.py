@@ -107,12 +107,9 @@ def test_a_folder_is_tuned_on_its_first_frames(tmp_path):
         ("--parameters num_particles", "no parameter num_particles to tune; choose"),
         ("--parameters likelihood.bin_lookup", "holds int32, which has no gradient"),
         ("--parameters dynamics.momentum", "has no option in `jaxpf track`"),
-        ("--parameters ,", "no parameter was named"),
-        ("--scale 1,0,0.001", "dynamics.scale[1] starts at 0, but must lie between 0 and inf"),
         ("--frames 3", "--frames 3 divides a folder's frames"),
         ("--labels 5", "--labels 5 does not work with --objective evidence"),
         ("--labels 99 --objective position", "--labels 99 must be 1 to"),
-        ("--set likenes=1", "no parameter 'likenes'"),
     ],
 )
 def test_a_mistake_is_one_sentence(tmp_path, arguments, words):

@@ -67,6 +67,11 @@ QUOTED = {
             r"SPS sorted 9\.9 \[ 1\.6, 17\.6\]"
         ),
     },
+    "tuning": {
+        "0.57 for 0.44, a difference of\n+0.13": (
+            r"overlap 0\.44 -> 0\.57, difference \+0\.13 \[\+0\.0[1-9], "
+        ),
+    },
 }
 
 

@@ -20,6 +20,7 @@ from jaxpf.contract.names import PART_DYNAMICS
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import check_options, option
 from jaxpf.parts.data import Parts
+from jaxpf.parts.files import read_parts
 from jaxpf.targets.appearance import (
     bands_option,
     likelihood_option,
@@ -190,8 +191,6 @@ class _PartTarget(Target):
         return _outlines(shapes, start.sizes)
 
     def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
-        from jaxpf.parts.files import read_parts
-
         path = given["parts_file"]
         if path is None:
             raise InputError(

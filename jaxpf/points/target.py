@@ -16,6 +16,7 @@ from jaxpf.contract.names import NORMS
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import check_options, option
 from jaxpf.contract.ranges import RANGES
+from jaxpf.points.files import grid_points, parse_points, read_points
 from jaxpf.targets.appearance import slip_option
 from jaxpf.targets.later import starts_by_frame
 from jaxpf.targets.target import Looks, Marks, Start, Target
@@ -158,8 +159,6 @@ class _PointTarget(Target):
         return jnp.asarray(shapes)[..., None, :] + corners * half
 
     def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
-        from jaxpf.points.files import parse_points, read_points
-
         said = [name for name in ("point", "points", "mask") if given[name]]
         if len(said) > 1:
             raise InputError(f"--{said[0]} and --{said[1]} were both given; use one of them.")
@@ -186,8 +185,6 @@ class _PointTarget(Target):
         self, given: Mapping[str, Any], number: int, source: "FrameSource"
     ) -> tuple[dict[int, Start], str | None]:
         """Points of later frames in the file of --points."""
-        from jaxpf.points.files import read_points
-
         points = read_points(given["points"]) if given["points"] else None
         if points is None or points.frames is None:
             return {}, None
@@ -265,7 +262,6 @@ def _check_inside(points: Any, source: "FrameSource") -> None:
 def _on_mask(path: Path, step: float, source: "FrameSource") -> Any:
     """Return points on a grid within a mask of the frame's size."""
     from jaxpf.media.images import read_mask
-    from jaxpf.points.files import grid_points
 
     if not path.is_file():
         raise InputError(f"there is no mask at '{path}'; give a picture that is 0 off the body.")

@@ -45,7 +45,7 @@ import jax
 
 from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
-from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.errors import InputError, check_has, check_known, check_separate
 from jaxpf.contract.names import MOTION_GRADIENTS
 from jaxpf.contract.numbers import TINY, check_array
 from jaxpf.contract.pytree import pytree_dataclass
@@ -83,11 +83,8 @@ class Gradient:
             InputError: names the setting.
         """
         for name in self.unsuited:
-            if getattr(tracker, name, None):
-                raise InputError(
-                    f"{name} does not work with gradient {type(self).__name__}; leave one of them "
-                    "out."
-                )
+            used = getattr(tracker, name, None)
+            check_separate(name, (used, f"gradient {type(self).__name__}"))
 
 
 @pytree_dataclass
@@ -166,25 +163,13 @@ class Transport(Gradient):
         if importlib.util.find_spec("ott") is None:
             raise InputError(transport.MISSING)
         check_array("Transport's epsilon", self.epsilon, "a finite number above 0", TINY)
-        for used, what, remedy in (
-            (
-                tracker.ordering.keeps_components,
-                "components that particles keep, which cannot be blended",
-                "another ordering",
-            ),
-            (tracker.initial_label is not None, "labels, which cannot be blended", "no labels"),
-            (tracker.tempering is not None, "tempering, whose weights cannot be blended", "None"),
-            (
-                contract.has_log_joint(tracker.likelihood),
-                "log_joint, whose weighting functions belong to the particles before blending",
-                "a likelihood that factors",
-            ),
-        ):
-            if used:
-                raise InputError(
-                    f"gradient Transport blends particles and does not work with {what}; use "
-                    f"{remedy} or gradient=jaxpf.gradients.StopGradient()."
-                )
+        check_separate(
+            "gradient Transport, which blends particles,",
+            (tracker.ordering.keeps_components, "components that particles keep"),
+            (tracker.initial_label is not None, "labels"),
+            (tracker.tempering is not None, "tempering"),
+            (contract.has_log_joint(tracker.likelihood), "a likelihood that has log_joint"),
+        )
 
 
 _NAMED = {
@@ -215,13 +200,10 @@ def check_gradients(tracker: Any) -> None:
     tracker.gradient.check(tracker)
     check_known("motion_gradient=", tracker.motion_gradient, MOTION_GRADIENTS)
     if tracker.motion_gradient == "score":
-        check_uncoupled(tracker.dynamics, "motion_gradient='score'")
-    if tracker.motion_gradient == "score" and not contract.has_log_density(tracker.dynamics):
-        raise InputError(
-            f"motion_gradient='score' needs the method log_density of the dynamics, and "
-            f"{type(tracker.dynamics).__name__} has none; write it (see "
-            "jaxpf.contract.DynamicsWithDensity) or use motion_gradient='pathwise'."
-        )
+        score = "motion_gradient='score'"
+        check_uncoupled(tracker.dynamics, score)
+        has_density = contract.has_log_density(tracker.dynamics)
+        check_has(score, tracker.dynamics, "log_density of the dynamics", has_density)
 
 
 def check_motion_gradient(tracker: Any) -> None:

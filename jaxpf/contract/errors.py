@@ -134,6 +134,34 @@ def check_tracker(tracker: Any) -> None:
         )
 
 
+def check_separate(what: str, *others: tuple[Any, str]) -> None:
+    """Refuse a setting together with others that it does not work with.
+
+    Args:
+        what: the setting.
+        others: whether another one is used, and its name.
+
+    Raises:
+        InputError: names both.
+    """
+    for used, other in others:
+        if used:
+            raise InputError(f"{what} does not work with {other}; leave one of them out.")
+
+
+def check_has(what: str, part: Any, method: str, has: bool) -> None:
+    """Refuse a part of a model without an optional method that ``what`` needs.
+
+    Raises:
+        InputError: names the class and the method.
+    """
+    if not has:
+        raise InputError(
+            f"{what} needs the method {method}, and {type(part).__name__} has none; write it (see "
+            f"jaxpf.contract), or leave {what} out."
+        )
+
+
 def check_known(shown: str, value: Any, known: Collection[str]) -> None:
     """Refuse a name that is not in ``known``.
 

@@ -32,8 +32,8 @@ def report_os_errors(action: str, path: str | os.PathLike[str]) -> Iterator[None
 
 #: What formulas of spreadsheets begin with.
 FORMULA = ("=", "+", "-", "@")
-#: Numbers and intervals, which begin like formulas and are none.
-_NUMBERS = re.compile(r"[-+](inf|\.?\d[-+\d.,eE%\s\[\]]*)")
+#: Numbers, spans and intervals, which begin like formulas and are none.
+_NUMBERS = re.compile(r"[-+](inf|\.?\d([-+\d.,eE%\s\[\]]| to )*)")
 #: Part of the names of incomplete files.
 PARTIAL = ".partial"
 #: Name of a folder's lock file, see ``jaxpf.files.locking``.

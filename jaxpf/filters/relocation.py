@@ -25,7 +25,7 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import check_has, check_separate
 from jaxpf.contract.lost import LOST_BELOW
 from jaxpf.contract.numbers import check_array
 from jaxpf.contract.pytree import pytree_dataclass, static_field
@@ -74,22 +74,17 @@ def check_relocation(tracker: Any) -> None:
     relocation, likelihood = tracker.relocation, tracker.likelihood
     if relocation is None:
         return
-    if not contract.has_log_odds(likelihood):
-        raise InputError(
-            f"relocation needs a likelihood that reports which objects are lost, and "
-            f"{type(likelihood).__name__} has no log_odds; leave relocation out, or use a "
-            "discriminative likelihood."
-        )
+    has_odds = contract.has_log_odds(likelihood)
+    check_has("relocation", likelihood, "log_odds of the likelihood", has_odds)
     contract.check_uncoupled(tracker.dynamics, "relocation")
-    for used, what in (
+    check_separate(
+        "relocation",
         (any(parent >= 0 for parent in getattr(tracker, "parents", ())), "a part tree"),
         (getattr(tracker, "population", "fixed") == "open", "an open population"),
         (contract.looks_near(likelihood), f"{type(likelihood).__name__}, which looks nearby only"),
         (contract.has_log_joint(likelihood), "a likelihood that has log_joint"),
         (tracker.motion_gradient != "pathwise", f"motion_gradient={tracker.motion_gradient!r}"),
-    ):
-        if used:
-            raise InputError(f"relocation does not work with {what}; leave one of them out.")
+    )
     for name, wanted, least, most in (
         ("epsilon", "from 0 to 1", 0, 1),
         ("extent", "width and height in pixels, [2]", 1, np.inf),

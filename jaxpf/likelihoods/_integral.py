@@ -5,8 +5,6 @@
 count is below the modulus.  Bins come last, so that a corner of a box is one contiguous row.
 """
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 
@@ -33,8 +31,8 @@ class IntegralTable:
         place: int32 [], index of the frame in the stack; 0 for a single frame.
     """
 
-    cells: Any
-    place: Any
+    cells: jax.Array
+    place: jax.Array
 
     def take_frame(self, index):
         """Frame ``index`` of a stack of G tables, whose ``place`` is ``[G]``."""

@@ -17,8 +17,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError, check_known
@@ -82,10 +84,10 @@ class HistogramLikelihood(Likelihood):
         background: [P, 2, n], for the form ``"ratio"``, see ``learn_background``.
     """
 
-    sharpness: Any
-    references: Any
-    sizes: Any
-    bin_lookup: Any
+    sharpness: ArrayLike
+    references: jax.Array
+    sizes: jax.Array
+    bin_lookup: jax.Array
     method: str = static_field(default="integral")
     samples: int = static_field(default=16)
     table_dtype: str = static_field(default="uint16")
@@ -93,7 +95,7 @@ class HistogramLikelihood(Likelihood):
     distance: int = static_field(default=1)
     interpolation: str = static_field(default="nearest")
     form: str = static_field(default="exponential")
-    background: Any = None
+    background: jax.Array | None = None
 
     #: ``observe`` does not depend on parameters that tuning may change.
     fixed_observation = True

@@ -14,8 +14,10 @@ literal rule divide sigma by the square root of n.  Pixel (i, j), row i and colu
 from collections.abc import Sequence
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from jaxpf.contract import Likelihood
 from jaxpf.contract.numbers import FINITE, check_number, numbers_in
@@ -47,9 +49,9 @@ class PatchLikelihood(Likelihood):
         window: (columns, rows) of the sampling grid.
     """
 
-    sigma: Any
-    references: Any
-    sizes: Any
+    sigma: ArrayLike
+    references: jax.Array
+    sizes: jax.Array
     window: tuple[int, int] = static_field(default=(21, 21))
 
     #: Reads one pixel per place of the grid, so the value changes in steps.

@@ -33,6 +33,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from jaxpf.contract import Likelihood, of_partition
 from jaxpf.contract.errors import check_known
@@ -63,9 +64,9 @@ class PixelLikelihood(Likelihood):
         colour: ``"colour"`` or ``"grey"``.
     """
 
-    sigma: Any
-    references: Any
-    expected: Any
+    sigma: ArrayLike
+    references: jax.Array
+    expected: jax.Array
     min_slope: Any = None
     size_term: Any = None
     window: tuple[int, int] = static_field(default=(8, 12))

@@ -23,6 +23,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.typing import ArrayLike
 
 from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError, check_known
@@ -71,15 +72,15 @@ class WindowLikelihood(Likelihood):
         lengths: [P, K], their distances at the start, at least a window; None likewise.
     """
 
-    sigma: Any
-    references: Any
+    sigma: ArrayLike
+    references: jax.Array
     window: tuple[int, int] = static_field(default=(21, 21))
     norm: str = static_field(default="mean")
-    slip: Any = 0.0
-    elsewhere: Any = None
+    slip: ArrayLike = 0.0
+    elsewhere: jax.Array | None = None
     places: Any = None
     neighbours: Any = None
-    lengths: Any = None
+    lengths: jax.Array | None = None
 
     #: ``log_prob`` is constant within a pixel.
     state_gradient = False

@@ -18,32 +18,24 @@ def _forwarded(name: str) -> Any:
     return property(get)
 
 
-def _joint(name: str) -> Any:
-    """A joint likelihood of translated substates; only if the inner likelihood defines it."""
+def _translating(name: str, place: int, in_rows: bool = False) -> Any:
+    """An optional method of translated substates; only if the inner likelihood defines it.
+
+    Args:
+        name: of the method.
+        place: of the substates among its arguments.
+        in_rows: whether these are ``[P, D]``, else ``[D]`` or ``[D, N]``.
+    """
 
     def get(self):
         inner = getattr(self.likelihood, name)
-        return lambda observation, substates, *rest: inner(
-            observation, self.translated(substates.T).T, *rest
-        )
 
-    return property(get)
+        def of_translated(*arguments):
+            substates = arguments[place]
+            moved = self.translated(substates.T).T if in_rows else self.translated(substates)
+            return inner(*arguments[:place], moved, *arguments[place + 1 :])
 
-
-def _near(self):
-    """``look_near`` with translated estimates; only if the inner likelihood defines it."""
-    inner = self.likelihood.look_near
-    return lambda observation, estimates: inner(observation, self.translated(estimates.T).T)
-
-
-def _odds(name: str) -> Any:
-    """Log odds of translated substates; only if the inner likelihood defines them."""
-
-    def get(self):
-        inner = getattr(self.likelihood, name)
-        return lambda observation, partition, substates: inner(
-            observation, partition, self.translated(substates)
-        )
+        return of_translated
 
     return property(get)
 
@@ -79,9 +71,8 @@ class WrappedLikelihood(Likelihood):
             self.likelihood, observation, partition, self.translated(substates)
         )
 
-    log_joint = _joint("log_joint")
-    log_joint_labelled = _joint("log_joint_labelled")
-
-    look_near = property(_near)
-    log_odds = _odds("log_odds")
-    log_odds_all = _odds("log_odds_all")
+    log_joint = _translating("log_joint", 1, in_rows=True)
+    log_joint_labelled = _translating("log_joint_labelled", 1, in_rows=True)
+    look_near = _translating("look_near", 1, in_rows=True)
+    log_odds = _translating("log_odds", 2)
+    log_odds_all = _translating("log_odds_all", 2)

@@ -183,38 +183,39 @@ def _check_methods(
 
     motion = jax.eval_shape(lambda filter_: contract.first_motion(filter_.dynamics), tracker)
     coupled = contract.is_coupled(motion)
-    base = contract.CoupledDynamics if coupled else contract.Dynamics
 
     def others(substates: Any) -> list[Any]:
         whole = jax.ShapeDtypeStruct((num_partitions, *substates.shape), kind)
         return [whole] if coupled else []
 
-    dynamics = type(tracker.dynamics).__name__
     for name in getattr(tracker.dynamics, "by_partition", ()):  # of several rows, one for each
         rows: Any = getattr(getattr(tracker.dynamics, name), "shape", ())
         if len(rows) > 1 and rows[0] not in (1, num_partitions):
             raise InputError(
-                f"{dynamics}.{name} has shape {list(rows)}, but there are {num_partitions} "
-                "partitions; give a row for each, or one for all."
+                f"{type(tracker.dynamics).__name__}.{name} has shape {list(rows)}, but there are "
+                f"{num_partitions} partitions; give a row for each, or one for all."
             )
-    if _defines(tracker.dynamics, base, "propagate_all"):
-        moved = tried(
-            tracker.dynamics,
-            lambda filter_, *x: contract.at_frame(filter_, 0).dynamics.propagate_all(*x),
-            *(tracker, key, places, many, many, many),
-            *others(many),
-        )
-        returned(moved, many.shape, f"{dynamics}.propagate_all", "the moved substates [D, N]")
-    elif _defines(tracker.dynamics, base, "propagate"):
-        moved = tried(
-            tracker.dynamics,
-            lambda filter_, *x: contract.at_frame(filter_, 0).dynamics.propagate(*x),
-            *(tracker, key, place, substate, substate, substate),
-            *others(substate),
-        )
-        returned(moved, substate.shape, f"{dynamics}.propagate", "the moved substate [D]")
 
-    likelihood = type(tracker.likelihood).__name__
+    def check_first(name: str, base: type, *methods: tuple[str, tuple, tuple[int, ...], str]):
+        """Try the first of these methods that a part defines."""
+        part = getattr(tracker, name)
+        defined = [row for row in methods if _defines(part, base, row[0])]
+        for method, arguments, shape, wanted in defined[:1]:
+
+            def call(filter_, *arguments, method=method):
+                return getattr(getattr(contract.at_frame(filter_, 0), name), method)(*arguments)
+
+            value = tried(part, call, tracker, *arguments)
+            returned(value, shape, f"{type(part).__name__}.{method}", wanted)
+
+    of_many = (key, places, many, many, many, *others(many))
+    of_one = (key, place, substate, substate, substate, *others(substate))
+    check_first(
+        "dynamics",
+        contract.CoupledDynamics if coupled else contract.Dynamics,
+        ("propagate_all", of_many, many.shape, "the moved substates [D, N]"),
+        ("propagate", of_one, substate.shape, "the moved substate [D]"),
+    )
     seen = tried(
         tracker.likelihood,
         lambda filter_, frame: contract.observed_apart(filter_)[0](frame),
@@ -226,20 +227,12 @@ def _check_methods(
         lambda filter_, seen, near: contract.looked_near(filter_.likelihood, seen, lambda: near),
         *(tracker, seen, estimates),
     )
-    if _defines(tracker.likelihood, contract.Likelihood, "log_prob_all"):
-        weighed = tried(
-            tracker.likelihood,
-            lambda filter_, *x: contract.at_frame(filter_, 0).likelihood.log_prob_all(*x),
-            *(tracker, seen, places, many),
-        )
-        returned(weighed, (_TRIED,), f"{likelihood}.log_prob_all", "one number for each, [N]")
-    elif _defines(tracker.likelihood, contract.Likelihood, "log_prob"):
-        weighed = tried(
-            tracker.likelihood,
-            lambda filter_, *x: contract.at_frame(filter_, 0).likelihood.log_prob(*x),
-            *(tracker, seen, place, substate),
-        )
-        returned(weighed, (), f"{likelihood}.log_prob", "a single number")
+    check_first(
+        "likelihood",
+        contract.Likelihood,
+        ("log_prob_all", (seen, places, many), (_TRIED,), "one number for each, [N]"),
+        ("log_prob", (seen, place, substate), (), "a single number"),
+    )
 
 
 def _defines(part: Any, base: type, name: str) -> bool:

@@ -138,10 +138,11 @@ def test_a_full_disk_is_reported_and_the_last_line_is_whole(tmp_path):
 
 def test_texts_that_look_like_formulas_are_marked_and_come_back(tmp_path):
     texts = ["=1+1", "@x", "+a", "-b", "'=1", "''-c", "'quoted", "a=b", "-1.5", "+2", "-inf", "-"]
+    texts += ["-1 to 2.5", "-1 to x"]
     (tmp_path / "a.csv").write_text(csv_text([texts]))
     written = (tmp_path / "a.csv").read_text().strip().split(",")
     formulas = [text for text in written if text[0] in "=+-@"]
-    assert formulas == ["-1.5", "+2", "-inf"]  # numbers
+    assert formulas == ["-1.5", "+2", "-inf", "-1 to 2.5"]  # numbers
     assert read_rows(tmp_path / "a.csv", "texts", "texts") == [(1, texts)]
 
 

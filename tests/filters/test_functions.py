@@ -170,7 +170,7 @@ class Optimal:
     ("coefficient", "proposal", "is_right"),
     [
         (0.8, None, True),
-        (0.5, None, False),
+        pytest.param(0.5, None, False, marks=pytest.mark.slow),
         pytest.param(0.8, Optimal(), True, marks=pytest.mark.slow),
         pytest.param(0.8, Mixture(Optimal(), 0.5), True, marks=pytest.mark.slow),
     ],
@@ -194,7 +194,8 @@ def test_a_likelihood_that_sees_the_state_before_has_the_exact_evidence(
     assert scores.max() < LIMIT if is_right else scores.max() > WRONG
 
 
-@pytest.mark.parametrize("is_right", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("is_right", [pytest.param(True, marks=pytest.mark.always), False])
 def test_a_likelihood_that_sees_the_state_before_is_smoothed_exactly(is_right, monkeypatch):
     """Four frames, one missing, against Rauch-Tung-Striebel; then without its factor."""
     if not is_right:

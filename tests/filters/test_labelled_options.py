@@ -40,10 +40,6 @@ def test_parts_of_a_tree_and_too_few_particles_are_refused():
         LABELLED.check(Options(), (-1, 0))
     with pytest.raises(jaxpf.InputError, match="fewer than the 2 objects"):
         LABELLED.check(Options(particles=1), (-1, -1))
-    with pytest.raises(jaxpf.InputError, match="regularise"):
-        Options(regularise=(0.0, 0.5))
-    with pytest.raises(jaxpf.InputError, match="weights"):
-        Options(weights="fair")
 
 
 def test_a_start_at_which_a_target_fits_nothing_is_refused():

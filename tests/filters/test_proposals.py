@@ -132,13 +132,13 @@ TABLE = {
         tracker, lambda its: jaxpf.monte_carlo(its, jax.random.split(KEY, 3), FRAMES), None,
     ),
     "dynamics without density": (
-        lambda: tracker(dynamics=Blind()), run, "Blind has none; add the method log_density",
+        lambda: tracker(dynamics=Blind()), run, "Blind has none; write it",
     ),
     "coupled dynamics": (
         lambda: tracker(dynamics=Coupled()), run, "which does not work with a proposal; use",
     ),
     "relocation": (
-        lambda: tracker(relocation=Relocation(0.1, np.ones(2))), run, "leave out one",
+        lambda: tracker(relocation=Relocation(0.1, np.ones(2))), run, "work with relocation",
     ),
     "one target a particle": (
         lambda: tracker(kind=jaxpf.Labelled), run, "Labelled draws by its dynamics alone",

@@ -85,7 +85,8 @@ def test_evidence_and_probabilities_of_a_regime_are_those_of_the_hidden_markov_m
     assert worst_score(MATRIX[:, [0, 2, 1]]) > WRONG
 
 
-@pytest.mark.parametrize("lag", [None, pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("lag", [pytest.param(None, marks=pytest.mark.always), 4])
 def test_smoothed_probabilities_are_those_of_the_hidden_markov_model(lag):
     _, _, smoothed = hidden_markov(MATRIX)
     its = switching(num_particles=1500)

@@ -48,9 +48,9 @@ QUOTED = {
         "its precision falls by nine points, that of PS by four": (
             r"others 93\.0% .* others 90\.7% .* others 89\.0% .* others 81\.7%"
         ),
-        "the interval of the gap, -6 to 12": r"drawn twice best - worst \+3 \[ -6, \+12\]",
+        "the interval of the gap, -4 to 14": r"drawn twice best - worst \+5 \[ -4, \+14\]",
         "by 22 points": r"stages counted twice best - worst \+22 ",
-        "last but one (53%) and least often when it comes last (32%)": r"48 53 32%",
+        "last but one (52%) and least often when it comes last (32%)": r"47 52 32%",
         "DPS falls 17 points behind PS": r"DPS - PS -17 ",
         "cannot be told apart (-11 to 18 points)": r"34% of the runs, \+3 \[ -11, \+18\]",
     },

@@ -58,7 +58,10 @@ def test_it_is_short(name):
 
 @pytest.mark.parametrize(
     "name",  # with a scheme of their own filters run many times below
-    [pytest.param(n, marks=pytest.mark.slow) if n == "own_resampling" else n for n in OWN],
+    [
+        pytest.param(n, marks=pytest.mark.slow) if n in ("own_resampling", "own_likelihood") else n
+        for n in OWN
+    ],
 )
 def test_it_runs_many_times(name, scene):
     tracker = function_of(name)(scene)
@@ -99,7 +102,9 @@ def test_a_scheme_is_unbiased_within_components(sizes):
     assert not offspring[:, weights == 0].any()
 
 
-@pytest.mark.parametrize("kind", ["dps", "labelled", "factored"])
+@pytest.mark.parametrize(
+    "kind", [pytest.param("dps", marks=pytest.mark.slow), "labelled", "factored"]
+)
 def test_a_scheme_leaves_the_evidence_of_every_filter_unbiased(kind):
     frames = np.float32([[[0.3], [-1.0]], [[1.2], [-0.4]], [[0.1], [0.9]]])
     model = {

@@ -92,7 +92,7 @@ def test_log_odds_compare_with_the_same_places_elsewhere(learned, scale):
             for seen in (_NEARBY(learned, frame, substates.T), _WHOLE(learned, frame))
         ]
         np.testing.assert_allclose(*odds, atol=1e-4)
-    assert np.isfinite(near.elsewhere.maps[0]).all()
+    assert np.isfinite(near.elsewhere[1][0]).all()
 
 
 SIDE, HIDDEN, FRAMES = 12, 9, 16

@@ -92,6 +92,21 @@ def test_the_printed_drift_divides_by_the_plain_sum():
     np.testing.assert_allclose(printed.sum(axis=1), 1, rtol=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("name", "shape", "scale"),
+    [
+        (methods.PRINTED, "pixels", 0.01),
+        (methods.OF_DISTANCE, "relative", 0.01),
+        (methods.OF_FRAME, "pixels", 1.2),
+    ],
+)
+def test_the_printed_scale_is_read_in_three_units(name, shape, scale):
+    frame = np.random.default_rng(0).integers(0, 255, (90, 120, 3), np.uint8)
+    tracker = methods.tracker(name, frame, np.array([[30.0, 40], [70, 50]]), 5.0)
+    assert (tracker.shape, tracker.drift) == (shape, "literal")
+    assert tracker.shape_scale == pytest.approx(scale)
+
+
 def test_blinks_are_judged_by_the_eyes_alone():
     names = ("left eye outer", "nose tip", "right lip corner")
     rng = np.random.default_rng(0)

@@ -2,6 +2,7 @@
 
 from contextlib import suppress
 
+import jax
 import numpy as np
 import pytest
 from judged import verdicts
@@ -11,7 +12,7 @@ import scenes
 from jaxpf.papers.checkpoints import keeping
 from jaxpf.papers.judging import comparison_table
 from jaxpf.papers.judging.claims import NOT_SEEN, SUPPORTED
-from jaxpf.papers.rowe2005 import PAPER, measures, scenes as synthetic
+from jaxpf.papers.rowe2005 import PAPER, measures, modes, scenes as synthetic
 
 SCENES, RUNS, FRAMES, TARGETS = 25, synthetic.RUNS_PER_SCENE, 20, 2
 
@@ -44,7 +45,12 @@ def made(**errors):
 
 
 def judged(found):
-    return verdicts(PAPER, synthetic.study(found, found))
+    return verdicts(PAPER, studied(found))
+
+
+def studied(found, stability=2.0):
+    spread = 0.01 * np.random.default_rng(1).standard_normal(SCENES)
+    return synthetic.study(found, found, stability + spread)
 
 
 def test_the_published_figures_are_those_of_table_1():
@@ -62,16 +68,15 @@ def test_the_published_figures_are_those_of_table_1():
 
 def test_what_agrees_with_the_paper_is_supported():
     found = judged(made(neither=0.15))
-    keys = "starves half error samples negligible collapse size_term condensation proposal"
+    keys = "starves half error samples negligible size_term proposal two_modes"
     assert {found[key] for key in keys.split()} == {SUPPORTED}
 
 
 def test_what_disagrees_is_contradicted():
     found = made(neither=0.05, both=0.2)
-    found["without size term"]["area_ratio"] += 0.8
-    found["Condensation"]["between"] *= 0.01
-    turned = judged(found)
-    assert turned["error"] == turned["collapse"] == turned["condensation"] == NOT_SEEN
+    found["without size term"]["area_ratio"] += 1
+    turned = verdicts(PAPER, studied(found, stability=0.5))
+    assert turned["error"] == turned["size_term"] == turned["two_modes"] == NOT_SEEN
     lost = judged(made(both=3.0))
     assert lost["never_lost"] == lost["power"] == NOT_SEEN
 
@@ -97,6 +102,21 @@ def test_runs_whose_target_has_no_particles_do_not_vary():
     assert np.isnan(synthetic.deviation_between(places, counts, areas))
 
 
+def test_runs_differ_more_than_a_run_over_time():
+    rng = np.random.default_rng(0)
+    levels = 2 * rng.normal(size=(400, 1)) + 0.5 * rng.normal(size=(400, 300))
+    assert modes.ratio(levels) == pytest.approx(np.sqrt(4 + 0.25) / 0.5, rel=0.1)
+    assert modes.ratio(levels.T) < 0.3
+
+
+def test_condensation_keeps_one_of_two_equal_modes():
+    expectations = np.asarray(modes._expectations(jax.random.split(jax.random.key(0), modes.RUNS)))
+    assert abs(expectations[:, 0].mean()) < 0.2, "both modes have particles at first"
+    last = expectations[:, -1]
+    assert (abs(last) > 0.9).mean() > 0.7
+    assert last.min() < -0.9 < 0.9 < last.max(), "runs differ by the mode that is left"
+
+
 def test_errors_are_told_apart_by_place():
     runs = made()["both"]
     runs["error"] = np.where(runs["in_strip"][:, None], 0.4, 0.1) + 0 * runs["error"]
@@ -107,7 +127,7 @@ def test_errors_are_told_apart_by_place():
 
 def test_tables_have_every_variant():
     found = made()
-    shares, errors, _, sizes, _ = PAPER.tables(synthetic.study(found, found))
+    shares, errors, _, sizes, _ = PAPER.tables(studied(found))
     assert [label for label, _ in shares.rows][1] == "with eq. 4"
     assert shares.rows[1][1][0].published == 50
     assert shares.rows[0][1][3] == "100.0 to 100.0"

@@ -63,10 +63,10 @@ def test_stored_figures_are_judged_anew_if_the_claim_changes():
 
 
 def test_verdicts_are_written(tmp_path):
-    assert jaxpf("verdicts", "rowe2005", "-o", str(tmp_path / "new")).code == 0
-    package = Path(papers.__file__).parent
-    written = (tmp_path / "new" / "rowe2005" / "verdicts.csv").read_text()
-    assert written == (package / "rowe2005" / "verdicts.csv").read_text()
+    assert jaxpf("verdicts", "-o", str(tmp_path / "new")).code == 0
+    for paper in PAPERS:
+        stored = Path(papers.__file__).parent / paper / "verdicts.csv"
+        assert (tmp_path / "new" / paper / "verdicts.csv").read_text() == stored.read_text()
 
 
 def test_no_key_of_a_verdict_disappears():

@@ -90,7 +90,7 @@ def everything(state, summary):
     "name",
     [
         pytest.param(name, marks=pytest.mark.slow)
-        if name in ("literal-dps", "sps", "sorted", "tempered", "adaptive", "joint", "error-bars")
+        if name not in ("sir", "labelled", "pffl")
         else name
         for name in TRACKERS
     ],

@@ -85,6 +85,7 @@ def test_a_resumed_run_is_the_uninterrupted_one_bit_for_bit(kind, tmp_path):
     same(rest, at(slice(2, None), summaries))
 
 
+@pytest.mark.slow
 def test_streams_forecasts_and_transforms_resume_at_the_time_of_the_state():
     its, frames = walk(6), FRAMES[:, 0, 0]
     states, _ = whole_run(its, frames)

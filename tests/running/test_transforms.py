@@ -138,6 +138,7 @@ def test_a_tracker_may_be_closed_over(function):
     jax.eval_shape(lambda key: FUNCTIONS[function](made, key, frames), KEY)
 
 
+@pytest.mark.slow
 def test_frames_that_are_closed_over_give_what_a_run_outside_gives():
     made, frames = partitioned(1.0), jnp.asarray(GAPS)
     inside = jax.jit(lambda its, key: jaxpf.run(its, key, frames, final)[1])(made, KEY)

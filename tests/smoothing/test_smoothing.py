@@ -72,7 +72,9 @@ def test_shapes_and_the_filter_are_those_of_a_run(ran):
     assert jax.eval_shape(lambda: jaxpf.smooth(tracker(), KEY, FRAMES)).paths is None
 
 
-@pytest.mark.parametrize("method", ["backward", "metropolis", "genealogy"])
+@pytest.mark.parametrize(
+    "method", ["backward", "genealogy", pytest.param("metropolis", marks=pytest.mark.slow)]
+)
 def test_paths_go_through_particles_of_their_frames(method, ran):
     found = smoothed(method)
     for time in range(5):

@@ -60,6 +60,7 @@ def p_values(order):
     return [scipy.stats.friedmanchisquare(*measure.T).pvalue for measure in (errors, uniqueness)]
 
 
+@pytest.mark.slow
 def test_dps_treats_identical_objects_alike():
     assert min(p_values(ordering.dps(4))) > 1e-3
 

@@ -126,7 +126,12 @@ def z_score(values, truth):
 @pytest.mark.statistical
 @pytest.mark.parametrize(
     "name",
-    ["ps", "dps", *(pytest.param(name, marks=pytest.mark.slow) for name in ("sir", "branched"))],
+    [
+        "ps",
+        "dps",
+        pytest.param("sir", marks=pytest.mark.slow),
+        pytest.param("branched", marks=[pytest.mark.slow, pytest.mark.always]),
+    ],
 )
 def test_evidence_places_and_labels_are_unbiased(name):
     evidence, posterior = exact()

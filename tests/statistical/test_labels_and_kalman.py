@@ -133,7 +133,8 @@ def test_places_are_smoothed_together_with_their_labels():
 
 
 @pytest.mark.statistical
-@pytest.mark.parametrize("motion", ["score", pytest.param("pathwise", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("motion", [pytest.param("score", marks=pytest.mark.always), "pathwise"])
 def test_gradient_by_the_law_of_the_labels_is_exact(motion):
     """By the probability of a flip, and by that of label 1 at first."""
 
@@ -178,7 +179,7 @@ class Unknown(RandomWalk):
 
 
 def test_score_gradient_by_labels_of_unknown_law_is_refused():
-    with pytest.raises(InputError, match="Unknown has none; add the method log_label"):
+    with pytest.raises(InputError, match="of the dynamics, and Unknown has none"):
         jaxpf.Partitioned(
             dynamics=Unknown(1.0),
             likelihood=Together(),

@@ -283,7 +283,10 @@ class Blind:
         ({"dynamics": Blind()}, "needs the method predict of the dynamics, and Blind has none"),
         ({"parents": (-1, 0, 0)}, "look_ahead does not work with a part tree"),
         ({"gradient": jaxpf.gradients.Soft()}, "look_ahead does not work with gradient Soft"),
-        ({"likelihood": jaxpf.likelihoods.Gaussian(np.ones((3, 1, 1)))}, "no log_joint"),
+        (
+            {"likelihood": jaxpf.likelihoods.Gaussian(np.ones((3, 1, 1)))},
+            "and Gaussian has none",
+        ),
     ],
 )
 def test_where_it_cannot_work_it_is_refused(changes, message):

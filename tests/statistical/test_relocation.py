@@ -142,9 +142,9 @@ def test_draws_weigh_as_much_as_the_uniform_density():
 
 
 @pytest.mark.statistical
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "method",
-    ["ps", *(pytest.param(name, marks=pytest.mark.slow) for name in ("sir", "dps", "sps"))],
+    "method", [pytest.param("ps", marks=pytest.mark.always), "sir", "dps", "sps"]
 )
 def test_evidence_and_places_of_the_mixture_are_unbiased(method):
     evidence, places, expected = runs(method)
@@ -231,7 +231,7 @@ class Sure:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"likelihood": Sure()}, "Sure has no log_odds"),
+        ({"likelihood": Sure()}, "log_odds of the likelihood, and Sure has none"),
         ({"dynamics": Coupled()}, "Coupled moves a partition by all the others"),
         ({"parents": (-1, 0)}, "relocation does not work with a part tree"),
         ({"gradient": jaxpf.gradients.Soft()}, "relocation does not work with gradient Soft"),

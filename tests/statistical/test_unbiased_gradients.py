@@ -114,7 +114,7 @@ VARIATIONS = {
         pytest.param("stop_gradient, score", marks=pytest.mark.slow),
         pytest.param("proposal", marks=pytest.mark.slow),
         pytest.param("proposal, score", marks=pytest.mark.slow),
-        "none",
+        pytest.param("none", marks=pytest.mark.slow),
     ],
 )
 def test_bias_of_every_variation_on_one_partition(variation, record_property):

@@ -1,8 +1,11 @@
 """One call per system: ``like`` builds the trackers that repeat the papers."""
 
+from pathlib import Path
+
+import cv2
 import numpy as np
 import pytest
-from command_line import assert_same
+from command_line import assert_same, jaxpf as command
 
 import jaxpf
 import scenes
@@ -40,6 +43,18 @@ def test_rowe2005_tracks_boxes_of_any_shape():
         jaxpf.boxes.tracker(FRAME, BOXES, like="rowe2005", method="ps")
     with pytest.raises(InputError, match="no field 'sharpnes'"):
         jaxpf.boxes.tracker(FRAME, BOXES, like="rowe2005", sharpnes=1)
+
+
+def test_the_command_line_takes_the_function_that_the_page_shows(tmp_path):
+    page = (Path(__file__).parents[2] / "notebooks" / "docs" / "papers.md").read_text()
+    (tmp_path / "systems.py").write_text(page.split("```python\n")[1].split("```")[0])
+    for number in range(3):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), np.roll(FRAME, number, axis=1))
+    boxes = [f"--box={','.join(map(str, box))}" for box in BOXES]
+    tracker = "--tracker", f"{tmp_path / 'systems.py'}:rowe2005"
+    outcome = command("track", "boxes", tmp_path, *boxes, *tracker, "-o", tmp_path / "out")
+    assert outcome.code == 0, outcome.err
+    assert len((tmp_path / "out" / "tracks.csv").read_text().splitlines()) == 1 + 3 * len(BOXES)
 
 
 def test_gonzales2011_is_sps_with_the_papers_swap():

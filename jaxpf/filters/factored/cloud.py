@@ -44,8 +44,8 @@ class FactoredState:
     log_weights: jax.Array
     weighted: jax.Array
     history: Any = None
-    log_odds: Any = None
-    time: Any = None
+    log_odds: jax.Array | None = None
+    time: jax.Array | None = None
 
     @property
     def substates(self) -> jax.Array:

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 
 from jaxpf import contract
 from jaxpf.contract.calls import check_factors
-from jaxpf.contract.errors import InputError, choice
+from jaxpf.contract.errors import InputError, check_has, choice
 from jaxpf.contract.numbers import FINITE, check_array
 from jaxpf.contract.options import check_declared
 from jaxpf.contract.pytree import as_array, compiled_alone, pytree_dataclass, static_field
@@ -200,11 +200,9 @@ def _check(tracker: Eskil) -> None:
             choice("drift", "none"),
             ".",
         )
-    if tracker.proper and not contract.has_log_density(tracker.dynamics):
-        raise InputError(
-            f"proper=True needs the density of the dynamics, and {type(tracker.dynamics).__name__} "
-            "has no log_density; write one or use proper=False."
-        )
+    if tracker.proper:
+        has_density = contract.has_log_density(tracker.dynamics)
+        check_has("proper=True", tracker.dynamics, "log_density of the dynamics", has_density)
     if tracker.shape == "none":
         return
     if tracker.reference is None:

@@ -16,7 +16,7 @@ class Options:
     method: str = option(
         "eskil",
         "eskil (every object has its own particles; objects drift together and keep a shape), "
-        "pffl (the same without drift and shape).",
+        "pffl (the same without drift and shape, and without its authors' learned prior).",
         choices=METHODS,
     )
     particles: int | None = option(

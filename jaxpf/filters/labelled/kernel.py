@@ -26,7 +26,7 @@ is skipped for that label and its particles continue; otherwise its weight stays
 """
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -50,13 +50,16 @@ from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.resampling import weighted
 from jaxpf.resampling.components import one_component
 
+if TYPE_CHECKING:
+    from jaxpf.filters.labelled.tracker import Labelled
+
 
 def first_labels(num_particles: int, num_targets: int) -> np.ndarray:
     """Initial labels ``[N]``: contiguous runs whose lengths differ by at most one."""
     return (np.arange(num_particles) * num_targets // num_particles).astype(np.int32)
 
 
-def select(tracker: Any, key: jax.Array, state: LabelledState) -> LabelledState:
+def select(tracker: "Labelled", key: jax.Array, state: LabelledState) -> LabelledState:
     """Resample across labels, at the start of the frame."""
     num_particles = tracker.num_particles
     incoming = state.log_weights
@@ -78,7 +81,9 @@ def select(tracker: Any, key: jax.Array, state: LabelledState) -> LabelledState:
     )
 
 
-def move(tracker: Any, key: jax.Array, state: LabelledState) -> tuple[LabelledState, jax.Array]:
+def move(
+    tracker: "Labelled", key: jax.Array, state: LabelledState
+) -> tuple[LabelledState, jax.Array]:
     """Propagate all particles; return the new state and the previous lags ``[2, D, N]``."""
     left, fed_back = state.lagged, tracker.feedback == "estimate"
     if fed_back and tracker.speed is None:
@@ -95,7 +100,7 @@ def move(tracker: Any, key: jax.Array, state: LabelledState) -> tuple[LabelledSt
 
 
 def relocated(
-    tracker: Any, key: jax.Array, state: LabelledState, observation: Any
+    tracker: "Labelled", key: jax.Array, state: LabelledState, observation: Any
 ) -> tuple[LabelledState, jax.Array]:
     """Relocate particles of lost targets; return the state and log-weights ``[N]``.
 
@@ -110,7 +115,7 @@ def relocated(
 
 
 def weigh(
-    tracker: Any, state: LabelledState, left: jax.Array, observation: Any
+    tracker: "Labelled", state: LabelledState, left: jax.Array, observation: Any
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Log-likelihoods of ``state.lagged[0]``, and the number of invalid ones, ``[]``.
 
@@ -132,7 +137,7 @@ def weigh(
 
 
 def share_out(
-    tracker: Any, state: LabelledState, log_factor: jax.Array, largest: jax.Array
+    tracker: "Labelled", state: LabelledState, log_factor: jax.Array, largest: jax.Array
 ) -> tuple[LabelledState, jax.Array, jax.Array]:
     """Multiply the weights by a factor and normalise, with or without eq. 4.
 
@@ -193,7 +198,7 @@ def share_out(
 
 
 def report(
-    tracker: Any,
+    tracker: "Labelled",
     state: LabelledState,
     log_evidence: jax.Array,
     label_log_evidence: jax.Array,

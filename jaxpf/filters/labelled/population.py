@@ -15,7 +15,7 @@ skipped for its mass and its particles: both stay unchanged, and the others shar
 """
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
@@ -27,6 +27,9 @@ from jaxpf.contract.numbers import check_array, check_whole
 from jaxpf.filters.labelled import by_label
 from jaxpf.filters.labelled.state import LabelledState
 from jaxpf.lowering.programs import compiled
+
+if TYPE_CHECKING:
+    from jaxpf.filters.labelled.tracker import Labelled
 
 
 def born(state: LabelledState, slot: jax.Array, substate: jax.Array) -> LabelledState:
@@ -79,7 +82,7 @@ def _ended(state, slot):
     )
 
 
-def first_state(tracker: Any) -> LabelledState:
+def first_state(tracker: "Labelled") -> LabelledState:
     """Build the state just before the first frame; a row of NaN in ``initial`` is an empty slot."""
     initial, num_particles = tracker.initial.T, tracker.num_particles
     alive = jnp.all(jnp.isfinite(initial), axis=0)
@@ -106,7 +109,7 @@ def first_state(tracker: Any) -> LabelledState:
     )
 
 
-def with_newborn(tracker: Any, state: LabelledState) -> LabelledState:
+def with_newborn(tracker: "Labelled", state: LabelledState) -> LabelledState:
     """Give newborn targets their first particles, at their birth places.
 
     The slots are assigned in turn, so that all labels give up particles evenly.  ``state`` is that

@@ -1,6 +1,6 @@
 """Checks of a labelled tracker at construction."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,8 +12,11 @@ from jaxpf.filters.labelled.options import Options
 from jaxpf.filters.relocation import check_relocation
 from jaxpf.gradients import check_gradients
 
+if TYPE_CHECKING:
+    from jaxpf.filters.labelled.tracker import Labelled
 
-def check_tracker(tracker: Any) -> None:
+
+def check_tracker(tracker: "Labelled") -> None:
     """Refuse settings that cannot work or would be silently wrong."""
     check_declared(tracker, Options, "weights", "feedback", num_particles="particles")
     check_known("population=", tracker.population, ("fixed", "open"))
@@ -37,7 +40,7 @@ def check_tracker(tracker: Any) -> None:
     check_relocation(tracker)
 
 
-def _check_targets(tracker: Any) -> None:
+def _check_targets(tracker: "Labelled") -> None:
     num_targets = tracker.num_targets
     if num_targets is None or num_targets < 1:
         raise InputError(
@@ -51,7 +54,7 @@ def _check_targets(tracker: Any) -> None:
         )
 
 
-def _check_open(tracker: Any) -> None:
+def _check_open(tracker: "Labelled") -> None:
     if callable(tracker.initial):
         raise InputError(
             "population='open' starts from an array [L, D] whose rows of NaN are empty slots, not "
@@ -64,7 +67,7 @@ def _check_open(tracker: Any) -> None:
         )
 
 
-def _check_coordinates(tracker: Any) -> None:
+def _check_coordinates(tracker: "Labelled") -> None:
     position, speed = tracker.position, tracker.speed
     if tracker.feedback == "none" and tracker.regularise is None and speed is None:
         return  # unused
@@ -86,7 +89,7 @@ def _check_coordinates(tracker: Any) -> None:
         )
 
 
-def _check_rates(tracker: Any) -> None:
+def _check_rates(tracker: "Labelled") -> None:
     rates = tracker.regularise
     if rates is not None:
         wanted = "two rates above 0 and at most 1, of position and speed, or None, [2]"

@@ -43,7 +43,7 @@ class LabelledState:
     alive: Any = None
     newborn: Any = None
     log_odds: Any = None
-    time: Any = None
+    time: jax.Array | None = None
 
     @property
     def substates(self) -> jax.Array:

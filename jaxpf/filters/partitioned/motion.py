@@ -15,7 +15,7 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import check_has, check_separate
 from jaxpf.contract.state import ParticleState
 from jaxpf.filters import relocation
 from jaxpf.filters.partitioned import labels
@@ -98,17 +98,10 @@ class Proposed(Motion):
     def check(self, tracker: "Partitioned") -> None:
         """See ``Motion``."""
         contract.check_uncoupled(tracker.dynamics, "a proposal")
-        if not contract.has_log_density(tracker.dynamics):
-            raise InputError(
-                f"a proposal is weighed by the transition density, and "
-                f"{type(tracker.dynamics).__name__} has none; add the method log_density (see "
-                "jaxpf.contract.DynamicsWithDensity), give jaxpf.state_space a "
-                "transition_log_density, or leave out proposal."
-            )
-        if tracker.relocation is not None:
-            raise InputError(
-                "proposal and relocation both replace the draw of the dynamics; leave out one."
-            )
+        has_density = contract.has_log_density(tracker.dynamics)
+        method = "log_density of the dynamics (transition_log_density of jaxpf.state_space)"
+        check_has("a proposal", tracker.dynamics, method, has_density)
+        check_separate("a proposal", (tracker.relocation is not None, "relocation"))
         contract.proposal_of(self.proposal, tracker.dynamics, tracker.likelihood)
 
     def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
@@ -159,12 +152,10 @@ class Scored(Motion):
     def check(self, tracker: "Partitioned") -> None:
         """See ``Motion``."""
         self.inner.check(tracker)
-        if labels.moves_labels(tracker) and not contract.has_log_label(tracker.dynamics):
-            raise InputError(
-                f"motion_gradient='score' needs the probability of a label's move, and "
-                f"{type(tracker.dynamics).__name__} has none; add the method log_label(new, "
-                "label, substates) -> [], the log-probability with which propagate_label draws."
-            )
+        if labels.moves_labels(tracker):
+            method = "log_label(new, label, substates) -> [] of the dynamics"
+            has_label = contract.has_log_label(tracker.dynamics)
+            check_has("motion_gradient='score'", tracker.dynamics, method, has_label)
 
     def begin(self, tracker, key, state, observation) -> "Scored":
         """See ``Motion``."""

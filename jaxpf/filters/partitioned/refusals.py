@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.calls import coupled_with
-from jaxpf.contract.errors import InputError, choice
+from jaxpf.contract.errors import InputError, check_separate, choice
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.options import check_declared
 from jaxpf.contract.pytree import is_concrete
@@ -33,11 +33,8 @@ def check_tracker(tracker: Any) -> Any:
             f"parents has {len(parents)} parts but the ordering has {ordering.num_partitions}; "
             "give both the same number of partitions."
         )
-    if tracker.keep_ancestors and tracker.gradient.blends:
-        raise InputError(
-            "Transport blends particles, which then have no ancestors; leave keep_ancestors=True "
-            "out, or use another gradient."
-        )
+    blends = tracker.keep_ancestors and tracker.gradient.blends
+    check_separate("keep_ancestors=True", (blends, "gradient Transport, which blends particles"))
     check_labels(tracker)
     tracker.motion.check(tracker)
     tracker.weighing.check(tracker)

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf import contract
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import check_has, check_separate
 from jaxpf.filters.partitioned.carry import Carry, Drawn, Shared
 
 if TYPE_CHECKING:
@@ -52,23 +52,15 @@ class LookAhead(Weighing):
 
     def check(self, tracker: "Partitioned") -> None:
         """See ``Weighing``."""
-        likelihood, dynamics = type(tracker.likelihood).__name__, type(tracker.dynamics).__name__
-        if not contract.has_log_joint(tracker.likelihood):
-            raise InputError(
-                f"look_ahead weighs all objects together, and {likelihood} weighs each by itself "
-                "(it has no log_joint); leave look_ahead out."
-            )
-        if not contract.has_prediction(tracker.dynamics):
-            raise InputError(
-                f"look_ahead needs the method predict of the dynamics, and {dynamics} has none; "
-                "write it (see jaxpf.contract.DynamicsWithPrediction) or leave look_ahead out."
-            )
-        for used, what in (
+        likelihood, dynamics = tracker.likelihood, tracker.dynamics
+        has_joint, predicts = contract.has_log_joint(likelihood), contract.has_prediction(dynamics)
+        check_has("look_ahead", likelihood, "log_joint of the likelihood", has_joint)
+        check_has("look_ahead", dynamics, "predict of the dynamics", predicts)
+        check_separate(
+            "look_ahead",
             (any(parent >= 0 for parent in tracker.parents), "a part tree"),
             (tracker.motion_gradient != "pathwise", f"motion_gradient={tracker.motion_gradient!r}"),
-        ):
-            if used:
-                raise InputError(f"look_ahead does not work with {what}; leave one of them out.")
+        )
 
     def log_factor(self, shared: Shared, stage: jax.Array, carry: Carry, drawn: Drawn) -> jax.Array:
         """See ``Weighing``: ``log L_j - log L_{j-1}``."""

@@ -39,7 +39,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_separate
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import compiled_alone, is_concrete, pytree_dataclass, static_field
 from jaxpf.contract.state import ParticleState, Summary
@@ -122,10 +122,8 @@ class WithErrorBars(contract.Tracker):
             raise InputError(
                 "error bars are of states that are arrays, not pytrees; let the state be one array."
             )
-        if tracker.gradient.blends:
-            raise InputError(
-                "Transport blends particles, which then have no ancestors; use another gradient."
-            )
+        blends = tracker.gradient.blends
+        check_separate("error bars", (blends, "gradient Transport, which blends particles"))
         exchanges = tracker.ordering.exchanges
         by_partition = not is_concrete(exchanges) or bool(np.any(exchanges))
         object.__setattr__(self, "by_partition", by_partition)

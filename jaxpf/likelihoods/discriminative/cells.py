@@ -10,7 +10,7 @@ as for colours, that fades where there is little to see.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -62,9 +62,9 @@ class SumTable:
         place: int32 [], index of the frame in the stack; 0 for a single frame.
     """
 
-    cells: Any
-    totals: Any
-    place: Any
+    cells: jax.Array
+    totals: jax.Array
+    place: jax.Array
 
     def take_frame(self, index):
         """Frame ``index`` of a stack of G tables, whose ``place`` is ``[G]``."""

@@ -7,7 +7,7 @@ are stacked vertically, so that one table serves all of them.
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -19,41 +19,23 @@ from jaxpf.lowering.columns import entries_at
 LARGEST_SIDE = 36.0
 
 
-class Level(NamedTuple):
-    """The part of the picture that shows the frame shrunk by a factor.
-
-    Attributes:
-        factor: pixels of the frame per pixel, in each direction.
-        first_row: its first row.
-        rows: its height.
-        columns: its width; it begins at column 0.
-    """
-
-    factor: int
-    first_row: int
-    rows: int
-    columns: int
-
-
 def factor_of(width: float, height: float) -> int:
     """The factor by which to shrink an object of this size in pixels, a power of two."""
     side = math.sqrt(width * height) / LARGEST_SIDE
     return 2 ** max(math.ceil(math.log2(side)), 0)
 
 
-def levels_of(factors: Sequence[int], frame_shape: tuple[int, int]) -> list[Level]:
-    """The levels of a picture, from top to bottom.
+def regions_of(factors: Sequence[int], frame_shape: tuple[int, int]) -> np.ndarray:
+    """Where each level lies in the picture: its first row, height and width, int [L, 3].
+
+    Levels begin at column 0.
 
     Args:
-        factors: of the levels, each once.
+        factors: of the levels, from top to bottom.
         frame_shape: height and width of the frame.
     """
-    levels: list[Level] = []
-    for factor in factors:
-        first = levels[-1].first_row + levels[-1].rows if levels else 0
-        rows, columns = size_of(frame_shape, factor)
-        levels.append(Level(factor, first, rows, columns))
-    return levels
+    sizes = np.array([size_of(frame_shape, factor) for factor in factors])
+    return np.column_stack([np.cumsum(sizes[:, 0]) - sizes[:, 0], sizes])
 
 
 def size_of(frame_shape: tuple[int, int], factor: int) -> tuple[int, int]:

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 
 from jaxpf.contract import Likelihood, of_partition
 from jaxpf.contract.errors import InputError
@@ -28,7 +29,7 @@ from jaxpf.likelihoods._integral import SIMILARITIES, integral_table
 from jaxpf.likelihoods.color import check_frame, hsv_bins
 from jaxpf.likelihoods.discriminative import nearby
 from jaxpf.likelihoods.discriminative.cells import Boxes, cell_features, cell_score, sum_table
-from jaxpf.likelihoods.discriminative.levels import levels_of, shrunk, stacked
+from jaxpf.likelihoods.discriminative.levels import regions_of, shrunk, stacked
 
 #: Scores are clipped to this range: labels are overlaps, 0 to 1.
 _LOWEST, _HIGHEST = -0.2, 1.2
@@ -125,19 +126,19 @@ class DiscriminativeLikelihood(Likelihood):
         windows: a ``nearby.WindowShape`` for :meth:`observe_nearby`; None for whole frames only.
     """
 
-    gain: Any
-    sizes: Any
-    offset: Any
-    residual: Any
+    gain: ArrayLike
+    sizes: jax.Array
+    offset: jax.Array
+    residual: jax.Array
     colour_weights: Any
     map_weights: tuple[Any, ...]
     bin_lookup: Any
-    level: Any
+    level: jax.Array
     factors: tuple[int, ...] = static_field()
     maps: tuple[Callable, ...] = static_field()
     frame_shape: tuple[int, int] = static_field()
     interpolation: str = static_field(default="nearest")
-    background: Any = None
+    background: jax.Array | None = None
     windows: Any = static_field(default=None)
 
     #: The score hardly depends on the size.  Chosen on 17 annotated clips so that the 95% interval
@@ -355,9 +356,8 @@ class DiscriminativeLikelihood(Likelihood):
             across, down = scale * root, scale / root
         size = jnp.asarray(self.sizes, dtype)[partition]
         width, height = size[:, 0] * across, size[:, 1] * down
-        levels = levels_of(self.factors, self.frame_shape)
-        region = jnp.array([level[1:] for level in levels], jnp.int32)[self.level]
-        factor = jnp.array([level.factor for level in levels], dtype)[self.level][partition]
+        region = jnp.array(regions_of(self.factors, self.frame_shape), jnp.int32)[self.level]
+        factor = jnp.array(self.factors, dtype)[self.level][partition]
         corner = ((u - width / 2) / factor, (v - height / 2) / factor)
         boxes = Boxes(*corner, width / factor, height / factor, *region[partition].T)
         valid = (width >= 1) & (height >= 2) & (scale <= LARGEST)

@@ -60,31 +60,19 @@ class WindowShape(NamedTuple):
     width: int
 
 
-class Tiles(NamedTuple):
-    """Pixels around the places of the grid, one picture for each of L levels.
-
-    A picture has 12 x 12 tiles: [L, 12 * h, 12 * w].
-
-    Attributes:
-        bins: int32 colour bins, or None without colours.
-        maps: for each map, integers in float32, with a last axis of C channels.
-    """
-
-    bins: Any
-    maps: tuple[Any, ...]
-
-
 class Nearby(NamedTuple):
     """The observation of the parts of a frame that boxes are evaluated in.
 
     Attributes:
         objects: tables of the objects' windows, stacked vertically.
-        elsewhere: pixels of the tiles.
+        elsewhere: pixels around the places of the grid, one picture for each of L levels, of 12 x
+            12 tiles, [L, 12 * h, 12 * w]: colour bins, int32, or None without colours; and for
+            each map integers in float32, with a last axis of C channels.
         corners: int32 [P, 2], first row and column of each window in its level.
     """
 
     objects: Any
-    elsewhere: Tiles
+    elsewhere: tuple[Any, tuple[Any, ...]]
     corners: jax.Array
 
 
@@ -132,7 +120,7 @@ def observe(likelihood: "DiscriminativeLikelihood", frame: Any, estimates: jax.A
     for factor, lines in zip(likelihood.factors, _tile_lines(likelihood), strict=True):
         picture = shrunk_part(frame, factor, *(of.ravel() for of in lines))
         maps = tuple(whole_values(of(picture / 255)).astype(jnp.float32) for of in likelihood.maps)
-        tiles.append(Tiles(likelihood.colour_bins(picture), maps))
+        tiles.append((likelihood.colour_bins(picture), maps))
     objects = likelihood.seen_in([windows.reshape(-1, columns, 3)])
     return Nearby(objects, jax.tree.map(lambda *of: jnp.stack(of), *tiles), corners)
 
@@ -154,9 +142,13 @@ def in_windows(
 
 
 def scores_on_grid(
-    likelihood: "DiscriminativeLikelihood", tiles: Tiles, partition: jax.Array, boxes: Boxes
+    likelihood: "DiscriminativeLikelihood", tiles: Any, partition: jax.Array, boxes: Boxes
 ) -> jax.Array:
-    """Scores [N, 144] of N objects' boxes at the places of the grid, [N * 144], of levels."""
+    """Scores [N, 144] of N objects' boxes at the places of the grid, [N * 144], of levels.
+
+    ``tiles`` is ``Nearby.elsewhere``.
+    """
+    tiled_bins, tiled_maps = tiles
     first_lines = [jnp.array([of[k][:, 0] for of in _tile_lines(likelihood)]) for k in (0, 1)]
     height, width = _tile_shape(likelihood.windows)
 
@@ -174,10 +166,10 @@ def scores_on_grid(
             return _parts(starts, boxes.width[0, 0], count, size, first_column, width)
 
         score = jnp.broadcast_to(likelihood.offset[number], (PLACES, PLACES))
-        if tiles.bins is not None:
+        if tiled_bins is not None:
             weights = likelihood.colour_weights[number]
-            score += _colour_score(tiles.bins[level], weights, boxes, rows_of, columns_of(1))
-        for values, weights in zip(tiles.maps, likelihood.map_weights, strict=True):
+            score += _colour_score(tiled_bins[level], weights, boxes, rows_of, columns_of(1))
+        for values, weights in zip(tiled_maps, likelihood.map_weights, strict=True):
             rows, columns = weights.shape[1:3]
             pixels = values[level].reshape(PLACES, height, PLACES, width, -1)
             strips = jnp.einsum(

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError
@@ -102,11 +103,11 @@ class PretrainedLikelihood(Likelihood):
         frame_shape: height and width of all frames.
     """
 
-    gain: Any
-    sizes: Any
-    zooms: Any
-    offset: Any
-    residual: Any
+    gain: ArrayLike
+    sizes: jax.Array
+    zooms: jax.Array
+    offset: jax.Array
+    residual: jax.Array
     known: DiscriminativeLikelihood
     network: Any
     weights: tuple[Any, ...]

@@ -14,6 +14,8 @@ PFFL_PARTICLES = 50
 SIGMA = 0.1
 PROPOSED, PFFL, SPOT, FLOW = "eskil2014", "PFFL", "SPOT", "Lucas-Kanade"
 PRINTED, WITH_DRIFT = "eskil2014 as printed", "PFFL with drift"
+#: The printed sigma_p, .01, has no unit: other readings than pixels.
+OF_DISTANCE, OF_FRAME = "as printed, .01 of a distance", "as printed, .01 of the width"
 #: Share of the last displacement that a particle of "PFFL with drift" repeats; not published.
 MOMENTUM = 0.25
 
@@ -23,6 +25,8 @@ _MODEL: Mapping[str, Any] = {"window_size": 21, "sigma": 0.1, "momentum": 0.0, "
 _OPTIONS: Mapping[str, dict[str, Any]] = {
     PROPOSED: {},
     PRINTED: {"like": "eskil2014"},
+    OF_DISTANCE: {"like": "eskil2014", "shape": "relative"},
+    OF_FRAME: {"like": "eskil2014"},
     "without drift": {"drift": "none"},
     "without shape": {"shape": "none"},
     "signed drift": {"drift": "signed"},
@@ -63,6 +67,8 @@ def tracker(
         scale: sigma_t, pixels.
     """
     options = {**_MODEL, **_OPTIONS[name]}
+    if name == OF_FRAME:
+        options["shape_scale"] = 0.01 * frame.shape[1]
     point_tracker = jaxpf.points.tracker(frame, points, diffusion=scale, **options)
     if name == WITH_DRIFT:
         dynamics = AR2(np.float32(scale), np.float32(MOMENTUM))

@@ -28,7 +28,6 @@ def measures(runs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         "side": last_side(ratio),
         "between": 100 * runs["between"],
         "within": 100 * runs["within"],
-        "between over within": runs["between"] / runs["within"],
     }
 
 

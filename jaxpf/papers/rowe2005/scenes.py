@@ -14,6 +14,7 @@ from jaxpf.boxes.rowe2005 import Rowe2005Settings
 from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.lowering.programs import compiled
 from jaxpf.papers.checkpoints import of_scenes
+from jaxpf.papers.rowe2005 import modes
 from jaxpf.papers.rowe2005.measures import measures
 from jaxpf.papers.study import Study, tidy
 from jaxpf.shapes.rectangles import area, intersection_area
@@ -82,12 +83,18 @@ def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Stu
     report(f"{len(seeds)} scenes with {RUNS_PER_SCENE} runs of every variant each")
     apart = measure(seeds, tuple(VARIANTS), report)
     report("Targets that cross: mean against product")
-    return study(apart, measure(seeds, ("both", "product"), report, paths="crossing"))
+    crossing = measure(seeds, ("both", "product"), report, paths="crossing")
+    report("Condensation on two equal modes")
+    return study(apart, crossing, np.array([modes.stability(seed) for seed in seeds]))
 
 
-def study(apart: Mapping[str, Any], crossing: Mapping[str, Any]) -> Study:
-    """Rows from what ``measure`` returned, for all variants and for targets that cross."""
+def study(apart: Mapping[str, Any], crossing: Mapping[str, Any], stability: np.ndarray) -> Study:
+    """Rows from what ``measure`` returned, for all variants and for targets that cross.
+
+    ``stability`` ``[S]`` is that of ``modes``.
+    """
     values: dict[tuple[str, str, str], np.ndarray] = {}
+    values["between over within", "Condensation", "two modes"] = stability
     for variant, runs in apart.items():
         values |= {(name, variant, ""): each for name, each in measures(runs).items()}
         for run, shares in enumerate(runs["share"][..., 0].mean(axis=-1).T):

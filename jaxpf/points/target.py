@@ -18,7 +18,7 @@ from jaxpf.contract.options import check_options, option
 from jaxpf.contract.ranges import RANGES
 from jaxpf.points.files import grid_points, parse_points, read_points
 from jaxpf.targets.appearance import slip_option
-from jaxpf.targets.later import starts_by_frame
+from jaxpf.targets.later import check_inside, starts_by_frame
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
@@ -178,7 +178,7 @@ class _PointTarget(Target):
                 if given["points"]
                 else parse_points(given["point"])
             )
-        _check_inside(points, source)
+        check_inside("point", points.names, points.places, source)
         return self.start(points.places, points.names)
 
     def later_starts(
@@ -191,7 +191,7 @@ class _PointTarget(Target):
 
         def start_at(frame: int) -> Start:
             there = points.at(frame)
-            _check_inside(there, source)
+            check_inside("point", there.names, there.places, source)
             return self.start(there.places, there.names)
 
         return starts_by_frame(points.frames, np.array(points.names), number, start_at)
@@ -247,16 +247,6 @@ def _check_apart(start: Start) -> None:
                     f"points {start.ids[first]} and {start.ids[second]} are both at "
                     f"({x:g}, {y:g}): move or remove one."
                 )
-
-
-def _check_inside(points: Any, source: "FrameSource") -> None:
-    """Refuse a point outside the frame."""
-    for name, (x, y) in zip(points.names, points.places, strict=True):
-        if not (0 <= x < source.width and 0 <= y < source.height):
-            raise InputError(
-                f"point '{name}' is at ({x:g}, {y:g}), outside the frame of {source.width} x "
-                f"{source.height} pixels: move it inside, or leave it out."
-            )
 
 
 def _on_mask(path: Path, step: float, source: "FrameSource") -> Any:

@@ -79,13 +79,16 @@ def _summary(
     start = session.request.run.start
     frames = slice(start, start + session.before[1] + counts.tracked + 1)
     kept = {} if population is None else vars(population)
+    started = session.start.ids.tolist()
+    model_errors = contract.model_error(session.filter, len(started))
     return {
         "parameters": {
             name: str(value) if isinstance(value, Path) else value
             for name, value in session.table.items()
         },
         "likelihood_method": _likelihood_method(session),
-        "model_error": _model_errors(session, session.start.ids.tolist()),
+        # The error that the model declares, such as its slip: of x, y and log size.
+        "model_error": dict(zip(map(str, started), model_errors.round(4).tolist(), strict=True)),
         "ids": names,
         **kept,
         "objects": verdicts,
@@ -127,12 +130,6 @@ def _mean_errors(table: dict[str, np.ndarray], names: list[Any]) -> dict[str, fl
         estimated = np.isfinite(values)
         means[name] = round(float(values[estimated].mean()), 4) if estimated.any() else None
     return means
-
-
-def _model_errors(session: Session, names: list[Any]) -> dict[str, list[float]]:
-    """The error that the model declares, such as its slip: of x, y and log size, by object."""
-    errors = contract.model_error(session.filter, len(names))
-    return {str(name): row for name, row in zip(names, errors.round(4).tolist(), strict=True)}
 
 
 def _likelihood_method(session: Session) -> str | None:

@@ -63,7 +63,9 @@ def _record_frames(session: Session, stack: contextlib.ExitStack) -> None:
         task = progress.add_task("compiling", total=total)
         try:
             beginning = _until_tracked(records)
-            overlay = _overlay(session, scene, stack)  # may fail, so old results are still there
+            overlay: list[Writer] = []
+            if run.overlay:  # may fail, so old results are still there
+                overlay = [Overlay(session.output, scene, session.source, stack)]
             remove_outputs(session.output)
             session.has_begun = True
             write_config(session.output / "run.toml", "track", session.table)
@@ -161,13 +163,6 @@ def _writers(
     if session.population is not None:
         writers.append(session.population)
     return writers
-
-
-def _overlay(session: Session, scene: Scene, stack: contextlib.ExitStack) -> list[Writer]:
-    """The writer of the overlay, if one is wanted; its file gets its name with the first frame."""
-    if not session.request.run.overlay:
-        return []
-    return [Overlay(session.output, scene, session.source, stack)]
 
 
 def remove_outputs(output: Path) -> None:

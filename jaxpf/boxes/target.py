@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from jaxpf.boxes import tracks
 from jaxpf.boxes.models import (
     box_model,
     boxes_at,
@@ -200,7 +201,6 @@ class _BoxTarget(Target):
         }
 
     def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
-        from jaxpf.boxes import tracks
         from jaxpf.sequences.layouts import read_truth
 
         if given["box"] and given["boxes"]:
@@ -227,8 +227,6 @@ class _BoxTarget(Target):
         self, given: Mapping[str, Any], number: int, source: "FrameSource"
     ) -> tuple[dict[int, Start], str | None]:
         """Boxes of later frames in the file of --boxes."""
-        from jaxpf.boxes import tracks
-
         if not given["boxes"]:
             return {}, None
         table = tracks.read_boxes(given["boxes"])

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.errors import InputError, check_names, check_type
+from jaxpf.contract.errors import InputError, check_names, check_type, import_extra
 from jaxpf.contract.numbers import FINITE, check_array, check_number, check_whole, numbers_in
 from jaxpf.files.reading import parse_number, read_rows
 from jaxpf.files.writing import write_text
@@ -208,12 +208,7 @@ def detections(
     Raises:
         InputError: supervision is missing.
     """
-    try:
-        import supervision
-    except ModuleNotFoundError:
-        raise InputError(
-            "detections need supervision, which is missing; pip install 'jaxpf[formats]'."
-        ) from None
+    supervision = import_extra("supervision", "detections need supervision", "'jaxpf[formats]'")
     boxes = numbers_in("boxes", boxes, "x, y, w, h in pixels, [P, 4]")
     for name, values in (("ids", ids), ("confidence", confidence)):
         if values is not None:

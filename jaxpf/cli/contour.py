@@ -1,6 +1,7 @@
 """``jaxpf contour learn``: shape space and dynamics of contours, from annotations."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -9,6 +10,7 @@ from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.cli.shared.startup import use_compile_cache
 from jaxpf.contract.names import ANNOTATIONS, COEFFICIENTS
+from jaxpf.files.writing import check_output_file
 
 
 @click.group("contour")
@@ -35,7 +37,9 @@ def command() -> None:
 @click.option(
     "--dimension", "-d", default=8, show_default=True, help="Dimensions of the shape space."
 )
-@click.option("--points", default=12, show_default=True, help="Control points of a contour.")
+@click.option(
+    "--points", "num_points", default=12, show_default=True, help="Control points of a contour."
+)
 @plain.whole(
     "--turns",
     default=0,
@@ -65,13 +69,9 @@ def learn(
     value: int | None,
     first: int,
     last: int | None,
-    dimension: int,
-    points: int,
-    turns: int,
-    order: int,
-    coefficients: str,
     output: Path,
     overwrite: bool,
+    **settings: Any,
 ) -> None:
     """Learn a shape space and dynamics from the contours in FOLDER.
 
@@ -82,21 +82,13 @@ def learn(
     """
     from jaxpf.contours.annotated_files import read_annotated
     from jaxpf.contours.learned_files import write_learned
-    from jaxpf.files.writing import check_output_file
 
     check_output_file(output, overwrite=overwrite)
     annotated = read_annotated(folder, kind, value=value, first=first, last=last)
     use_compile_cache()
     from jaxpf.contours.learning import learn_contours
 
-    learned, report = learn_contours(
-        annotated,
-        dimension=dimension,
-        num_points=points,
-        order=order,
-        coefficients=coefficients,
-        turns=turns,
-    )
+    learned, report = learn_contours(annotated, **settings)
     write_learned(output, learned)
     for line in report:
         say(line)

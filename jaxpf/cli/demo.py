@@ -14,6 +14,7 @@ from jaxpf.cli.shared.flags import declared_flags, picked
 from jaxpf.cli.shared.plain import PlainCommand
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.contract.options import options_of
+from jaxpf.files.writing import prepare_output_folder
 from jaxpf.filters.partitioned.options import Options
 from jaxpf.running.memory import check_memory, needed_by
 
@@ -36,8 +37,6 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, particles: int 
     does each method find object 1 again?  The video shows a run of DPS, the default of `jaxpf
     track`.  All methods start from the same boxes with the same seeds; intervals are at 95%.
     """
-    from jaxpf.files.writing import prepare_output_folder
-
     count = picked({"particles": particles}, Options).particles
     start_jax()
     import jax

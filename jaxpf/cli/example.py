@@ -6,9 +6,18 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
+import numpy as np
 
+import scenes
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand, overwrite
+from jaxpf.contours.files import write_contours
+from jaxpf.evaluation.baselines.simulated_detections import simulated_detections
+from jaxpf.files.writing import csv_text, prepare_output_folder, write_text
+from jaxpf.media.video_writer import VideoWriter
+from jaxpf.parts.files import HEADER
+from jaxpf.populations.detections import write_detections
+from jaxpf.targets import all_targets
 
 _SEED = 1
 
@@ -31,10 +40,6 @@ def command(kind: str, folder: Path, overwrite: bool) -> None:
     KIND is boxes or births (people in a street), parts (a puppet), points (a fish in a school) or
     contours (two wires).  The command prints how to track the clip.
     """
-    import scenes
-    from jaxpf.files.writing import prepare_output_folder
-    from jaxpf.media.video_writer import VideoWriter
-
     example = _EXAMPLES[kind]
     prepare_output_folder(folder, overwrite)
     scene = example.scene(scenes)
@@ -57,18 +62,12 @@ def _write_boxes(folder: Path, scene: Any) -> None:
 
 
 def _write_births(folder: Path, scene: Any) -> None:
-    from jaxpf.evaluation.baselines.simulated_detections import simulated_detections
-    from jaxpf.populations.detections import write_detections
-
     detections = simulated_detections(scene.boxes, scene.frames.shape[1:3], seed=_SEED)
     write_detections(folder / "det.txt", detections)
     _table(folder / "truth.csv", "frame,id,x,y,w,h", _box_rows(scene.boxes))
 
 
 def _write_parts(folder: Path, scene: Any) -> None:
-    import numpy as np
-
-    from jaxpf.parts.files import HEADER
 
     names = ["body", *(f"{side} {at}" for at in (1, 2, 3) for side in ("left", "right"))]
     poses, parents = scene.extras["poses"], scene.extras["parents"]
@@ -91,8 +90,6 @@ def _write_parts(folder: Path, scene: Any) -> None:
 
 
 def _write_points(folder: Path, scene: Any) -> None:
-    import numpy as np
-
     names, points = scene.extras["point_names"], scene.extras["points"]
     start = ([*_rounded(*place), name] for name, place in zip(names, points[0], strict=True))
     _table(folder / "points.csv", None, start)
@@ -105,9 +102,6 @@ def _write_points(folder: Path, scene: Any) -> None:
 
 
 def _write_contours(folder: Path, scene: Any) -> None:
-    from jaxpf.contours.files import write_contours
-    from jaxpf.targets import all_targets
-
     start: Any = all_targets()["contours"].scene_start(scene)
     write_contours(folder / "wires.json", start.contours)
     rows = (
@@ -151,8 +145,6 @@ _EXAMPLES = {
 
 
 def _box_rows(boxes: Any) -> Iterable[list[Any]]:
-    import numpy as np
-
     for frame, person in np.argwhere(np.isfinite(boxes).all(axis=-1)):
         yield [frame, person + 1, *_rounded(*boxes[frame, person])]
 
@@ -162,6 +154,4 @@ def _rounded(*numbers: float) -> list[str]:
 
 
 def _table(path: Path, header: str | None, rows: Iterable[Iterable[Any]]) -> None:
-    from jaxpf.files.writing import csv_text, write_text
-
     write_text(path, (f"{header}\n" if header else "") + csv_text(rows))

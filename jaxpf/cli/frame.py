@@ -3,10 +3,15 @@
 from pathlib import Path
 
 import click
+import cv2
 
 from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import PlainCommand
+from jaxpf.contract.errors import InputError
+from jaxpf.files.writing import atomic_write, check_output_file
+from jaxpf.media.overlay import draw_pixel_grid
+from jaxpf.media.video import open_frames
 
 
 @click.command("frame", cls=PlainCommand)
@@ -30,12 +35,6 @@ def command(
     live, as for `jaxpf track`: `jaxpf frame 0 -n 30` skips 30 frames so that camera 0 can adjust
     its exposure.
     """
-    import cv2
-
-    from jaxpf.contract.errors import InputError
-    from jaxpf.files.writing import atomic_write, check_output_file
-    from jaxpf.media.overlay import draw_pixel_grid
-    from jaxpf.media.video import open_frames
 
     if output is not None and output.suffix.lower() != ".png":
         raise InputError(f"output '{output}' must end in .png; rename it.")

@@ -13,6 +13,7 @@ from jaxpf.cli.shared.config import config_option, write_config
 from jaxpf.cli.shared.console import print_table, say
 from jaxpf.cli.shared.plain import PlainCommand
 from jaxpf.cli.shared.startup import start_jax
+from jaxpf.files.writing import prepare_output_folder
 
 #: Copy of ``jaxpf.papers.paper.PAPERS``, which avoids its import.
 PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")
@@ -58,7 +59,6 @@ def command(
     PAPER is one of smith2004, gonzales2011, rowe2005, eskil2014, maccormick1999.
     """
     from jaxpf.cli.shared.cluster import cluster
-    from jaxpf.files.writing import prepare_output_folder
 
     options = {"paper": paper, "scenes": scenes, "seed": seed, "quick": quick}
     start_jax()

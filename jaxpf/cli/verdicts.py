@@ -10,6 +10,7 @@ from jaxpf.cli.reproduce import PAPERS
 from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import PlainCommand
+from jaxpf.files.writing import report_os_errors, write_text
 
 
 @click.command("verdicts", cls=PlainCommand)
@@ -43,7 +44,6 @@ def command(papers: tuple[str, ...], output: Path | None, details: bool) -> None
 
 def _written(paper: str, output: Path) -> list[Any]:
     """Judge a paper's stored figures again, and write them."""
-    from jaxpf.files.writing import report_os_errors, write_text
     from jaxpf.papers.judging.comparison_table import verdicts_csv
     from jaxpf.papers.paper import paper_of
 

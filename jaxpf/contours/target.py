@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxpf.contours.data import Contours, Learned
+from jaxpf.contours.files import ContourTrackWriter, read_contours
 from jaxpf.contours.options import FLIP, Options
 from jaxpf.contract.errors import InputError, check_tracker
 from jaxpf.contract.model import Model
@@ -165,8 +166,6 @@ class _ContourTarget(Target):
         return measure_polylines(polylines(jnp.asarray(shapes)), polylines(jnp.asarray(truth)))
 
     def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
-        from jaxpf.contours.files import read_contours
-
         if not given["contours"]:
             raise InputError(
                 "no start contour: give --contours FILE.json with control points.  Draw contours "
@@ -216,8 +215,6 @@ class _ContourTarget(Target):
     @contextlib.contextmanager
     def outline_file(self, path: Path, start: Start) -> Iterator[Callable[[int, Any], None]]:
         """CSV with the header ``frame,contour,kind,point,x,y``."""
-        from jaxpf.contours.files import ContourTrackWriter
-
         inverse = np.zeros((0, PIECES + 1))  # without splines there are no control points
         contours = getattr(start, "contours", None)
         if contours is not None:

@@ -1,6 +1,7 @@
 """The exception type for errors that the user can fix."""
 
 import difflib
+import importlib
 import os
 from collections.abc import Callable, Collection
 from pathlib import Path
@@ -52,6 +53,23 @@ class InputError(ValueError):
     def shown(self, show: Callable[[Argument], str]) -> str:
         """The message, with every ``Argument`` as ``show`` writes it."""
         return "".join(show(x) if isinstance(x, Argument) else x for x in self.pieces)
+
+
+def import_extra(module: str, need: str, install: str = "'jaxpf[cli]'") -> Any:
+    """Import an optional module.
+
+    Args:
+        module: its name.
+        need: what needs it, such as ``"writing tables needs pandas"``.
+        install: argument of ``pip install``.
+
+    Raises:
+        InputError: it is missing; says how to install it.
+    """
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError:
+        raise InputError(f"{need}, which is missing; pip install {install}.") from None
 
 
 def check_names(names: Any, count: int) -> None:

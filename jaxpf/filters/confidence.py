@@ -17,6 +17,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from jax import lax
+from jax.typing import DTypeLike
 
 from jaxpf import contract
 from jaxpf.contract.state import Summary
@@ -29,7 +30,7 @@ _AT_START = 3.0
 _MOST = 6.0
 
 
-def at_start(likelihood: Any, num_partitions: int, dtype: Any) -> jax.Array | None:
+def at_start(likelihood: Any, num_partitions: int, dtype: DTypeLike) -> jax.Array | None:
     """Log odds ``[P]`` just before the first frame; None without ``log_odds``."""
     if not contract.has_log_odds(likelihood):
         return None

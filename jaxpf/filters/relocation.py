@@ -23,6 +23,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract.errors import check_has, check_separate
@@ -50,8 +51,8 @@ class Relocation:
         grid: static, numbers of rows and columns of cells.
     """
 
-    epsilon: Any
-    extent: Any
+    epsilon: ArrayLike
+    extent: ArrayLike
     grid: tuple[int, int] = static_field(default=(24, 32))
 
     def epsilon_at(self, confidence: jax.Array) -> jax.Array:
@@ -60,7 +61,7 @@ class Relocation:
         return jnp.asarray(self.epsilon, confidence.dtype) * doubt
 
 
-def relocation_in(frame_shape: tuple[int, int], epsilon: Any) -> Relocation:
+def relocation_in(frame_shape: tuple[int, int], epsilon: ArrayLike) -> Relocation:
     """Relocation in a frame ``(height, width)``, on about 800 roughly square cells."""
     check_array("frame_shape", frame_shape, "height and width of a frame, [2]", least=1)
     height, width = frame_shape

@@ -47,6 +47,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array, check_whole
@@ -58,13 +59,13 @@ FORMS = ("exponential", "density", "ratio")
 _AT_ONCE, _ALONE, _GROUPS = 4096, 1024, 512
 
 
-def log_normaliser(sharpness: Any, parts: int) -> jax.Array:
+def log_normaliser(sharpness: ArrayLike, parts: int) -> jax.Array:
     """log Z(S) of the form "density", in the shape of ``sharpness``."""
     sharpness = jnp.asarray(sharpness)
     return jnp.log(-jnp.expm1(-sharpness * parts)) - jnp.log(sharpness)
 
 
-def log_tilt(sharpness: Any, background: Any) -> jax.Array:
+def log_tilt(sharpness: ArrayLike, background: jax.Array) -> jax.Array:
     """log M(S) of the form "ratio".
 
     Args:

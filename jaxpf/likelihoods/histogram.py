@@ -255,7 +255,7 @@ def histogram(
 
 
 def histogram_from_patches(
-    patches: Sequence[Any],
+    patches: Sequence[np.ndarray],
     sizes=None,
     *,
     sharpness: float = 20.0,

@@ -12,7 +12,6 @@ literal rule divide sigma by the square root of n.  Pixel (i, j), row i and colu
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -138,7 +137,7 @@ def patch(
 
 
 def patch_from_pictures(
-    pictures: Sequence[Any],
+    pictures: Sequence[np.ndarray],
     sizes=None,
     *,
     sigma: float = 0.1,

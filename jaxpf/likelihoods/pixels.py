@@ -28,7 +28,6 @@ black.
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -67,8 +66,8 @@ class PixelLikelihood(Likelihood):
     sigma: ArrayLike
     references: jax.Array
     expected: jax.Array
-    min_slope: Any = None
-    size_term: Any = None
+    min_slope: ArrayLike | None = None
+    size_term: ArrayLike | None = None
     window: tuple[int, int] = static_field(default=(8, 12))
     pool: str = static_field(default="mean")
     colour: str = static_field(default="colour")
@@ -139,7 +138,7 @@ class PixelLikelihood(Likelihood):
 
 
 def pixels(
-    pictures: Sequence[Any],
+    pictures: Sequence[np.ndarray],
     *,
     sigma: float = 20.0,
     window: tuple[int, int] = (8, 12),

@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import import_extra
 
 #: Formats that a file may have.  Others name further files or addresses (playlists), or show text.
 _FORMATS = (
@@ -54,15 +54,10 @@ class Decoder:
             InputError: PyAV is missing.
             NoFilm: there is nothing to decode.
         """
-        try:
-            import av
-            from av.sidedata.sidedata import Type
-            from av.video.reformatter import VideoReformatter
-        except ModuleNotFoundError:
-            raise InputError(
-                f"reading the video '{address}' needs PyAV, which is missing; pip install "
-                "'jaxpf[cli]'"
-            ) from None
+        av = import_extra("av", f"reading the video '{address}' needs PyAV")
+        from av.sidedata.sidedata import Type
+        from av.video.reformatter import VideoReformatter
+
         self._av, self._matrix, self._to_rgb = av, Type.DISPLAYMATRIX, VideoReformatter()
         self.damaged, self.was_silent, self._end, self._num_packets = 0, False, 0.0, 0
         try:

@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, import_extra
 from jaxpf.media.quiet import quiet_opencv
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
@@ -88,18 +88,15 @@ def read_mask(path: Path) -> np.ndarray:
     with soft edges, such as a JPEG's, marks one object where it is brighter than half its maximum;
     a colour mask marks one object in any colour.
     """
-    try:
-        from PIL import Image, UnidentifiedImageError
-    except ModuleNotFoundError:
-        raise InputError("masks need Pillow, which is missing; pip install 'jaxpf[cli]'.") from None
+    pillow = import_extra("PIL.Image", "masks need Pillow")
     check_single(path)
     try:
-        with Image.open(path) as image:
+        with pillow.open(path) as image:
             is_indexed = image.mode == "P"
             is_deep = image.mode.startswith(("I", "F"))
             has_numbers = is_indexed or is_deep or image.mode in ("L", "1")
             values = np.array(image if has_numbers else image.convert("RGB"))
-    except (OSError, UnidentifiedImageError, ValueError):
+    except (OSError, ValueError):
         raise InputError(f"'{path}' is not a picture; replace or remove it.") from None
     if values.ndim == 3 and np.all(values == values[..., :1]):
         values = values[..., 0]

@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from jaxpf.contract.errors import InputError, check_path, check_type
+from jaxpf.contract.errors import InputError, check_path, check_type, import_extra
 from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.files.writing import report_os_errors, temporary_sibling
 
@@ -93,12 +93,7 @@ class VideoWriter:
             raise
 
     def _open(self, rate: Fraction, pixel_aspect: Fraction) -> tuple[Any, Any]:
-        try:
-            import av
-        except ModuleNotFoundError:
-            raise InputError(
-                f"cannot write video '{self.path}': PyAV is missing; pip install 'jaxpf[cli]'"
-            ) from None
+        av = import_extra("av", f"writing the video '{self.path}' needs PyAV")
         try:
             av.codec.Codec(_ENCODER, "w")
             container = av.open(str(self._temporary.absolute()), "w", options=_CONTAINER)

@@ -20,6 +20,7 @@ from jaxpf.contract.names import PART_DYNAMICS
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import check_options, option
 from jaxpf.parts.data import Parts
+from jaxpf.parts.files import read_parts
 from jaxpf.targets.appearance import (
     bands_option,
     likelihood_option,
@@ -27,6 +28,7 @@ from jaxpf.targets.appearance import (
     sharpness_option,
     slip_option,
 )
+from jaxpf.targets.later import check_inside
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
@@ -190,8 +192,6 @@ class _PartTarget(Target):
         return _outlines(shapes, start.sizes)
 
     def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
-        from jaxpf.parts.files import read_parts
-
         path = given["parts_file"]
         if path is None:
             raise InputError(
@@ -199,12 +199,7 @@ class _PartTarget(Target):
                 f"`jaxpf mark {source.path} --target parts`."
             )
         parts = read_parts(path)
-        for name, (x, y, _) in zip(parts.names, parts.poses, strict=True):
-            if not (0 <= x < source.width and 0 <= y < source.height):
-                raise InputError(
-                    f"part '{name}' of '{path}' has its centre ({x:g},{y:g}) outside the "
-                    f"{source.width}x{source.height} frame; give x and y of the centre, in pixels."
-                )
+        check_inside("the centre of part", parts.names, parts.poses[:, :2], source)
         return self.start(parts)
 
     def fits_scene(self, scene: "Scene") -> bool:

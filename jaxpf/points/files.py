@@ -79,7 +79,9 @@ def parse_points(texts: Sequence[str]) -> Points:
     """Parse points typed as ``"x,y"`` or ``"x,y,name"``."""
     if not texts:
         raise InputError(f"no point was given; {_REMEDY}")
-    return _points([(f"point '{text}'", _fields(text)) for text in texts])
+    return _points(
+        [(f"point '{text}'", [field.strip() for field in text.split(",")]) for text in texts]
+    )
 
 
 def grid_points(mask: ArrayLike, step: float) -> Points:
@@ -141,7 +143,3 @@ def _points_of_frames(path: Path, rows: list[tuple[int, list[str]]]) -> Points:
         places=np.concatenate([part.places for part in parts]),
         frames=np.repeat(list(by_frame), [len(part.names) for part in parts]),
     )
-
-
-def _fields(text: str) -> list[str]:
-    return [field.strip() for field in text.split(",")]

@@ -16,8 +16,9 @@ from jaxpf.contract.names import NORMS
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import check_options, option
 from jaxpf.contract.ranges import RANGES
+from jaxpf.points.files import grid_points, parse_points, read_points
 from jaxpf.targets.appearance import slip_option
-from jaxpf.targets.later import starts_by_frame
+from jaxpf.targets.later import check_inside, starts_by_frame
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
@@ -158,8 +159,6 @@ class _PointTarget(Target):
         return jnp.asarray(shapes)[..., None, :] + corners * half
 
     def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
-        from jaxpf.points.files import parse_points, read_points
-
         said = [name for name in ("point", "points", "mask") if given[name]]
         if len(said) > 1:
             raise InputError(f"--{said[0]} and --{said[1]} were both given; use one of them.")
@@ -179,22 +178,20 @@ class _PointTarget(Target):
                 if given["points"]
                 else parse_points(given["point"])
             )
-        _check_inside(points, source)
+        check_inside("point", points.names, points.places, source)
         return self.start(points.places, points.names)
 
     def later_starts(
         self, given: Mapping[str, Any], number: int, source: "FrameSource"
     ) -> tuple[dict[int, Start], str | None]:
         """Points of later frames in the file of --points."""
-        from jaxpf.points.files import read_points
-
         points = read_points(given["points"]) if given["points"] else None
         if points is None or points.frames is None:
             return {}, None
 
         def start_at(frame: int) -> Start:
             there = points.at(frame)
-            _check_inside(there, source)
+            check_inside("point", there.names, there.places, source)
             return self.start(there.places, there.names)
 
         return starts_by_frame(points.frames, np.array(points.names), number, start_at)
@@ -252,20 +249,9 @@ def _check_apart(start: Start) -> None:
                 )
 
 
-def _check_inside(points: Any, source: "FrameSource") -> None:
-    """Refuse a point outside the frame."""
-    for name, (x, y) in zip(points.names, points.places, strict=True):
-        if not (0 <= x < source.width and 0 <= y < source.height):
-            raise InputError(
-                f"point '{name}' is at ({x:g}, {y:g}), outside the frame of {source.width} x "
-                f"{source.height} pixels: move it inside, or leave it out."
-            )
-
-
 def _on_mask(path: Path, step: float, source: "FrameSource") -> Any:
     """Return points on a grid within a mask of the frame's size."""
     from jaxpf.media.images import read_mask
-    from jaxpf.points.files import grid_points
 
     if not path.is_file():
         raise InputError(f"there is no mask at '{path}'; give a picture that is 0 off the body.")

@@ -1,10 +1,23 @@
-"""Start files that name later frames."""
+"""What start files of several kinds share: places inside the frame, and later frames."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 
+from jaxpf.contract.errors import InputError
 from jaxpf.targets.target import Start
+
+
+def check_inside(what: str, names: Iterable[Any], places: np.ndarray, source: Any) -> None:
+    """Refuse x and y ``[P, 2]`` outside the frame; ``what`` they are, such as ``"point"``."""
+    for name, (x, y) in zip(names, places, strict=True):
+        if not (0 <= x < source.width and 0 <= y < source.height):
+            raise InputError(
+                f"{what} '{name}' is at ({x:g}, {y:g}), outside the frame of {source.width} x "
+                f"{source.height} pixels: move it inside, or leave it out."
+            )
+
 
 #: Frames in a row with a start of one object, from which on a file holds whole tracks.
 _WHOLE = 3

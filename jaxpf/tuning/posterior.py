@@ -5,7 +5,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, import_extra
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.running.simulation import central_interval
 
@@ -46,12 +46,8 @@ class Posterior:
 
     def datatree(self) -> Any:
         """An ``xarray.DataTree`` in ArviZ's layout, for ``arviz_stats.summary`` and plots."""
-        try:
-            import arviz_base
-        except ModuleNotFoundError:
-            raise InputError(
-                "ArviZ's trees need arviz-base, which is missing; pip install 'jaxpf[formats]'."
-            ) from None
+        need = "ArviZ's trees need arviz-base"
+        arviz_base = import_extra("arviz_base", need, "'jaxpf[formats]'")
         leaves = jax.tree_util.tree_leaves_with_path(self.parameters)
         groups = {
             "posterior": {

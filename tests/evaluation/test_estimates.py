@@ -18,6 +18,7 @@ def paired(first, second):
     return (first, ones), (second, ones)
 
 
+@pytest.mark.slow
 @pytest.mark.statistical
 def test_interval_of_the_rate_over_all_objects_covers():
     """Objects that share their luck: the interval covers, that of independent trials does not."""

@@ -7,9 +7,9 @@ from typing import Any
 
 import click
 
+from jaxpf import evaluation
 from jaxpf.cli.evaluating.output import FINISHED, print_again, print_results, show_plan
 from jaxpf.cli.evaluating.request import VARIED, Compared, Request, Work, parse
-from jaxpf.cli.evaluating.sequences import evaluate_each
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import progress_bar, say
 from jaxpf.cli.shared.flags import report_implied
@@ -26,6 +26,8 @@ def _command(**values: Any) -> None:
 
     request = parse(values)
     if sequences := sequences_in(request.scene):
+        from jaxpf.cli.evaluating.sequences import evaluate_each
+
         evaluate_each(request, sequences, _evaluate)
     else:
         _evaluate(request)
@@ -41,12 +43,10 @@ def _evaluate(request: Request) -> Any:
 
 def _is_finished(request: Request) -> bool:
     """Whether nothing is left to do; if so, print the results again."""
-    from jaxpf.evaluation import finished
-
     if (request.output / LOCK).exists():  # fail early: planning takes minutes
         with locked(request.output, "evaluating"):
             pass
-    if finished(request.plan, request.output) is None:
+    if evaluation.finished(request.plan, request.output) is None:
         return False
     if request.options.dry_run:
         say(f"{request.output}/: finished, nothing left to do")
@@ -64,8 +64,6 @@ def _prepare(request: Request) -> tuple[Any, Any]:
         InputError: no scheduler answers, the scene cannot be opened, or the work does not fit in
             memory.
     """
-    from jaxpf.evaluation import Limits, local_pool, prepare
-
     options, pool = request.options, None
     devices = start_jax(options.devices, options.workers)
     if options.dask:
@@ -73,13 +71,13 @@ def _prepare(request: Request) -> tuple[Any, Any]:
 
         pool = click.get_current_context().with_resource(cluster(options.dask, options.devices))
     elif options.workers > 1:
-        pool = local_pool(options.workers, devices, use_compile_cache)
+        pool = evaluation.local_pool(options.workers, devices, use_compile_cache)
     workers = pool.workers if pool else 1
     say(f"Reading {request.scene}", err=True)
     if options.baseline:
         say(f"Baselines come first: {', '.join(options.baseline)}", err=True)
-    limits = Limits(options.memory * 2**20, workers=workers, devices=devices)
-    prepared = prepare(request.plan, request.output, limits)
+    limits = evaluation.Limits(options.memory * 2**20, workers=workers, devices=devices)
+    prepared = evaluation.prepare(request.plan, request.output, limits)
     target = prepared.target
     report_implied(request.grid, target.resolved(target.options(), prepared.scene.settings))
     if prepared.missing_runs:
@@ -93,7 +91,6 @@ def _run(request: Request, prepared: Any, pool: Any) -> Any:
 
     An interruption keeps the finished runs and says how to resume.
     """
-    from jaxpf.evaluation import carry_out
     from jaxpf.evaluation.work.speed import keep_speeds, measure_speeds
 
     (request.output / FINISHED).unlink(missing_ok=True)  # it describes fewer runs
@@ -105,7 +102,7 @@ def _run(request: Request, prepared: Any, pool: Any) -> Any:
             def progress(runs: int) -> None:
                 bar.update(task, advance=runs, description=name)
 
-            results = carry_out(prepared, executor=pool, progress=progress)
+            results = evaluation.carry_out(prepared, executor=pool, progress=progress)
     except KeyboardInterrupt:
         say(f"Finished runs are kept in '{request.output}'; the same command continues.", err=True)
         raise

@@ -84,7 +84,7 @@ def print_results(results: Any, overview: Any) -> None:
             for table in printed_tables(results, overview)
         ],
         "remarks": list(overview.remarks),
-        "conclusion": overview.conclusion.sentence,
+        "conclusion": overview.conclusion,
     }
     write_text(results.folder / FINISHED, json.dumps(printed))
     _print(results.folder, printed)

@@ -8,6 +8,11 @@ from jaxpf.cli.evaluating.request import Request
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import print_table, say
 from jaxpf.contract.errors import InputError
+from jaxpf.evaluation.output.overall import FILES, about_units, write_overall
+from jaxpf.evaluation.output.tables import stored_tables
+from jaxpf.evaluation.work.scene import start_frame
+from jaxpf.sequences import open_sequence
+from jaxpf.targets import target_of_scene
 
 #: Options that apply to a single sequence only.
 _OF_ONE = ("ids", "start_frame", "tracks")
@@ -44,9 +49,6 @@ def evaluate_each(
         made[folder.name] = evaluate(request.of_sequence(folder, kind, frames))
     if options.dry_run:
         return
-    from jaxpf.evaluation.output.overall import FILES, about_units, write_overall
-    from jaxpf.evaluation.output.tables import stored_tables
-
     tables = {name: each or stored_tables(output / name) for name, each in made.items()}
     say()
     for table in write_overall(output, tables, request.varied):
@@ -63,10 +65,6 @@ def _of_one_kind(
 
     Prints which sequences are left out.
     """
-    from jaxpf.evaluation.work.scene import start_frame
-    from jaxpf.sequences import open_sequence
-    from jaxpf.targets import target_of_scene
-
     chosen: dict[Path, int | None] = {}
     for folder in folders:
         try:

@@ -8,6 +8,7 @@ from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.contract.errors import InputError
+from jaxpf.files.writing import check_output_file
 
 
 @click.command("export", cls=PlainCommand)
@@ -24,7 +25,6 @@ def command(folder: Path, form: str, output: Path, overwrite: bool) -> None:
     Example: jaxpf export jaxpf-clip coco tracks.json
     """
     from jaxpf.cli.exporting.formats import FORMATS, read_tracked
-    from jaxpf.files.writing import check_output_file
 
     suffix, write = FORMATS[form]
     if output.suffix != suffix:

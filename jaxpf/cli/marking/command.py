@@ -9,11 +9,15 @@ from typing import Any
 
 import click
 
+from jaxpf.boxes.tracks import read_boxes
 from jaxpf.cli.marking.starts import FLAGS, SUFFIXES, Shapes, read_start, write_start
 from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.contract.errors import InputError
+from jaxpf.media.page.runs import Run
+from jaxpf.media.page.server import Server, described
+from jaxpf.media.video import open_frames
 
 #: Lines of a run's output that the page shows.
 _LINES = 8
@@ -59,8 +63,6 @@ def view(folder: Path, beside: Path | None, video: str | None, opens: bool, keep
     point drawn in a doubtful frame corrects its object there: it is added to the start file, and
     the button Track runs again.
     """
-    from jaxpf.media.page.runs import Run
-
     run = Run(folder)
     second = [] if beside is None else [Run(beside) if beside.is_dir() else _Truth(beside)]
     marking = _Marking(video or run.video, run.kind, run.start_file, folder)
@@ -71,8 +73,6 @@ class _Truth:
     """True boxes of a CSV, in the place of a run."""
 
     def __init__(self, path: Path):
-        from jaxpf.boxes.tracks import read_boxes
-
         table = read_boxes(path, truth=True)
         rows = [
             ",".join(map(str, (frame, name, *box)))
@@ -102,8 +102,6 @@ class _Marking:
     def __init__(
         self, video: str, kind: str | None, output: Path | None, folder: Path | None = None
     ):
-        from jaxpf.media.video import open_frames
-
         self.source = open_frames(video)
         if self.source.is_live:
             raise InputError(f"'{video}' is live; record it to a file, and mark that.")
@@ -186,9 +184,6 @@ class _Marking:
 def _serve(
     marking: _Marking, shapes: Shapes, runs: list[Any], start: int, opens: bool, keep: bool
 ) -> None:
-    from jaxpf.media.page.runs import Run
-    from jaxpf.media.page.server import Server, described
-
     source, shown = marking.source, list(runs)
 
     def result(content: Any) -> dict[str, Any]:

@@ -11,8 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from jaxpf.boxes.tracks import read_boxes
+from jaxpf.contours.data import Contours
+from jaxpf.contours.files import read_contours, write_contours
 from jaxpf.contract.errors import InputError
 from jaxpf.files.writing import csv_text, write_text
+from jaxpf.parts.files import read_parts
+from jaxpf.points.files import read_points
+from jaxpf.shapes.splines import fit_spline, points_on
 
 Shapes = list[dict[str, Any]]
 #: Flag of each kind's start file, and its suffix.
@@ -51,8 +57,6 @@ def _write_boxes(path: Path, shapes: Shapes) -> None:
 
 
 def _read_boxes(path: Path, frame: int) -> Shapes:
-    from jaxpf.boxes.tracks import read_boxes
-
     table = read_boxes(path)
     return [
         {"name": str(name), "frame": int(at), **dict(zip("xywh", box.tolist(), strict=True))}
@@ -65,8 +69,6 @@ def _write_points(path: Path, shapes: Shapes) -> None:
 
 
 def _read_points(path: Path, frame: int) -> Shapes:
-    from jaxpf.points.files import read_points
-
     points = read_points(path)
     frames = [frame] * len(points.names) if points.frames is None else points.frames.tolist()
     return [
@@ -87,8 +89,6 @@ def _write_parts(path: Path, shapes: Shapes) -> None:
 
 
 def _read_parts(path: Path, frame: int) -> Shapes:
-    from jaxpf.parts.files import read_parts
-
     parts = read_parts(path)
     shapes = []
     for number, name in enumerate(parts.names):
@@ -102,9 +102,6 @@ def _read_parts(path: Path, frame: int) -> Shapes:
 
 
 def _write_contours(path: Path, shapes: Shapes) -> None:
-    from jaxpf.contours.data import Contours
-    from jaxpf.contours.files import write_contours
-
     if len({(shape["closed"], shape["width"]) for shape in shapes}) > 1:
         raise InputError(
             "a file of contours holds either closed contours, or open ones of one width; draw the "
@@ -121,9 +118,7 @@ def _write_contours(path: Path, shapes: Shapes) -> None:
 
 def _control_points(points: list[list[float]], closed: bool) -> np.ndarray:
     """Control points of the spline closest to a smooth curve through the points."""
-    from scipy.interpolate import CubicSpline
-
-    from jaxpf.shapes.splines import fit_spline
+    from scipy.interpolate import CubicSpline  # takes half a second
 
     line = np.array([*points, points[0]] if closed else points, float)
     along = np.concatenate([[0.0], np.cumsum(np.maximum(np.hypot(*np.diff(line.T)), 1e-3))])
@@ -133,9 +128,6 @@ def _control_points(points: list[list[float]], closed: bool) -> np.ndarray:
 
 
 def _read_contours(path: Path, frame: int) -> Shapes:
-    from jaxpf.contours.files import read_contours
-    from jaxpf.shapes.splines import points_on
-
     contours = read_contours(path)
     lines = points_on(
         contours.points,

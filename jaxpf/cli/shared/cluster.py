@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Iterator
 
 from jaxpf.cli.shared.startup import start_jax
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, import_extra
 from jaxpf.evaluation.work.execution import Pool
 
 #: Seconds within which a scheduler must answer.
@@ -26,12 +26,8 @@ def cluster(address: str, devices: int | None = None) -> Iterator[Pool]:
         InputError: Dask is not installed, no scheduler answers, it has no workers, or its workers
             have another version of jaxpf.
     """
-    try:
-        import distributed
-    except ModuleNotFoundError:
-        raise InputError(
-            "--dask needs Dask, here and where the workers are: pip install 'jaxpf[cluster]'."
-        ) from None
+    need = "--dask needs Dask, here and where the workers are"
+    distributed = import_extra("distributed", need, "'jaxpf[cluster]'")
     # Dask logs every connection attempt on several lines.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:

@@ -8,6 +8,7 @@ import numpy as np
 
 from jaxpf.cli.shared import console
 from jaxpf.files.writing import csv_text, write_text
+from jaxpf.measures import metrics, scores
 from jaxpf.sequences.tables import BoxTable, dense
 
 _SCORES = ("HOTA", "DetA", "AssA", "IDF1", "MOTA", "MOTP")
@@ -32,8 +33,6 @@ def report_truth(
         truth: boxes, as returned by ``read_boxes``.
         which: "smoothed" for smoothed tracks.
     """
-    from jaxpf.measures import metrics, scores
-
     last = int(table["frame"].max())
     shared = [int(i) for i in ids if i in set(truth.id.tolist())]
     estimate = dense(_boxes(table), shared, last + 1)[first + 1 :]
@@ -71,8 +70,6 @@ def report_identities(
         table: columns of its tracks, see ``jaxpf.boxes.read_tracks``.
         truth: boxes, as returned by ``read_boxes``.
     """
-    from jaxpf.measures import scores
-
     first = start + 1
     estimates, targets = (
         dense(boxes, sorted(set(boxes.id.tolist())), first + num_frames)[first:]

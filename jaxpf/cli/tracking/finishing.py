@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxpf import contract
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking import against_truth
 from jaxpf.cli.tracking.births import nobody_came
@@ -16,6 +17,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.files import writing
 from jaxpf.files.digests import SUMMARY, digests
 from jaxpf.files.versions import versions
+from jaxpf.media import plotting
 
 #: Tables whose rows the summary counts.
 _TABLES = ("tracks.csv", "outlines.csv", "smoothed.csv", "smoothed_outlines.csv")
@@ -32,8 +34,6 @@ def finish(session: Session) -> None:
 
 
 def _finish(session: Session) -> None:
-    from jaxpf.media import plotting
-
     output = session.output
     assert session.tracks is not None
     table, sizes = session.tracks.table, np.array(session.ess)
@@ -79,13 +79,16 @@ def _summary(
     start = session.request.run.start
     frames = slice(start, start + session.before[1] + counts.tracked + 1)
     kept = {} if population is None else vars(population)
+    started = session.start.ids.tolist()
+    model_errors = contract.model_error(session.filter, len(started))
     return {
         "parameters": {
             name: str(value) if isinstance(value, Path) else value
             for name, value in session.table.items()
         },
         "likelihood_method": _likelihood_method(session),
-        "model_error": _model_errors(session, session.start.ids.tolist()),
+        # The error that the model declares, such as its slip: of x, y and log size.
+        "model_error": dict(zip(map(str, started), model_errors.round(4).tolist(), strict=True)),
         "ids": names,
         **kept,
         "objects": verdicts,
@@ -127,14 +130,6 @@ def _mean_errors(table: dict[str, np.ndarray], names: list[Any]) -> dict[str, fl
         estimated = np.isfinite(values)
         means[name] = round(float(values[estimated].mean()), 4) if estimated.any() else None
     return means
-
-
-def _model_errors(session: Session, names: list[Any]) -> dict[str, list[float]]:
-    """The error that the model declares, such as its slip: of x, y and log size, by object."""
-    from jaxpf import contract
-
-    errors = contract.model_error(session.filter, len(names))
-    return {str(name): row for name, row in zip(names, errors.round(4).tolist(), strict=True)}
 
 
 def _likelihood_method(session: Session) -> str | None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from jaxpf.cli.tracking.records import Record, Scene, fixed_population
 from jaxpf.contract.errors import InputError
+from jaxpf.media.overlay import object_colours
 from jaxpf.targets.target import Start
 
 
@@ -51,8 +52,6 @@ def starting_later(
         later: frame -> the objects that start there.
         make: function from a frame and a start to a tracker.
     """
-    from jaxpf.media.overlay import object_colours
-
     names = all_names(scene.start, later)
     colours = dict(zip(names.tolist(), object_colours(len(names)), strict=True))
     groups: list[_Group] = []

@@ -5,10 +5,13 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+import jax
 import numpy as np
 
 from jaxpf.cli.shared.console import say
 from jaxpf.contract.errors import InputError
+from jaxpf.media.live import LiveSource
+from jaxpf.running.streaming import stream
 
 if TYPE_CHECKING:
     from jaxpf.cli.tracking.session import Session
@@ -30,10 +33,6 @@ def start_when_compiled(session: "Session") -> None:
 
     Compilation takes seconds, in which the objects move on.
     """
-    import jax
-
-    from jaxpf.media.live import LiveSource
-    from jaxpf.running.streaming import stream
 
     say("Compiling: leave the objects at their boxes.", err=True)
     for _ in range(_ATTEMPTS):
@@ -55,7 +54,5 @@ def start_when_compiled(session: "Session") -> None:
 
 def _kind(tracker: Any) -> Any:
     """Structure and shapes for which a tracker is compiled; learned arrays may vary in length."""
-    import jax
-
     leaves, structure = jax.tree.flatten(tracker)
     return structure, [np.shape(leaf) for leaf in leaves]

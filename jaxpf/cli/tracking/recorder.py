@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import jax
+
 from jaxpf.cli.shared import console
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.stopping import announced_stop
@@ -17,9 +19,10 @@ from jaxpf.cli.tracking.request import Run
 from jaxpf.cli.tracking.session import OUTPUTS, Session, nothing_follows
 from jaxpf.cli.tracking.writers import Diagnostics, Overlay, Smoothed, Tracks, Writer
 from jaxpf.contract.errors import InputError
-from jaxpf.files import writing
+from jaxpf.files import states, writing
 from jaxpf.files.locking import locked
 from jaxpf.media.frame_source import FrameSource
+from jaxpf.smoothing import LookBack
 
 #: Seconds between two saves of the state, from which a killed run goes on.
 _SAVE_EVERY = 60.0
@@ -45,17 +48,12 @@ def record(session: Session) -> None:
 
 
 def _record_frames(session: Session, stack: contextlib.ExitStack) -> None:
-    import jax
-
-    from jaxpf.files import states
 
     run, before = session.request.run, session.before
     key = jax.random.key(run.seed)
     total = _expected_frames(session.source, run)
     scene, smoothed, look_back = _scene(session), None, None
     if run.smooths:
-        from jaxpf.smoothing import LookBack
-
         look_back = LookBack(scene.tracker, key, run.smooth_lag, total, first=before[1])
     records = _records(session, scene, key)
     total = None if total is None else max(total - before[1], 0)
@@ -65,7 +63,9 @@ def _record_frames(session: Session, stack: contextlib.ExitStack) -> None:
         task = progress.add_task("compiling", total=total)
         try:
             beginning = _until_tracked(records)
-            overlay = _overlay(session, scene, stack)  # may fail, so old results are still there
+            overlay: list[Writer] = []
+            if run.overlay:  # may fail, so old results are still there
+                overlay = [Overlay(session.output, scene, session.source, stack)]
             remove_outputs(session.output)
             session.has_begun = True
             write_config(session.output / "run.toml", "track", session.table)
@@ -163,13 +163,6 @@ def _writers(
     if session.population is not None:
         writers.append(session.population)
     return writers
-
-
-def _overlay(session: Session, scene: Scene, stack: contextlib.ExitStack) -> list[Writer]:
-    """The writer of the overlay, if one is wanted; its file gets its name with the first frame."""
-    if not session.request.run.overlay:
-        return []
-    return [Overlay(session.output, scene, session.source, stack)]
 
 
 def remove_outputs(output: Path) -> None:

@@ -3,17 +3,20 @@
 import dataclasses
 import itertools
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxpf import contract
 from jaxpf.cli.tracking.births import Births, by_frame
 from jaxpf.cli.tracking.track_table import places_of
 from jaxpf.contract.lost import judge
+from jaxpf.evaluation.work.trackers import shapes_of
+from jaxpf.media.overlay import NUM_COLOURS, object_colours
+from jaxpf.populations import follow
+from jaxpf.populations.lifetimes import EMPTY, Changes
+from jaxpf.running.streaming import stream
 from jaxpf.targets.target import Start, Target
-
-if TYPE_CHECKING:
-    from jaxpf.populations.lifetimes import Changes
 
 #: All partitions.
 _ALL = slice(None)
@@ -57,7 +60,7 @@ class Record(NamedTuple):
     summary: Any = None
     state: Any = None
     slots: Any = _ALL
-    changes: "Changes | None" = None
+    changes: Changes | None = None
     scene: "Scene | None" = None
     parts: tuple["Record", ...] = ()
 
@@ -103,8 +106,6 @@ class Scene:
 
     def model_error(self, num_partitions: int) -> np.ndarray:
         """``[P, 3]``, see ``jaxpf.contract.Likelihood``."""
-        from jaxpf import contract
-
         return contract.model_error(self.tracker, num_partitions)
 
     def outside(self, start: Start, shapes: np.ndarray) -> np.ndarray:
@@ -115,8 +116,6 @@ class Scene:
 
     def shapes(self, start: Start, estimate: Any) -> np.ndarray:
         """Shapes ``[..., P, S]`` of estimates or particles ``[..., P, D]``."""
-        from jaxpf.evaluation.work.trackers import shapes_of
-
         return np.asarray(shapes_of(self.tracker, self.target, start, estimate), float)
 
 
@@ -133,9 +132,6 @@ def fixed_population(
         frames: frames after the start frame, or after those of a resumed run.
         before: state of a resumed run and its number of frames; else None and 0.
     """
-    from jaxpf.media.overlay import object_colours
-    from jaxpf.running.streaming import stream
-
     start, (state, time) = scene.start, before
     colours, nobody = object_colours(len(start.ids)), np.zeros(len(start.ids), bool)
 
@@ -186,10 +182,6 @@ def changing_population(
         scene, tracker, key, frame, frames: see ``fixed_population``.
         births: detections and the rules of births and deaths.
     """
-    from jaxpf.media.overlay import NUM_COLOURS, object_colours
-    from jaxpf.populations import follow
-    from jaxpf.populations.lifetimes import EMPTY
-
     detections, named = by_frame(births, scene.start, scene.first)
     frames = itertools.chain([frame], frames)
     rules, centres, ids = births.rules, None, np.zeros(0, int)

@@ -3,27 +3,31 @@
 import dataclasses
 from collections.abc import Generator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 import numpy as np
 
+from jaxpf import contract, smoothing
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking import births as births_of
 from jaxpf.cli.tracking.later import all_names
 from jaxpf.cli.tracking.live import used_to_the_light
 from jaxpf.cli.tracking.request import Request, check_together
 from jaxpf.cli.tracking.track_table import Tracks
+from jaxpf.cli.tracking.user_tracker import own_tracker_of, start_scene
 from jaxpf.cli.tracking.writers import Counts, Population
 from jaxpf.contract.errors import InputError
+from jaxpf.files import states
+from jaxpf.filters import SideBySide, WithErrorBars
 from jaxpf.media.frame_source import FrameSource
 from jaxpf.media.video import open_frames
+from jaxpf.populations import open_model
 from jaxpf.running.memory import check_memory, needed_by
+from jaxpf.sequences.layouts import read_truth
+from jaxpf.sequences.tables import BoxTable
 from jaxpf.targets.building import build, looks_of_frame
 from jaxpf.targets.target import Start
-
-if TYPE_CHECKING:
-    from jaxpf.sequences.tables import BoxTable
 
 #: All files that a run may leave in its output folder.
 OUTPUTS = (
@@ -72,7 +76,7 @@ class Session:
     frames: Generator[np.ndarray]
     start: Start
     later: dict[int, Start]
-    truth: "BoxTable | None"
+    truth: BoxTable | None
     output: Path
     tracker: Any = None
     before: tuple[Any, int] = (None, 0)
@@ -113,8 +117,6 @@ class Session:
 
     def build(self) -> None:
         """Build the tracker, and read the state from which it resumes."""
-        from jaxpf import smoothing
-
         run = self.request.run
         self.tracker = self.tracker_at(self.first, self.start)
         fewer = " or fewer runs (--runs)" if run.runs else ""
@@ -127,13 +129,9 @@ class Session:
         """Build the tracker of objects that start at a frame, uint8 RGB ``[H, W, 3]``."""
         request, options = self.request, self.request.filter_options
         if request.run.tracker:
-            from jaxpf.cli.tracking.user_tracker import own_tracker_of, start_scene
-
             scene = start_scene(self.source.name, frame, start.shapes, self.source.fps)
             return own_tracker_of(request.run.tracker, scene)
         if request.births is not None:
-            from jaxpf.populations import open_model
-
             capacity = request.births.rules.capacity
             size = request.births.typical_size
             model = open_model(request.model, frame.shape[:2], capacity, size, options.particles)
@@ -141,12 +139,8 @@ class Session:
         looks = looks_of_frame(frame, options.particles)
         tracker = build(request.target, request.model, request.filter, options, start, looks)
         if request.run.runs is not None:
-            from jaxpf.filters import SideBySide
-
             return SideBySide(tracker, request.run.runs)
         if request.run.error_bars is not None:
-            from jaxpf.filters import WithErrorBars
-
             return WithErrorBars(tracker, request.run.error_bars)
         return tracker
 
@@ -192,9 +186,6 @@ def _state_before(request: Request, tracker: Any) -> tuple[Any, int]:
     """State of --resume and its number of frames; else None and 0."""
     if request.run.resume is None:
         return None, 0
-    from jaxpf import contract
-    from jaxpf.files import states
-
     path, frames = request.run.resume, request.run.frames
     state = states.load(path, tracker)
     time = int(contract.time_of(state))
@@ -206,12 +197,10 @@ def _state_before(request: Request, tracker: Any) -> tuple[Any, int]:
     return state, time
 
 
-def _read_truth(request: Request, start: Start) -> "BoxTable | None":
+def _read_truth(request: Request, start: Start) -> BoxTable | None:
     """Read the boxes of --truth, which must cover some object and frame of this run."""
     if request.run.truth is None:
         return None
-    from jaxpf.sequences.layouts import read_truth
-
     first, count = request.run.start, request.run.frames
     truth = read_truth(request.run.truth)
     ids = start.ids if request.births is None else np.unique(truth.id)

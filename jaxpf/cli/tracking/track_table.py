@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxpf.files.writing import LineWriter
+from jaxpf.filters import quantiles
 from jaxpf.targets.target import Start, Target
 
 if TYPE_CHECKING:
@@ -132,8 +133,6 @@ def places_of(
         centres = centres_of(target, values)
         speed = np.linalg.norm(centres - before, axis=-1) / step
         return places | {"speed": speed[slots]}, centres
-    from jaxpf.filters import quantiles
-
     kept, weights = _kept(state)
     particles = target.column_values(start, scene.shapes(start, np.asarray(substates)[kept]))
     levels = [level / 100 for level in LEVELS]

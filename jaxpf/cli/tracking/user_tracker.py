@@ -8,6 +8,7 @@ from typing import Any
 import scenes
 from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.opening import as_input_error
+from jaxpf.evaluation.work.trackers import own_tracker
 from jaxpf.files.reading import read_text
 
 
@@ -55,8 +56,6 @@ class OwnTracker:
 
 def own_tracker_of(place: str, scene: scenes.Scene) -> Any:
     """Build the tracker of a scene with a user-defined function."""
-    from jaxpf.evaluation.work.trackers import own_tracker
-
     tracker = own_tracker(place, OwnTracker(place), scene)
     if hasattr(tracker, "init"):
         return tracker

@@ -4,7 +4,7 @@ import collections
 import contextlib
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,10 +13,11 @@ from jaxpf.cli.tracking.records import Record, Scene
 from jaxpf.cli.tracking.track_table import Tracks, centres_of, places_of
 from jaxpf.files.writing import LineWriter
 from jaxpf.media.frame_source import FrameSource
+from jaxpf.media.overlay import draw_spreads
+from jaxpf.media.video_writer import VideoWriter
+from jaxpf.populations.lifetimes import EMPTY
+from jaxpf.smoothing.look_back import LookBack, SmoothedFrame
 from jaxpf.targets.target import Marks
-
-if TYPE_CHECKING:
-    from jaxpf.smoothing.look_back import LookBack, SmoothedFrame
 
 #: Length of a trail in frames.
 _TRAIL = 20
@@ -94,8 +95,6 @@ class Overlay:
     def __init__(
         self, output: Path, scene: Scene, source: FrameSource, stack: contextlib.ExitStack
     ):
-        from jaxpf.media.video_writer import VideoWriter
-
         self._scene = scene
         self._video = stack.enter_context(
             VideoWriter(output / "overlay.mp4", *scene.size, source.fps, source.pixel_aspect)
@@ -124,8 +123,6 @@ class Overlay:
         return np.array([self._unconfirmed[name] > 0 for name in names], bool) & ~record.lost
 
     def _draw(self, record: Record, doubtful: np.ndarray) -> np.ndarray:
-        from jaxpf.media.overlay import draw_spreads
-
         target, frame = self._scene.target, record.frame
         for part in record.filtered:
             scene = part.scene or self._scene
@@ -154,7 +151,7 @@ class Smoothed:
     """
 
     def __init__(
-        self, output: Path, scene: Scene, look_back: "LookBack", stack: contextlib.ExitStack
+        self, output: Path, scene: Scene, look_back: LookBack, stack: contextlib.ExitStack
     ):
         self.tracks = Tracks(output, scene, stack, is_smoothed=True)
         self._scene, self._look_back = scene, look_back
@@ -182,7 +179,7 @@ class Smoothed:
                 err=True,
             )
 
-    def _append(self, frames: Iterable["SmoothedFrame"]) -> None:
+    def _append(self, frames: Iterable[SmoothedFrame]) -> None:
         scene, start = self._scene, self._scene.start
         for frame in frames:
             assert self._latest is not None
@@ -213,8 +210,6 @@ class Population:
 
     def __call__(self, record: Record) -> None:
         """Collect the changes of a frame."""
-        from jaxpf.populations.lifetimes import EMPTY
-
         number, changes = record.number, record.changes
         assert changes is not None
         for birth in changes.births:

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from jaxpf import tuning
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import progress_bar, say
 from jaxpf.cli.shared.flags import as_typed, picked, refuse_others, report_implied
@@ -23,9 +24,12 @@ from jaxpf.cli.shared.startup import start_jax
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import GRADIENTS, OBJECTIVES
 from jaxpf.contract.options import OPEN, chosen, option, options_of
+from jaxpf.files.locking import locked
+from jaxpf.files.writing import prepare_output_folder, report_os_errors
 from jaxpf.running.memory import check_memory, needed_by
 from jaxpf.targets import all_targets, target_of_scene
 from jaxpf.targets.building import filter_for
+from jaxpf.tuning.declared import tuned_by_default
 from jaxpf.tuning.settings import Settings
 
 #: Default number of particles: a gradient costs more than a run.
@@ -98,11 +102,8 @@ class Options(Outcome, Settings, Tuned, Scenes):
 
 
 def _command(**values: Any) -> None:
-    from jaxpf import tuning
     from jaxpf.cli.tuning import output as outputs
     from jaxpf.cli.tuning.scenes import scenes_to_tune_on, unseen
-    from jaxpf.files.locking import locked
-    from jaxpf.files.writing import prepare_output_folder, report_os_errors
     from jaxpf.tuning.checkpoint import NAME
 
     options, source = picked(values, Options, _DEFAULTS), resolved_scene(values["scene"])
@@ -217,8 +218,6 @@ def _tune(
 
 def _check_names(parameters: str | None) -> None:
     """Refuse misspelt parameters before scenes are opened."""
-    from jaxpf import tuning
-
     targets = (target.options for target in all_targets().values())
     every = [option.path or "" for each in targets for option in options_of(each).values()]
     for name in (tuning.parameter(text).name for text in names_in(parameters or "")):
@@ -229,7 +228,6 @@ def _check_names(parameters: str | None) -> None:
 
 def _check_parameters(tracker: Any, target: Any, wanted: list[Any]) -> None:
     """Refuse parameters without an option of `jaxpf track` and `jaxpf evaluate`."""
-    from jaxpf import tuning
     from jaxpf.tuning.parameters import check_apart
 
     check_apart(wanted)
@@ -250,7 +248,6 @@ def _recipe(
     """The recipe of the tracker before tuning, the options with their default parameters, and the
     recipe's options in command-line notation.
     """
-    from jaxpf.tuning.declared import tuned_by_default
     from jaxpf.tuning.sequences import Recipe
 
     target = target_of_scene(scene, options.target)

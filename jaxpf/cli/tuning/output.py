@@ -4,19 +4,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomli_w
 
 from jaxpf.cli.shared.console import print_table, say
 from jaxpf.contract.options import options_of
 from jaxpf.files.writing import atomic_write
+from jaxpf.media.plotting import save_figure
 from jaxpf.targets import DEFAULT
+from jaxpf.tuning.plot import traces
 
 TUNED, TRACES = "tuned.toml", "tuning.png"
 
 
 def write_tuned(path: Path, result: Any, values: dict[str, Any], before: Any) -> None:
     """Write the values as options of `track` and `evaluate`, with their uncertainty."""
-    import tomli_w
-
     after = before.with_values(values)
     named = {path.partition("[")[0] for path in values}
     track: dict[str, Any] = {}  # `jaxpf track` defaults to boxes
@@ -46,9 +47,6 @@ def _numbers(value: Any) -> Any:
 
 def write_traces(path: Path, result: Any, objective: str) -> None:
     """Write the figure of the descents."""
-    from jaxpf.media.plotting import save_figure
-    from jaxpf.tuning.plot import traces
-
     names = {
         "evidence": "- log evidence per frame",
         "position": "distance (pixels)",

@@ -5,13 +5,12 @@ from typing import Any
 
 from jaxpf.cli.shared.scene_options import scene_parameters
 from jaxpf.contract.errors import InputError
+from jaxpf.evaluation.opening import load_scene
+from jaxpf.evaluation.work.scene import check_scene
 
 
 def scenes_to_tune_on(source: str, options: Any) -> list[Any]:
     """Synthetic scenes with consecutive seeds, or the first frames of a folder."""
-    from jaxpf.evaluation.opening import load_scene
-    from jaxpf.evaluation.work.scene import check_scene
-
     first, *others = range(options.scene_seed, options.scene_seed + options.train_scenes)
     parameters = scene_parameters(options.set)
     scene = load_scene(source, first, options.ids, options.start_frame, None, parameters)

@@ -22,7 +22,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, import_extra
 from jaxpf.evaluation.baselines.optical_flow import follow_points
 from jaxpf.evaluation.baselines.spot import spot
 
@@ -157,12 +157,7 @@ def _opencv(name: str, *given: Any) -> np.ndarray:
 
 def _dlib(frames: np.ndarray, box: np.ndarray) -> np.ndarray:
     """Track one box with dlib's correlation tracker."""
-    try:
-        import dlib
-    except ModuleNotFoundError:
-        raise InputError(
-            "the baseline 'dlib' needs dlib, which is missing; pip install dlib-bin."
-        ) from None
+    dlib = import_extra("dlib", "the baseline 'dlib' needs dlib", "dlib-bin")
     x, y, width, height = _whole(box, frames)
     tracker, track = dlib.correlation_tracker(), [np.asarray(box, np.float64)]
     # dlib's rectangles end at their last pixel.

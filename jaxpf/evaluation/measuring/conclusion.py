@@ -9,7 +9,6 @@ than ten runs decide nothing: the sentence is a preview.
 
 import itertools
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -25,24 +24,16 @@ RANKED_BY = by_name("success_area")
 _MOST_NAMED = 3
 
 
-class Conclusion(NamedTuple):
-    """The conclusion of an evaluation.
+def conclude(results: Results, summaries: Sequence[Summary]) -> tuple[str, list[int]]:
+    """State which configurations differ from the best.
 
-    Attributes:
-        sentence: text for the user.
-        ranking: indices of the summaries that have a value, best first.
+    Returns:
+        The sentence, and the indices of the summaries that have a value, best first.
     """
-
-    sentence: str
-    ranking: list[int]
-
-
-def conclude(results: Results, summaries: Sequence[Summary]) -> Conclusion:
-    """Rank the configurations and state which ones differ from the best."""
     areas = [summary.estimates[RANKED_BY.name].value[-1] for summary in summaries]
     ranking = [index for index in np.argsort(areas)[::-1].tolist() if np.isfinite(areas[index])]
     if not ranking:
-        return Conclusion("No run is finished, so there is nothing to conclude.", [])
+        return "No run is finished, so there is nothing to conclude.", []
     best, *others = ranking
     ours = summaries[best].configuration
     held = [name for name in results.swept if name in ours.parameters]
@@ -52,11 +43,11 @@ def conclude(results: Results, summaries: Sequence[Summary]) -> Conclusion:
     settings = ", ".join(named_values(ours, held))
     start = f"With {settings}, where the mean is highest, " if held else ""
     if not others:
-        return Conclusion(f"{names[best]}: success area {_share(areas[best])}.", ranking)
+        return f"{names[best]}: success area {_share(areas[best])}.", ranking
     fewest = min((s.runs for s in summaries if not s.configuration.is_imported), default=DECISIVE)
     if fewest < DECISIVE:
         runs = "one run" if fewest == 1 else f"{fewest} runs"
-        return Conclusion(
+        return (
             f"Preview of {runs}: {start[:1].lower() + start[1:]}{names[best]} is ahead, success "
             f"area {_share(areas[best])}; fewer than {DECISIVE} runs decide nothing.",
             ranking,
@@ -66,7 +57,7 @@ def conclude(results: Results, summaries: Sequence[Summary]) -> Conclusion:
     worse = [other for other in others if intervals[other][1] > 0]
     tied = [other for other in others if other not in worse]
     if not worse:
-        return Conclusion(
+        return (
             f"{start}{'no' if start else 'No'} configuration follows best: {names[best]} is "
             f"ahead, but {_listed(names, tied)} cannot be told apart from it.",
             ranking,
@@ -85,7 +76,7 @@ def conclude(results: Results, summaries: Sequence[Summary]) -> Conclusion:
         rest = [index for index in worse if index != reference]
         few = len(rest) <= _MOST_NAMED
         sentence += f", and better than {_listed(names, rest) if few else 'all others'}"
-    return Conclusion(f"{sentence}.", ranking)
+    return f"{sentence}.", ranking
 
 
 def _agree(ours: Configuration, other: Configuration, names: Sequence[str]) -> bool:

@@ -14,7 +14,7 @@ from jaxpf.evaluation.measuring.collection import (
     configuration_name,
     has_scores,
 )
-from jaxpf.evaluation.measuring.conclusion import Conclusion, conclude
+from jaxpf.evaluation.measuring.conclusion import conclude
 from jaxpf.evaluation.measuring.summary import summarise
 from jaxpf.evaluation.work.results import BUILT_IN, Results
 
@@ -32,21 +32,22 @@ class Overview:
     Attributes:
         summaries: of every configuration with finished runs.
         remarks: sentences about missing results and caveats.
-        conclusion: which configuration is best.
+        conclusion: sentence on which configuration is best.
+        ranking: indices of the summaries that have a value, best first.
         tables: pandas data frames by name, once they are written; see ``output.tables``.
     """
 
     summaries: list[Summary]
     remarks: list[str]
-    conclusion: Conclusion
+    conclusion: str
+    ranking: list[int]
     tables: dict[str, Any] = dataclasses.field(default_factory=dict)
 
     @property
     def ranked(self) -> list[Summary]:
         """The summaries, the best configuration first and those without a value last."""
-        ranking = self.conclusion.ranking
-        rest = [index for index in range(len(self.summaries)) if index not in ranking]
-        return [self.summaries[index] for index in [*ranking, *rest]]
+        rest = [index for index in range(len(self.summaries)) if index not in self.ranking]
+        return [self.summaries[index] for index in [*self.ranking, *rest]]
 
 
 def measure_results(results: Results) -> Overview:
@@ -58,7 +59,7 @@ def measure_results(results: Results) -> Overview:
     every = (collect(results, configuration) for configuration in results.configurations)
     summaries = [summary for summary in every if summary is not None]
     summarise(results, summaries)
-    overview = Overview(summaries, [*_remarks(results, summaries)], conclude(results, summaries))
+    overview = Overview(summaries, [*_remarks(results, summaries)], *conclude(results, summaries))
     confident = (s for s in overview.ranked if s.confidence.frames[-1])
     overview.remarks.extend(_reliability(summary) for summary in [*confident][:1])
     return overview

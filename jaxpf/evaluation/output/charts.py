@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import LogLocator, NullLocator
 
 from jaxpf.evaluation.measuring.collection import Summary
 from jaxpf.evaluation.measuring.measures import CURVES, DISTANCE, by_name
@@ -67,8 +68,6 @@ def against_time(lines: Mapping[str, Sequence[Summary]]) -> Any:
     Args:
         lines: result of ``lines_over_particles``.
     """
-    from matplotlib.ticker import LogLocator, NullLocator
-
     figure, axes = _axes(len(lines), 2)
     for axis, name in zip(axes, ("success_area", "centre_error"), strict=True):
         measure = by_name(name)

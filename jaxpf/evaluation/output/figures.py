@@ -6,6 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from matplotlib import rc_context
+from matplotlib.rcsetup import cycler
+
 from jaxpf.evaluation.measuring.overview import Overview
 from jaxpf.evaluation.output import charts
 from jaxpf.evaluation.work.results import Results
@@ -67,9 +70,6 @@ def write_figures(results: Results, overview: Overview) -> list[Figure]:
 
 def in_style() -> Any:
     """Context manager with the style for drawing and saving figures."""
-    from matplotlib import rc_context
-    from matplotlib.rcsetup import cycler
-
     # Seven colours, then the same colours dashed.
     styles = cycler(linestyle=("-", "--")) * cycler(color=charts.COLOURS)
     return rc_context({**_STYLE, "axes.prop_cycle": styles})

@@ -10,9 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pandas import DataFrame, MultiIndex, concat
 
 from jaxpf.evaluation.measuring.estimates import Difference, Estimate, difference, estimate
 from jaxpf.evaluation.measuring.measures import CURVES, FIGURES, MEASURES, SCORES, by_name
+from jaxpf.evaluation.output import charts
+from jaxpf.evaluation.output.figures import in_style, save
 from jaxpf.evaluation.output.layout import (
     ABOUT_CALIBRATION,
     ABOUT_CONFIDENCE,
@@ -61,8 +64,6 @@ def write_overall(folder: Path, tables: Tables, varied: Sequence[str]) -> list[T
     Raises:
         InputError: a file cannot be written.
     """
-    from pandas import DataFrame, MultiIndex
-
     names = list(tables)
     measures = [each.name for each in (*MEASURES, *SCORES, *FIGURES)]
     values = _by_sequence(tables, "summary", varied, ["measure"])
@@ -120,8 +121,6 @@ def about_units(sequences: int) -> str:
 
 def _by_sequence(tables: Tables, name: str, varied: Sequence[str], rows: Sequence[str]) -> Any:
     """Values over all objects: a row per method and ``rows``, a column per sequence."""
-    from pandas import concat
-
     table = concat({key: each[name] for key, each in tables.items()}, names=["sequence"])
     table = table[table.object == "all"].reset_index()
     for option in filter(table.columns.__contains__, varied):
@@ -138,9 +137,6 @@ def _units(rows: Any) -> tuple[np.ndarray, np.ndarray]:
 
 def _draw(folder: Path, curves: Any, methods: Sequence[str]) -> None:
     """Draw success and precision curves: means over sequences with intervals."""
-    from jaxpf.evaluation.output import charts
-    from jaxpf.evaluation.output.figures import in_style, save
-
     found = {
         (method, curve): estimate(*_units(curves.loc[method, curve].dropna(axis=1)), (0, 1))
         for method in methods

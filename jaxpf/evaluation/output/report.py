@@ -5,7 +5,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import import_extra
 from jaxpf.evaluation.measuring.overview import Overview
 from jaxpf.evaluation.output.figures import Figure, write_figures
 from jaxpf.evaluation.output.layout import (
@@ -54,14 +54,11 @@ def write_report(results: Results, overview: Overview | None = None) -> Path:
     Raises:
         InputError: a file cannot be written, a batch is damaged, or Jinja2 is not installed.
     """
-    try:
-        from jinja2 import Environment, StrictUndefined
-    except ModuleNotFoundError:
-        raise InputError("writing a report needs Jinja2; pip install 'jaxpf[cli]'") from None
+    jinja2 = import_extra("jinja2", "writing a report needs Jinja2")
     overview = write_tables(results) if overview is None else overview
     source = resources.files("jaxpf.evaluation.output").joinpath("report.html").read_text("utf-8")
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     text = environment.from_string(source).render(_content(results, overview))
     path = results.folder / NAME
@@ -71,7 +68,7 @@ def write_report(results: Results, overview: Overview | None = None) -> Path:
 
 def _content(results: Results, overview: Overview) -> dict[str, Any]:
     summaries, best, ids = overview.summaries, overview.ranked[:MOST_PRINTED], results.object_ids
-    ranking = overview.conclusion.ranking
+    ranking = overview.ranking
     beside = {
         "calibration": (calibration_tables(ids, best), NOTES[ABOUT_CALIBRATION]),
         "confidence": ([], NOTES[ABOUT_CONFIDENCE]),
@@ -86,7 +83,7 @@ def _content(results: Results, overview: Overview) -> dict[str, Any]:
     ]
     return {
         "results": results,
-        "conclusion": overview.conclusion.sentence if summaries else "",
+        "conclusion": overview.conclusion if summaries else "",
         "best": summaries[ranking[0]].name if ranking else "",
         "remarks": overview.remarks,
         "estimates": estimate_tables(ids, best),

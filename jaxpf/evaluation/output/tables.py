@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import import_extra
 from jaxpf.contract.options import plain
 from jaxpf.evaluation.measuring.collection import Summary
 from jaxpf.evaluation.measuring.measures import COLUMNS, CURVES
@@ -47,10 +47,7 @@ def write_tables(results: Results) -> Overview:
     Raises:
         InputError: a file cannot be written, a batch is damaged, or pandas is not installed.
     """
-    try:
-        from pandas import DataFrame
-    except ModuleNotFoundError:
-        raise InputError("writing tables needs pandas; pip install 'jaxpf[cli]'") from None
+    pandas = import_extra("pandas", "writing tables needs pandas")
     overview = measure_results(results)
     summaries, ids = overview.summaries, results.object_ids
     with atomic_write(results.folder / "results.csv") as file:
@@ -61,7 +58,7 @@ def write_tables(results: Results) -> Overview:
         ("curves", _curve_rows(results, summaries)),
         ("differences", _difference_rows(results, summaries)),
     ):
-        overview.tables[name] = DataFrame(rows, columns=columns, dtype=str)
+        overview.tables[name] = pandas.DataFrame(rows, columns=columns, dtype=str)
         write_csv(results.folder / f"{name}.csv", overview.tables[name])
     everything = [
         *estimate_tables(ids, summaries),
@@ -70,7 +67,7 @@ def write_tables(results: Results) -> Overview:
         *difference_tables(ids, summaries),
     ]
     title = f"{results.scene_name}, {results.runs} runs"
-    lines = [overview.conclusion.sentence, *overview.remarks]
+    lines = [overview.conclusion, *overview.remarks]
     write_text(results.folder / "summary.md", to_markdown(title, everything, lines))
     return overview
 

@@ -8,10 +8,14 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import jax
 import numpy as np
 
 from jaxpf.evaluation.work.results import SPEEDS, Results
+from jaxpf.evaluation.work.schedule import shape_of
+from jaxpf.evaluation.work.trackers import tracker_of
 from jaxpf.files.writing import write_text
+from jaxpf.running.streaming import stream
 
 #: Timing of a run stops after this many frames or about this many seconds.
 _FRAMES, _SECONDS = 60, 3.0
@@ -46,10 +50,6 @@ def measure_speeds(
         trackers: user-defined trackers, as in the ``Plan``.
         on_begin: called with the label of the next configuration before it is timed.
     """
-    import jax
-
-    from jaxpf.evaluation.work.schedule import shape_of
-    from jaxpf.evaluation.work.trackers import tracker_of
 
     configurations = results.configurations
     speeds = results.speeds
@@ -75,8 +75,6 @@ def _write(results: Results, speeds: Sequence[float]) -> None:
 
 def _frames_per_second(tracker: Any, key: Any, frames: Sequence[np.ndarray]) -> float:
     """Frames per second of a single run; NaN if there is no second frame to time."""
-    from jaxpf.running.streaming import stream
-
     seconds, clock, until = [], time.perf_counter(), np.inf
     for tracked in stream(tracker, key, frames):
         now = time.perf_counter()

@@ -11,6 +11,7 @@ from typing import Any
 import chex
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract.calls import check_factors
@@ -58,7 +59,7 @@ class Eskil(contract.Tracker):
             sigma_t 10, 5 and 5 pixels.
         likelihood: see ``jaxpf.contract.Likelihood``; must factor over partitions.
         initial: ``[P, D]``, or a sampler ``key -> [P, D]``, just before the first frame.
-        reference: ``[P, 2]`` (or ``[P, 1]``), positions whose distances define the shape; default
+        reference: ``[P, 2]``, positions whose distances define the shape; default
             ``initial``.
         shape_scale: sigma_p, for ``shape="relative"`` a share of each distance, for ``"pixels"`` in
             pixels.
@@ -75,7 +76,7 @@ class Eskil(contract.Tracker):
     likelihood: Any
     initial: Any
     reference: Any = None
-    shape_scale: Any = 0.1
+    shape_scale: ArrayLike = 0.1
     num_particles: int = static_field(default=10)
     upsampling: int = static_field(default=3)
     memory: int = static_field(default=10)
@@ -89,7 +90,8 @@ class Eskil(contract.Tracker):
         object.__setattr__(self, "initial", initial)
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
         if self.reference is not None:
-            check_array("reference", self.reference, "positions, finite, [P, 2]", least=FINITE)
+            wanted = f"finite positions, [{self.num_partitions}, 2]"
+            check_array("reference", self.reference, wanted, least=FINITE)
             object.__setattr__(self, "reference", as_array(self.reference, float))
         elif not callable(initial):
             object.__setattr__(self, "reference", initial[:, :2])
@@ -209,10 +211,5 @@ def _check(tracker: Eskil) -> None:
         raise InputError(
             f"shape={tracker.shape!r} needs distances, and initial is a sampler; give reference, "
             "[P, 2]."
-        )
-    if tracker.reference.shape[0] != tracker.num_partitions:
-        raise InputError(
-            f"reference has {tracker.reference.shape[0]} rows for {tracker.num_partitions} "
-            "partitions; give one each."
         )
     shape.reference_distances(tracker.reference)

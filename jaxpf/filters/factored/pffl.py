@@ -10,6 +10,7 @@ from typing import Any
 import chex
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 
 from jaxpf.contract import Tracker
 from jaxpf.contract.calls import check_factors
@@ -56,7 +57,7 @@ class PFFL(Tracker):
     dynamics: Any
     likelihood: Any
     initial: Any
-    safety: Any = 0.1
+    safety: ArrayLike = 0.1
     num_particles: int = static_field(default=50)
     upsampling: int = static_field(default=1)
     form: str = static_field(default="auxiliary")

@@ -10,10 +10,10 @@ off by a factor 1 / (L N_l), and omits the division of the speed by the time ste
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 
 from jaxpf.filters.labelled import by_label
 
@@ -25,7 +25,7 @@ def regularised(
     present: jax.Array,
     position: Sequence[int],
     speed: Sequence[int] | None,
-    rates: Any,
+    rates: ArrayLike | None,
 ) -> tuple[jax.Array, jax.Array]:
     """Update the regularised estimates and speeds from the last frame's (rowe2005, eq. 6).
 

@@ -30,7 +30,9 @@ def check_tracker(tracker: "Labelled") -> None:
     if tracker.population == "open":
         _check_open(tracker)
     _check_coordinates(tracker)
-    _check_rates(tracker)
+    if tracker.regularise is not None:
+        wanted = "two rates above 0 and at most 1, of position and speed, or None, [2]"
+        check_array("regularise", tracker.regularise, wanted, TINY, 1)
     check_factors(tracker.dynamics, tracker.likelihood, "labelled particles")
     if tracker.motion_gradient == "score" and tracker.feedback != "none":
         raise InputError(
@@ -77,23 +79,13 @@ def _check_coordinates(tracker: "Labelled") -> None:
             f"{len(position)}; name one speed for each position."
         )
     used = [*position, *(speed or ())]
-    if len(set(used)) != len(used) or min(used, default=0) < 0:
+    dimension = np.inf if callable(tracker.initial) else np.shape(tracker.initial)[1]
+    if len(set(used)) != len(used) or min(used, default=0) < 0 or max(used) >= dimension:
+        last = "" if np.isinf(dimension) else f" to {dimension - 1}"
         raise InputError(
             f"position={list(position)} and speed={speed and list(speed)} must name different "
-            "coordinates of a substate, counted from 0."
+            f"coordinates of a substate, counted from 0{last}."
         )
-    if not callable(tracker.initial) and max(used) >= np.shape(tracker.initial)[1]:
-        raise InputError(
-            f"position={list(position)} and speed={speed and list(speed)} name coordinate "
-            f"{max(used)}, but a substate has {np.shape(tracker.initial)[1]}, counted from 0."
-        )
-
-
-def _check_rates(tracker: "Labelled") -> None:
-    rates = tracker.regularise
-    if rates is not None:
-        wanted = "two rates above 0 and at most 1, of position and speed, or None, [2]"
-        check_array("regularise", rates, wanted, TINY, 1)
 
 
 def check_started(summary: Any, ids: Any = None) -> None:

@@ -7,6 +7,7 @@ import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract import Tracker
@@ -19,6 +20,7 @@ from jaxpf.filters.labelled import by_label, kernel, population
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_tracker
 from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
+from jaxpf.filters.relocation import Relocation
 from jaxpf.gradients import NoGradient
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
@@ -65,8 +67,8 @@ class Labelled(Tracker):
     dynamics: Any
     likelihood: Any
     initial: Any
-    regularise: Any = None
-    relocation: Any = None
+    regularise: ArrayLike | None = None
+    relocation: Relocation | None = None
     resampling: Any = "systematic"
     gradient: Any = NoGradient()
     num_targets: Any = static_field(default=None)

@@ -1,7 +1,7 @@
 """Checks of a partitioned tracker at construction; strategies check themselves."""
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,8 +16,11 @@ from jaxpf.filters.partitioned.labels import check_labels, moves_labels
 from jaxpf.filters.partitioned.options import Options
 from jaxpf.gradients import check_gradients
 
+if TYPE_CHECKING:
+    from jaxpf.filters.partitioned.tracker import Partitioned
 
-def check_tracker(tracker: Any) -> Any:
+
+def check_tracker(tracker: "Partitioned") -> Any:
     """Refuse settings that cannot work or would be silently wrong.
 
     Returns:
@@ -41,7 +44,7 @@ def check_tracker(tracker: Any) -> Any:
     return refused(*_of_ordering(tracker), *_of_exchange(tracker))
 
 
-def _of_ordering(tracker: Any) -> Iterator[tuple[Any, tuple[Any, ...]]]:
+def _of_ordering(tracker: "Partitioned") -> Iterator[tuple[Any, tuple[Any, ...]]]:
     """Cases in which the ordering's components do not fit the rest, for ``refused``."""
     ordering = tracker.ordering.known
     used = (ordering.fractions > 0).sum(-1)
@@ -75,7 +78,7 @@ def _of_ordering(tracker: Any) -> Iterator[tuple[Any, tuple[Any, ...]]]:
         )
 
 
-def _of_exchange(tracker: Any) -> Iterator[tuple[Any, tuple[Any, ...]]]:
+def _of_exchange(tracker: "Partitioned") -> Iterator[tuple[Any, tuple[Any, ...]]]:
     """Cases in which an exchange does not work or would be biased, for ``refused``."""
     ordering, likelihood = tracker.ordering.known, type(tracker.likelihood).__name__
     swap, none = ordering.swap_shown, choice("swap", "none")

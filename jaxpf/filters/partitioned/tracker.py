@@ -7,6 +7,7 @@ import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract import Tracker
@@ -21,6 +22,7 @@ from jaxpf.filters.partitioned import kernel, labels, levels
 from jaxpf.filters.partitioned.motion import Motion, motion_of
 from jaxpf.filters.partitioned.refusals import check_tracker
 from jaxpf.filters.partitioned.weighing import Weighing, weighing_of
+from jaxpf.filters.relocation import Relocation
 from jaxpf.gradients import NoGradient
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.lowering.threefry import with_written_out_key
@@ -74,9 +76,9 @@ class Partitioned(Tracker):
     ordering: Ordering
     initial: Any
     initial_label: Any = None
-    tempering: Any = None
+    tempering: ArrayLike | None = None
     ess_threshold: Any = None
-    relocation: Any = None
+    relocation: Relocation | None = None
     proposal: Any = None
     resampling: Any = "systematic"
     gradient: Any = NoGradient()

@@ -12,6 +12,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import DTypeLike
 
 from jaxpf import contract
 from jaxpf.contract.errors import check_tracker
@@ -125,7 +126,7 @@ class SideBySide(contract.Tracker):
                 pooled = dataclasses.replace(pooled, evidence_variance=variance)
         return RunsState(runs, shares), pooled
 
-    def _equal_shares(self, dtype: Any) -> jax.Array:
+    def _equal_shares(self, dtype: DTypeLike) -> jax.Array:
         return jnp.full(self.num_runs, -np.log(self.num_runs), dtype)
 
     def _keys(self, key: jax.Array) -> jax.Array:

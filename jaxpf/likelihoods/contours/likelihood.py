@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.typing import ArrayLike
 
 from jaxpf.contract import Likelihood
 from jaxpf.contract.pytree import pytree_dataclass, static_field
@@ -78,13 +79,13 @@ class IndependentContours(Likelihood):
 
     space: ShapeSpace
     detector: EdgeDetector
-    clutter: Any
-    detection: Any
-    sigma: Any = 7.0
-    independence: Any = 1.0
-    width: Any = 0.0
+    clutter: jax.Array
+    detection: jax.Array
+    sigma: ArrayLike = 7.0
+    independence: ArrayLike = 1.0
+    width: ArrayLike = 0.0
     at_start: Any = _SHOWN
-    slip: Any = 0.0
+    slip: ArrayLike = 0.0
     edges: int = static_field(default=1)
     num_lines: int = static_field(default=32)
     crossings: int = static_field(default=1)

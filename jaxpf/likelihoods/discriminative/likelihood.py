@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jax.typing import ArrayLike
+from jax.typing import ArrayLike, DTypeLike
 
 from jaxpf.contract import Likelihood, of_partition
 from jaxpf.contract.errors import InputError
@@ -53,7 +53,7 @@ class Seen(NamedTuple):
     maps: tuple[Any, ...]
 
 
-def grid_places(frame_shape: tuple[int, int], dtype: Any) -> jax.Array:
+def grid_places(frame_shape: tuple[int, int], dtype: DTypeLike) -> jax.Array:
     """Centres u and v of boxes evenly spread over a frame, pixels, [2, 144]."""
     places = (jnp.arange(nearby.PLACES, dtype=dtype) + 0.5) / nearby.PLACES
     v, u = jnp.meshgrid(places * frame_shape[0], places * frame_shape[1], indexing="ij")

@@ -109,10 +109,10 @@ class PretrainedLikelihood(Likelihood):
     offset: jax.Array
     residual: jax.Array
     known: DiscriminativeLikelihood
-    network: Any
+    network: Callable
     weights: tuple[Any, ...]
-    middles: tuple[Any, ...]
-    spreads: tuple[Any, ...]
+    middles: tuple[jax.Array, ...]
+    spreads: tuple[jax.Array, ...]
     factors: tuple[int, ...] = static_field()
     frame_shape: tuple[int, int] = static_field()
 

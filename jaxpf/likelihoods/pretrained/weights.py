@@ -108,7 +108,7 @@ def _tensors(loaded: Any, values_of: Callable[[np.dtype, str], np.ndarray]) -> d
     return {name: each.read(values_of(*each.storage)) for name, each in tensors.items()}
 
 
-def _read_zip(path: Any) -> dict[str, np.ndarray]:
+def _read_zip(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     with zipfile.ZipFile(path) as file:
         names = [name for name in file.namelist() if name.endswith("data.pkl")]
         if not names:
@@ -120,7 +120,7 @@ def _read_zip(path: Any) -> dict[str, np.ndarray]:
         )
 
 
-def _read_legacy(path: Any) -> dict[str, np.ndarray]:
+def _read_legacy(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     """The format before PyTorch 1.6: pickles one after the other, then the storages."""
     with open(path, "rb") as file:
         for _ in range(3):  # a magic number, the version, the machine

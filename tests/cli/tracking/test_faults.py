@@ -118,7 +118,7 @@ def test_ctrl_c_before_the_first_frame_leaves_what_was_there(track, tmp_path, mo
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("jaxpf.running.streaming.stream", interrupted)
+    monkeypatch.setattr("jaxpf.cli.tracking.records.stream", interrupted)
     output = tmp_path / "out"
     assert track(*BOXES).code == 130
     assert not output.exists()

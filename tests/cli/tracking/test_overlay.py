@@ -27,7 +27,7 @@ class _Video(contextlib.nullcontext):
 
 
 def test_an_object_found_again_is_doubtful_until_five_frames_confirm_it(tmp_path, monkeypatch):
-    monkeypatch.setattr("jaxpf.media.video_writer.VideoWriter", _Video)
+    monkeypatch.setattr("jaxpf.cli.tracking.writers.VideoWriter", _Video)
     # Of object 1: L lost, ? followed but doubtful, - followed.  Object 2 is never lost.
     story = "--LL??L????---L????--"
     colours = object_colours(2)

@@ -7,6 +7,7 @@ from .calls import (
     first_motion as first_motion,
     frame_of as frame_of,
     handles_nan as handles_nan,
+    has_border as has_border,
     has_log_density as has_log_density,
     has_log_guide as has_log_guide,
     has_log_joint as has_log_joint,

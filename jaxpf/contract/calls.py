@@ -349,6 +349,15 @@ def log_odds_all(likelihood, observation, partition, substates) -> jax.Array:
     return jax.vmap(likelihood.log_odds, in_axes=(None, 0, 1))(observation, partition, substates)
 
 
+def has_border(likelihood: Any) -> bool:
+    """Whether a likelihood knows which objects may be leaving the frame.
+
+    Filters that report a confidence then ask for stronger evidence that an object is back, by
+    ``reaches_border(partition [N], substates [D, N]) -> bool [N]`` at the estimates.
+    """
+    return hasattr(likelihood, "reaches_border")
+
+
 def model_error(tracker: Any, num_partitions: int) -> np.ndarray:
     """Errors ``[P, 3]`` that a tracker's likelihood declares, see ``Likelihood``; else 0.
 

@@ -29,6 +29,7 @@ likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log
                                                                            ``observe_nearby``,
                                                                            ``look_near``,
                                                                            ``log_odds``,
+                                                                           ``reaches_border``,
                                                                            ``model_error``,
                                                                            ``handles_nan``,
                                                                            ``log_guide``,

@@ -40,6 +40,8 @@ class ParticleState:
             carry no labels.
         log_odds: ``[P]``, log odds that each object is at its estimate, smoothed over past frames;
             None if the likelihood has no ``log_odds``.
+        left: ``[P]`` bool, whether each object was last seen at the frame's border; None if the
+            likelihood has no ``reaches_border``.
         sources: ``[P, N]`` int32, the particle of the previous frame that each draw continues, by
             partition; None unless ``Partitioned(keep_ancestors=True)`` or a wrapper requests them.
         selections: ``[]``, number of selections in this frame; the initial draws count as one.  A
@@ -56,6 +58,7 @@ class ParticleState:
     path_scores: jax.Array | None = None
     label: jax.Array | None = None
     log_odds: jax.Array | None = None
+    left: jax.Array | None = None
     sources: jax.Array | None = None
     selections: jax.Array | None = None
     time: jax.Array | None = None

@@ -9,6 +9,10 @@ used for calibration (8 runs): the area under the ROC curve for "overlap below .
 with a confidence below .2 are on their object in 12 % of the cases, from .2 to .8 in about 60 %,
 above .8 in 88 %.  High confidence is no guarantee: a track on a look-alike also has high
 confidence.
+
+An object that was lost at the frame's border has probably left, and what looks like it now is
+probably another.  Until the smoothed log odds exceed 4, it is not back: with prior odds of 1 to 55,
+its confidence is that of the log odds less 4.
 """
 
 import dataclasses
@@ -28,13 +32,20 @@ _MEMORY = 0.5
 _AT_START = 3.0
 #: Bound of a single frame's log odds, so that a few further frames can outweigh it.
 _MOST = 6.0
+#: Log odds against the return of an object that left.
+_RETURN = 4.0
 
 
-def at_start(likelihood: Any, num_partitions: int, dtype: DTypeLike) -> jax.Array | None:
-    """Log odds ``[P]`` just before the first frame; None without ``log_odds``."""
+def at_start(likelihood: Any, num_partitions: int, dtype: DTypeLike) -> dict[str, jax.Array]:
+    """Fields ``log_odds`` and ``left`` ``[P]`` of a state just before the first frame.
+
+    Only those that the likelihood defines.
+    """
     if not contract.has_log_odds(likelihood):
-        return None
-    return jnp.full((num_partitions,), _AT_START, dtype)
+        return {}
+    odds = {"log_odds": jnp.full((num_partitions,), _AT_START, dtype)}
+    nobody = {"left": jnp.zeros((num_partitions,), bool)}
+    return odds | nobody if contract.has_border(likelihood) else odds
 
 
 def reported(
@@ -59,10 +70,16 @@ def reported(
     now = lax.stop_gradient(now.astype(before.log_odds.dtype))
     now = jnp.where(jnp.isnan(now), -_MOST, jnp.clip(now, -_MOST, _MOST))
     smooth = _MEMORY * before.log_odds + (1 - _MEMORY) * now
+    left = before.left
+    if left is not None:
+        leaves = (smooth < 0) & likelihood.reaches_border(partitions, estimate.T)
+        left = (left | leaves) & (smooth < _RETURN)
     *_, seen = contract.as_seen(likelihood, observation)
     if seen is not None:  # confidence does not change in a missing frame
         smooth = jnp.where(seen, smooth, before.log_odds)
+        left = None if left is None else jnp.where(seen, left, before.left)
+    told = smooth if left is None else smooth - jnp.where(left, _RETURN, 0)
     return (
-        dataclasses.replace(state, log_odds=smooth),
-        dataclasses.replace(summary, confidence=jax.nn.sigmoid(smooth)),
+        dataclasses.replace(state, log_odds=smooth, left=left),
+        dataclasses.replace(summary, confidence=jax.nn.sigmoid(told)),
     )

@@ -76,3 +76,4 @@ class WrappedLikelihood(Likelihood):
     look_near = _translating("look_near", 1, in_rows=True)
     log_odds = _translating("log_odds", 2)
     log_odds_all = _translating("log_odds_all", 2)
+    reaches_border = _translating("reaches_border", 1)

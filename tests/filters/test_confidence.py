@@ -53,11 +53,10 @@ def test_what_is_said_changes_no_particle():
 def at_origin(order, **changes):
     return jaxpf.Partitioned(
         dynamics=RandomWalk(np.float32(1)),
-        likelihood=ByFrame(),
         ordering=order,
         initial=np.zeros((2, 1), np.float32),
         num_particles=20,
-        **changes,
+        **{"likelihood": ByFrame()} | changes,
     )
 
 
@@ -92,3 +91,24 @@ def test_a_confidence_stays_in_missing_frames(wrapped):
     summary = jaxpf.run(its, key, frames, observed=observed)[1]
     expected = 1 / (1 + np.exp(-np.array([[2, -0.5], [2, -0.5], [2, 1.25], [2, 0.625]])))
     np.testing.assert_allclose(summary.confidence, expected, rtol=1e-5)
+
+
+@pytree_dataclass
+class AtBorder(ByFrame):
+    """The second object stands at the border."""
+
+    def reaches_border(self, partition, substates):
+        return partition == 1
+
+
+def test_who_was_lost_at_the_border_needs_more_evidence_to_be_back():
+    """While an object counts as gone, a missing frame changes nothing."""
+    said = np.array([1.0, -6.0, 6.0, 3.0, np.nan, 6.0, 6.0])
+    frames = np.stack([said, said], axis=1)
+    its = at_origin(ordering.ps([1, 0]), likelihood=AtBorder())
+    state, summary = jaxpf.run(its, jax.random.key(0), frames, observed=~np.isnan(said))
+    odds = np.array([2, -2, 2, 2.5, 2.5, 4.25, 5.125])
+    less = np.array([0, 4, 4, 4, 4, 0, 0])
+    expected = 1 / (1 + np.exp(-np.stack([odds, odds - less], axis=1)))
+    np.testing.assert_allclose(summary.confidence, expected, rtol=1e-5)
+    assert not state.left.any()

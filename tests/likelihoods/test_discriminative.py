@@ -62,6 +62,15 @@ def substates_of(boxes):
     return number, np.column_stack([centre, scale]).T.astype(np.float32)
 
 
+def test_a_box_reaches_the_border_where_it_is_cut_by_it(learned):
+    """The second object's box, 14 x 22 pixels: inside, at each side, and twice as large."""
+    u = np.array([7.5, 7.0, 84.0, 45.0, 45.0, 15.0, 14.0])
+    v = np.array([11.5, 30.0, 30.0, 11.0, 59.5, 30.0, 30.0])
+    scale = np.array([1.0, 1, 1, 1, 1, 2, 2])
+    found = learned.reaches_border(np.ones(7, int), np.float32([u, v, scale]))
+    np.testing.assert_array_equal(found, [False, True, True, True, True, False, True])
+
+
 def numpy_features(frame, box, factor, bins_kept, lookup):
     """Colours [2, 110] and cells [2, 4, 4, 8] of one box, by OpenCV and loops."""
     padded = cv2.copyMakeBorder(

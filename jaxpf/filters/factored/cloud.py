@@ -37,6 +37,7 @@ class FactoredState:
         weighted: ``[]`` bool, false for initial sets that have not been weighted.
         history: data from earlier frames, for trackers that need it; else None.
         log_odds: ``[P]``, see ``jaxpf.ParticleState``; None if the likelihood has none.
+        left: ``[P]`` bool, see ``jaxpf.ParticleState``.
         time: ``[]`` int32, number of frames processed, see ``jaxpf.contract.Tracker``.
     """
 
@@ -45,6 +46,7 @@ class FactoredState:
     weighted: jax.Array
     history: Any = None
     log_odds: jax.Array | None = None
+    left: jax.Array | None = None
     time: jax.Array | None = None
 
     @property
@@ -81,7 +83,7 @@ def start(key: jax.Array, tracker: Any) -> FactoredState:
         lagged=jnp.stack([values, values]),
         log_weights=jnp.full(values.shape[1:], -math.log(num), values.dtype),
         weighted=jnp.zeros((), bool),
-        log_odds=confidence.at_start(tracker.likelihood, values.shape[1], values.dtype),
+        **confidence.at_start(tracker.likelihood, values.shape[1], values.dtype),
         time=jnp.zeros((), jnp.int32),
     )
 

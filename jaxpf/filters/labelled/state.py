@@ -29,6 +29,7 @@ class LabelledState:
             fixed population.
         log_odds: ``[L]``, log odds that the targets are at their estimates, smoothed over past
             frames; None for likelihoods without ``log_odds``, and in an open population.
+        left: ``[L]`` bool, see ``jaxpf.ParticleState``.
         time: ``[]`` int32, number of frames processed, see ``jaxpf.contract.Tracker``.
     """
 
@@ -43,6 +44,7 @@ class LabelledState:
     alive: Any = None
     newborn: Any = None
     log_odds: Any = None
+    left: Any = None
     time: jax.Array | None = None
 
     @property

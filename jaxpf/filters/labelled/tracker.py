@@ -136,7 +136,7 @@ class Labelled(Tracker):
             velocity=velocity,
             lost=jnp.zeros((self.num_targets,), bool),
             weighted=jnp.zeros((), bool),
-            log_odds=confidence.at_start(self.likelihood, self.num_targets, values.dtype),
+            **confidence.at_start(self.likelihood, self.num_targets, values.dtype),
             time=jnp.zeros((), jnp.int32),
         )
 

@@ -175,7 +175,7 @@ class Partitioned(Tracker):
             weighted=jnp.zeros((), bool),
             path_scores=path_scores,
             label=label,
-            log_odds=confidence.at_start(self.likelihood, self.num_partitions, values.dtype),
+            **confidence.at_start(self.likelihood, self.num_partitions, values.dtype),
             sources=jnp.zeros(shape, jnp.int32) if self.keep_ancestors else None,
             time=jnp.zeros((), jnp.int32),
         )

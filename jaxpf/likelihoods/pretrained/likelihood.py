@@ -36,6 +36,7 @@ from jaxpf.likelihoods.discriminative.likelihood import (
     check_size,
     clipped,
     grid_places,
+    reaches_border,
 )
 from jaxpf.likelihoods.pretrained.cells import score_in_boxes, score_table
 from jaxpf.likelihoods.pretrained.windows import SIDE, halved, window_around
@@ -232,6 +233,10 @@ class PretrainedLikelihood(Likelihood):
             stride = SIDE / (tables.shape[1] - 1)
             score += score_in_boxes(tables, partition, boxes / stride, weights.shape[1:3])
         return score
+
+    def reaches_border(self, partition, substates):
+        """Whether boxes ``[D, N]`` reach the frame's border, bool ``[N]``."""
+        return reaches_border(self.frame_shape, self.sizes, partition, substates)
 
     def log_odds_all(self, observation, partition, substates):
         """Log odds that objects are where they are reported.

@@ -18,7 +18,8 @@ def test_several_sequences_get_a_table_over_all(place, tmp_path, short_report):
     (data / "unreadable" / "gt.csv").write_text("")
     (data / "notes").mkdir()
     # Of sequences that have fewer frames, all.
-    asked = ("evaluate", data, *COMMON, "--frames", "1000", "-o", output)
+    few = ("--frames", "1000", "--appearance", "colour")
+    asked = ("evaluate", data, *COMMON, *few, "-o", output)
     outcome = jaxpf(*asked)
     assert outcome.code == 0, outcome.err
     assert "unreadable is left out: " in outcome.err

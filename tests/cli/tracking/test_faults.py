@@ -52,7 +52,7 @@ def test_likelihoods_that_are_no_number_are_counted(track, tmp_path):
 def test_a_truncated_video_is_tracked_as_far_as_it_goes_with_a_note(track, place, tmp_path):
     data = (place / "clip.avi").read_bytes()
     (tmp_path / "cut.avi").write_bytes(data[: len(data) // 2])
-    outcome = track(*BOXES, "--no-overlay", video=tmp_path / "cut.avi")
+    outcome = track(*BOXES, *COLOUR, "--no-overlay", video=tmp_path / "cut.avi")
     assert outcome.code == 0
     assert re.search(r"Note: .*announces 10 frames.*it is cut off or damaged", outcome.err)
     summary = summary_of(tmp_path / "out")

@@ -6,6 +6,9 @@ finite, or has no width or no height, is *degenerate*: its area is 0 and it inte
 box.
 """
 
+from functools import partial
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -58,7 +61,11 @@ def corners_from_poses(poses: ArrayLike, sizes: ArrayLike) -> Array:
     """
     check_array("poses", poses, "x, y, theta, [..., P, >= 3]")
     _check_sizes(sizes, poses)
-    poses, sizes = jnp.asarray(poses), jnp.asarray(sizes)
+    return _corners(jnp.asarray(poses), jnp.asarray(sizes))
+
+
+@partial(jax.jit, inline=True)
+def _corners(poses: Array, sizes: Array) -> Array:
     signs = jnp.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], sizes.dtype)
     offsets = jnp.moveaxis(signs * sizes[:, None] / 2, -1, 0)
     return poses[..., None, :2] + jnp.stack(turned(offsets, poses[..., None, 2]), axis=-1)

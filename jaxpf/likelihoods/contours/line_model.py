@@ -78,6 +78,7 @@ def check_detection(table) -> np.ndarray:
     return table
 
 
+@jax.jit
 def line_weights(clutter, detection, length: float) -> jax.Array:
     """Weights of the matchings of k boundaries, on a line with c boundaries and n features.
 

@@ -5,6 +5,7 @@ import functools
 import jax
 import numpy as np
 import pytest
+from histograms import texture
 
 import jaxpf
 from jaxpf import ordering
@@ -16,12 +17,6 @@ HEIGHT, WIDTH, SIDE, RUNS = 96, 160, 24, 20
 #: Frames in which the first object is hidden; before and after it stands elsewhere.
 HIDDEN = range(5, 10)
 FRAMES = 18
-
-
-def texture(seed, height, width, block=4):
-    """Coloured blocks."""
-    small = np.random.default_rng(seed).integers(0, 256, (height // block, width // block, 3))
-    return np.kron(small, np.ones((block, block, 1))).astype(np.uint8)
 
 
 def places(time):

@@ -29,10 +29,6 @@ def tracker(num_targets=3, num_particles=60, **settings):
     return jaxpf.Labelled(**(defaults | {"num_particles": num_particles} | settings))
 
 
-def everything(state, summary):
-    return state, summary
-
-
 _run = quick(jaxpf.run, static_argnames="record")
 monte_carlo = quick(jaxpf.monte_carlo)
 

@@ -183,7 +183,7 @@ def test_a_wrong_ordering_is_refused(call, named):
     (lambda: partitioned(gradient=Soft(share=1.5)), "Soft's share=1.5"),
     (lambda: partitioned(motion_gradient="both"), "motion_gradient='both' is unknown"),
     (lambda: partitioned(motion_gradient="score", dynamics=Blind()), "log_density of the dynamics"),
-    (lambda: partitioned(EXCHANGE, gradient=Transport()), "a swap, which needs lineages"),
+    (lambda: partitioned(EXCHANGE, gradient=Transport()), "needs lineages, and gradient Transport"),
     (lambda: partitioned(gradient=Transport(), tempering=0.5), "does not work with tempering"),
     (lambda: partitioned(gradient=Transport(), likelihood=CORRELATED), "that has log_joint"),
     (lambda: partitioned(ordering.branched([[0, 1, 2]]), gradient=Transport()), "components that"),

@@ -95,6 +95,13 @@ def noise(seed=0, height=HEIGHT, width=WIDTH):
     return np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
 
 
+def texture(seed, height, width, block=4):
+    """Coloured blocks."""
+    shape = (-(-height // block), -(-width // block), 3)
+    small = np.random.default_rng(seed).integers(0, 256, shape)
+    return np.kron(small, np.ones((block, block, 1))).astype(np.uint8)[:height, :width]
+
+
 def full_references(likelihood):
     """References as histograms [P, parts, 110], undoing the compact numbering of bins."""
     roots = np.asarray(likelihood.references, np.float64)

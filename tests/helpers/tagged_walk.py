@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from quick_compiling import quick
+from records import everything
 
 import jaxpf
 from jaxpf import ordering, pytree_dataclass
@@ -72,10 +73,6 @@ def tracker(order, **settings):
         "resampling": "multinomial",
     }
     return jaxpf.Partitioned(ordering=order, **(defaults | settings))
-
-
-def everything(state, summary):
-    return state, summary
 
 
 @quick

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from correlated import CorrelatedGaussian
+from histograms import texture
 
 import scenes
 from jaxpf.likelihoods import (
@@ -22,13 +23,9 @@ from jaxpf.likelihoods import (
 from jaxpf.likelihoods.distance_law import FORMS, compressed
 
 HEIGHT, WIDTH = 60, 80
+#: Blots of some pixels, so that bins have edges inside the boxes.
+PICTURE, OTHER = texture(0, HEIGHT, WIDTH), texture(2, HEIGHT, WIDTH)
 BOXES = np.array([[10, 12, 16, 24], [40, 20, 9, 12]], float)
-
-
-def picture(seed=0):
-    """Coloured blots of some pixels, so that bins have edges inside the boxes."""
-    blots = np.random.default_rng(seed).integers(0, 256, (HEIGHT // 4, WIDTH // 4, 3))
-    return np.kron(blots, np.ones((4, 4, 1))).astype(np.uint8)
 
 
 def made(kind, **options):
@@ -39,7 +36,7 @@ def made(kind, **options):
 @functools.cache
 def _made(kind, float64, **options):
     return histogram(
-        picture(), BOXES, method=kind, samples=9, interpolation="bilinear", sharpness=3.0, **options
+        PICTURE, BOXES, method=kind, samples=9, interpolation="bilinear", sharpness=3.0, **options
     )
 
 
@@ -82,7 +79,7 @@ CASES = [("integral", 3), ("sampled", 3), ("sampled", 4)]
 def test_the_gradient_in_position_scale_and_angle_matches_finite_differences(kind, dimension, form):
     with jax.enable_x64(True):
         likelihood = made(kind, form=form)
-        observation = observe(likelihood, picture(2))
+        observation = observe(likelihood, OTHER)
         partition, substates = poses(MANY, dimension)
 
         def value(substates):
@@ -104,7 +101,7 @@ def test_the_gradient_in_position_scale_and_angle_matches_finite_differences(kin
 def test_the_value_is_continuous_where_whole_pixels_jump(kind, dimension):
     with jax.enable_x64(True):
         likelihood = made(kind)
-        observation = observe(likelihood, picture(2))
+        observation = observe(likelihood, OTHER)
         steps = np.linspace(0, 3, MANY)
         first = np.zeros(MANY, int)
         along = np.repeat([[31.3], [27.9], [1.1], [0.4]][:dimension], len(steps), axis=1)
@@ -119,12 +116,12 @@ def test_the_value_is_continuous_where_whole_pixels_jump(kind, dimension):
 def test_it_agrees_with_whole_pixels(method):
     sharpness = 3.0
     smooth = made(method)
-    exact = histogram(picture(), BOXES, method="integral", sharpness=sharpness)
+    exact = histogram(PICTURE, BOXES, method="integral", sharpness=sharpness)
     partition, substates = poses(SOME, 3)
     substates = substates.astype(np.float32)
 
     def squared_distance(likelihood, substates):
-        seen = observe(likelihood, picture(2))
+        seen = observe(likelihood, OTHER)
         value, _ = value_and_gradient(likelihood, seen, partition, substates)
         return np.asarray(value) / -sharpness
 
@@ -144,12 +141,8 @@ def test_boxes_without_a_pixel_and_numbers_that_are_none_keep_finite_gradients(m
     partition, substates = poses(SOME, 3)
     partition[:4] = 0
     substates[:, :4] = [20, 5000, -4000, 20], [20, 20, -900, 20], [1, 1, 1, 0.01]
-    value, gradient = map(
-        np.asarray,
-        value_and_gradient(
-            likelihood, observe(likelihood, picture(2)), partition, substates.astype(np.float32)
-        ),
-    )
+    seen, substates = observe(likelihood, OTHER), substates.astype(np.float32)
+    value, gradient = map(np.asarray, value_and_gradient(likelihood, seen, partition, substates))
     np.testing.assert_allclose(value[1:3], -3.0 * 2, rtol=1e-5)
     assert value[3] == -np.inf
     assert np.isfinite(gradient).all()
@@ -161,9 +154,9 @@ def test_every_likelihood_says_whether_it_is_differentiable_in_the_state():
     assert made("sampled").state_gradient
     assert Gaussian(noise=np.ones((1, 1, 1))).state_gradient
     assert CorrelatedGaussian(covariance=np.eye(2)).state_gradient
-    whole = histogram(picture(), BOXES)
+    whole = histogram(PICTURE, BOXES)
     assert not whole.state_gradient
-    observation = observe(whole, picture(2))
+    observation = observe(whole, OTHER)
     gradient = jax.jit(jax.grad(lambda x: whole.log_prob(observation, 0, x)))(
         np.array([18.3, 24.2, 1.0], np.float32)
     )
@@ -173,7 +166,7 @@ def test_every_likelihood_says_whether_it_is_differentiable_in_the_state():
 def test_runs_side_by_side_are_the_runs_one_by_one():
     with jax.enable_x64(True):
         likelihood = made("sampled")
-        observation = observe(likelihood, picture(2))
+        observation = observe(likelihood, OTHER)
         partition, substates = poses(3 * MANY, 4)
         partition = partition.reshape(3, MANY)
         substates = substates.reshape(4, 3, MANY).swapaxes(0, 1)
@@ -301,7 +294,10 @@ def test_groups_of_boxes_stand_for_their_members():
 
 
 def test_objects_of_two_sizes_in_a_small_frame_have_the_backgrounds_that_they_have_alone():
-    small, boxes = picture()[:44, :60], np.array([[10.0, 12, 16, 24], [40, 20, 9, 12]])
+    small, boxes = (
+        PICTURE[:44, :60],
+        np.array([[10.0, 12, 16, 24], [40, 20, 9, 12]]),
+    )
     both = np.asarray(histogram(small, boxes, form="ratio").background)
     for place, box in enumerate(boxes):
         alone = np.asarray(histogram(small, box[None], form="ratio").background)[0]

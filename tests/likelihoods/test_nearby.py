@@ -6,6 +6,7 @@ import functools
 import jax
 import numpy as np
 import pytest
+from histograms import texture
 from quick_compiling import quick
 
 import jaxpf
@@ -23,13 +24,6 @@ _WHOLE = quick(DiscriminativeLikelihood.observe)
 _NEARBY = quick(DiscriminativeLikelihood.observe_nearby)
 _LOG_PROBS = quick(DiscriminativeLikelihood.log_prob_all)
 _LOG_ODDS = quick(DiscriminativeLikelihood.log_odds_all)
-
-
-def texture(seed, height, width, block=4):
-    """Coloured blocks."""
-    shape = (-(-height // block), -(-width // block), 3)
-    small = np.random.default_rng(seed).integers(0, 256, shape)
-    return np.kron(small, np.ones((block, block, 1))).astype(np.uint8)[:height, :width]
 
 
 FRAME = texture(0, HEIGHT, WIDTH)

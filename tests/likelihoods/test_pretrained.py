@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from histograms import texture
 from quick_compiling import quick
 
 import jaxpf
@@ -29,14 +30,9 @@ def edges(window):
     return jnp.stack([red.mean((1, 3)), halves], axis=-1)
 
 
-def textured(seed, height, width, side=4):
-    small = np.random.default_rng(seed).integers(0, 256, (height // side, width // side, 3))
-    return np.kron(small, np.ones((side, side, 1))).astype(np.uint8)
-
-
 def film(count=12, step=3):
     """An object that moves to the right over a textured background."""
-    background, object_ = textured(0, HEIGHT, WIDTH), textured(1, 24, 24)
+    background, object_ = texture(0, HEIGHT, WIDTH), texture(1, 24, 24)
     frames = np.repeat(background[None], count, axis=0)
     for time, frame in enumerate(frames):
         left = 50 + step * time
@@ -113,7 +109,7 @@ def test_boxes_that_cannot_be_compared(tracker):
 @pytest.mark.slow
 def test_an_object_scores_as_it_does_alone():
     """Objects of several sizes are seen in frames shrunk by several factors."""
-    frame = textured(2, 320, 480)
+    frame = texture(2, 320, 480)
     boxes = np.array([[20.0, 20, 200, 180], [300, 100, 40, 40]])
     both = pretrained(frame, boxes, network=edges)
     assert both.factors == (2, 1)

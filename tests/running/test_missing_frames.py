@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from correlated import CorrelatedGaussian
 from quick_compiling import quick
+from records import everything
 
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass, smoothing, stream
@@ -80,10 +81,6 @@ def over_gaps(name):
     """States and summaries of all frames."""
     frames = frames_for(name, GAPS)
     return jax.device_get(jaxpf.run(TRACKERS[name], KEY, frames, everything)[1])
-
-
-def everything(state, summary):
-    return state, summary
 
 
 @pytest.mark.parametrize(

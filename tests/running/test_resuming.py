@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from exact import LIMIT
 from quick_compiling import quick
+from records import everything
 
 import jaxpf
 from jaxpf import InputError
@@ -45,10 +46,6 @@ TRACKERS = {
     "error bars": lambda: WithErrorBars(partitioned(), lag=2),
     "side by side": lambda: SideBySide(WithErrorBars(partitioned()), 2),
 }
-
-
-def everything(state, summary):
-    return state, summary
 
 
 def whole_run(its, frames=FRAMES):

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from records import z_score
 
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass
@@ -117,10 +118,6 @@ def runs(chosen, **options):
     frames = jnp.asarray(WEIGHTING), jnp.asarray(JOINT)
     found = jaxpf.monte_carlo(tracker(chosen, **options), keys, frames, report, batch_size=2000)
     return [np.asarray(values, float) for values in found]
-
-
-def z_score(values, truth):
-    return np.abs(values.mean(axis=0) - truth) / (values.std(axis=0) / len(values) ** 0.5)
 
 
 @pytest.mark.statistical

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from exact import monte_carlo
 from quick_compiling import quick
+from records import z_score
 
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass
@@ -98,10 +99,6 @@ def runs(chosen, **options):
     found = monte_carlo(made, keys, frames, record=report, batch_size=2000)
     log_evidence, places = (np.asarray(values, float) for values in found)
     return np.exp(log_evidence.sum(axis=1)) / exact()[0], places[:, -1]
-
-
-def z_score(values, truth):
-    return np.abs(values.mean(axis=0) - truth) / (values.std(axis=0) / len(values) ** 0.5)
 
 
 def true_places():

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from exact import monte_carlo
 from quick_compiling import quick
+from records import z_score
 
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass
@@ -116,10 +117,6 @@ def runs(method, **settings):
     assert (confidence[0, :3] < 0.3).any(axis=0).all()
     evidence, expected = exact(confidence[0])
     return np.exp(log_evidence.sum(axis=1)) / evidence.prod(), places[:, -1], expected
-
-
-def z_score(values, truth):
-    return np.abs(values.mean(axis=0) - truth) / (values.std(axis=0) / len(values) ** 0.5)
 
 
 def test_draws_weigh_as_much_as_the_uniform_density():

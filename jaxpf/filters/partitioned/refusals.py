@@ -83,47 +83,23 @@ def _of_exchange(tracker: "Partitioned") -> Iterator[tuple[Any, tuple[Any, ...]]
     ordering, likelihood = tracker.ordering.known, type(tracker.likelihood).__name__
     swap, none = ordering.swap_shown, choice("swap", "none")
     tree, parents = ordering.tree, np.array(tracker.parents, np.int32)
-    cases: tuple[tuple[bool, tuple[Any, ...]], ...] = (
-        (
-            tracker.gradient.blends,
-            (
-                "gradient Transport does not work with a swap, which needs lineages; use ",
-                none,
-                " or another gradient.",
-            ),
-        ),
+    for applies, reason in (
+        (tracker.gradient.blends, "needs lineages, and gradient Transport blends particles"),
         (
             contract.has_log_joint(tracker.likelihood),
-            (
-                swap,
-                f" needs a likelihood of single objects, and {likelihood} weighs them together by "
-                "log_joint; use ",
-                none,
-                " or another ordering.",
-            ),
+            f"needs a likelihood of single objects, and {likelihood} has log_joint",
         ),
         (
             tracker.tempering is not None,
-            (
-                swap,
-                f" needs equal weights, and tempering={tracker.tempering} leaves them unequal; use "
-                "tempering=None or ",
-                none,
-                ".",
-            ),
+            f"needs equal weights, and tempering={tracker.tempering} leaves them unequal",
         ),
         (
             moves_labels(tracker),
-            (
-                swap,
-                " separates a particle's parts, on which its label depends by propagate_label; "
-                "use ",
-                none,
-                " or another ordering.",
-            ),
+            "separates a particle's parts, on which its label depends by propagate_label",
         ),
-    )
-    yield from ((ordering.exchanges, pieces) for applies, pieces in cases if applies)
+    ):
+        if applies:
+            yield ordering.exchanges, (swap, f" {reason}; use ", none, " or another ordering.")
     if contract.is_coupled(contract.first_motion(tracker.dynamics)):
         yield (
             ordering.exchanges & ~ordering.forgets_coupling,

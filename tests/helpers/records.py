@@ -1,0 +1,13 @@
+"""What runs record, and how far answers lie from the truth."""
+
+import numpy as np
+
+
+def everything(state, summary):
+    """Record states and summaries."""
+    return state, summary
+
+
+def z_score(values, truth):
+    """Distance of the mean of values ``[R, ...]`` from the truth, in standard errors."""
+    return np.abs(values.mean(axis=0) - truth) / (values.std(axis=0) / len(values) ** 0.5)

@@ -60,6 +60,9 @@ class Decoder:
 
         self._av, self._matrix, self._to_rgb = av, Type.DISPLAYMATRIX, VideoReformatter()
         self.damaged, self.was_silent, self._end, self._num_packets = 0, False, 0.0, 0
+        # Titles of old films are not UTF-8.  From PyAV 19 on that is no error.
+        is_older = int(av.__version__.partition(".")[0]) < 19
+        titles = {"metadata_errors": "replace"} if is_older else {}
         try:
             if patience is None:
                 # An absolute path, because FFmpeg reads text before a colon as a protocol.
@@ -67,11 +70,10 @@ class Decoder:
                 # Else a clock that is set back counts as one that wraps, after 26 hours.
                 options["correct_ts_overflow"] = "0"
                 path = os.path.abspath(address)
-                # Titles of old films are not UTF-8.
-                self._container: Any = av.open(path, options=options, metadata_errors="replace")
+                self._container: Any = av.open(path, options=options, **titles)
             else:
                 address = os.fspath(address)
-                self._container = av.open(address, timeout=patience, metadata_errors="replace")
+                self._container = av.open(address, timeout=patience, **titles)
         except (av.FFmpegError, ValueError) as error:
             raise NoFilm from error
         try:

@@ -14,7 +14,7 @@ above; a test holds this.
 ``tuning/``
     Parameters found by gradient descent, or drawn from their posterior.
 ``populations/``
-    Boxes that come and go.
+    Track management: boxes that come and go by detections.
 ``boxes/``, ``parts/``, ``points/``, ``contours/``
     One folder per kind of target: its factory, target, models, files and drawing.
 ``targets/``
@@ -32,16 +32,15 @@ above; a test holds this.
 ``running/``
     ``run``, ``monte_carlo``, ``stream`` and ``forecast``, over the frames; missing frames.
 ``proposals``
-    Draws of substates that see the frame.
+    Guided (data-dependent) proposals.
 ``likelihoods/``, ``dynamics/``, ``shapes/``
-    How a substate explains a frame, how it moves, and what shape it has.
+    Observation models, motion models, and shapes.
 ``gradients``, ``resampling/``, ``ordering``
     Gradients through resampling, resampling schemes, and orderings, which are data.
 ``contract/``
-    What users write and what the library may ask of it: trackers, dynamics, likelihoods, states,
-    options and errors.
+    The protocols of what users write (trackers, dynamics, likelihoods), states, options and errors.
 ``lowering/``
-    What is written for the compiler's sake.
+    Compiler workarounds.
 
 ``scenes``, the package beside this one, draws synthetic sequences; it imports nothing of
 ``jaxpf``.

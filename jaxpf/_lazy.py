@@ -22,6 +22,9 @@ def attach(package: str, path: str) -> tuple[Callable[[str], Any], Callable, lis
                 raise
             near = difflib.get_close_matches(name, names, n=1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise AttributeError(f"module {package!r} has no attribute {name!r}{hint}") from None
+            # A name without its object keeps Python from adding a hint of its own.
+            raise AttributeError(
+                f"module {package!r} has no attribute {name!r}{hint}", name=name
+            ) from None
 
     return get, lister, names

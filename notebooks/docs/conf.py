@@ -6,6 +6,7 @@ commands, modules and scenes are first written into ``generated``, from the prog
 
 import dataclasses
 import inspect
+import re
 import sys
 from pathlib import Path
 
@@ -18,7 +19,13 @@ import jaxpf  # noqa: E402
 
 project, version, release = "jaxpf", jaxpf.__version__, jaxpf.__version__
 author = "The jaxpf developers"
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx-mathjax-offline"]
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",  # a link from each name to its source
+    "sphinx-mathjax-offline",
+]
 root_doc = "index"
 # Another page includes the counts.
 exclude_patterns = ["**/.ipynb_checkpoints", "docs/generated/counts.md"]
@@ -29,7 +36,7 @@ napoleon_use_ivar = True
 autodoc_typehints = "none"  # docstrings give shapes and units
 autoclass_content = "both"  # arguments are documented in __init__
 html_theme = "sphinx_book_theme"
-html_title = "jaxpf"
+html_title = f"jaxpf {version}"
 html_copy_source = html_show_copyright = False
 html_theme_options = {"navbar_persistent": []}  # one search box, in the sidebar
 html_static_path = ["static"]
@@ -41,17 +48,32 @@ def is_bare_field(app, what, name, value, skip, options):
     return True if (value.__doc__ or "").startswith("Alias for field number") else None
 
 
-def arguments_of_fields(app, what, name, obj, options, signature, returns):
-    """Show the fields of a dataclass, with their defaults, where ``__new__`` takes anything."""
-    if what != "class" or not dataclasses.is_dataclass(obj):
-        return None
-    fields = inspect.signature(obj).parameters.values()
-    plain = [field.replace(annotation=inspect.Parameter.empty) for field in fields]
-    return str(inspect.Signature(plain)), returns
+def readable_arguments(app, what, name, obj, options, signature, returns):
+    """Show a dataclass's fields with their defaults, and functions by their names."""
+    if what == "class" and dataclasses.is_dataclass(obj):
+        fields = inspect.signature(obj).parameters.values()
+        plain = [field.replace(annotation=inspect.Parameter.empty) for field in fields]
+        signature = str(inspect.Signature(plain))
+    return re.sub(r"<(?:function )?(\w+)>", r"\1", signature or "") or None, returns
+
+
+#: How Sphinx writes ``jax.Array`` and ``jax.typing.ArrayLike``.
+ARRAY = re.compile(r"jax\.jaxlib\._jax\.Array( \| numpy\.ndarray( \| [\w.]+)*)?")
+
+
+def readable_text(app, what, name, obj, options, lines):
+    """Name the type of arrays, and leave out the sentence that Python writes for named tuples."""
+    kept = [line for line in lines if not line.startswith("Create new instance of ")]
+    lines[:] = [ARRAY.sub(_array, line) for line in kept]
+
+
+def _array(found):
+    return "array | None" if "None" in found[0] else "array"
 
 
 def setup(app):
     """Write the generated pages before the site is built."""
     app.connect("builder-inited", lambda app: pages.write(HERE / "generated"))
     app.connect("autodoc-skip-member", is_bare_field)
-    app.connect("autodoc-process-signature", arguments_of_fields)
+    app.connect("autodoc-process-signature", readable_arguments)
+    app.connect("autodoc-process-docstring", readable_text, priority=900)  # after Napoleon

@@ -17,6 +17,30 @@ from jaxpf.papers.judging import verdicts
 from jaxpf.papers.judging.comparison_table import claims_markdown
 from jaxpf.papers.paper import PAPERS
 
+#: The package's own page: the names in the order in which they are met, by their purpose.
+PACKAGE = {
+    "Models": "state_space Partitioned Labelled PFFL Eskil pytree_dataclass",
+    "Filtering, smoothing and simulation": "run stream monte_carlo smooth simulate forecast "
+    "log_evidence use_cores",
+    "Parameters": "pmmh tune",
+    "States and files": "ParticleState Summary save load InputError",
+}
+FIRST = {names.split()[0]: title for title, names in PACKAGE.items()}
+#: How that page begins; the docstring is the map for those who work on the code.
+WELCOME = """\
+Build a model by :func:`jaxpf.state_space` from plain functions, or a tracker of a video by
+:func:`jaxpf.boxes.tracker`, :func:`jaxpf.parts.tracker`, :func:`jaxpf.points.tracker` or
+:func:`jaxpf.contours.tracker`.  Then filter by :func:`jaxpf.run`, frame by frame by
+:func:`jaxpf.stream`, or in many runs at once by :func:`jaxpf.monte_carlo`.
+"""
+#: Functions of ``contract`` that users call; the others call what users write.
+FOR_USERS = ("pytree_dataclass", "static_field")
+#: Functions of ``measures`` that serve other modules alone.
+HELPERS = {
+    *("as_float", "confidence_counts", "has_truth", "has_width", "import_trackeval"),
+    *("in_the_end", "masked_mean", "throughout"),
+}
+
 
 def write(folder):
     """Write all pages; those of an earlier build are replaced."""
@@ -62,8 +86,10 @@ def _command(folder, command, path):
 def _module(folder, address, documented):
     """A module's docstring, and that of every public name; links lead to a name's first page."""
     module = importlib.import_module(address)
-    blocks = [_titled(address), f".. automodule:: {address}\n"]
+    blocks = [_titled(address), WELCOME if module is jaxpf else f".. automodule:: {address}\n"]
     for name in _names(module):
+        if module is jaxpf and name in FIRST:
+            blocks.append(f"{FIRST[name]}\n{'-' * len(FIRST[name])}\n")
         value, place = getattr(module, name), f"{address}.{name}"
         again = "   :no-index:\n" if id(value) in documented else ""
         documented.add(id(value))
@@ -83,14 +109,23 @@ def _short(value):
 
 
 def _names(module):
+    """The public names that users need."""
+    if module is jaxpf:
+        return " ".join(PACKAGE.values()).split()
     if listed := getattr(module, "__all__", None):
-        return listed
+        return [name for name in listed if _is_for_users(module, name)]
     here = module.__name__
     return [
         name
         for name, value in vars(module).items()
         if not name.startswith("_") and callable(value) and value.__module__ == here
     ]
+
+
+def _is_for_users(module, name):
+    if module is jaxpf.contract:
+        return not inspect.isfunction(getattr(module, name)) or name in FOR_USERS
+    return module is not jaxpf.measures or name not in HELPERS
 
 
 def _contents(path, title, names):

@@ -1,5 +1,7 @@
 """The site is built without a warning, and every command and every module has a page."""
 
+import html
+import importlib
 import inspect
 import re
 import subprocess
@@ -59,3 +61,27 @@ def test_formulas_need_no_network_and_classes_show_their_arguments(site):
     reference = re.sub("<[^>]*>", "", pages["docs/generated/jaxpf.html"])
     assert "jaxpf.Labelled(dynamics, likelihood, initial, " in reference
     assert "(*_, **options" not in reference
+
+
+@pytest.mark.slow
+def test_the_reference_is_for_users(site):
+    """No path of the build, no sentence that Python writes, no helper, links to the sources."""
+    pages = {path.stem: path.read_text() for path in (site / "docs/generated").glob("jaxpf*.html")}
+    plain = {name: html.unescape(re.sub("<[^>]*>", "", page)) for name, page in pages.items()}
+    for name, text in plain.items():
+        for stray in (str(ROOT), "<function", "<module", "<factory>", "new instance of", "_jax."):
+            assert stray not in text, (name, stray)
+    package = plain["jaxpf"]
+    assert "imports from itself" not in package
+    assert package.index("jaxpf.state_space(") < package.index("jaxpf.run(")
+    assert "viewcode-link" in pages["jaxpf"]
+    assert "log_prob_all(" in plain["jaxpf.contract"]  # the method, which users may write
+    assert "has_log_joint(" not in plain["jaxpf.contract"]
+    assert "masked_mean(" not in plain["jaxpf.measures"]
+
+
+def test_every_public_name_of_the_package_stands_on_its_page(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "notebooks" / "docs")
+    listed = importlib.import_module("pages")._names(jaxpf)
+    public = {name for name in jaxpf.__all__ if not inspect.ismodule(getattr(jaxpf, name))}
+    assert sorted(listed) == sorted(public)

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from correlated import CorrelatedGaussian
+from older_emitters import HAS_OLDER_EMITTERS
 from quick_compiling import QUICKLY
 
 import jaxpf
@@ -188,7 +189,11 @@ def scores_of(recorded, exact: Problem) -> Scores:
 
 
 #: Half the time to compile, and no longer to run many times; the arithmetic is the same.
-COMPILER_OPTIONS = QUICKLY | {"xla_backend_optimization_level": 1}
+#: From jaxlib 0.11 on LLVM's vectoriser does not end if the passes before it are left out.
+COMPILER_OPTIONS = QUICKLY | {
+    "xla_backend_optimization_level": 1,
+    "xla_llvm_disable_expensive_passes": HAS_OLDER_EMITTERS,
+}
 
 
 #: ``jaxpf.monte_carlo``; pass ``record`` and ``batch_size`` by name.

@@ -46,7 +46,7 @@ def sweeps(number=2, reference=None, order=None, **changes):
 @every([
     (lambda: smooth(tracker(dynamics=Blind())), "add the method log_density"),
     (lambda: smooth(tracker(gradient=Transport())), "Transport blends particles"),
-    (lambda: smooth(tracker(gradient=Transport(), keep_ancestors=True)), "gradient Transport, which blends"),
+    (lambda: smooth(tracker(gradient=Transport(), keep_ancestors=True)), "gradient Transport"),
     (lambda: smooth(tracker(ordering.sps([-1, -1], "sorted"))), "swap='sorted'"),
     (lambda: smooth(forest()), "exchanges roots that have children"),
     (lambda: smooth(jaxpf.PFFL(**MODEL)), "PFFL cannot be smoothed"),

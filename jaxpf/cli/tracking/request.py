@@ -36,7 +36,7 @@ class Run:
     )
     fps: float | None = option(
         None,
-        "Frames per second, 25 unless the film says.",
+        "Frames per second.  [default: the video's or 25]",
         above=0.0,
     )
     seed: int = option(0, "Random seed: same seed, same tracks.", least=0, most=2**32 - 1)

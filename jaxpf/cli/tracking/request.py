@@ -49,7 +49,7 @@ class Run:
     )
     error_bars: int | None = option(
         None,
-        "Estimate the Monte-Carlo error of one run from ancestors N frames back, such as 2.  "
+        "Estimate the Monte Carlo error of one run from ancestors N frames back, such as 2.  "
         "Fields are empty where too few ancestors are left.",
         least=1,
         most=10_000,

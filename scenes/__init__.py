@@ -6,6 +6,7 @@ generates one.  This package does not depend on trackers; ``jaxpf.sequences`` re
 """
 
 import dataclasses
+import difflib
 import operator
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -135,8 +136,10 @@ def _whole_seed(name: str, seed: int) -> int:
 
 def _look_up(name: str) -> tuple[type, Callable[[Any, int], Scene]]:
     if name not in _REGISTRY:
+        near = difflib.get_close_matches(name, names(), n=1)
+        meant = f"did you mean {near[0]!r}?  The" if near else "the"
         raise SceneError(
-            f"no scene {name!r}; the scenes are {', '.join(names())}, and a folder with an "
+            f"no scene {name!r}; {meant} scenes are {', '.join(names())}, and a folder with an "
             "annotated sequence or a function, file.py:function, can be given as well"
         )
     return _REGISTRY[name]

@@ -31,6 +31,12 @@ def tracker(
 
     By default, appearance is learned from the start frame and motion is relative to object size.
 
+    Example::
+
+        tracker = jaxpf.boxes.tracker(frames[0], [[120, 80, 40, 90]])
+        _, summary = jaxpf.run(tracker, jax.random.key(0), frames[1:])
+        jaxpf.boxes.shapes(tracker, summary.estimate)  # [T, P, 4]: x, y, w, h
+
     Args:
         frame: uint8 RGB ``[H, W, 3]`` that contains the boxes; tracking continues with the next
             frame.  It may be None with a user-defined likelihood.
@@ -46,6 +52,9 @@ def tracker(
             from the frame.
         options: named and explained as the flags of ``jaxpf track``: ``appearance``, ``motion``,
             ``relative_scale``, ``sharpness``, ``scale``, ``resampling``, ...
+
+    Returns:
+        The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.
 
     Raises:
         InputError: an unknown option or a value out of range; the message names it.

@@ -81,8 +81,8 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, particles: int 
     print_table("smith2004's synthetic test", _COLUMNS, rows)
     _overlay(scene, trackers[_SHOWN], seeds, output / "overlay.mp4")
     say(
-        "This scene is made to separate the methods by a single distracter; results vary with "
-        "--seed.  `jaxpf evaluate` compares the methods on a clip of your own."
+        "One drawn scene with one look-alike, made to separate the methods; results vary with "
+        "--seed and from film to film.  `jaxpf evaluate` compares them on a clip of your own."
     )
     say(f"{output}/: overlay.mp4 (a run of {_SHOWN}, the default of `jaxpf track`)")
 

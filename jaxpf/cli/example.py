@@ -31,7 +31,11 @@ class _Example(NamedTuple):
 
 
 @click.command("example", cls=PlainCommand)
-@click.argument("kind", type=click.Choice(["boxes", "parts", "points", "contours", "births"]))
+@click.argument(
+    "kind",
+    type=click.Choice(["boxes", "parts", "points", "contours", "births"]),
+    metavar="KIND",
+)
 @click.argument("folder", type=GivenPath())
 @overwrite
 def command(kind: str, folder: Path, overwrite: bool) -> None:

@@ -66,6 +66,11 @@ def log_evidence(summaries: Any, axis: int = -1) -> Any:
     in float64 with NumPy or, inside a trace, pairwise: its error does not grow with the number of
     frames, and it can be differentiated.
 
+    Example::
+
+        _, summary = jaxpf.run(tracker, key, y)
+        jaxpf.log_evidence(summary)  # an estimate of log p(y_1:T)
+
     Args:
         summaries: of ``jaxpf.run`` or ``jaxpf.monte_carlo``, or their ``log_evidence`` alone.
         axis: the axis of frames; the last of what these functions return.

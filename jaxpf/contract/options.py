@@ -222,9 +222,9 @@ def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
             if value != OPEN and not giver.applies_with(value):
                 raise InputError(
                     Argument(name),
-                    " goes with ",
+                    " works only with ",
                     choice(other, wanted),
-                    f", and {value} was chosen, by name or by another option; leave one of them "
+                    f", but {value} was chosen, by name or by another option; leave one of them "
                     "out.",
                 )
         if set(chosen_values) <= {wanted, OPEN}:

@@ -38,6 +38,18 @@ def pytree_dataclass(cls: type[T]) -> type[T]:
     """Make ``cls`` a frozen dataclass and register it as a pytree with named keys.
 
     Equality is identity: arrays are not compared.  ``repr`` gives a few lines, see ``described``.
+
+    Example::
+
+        @jaxpf.pytree_dataclass
+        class Drift:
+            scale: float
+
+            def propagate(self, key, partition, current, previous, parent):
+                return current + self.scale * jax.random.normal(key, current.shape)
+
+    Returns:
+        The dataclass.
     """
     if "__repr__" not in vars(cls):
         cls.__repr__ = described  # type: ignore[method-assign]

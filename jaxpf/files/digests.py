@@ -28,7 +28,7 @@ def check_unchanged(path: Path) -> None:
     if found != expected:
         raise InputError(
             f"'{path}' was cut or changed after the run: it has {found['rows']} rows, and "
-            f"{SUMMARY} beside it tells of {rows} with another digest; track again, or move the "
+            f"{SUMMARY} beside it records {rows}, with another digest; track again, or move the "
             "table elsewhere if the change is meant"
         )
 

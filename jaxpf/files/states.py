@@ -23,6 +23,11 @@ def save(path: str | os.PathLike[str], state: Any) -> None:
     The file is a NumPy ``.npz`` archive of arrays.  It contains neither code nor the tracker
     itself: to resume, build the same tracker again from the same start frame.
 
+    Example::
+
+        state, _ = jaxpf.run(tracker, key, y)
+        jaxpf.save("state.npz", state)
+
     Args:
         path: the file.
         state: of any tracker, a pytree of arrays and random keys.
@@ -44,9 +49,17 @@ def save(path: str | os.PathLike[str], state: Any) -> None:
 def load(path: str | os.PathLike[str], tracker: Any) -> Any:
     """Load the state that ``save`` wrote.
 
+    Example::
+
+        state = jaxpf.load("state.npz", tracker)
+        state, summary = jaxpf.run(tracker, key, later, state=state)
+
     Args:
         path: the file.
         tracker: the tracker that resumes; it must match the saved one.
+
+    Returns:
+        The state, for ``state=`` of ``jaxpf.run`` and ``jaxpf.stream``.
 
     Raises:
         InputError: the file cannot be read, or its state belongs to another filter or to another

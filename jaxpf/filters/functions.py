@@ -96,6 +96,9 @@ def state_space(
         options: further fields of ``Partitioned``, such as ``resampling``, ``ess_threshold`` or
             ``gradient``.
 
+    Returns:
+        The tracker, a ``Partitioned`` with one partition.
+
     Raises:
         InputError: a function with other arguments or results, or an unknown option.
     """

@@ -83,8 +83,8 @@ class Options:
         if self.likelihood == "patch" and self.bands > 1:
             raise InputError(
                 Argument("bands", self.bands),
-                " goes with histograms, and likelihood 'patch' compares pixels; leave one of them "
-                "out.",
+                " works only with histograms, but likelihood 'patch' compares pixels; leave one of "
+                "them out.",
             )
 
 

@@ -27,38 +27,34 @@ _TWICE = 0.5
 
 @dataclasses.dataclass(frozen=True)
 class Rules:
-    """Options of births and deaths; see the help of each."""
+    """Options of ``--births``; see the help of each."""
 
-    capacity: int = option(
-        16, "With --births: maximum number of objects at once.", least=1, most=MOST_AT_ONCE
-    )
-    birth_frames: int = option(
-        3, "With --births: a new object starts after this number of detections.", least=1
-    )
+    capacity: int = option(16, "Maximum number of objects at once.", least=1, most=MOST_AT_ONCE)
+    birth_frames: int = option(3, "A new object starts after this number of detections.", least=1)
     birth_overlap: float = option(
         0.1,
-        "With --births: minimum intersection over union between a detection and the object, or "
+        "Minimum intersection over union between a detection and the object, or "
         "the earlier detection, that it belongs to.",
         above=0,
         most=1,
     )
     birth_confidence: float | None = option(
-        None, "With --births: ignore detections of lower confidence.", kind=float
+        None, "Ignore detections of lower confidence.", kind=float
     )
     detect_every: int | None = option(
         None,
-        "With --births: the detector ran on every N-th frame.  Objects neither start nor end on "
+        "The detector ran on every N-th frame.  Objects neither start nor end on "
         "the frames between.  By default N follows from the frames of the detections.",
         kind=int,
         least=1,
     )
     death_frames: int = option(
-        6, "With --births: an object ends after N consecutive frames without a detection.", least=1
+        6, "An object ends after N consecutive frames without a detection.", least=1
     )
 
     detection_scale: float = option(
         0.1,
-        "With --births: standard deviation of a detection's error, as a share of the object's "
+        "Standard deviation of a detection's error, as a share of the object's "
         "size.  With 0, detections start and end objects but do not guide their positions.",
         least=0,
     )

@@ -65,6 +65,12 @@ def monte_carlo(
     On a CPU one device uses little more than one core: call ``jaxpf.use_cores()`` before anything
     is computed to use all.
 
+    Example::
+
+        keys = jax.random.split(jax.random.key(0), 50)
+        summaries = jaxpf.monte_carlo(tracker, keys, y)
+        jaxpf.log_evidence(summaries).std()  # over 50 runs
+
     Args:
         tracker: as for ``run``.
         keys: ``[R]`` keys, one per run.

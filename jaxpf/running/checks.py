@@ -117,7 +117,7 @@ def warn_if_nan(summary: Any, first: int = 0) -> bool:
         frame = first + int(np.argwhere(np.atleast_1d(bad))[:, -1].min())
         warnings.warn(
             f"the log-likelihood of frame {frame} is NaN or +inf, and finite for no particle; the "
-            "frame was skipped, and its evidence is 0 (Summary.status and num_invalid tell).",
+            "frame was skipped, and its evidence is 0; see Summary.status and Summary.num_invalid.",
             stacklevel=3,
         )
     return bool(bad.any())

@@ -74,6 +74,11 @@ def use_cores(cores: int | None = None) -> int:
     One device of JAX uses little more than one core, so each core becomes a device.  Call it before
     the first computation; on a machine with a GPU it changes nothing there.
 
+    Example::
+
+        jaxpf.use_cores()  # first of all
+        summaries = jaxpf.monte_carlo(tracker, keys, y)
+
     Args:
         cores: number of cores.
 

@@ -42,6 +42,11 @@ def run(
     To resume a run, pass its key, its final state and the frames that follow; the results are
     identical to an uninterrupted run.  ``jaxpf.save`` stores a state on disk.
 
+    Example::
+
+        state, summary = jaxpf.run(tracker, jax.random.key(0), y)
+        summary.estimate, summary.spread  # [T, P, D] each
+
     Args:
         tracker: any object with ``init`` and ``step``, registered as a pytree.
         key: the run's random key; frame t uses ``fold_in(key, t + 1)``.
@@ -100,6 +105,11 @@ def forecast(
 
     Particles move by their dynamics alone; ``summary.spread`` shows the growing uncertainty.
     ``jaxpf.simulate(tracker, key, steps, state=state, num_draws=1000)`` draws observations too.
+
+    Example::
+
+        state, _ = jaxpf.run(tracker, key, y)
+        _, ahead = jaxpf.forecast(tracker, key, state, 30)
 
     Args:
         tracker: the tracker of the previous frames.

@@ -70,6 +70,9 @@ def simulate(
         num_draws: M, number of independent draws; None gives one, without the axis M.
         inputs: known inputs of these T frames, as for ``jaxpf.run``.
 
+    Returns:
+        The states and frames, a ``Simulated``.
+
     Raises:
         InputError: another filter, a likelihood without ``sample``, or a number below 1.
     """

@@ -45,6 +45,11 @@ def stream(
     For online filtering of any series: observations ``y`` of a state-space model, pictures of a
     camera.  Frames are not kept, so memory does not grow with the length of the sequence.
 
+    Example::
+
+        for tracked in jaxpf.stream(tracker, jax.random.key(0), y):
+            print(tracked.time, tracked.summary.estimate)
+
     Args:
         tracker: any tracker.
         key: the run's random key.
@@ -56,6 +61,9 @@ def stream(
         state: state after the previous frames, to resume, as for ``jaxpf.run``; frames are
             numbered from its ``time``.
         inputs: known inputs of these frames as for ``jaxpf.run``, or an iterable of each frame's.
+
+    Yields:
+        A ``TrackedFrame`` for each frame: ``time``, ``frame``, ``state`` and ``summary``.
     """
     check_order(tracker, key, frames)
     key = running.as_key(key)

@@ -81,6 +81,11 @@ def smooth(
     noise in some direction, such as the position under a constant velocity, and for motions whose
     density is not known, use the genealogy, with many particles.
 
+    Example::
+
+        smoothed = jaxpf.smooth(tracker, jax.random.key(0), y)
+        smoothed.estimate, smoothed.spread  # [T, P, D] each, given all frames
+
     Args:
         tracker: a ``jaxpf.Partitioned``; its dynamics need ``log_density``, but for the genealogy.
         key: the run's random key; the filter's run is identical to ``jaxpf.run`` with it.
@@ -95,6 +100,9 @@ def smooth(
         paths: K, number of trajectories to return.
         observed: as for ``jaxpf.run``.
         inputs: as for ``jaxpf.run``; needs frames in arrays.
+
+    Returns:
+        A ``Smoothed``.
 
     Raises:
         InputError: a tracker that cannot be smoothed (``check_smoothing``); fewer than one

@@ -48,6 +48,12 @@ def tune(
     requires a likelihood that is differentiable in the state (``interpolation="bilinear"``) or
     dynamics with ``log_density``.
 
+    Example::
+
+        sequence = jaxpf.tuning.TrainingSequence(tracker, y)
+        result = jaxpf.tune(sequence, ["parameters.a=0:1"])
+        result.values
+
     Args:
         sequences: one or several; their trackers share the parameters.
         parameters: paths such as "likelihood.sharpness", "dynamics.scale[0]", "parameters.a" of

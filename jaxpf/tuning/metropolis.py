@@ -74,6 +74,19 @@ def pmmh(
     adapted during warm-up and fixed afterwards.  Pass named functions: each new function
     recompiles.
 
+    Example::
+
+        def build(p):
+            return jaxpf.state_space(
+                initial=initial, transition=transition, log_likelihood=log_likelihood, parameters=p
+            )
+
+        def log_prior(p):
+            return jnp.where(jnp.abs(p["a"]) < 1, 0.0, -jnp.inf)
+
+        posterior = jaxpf.pmmh(build, log_prior, jax.random.key(0), y, {"a": 0.5})
+        posterior.parameters["a"].mean()
+
     Args:
         build: parameters -> tracker with an unbiased ``log_evidence``, such as
             ``jaxpf.state_space(..., parameters=p)``.
@@ -100,6 +113,9 @@ def pmmh(
         progress: called with the number of moves done, and of all.
         folder: keeps finished moves; the same call goes on from there after an interruption, and
             returns the same draws.  One folder for each model: functions are not compared.
+
+    Returns:
+        A ``jaxpf.tuning.Posterior``: draws of parameters from C chains, S each.
 
     Raises:
         InputError: a number is below 1, parameters are not floats, the evidence is biased, the

@@ -32,6 +32,8 @@ Build a model by :func:`jaxpf.state_space` from plain functions, or a tracker of
 :func:`jaxpf.boxes.tracker`, :func:`jaxpf.parts.tracker`, :func:`jaxpf.points.tracker` or
 :func:`jaxpf.contours.tracker`.  Then filter by :func:`jaxpf.run`, frame by frame by
 :func:`jaxpf.stream`, or in many runs at once by :func:`jaxpf.monte_carlo`.
+
+In the examples, ``tracker`` is a model of observations ``y``, and ``key`` is ``jax.random.key(0)``.
 """
 #: Functions of ``contract`` that users call; the others call what users write.
 FOR_USERS = ("pytree_dataclass", "static_field")

@@ -184,8 +184,8 @@ def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_pat
         ("--box 1,2,3,4", "--box works only for boxes; write `jaxpf track boxes"),
         ("--truth gt.csv", "--truth works only for boxes"),
         ("--method ps --order 2,1,3,4,5", "puts part 2 before its parent 1"),
-        ("--likelihood patch --bands 2", "--bands 2 goes with histograms"),
-        ("--dynamics absolute --joint-scale 1,1,2", "--joint-scale goes with"),
+        ("--likelihood patch --bands 2", "--bands 2 works only with histograms"),
+        ("--dynamics absolute --joint-scale 1,1,2", "--joint-scale works only with"),
     ],
 )
 def test_options_that_do_not_go_together_are_one_sentence(track, tmp_path, options, words):

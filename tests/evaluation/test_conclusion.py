@@ -1,4 +1,4 @@
-"""The sentence in which an evaluation ends: what follows best, and what cannot be told apart."""
+"""The sentence in which an evaluation ends: what follows best, and what cannot be distinguished."""
 
 import numpy as np
 import pytest
@@ -67,7 +67,7 @@ def test_equal_methods_cannot_be_told_apart_from_the_best(tmp_path):
     sentence, _ = conclusion(tmp_path, sir=1.0, ps=0.1, dps=0.1)
     assert "follows best" in sentence
     assert " over SIR; " in sentence
-    assert sentence.endswith(" cannot be told apart from it.")
+    assert sentence.endswith(" cannot be distinguished from it.")
 
 
 def test_without_a_difference_none_is_called_best(tmp_path):

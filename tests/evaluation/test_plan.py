@@ -209,7 +209,11 @@ def test_an_option_says_what_it_is_an_option_of():
     told = grid(sharpness=[20, 30], relative_scale=[(0.1, 0.2, 0.01)])
     assert (told["appearance"], told["motion"]) == (("colour",), ("relative",))
     assert grid(appearance=both)["appearance"] == tuple(both)
-    with pytest.raises(InputError, match="sharpness goes with appearance='colour', and discr"):
+    with pytest.raises(
+        InputError, match="sharpness works only with appearance='colour', but discr"
+    ):
         grid(appearance=both, sharpness=[20])
-    with pytest.raises(InputError, match="gain goes with appearance='discriminative', and col"):
+    with pytest.raises(
+        InputError, match="gain works only with appearance='discriminative', but col"
+    ):
         grid(sharpness=[20], gain=[1.0])

@@ -11,7 +11,7 @@ QUOTED = {
             r"sir object 1: success 0\.93 .* ps object 1: success 0\.55 "
             r".* dps object 1: success 0\.55"
         ),
-        'carry all the weight, against 33 for `"ps"` and about 18 for `"dps"`': (
+        'carry all the weight, against 33 for `"ps"` and about 17 for `"dps"`': (
             r"effective sample size 3 ps .* sample size 33 dps .* sample size 1[78]\b"
         ),
         "stay within a pixel of the truth on average": r"to the truth, pixels: \[0\.\d* *0\.\d*\]",
@@ -21,7 +21,7 @@ QUOTED = {
         "is lower by 640": r"walls log evidence 1879\.4 no far walls log evidence 1239\.4",
     },
     "helping_points": {
-        "from .02 to .1 it ties two bodies": (
+        "from 0.02 to 0.1 it ties two bodies": (
             r"scale 0\.02 6\.3 .* scale 0\.05 5\.7 .* scale 0\.1 2\.6 .* scale 0\.2 0\.8"
         ),
         "its error is below a pixel": r"Lucas-Kanade 0\.4 \[.*\] 0\.2",
@@ -31,10 +31,10 @@ QUOTED = {
         "36 useful particles instead of 12": (
             r"sample size: 36\.1 of 200 conventional, above: 12\.1"
         ),
-        "has a standard deviation of 2.6 over runs, that of the others .8 to .9": (
+        "has a standard deviation of 2.6 over runs, that of the others 0.8 to 0.9": (
             r"SIR A 0\.0960 B 0\.0891 2\.6\d* .* 0\.786 .* 0\.757 .* 0\.886 "
         ),
-        "is off by .09 to .10, that of the others by .03 to .04": (
+        "is off by 0.09 to 0.10, that of the others by 0.03 to 0.04": (
             r"PS, A first A 0\.04\d* B 0\.026\d* .* PS, B first A 0\.02[89]\d* B 0\.04\d* "
         ),
     },
@@ -59,8 +59,8 @@ QUOTED = {
         "by a factor of 1.7 at 3 parts and of some 90 at 11": (
             r" 3 sorted 1\.72\d* .* 11 sorted 91\.8"
         ),
-        "converges to 1.75 and .89": r"1000 sorted 1\.754 \+- 0\.003 0\.885",
-        "sorting by 10 per cent and the unbiased rule by 9": (
+        "converges to 1.75 and 0.89": r"1000 sorted 1\.754 \+- 0\.003 0\.885",
+        "sorting by 10% and the unbiased rule by 9": (
             r"relative SPS sorted 10\.1 .* relative SPS combinatorial 8\.8"
         ),
         "on these ten sequences, with an interval from 2 to 18": (

@@ -90,7 +90,7 @@ def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatc
         (BOXES, {"patches": 3}, "patches=3 must be a list"),
         (BOXES, {"particles": 0}, "particles = 0 must be"),
         (BOXES, {"method": "best"}, "method 'best' is unknown"),
-        (BOXES, {"gain": 2, "appearance": "colour"}, "goes with"),
+        (BOXES, {"gain": 2, "appearance": "colour"}, "works only with"),
         (
             BOXES,
             {"method": "ps", "ordering": jaxpf.ordering.dps(2)},

@@ -19,7 +19,7 @@ from jaxpf.files.writing import check_output_file
 def command(folder: Path, form: str, output: Path, overwrite: bool) -> None:
     """Write the tracks of `jaxpf track` in FOLDER to FILE, in FORMAT.
 
-    coco: JSON with boxes, polygons or key points.  cvat: the archive that CVAT imports as "MOT
+    coco: JSON with boxes, polygons or keypoints.  cvat: the archive that CVAT imports as "MOT
     1.1".  mot: text lines of the MOTChallenge, which count from 1.
 
     Example: jaxpf export jaxpf-clip coco tracks.json

@@ -130,13 +130,15 @@ class Command(PlainCommand):
                 lines = textwrap.wrap(" ".join(names), width, break_on_hyphens=False)
                 rows += zip([title, *[""] * len(lines)], lines, strict=False)
             if unnamed:
-                families = ", ".join(title.removeprefix("Of ") for title in unnamed)
+                families = ", ".join(title.removeprefix(_FOR) for title in unnamed)
                 rows.append(("Other families", f"options of {families}"))
             with formatter.section("More, explained by --help-all"):
                 formatter.write_dl(rows)
 
 
 ALL = "jaxpf.cli.help_all"
+#: How the title of a section for some methods or a kind of target begins.
+_FOR = "For "
 
 
 def _help_all() -> click.Option:
@@ -181,7 +183,7 @@ def declared_flags(
         about: dict[str, Any] = {
             "section": section,
             "common": option.common if rare is None else option.name not in rare,
-            "help": _help(option, default),
+            "help": _help(option, default, states_off=rare is None),
         }
         spellings = [option.flag, *option.flags, option.name]
         if rare is not None and option.kind is bool:
@@ -194,13 +196,25 @@ def declared_flags(
     return flags
 
 
-def _help(option: Option, default: Any) -> str:
+def _help(option: Option, default: Any, *, states_off: bool) -> str:
+    """What the option does, its choices, and its default; of a boolean "off" only on request."""
     text = option.help
     if option.name != "method" and not all(choice in text for choice in option.choices):
-        text = f"{', '.join(option.choices)}.  {text}"
-    if default is None or default is False or default == () or "default" in text:
+        effect, *more = text.split(".  ", 1)
+        text = ".  ".join([f"{effect.removesuffix('.')}: {_either(option.choices)}.", *more])
+    if default is None or default == () or "default" in text:
         return text
-    return f"{text}  [default: {'on' if default is True else plain(default)}]"
+    if isinstance(default, bool):
+        shown = "on" if default else "off" if states_off else ""
+    else:
+        shown = plain(default)
+    return f"{text}  [default: {shown}]" if shown else text
+
+
+def _either(names: Sequence[str]) -> str:
+    """As "a, b or c"."""
+    *others, last = names
+    return f"{', '.join(others)} or {last}" if others else last
 
 
 def _click_type(option: Option, grid: bool) -> tuple[Any, bool]:
@@ -247,7 +261,7 @@ def filter_flags(
                     shared[name] = dataclasses.replace(first, help=f"{first.help}  {declared.help}")
     method = shared["method"]
     shown = filters.methods() if family is None else family.methods
-    names = f"{', '.join(shown)}."
+    names = f"Sampling: {_either(shown)}."
     if others := [name for name in filters.methods() if name not in shown]:
         names += f"  Other families: {', '.join(others)}."
     shared["method"] = dataclasses.replace(method, help=f"{names}  {method.help}")
@@ -266,7 +280,7 @@ def filter_flags(
 
 def _section(family: Any) -> str:
     """Title of the help section for a filter's own options."""
-    return "Of " + ", ".join(family.methods)
+    return _FOR + ", ".join(family.methods)
 
 
 def start_flags(flags: Mapping[str, Mapping[str, Any]], section: str) -> list[Flag]:

@@ -93,7 +93,7 @@ class SceneCommand(Command):
     def _of_target(self, name: str) -> list[Flag]:
         grid, _, defaults = self._about
         declared = options_of(find_target(name).options)
-        return declared_flags(declared, f"Of {name}", defaults=defaults, grid=grid)
+        return declared_flags(declared, f"For {name}", defaults=defaults, grid=grid)
 
     def _of_filters(self, of_target: Mapping[str, Any], methods: Sequence[str] = ()) -> list[Flag]:
         grid, without, defaults = self._about

@@ -107,7 +107,7 @@ def _params(target: Target) -> list[click.Parameter]:
     flags += declared_flags(options_of(target.options), "Model")
     flags += filter_flags(target.defaults, family=filter_for(target))
     if "births" in target.start_flags:
-        flags += declared_flags(options_of(Rules), "Births and deaths")
+        flags += declared_flags(options_of(Rules), "With --births")
     flags += of_run("Run and output", but=early)
     return [*flags, config_flag("Run and output")]
 

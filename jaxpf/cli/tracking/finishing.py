@@ -119,7 +119,7 @@ def _summary(
 
 
 def _mean_errors(table: dict[str, np.ndarray], names: list[Any]) -> dict[str, float | None] | None:
-    """Mean Monte-Carlo error of x and y in pixels by object; None unless requested."""
+    """Mean Monte Carlo error of x and y in pixels by object; None unless requested."""
     if "x_error" not in table:
         return None
     ids = np.array([str(name) for name in table["id"].tolist()])
@@ -157,10 +157,10 @@ def _tell(
     if (errors := content["mean_error"]) is not None:
         estimated = [f"{name} {error:.2g}" for name, error in errors.items() if error is not None]
         if estimated:
-            say(f"Monte-Carlo error of places in pixels: {', '.join(estimated)}")
+            say(f"Monte Carlo error of places in pixels: {', '.join(estimated)}")
         else:
             _warn(
-                "Note: too few ancestors were left to estimate the Monte-Carlo error; ask for "
+                "Note: too few ancestors were left to estimate the Monte Carlo error; ask for "
                 "fewer frames (--error-bars), more particles (-n) or --runs."
             )
     if session.source.note:

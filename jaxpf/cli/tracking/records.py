@@ -36,7 +36,7 @@ class Record(NamedTuple):
         confidence: ``[P]``, see there; None if the likelihood defines none.
         outside: bool ``[P]``, outside the image; None in a frame that is not filtered.
         without_likelihood: bool ``[P]``, no particle has any; None likewise.
-        errors: columns x_error and y_error, Monte-Carlo standard errors, if requested.
+        errors: columns x_error and y_error, Monte Carlo standard errors, if requested.
         summary: summary of all partitions; None in a frame that is not filtered.
         state: holds the particles; None in a frame that is not filtered.
         slots: partitions occupied by the objects.

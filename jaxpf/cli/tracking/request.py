@@ -36,7 +36,7 @@ class Run:
     )
     fps: float | None = option(
         None,
-        "Frames per second, 25 unless the film says.",
+        "Frames per second.  [default: the video's or 25]",
         above=0.0,
     )
     seed: int = option(0, "Random seed: same seed, same tracks.", least=0, most=2**32 - 1)
@@ -49,7 +49,7 @@ class Run:
     )
     error_bars: int | None = option(
         None,
-        "Estimate the Monte-Carlo error of one run from ancestors N frames back, such as 2.  "
+        "Estimate the Monte Carlo error of one run from ancestors N frames back, such as 2.  "
         "Fields are empty where too few ancestors are left.",
         least=1,
         most=10_000,

@@ -87,13 +87,13 @@ def sentences(
         if not about["frames"]:
             continue
         sure = about["mean_confidence"] is not None
-        followed = "followed confidently" if sure else "followed"
+        tracked = "tracked confidently" if sure else "tracked"
         until, pieces = about["followed_until"], about["lost"]
         some_lost |= bool(pieces)
         if not pieces:
-            text = f"{followed} to the end (frame {until})"
+            text = f"{tracked} to the end (frame {until})"
         else:
-            before = "" if until is None else f"{followed} until frame {until}, "
+            before = "" if until is None else f"{tracked} until frame {until}, "
             count = f"{about['frames_lost']} of {about['frames']} frames"
             text = f"{before}lost in {count} ({_frames(pieces)})"
         if about["interval_width"] is not None:

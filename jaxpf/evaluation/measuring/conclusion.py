@@ -59,7 +59,7 @@ def conclude(results: Results, summaries: Sequence[Summary]) -> tuple[str, list[
     if not worse:
         return (
             f"{start}{'no' if start else 'No'} configuration follows best: {names[best]} is "
-            f"ahead, but {_listed(names, tied)} cannot be told apart from it.",
+            f"ahead, but {_listed(names, tied)} cannot be distinguished from it.",
             ranking,
         )
     # Report the gain over the first distinguishable configuration: the reference comes first.
@@ -71,7 +71,7 @@ def conclude(results: Results, summaries: Sequence[Summary]) -> tuple[str, list[
         f"[{_share(lower, digits)}, {_share(upper, digits)}] over {names[reference]}"
     )
     if tied:
-        sentence += f"; {_listed(names, tied)} cannot be told apart from it"
+        sentence += f"; {_listed(names, tied)} cannot be distinguished from it"
     elif len(worse) > 1:
         rest = [index for index in worse if index != reference]
         few = len(rest) <= _MOST_NAMED

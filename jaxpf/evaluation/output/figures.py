@@ -123,9 +123,9 @@ def _drawn(results: Results, overview: Overview) -> Iterator[tuple[str, str, str
         yield (
             "calibration",
             "Calibration",
-            "How often the central region of a given probability holds the truth: x and y of all "
-            "objects, in frames in which the object is followed. On the dotted line spreads are "
-            "honest, below it they are too narrow." + shown,
+            "How often the central region of a given probability covers the truth: x and y of all "
+            "objects, in frames in which the object is tracked. On the dotted line intervals are "
+            "calibrated, below it they are too narrow." + shown,
             charts.calibration(calibrated),
         )
     if confident:
@@ -133,7 +133,7 @@ def _drawn(results: Results, overview: Overview) -> Iterator[tuple[str, str, str
             "confidence",
             "Reliability of confidence",
             "Share of the boxes on their object, in five bins of confidence. On the dotted line "
-            "confidence is honest, below it too high. Bars: 95% intervals over runs." + shown,
+            "confidence is calibrated, below it too high. Bars: 95% intervals over runs." + shown,
             charts.confidence(confident),
         )
     if lines := charts.lines_over_particles(summaries):

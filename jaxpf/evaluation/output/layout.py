@@ -77,12 +77,12 @@ NOTES = (
     f"where the interval excludes 0, too; of fewer than {DECISIVE} runs nothing is marked. Points "
     "are percentage points.",
     "Calibration: how often the 50, 80 and 95% regions of x and of y, and those of a box's size "
-    "(the square root of its area), hold the truth. A region is as wide as the particles' standard "
-    "deviation and the model's declared error say (of points the slip, of learned boxes .3 in the "
-    "logarithm of the size), as in tracks.csv. Only frames in which the object is followed (a "
-    "shared pixel) count, because no region holds a lost object. CRPS, in pixels, is small where "
-    "spreads are honest and narrow "
-    "(Gneiting and Raftery 2007); the log score is in summary.csv.",
+    "(the square root of its area), cover the truth. A region is as wide as the particles' standard"
+    " deviation and the model's declared error say (of points the slip, of learned boxes 0.3 in the"
+    " logarithm of the size), as in tracks.csv. Only frames in which the object is tracked (a "
+    "shared pixel) count, because no region covers a lost object. CRPS, in pixels, is small where "
+    "intervals are calibrated and narrow (Gneiting and Raftery 2007); the log score is in "
+    "summary.csv.",
     "Confidence: share of the boxes on their object, by the confidence that was reported with "
     f"them. A box is on its object if their overlap is at least {ON_OBJECT:g}; all frames with "
     "truth count. The area under the curve is the probability that a box on its object has more "

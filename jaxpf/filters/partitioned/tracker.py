@@ -34,6 +34,16 @@ from jaxpf.resampling.schemes import scheme_of
 class Partitioned(Tracker):
     """Partitioned particle filter: SIR, PS, DPS, SPS or branched, by its ordering.
 
+    Example::
+
+        tracker = jaxpf.Partitioned(
+            dynamics=jaxpf.dynamics.RandomWalk(0.5),
+            likelihood=likelihood,
+            ordering=jaxpf.ordering.dps(2),
+            initial=jnp.zeros((2, 2)),  # two partitions of two numbers
+            num_particles=500,
+        )
+
     Attributes:
         dynamics: see ``jaxpf.contract.Dynamics``.
         likelihood: see ``jaxpf.contract.Likelihood``.  If it defines ``log_joint``, ``log_prob`` is

@@ -1,1 +1,1 @@
-"""Monte-Carlo error, from parallel runs or from the ancestors of a single run."""
+"""Monte Carlo error, from parallel runs or from the ancestors of a single run."""

@@ -1,4 +1,4 @@
-"""Monte-Carlo error from one run: the genealogical variance estimator, and its fixed-lag form.
+"""Monte Carlo error from one run: the genealogical variance estimator, and its fixed-lag form.
 
 Particles that descend from the same draw have correlated errors, so the variance between runs
 depends on each ancestor's contribution to the answer (Chan & Lai 2013; Lee & Whiteley 2018).  Let w
@@ -71,7 +71,7 @@ class Ancestry:
 
 @pytree_dataclass
 class ErrorBars(Summary):
-    """A ``Summary`` with the Monte-Carlo variance of its estimate and evidence.
+    """A ``Summary`` with the Monte Carlo variance of its estimate and evidence.
 
     Attributes:
         estimate_variance: ``[P, D]``, variance of ``estimate`` over runs; NaN if unknown.
@@ -95,7 +95,7 @@ class ErrorBars(Summary):
 
 @pytree_dataclass
 class WithErrorBars(contract.Tracker):
-    """A filter that also reports its Monte-Carlo variance; estimates and evidence are unchanged.
+    """A filter that also reports its Monte Carlo variance; estimates and evidence are unchanged.
 
     Attributes:
         tracker: a ``jaxpf.Partitioned``.

@@ -1,7 +1,7 @@
 """Parallel runs of one filter: their mean and its standard error.
 
 Runs share each frame's observation and differ only in their random numbers, so ten runs cost a few
-times as much as one.  Their results differ only by the Monte-Carlo error: the standard deviation of
+times as much as one.  Their results differ only by the Monte Carlo error: the standard deviation of
 R estimates over sqrt(R) is the standard error of their mean.
 """
 

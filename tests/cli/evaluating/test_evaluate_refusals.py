@@ -43,7 +43,7 @@ def test_mistakes_are_one_sentence(refuse, arguments, sentence):
 
 def test_unknown_scenes_are_refused_with_those_there_are(refuse):
     sentence = refuse("distractor")
-    assert "no scene 'distractor'" in sentence
+    assert "no scene 'distractor'; did you mean 'distracter'?" in sentence
     assert "distracter" in sentence
     assert "nowhere' does not exist" in refuse("./nowhere")
 

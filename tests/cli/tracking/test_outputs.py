@@ -80,7 +80,7 @@ def test_the_verdict_of_each_object_is_printed_and_kept(whole_run):
             for c in "xy"
         )
         assert (
-            f"Object {name}: followed confidently to the end (frame 9); 95% interval of the upper "
+            f"Object {name}: tracked confidently to the end (frame 9); 95% interval of the upper "
             f"left corner: {x:g} pixels wide along x, {y:g} along y\n" in outcome.out
         )
     assert summary_of(output)["effective_sample_size"] > 2

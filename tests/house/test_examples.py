@@ -71,10 +71,11 @@ def test_every_function_has_an_example():
     assert {name for name, value in PUBLIC.items() if not example(value)} == WITHOUT.keys()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else [])
+        pytest.param(name, marks=[] if name in SLOW else [pytest.mark.always])
         for name in sorted(PUBLIC.keys() - WITHOUT.keys() - {"use_cores"})  # JAX has started here
     ],
 )
@@ -83,6 +84,8 @@ def test_the_example_runs(name, tmp_path, monkeypatch):
     exec(example(PUBLIC[name]), names(tmp_path))
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_the_example_of_boxes_runs():
     frames = np.random.default_rng(0).integers(0, 256, (3, 240, 320, 3), np.uint8)
     exec(example(jaxpf.boxes.tracker), {"jax": jax, "jaxpf": jaxpf, "frames": frames})

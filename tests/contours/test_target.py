@@ -57,6 +57,7 @@ def test_both_wires_are_followed(wires, tracked):
     assert (gaps < 5).all()
 
 
+@pytest.mark.slow
 def test_confidence_falls_where_the_wires_vanish(wires, tracked):
     scene, _ = wires
     gone = np.array(scene.frames[1:])
@@ -66,6 +67,7 @@ def test_confidence_falls_where_the_wires_vanish(wires, tracked):
     assert (summary.confidence[-1] < 0.1).all()
 
 
+@pytest.mark.slow
 def test_confidence_counts_edges_beside_those_at_the_start(wires):
     """Of edges so weak that only a part of them shows, a start frame makes those enough."""
     scene, start = wires

@@ -38,6 +38,7 @@ def test_edited_truth_is_refused_and_not_shown_again(folder, tmp_path):
     assert finished(plan, tmp_path / "out") is not None
 
 
+@pytest.mark.slow
 def test_files_that_were_only_touched_lead_to_the_same_results(folder, tmp_path):
     plan = small_plan(of(folder), methods=("sir",))
     evaluate(plan, tmp_path / "out", limits=ONE)

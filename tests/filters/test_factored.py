@@ -90,7 +90,7 @@ class Failing:
         return jnp.where(jax.random.uniform(key) < 0.2, jnp.nan, moved)
 
 
-@pytest.mark.parametrize("shape", ["relative", "none"])
+@pytest.mark.parametrize("shape", ["relative", pytest.param("none", marks=pytest.mark.slow)])
 def test_a_particle_that_is_nowhere_harms_nobody(shape):
     tracker = jaxpf.Eskil(Failing(), Seen(), START, num_particles=40, shape=shape)
     _, summary = run(tracker, jax.random.key(0), moving())
@@ -126,6 +126,7 @@ def _hidden_error(**options):
     return float(np.mean(np.linalg.norm(error, axis=-1)))
 
 
+@pytest.mark.slow
 def test_a_hidden_point_is_carried_along_by_the_others():
     """Left behind, it would be 20 pixels away."""
     assert _hidden_error(drift="clip") < 10

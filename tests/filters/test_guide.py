@@ -63,6 +63,8 @@ def test_evidence_with_a_guide_is_unbiased(scheme):
     assert scores(walk(resampling=scheme)) < LIMIT
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_a_guide_that_is_not_divided_out_is_noticed(monkeypatch):
     resample = selection.resample
 

@@ -146,9 +146,13 @@ TABLE = {
     "pffl": (lambda: tracker(kind=jaxpf.PFFL), run, "PFFL draws by its dynamics alone"),
     "eskil": (lambda: tracker(kind=jaxpf.Eskil), run, "Eskil draws by its dynamics alone"),
 }  # fmt: skip
+SLOW_TO_TRACE = {"plain gradient", "gradient through resampling", "soft resampling"}
 
 
-@pytest.mark.parametrize("case", TABLE)
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, marks=[pytest.mark.slow] * (case in SLOW_TO_TRACE)) for case in TABLE],
+)
 def test_a_proposal_works_or_is_refused_in_one_sentence(case):
     """Traced alone, which is quick."""
     make, use, refusal = TABLE[case]

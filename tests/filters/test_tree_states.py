@@ -100,6 +100,7 @@ def test_smoothed_probabilities_are_those_of_the_hidden_markov_model(lag):
         np.testing.assert_allclose(shares, found.estimate["regime"], atol=1e-3)
 
 
+@pytest.mark.slow
 def test_every_way_to_run_names_the_leaves():
     its = switching()
     state, whole = jaxpf.run(its, KEY, FRAMES)

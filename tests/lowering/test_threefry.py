@@ -30,7 +30,13 @@ DRAWS = {
 
 
 @pytest.mark.parametrize("x64", [False, pytest.param(True, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("draw", DRAWS.values(), ids=DRAWS)
+@pytest.mark.parametrize(
+    "draw",
+    [
+        pytest.param(draw, id=name, marks=[pytest.mark.slow] * (name == "gamma"))
+        for name, draw in DRAWS.items()
+    ],
+)
 def test_draws_are_those_of_jax_bit_for_bit(draw, x64):
     with jax.enable_x64(x64):
         key = jax.random.key(7)
@@ -73,6 +79,7 @@ def test_too_many_numbers_at_once_are_refused():
         jax.jit(lambda: jax.random.bits(key, (2**16, 2**16))).lower()
 
 
+@pytest.mark.slow
 def test_models_may_draw_from_a_poisson_law_which_takes_keys_of_jax_alone():
     def model(draw):
         return jaxpf.state_space(

@@ -241,6 +241,7 @@ def test_tables_and_figures_show_every_method(one_kept_one_lost):
     assert len(figures.passing_figure(found).axes) == len(figures.meeting_figure(found).axes) == 6
 
 
+@pytest.mark.slow
 def test_figure_11_counts_lines_in_full_before_the_leaves_overlap():
     case = cases.leaves_of_figure_11(0)
     assert case.options["independence"] == 1

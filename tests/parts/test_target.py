@@ -91,7 +91,7 @@ def test_a_part_of_fixed_size_is_a_box_of_scale_one(scene, likelihood):
     np.testing.assert_allclose(one, every[3], rtol=1e-5)
 
 
-@pytest.mark.parametrize("kind", ["patches", "histograms"])
+@pytest.mark.parametrize("kind", [pytest.param("patches", marks=pytest.mark.slow), "histograms"])
 def test_log_odds_fall_where_a_part_is_not(scene, likelihood, kind):
     poses, frame = scene.extras["poses"][0], scene.frames[0]
     learned = likelihood

@@ -91,6 +91,7 @@ def test_a_block_is_halved_when_memory_runs_out(widths):
         jaxpf.monte_carlo(model(), KEYS, Y, batch_size=7)
 
 
+@pytest.mark.slow
 def test_a_block_is_as_wide_as_the_estimated_memory_allows(monkeypatch):
     shapes, needed, compiled = [], [], blocks._advance_compiled
     before = compiled._cache_size()
@@ -145,7 +146,8 @@ def parts(order=ORDERS["dps"], least=-np.inf):
     )
 
 
-@pytest.mark.parametrize("name", [pytest.param("dps", marks=pytest.mark.slow), "sps"])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["dps", pytest.param("sps", marks=pytest.mark.always)])
 def test_both_forms_give_the_same_results(name, no_accelerator):
     """Where all particles have weight, and where many have none."""
     frames = np.stack([Y, -Y, 2 * Y], axis=1)[:2, :, None]

@@ -102,7 +102,14 @@ def test_every_function_takes_frames_that_are_closed_over(function):
     trace(function, "jit", "closed over")
 
 
-@pytest.mark.parametrize("transform", [name for name in TRANSFORMS if name != "jit"])
+@pytest.mark.parametrize(
+    "transform",
+    [
+        pytest.param(name, marks=pytest.mark.slow) if name == "checkpoint" else name
+        for name in TRANSFORMS
+        if name != "jit"
+    ],
+)
 def test_every_transform_takes_frames_that_are_closed_over(transform):
     trace("run", transform, "closed over")
 
@@ -176,7 +183,7 @@ def test_loops_in_python_say_that_they_cannot_be_traced(call, sentence):
     "switch",
     [
         pytest.param(lambda: jax.enable_x64(True), id="64 bits"),
-        pytest.param(lambda: jax.debug_nans(True), id="checks for NaN"),
+        pytest.param(lambda: jax.debug_nans(True), id="checks for NaN", marks=pytest.mark.slow),
         pytest.param(jax.disable_jit, id="no jit", marks=pytest.mark.slow),
     ],
 )

@@ -66,7 +66,9 @@ class OfLabels:
         return observation[place(substates[0]), label]
 
 
-@pytest.mark.parametrize("method", ["backward", "metropolis"])
+@pytest.mark.parametrize(
+    "method", [pytest.param("backward", marks=[pytest.mark.slow, pytest.mark.always]), "metropolis"]
+)
 def test_smoothing_knows_that_labels_move(method):
     flip = np.array([[1 - FLIP, FLIP], [FLIP, 1 - FLIP]])
     move = np.kron(STEP, flip)  # over (place, label)

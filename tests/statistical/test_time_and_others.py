@@ -192,6 +192,8 @@ def test_coupled_motion_is_unbiased(order, settings):
     assert scores(coupled(), order, **QUICK, **settings).worst < LIMIT
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_the_frame_before_is_that_of_the_same_particle():
     """With others' partitions of the frame before mixed up, the answer is wrong."""
 

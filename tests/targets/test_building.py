@@ -28,6 +28,8 @@ def clip(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_ten_lines_track_as_the_command_line_does(clip):
     code = [line for line in PROGRAM.read_text().splitlines() if line.strip()]
     assert len(code) <= 1 + 10  # its docstring, and the program

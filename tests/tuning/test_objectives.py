@@ -108,6 +108,7 @@ def test_position_error_and_crps_skip_what_is_not_labelled(summaries):
         assert np.abs(gradient[:2]).min() > 0
 
 
+@pytest.mark.slow
 def test_an_estimate_without_a_spread_has_a_finite_gradient():
     """Position error, here of an exact estimate, and CRPS, which is the distance."""
     still = tracker(dynamics=RandomWalk(scale=np.zeros(3, np.float32)), num_particles=1)

@@ -19,6 +19,8 @@ def rows_of(output, name):
     return {key: values[table["id"] == name] for key, values in table.items()}
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_an_object_starts_later_and_another_is_put_right(track, tmp_path):
     wrong, (left, right) = [30, 30, 12, 16], true_boxes(4)  # wrong: background
     rows = ((0, 1, true_boxes(0)[0]), (0, 3, wrong), (4, 2, left), (4, 3, right))

@@ -147,7 +147,7 @@ def stacked(transformed):
     return of_use
 
 
-QUICK = "scan", "orders and trees"
+ALWAYS = "scan", "orders and trees"
 TRANSFORMS = {
     "jit": one_by_one,
     "scan": stacked(lambda use: lambda stack: jax.lax.map(use, stack)),
@@ -166,10 +166,11 @@ def test_what_is_refused_outside_is_known_inside(name):
     assert TRANSFORMS["scan"](condition)([*fine, *wrong]) == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("transform", "name"),
     [
-        pytest.param(transform, name, marks=() if (transform, name) == QUICK else pytest.mark.slow)
+        pytest.param(transform, name, marks=[pytest.mark.always] * ((transform, name) == ALWAYS))
         for transform in TRANSFORMS
         for name in CASES
     ],

@@ -59,6 +59,7 @@ def test_ancestors_of_the_start_are_handed_on():
         np.testing.assert_array_equal(family[0, 0], ancestor)
 
 
+@pytest.mark.slow
 def test_exchanged_parts_have_ancestors_of_their_own_and_no_error_bar_of_the_evidence():
     states, summary = told(tracker(EXCHANGE))
     assert states.families.shape == (6, 1, 3, 64)
@@ -113,6 +114,7 @@ def test_bars_are_those_computed_by_hand(ess_threshold, num_frames, generations)
 LONG = np.tile(FRAMES, (7, 1, 1))
 
 
+@pytest.mark.slow
 def test_what_is_not_known_is_not_zero():
     _, summary = told(tracker(num_particles=16), LONG)
     assert np.isnan(summary.estimate_variance[-1]).all()

@@ -119,7 +119,7 @@ class InBox:
 
 
 @pytest.mark.statistical
-@pytest.mark.parametrize("num_runs", [1, 4])
+@pytest.mark.parametrize("num_runs", [1, pytest.param(4, marks=pytest.mark.slow)])
 def test_a_run_that_met_an_impossible_frame_counts_as_zero(num_runs):
     """Of six particles none is possible in every third frame."""
     single = jaxpf.Partitioned(

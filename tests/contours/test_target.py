@@ -67,7 +67,6 @@ def test_confidence_falls_where_the_wires_vanish(wires, tracked):
     assert (summary.confidence[-1] < 0.1).all()
 
 
-@pytest.mark.slow
 def test_confidence_counts_edges_beside_those_at_the_start(wires):
     """Of edges so weak that only a part of them shows, a start frame makes those enough."""
     scene, start = wires

@@ -21,6 +21,16 @@ from jaxpf.papers.paper import PAPERS, paper_of
 
 
 @pytest.mark.parametrize("paper", PAPERS)
+def test_every_row_has_the_cells_of_its_header(paper):
+    """A comma without quotation marks cuts a sentence off."""
+    folder = Path(verdicts.__file__).parents[1] / paper
+    for path in folder.glob("*.csv"):
+        with path.open(newline="", encoding="utf-8") as file:
+            header, *rows = csv.reader(file)
+        assert {len(row) for row in rows} <= {len(header)}, path.name
+
+
+@pytest.mark.parametrize("paper", PAPERS)
 def test_a_claim_has_eight_words_and_a_sentence(paper):
     claims = claims_of(paper)
     assert len(claims) > 9

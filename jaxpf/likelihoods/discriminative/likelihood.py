@@ -75,26 +75,6 @@ def check_size(frame: Any, frame_shape: tuple[int, int]) -> None:
         )
 
 
-def reaches_border(
-    frame_shape: tuple[int, int], sizes: ArrayLike, partition: jax.Array, substates: jax.Array
-) -> jax.Array:
-    """Whether boxes reach the frame's border.
-
-    Args:
-        frame_shape: height and width of the frame.
-        sizes: ``[P, 2]``, width and height at scale 1, pixels.
-        partition: ``[N]``, numbers of the objects.
-        substates: ``[D, N]`` centre u, v and scale, first of D.
-
-    Returns:
-        bool ``[N]``.
-    """
-    half = jnp.asarray(sizes, substates.dtype)[partition].T * substates[2] / 2
-    far = jnp.array(frame_shape[::-1], substates.dtype)[:, None]
-    places = substates[:2]
-    return jnp.any((places <= half) | (places + half >= far), axis=0)
-
-
 def best_beside(
     scores: jax.Array, places: jax.Array, substates: jax.Array, sizes: jax.Array
 ) -> jax.Array:
@@ -295,7 +275,10 @@ class DiscriminativeLikelihood(Likelihood):
 
     def reaches_border(self, partition, substates):
         """Whether boxes ``[D, N]`` reach the frame's border, bool ``[N]``."""
-        return reaches_border(self.frame_shape, self.sizes, partition, substates)
+        half = jnp.asarray(self.sizes, substates.dtype)[partition].T * substates[2] / 2
+        far = jnp.array(self.frame_shape[::-1], substates.dtype)[:, None]
+        places = substates[:2]
+        return jnp.any((places <= half) | (places + half >= far), axis=0)
 
     def log_odds_all(self, observation, partition, substates):
         """Log odds that objects are where they are reported.

@@ -36,7 +36,6 @@ from jaxpf.likelihoods.discriminative.likelihood import (
     check_size,
     clipped,
     grid_places,
-    reaches_border,
 )
 from jaxpf.likelihoods.pretrained.cells import score_in_boxes, score_table
 from jaxpf.likelihoods.pretrained.windows import SIDE, halved, window_around
@@ -234,9 +233,8 @@ class PretrainedLikelihood(Likelihood):
             score += score_in_boxes(tables, partition, boxes / stride, weights.shape[1:3])
         return score
 
-    def reaches_border(self, partition, substates):
-        """Whether boxes ``[D, N]`` reach the frame's border, bool ``[N]``."""
-        return reaches_border(self.frame_shape, self.sizes, partition, substates)
+    #: It asks for frame and sizes alone.
+    reaches_border = DiscriminativeLikelihood.reaches_border
 
     def log_odds_all(self, observation, partition, substates):
         """Log odds that objects are where they are reported.

@@ -37,7 +37,8 @@ def test_a_camera_is_tracked_until_ctrl_c_which_keeps_all_results(
     # Nothing is to be seen in its first picture.
     def press(number):
         with contextlib.suppress(FileNotFoundError):
-            if (tmp_path / "out" / "tracks.csv").read_text().count("\n") > 41:
+            written = (tmp_path / "out" / "tracks.csv").read_text().count("\n")
+            if written > 43:  # a frame that is being written is taken back
                 ctrl_c()
 
     def seen(number):
@@ -53,7 +54,7 @@ def test_a_camera_is_tracked_until_ctrl_c_which_keeps_all_results(
     assert summary["interrupted"] is True
     assert summary["parameters"]["video"] == "0"
     rows = rows_of(tmp_path / "out")
-    assert len(rows) >= 40  # what was being written is taken back
+    assert len(rows) > 40
     assert abs(len(rows) / 2 - 1 - summary["frames_tracked"]) <= 1
     assert np.abs(rows[:, 2:4].reshape(-1, 2, 2) - true_boxes(0)[:, :2] - 1).max() < 4
     monkeypatch.undo()  # a camera no longer

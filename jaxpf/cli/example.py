@@ -72,7 +72,6 @@ def _write_births(folder: Path, scene: Any) -> None:
 
 
 def _write_parts(folder: Path, scene: Any) -> None:
-
     names = ["body", *(f"{side} {at}" for at in (1, 2, 3) for side in ("left", "right"))]
     poses, parents = scene.extras["poses"], scene.extras["parents"]
     places = [

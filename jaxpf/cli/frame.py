@@ -35,7 +35,6 @@ def command(
     live, as for `jaxpf track`: `jaxpf frame 0 -n 30` skips 30 frames so that camera 0 can adjust
     its exposure.
     """
-
     if output is not None and output.suffix.lower() != ".png":
         raise InputError(f"output '{output}' must end in .png; rename it.")
     source = open_frames(video)

@@ -8,6 +8,9 @@ import numpy as np
 from jaxpf.contract.errors import InputError
 from jaxpf.targets.target import Start
 
+#: Frames in a row with a start of one object, from which on a file holds whole tracks.
+_WHOLE = 3
+
 
 def check_inside(what: str, names: Iterable[Any], places: np.ndarray, source: Any) -> None:
     """Refuse x and y ``[P, 2]`` outside the frame; ``what`` they are, such as ``"point"``."""
@@ -17,10 +20,6 @@ def check_inside(what: str, names: Iterable[Any], places: np.ndarray, source: An
                 f"{what} '{name}' is at ({x:g}, {y:g}), outside the frame of {source.width} x "
                 f"{source.height} pixels: move it inside, or leave it out."
             )
-
-
-#: Frames in a row with a start of one object, from which on a file holds whole tracks.
-_WHOLE = 3
 
 
 def starts_by_frame(

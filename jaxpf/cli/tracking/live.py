@@ -33,7 +33,6 @@ def start_when_compiled(session: "Session") -> None:
 
     Compilation takes seconds, in which the objects move on.
     """
-
     say("Compiling: leave the objects at their boxes.", err=True)
     for _ in range(_ATTEMPTS):
         one_frame = stream(session.tracker, jax.random.key(0), [session.first])

@@ -48,7 +48,6 @@ def record(session: Session) -> None:
 
 
 def _record_frames(session: Session, stack: contextlib.ExitStack) -> None:
-
     run, before = session.request.run, session.before
     key = jax.random.key(run.seed)
     total = _expected_frames(session.source, run)

@@ -50,7 +50,6 @@ def measure_speeds(
         trackers: user-defined trackers, as in the ``Plan``.
         on_begin: called with the label of the next configuration before it is timed.
     """
-
     configurations = results.configurations
     speeds = results.speeds
     measured: dict[Any, float] = {}

@@ -80,7 +80,7 @@ def _check_coordinates(tracker: "Labelled") -> None:
         )
     used = [*position, *(speed or ())]
     dimension = np.inf if callable(tracker.initial) else np.shape(tracker.initial)[1]
-    if len(set(used)) != len(used) or min(used, default=0) < 0 or max(used) >= dimension:
+    if len(set(used)) != len(used) or min(used, default=0) < 0 or max(used, default=0) >= dimension:
         last = "" if np.isinf(dimension) else f" to {dimension - 1}"
         raise InputError(
             f"position={list(position)} and speed={speed and list(speed)} must name different "

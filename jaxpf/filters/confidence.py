@@ -44,8 +44,8 @@ def at_start(likelihood: Any, num_partitions: int, dtype: DTypeLike) -> dict[str
     if not contract.has_log_odds(likelihood):
         return {}
     odds = {"log_odds": jnp.full((num_partitions,), _AT_START, dtype)}
-    nobody = {"left": jnp.zeros((num_partitions,), bool)}
-    return odds | nobody if contract.has_border(likelihood) else odds
+    left = {"left": jnp.zeros((num_partitions,), bool)}
+    return odds | left if contract.has_border(likelihood) else odds
 
 
 def reported(
@@ -78,8 +78,8 @@ def reported(
     if seen is not None:  # confidence does not change in a missing frame
         smooth = jnp.where(seen, smooth, before.log_odds)
         left = None if left is None else jnp.where(seen, left, before.left)
-    told = smooth if left is None else smooth - jnp.where(left, _RETURN, 0)
+    shown = smooth if left is None else smooth - jnp.where(left, _RETURN, 0)
     return (
         dataclasses.replace(state, log_odds=smooth, left=left),
-        dataclasses.replace(summary, confidence=jax.nn.sigmoid(told)),
+        dataclasses.replace(summary, confidence=jax.nn.sigmoid(shown)),
     )

@@ -108,6 +108,8 @@ def test_filmed_contours_slip_and_move_by_shares_of_their_size(wires):
     np.testing.assert_allclose(asked.dynamics.scale[:, 2:], made.dynamics.scale[:, 2:])
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_tracks_hold_control_points_and_outlines(tmp_path, tracked):
     tracker, estimates = tracked
     names, space = ("left", "right"), tracker.likelihood.space

@@ -28,6 +28,8 @@ from jaxpf.likelihoods import histogram_from_patches
 from jaxpf.shapes import boxes_from_substates
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_results_tell_everything_about_the_evaluation(whole):
     scene = small_scene()
     results = Results.open(whole.folder)

@@ -74,12 +74,13 @@ class ByFrame:
         return observation[partition]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "wrapped",
     [
-        lambda bare: bare,
+        pytest.param(lambda bare: bare, marks=pytest.mark.always),
         # Runs side by side differ in estimates, and these odds depend on none.
-        pytest.param(lambda bare: SideBySide(WithErrorBars(bare), 2), marks=pytest.mark.slow),
+        lambda bare: SideBySide(WithErrorBars(bare), 2),
     ],
     ids=["bare", "wrapped"],
 )

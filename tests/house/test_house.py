@@ -59,7 +59,7 @@ def test_it_is_short(name):
 @pytest.mark.parametrize(
     "name",  # with a scheme of their own filters run many times below
     [
-        pytest.param(n, marks=pytest.mark.slow) if n in ("own_resampling", "own_likelihood") else n
+        n if n == "own_filter" else pytest.param(n, marks=[pytest.mark.slow, pytest.mark.always])
         for n in OWN
     ],
 )

@@ -82,6 +82,8 @@ def test_the_evidence_is_unbiased():
     assert ratio.std() / len(ratio) ** 0.5 < 0.01  # a bias of 5% would be seen
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_nan_and_observed_say_the_same():
     key = jax.random.key(1)
     told = jaxpf.run(tracker(), key, FRAMES, observed=SEEN)[1]

@@ -35,6 +35,8 @@ def learned():
     return dataclasses.replace(likelihood, windows=SHAPE)
 
 
+@pytest.mark.slow
+@pytest.mark.always
 @pytest.mark.parametrize(
     "centres",
     [

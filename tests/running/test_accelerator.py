@@ -110,6 +110,8 @@ def test_a_block_is_as_wide_as_the_estimated_memory_allows(monkeypatch):
     assert compiled._cache_size() == before + 1  # the estimate's program is the one that runs
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_one_block_gives_the_results_of_many_to_rounding(no_accelerator):
     wide = jaxpf.monte_carlo(model(), KEYS, Y)
     assert blocks_of(1000) == ((1, 1000),)

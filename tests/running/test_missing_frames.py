@@ -211,6 +211,8 @@ def test_without_gaps_nothing_changes():
     np.testing.assert_allclose(told, expected, atol=1e-5)
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_nothing_of_a_missing_frame_gets_into_a_derivative():
     frames = np.where(SEEN[:, None, None], FRAMES, 0.0).astype(np.float32)
 

@@ -146,7 +146,8 @@ def walking(dynamics, **changes):
     )
 
 
-@pytest.mark.parametrize("lag", [None, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("lag", [pytest.param(None, marks=pytest.mark.always), 2])
 def test_smoothing_follows_a_motion_that_changes_with_time(lag):
     """The same draws as of a plain walk, beside a path that is known."""
     key, drifting = jax.random.key(1), walking(Drifting(DRIFT))

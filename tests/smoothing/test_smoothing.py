@@ -155,6 +155,8 @@ def test_whatever_is_not_known_to_be_independent_goes_together():
     assert partitions(tracker(initial=apart)) == [[[0], [1]]]
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_frames_come_one_by_one_with_a_lag(ran):
     its, key = tracker(), KEY
     streamed = list(smoothing.stream(its, key, iter(FRAMES), 2))

@@ -24,7 +24,13 @@ ORDERINGS = {
 }
 
 
-@pytest.mark.parametrize("name", ORDERINGS)
+@pytest.mark.parametrize(
+    "name",  # sir is a program of its own; of independent objects it is among the quick tests
+    [
+        pytest.param(n, marks=[pytest.mark.slow, pytest.mark.always] if n == "sir" else ())
+        for n in ORDERINGS
+    ],
+)
 def test_filter_on_a_part_tree_is_unbiased(name):
     settings = {"resampling": QUICK_SCHEME, "runs": QUICK_RUNS}
     assert scores(problem(TREE), ORDERINGS[name], **settings).worst < LIMIT

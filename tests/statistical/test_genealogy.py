@@ -71,9 +71,9 @@ def test_the_genealogy_of_a_singular_motion_is_unbiased(monkeypatch):
     assert late > WRONG
 
 
-@pytest.mark.parametrize(
-    "is_late", [pytest.param(False, marks=[pytest.mark.slow, pytest.mark.always]), True]
-)
+@pytest.mark.slow
+@pytest.mark.always
+@pytest.mark.parametrize("is_late", [False, True])
 def test_a_metropolis_step_keeps_the_law_of_an_ancestor(is_late, monkeypatch):
     """Second-order motion; one step does not repair a start from another frame's ancestor."""
     exact = problem((-1,), transition=1.4, lag=-0.8, initial_scale=1.0, num_frames=4)

@@ -41,10 +41,16 @@ ON_A_TREE = {
 }
 
 
-@pytest.mark.parametrize("method", ON_A_TREE)
+@pytest.mark.parametrize(
+    "method",
+    [pytest.param(m, marks=pytest.mark.slow if m == "sir" else ()) for m in ON_A_TREE],
+)
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(n, marks=() if n == "optimal" else pytest.mark.slow) for n in PROPOSALS],
+    [
+        pytest.param(n, marks=pytest.mark.always if n == "optimal" else pytest.mark.slow)
+        for n in PROPOSALS
+    ],
 )
 def test_filter_on_a_part_tree_with_a_missing_frame_is_unbiased(name, method):
     exact = problem(TREE, num_frames=4, missing=(1,))

@@ -86,7 +86,8 @@ def unevenly_seen() -> Problem:
 TIMED = {"camera": behind_a_camera, "uneven": unevenly_seen}
 
 
-@pytest.mark.parametrize("case", ["camera", pytest.param("uneven", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [pytest.param("camera", marks=pytest.mark.always), "uneven"])
 def test_motion_that_changes_with_time_is_unbiased(case):
     exact = TIMED[case]()
     assert scores(exact, ordering.ps([1, 0]), **QUICK).worst < LIMIT

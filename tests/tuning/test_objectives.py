@@ -70,6 +70,8 @@ def with_gradient(objective, made, *labels, checkpoint=False):
     return values, gradient.dynamics.scale
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_log_evidence_is_that_of_the_runs_and_is_averaged_before_the_log(summaries):
     found, _ = with_gradient(tuning.log_evidence, tracker())
     np.testing.assert_allclose(found, summaries.log_evidence.sum(1), rtol=1e-5)

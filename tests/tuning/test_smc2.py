@@ -65,8 +65,9 @@ def by_smc2(**settings):
     return jaxpf.tuning.smc2(build, log_prior, draw_prior, KEY, frames, **few | settings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("job", "total"), [pytest.param(by_pmmh, 150, marks=pytest.mark.slow), (by_smc2, 100)]
+    ("job", "total"), [(by_pmmh, 150), pytest.param(by_smc2, 100, marks=pytest.mark.always)]
 )
 def test_an_interrupted_job_goes_on_and_ends_with_the_same_bits(tmp_path, job, total):
     places = []

@@ -12,6 +12,8 @@ from small_video import BOXES, HEIGHT, WIDTH, picture, rows_of, summary_of, true
 from jaxpf.media import open_frames
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_a_stream_is_tracked_as_its_file_is(track, place, whole_run, tmp_path):
     with served(place) as server:
         outcome = track(*BOXES, video=f"{server}/clip.avi")

@@ -47,13 +47,14 @@ def test_two_runs_do_not_write_into_one_folder(track, tmp_path):
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [LOCK]
 
 
+@pytest.mark.slow
 @posix
 @pytest.mark.parametrize(
     ("name", "code", "said"),
     [
-        ("SIGTERM", 143, "Terminated."),
-        pytest.param("SIGHUP", 143, "Terminated.", marks=pytest.mark.slow),
-        pytest.param("SIGINT", 130, "Interrupted.", marks=pytest.mark.slow),
+        pytest.param("SIGTERM", 143, "Terminated.", marks=pytest.mark.always),
+        ("SIGHUP", 143, "Terminated."),
+        ("SIGINT", 130, "Interrupted."),
     ],
 )
 def test_a_request_to_end_leaves_what_was_tracked_and_is_answered_at_once(

@@ -40,7 +40,8 @@ def told(its, frames=FRAMES, **settings):
     return jax.device_get(jaxpf.run(its, KEY, frames, both)[1])
 
 
-@pytest.mark.parametrize("order", [PS, pytest.param(EXCHANGE, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [pytest.param(PS, marks=pytest.mark.always), EXCHANGE])
 def test_the_filter_answers_as_without(order):
     its = tracker(order)
     _, plain = jaxpf.run(its, KEY, FRAMES)

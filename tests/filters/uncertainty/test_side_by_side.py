@@ -79,6 +79,8 @@ def test_the_errors_are_those_of_many_and_the_evidence_is_without_bias():
     assert abs(evidence.mean() - exact) < 4.5 * error
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_the_evidence_is_the_mean_of_the_runs_products(ran):
     both, key, (states, summaries) = SideBySide(one(), RUNS), jax.random.key(3), ran
 

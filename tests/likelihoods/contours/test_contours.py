@@ -339,6 +339,8 @@ def test_a_substate_that_is_not_finite_is_no_likelihood_and_harms_no_other():
     assert np.isfinite(joint[2:]).all()
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_a_wire_has_two_edges():
     frame = np.full((HEIGHT, WIDTH, 3), 200, np.uint8)
     frame[72:88] = 60

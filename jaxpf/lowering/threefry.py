@@ -79,8 +79,12 @@ def _random_bits(key, bit_width, shape):
         return _THREEFRY.random_bits(key, bit_width, shape)
     left, right = _hash(key, shape)
     if bit_width == 32:
-        return lax.optimization_barrier(left ^ right)
-    return (left.astype(jnp.uint64) << jnp.uint64(32)) | right.astype(jnp.uint64)
+        bits = left ^ right
+    else:
+        bits = (left.astype(jnp.uint64) << jnp.uint64(32)) | right.astype(jnp.uint64)
+    # Fused with what uses them, twenty rounds are computed anew for each use, and LLVM's vectoriser
+    # takes minutes for them (jaxlib 0.12, 64 bits).
+    return lax.optimization_barrier(bits)
 
 
 def _split(key, shape):

@@ -11,7 +11,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from correlated import CorrelatedGaussian
-from older_emitters import HAS_OLDER_EMITTERS
 from quick_compiling import QUICKLY
 
 import jaxpf
@@ -189,11 +188,7 @@ def scores_of(recorded, exact: Problem) -> Scores:
 
 
 #: Half the time to compile, and no longer to run many times; the arithmetic is the same.
-#: From jaxlib 0.11 on LLVM's vectoriser does not end if the passes before it are left out.
-COMPILER_OPTIONS = QUICKLY | {
-    "xla_backend_optimization_level": 1,
-    "xla_llvm_disable_expensive_passes": HAS_OLDER_EMITTERS,
-}
+COMPILER_OPTIONS = QUICKLY | {"xla_backend_optimization_level": 1}
 
 
 #: ``jaxpf.monte_carlo``; pass ``record`` and ``batch_size`` by name.

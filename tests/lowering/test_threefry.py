@@ -45,6 +45,13 @@ def test_draws_are_those_of_jax_bit_for_bit(draw, x64):
     np.testing.assert_array_equal(drawn, expected)
 
 
+@pytest.mark.parametrize("x64", [False, True])
+def test_twenty_rounds_fuse_with_nothing_that_uses_them(x64):
+    with jax.enable_x64(x64):
+        drawn = jax.jit(lambda key: jax.random.normal(written_out(key), (8,)))
+        assert "optimization_barrier" in drawn.lower(jax.random.key(0)).as_text()
+
+
 def test_draws_are_the_same_for_a_batch_of_keys():
     keys = jax.random.split(jax.random.key(0), 5)
 

@@ -21,7 +21,7 @@ def tracker(
     *,
     like: str | None = None,
     method: str | None = None,
-    particles: int | None = None,
+    num_particles: int | None = None,
     likelihood: Any = None,
     ordering: Any = None,
     patches: Any = None,
@@ -44,7 +44,7 @@ def tracker(
         like: ``"smith2004"`` or ``"rowe2005"`` for that paper's system as printed; other arguments
             override it.  Options of rowe2005 are those of ``jaxpf.boxes.rowe2005_tracker``.
         method: ``"dps"`` (default), ``"sir"``, ``"ps"``, ``"sps"``, ``"labelled"``, ...
-        particles: number of particles; default 300.
+        num_particles: number of particles; default 300.
         likelihood: a user-defined likelihood of substates (u, v, a), the centre in pixels and the
             size relative to the start; or the name of a method to compute histograms.
         ordering: from ``jaxpf.ordering``, instead of a method.
@@ -62,8 +62,8 @@ def tracker(
     if like == "rowe2005":
         if method is not None or likelihood is not None or ordering is not None:
             raise InputError("like='rowe2005' has a method and likelihood of its own; leave them.")
-        if particles is not None:
-            options["num_particles"] = particles
+        if num_particles is not None:
+            options["num_particles"] = num_particles
         return rowe2005_tracker(frame, _start(boxes).shapes, patches=patches, **options)
     if callable(network := options.get("network")):
         raise InputError(
@@ -72,7 +72,7 @@ def tracker(
         )
     if isinstance(network, os.PathLike):
         options["network"] = os.fspath(network)
-    given = {"like": like, "method": method, "particles": particles, **options}
+    given = {"like": like, "method": method, "num_particles": num_particles, **options}
     own = {"likelihood": likelihood, "ordering": ordering, "patches": patches}
     return building.make(BOXES, frame, _start(boxes), given, **own)
 

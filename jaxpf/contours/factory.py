@@ -17,7 +17,7 @@ def tracker(
     *,
     like: str | None = None,
     method: str | None = None,
-    particles: int | None = None,
+    num_particles: int | None = None,
     likelihood: Any = None,
     ordering: Any = None,
     learned: Learned | None = None,
@@ -31,7 +31,7 @@ def tracker(
         contours: the start contours.
         like: ``"maccormick1999"`` for that paper's system as printed; other arguments override it.
         method: ``"ps"`` (default) or ``"sir"``.
-        particles: number of particles; default 500.
+        num_particles: number of particles; default 500.
         likelihood: a user-defined likelihood of points of the shape space.
         ordering: from ``jaxpf.ordering``, instead of a method.
         learned: shape space and dynamics.
@@ -44,7 +44,7 @@ def tracker(
     check_type("contours", contours, Contours)
     if learned is not None:
         check_type("learned", learned, Learned)
-    given = {"like": like, "method": method, "particles": particles, **options}
+    given = {"like": like, "method": method, "num_particles": num_particles, **options}
     start = contour_start(contours, learned)
     return building.make(CONTOURS, frame, start, given, likelihood=likelihood, ordering=ordering)
 

@@ -58,7 +58,7 @@ class _ContourTarget(Target):
 
     name = "contours"
     options = Options
-    defaults: Mapping[str, Any] = {"method": "ps", "particles": 500}
+    defaults: Mapping[str, Any] = {"method": "ps", "num_particles": 500}
     unsuited = ("sps",)  # exclusion weighs contours together
     example = "--contours wires.json --sigma 3"
     start_flags: Mapping[str, Mapping[str, Any]] = {

@@ -17,7 +17,7 @@ def tracker(
     *,
     like: str | None = None,
     method: str | None = None,
-    particles: int | None = None,
+    num_particles: int | None = None,
     likelihood: Any = None,
     ordering: Any = None,
     patches: Any = None,
@@ -31,7 +31,7 @@ def tracker(
         parts: tree, poses and sizes of the parts of one or several objects.
         like: ``"gonzales2011"`` for that paper's system as printed; other arguments override it.
         method: ``"sps"`` (default), ``"ps"`` or ``"sir"``.
-        particles: number of particles; default 300.
+        num_particles: number of particles; default 300.
         likelihood: a user-defined likelihood of (u, v, scale, theta), or the name of a method to
             compute it.
         ordering: from ``jaxpf.ordering``, instead of a method.
@@ -43,7 +43,7 @@ def tracker(
     Raises:
         InputError: an unknown option or a value out of range; the message names it.
     """
-    given = {"like": like, "method": method, "particles": particles, **options}
+    given = {"like": like, "method": method, "num_particles": num_particles, **options}
     own = {"likelihood": likelihood, "ordering": ordering, "patches": patches}
     return building.make(PARTS, frame, PARTS.start(parts), given, **own)
 

@@ -16,7 +16,7 @@ def tracker(
     *,
     like: str | None = None,
     method: str | None = None,
-    particles: int | None = None,
+    num_particles: int | None = None,
     likelihood: Any = None,
     ordering: Any = None,
     **options: Any,
@@ -29,7 +29,7 @@ def tracker(
         points: x and y in pixels, ``[P, 2]``.
         like: ``"eskil2014"`` for that paper's system as printed; other arguments override it.
         method: ``"sps"`` (default), ``"ps"``, ``"pffl"``, ``"eskil"``, ...
-        particles: number of particles; by default 1000, or 10 for eskil and 50 for pffl.
+        num_particles: number of particles; by default 1000, or 10 for eskil and 50 for pffl.
         likelihood: a user-defined likelihood of substates (u, v).
         ordering: from ``jaxpf.ordering``, instead of a method.
         options: named and explained as the flags of ``jaxpf track``: ``diffusion``, ``momentum``,
@@ -41,7 +41,7 @@ def tracker(
             at the same position, or a single point with eskil's drift; the message says which.
     """
     start = POINTS.start(points)
-    given = {"like": like, "method": method, "particles": particles, **options}
+    given = {"like": like, "method": method, "num_particles": num_particles, **options}
     own = {"likelihood": likelihood, "ordering": ordering}
     return building.make(POINTS, frame, start, given, **own)
 

@@ -89,7 +89,7 @@ class _PointTarget(Target):
     name = "points"
     options = Options
     coordinates = ("x", "y")
-    defaults: Mapping[str, Any] = {"method": "sps", "particles": 1000}
+    defaults: Mapping[str, Any] = {"method": "sps", "num_particles": 1000}
     example = "--point 120,80,nose --point 161,95,shoulder"
     start_flags: Mapping[str, Mapping[str, Any]] = {
         "point": {"multiple": True, "metavar": "X,Y[,NAME]", "help": "A start point; repeat it."},

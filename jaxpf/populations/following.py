@@ -125,7 +125,7 @@ def open_box_tracker(
         num_particles: N, shared by all tracked objects.
         settings: options of boxes and of the labelled filter, such as ``scale`` or ``weights``.
     """
-    settings["particles"] = num_particles
+    settings["num_particles"] = num_particles
     check_names(settings, box_target.BOXES, LABELLED)
     options = chosen(box_target.Options, settings)
     model = open_model(options, frame_shape, capacity, typical_size, num_particles)

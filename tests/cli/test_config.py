@@ -41,7 +41,10 @@ def refusal(tmp_path, monkeypatch):
         ("track = 3", "has no table [track]; add one"),
         ("[track]\nboxx = 3", "sets 'boxx' in [track], which is no option; the options are appear"),
         ("[track]\nconfig = 'a'", "sets 'config' in [track], which is no option"),
-        ("[track]\nparticles = 'many'", "sets 'particles' in [track]: 'many' is not a valid int"),
+        (
+            "[track]\nnum_particles = 'many'",
+            "sets 'num_particles' in [track]: 'many' is not a valid int",
+        ),
         ("[track]\noverlay = 3", "'3' is not a valid boolean"),
         ("[track]\nscale = [4, 2]", "holds 2 number(s); give 3 of them"),
         ("[track]\nbox = [6, 8, 12, 16]", "box '6' has 1 number(s) instead of 4"),

@@ -105,7 +105,7 @@ def test_whole_numbers_of_the_small_commands_have_their_ranges(tmp_path, monkeyp
                 assert outcome.err.count("\n") == 1
                 seen += 1
     assert seen > 20
-    assert "--particles 0 must be a whole number from 1" in jaxpf("demo", "-n", 0).err
+    assert "--num-particles 0 must be a whole number from 1" in jaxpf("demo", "-n", 0).err
     assert not list(tmp_path.iterdir())
 
 

@@ -44,7 +44,7 @@ def wires():
 def tracked(wires):
     scene, start = wires
     tracker = jaxpf.contours.tracker(
-        scene.frames[0], start, sigma=3.0, independence=1.0, particles=150
+        scene.frames[0], start, sigma=3.0, independence=1.0, num_particles=150
     )
     _, summary = jaxpf.run(tracker, jax.random.key(0), jnp.asarray(scene.frames[1:]))
     return tracker, np.asarray(summary.estimate)
@@ -211,6 +211,6 @@ def test_a_closed_contour_ends_where_it_begins():
     options = Options(exclusion="opaque", clutter=1.0)
     likelihood = CONTOURS.likelihood(options, start, Looks(None, None, (9, 9), 9))
     model = CONTOURS.model(options, start, likelihood)
-    tracker = PARTITIONED.tracker(model, FilterOptions(method="ps", particles=9))
+    tracker = PARTITIONED.tracker(model, FilterOptions(method="ps", num_particles=9))
     assert tracker.ordering.keeps_components
     assert tracker.initial_label is not None

@@ -40,7 +40,12 @@ def tracked(seed):
     scene = scenes.make("leaves", seed, leaves=3, travel=200, separation=40, frame_height=300)
     extras = scene.extras
     points = np.array([fit_spline(line, 10, closed=True) for line in extras["outlines"][0]])
-    options = {"edge_threshold": 10.0, "edge_smoothing": 1.5, "sigma": 5.0, "particles": PARTICLES}
+    options = {
+        "edge_threshold": 10.0,
+        "edge_smoothing": 1.5,
+        "sigma": 5.0,
+        "num_particles": PARTICLES,
+    }
     start = Contours((1, 2, 3), points)
     tracker = jaxpf.contours.tracker(
         scene.frames[0], start, exclusion="opaque", shape_space="affine", **options

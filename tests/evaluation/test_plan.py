@@ -33,9 +33,9 @@ def start(count):
 def found(plan, count=3, method="integral", asked=None):
     """The configurations of a plan on boxes, where "auto" stands for one method."""
 
-    def settle(of, options, particles):
+    def settle(of, options, num_particles):
         if options.likelihood == "auto" and asked is not None:
-            asked.append(particles)
+            asked.append(num_particles)
         likelihood = method if options.likelihood == "auto" else options.likelihood
         return dataclasses.replace(options, likelihood=likelihood)
 
@@ -53,7 +53,7 @@ def test_configurations_are_methods_times_orderings_times_grid():
         SCENE,
         orders=("shifts",),
         swaps=("combinatorial", "sorted"),
-        grid={"sharpness": (20, 30), "particles": (100, 200)},
+        grid={"sharpness": (20, 30), "num_particles": (100, 200)},
     )
     configurations = found(plan)
     orderings = [f"{c.method} {c.ordering}" for c in configurations[:7]]
@@ -66,11 +66,11 @@ def test_configurations_are_methods_times_orderings_times_grid():
     defaults = options_of(BOXES.options, PARTITIONED.options)
     parameters = configurations[0].parameters
     assert set(parameters) == defaults.keys() - {"method", "order", "swap"}
-    chosen = {"sharpness": 20.0, "particles": 100, "likelihood": "integral"}
+    chosen = {"sharpness": 20.0, "num_particles": 100, "likelihood": "integral"}
     chosen["appearance"] = "colour"  # which a sharpness says
     assert parameters == {name: defaults[name].default for name in parameters} | chosen
     # What compiles anew varies slowest.
-    assert [c.parameters["particles"] for c in configurations] == [100] * 14 + [200] * 14
+    assert [c.parameters["num_particles"] for c in configurations] == [100] * 14 + [200] * 14
 
 
 def test_part_trees_leave_out_dps_and_take_orders_level_by_level():
@@ -166,8 +166,8 @@ def test_orders_and_particles_that_do_not_fit_the_objects_are_refused():
     for order in [(0, 1), (0, 1, 1), (-1, 0, 1), (0, 1, 3), (0, 1, 2, 3)]:
         with pytest.raises(InputError, match=r"order|least 0"):
             found(Plan(SCENE, methods=["ps"], orders=[order]))
-    with pytest.raises(InputError, match="particles = 2 is fewer than the 3 components of dps"):
-        found(Plan(SCENE, grid={"particles": [300, 2]}))
+    with pytest.raises(InputError, match="num_particles = 2 is fewer than the 3 components of dps"):
+        found(Plan(SCENE, grid={"num_particles": [300, 2]}))
 
 
 def test_what_was_asked_survives_json_and_names_the_scene(tmp_path):

@@ -70,7 +70,7 @@ def bars(lag=3, **changes):
 
 
 #: Fields of trackers whose options have another name.
-RENAMED = {"num_particles": "particles", "memory": "velocity_memory"}
+RENAMED = {"memory": "velocity_memory"}
 
 
 def outside_declared(options, fields):

@@ -46,7 +46,7 @@ FRAMES = film()
 @pytest.fixture(scope="module")
 def tracker():
     likelihood = pretrained(FRAMES[0], BOXES, network=edges)
-    return jaxpf.boxes.tracker(FRAMES[0], BOXES, likelihood=likelihood, particles=200)
+    return jaxpf.boxes.tracker(FRAMES[0], BOXES, likelihood=likelihood, num_particles=200)
 
 
 @pytest.fixture(scope="module")

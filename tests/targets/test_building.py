@@ -60,7 +60,7 @@ STARTS = {
 GIVEN = {
     "boxes": ({"gain": 3.0, "momentum": 0.1}, ["--gain=3", "--momentum=0.1"]),
     "points": ({"method": "pffl", "diffusion": 4.0}, ["--method=pffl", "--diffusion=4"]),
-    "parts": ({"particles": 50, "bands": 2}, ["--particles=50", "--parts=2"]),
+    "parts": ({"num_particles": 50, "bands": 2}, ["--num-particles=50", "--parts=2"]),
     "contours": ({"method": "sir", "clutter": 2.0}, ["--method=sir", "--clutter=2"]),
 }
 
@@ -86,11 +86,11 @@ def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatc
 @pytest.mark.parametrize(
     ("start", "options", "sentence"),
     [
-        (BOXES, {"particels": 9}, "did you mean particles"),
+        (BOXES, {"num_particels": 9}, "did you mean num_particles"),
         (BOXES, {"diffusion": 9}, "no option 'diffusion' of boxes"),
         (BOXES, {"patches": "a"}, "patches.0. "),
         (BOXES, {"patches": 3}, "patches=3 must be a list"),
-        (BOXES, {"particles": 0}, "particles = 0 must be"),
+        (BOXES, {"num_particles": 0}, "num_particles = 0 must be"),
         (BOXES, {"method": "best"}, "method 'best' is unknown"),
         (BOXES, {"gain": 2, "appearance": "colour"}, "works only with"),
         (

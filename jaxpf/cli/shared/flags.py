@@ -122,7 +122,7 @@ class Command(PlainCommand):
                 explained.setdefault(title, []).append(record)
         for title, records in explained.items():
             with formatter.section(title):
-                formatter.write_dl(records, col_max=26)
+                formatter.write_dl(records, col_max=28)
         if left_out:
             rows: list[tuple[str, str]] = []
             for title, names in left_out.items():

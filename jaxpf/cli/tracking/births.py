@@ -89,7 +89,7 @@ def defaults_of(births: Births | None) -> tuple[dict, Mapping[str, Any]]:
     if births is None:
         return {}, {}
     guided = births.watched and births.rules.detection_scale > 0
-    particles = {"particles": PARTICLES_EACH * births.rules.capacity}
+    particles = {"num_particles": PARTICLES_EACH * births.rules.capacity}
     return particles, _GUIDED if guided else {}
 
 

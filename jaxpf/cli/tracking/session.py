@@ -134,9 +134,11 @@ class Session:
         if request.births is not None:
             capacity = request.births.rules.capacity
             size = request.births.typical_size
-            model = open_model(request.model, frame.shape[:2], capacity, size, options.particles)
+            model = open_model(
+                request.model, frame.shape[:2], capacity, size, options.num_particles
+            )
             return request.filter.tracker(model, options)
-        looks = looks_of_frame(frame, options.particles)
+        looks = looks_of_frame(frame, options.num_particles)
         tracker = build(request.target, request.model, request.filter, options, start, looks)
         if request.run.runs is not None:
             return SideBySide(tracker, request.run.runs)

@@ -35,7 +35,7 @@ class Options:
         choices=SWAPS,
         implies=("method", "sps"),
     )
-    particles: int = option(
+    num_particles: int = option(
         300,
         "Number of particles.",
         least=1,

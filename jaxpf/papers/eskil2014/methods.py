@@ -31,20 +31,20 @@ _OPTIONS: Mapping[str, dict[str, Any]] = {
     "without shape": {"shape": "none"},
     "signed drift": {"drift": "signed"},
     "ridge drift": {"drift": "ridge"},
-    PFFL: {"method": "pffl", "particles": PFFL_PARTICLES},
+    PFFL: {"method": "pffl", "num_particles": PFFL_PARTICLES},
     "PFFL as printed": {
         "method": "pffl",
-        "particles": PFFL_PARTICLES,
+        "num_particles": PFFL_PARTICLES,
         "form": "literal",
         "norm": "sum",
         "sigma": SIGMA,
     },
     # The paper's sketch moves particles by drift and diffusion but defines no drift.
-    WITH_DRIFT: {"method": "pffl", "particles": PFFL_PARTICLES},
+    WITH_DRIFT: {"method": "pffl", "num_particles": PFFL_PARTICLES},
     # The same number of likelihood evaluations per point as PFFL.
-    "SIR": {"method": "sir", "particles": 2 * PFFL_PARTICLES},
-    "PS": {"method": "ps", "particles": 2 * PFFL_PARTICLES},
-    "SPS": {"method": "sps", "particles": 2 * PFFL_PARTICLES},
+    "SIR": {"method": "sir", "num_particles": 2 * PFFL_PARTICLES},
+    "PS": {"method": "ps", "num_particles": 2 * PFFL_PARTICLES},
+    "SPS": {"method": "sps", "num_particles": 2 * PFFL_PARTICLES},
 }
 FILTERS = tuple(_OPTIONS)
 #: Scenes of each kind on which SPOT runs, which takes a quarter of a second per frame.

@@ -100,7 +100,7 @@ ONCE = "1,-1,1,1,9,9,1\n"
         ("1,7,1,1,9,9\n", "--start 2", "starts object 7 in frame 0, and tracking starts"),
         ("2,1,1,1,9,9\n", BOX, "starts object 1, which has a start box already"),
         ("2,7,1,1,9,9\n", f"{BOX} {BOX} --capacity 1", "object 2 is one more than the capacity"),
-        (ONCE, "-n 15", "--particles 15 is fewer than the 16"),
+        (ONCE, "-n 15", "--num-particles 15 is fewer than the 16"),
         (ONCE, "--method dps", "use --method labelled"),
         (ONCE, "--weights plain", "equal share, which"),
         (

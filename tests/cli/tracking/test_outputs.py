@@ -141,7 +141,7 @@ def test_overlay_and_progress_are_of_every_frame(whole_run):
 def test_the_summary_holds_parameters_versions_seed_and_timing(whole_run):
     summary = summary_of(whole_run[1])
     assert summary["parameters"]["seed"] == 0
-    assert summary["parameters"]["particles"] == 60
+    assert summary["parameters"]["num_particles"] == 60
     assert summary["frames_tracked"] == LENGTH - 1
     assert (summary["interrupted"], summary["error"]) == (False, None)
     for name in ("frames_outside", "frames_without_likelihood"):

@@ -34,7 +34,7 @@ NINE = ",".join("1" * 9)
         ("{both} --method eskil --form literal", "--form works only with --method pffl"),
         ("{both} --order 2,1", "method 'dps' has none; use method 'ps'"),
         ("{both} --method ps --order 0,0", "--order 0,0 counts from 1"),
-        ("{both} -n 1", "--particles 1 is fewer than the 2 components of dps"),
+        ("{both} -n 1", "--num-particles 1 is fewer than the 2 components of dps"),
         ("{both} --parts 17", "the box of object 1 is 12 pixels wide and 16 high"),
         ("{both} --scale 1,2", "holds 2 number(s); give 3 of them"),
         (f"{{both}} --relative-scale {NINE}", "is for 3 objects, and there are 2"),

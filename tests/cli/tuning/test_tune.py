@@ -14,7 +14,7 @@ from small_sequence_folder import SMALL, write_sequence
 WRITTEN = {"tuned.toml", "tuning.png", "run.toml", "checkpoint.npz"}
 #: Every successful call has these shapes, so that the filter is compiled once.
 QUICK = shlex.split(
-    "--particles 20 --runs 2 --method sir --gradient none --repeats 1 --window 2 --scale 1,1,0.001"
+    "-n 20 --runs 2 --method sir --gradient none --repeats 1 --window 2 --scale 1,1,0.001"
 )
 SCENE = ("tune", "distracter", *SMALL, *QUICK, "--train-scenes", "1")
 
@@ -164,7 +164,7 @@ def test_parts_are_tuned_on_their_outlines(tmp_path):
     """A target without boxes: its own options are written."""
     options = shlex.split(
         "--set num_frames=6 --set num_parts=3 --method sir --likelihood patch --objective overlap "
-        "--parameters dynamics.scale --particles 20 --runs 2 --repeats 1 --window 2 --steps 2 "
+        "--parameters dynamics.scale --num-particles 20 --runs 2 --repeats 1 --window 2 --steps 2 "
         "--train-scenes 1"
     )
     outcome = jaxpf("tune", "articulated", *options, "-o", tmp_path / "out")

@@ -36,7 +36,7 @@ def tracker(
         ordering: from ``jaxpf.ordering``, instead of a method.
         learned: shape space and dynamics.
         options: named and explained as the flags of ``jaxpf track``: ``shape_space``,
-            ``exclusion``, ``clutter``, ``look_ahead``, ...
+            ``exclusion``, ``clutter``, ``joint_weighting``, ...
 
     Raises:
         InputError: an unknown option or a value out of range; the message names it.

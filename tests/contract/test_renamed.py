@@ -8,7 +8,10 @@ from jaxpf import InputError
 from jaxpf._resembling import renamed
 
 #: Options: kind of target, old name, new name.
-OPTIONS = [("boxes", "particles", "num_particles")]
+OPTIONS = [
+    ("boxes", "particles", "num_particles"),
+    ("contours", "look_ahead", "joint_weighting"),
+]
 POINTS = [[120.5, 80.0], [200.0, 90.0]]
 
 

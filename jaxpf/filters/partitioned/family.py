@@ -41,7 +41,7 @@ class _PartitionedFilter(Filter):
             resampling=options.resampling,
             ess_threshold=options.ess_threshold,
             relocation=relocation_of(model.likelihood, options.relocate),
-            look_ahead=options.look_ahead,
+            joint_weighting=options.joint_weighting,
         )
 
     def admits(self, method: str, parents: Sequence[int]) -> bool:

@@ -35,7 +35,7 @@ def tracker(
 
         tracker = jaxpf.boxes.tracker(frames[0], [[120, 80, 40, 90]])
         _, summary = jaxpf.run(tracker, jax.random.key(0), frames[1:])
-        jaxpf.boxes.shapes(tracker, summary.estimate)  # [T, P, 4]: x, y, w, h
+        jaxpf.boxes.to_boxes(tracker, summary.estimate)  # [T, P, 4]: x, y, w, h
 
     Args:
         frame: uint8 RGB ``[H, W, 3]`` that contains the boxes; tracking continues with the next
@@ -77,7 +77,7 @@ def tracker(
     return building.make(BOXES, frame, _start(boxes), given, **own)
 
 
-def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
+def to_boxes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to boxes x, y, w, h in pixels, ``[..., P, 4]``.
 
     Args:

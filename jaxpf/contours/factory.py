@@ -49,7 +49,7 @@ def tracker(
     return building.make(CONTOURS, frame, start, given, likelihood=likelihood, ordering=ordering)
 
 
-def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
+def to_contours(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to polylines ``[..., P, V, 2]``, pixels.
 
     A closed contour's last point equals its first.

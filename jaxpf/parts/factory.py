@@ -48,7 +48,7 @@ def tracker(
     return building.make(PARTS, frame, PARTS.start(parts), given, **own)
 
 
-def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
+def to_parts(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to poses x, y (pixels), theta (radians) ``[..., P, 3]``."""
     check_array("estimate", estimate, "x, y, theta, [..., P, >= 3]")
     return np.asarray(estimate)[..., :3]

@@ -46,7 +46,7 @@ def tracker(
     return building.make(POINTS, frame, start, given, **own)
 
 
-def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
+def to_points(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to points x, y in pixels, ``[..., P, 2]``."""
     check_array("estimate", estimate, "x, y, [..., P, >= 2]")
     return np.asarray(estimate)[..., :2]

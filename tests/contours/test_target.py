@@ -52,7 +52,7 @@ def tracked(wires):
 
 @pytest.mark.slow
 def test_both_wires_are_followed(wires, tracked):
-    found, truth = jaxpf.contours.shapes(*tracked)[-1], wires[0].extras["outlines"][-1]
+    found, truth = jaxpf.contours.to_contours(*tracked)[-1], wires[0].extras["outlines"][-1]
     gaps = np.linalg.norm(found[:, :, None] - truth[:, None], axis=-1).min(axis=-1).mean(axis=-1)
     assert (gaps < 5).all()
 
@@ -118,7 +118,7 @@ def test_tracks_hold_control_points_and_outlines(tmp_path, tracked):
     with ContourTrackWriter(tmp_path / "tracks.csv") as writer:
         for frame, estimate in enumerate((estimates[0], broken)):
             control = np.asarray(space.control_points(estimate))
-            writer.append(frame, names, control, jaxpf.contours.shapes(tracker, estimate))
+            writer.append(frame, names, control, jaxpf.contours.to_contours(tracker, estimate))
     rows = rows_of(tmp_path / "tracks.csv")
     assert len(rows) == 3 * (8 + 65)
     wanted = ("0", "control", "right")

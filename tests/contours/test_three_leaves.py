@@ -52,7 +52,7 @@ def tracked(seed):
     )
     tracker = dataclasses.replace(tracker, dynamics=WithOcclusion(MOTION, tracker.likelihood, FLIP))
     _, summary = jaxpf.run(tracker, jax.random.key(seed), jnp.asarray(scene.frames[1:]))
-    found = jaxpf.contours.shapes(tracker, summary.estimate)[-1]
+    found = jaxpf.contours.to_contours(tracker, summary.estimate)[-1]
     gaps = np.linalg.norm(found[:, :, None] - extras["outlines"][-1][:, None], axis=-1)
     distance = np.maximum(gaps.min(axis=-1).mean(axis=-1), gaps.min(axis=-2).mean(axis=-1))
     nearer = in_front(summary.label_probabilities)

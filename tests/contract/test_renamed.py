@@ -35,3 +35,9 @@ def test_an_argument_is_refused_with_its_new_name():
 def test_only_a_known_name_takes_the_place():
     assert renamed("--particles", ["num_particles", "scale"]) == ["num_particles"]
     assert renamed("particles", ["scale"]) == renamed("scales", ["scale"]) == []
+
+
+@pytest.mark.parametrize("kind", ["boxes", "points", "parts", "contours"])
+def test_a_function_is_refused_with_its_new_name(kind):
+    with pytest.raises(AttributeError, match=f"'shapes'; did you mean 'to_{kind}'"):
+        getattr(jaxpf, kind).shapes  # noqa: B018

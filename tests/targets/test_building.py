@@ -79,7 +79,7 @@ def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatc
     _, typed = built_by_track(name, tmp_path, *flags, *(more if given else []))
     made = module.tracker(FRAME, start, **(options if given else {}))
     assert_same(made, typed)
-    there = module.shapes(made, made.init(jax.random.key(0)).substates[0])
+    there = getattr(module, f"to_{name}")(made, made.init(jax.random.key(0)).substates[0])
     assert np.isfinite(there).all()
 
 
@@ -117,14 +117,14 @@ def test_what_is_no_point_likelihood_or_tracker_is_refused():
     with pytest.raises(InputError, match="with the methods observe"):
         jaxpf.points.tracker(FRAME, [[9, 9]], likelihood=3)
     with pytest.raises(InputError, match="tracker is None; give a tracker"):
-        jaxpf.boxes.shapes(None, BOXES)
+        jaxpf.boxes.to_boxes(None, BOXES)
 
 
 def test_boxes_of_a_tracker_without_sizes_are_refused():
     made = jaxpf.boxes.tracker(
         None, BOXES, likelihood=jaxpf.likelihoods.Gaussian(np.ones((2, 3, 3), np.float32))
     )
-    np.testing.assert_allclose(jaxpf.boxes.shapes(made, made.initial), BOXES)
+    np.testing.assert_allclose(jaxpf.boxes.to_boxes(made, made.initial), BOXES)
     alone = dataclasses.replace(made, dynamics=jaxpf.dynamics.AR2(scale=np.ones(3, np.float32)))
     with pytest.raises(InputError, match="do not know the sizes"):
-        jaxpf.boxes.shapes(alone, made.initial)
+        jaxpf.boxes.to_boxes(alone, made.initial)

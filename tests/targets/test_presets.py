@@ -38,7 +38,7 @@ def test_rowe2005_tracks_boxes_of_any_shape():
     assert isinstance(tracker, jaxpf.Labelled)
     assert (tracker.weights, tracker.feedback) == ("equal_share", "estimate")
     assert (tracker.likelihood.pool, tracker.num_particles) == ("mean", 9)
-    np.testing.assert_allclose(jaxpf.boxes.shapes(tracker, tracker.initial), BOXES)
+    np.testing.assert_allclose(jaxpf.boxes.to_boxes(tracker, tracker.initial), BOXES)
     with pytest.raises(InputError, match="has a method and likelihood of its own"):
         jaxpf.boxes.tracker(FRAME, BOXES, like="rowe2005", method="ps")
     with pytest.raises(InputError, match="no field 'sharpnes'"):

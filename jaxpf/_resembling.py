@@ -5,6 +5,7 @@ from collections.abc import Collection
 
 #: Names before version 0.1.0, and those that took their place, of which the known one is meant.
 RENAMED = {
+    "error_bars": ("mc_error_lag",),
     "shapes": ("to_boxes", "to_points", "to_parts", "to_contours"),
     "particles": ("num_particles",),
     "look_ahead": ("joint_weighting",),

@@ -7,22 +7,28 @@ import jaxpf
 from jaxpf import InputError
 from jaxpf._resembling import renamed
 
-#: Options: kind of target, old name, new name.
+#: Options of models and filters: kind of target, old name, new name.
 OPTIONS = [
     ("boxes", "particles", "num_particles"),
     ("contours", "look_ahead", "joint_weighting"),
 ]
+#: Options of ``jaxpf track`` alone.
+OF_TRACK = [("boxes", "error_bars", "mc_error_lag")]
 POINTS = [[120.5, 80.0], [200.0, 90.0]]
 
 
-@pytest.mark.parametrize(("kind", "old", "new"), OPTIONS)
-def test_an_option_is_refused_everywhere_with_its_new_name(kind, old, new, tmp_path, monkeypatch):
+@pytest.mark.parametrize(("kind", "old", "new"), [*OPTIONS, *OF_TRACK])
+def test_a_flag_and_a_key_are_refused_with_the_new_name(kind, old, new, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     flag, new_flag = (f"--{name.replace('_', '-')}" for name in (old, new))
     assert f"{flag}; did you mean {new_flag}?" in refusal_of("track", kind, "clip.mp4", flag, 1)
     (tmp_path / "run.toml").write_text(f"[track]\n{old} = 1")
     sentence = refusal_of("track", kind, "clip.mp4", "--config", "run.toml")
     assert f"'{old}' in [track], which is no option; did you mean '{new}'?" in sentence
+
+
+@pytest.mark.parametrize(("kind", "old", "new"), OPTIONS)
+def test_an_option_of_an_evaluation_is_refused_with_its_new_name(kind, old, new):
     with pytest.raises(InputError, match=f"{old} is no option of {kind}; did you mean {new}"):
         jaxpf.evaluation.Plan("scene", target=kind, grid={old: [1]})
 
@@ -32,12 +38,12 @@ def test_an_argument_is_refused_with_its_new_name():
         jaxpf.points.tracker(None, POINTS, particles=9)
 
 
-def test_only_a_known_name_takes_the_place():
-    assert renamed("--particles", ["num_particles", "scale"]) == ["num_particles"]
-    assert renamed("particles", ["scale"]) == renamed("scales", ["scale"]) == []
-
-
 @pytest.mark.parametrize("kind", ["boxes", "points", "parts", "contours"])
 def test_a_function_is_refused_with_its_new_name(kind):
     with pytest.raises(AttributeError, match=f"'shapes'; did you mean 'to_{kind}'"):
         getattr(jaxpf, kind).shapes  # noqa: B018
+
+
+def test_only_a_known_name_takes_the_place():
+    assert renamed("--particles", ["num_particles", "scale"]) == ["num_particles"]
+    assert renamed("particles", ["scale"]) == renamed("scales", ["scale"]) == []

@@ -161,7 +161,7 @@ def _tell(
         else:
             _warn(
                 "Note: too few ancestors were left to estimate the Monte Carlo error; ask for "
-                "fewer frames (--error-bars), more particles (-n) or --runs."
+                "fewer frames (--mc-error-lag), more particles (-n) or --runs."
             )
     if session.source.note:
         _warn(f"Note: {session.source.note}")

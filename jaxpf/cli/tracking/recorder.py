@@ -133,7 +133,7 @@ def _expected_frames(source: FrameSource, run: Run) -> int | None:
 
 def _scene(session: Session) -> Scene:
     request, source = session.request, session.source
-    is_own, has_errors = bool(request.run.tracker), bool(request.run.error_bars)
+    is_own, has_errors = bool(request.run.tracker), bool(request.run.mc_error_lag)
     return Scene(
         target=request.target,
         tracker=session.filter,

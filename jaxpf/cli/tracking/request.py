@@ -47,7 +47,7 @@ class Run:
         least=2,
         most=10_000,
     )
-    error_bars: int | None = option(
+    mc_error_lag: int | None = option(
         None,
         "Estimate the Monte Carlo error of one run from ancestors N frames back, such as 2.  "
         "Fields are empty where too few ancestors are left.",
@@ -172,11 +172,11 @@ def request_of(ctx: click.Context, target: Target) -> Request:
     return request
 
 
-_ERRORS, _LEAVE = ("runs", "error_bars"), "leave one of them out."
+_ERRORS, _LEAVE = ("runs", "mc_error_lag"), "leave one of them out."
 #: Options, what they exclude, and why: another option, or what is known once the video is open.
 _EXCLUSIONS = (
     (("births",), "tracker", "works only with the built-in filters; leave it or --tracker out."),
-    (("runs",), "error_bars", "estimates the same as --error-bars; use one of them."),
+    (("runs",), "mc_error_lag", "estimates the same as --mc-error-lag; use one of them."),
     (("smooth", "smooth_lag"), "runs", f"smooths a single run, and --runs makes several; {_LEAVE}"),
     (
         (*_ERRORS, "smooth", "smooth_lag"),

@@ -103,7 +103,7 @@ class Session:
     def filter(self) -> Any:
         """The filter that is repeated side by side; else the tracker."""
         run = self.request.run
-        return self.tracker.tracker if run.runs or run.error_bars else self.tracker
+        return self.tracker.tracker if run.runs or run.mc_error_lag else self.tracker
 
     @property
     def table(self) -> dict[str, Any]:
@@ -142,8 +142,8 @@ class Session:
         tracker = build(request.target, request.model, request.filter, options, start, looks)
         if request.run.runs is not None:
             return SideBySide(tracker, request.run.runs)
-        if request.run.error_bars is not None:
-            return WithErrorBars(tracker, request.run.error_bars)
+        if request.run.mc_error_lag is not None:
+            return WithErrorBars(tracker, request.run.mc_error_lag)
         return tracker
 
 

@@ -197,7 +197,7 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     unset = (
         "sharpness bands likelihood scale swap relative_scale network boxes ids births frames fps"
     )
-    unset += " order ess_threshold tracker runs error_bars smooth_lag resume"
+    unset += " order ess_threshold tracker runs mc_error_lag smooth_lag resume"
     elsewhere = "output overwrite config help_all save_state"
     names = {param.name for param in params} | {"target"}
     assert set(options) == names - of_others - {*unset.split(), *elsewhere.split()}

@@ -5,6 +5,18 @@ from collections.abc import Collection
 
 #: Names before version 0.1.0, and those that took their place, of which the known one is meant.
 RENAMED = {
+    "births": ("detections",),
+    "birth_frames": ("min_hits",),
+    "death_frames": ("max_age",),
+    "birth_overlap": ("detection_iou",),
+    "birth_confidence": ("detection_confidence",),
+    "detect_every": ("detection_interval",),
+    "detection_scale": ("detection_noise",),
+    "populations": ("detections",),
+    "TrackedPopulation": ("TrackedObjects",),
+    "nobody": ("start_empty",),
+    "born": ("add_target",),
+    "ended": ("remove_target",),
     "error_bars": ("mc_error_lag",),
     "shapes": ("to_boxes", "to_points", "to_parts", "to_contours"),
     "particles": ("num_particles",),

@@ -58,7 +58,7 @@ class _BoxTarget(Target):
             "A box in a later frame starts its object there, or puts it right.",
         },
         "ids": {"type": [int], "help": "Objects of --boxes, such as 1,2,5."},
-        "births": {
+        "detections": {
             "type": Path,
             "help": "Objects come and go by detections: a MOT det.txt.  A line "
             "with an id in the place of -1 starts that object there, detected or not.",
@@ -213,7 +213,7 @@ class _BoxTarget(Target):
         elif given["box"]:
             boxes = np.stack([tracks.parse_box(text) for text in given["box"]])
             ids = np.arange(1, len(boxes) + 1)
-        elif given.get("births"):
+        elif given.get("detections"):
             return self.start(np.zeros((0, 4)))
         else:
             raise InputError(

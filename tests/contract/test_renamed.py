@@ -13,7 +13,16 @@ OPTIONS = [
     ("contours", "look_ahead", "joint_weighting"),
 ]
 #: Options of ``jaxpf track`` alone.
-OF_TRACK = [("boxes", "error_bars", "mc_error_lag")]
+OF_TRACK = [
+    ("boxes", "error_bars", "mc_error_lag"),
+    ("boxes", "births", "detections"),
+    ("boxes", "birth_frames", "min_hits"),
+    ("boxes", "death_frames", "max_age"),
+    ("boxes", "birth_overlap", "detection_iou"),
+    ("boxes", "birth_confidence", "detection_confidence"),
+    ("boxes", "detect_every", "detection_interval"),
+    ("boxes", "detection_scale", "detection_noise"),
+]
 POINTS = [[120.5, 80.0], [200.0, 90.0]]
 
 

@@ -8,12 +8,12 @@ from refusals import every, message_of
 
 import jaxpf
 from jaxpf import (
+    detections,
     dynamics,
     filters,
     measures,
     media,
     ordering,
-    populations,
     proposals,
     shapes,
     smoothing,
@@ -217,8 +217,8 @@ def stream(made=None, frames=FRAMES, **given):
     (lambda: shapes.area(np.ones((2, 3))), "boxes has shape [2, 3]; give x, y, w, h"),
     (lambda: measures.mean_interval([1, 2], bounds=3), "bounds=3 must be the smallest"),
     (lambda: measures.crps([1, 2], [1, 2, 3]), "offset [2] and spread [3] do not go"),
-    (lambda: populations.open_box_tracker(3), "frame_shape=3 must be height and width"),
-    (lambda: next(populations.follow(3, KEYS[0], FRAMES)), "tracker is int: give a Labelled"),
+    (lambda: detections.open_box_tracker(3), "frame_shape=3 must be height and width"),
+    (lambda: next(detections.follow(3, KEYS[0], FRAMES)), "tracker is int: give a Labelled"),
 ])  # fmt: skip
 def test_what_is_of_another_kind_is_told_in_one_sentence(call, named):
     assert named in message_of(call)

@@ -27,10 +27,10 @@ from jaxpf.cli.tracking import recorder
 from jaxpf.cli.tracking.command import command
 from jaxpf.contract.lost import LOST_BELOW
 from jaxpf.contract.options import options_of
+from jaxpf.detections import Rules
 from jaxpf.files import states
 from jaxpf.filters import all_filters, filter_of
 from jaxpf.media import open_frames
-from jaxpf.populations import Rules
 
 # What a run writes
 
@@ -195,9 +195,9 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     of_others = every.keys() - options_of(filter_of("dps").options) | options_of(Rules).keys()
     # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
     unset = (
-        "sharpness bands likelihood scale swap relative_scale network boxes ids births frames fps"
+        "sharpness bands likelihood scale swap relative_scale network boxes ids detections frames"
     )
-    unset += " order ess_threshold tracker runs mc_error_lag smooth_lag resume"
+    unset += " fps order ess_threshold tracker runs mc_error_lag smooth_lag resume"
     elsewhere = "output overwrite config help_all save_state"
     names = {param.name for param in params} | {"target"}
     assert set(options) == names - of_others - {*unset.split(), *elsewhere.split()}

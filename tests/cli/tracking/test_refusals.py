@@ -27,7 +27,7 @@ NINE = ",".join("1" * 9)
         ("{both} --start 10", "frame 10 is past the end"),
         ("{both} --target points", "name the kind of target before the video"),
         ("{both} --drift none", "--drift works only for factored, not for partitioned"),
-        ("{both} --capacity 4", "--capacity works only with --births"),
+        ("{both} --capacity 4", "--capacity works only with --detections"),
         ("{both} --exclusion boxes --appearance colour", "--exclusion works only with"),
         ("{both} --exclusion boxes --method sps", "use --swap none"),
         ("{both} --relocate 0.1 --appearance colour", "--appearance discriminative"),

@@ -5,6 +5,8 @@ from collections.abc import Collection
 
 #: Names before version 0.1.0, and those that took their place, of which the known one is meant.
 RENAMED = {
+    "gain": ("sharpness",),
+    "likelihood.gain": ("likelihood.sharpness",),
     "births": ("detections",),
     "birth_frames": ("min_hits",),
     "death_frames": ("max_age",),

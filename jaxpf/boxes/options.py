@@ -13,7 +13,6 @@ from jaxpf.targets.appearance import (
     RELATIVE,
     appearance_option,
     bands_option,
-    gain_option,
     likelihood_option,
     scale_option,
     sharpness_option,
@@ -24,12 +23,14 @@ from jaxpf.targets.appearance import (
 class Options:
     """Options of the box model; see the help of each."""
 
-    sharpness: float = sharpness_option(20.0, "likelihood.sharpness")
+    # None until the target resolves it, by the appearance.
+    sharpness: float = sharpness_option(
+        None, "likelihood.sharpness", "  By default 20 for colour, and 1 for learned appearance."
+    )
     scale: tuple[float, ...] = scale_option(DEFAULT_SCALE, tuned=("[0]", "[1]"))
     bands: int = bands_option(2)
     likelihood: str = likelihood_option("auto", "integral", "sampled")
     appearance: str = appearance_option()
-    gain: float = gain_option(1.0)
     network: str | None = option(
         None,
         "File with the weights of EfficientNet-lite0, .pth or .npz; by default those of "

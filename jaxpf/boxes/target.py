@@ -39,6 +39,10 @@ if TYPE_CHECKING:
     from scenes import Scene
 
 
+#: Appearance -> default sharpness.
+_SHARPNESS = {COLOUR: 20.0, DISCRIMINATIVE: 1.0, PRETRAINED: 1.0}
+
+
 class _BoxTarget(Target):
     """Boxes as a target; shapes are boxes x, y, w, h in pixels."""
 
@@ -74,13 +78,18 @@ class _BoxTarget(Target):
     def resolved(
         self, options: Options, settings: Mapping[str, Any], num_objects: int | None = None
     ) -> Options:
-        """By default discriminative appearance and relative motion."""
+        """By default discriminative appearance with its sharpness, and relative motion."""
         appearance, motion = options.appearance, options.motion
         if appearance == OPEN:
             appearance = settings.get("appearance", DISCRIMINATIVE)
         if motion == OPEN:
             motion = PIXELS if appearance == COLOUR else RELATIVE
-        options = dataclasses.replace(options, appearance=appearance, motion=motion)
+        sharpness = options.sharpness
+        if sharpness is None:
+            sharpness = _SHARPNESS[appearance]
+        options = dataclasses.replace(
+            options, appearance=appearance, motion=motion, sharpness=sharpness
+        )
         if motion != RELATIVE or num_objects is None:
             return options
         steps = relative_steps(options.relative_scale, num_objects)
@@ -143,7 +152,7 @@ class _BoxTarget(Target):
         if options.motion == RELATIVE:
             steps = relative_steps(options.relative_scale, len(start.shapes))
             settings["reach"] = reach_of(steps)
-        settings |= {"gain": options.gain, "names": _names(start)}
+        settings |= {"sharpness": options.sharpness, "names": _names(start)}
         likelihood = discriminative(looks.start_frame, start.shapes, **settings)
         check_contrast(looks.start_frame, start.shapes, _names(start))
         return likelihood if options.exclusion == NONE else excluding(likelihood)
@@ -155,7 +164,7 @@ class _BoxTarget(Target):
         frame, shown = looks.start_frame, _names(start)
         network = efficientnet_lite0(options.network)
         likelihood = pretrained(
-            frame, start.shapes, network=network, gain=options.gain, names=shown
+            frame, start.shapes, network=network, sharpness=options.sharpness, names=shown
         )
         check_contrast(frame, start.shapes, shown)
         return likelihood if options.exclusion == NONE else excluding(likelihood)

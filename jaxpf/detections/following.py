@@ -95,6 +95,7 @@ def open_model(
             Argument("motion"),
             ".",
         )
+    options = box_target.BOXES.resolved(dataclasses.replace(options, appearance=COLOUR), {})
     check_array("frame_shape", frame_shape, "height and width of a frame, [>= 2]", least=1)
     height, width = frame_shape[:2]
     histograms = open_histogram(

@@ -9,6 +9,7 @@ from jaxpf._resembling import renamed
 
 #: Options of models and filters: kind of target, old name, new name.
 OPTIONS = [
+    ("boxes", "gain", "sharpness"),
     ("boxes", "particles", "num_particles"),
     ("contours", "look_ahead", "joint_weighting"),
 ]

@@ -53,7 +53,7 @@ def test_configurations_are_methods_times_orderings_times_grid():
         SCENE,
         orders=("shifts",),
         swaps=("combinatorial", "sorted"),
-        grid={"sharpness": (20, 30), "num_particles": (100, 200)},
+        grid={"sharpness": (20, 30), "bands": (2,), "num_particles": (100, 200)},
     )
     configurations = found(plan)
     orderings = [f"{c.method} {c.ordering}" for c in configurations[:7]]
@@ -67,7 +67,7 @@ def test_configurations_are_methods_times_orderings_times_grid():
     parameters = configurations[0].parameters
     assert set(parameters) == defaults.keys() - {"method", "order", "swap"}
     chosen = {"sharpness": 20.0, "num_particles": 100, "likelihood": "integral"}
-    chosen["appearance"] = "colour"  # which a sharpness says
+    chosen["appearance"] = "colour"  # which bands say
     assert parameters == {name: defaults[name].default for name in parameters} | chosen
     # What compiles anew varies slowest.
     assert [c.parameters["num_particles"] for c in configurations] == [100] * 14 + [200] * 14
@@ -206,14 +206,12 @@ def test_an_option_says_what_it_is_an_option_of():
         return complete(Plan(SCENE, methods=["sir"], grid=given), "boxes").grid
 
     both = ["colour", "discriminative"]
-    told = grid(sharpness=[20, 30], relative_scale=[(0.1, 0.2, 0.01)])
+    told = grid(bands=[1, 2], relative_scale=[(0.1, 0.2, 0.01)])
     assert (told["appearance"], told["motion"]) == (("colour",), ("relative",))
     assert grid(appearance=both)["appearance"] == tuple(both)
+    with pytest.raises(InputError, match="bands works only with appearance='colour', but discr"):
+        grid(appearance=both, bands=[2])
     with pytest.raises(
-        InputError, match="sharpness works only with appearance='colour', but discr"
+        InputError, match="exclusion works only with appearance='discriminative', but col"
     ):
-        grid(appearance=both, sharpness=[20])
-    with pytest.raises(
-        InputError, match="gain works only with appearance='discriminative', but col"
-    ):
-        grid(sharpness=[20], gain=[1.0])
+        grid(bands=[2], exclusion=["boxes"])

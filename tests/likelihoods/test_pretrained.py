@@ -247,7 +247,7 @@ def test_missing_weights_name_their_package(monkeypatch):
 
 
 def test_boxes_take_the_weights_of_the_package():
-    tracker = jaxpf.boxes.tracker(FRAMES[0], BOXES, appearance="pretrained", gain=0.5)
-    assert tracker.likelihood.gain == 0.5
+    tracker = jaxpf.boxes.tracker(FRAMES[0], BOXES, appearance="pretrained", sharpness=0.5)
+    assert tracker.likelihood.sharpness == 0.5
     assert [w.shape for w in tracker.likelihood.weights] == [(1, 4, 4, 40), (1, 3, 3, 112)]
     assert tracker.likelihood.residual[0] < 0.15

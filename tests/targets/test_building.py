@@ -58,7 +58,7 @@ STARTS = {
 }
 #: Options of the factory, and the flags that say the same.
 GIVEN = {
-    "boxes": ({"gain": 3.0, "momentum": 0.1}, ["--gain=3", "--momentum=0.1"]),
+    "boxes": ({"sharpness": 3.0, "momentum": 0.1}, ["--sharpness=3", "--momentum=0.1"]),
     "points": ({"method": "pffl", "diffusion": 4.0}, ["--method=pffl", "--diffusion=4"]),
     "parts": ({"num_particles": 50, "bands": 2}, ["--num-particles=50", "--parts=2"]),
     "contours": ({"method": "sir", "clutter": 2.0}, ["--method=sir", "--clutter=2"]),
@@ -92,7 +92,7 @@ def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatc
         (BOXES, {"patches": 3}, "patches=3 must be a list"),
         (BOXES, {"num_particles": 0}, "num_particles = 0 must be"),
         (BOXES, {"method": "best"}, "method 'best' is unknown"),
-        (BOXES, {"gain": 2, "appearance": "colour"}, "works only with"),
+        (BOXES, {"exclusion": "boxes", "appearance": "colour"}, "works only with"),
         (
             BOXES,
             {"method": "ps", "ordering": jaxpf.ordering.dps(2)},

@@ -358,7 +358,7 @@ def refuse_others(values: Mapping[str, Any], target: Any, filter_: Any) -> None:
 
 
 def report_implied(values: Mapping[str, Any], usual: Any) -> None:
-    """Report options, such as --sharpness, that change other options left at ``auto``.
+    """Report options, such as --bands, that change other options left at ``auto``.
 
     Args:
         values: values of flags.

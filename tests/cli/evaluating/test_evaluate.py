@@ -189,7 +189,7 @@ def test_a_dry_run_shows_the_plan_of_a_grid_and_writes_nothing(place, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-NOTE = "Note: --sharpness sets --appearance colour, which reports no confidence; the default is "
+NOTE = "Note: --bands sets --appearance colour, which reports no confidence; the default is "
 
 
 @pytest.mark.parametrize(
@@ -198,7 +198,7 @@ NOTE = "Note: --sharpness sets --appearance colour, which reports no confidence;
 )
 def test_options_that_change_others_say_so_in_one_line(place, tmp_path, monkeypatch, scene, note):
     monkeypatch.chdir(place)
-    options = ("--sharpness", "5", *COMMON[:6], "--dry-run", "-o", tmp_path / "out")
+    options = ("--bands", "1", *COMMON[:6], "--dry-run", "-o", tmp_path / "out")
     outcome = evaluated(*scene, *options)
     assert "".join(line for line in outcome.err.splitlines(True) if "Note" in line) == note
 

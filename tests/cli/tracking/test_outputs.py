@@ -194,9 +194,7 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     every = options_of(*(one.options for one in all_filters().values()))
     of_others = every.keys() - options_of(filter_of("dps").options) | options_of(Rules).keys()
     # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
-    unset = (
-        "sharpness bands likelihood scale swap relative_scale network boxes ids detections frames"
-    )
+    unset = "bands likelihood scale swap relative_scale network boxes ids detections frames"
     unset += " fps order ess_threshold tracker runs mc_error_lag smooth_lag resume"
     elsewhere = "output overwrite config help_all save_state"
     names = {param.name for param in params} | {"target"}

@@ -71,12 +71,13 @@ def test_a_start_from_which_nothing_can_be_learned_is_refused(
     ("arguments", "note"),
     [
         (
-            ("--likelihood", "sampled", "--sharpness", "5"),
-            "Note: --likelihood and --sharpness set --appearance colour, which reports no "
+            ("--bands", "1", "--likelihood", "sampled"),
+            "Note: --bands and --likelihood set --appearance colour, which reports no "
             "confidence; the default is discriminative.\n",
         ),
         (("--scale", "3,3,.01"), "Note: --scale sets --motion pixels; the default is relative.\n"),
-        (("--sharpness", "5", "--appearance", "colour"), ""),
+        (("--bands", "1", "--appearance", "colour"), ""),
+        (("--sharpness", "5"), ""),
         (("--momentum", ".2"), ""),
     ],
 )

@@ -89,13 +89,15 @@ def test_evaluate_and_track_take_the_values(tuned, tmp_path):
 @pytest.mark.usefixtures("compiled_quickly")
 def test_a_folder_is_tuned_on_its_first_frames(tmp_path):
     folder = write_sequence(tmp_path / "two")
-    options = "--objective overlap --steps 2 --labels 1 --frames 3"
+    options = "--objective overlap --steps 2 --labels 1 --frames 3 --appearance colour"
     parameters = ("--parameters", "likelihood.sharpness=1:100", "-o", tmp_path / "out")
     outcome = jaxpf("tune", folder, *QUICK, *options.split(), *parameters)
     assert outcome.code == 0, outcome.err
     assert f"jaxpf evaluate {folder} --start-frame 3 --config" in outcome.out
     content = written_in(tmp_path / "out")
-    assert set(content["track"]) == {"sharpness"}
+    # A sharpness is that of an appearance, here not of the usual one.
+    assert set(content["track"]) == {"sharpness", "appearance"}
+    assert content["track"]["appearance"] == "colour"
     # A single repeat tells nothing about the error, which is not a zero.
     assert "standard_error" not in content["tuned"]["likelihood.sharpness"]
 

@@ -5,6 +5,12 @@ from collections.abc import Collection
 
 #: Names before version 0.1.0, and those that took their place, of which the known one is meant.
 RENAMED = {
+    "scale": ("noise_pixels",),
+    "relative_scale": ("noise_relative",),
+    "joint_scale": ("noise_joints",),
+    "diffusion": ("noise_points",),
+    "shift_noise": ("noise_shift",),
+    "bend_noise": ("noise_bend",),
     "gain": ("sharpness",),
     "likelihood.gain": ("likelihood.sharpness",),
     "births": ("detections",),

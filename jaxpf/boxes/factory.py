@@ -51,7 +51,7 @@ def tracker(
         patches: P pictures, uint8 RGB ``[h, w, 3]``, from which colours are learned instead of
             from the frame.
         options: named and explained as the flags of ``jaxpf track``: ``appearance``, ``motion``,
-            ``relative_scale``, ``sharpness``, ``scale``, ``resampling``, ...
+            ``noise_relative``, ``sharpness``, ``noise_pixels``, ``resampling``, ...
 
     Returns:
         The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.

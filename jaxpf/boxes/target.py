@@ -92,8 +92,8 @@ class _BoxTarget(Target):
         )
         if motion != RELATIVE or num_objects is None:
             return options
-        steps = relative_steps(options.relative_scale, num_objects)
-        return dataclasses.replace(options, relative_scale=tuple(steps.ravel().tolist()))
+        steps = relative_steps(options.noise_relative, num_objects)
+        return dataclasses.replace(options, noise_relative=tuple(steps.ravel().tolist()))
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
         from jaxpf.likelihoods.histogram import histogram, histogram_from_patches
@@ -120,9 +120,9 @@ class _BoxTarget(Target):
         """Bilinear features, as a ratio to those of random background boxes."""
         from jaxpf.likelihoods.histogram import histogram_from_patches
 
-        if len(options.relative_scale or ()) > 3:
+        if len(options.noise_relative or ()) > 3:
             raise InputError(
-                f"relative_scale {plain(options.relative_scale)} differs between objects, and "
+                f"noise_relative {plain(options.noise_relative)} differs between objects, and "
                 "tuning finds one motion for all; give three numbers."
             )
         if options.appearance == PRETRAINED:
@@ -150,7 +150,7 @@ class _BoxTarget(Target):
         from jaxpf.likelihoods.exclusion import excluding
 
         if options.motion == RELATIVE:
-            steps = relative_steps(options.relative_scale, len(start.shapes))
+            steps = relative_steps(options.noise_relative, len(start.shapes))
             settings["reach"] = reach_of(steps)
         settings |= {"sharpness": options.sharpness, "names": _names(start)}
         likelihood = discriminative(looks.start_frame, start.shapes, **settings)
@@ -172,8 +172,8 @@ class _BoxTarget(Target):
     def model(self, options: Options, start: Start, likelihood: Any) -> Model:
         """Substates are (u, v, a)."""
         if options.motion != RELATIVE:
-            return box_model(likelihood, start.shapes, options.scale)
-        steps = relative_steps(options.relative_scale, len(start.shapes))
+            return box_model(likelihood, start.shapes, options.noise_pixels)
+        steps = relative_steps(options.noise_relative, len(start.shapes))
         return relative_box_model(likelihood, start.shapes, steps, options.momentum)
 
     def settled(self, options: Options, start: Start, looks: Looks) -> Options:

@@ -120,7 +120,7 @@ class _ContourTarget(Target):
         from jaxpf.contours.models import contours_model
 
         assert isinstance(start, ContourStart)
-        noise = options.shift_noise, options.bend_noise
+        noise = options.noise_shift, options.noise_bend
         dynamics = start.learned and start.learned.dynamics_of(start.num_partitions)
         if dynamics is not None and noise != (None, None):
             raise InputError(

@@ -107,7 +107,7 @@ def open_model(
         method=options.likelihood,
         num_particles=num_particles,
     )
-    model = box_model(histograms, np.full((capacity, 4), np.nan), options.scale)
+    model = box_model(histograms, np.full((capacity, 4), np.nan), options.noise_pixels)
     return model._replace(initial=np.full((capacity, 3), np.nan, np.float32))
 
 
@@ -124,7 +124,8 @@ def open_box_tracker(
     Args:
         frame_shape, capacity, typical_size: as in ``open_model``.
         num_particles: N, shared by all tracked objects.
-        settings: options of boxes and of the labelled filter, such as ``scale`` or ``weights``.
+        settings: options of boxes and of the labelled filter, such as ``noise_pixels`` and
+            ``weights``.
     """
     settings["num_particles"] = num_particles
     check_names(settings, box_target.BOXES, LABELLED)

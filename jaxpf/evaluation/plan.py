@@ -45,8 +45,8 @@ class Plan:
             counted from 0.
         swaps: for methods that swap, from ``jaxpf.contract.names.SWAPS``.
         grid: option name -> values; other options have their defaults.  Options come from the
-            target (``jaxpf.targets``) and the methods' filters, such as "sharpness", "scale",
-            "num_particles" and "resampling".
+            target (``jaxpf.targets``) and the methods' filters, such as "sharpness",
+            "noise_pixels", "num_particles" and "resampling".
         target: from ``jaxpf.targets.all_targets()``; None for the target of the scene's truth.
         runs: independent runs per configuration.
         seed: of all runs.  Run r of every configuration has the key ``fold_in(key(seed), r)``.

@@ -38,7 +38,7 @@ def tracker(
         patches: P upright pictures, uint8 RGB ``[h, w, 3]``, from which appearance is learned
             instead of from the frame.
         options: named and explained as the flags of ``jaxpf track``; angles are in
-            degrees: ``sharpness``, ``scale``, ``joint_scale``, ``dynamics``, ...
+            degrees: ``sharpness``, ``noise_pixels``, ``noise_joints``, ``dynamics``, ...
 
     Raises:
         InputError: an unknown option or a value out of range; the message names it.

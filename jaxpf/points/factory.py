@@ -32,9 +32,9 @@ def tracker(
         num_particles: number of particles; by default 1000, or 10 for eskil and 50 for pffl.
         likelihood: a user-defined likelihood of substates (u, v).
         ordering: from ``jaxpf.ordering``, instead of a method.
-        options: named and explained as the flags of ``jaxpf track``: ``diffusion``, ``momentum``,
-            ``sigma``, ``window_size``, ``slip`` (8 pixels, as on joints of filmed animals; give 0
-            for drawn scenes), ...
+        options: named and explained as the flags of ``jaxpf track``: ``noise_points``,
+            ``momentum``, ``sigma``, ``window_size``, ``slip`` (8 pixels, as on joints of filmed
+            animals; give 0 for drawn scenes), ...
 
     Raises:
         InputError: an unknown option or a value out of range, a point outside the frame, two points

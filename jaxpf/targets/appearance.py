@@ -45,7 +45,7 @@ def sharpness_option(default: float | None, path: str, more: str = "") -> Any:
     )
 
 
-def scale_option(default: tuple[float, float, float], **about: Any) -> Any:
+def noise_pixels_option(default: tuple[float, float, float], **about: Any) -> Any:
     """Process noise in pixels; ``about``: see ``jaxpf.contract.options.Option``."""
     return option(
         default,

@@ -33,7 +33,7 @@ def _smith2004(start: Start) -> Preset:
     options = {
         "num_particles": 300,
         "sharpness": 20.0,
-        "scale": (2.0, 2.0, 0.001),
+        "noise_pixels": (2.0, 2.0, 0.001),
         "resampling": "multinomial",
         "appearance": "colour",
     }

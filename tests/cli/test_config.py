@@ -46,7 +46,7 @@ def refusal(tmp_path, monkeypatch):
             "sets 'num_particles' in [track]: 'many' is not a valid int",
         ),
         ("[track]\noverlay = 3", "'3' is not a valid boolean"),
-        ("[track]\nscale = [4, 2]", "holds 2 number(s); give 3 of them"),
+        ("[track]\nnoise_pixels = [4, 2]", "holds 2 number(s); give 3 of them"),
         ("[track]\nbox = [6, 8, 12, 16]", "box '6' has 1 number(s) instead of 4"),
         ("[track]\nbox = [[70, 0, 5, 5]]", "the box of object 1 (70,0,5,5) lies outside"),
         ("[track]\nbox = ['70,0,5,5']", "the box of object 1 (70,0,5,5) lies outside"),

@@ -102,7 +102,7 @@ def test_filmed_contours_slip_and_move_by_shares_of_their_size(wires):
     np.testing.assert_allclose(
         made.dynamics.scale, sizes[:, None] * [0.05, 0.05, 0.006, 0.006], rtol=1e-6
     )
-    asked = jaxpf.contours.tracker(scene.frames[0], start, clutter=0.5, slip=0, shift_noise=2)
+    asked = jaxpf.contours.tracker(scene.frames[0], start, clutter=0.5, slip=0, noise_shift=2)
     np.testing.assert_allclose(asked.likelihood.model_error, 0)
     np.testing.assert_allclose(asked.dynamics.scale[:, :2], 2)
     np.testing.assert_allclose(asked.dynamics.scale[:, 2:], made.dynamics.scale[:, 2:])
@@ -171,7 +171,7 @@ def test_what_particles_believe_to_be_hidden_is_drawn_so():
 def test_what_cannot_be_tracked_is_refused(wires):
     scene, start = wires
     for options, message in (
-        ({"bend_noise": -1.0}, "bend_noise"),
+        ({"noise_bend": -1.0}, "noise_bend"),
         ({"shape_space": "bent"}, "shape_space = 'bent'"),
         ({"exclusion": "opaque"}, "open contours"),
     ):

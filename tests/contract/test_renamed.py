@@ -9,6 +9,12 @@ from jaxpf._resembling import renamed
 
 #: Options of models and filters: kind of target, old name, new name.
 OPTIONS = [
+    ("boxes", "scale", "noise_pixels"),
+    ("boxes", "relative_scale", "noise_relative"),
+    ("parts", "joint_scale", "noise_joints"),
+    ("points", "diffusion", "noise_points"),
+    ("contours", "shift_noise", "noise_shift"),
+    ("contours", "bend_noise", "noise_bend"),
     ("boxes", "gain", "sharpness"),
     ("boxes", "particles", "num_particles"),
     ("contours", "look_ahead", "joint_weighting"),
@@ -55,5 +61,5 @@ def test_a_function_is_refused_with_its_new_name(kind):
 
 
 def test_only_a_known_name_takes_the_place():
-    assert renamed("--particles", ["num_particles", "scale"]) == ["num_particles"]
-    assert renamed("particles", ["scale"]) == renamed("scales", ["scale"]) == []
+    assert renamed("--particles", ["num_particles", "runs"]) == ["num_particles"]
+    assert renamed("particles", ["runs"]) == renamed("run", ["runs"]) == []

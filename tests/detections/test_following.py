@@ -39,7 +39,11 @@ def clip():
 def tracked(clip, capacity=3, detections="all", **settings):
     frames, found = clip
     tracker = open_box_tracker(
-        SHAPE, capacity=capacity, num_particles=240, typical_size=(12, 16), scale=(3, 2, 0.003)
+        SHAPE,
+        capacity=capacity,
+        num_particles=240,
+        typical_size=(12, 16),
+        noise_pixels=(3, 2, 0.003),
     )
     found = found if detections == "all" else detections
     return list(follow(tracker, jax.random.key(0), frames, found, **({"rules": RULES} | settings)))
@@ -137,7 +141,7 @@ def test_detections_and_named_objects_of_a_wrong_form_are_refused(clip, given, m
 def test_who_fits_nothing_is_an_error_in_the_first_frame_and_lost_later(clip):
     """Boxes of less than a pixel have no likelihood: noise of the size makes them so."""
     frames, detections = clip
-    wild = open_box_tracker(SHAPE, capacity=1, num_particles=1, scale=(1, 1, 1000.0))
+    wild = open_box_tracker(SHAPE, capacity=1, num_particles=1, noise_pixels=(1, 1, 1000.0))
     keys = [jax.random.key(seed) for seed in range(8)]
     rules = Rules(min_hits=1, detection_noise=0.0)
     ran = [list(follow(wild, key, frames[:2], detections, rules=rules)) for key in keys]

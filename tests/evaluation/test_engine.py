@@ -65,7 +65,7 @@ def test_a_batch_holds_what_the_tracker_reported(whole):
         start,
         likelihood=histogram_from_patches(scene.patches, method="integral"),
         ordering=jaxpf.ordering.dps(2),
-        scale=(1.0, 1.0, 0.001),
+        noise_pixels=(1.0, 1.0, 0.001),
         num_particles=PARTICLES,
     )
     keys = jax.vmap(lambda run: jax.random.fold_in(jax.random.key(0), run))(np.arange(RUNS, TWICE))

@@ -126,8 +126,14 @@ def test_auto_is_decided_once_and_merges_with_what_it_stands_for():
         ({"grid": {"sharpness": [20, 20.0]}}, "sharpness names 20 twice"),
         ({"grid": {"sharpness": []}}, "sharpness is empty"),
         ({"grid": {"sharpness": [20, 0]}}, "sharpness = 0 must be a finite number above 0"),
-        ({"grid": {"scale": [(1, np.inf, 0)]}}, "scale = 1,inf,0 must be three finite numbers"),
-        ({"grid": {"colour": ["red"]}}, "colour is no option; the options are sharpness, scale,"),
+        (
+            {"grid": {"noise_pixels": [(1, np.inf, 0)]}},
+            "noise_pixels = 1,inf,0 must be three finite numbers",
+        ),
+        (
+            {"grid": {"colour": ["red"]}},
+            "colour is no option; the options are sharpness, noise_pixels",
+        ),
         (
             {"methods": ["sir", "ps"], "grid": {"drift": ["clip"]}},
             "drift is an option of eskil, and not of sir, ps;",
@@ -157,8 +163,8 @@ def test_what_cannot_be_evaluated_is_refused(tmp_path, given, words):
 
 
 def test_an_option_of_another_target_is_refused_once_the_target_is_known():
-    plan = Plan(SCENE, grid={"joint_scale": [(1, 1, 1)]})
-    with pytest.raises(InputError, match="joint_scale is no option of boxes, but of parts; leave"):
+    plan = Plan(SCENE, grid={"noise_joints": [(1, 1, 1)]})
+    with pytest.raises(InputError, match="noise_joints is no option of boxes, but of parts; leave"):
         complete(plan, "boxes")
 
 
@@ -206,7 +212,7 @@ def test_an_option_says_what_it_is_an_option_of():
         return complete(Plan(SCENE, methods=["sir"], grid=given), "boxes").grid
 
     both = ["colour", "discriminative"]
-    told = grid(bands=[1, 2], relative_scale=[(0.1, 0.2, 0.01)])
+    told = grid(bands=[1, 2], noise_relative=[(0.1, 0.2, 0.01)])
     assert (told["appearance"], told["motion"]) == (("colour",), ("relative",))
     assert grid(appearance=both)["appearance"] == tuple(both)
     with pytest.raises(InputError, match="bands works only with appearance='colour', but discr"):

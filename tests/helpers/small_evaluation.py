@@ -37,7 +37,7 @@ COMMON = (
     "shifts",
     "-n",
     PARTICLES,
-    "--scale",
+    "--noise-pixels",
     "1,1,.001",
     "--runs",
     "4",
@@ -55,7 +55,7 @@ def small_plan(scene=small_scene, **given):
     own = {field.name for field in dataclasses.fields(Plan)}
     grid = {
         "num_particles": (PARTICLES,),
-        "scale": ((1.0, 1.0, 0.001),),
+        "noise_pixels": ((1.0, 1.0, 0.001),),
         "likelihood": ("integral",),
     }
     grid |= given.pop("grid", {})

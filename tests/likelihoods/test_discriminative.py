@@ -353,7 +353,7 @@ def only_estimate(state, summary):
 @pytest.mark.slow
 def test_a_seed_gives_the_same_track_whatever_runs_beside_it(learned):
     tracker = jaxpf.boxes.tracker(
-        None, BOXES, likelihood=learned, num_particles=40, scale=(2, 2, 0.01)
+        None, BOXES, likelihood=learned, num_particles=40, noise_pixels=(2, 2, 0.01)
     )
     frames = np.stack([blocks(seed) for seed in range(3)])
     keys = jax.random.split(jax.random.key(0), 5)

@@ -59,7 +59,7 @@ STARTS = {
 #: Options of the factory, and the flags that say the same.
 GIVEN = {
     "boxes": ({"sharpness": 3.0, "momentum": 0.1}, ["--sharpness=3", "--momentum=0.1"]),
-    "points": ({"method": "pffl", "diffusion": 4.0}, ["--method=pffl", "--diffusion=4"]),
+    "points": ({"method": "pffl", "noise_points": 4.0}, ["--method=pffl", "--noise-points=4"]),
     "parts": ({"num_particles": 50, "bands": 2}, ["--num-particles=50", "--parts=2"]),
     "contours": ({"method": "sir", "clutter": 2.0}, ["--method=sir", "--clutter=2"]),
 }
@@ -87,7 +87,7 @@ def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatc
     ("start", "options", "sentence"),
     [
         (BOXES, {"num_particels": 9}, "did you mean num_particles"),
-        (BOXES, {"diffusion": 9}, "no option 'diffusion' of boxes"),
+        (BOXES, {"noise_points": 9}, "no option 'noise_points' of boxes"),
         (BOXES, {"patches": "a"}, "patches.0. "),
         (BOXES, {"patches": 3}, "patches=3 must be a list"),
         (BOXES, {"num_particles": 0}, "num_particles = 0 must be"),

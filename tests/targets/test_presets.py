@@ -28,7 +28,7 @@ def test_another_method_replaces_the_papers():
     ours = jaxpf.boxes.tracker(FRAME, BOXES, like="smith2004", method="ps")
     plain = jaxpf.boxes.tracker(
         FRAME, BOXES, method="ps", appearance="colour", resampling="multinomial",
-        scale=(2, 2, 0.001),
+        noise_pixels=(2, 2, 0.001),
     )  # fmt: skip
     assert_same(ours, plain)
 
@@ -69,7 +69,7 @@ def test_gonzales2011_is_sps_with_the_papers_swap():
 
 def test_eskil2014_is_the_printed_equations():
     points = BOXES[:, :2] + 10
-    tracker = jaxpf.points.tracker(FRAME, points, like="eskil2014", diffusion=4)
+    tracker = jaxpf.points.tracker(FRAME, points, like="eskil2014", noise_points=4)
     assert (tracker.drift, tracker.shape) == ("literal", "pixels")
     assert tracker.shape_scale == pytest.approx(0.01)
     kept = jaxpf.points.tracker(FRAME, points, like="eskil2014", shape="none")

@@ -18,7 +18,7 @@ from jaxpf.targets.target import Start
 #: Default number of particles per place.
 PARTICLES_EACH = 100
 #: Model options with a detector.  It finds the objects; the image only refines their positions.
-_GUIDED: Mapping[str, Any] = {"sharpness": 1.0, "scale": (6.0, 4.0, 0.02)}
+_GUIDED: Mapping[str, Any] = {"sharpness": 1.0, "noise_pixels": (6.0, 4.0, 0.02)}
 
 
 class Detector(NamedTuple):

@@ -69,7 +69,7 @@ def tracker(
     options = {**_MODEL, **_OPTIONS[name]}
     if name == OF_FRAME:
         options["shape_scale"] = 0.01 * frame.shape[1]
-    point_tracker = jaxpf.points.tracker(frame, points, diffusion=scale, **options)
+    point_tracker = jaxpf.points.tracker(frame, points, noise_points=scale, **options)
     if name == WITH_DRIFT:
         dynamics = AR2(np.float32(scale), np.float32(MOMENTUM))
         return dataclasses.replace(point_tracker, dynamics=dynamics)

@@ -86,7 +86,7 @@ def test_run_toml_repeats_the_evaluation(whole, tmp_path, short_report):
     _, output = whole
     options = tomllib.loads((output / "run.toml").read_text())["evaluate"]
     assert (options["scene"], options["methods"]) == ("distracter", "sir,ps")
-    assert options["scale"] == [[1.0, 1.0, 0.001]]
+    assert options["noise_pixels"] == [[1.0, 1.0, 0.001]]
     assert "output" not in options
     evaluated("--config", output / "run.toml", "-o", tmp_path / "again")
     assert_equal_bits(content(Results.open(tmp_path / "again")), content(Results.open(output)))

@@ -194,7 +194,7 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     every = options_of(*(one.options for one in all_filters().values()))
     of_others = every.keys() - options_of(filter_of("dps").options) | options_of(Rules).keys()
     # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
-    unset = "bands likelihood scale swap relative_scale network boxes ids detections frames"
+    unset = "bands likelihood noise_pixels swap noise_relative network boxes ids detections frames"
     unset += " fps order ess_threshold tracker runs mc_error_lag smooth_lag resume"
     elsewhere = "output overwrite config help_all save_state"
     names = {param.name for param in params} | {"target"}
@@ -202,7 +202,7 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
 
 
 def test_every_object_may_have_a_noise_of_its_own(place):
-    noise = ("--relative-scale", ".045,.18,.02,0,0,0")
+    noise = ("--noise-relative", ".045,.18,.02,0,0,0")
     _, tracker = built_by_track("boxes", place / "clip.avi", *BOXES, *noise)
     np.testing.assert_allclose(tracker.dynamics.steps, [[0.045, 0.18, 0.02], [0, 0, 0]])
 

@@ -36,8 +36,8 @@ NINE = ",".join("1" * 9)
         ("{both} --method ps --order 0,0", "--order 0,0 counts from 1"),
         ("{both} -n 1", "--num-particles 1 is fewer than the 2 components of dps"),
         ("{both} --parts 17", "the box of object 1 is 12 pixels wide and 16 high"),
-        ("{both} --scale 1,2", "holds 2 number(s); give 3 of them"),
-        (f"{{both}} --relative-scale {NINE}", "is for 3 objects, and there are 2"),
+        ("{both} --noise-pixels 1,2", "holds 2 number(s); give 3 of them"),
+        (f"{{both}} --noise-relative {NINE}", "is for 3 objects, and there are 2"),
         ("{both} --runs 4 --mc-error-lag 3", "use one of them"),
         ("{both} --runs 10000 -n 1000000", "or fewer runs (--runs)"),
         ("{both} --runs 4 --tracker x.py:f", "SideBySide"),
@@ -75,7 +75,10 @@ def test_a_start_from_which_nothing_can_be_learned_is_refused(
             "Note: --bands and --likelihood set --appearance colour, which reports no "
             "confidence; the default is discriminative.\n",
         ),
-        (("--scale", "3,3,.01"), "Note: --scale sets --motion pixels; the default is relative.\n"),
+        (
+            ("--noise-pixels", "3,3,.01"),
+            "Note: --noise-pixels sets --motion pixels; the default is relative.\n",
+        ),
         (("--bands", "1", "--appearance", "colour"), ""),
         (("--sharpness", "5"), ""),
         (("--momentum", ".2"), ""),

@@ -19,7 +19,7 @@ from jaxpf.contours.options import FLIP, Options
 from jaxpf.contract.errors import InputError, check_tracker
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import check_array
-from jaxpf.shapes.splines import basis, even_places, fit_spline, points_on, resampled
+from jaxpf.shapes.splines import basis, even_places, fit_spline, points_on, resample_polyline
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
@@ -318,7 +318,7 @@ def _polyline(outline: np.ndarray, closed: bool) -> np.ndarray:
     """A shape ``[2 V]`` from an outline ``[S, 2]``; NaN where it is not finite."""
     if not np.isfinite(outline).all():
         return np.full(2 * (PIECES + 1), np.nan)
-    even = resampled(outline, PIECES + (not closed), closed=closed)
+    even = resample_polyline(outline, PIECES + (not closed), closed=closed)
     return np.concatenate([even, even[:1]] if closed else [even]).ravel()
 
 

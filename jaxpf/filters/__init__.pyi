@@ -1,7 +1,7 @@
 from .factored.drift import Motion as Motion, correlations as correlations
 from .labelled.population import (
     add_target as add_target,
-    homes as homes,
+    assign_slots as assign_slots,
     remove_target as remove_target,
 )
 from .labelled.state import LabelledState as LabelledState, LabelledSummary as LabelledSummary

@@ -63,3 +63,22 @@ def test_a_function_is_refused_with_its_new_name(kind):
 def test_only_a_known_name_takes_the_place():
     assert renamed("--particles", ["num_particles", "runs"]) == ["num_particles"]
     assert renamed("particles", ["runs"]) == renamed("run", ["runs"]) == []
+
+
+@pytest.mark.parametrize(
+    ("module", "old", "new"),
+    [
+        (jaxpf, "populations", "detections"),
+        (jaxpf.detections, "TrackedPopulation", "TrackedObjects"),
+        (jaxpf.detections, "nobody", "start_empty"),
+        (jaxpf.filters, "born", "add_target"),
+        (jaxpf.filters, "ended", "remove_target"),
+        (jaxpf.filters, "homes", "assign_slots"),
+        (jaxpf.shapes, "turned", "rotate"),
+        (jaxpf.shapes, "resampled", "resample_polyline"),
+        (jaxpf.shapes, "varied", "augment"),
+    ],
+)
+def test_a_public_name_is_refused_with_its_new_name(module, old, new):
+    with pytest.raises(AttributeError, match=f"{old!r}; did you mean {new!r}"):
+        getattr(module, old)

@@ -154,7 +154,7 @@ def test_an_empty_population_waits_and_its_first_target_gets_everything():
     assert np.abs(summary.estimate[2] - 5).max() < 5
 
 
-def test_births_and_deaths_compile_nothing_anew():
+def test_added_and_removed_targets_compile_nothing_anew():
     traces = []
 
     class Counting(Gaussian):

@@ -205,7 +205,7 @@ def stream(made=None, frames=FRAMES, **given):
     (lambda: dynamics.UniformAround(np.ones((2, 3)), np.ones(2)), "poses [2, 3] and reach [2] do"),
     (lambda: dynamics.UniformJoints(3, np.ones((2, 3)), 1.0), "is int: give a RelativeToParent"),
     (lambda: dynamics.joints_between(np.ones((2, 3)), [[1, 1], [1, -1]], (-1, 0)), "width and"),
-    (lambda: filters.homes([True], -1), "num_particles = -1 must be a whole number"),
+    (lambda: filters.assign_slots([True], -1), "num_particles = -1 must be a whole number"),
     (lambda: proposals.Mixture(3), "proposal is 3, without a method propose"),
     (lambda: media.open_frames(-1), "path = -1 must be a whole number from 0"),
     (lambda: media.open_frames(".", fps="a"), "fps='a' must be a finite number above 0"),

@@ -87,7 +87,7 @@ def first_state(tracker: "Labelled") -> LabelledState:
     initial, num_particles = tracker.initial.T, tracker.num_particles
     alive = jnp.all(jnp.isfinite(initial), axis=0)
     place = jnp.where(alive, initial, 0.0)
-    labels = jnp.sort(homes(alive, num_particles))
+    labels = jnp.sort(assign_slots(alive, num_particles))
     sizes = by_label.counts(labels, tracker.num_targets).astype(place.dtype)
     mass = jnp.where(alive, -jnp.log(jnp.maximum(jnp.sum(alive), 1).astype(place.dtype)), -jnp.inf)
     values = by_label.spread(place, labels)
@@ -119,7 +119,7 @@ def with_newborn(tracker: "Labelled", state: LabelledState) -> LabelledState:
     if tracker.speed is not None:  # given with the place
         given = state.estimate[jnp.array(tracker.speed)]
         velocity = jnp.where(state.newborn, given, velocity)
-    label = homes(state.alive, tracker.num_particles)
+    label = assign_slots(state.alive, tracker.num_particles)
     taken = by_label.spread(state.newborn, label)
     uniform = jnp.full_like(state.log_weights, -np.log(tracker.num_particles))
     return dataclasses.replace(
@@ -132,7 +132,7 @@ def with_newborn(tracker: "Labelled", state: LabelledState) -> LabelledState:
     )
 
 
-def homes(alive: jax.Array, num_particles: int) -> jax.Array:
+def assign_slots(alive: jax.Array, num_particles: int) -> jax.Array:
     """Assign the living labels to the N slots in turn: ``[N]`` int32."""
     check_array("alive", alive, "truth values, [>= 1]")
     check_whole("num_particles", num_particles)

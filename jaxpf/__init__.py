@@ -13,7 +13,7 @@ above; a test holds this.
     ``baselines/`` holds other trackers.
 ``tuning/``
     Parameters found by gradient descent, or drawn from their posterior.
-``populations/``
+``detections/``
     Track management: boxes that come and go by detections.
 ``boxes/``, ``parts/``, ``points/``, ``contours/``
     One folder per kind of target: its factory, target, models, files and drawing.

@@ -1,10 +1,11 @@
 """Public names that are imported when they are first used."""
 
-import difflib
 from collections.abc import Callable
 from typing import Any
 
 import lazy_loader  # type: ignore[import-untyped]
+
+from jaxpf._resembling import resembling
 
 
 def attach(package: str, path: str) -> tuple[Callable[[str], Any], Callable, list[str]]:
@@ -20,7 +21,7 @@ def attach(package: str, path: str) -> tuple[Callable[[str], Any], Callable, lis
         except AttributeError:
             if name in names:
                 raise
-            near = difflib.get_close_matches(name, names, n=1)
+            near = resembling(name, names)
             hint = f"; did you mean {near[0]!r}?" if near else ""
             # A name without its object keeps Python from adding a hint of its own.
             raise AttributeError(

@@ -64,7 +64,7 @@ class Gradient:
     #: Whether weights are equal after a selection, which exchange requires.
     equalises = True
     #: Settings of a tracker with which the strategy does not work.
-    unsuited: tuple[str, ...] = ("relocation", "look_ahead")
+    unsuited: tuple[str, ...] = ("relocation", "joint_weighting")
 
     def selection(self, log_weights: jax.Array, components: Components) -> jax.Array:
         """Return the log-weights ``[N]`` by which to draw ancestors."""

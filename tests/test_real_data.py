@@ -30,7 +30,7 @@ def kept_through_the_occlusions(campus, method):
     """In how many of 20 seeds object 3's box meets the truth in every frame until then."""
     scene, likelihood = campus
     tracker = jaxpf.boxes.tracker(
-        None, scene.boxes[0], likelihood=likelihood, method=method, scale=(4, 2, 0.003)
+        None, scene.boxes[0], likelihood=likelihood, method=method, noise_pixels=(4, 2, 0.003)
     )
     keys = jnp.stack([jax.random.key(seed) for seed in range(20)])
     summary = jaxpf.monte_carlo(tracker, keys, jnp.asarray(scene.frames[1:]), batch_size=20)

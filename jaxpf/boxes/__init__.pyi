@@ -1,4 +1,4 @@
-from .factory import shapes as shapes, tracker as tracker
+from .factory import to_boxes as to_boxes, tracker as tracker
 from .models import (
     DEFAULT_MOMENTUM as DEFAULT_MOMENTUM,
     DEFAULT_SCALE as DEFAULT_SCALE,

@@ -21,7 +21,7 @@ def tracker(
     *,
     like: str | None = None,
     method: str | None = None,
-    particles: int | None = None,
+    num_particles: int | None = None,
     likelihood: Any = None,
     ordering: Any = None,
     patches: Any = None,
@@ -35,7 +35,7 @@ def tracker(
 
         tracker = jaxpf.boxes.tracker(frames[0], [[120, 80, 40, 90]])
         _, summary = jaxpf.run(tracker, jax.random.key(0), frames[1:])
-        jaxpf.boxes.shapes(tracker, summary.estimate)  # [T, P, 4]: x, y, w, h
+        jaxpf.boxes.to_boxes(tracker, summary.estimate)  # [T, P, 4]: x, y, w, h
 
     Args:
         frame: uint8 RGB ``[H, W, 3]`` that contains the boxes; tracking continues with the next
@@ -44,14 +44,14 @@ def tracker(
         like: ``"smith2004"`` or ``"rowe2005"`` for that paper's system as printed; other arguments
             override it.  Options of rowe2005 are those of ``jaxpf.boxes.rowe2005_tracker``.
         method: ``"dps"`` (default), ``"sir"``, ``"ps"``, ``"sps"``, ``"labelled"``, ...
-        particles: number of particles; default 300.
+        num_particles: number of particles; default 300.
         likelihood: a user-defined likelihood of substates (u, v, a), the centre in pixels and the
             size relative to the start; or the name of a method to compute histograms.
         ordering: from ``jaxpf.ordering``, instead of a method.
         patches: P pictures, uint8 RGB ``[h, w, 3]``, from which colours are learned instead of
             from the frame.
         options: named and explained as the flags of ``jaxpf track``: ``appearance``, ``motion``,
-            ``relative_scale``, ``sharpness``, ``scale``, ``resampling``, ...
+            ``noise_relative``, ``sharpness``, ``noise_pixels``, ``resampling``, ...
 
     Returns:
         The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.
@@ -62,8 +62,8 @@ def tracker(
     if like == "rowe2005":
         if method is not None or likelihood is not None or ordering is not None:
             raise InputError("like='rowe2005' has a method and likelihood of its own; leave them.")
-        if particles is not None:
-            options["num_particles"] = particles
+        if num_particles is not None:
+            options["num_particles"] = num_particles
         return rowe2005_tracker(frame, _start(boxes).shapes, patches=patches, **options)
     if callable(network := options.get("network")):
         raise InputError(
@@ -72,12 +72,12 @@ def tracker(
         )
     if isinstance(network, os.PathLike):
         options["network"] = os.fspath(network)
-    given = {"like": like, "method": method, "particles": particles, **options}
+    given = {"like": like, "method": method, "num_particles": num_particles, **options}
     own = {"likelihood": likelihood, "ordering": ordering, "patches": patches}
     return building.make(BOXES, frame, _start(boxes), given, **own)
 
 
-def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
+def to_boxes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to boxes x, y, w, h in pixels, ``[..., P, 4]``.
 
     Args:

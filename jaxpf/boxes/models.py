@@ -73,7 +73,7 @@ def relative_box_model(
 
 
 def relative_steps(values: Sequence[float] | None, count: int) -> np.ndarray:
-    """Convert the option ``relative_scale`` to noise, ``[3]`` for all objects or ``[P, 3]``.
+    """Convert the option ``noise_relative`` to noise, ``[3]`` for all objects or ``[P, 3]``.
 
     Args:
         values: three numbers, or three for every object, one object after the other; None for the
@@ -85,13 +85,13 @@ def relative_steps(values: Sequence[float] | None, count: int) -> np.ndarray:
     """
     if values is None:
         values = LONE_STEPS if count == 1 else DEFAULT_STEPS
-    check_array("relative_scale", values, "three numbers from 0, or three for every object", 0)
+    check_array("noise_relative", values, "three numbers from 0, or three for every object", 0)
     if np.size(values) % 3:
-        raise InputError(f"relative_scale {plain(values)} must be three numbers for each object.")
+        raise InputError(f"noise_relative {plain(values)} must be three numbers for each object.")
     steps = np.reshape(values, (-1, 3))
     if len(steps) not in (1, count):
         raise InputError(
-            f"relative_scale {plain(values)} is for {len(steps)} objects, and there are {count}; "
+            f"noise_relative {plain(values)} is for {len(steps)} objects, and there are {count}; "
             "give three numbers for all, or three for every object."
         )
     return steps if len(steps) > 1 else steps[0]

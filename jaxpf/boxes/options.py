@@ -13,9 +13,8 @@ from jaxpf.targets.appearance import (
     RELATIVE,
     appearance_option,
     bands_option,
-    gain_option,
     likelihood_option,
-    scale_option,
+    noise_pixels_option,
     sharpness_option,
 )
 
@@ -24,12 +23,14 @@ from jaxpf.targets.appearance import (
 class Options:
     """Options of the box model; see the help of each."""
 
-    sharpness: float = sharpness_option(20.0, "likelihood.sharpness")
-    scale: tuple[float, ...] = scale_option(DEFAULT_SCALE, tuned=("[0]", "[1]"))
+    # None until the target resolves it, by the appearance.
+    sharpness: float = sharpness_option(
+        None, "likelihood.sharpness", "  By default 20 for colour, and 1 for learned appearance."
+    )
+    noise_pixels: tuple[float, ...] = noise_pixels_option(DEFAULT_SCALE, tuned=("[0]", "[1]"))
     bands: int = bands_option(2)
     likelihood: str = likelihood_option("auto", "integral", "sampled")
     appearance: str = appearance_option()
-    gain: float = gain_option(1.0)
     network: str | None = option(
         None,
         "File with the weights of EfficientNet-lite0, .pth or .npz; by default those of "
@@ -39,13 +40,14 @@ class Options:
     )
     motion: str = option(
         OPEN,
-        "Unit of the noise: pixels (--scale), relative to the object's size (--relative-scale) or "
-        "auto.  Relative noise is heavy-tailed; auto is relative unless appearance is colour.",
+        "Unit of the noise: pixels (--noise-pixels), relative to the object's size "
+        "(--noise-relative) or auto.  Relative noise is heavy-tailed; auto is relative unless "
+        "appearance is colour.",
         choices=(OPEN, PIXELS, RELATIVE),
         common=True,
         compiles=True,
     )
-    relative_scale: tuple[float, ...] | None = option(
+    noise_relative: tuple[float, ...] | None = option(
         None,
         "Noise per frame: of usual steps and of long ones, as shares of the object's size, and of "
         f"the size's logarithm; by default {plain(DEFAULT_STEPS)}, and {plain(LONE_STEPS)} for a "

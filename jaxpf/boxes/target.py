@@ -39,6 +39,10 @@ if TYPE_CHECKING:
     from scenes import Scene
 
 
+#: Appearance -> default sharpness.
+_SHARPNESS = {COLOUR: 20.0, DISCRIMINATIVE: 1.0, PRETRAINED: 1.0}
+
+
 class _BoxTarget(Target):
     """Boxes as a target; shapes are boxes x, y, w, h in pixels."""
 
@@ -58,7 +62,7 @@ class _BoxTarget(Target):
             "A box in a later frame starts its object there, or puts it right.",
         },
         "ids": {"type": [int], "help": "Objects of --boxes, such as 1,2,5."},
-        "births": {
+        "detections": {
             "type": Path,
             "help": "Objects come and go by detections: a MOT det.txt.  A line "
             "with an id in the place of -1 starts that object there, detected or not.",
@@ -74,17 +78,22 @@ class _BoxTarget(Target):
     def resolved(
         self, options: Options, settings: Mapping[str, Any], num_objects: int | None = None
     ) -> Options:
-        """By default discriminative appearance and relative motion."""
+        """By default discriminative appearance with its sharpness, and relative motion."""
         appearance, motion = options.appearance, options.motion
         if appearance == OPEN:
             appearance = settings.get("appearance", DISCRIMINATIVE)
         if motion == OPEN:
             motion = PIXELS if appearance == COLOUR else RELATIVE
-        options = dataclasses.replace(options, appearance=appearance, motion=motion)
+        sharpness = options.sharpness
+        if sharpness is None:
+            sharpness = _SHARPNESS[appearance]
+        options = dataclasses.replace(
+            options, appearance=appearance, motion=motion, sharpness=sharpness
+        )
         if motion != RELATIVE or num_objects is None:
             return options
-        steps = relative_steps(options.relative_scale, num_objects)
-        return dataclasses.replace(options, relative_scale=tuple(steps.ravel().tolist()))
+        steps = relative_steps(options.noise_relative, num_objects)
+        return dataclasses.replace(options, noise_relative=tuple(steps.ravel().tolist()))
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
         from jaxpf.likelihoods.histogram import histogram, histogram_from_patches
@@ -111,9 +120,9 @@ class _BoxTarget(Target):
         """Bilinear features, as a ratio to those of random background boxes."""
         from jaxpf.likelihoods.histogram import histogram_from_patches
 
-        if len(options.relative_scale or ()) > 3:
+        if len(options.noise_relative or ()) > 3:
             raise InputError(
-                f"relative_scale {plain(options.relative_scale)} differs between objects, and "
+                f"noise_relative {plain(options.noise_relative)} differs between objects, and "
                 "tuning finds one motion for all; give three numbers."
             )
         if options.appearance == PRETRAINED:
@@ -141,9 +150,9 @@ class _BoxTarget(Target):
         from jaxpf.likelihoods.exclusion import excluding
 
         if options.motion == RELATIVE:
-            steps = relative_steps(options.relative_scale, len(start.shapes))
+            steps = relative_steps(options.noise_relative, len(start.shapes))
             settings["reach"] = reach_of(steps)
-        settings |= {"gain": options.gain, "names": _names(start)}
+        settings |= {"sharpness": options.sharpness, "names": _names(start)}
         likelihood = discriminative(looks.start_frame, start.shapes, **settings)
         check_contrast(looks.start_frame, start.shapes, _names(start))
         return likelihood if options.exclusion == NONE else excluding(likelihood)
@@ -155,7 +164,7 @@ class _BoxTarget(Target):
         frame, shown = looks.start_frame, _names(start)
         network = efficientnet_lite0(options.network)
         likelihood = pretrained(
-            frame, start.shapes, network=network, gain=options.gain, names=shown
+            frame, start.shapes, network=network, sharpness=options.sharpness, names=shown
         )
         check_contrast(frame, start.shapes, shown)
         return likelihood if options.exclusion == NONE else excluding(likelihood)
@@ -163,8 +172,8 @@ class _BoxTarget(Target):
     def model(self, options: Options, start: Start, likelihood: Any) -> Model:
         """Substates are (u, v, a)."""
         if options.motion != RELATIVE:
-            return box_model(likelihood, start.shapes, options.scale)
-        steps = relative_steps(options.relative_scale, len(start.shapes))
+            return box_model(likelihood, start.shapes, options.noise_pixels)
+        steps = relative_steps(options.noise_relative, len(start.shapes))
         return relative_box_model(likelihood, start.shapes, steps, options.momentum)
 
     def settled(self, options: Options, start: Start, looks: Looks) -> Options:
@@ -213,7 +222,7 @@ class _BoxTarget(Target):
         elif given["box"]:
             boxes = np.stack([tracks.parse_box(text) for text in given["box"]])
             ids = np.arange(1, len(boxes) + 1)
-        elif given.get("births"):
+        elif given.get("detections"):
             return self.start(np.zeros((0, 4)))
         else:
             raise InputError(

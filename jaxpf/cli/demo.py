@@ -21,7 +21,7 @@ from jaxpf.running.memory import check_memory, needed_by
 #: Method shown in the video.
 _SHOWN = "DPS"
 _COLUMNS = ("", "recovery, object 1", "success, objects 2-7", "precision", "recall", "unique")
-_PARTICLES = {"particles": options_of(Options)["particles"]}
+_PARTICLES = {"num_particles": options_of(Options)["num_particles"]}
 
 
 @click.command("demo", cls=PlainCommand, params=declared_flags(_PARTICLES, "Options"))
@@ -29,7 +29,7 @@ _PARTICLES = {"particles": options_of(Options)["particles"]}
 @plain.whole("--seed", default=100, most=2**20 - 1, help="Seed of the scene and of the runs.")
 @plain.output("Folder for the results.", "jaxpf-demo")
 @plain.overwrite
-def command(runs: int, seed: int, output: Path, overwrite: bool, particles: int | None) -> None:
+def command(runs: int, seed: int, output: Path, overwrite: bool, num_particles: int | None) -> None:
     """Compare SIR, PS, DPS and SPS on a synthetic scene, and write a video.
 
     Seven objects wander over noise.  A distracter that looks like object 1 appears on top of it in
@@ -37,7 +37,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, particles: int 
     does each method find object 1 again?  The video shows a run of DPS, the default of `jaxpf
     track`.  All methods start from the same boxes with the same seeds; intervals are at 95%.
     """
-    count = picked({"particles": particles}, Options).particles
+    count = picked({"num_particles": num_particles}, Options).num_particles
     start_jax()
     import jax
 

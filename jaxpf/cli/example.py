@@ -12,11 +12,11 @@ import scenes
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand, overwrite
 from jaxpf.contours.files import write_contours
+from jaxpf.detections.files import write_detections
 from jaxpf.evaluation.baselines.simulated_detections import simulated_detections
 from jaxpf.files.writing import csv_text, prepare_output_folder, write_text
 from jaxpf.media.video_writer import VideoWriter
 from jaxpf.parts.files import HEADER
-from jaxpf.populations.detections import write_detections
 from jaxpf.targets import all_targets
 
 _SEED = 1
@@ -33,7 +33,7 @@ class _Example(NamedTuple):
 @click.command("example", cls=PlainCommand)
 @click.argument(
     "kind",
-    type=click.Choice(["boxes", "parts", "points", "contours", "births"]),
+    type=click.Choice(["boxes", "parts", "points", "contours", "detections"]),
     metavar="KIND",
 )
 @click.argument("folder", type=GivenPath())
@@ -41,8 +41,8 @@ class _Example(NamedTuple):
 def command(kind: str, folder: Path, overwrite: bool) -> None:
     """Write a short synthetic clip to FOLDER, with start positions and ground truth.
 
-    KIND is boxes or births (people in a street), parts (a puppet), points (a fish in a school) or
-    contours (two wires).  The command prints how to track the clip.
+    KIND is boxes or detections (people in a street), parts (a puppet), points (a fish in a school)
+    or contours (two wires).  The command prints how to track the clip.
     """
     example = _EXAMPLES[kind]
     prepare_output_folder(folder, overwrite)
@@ -65,7 +65,7 @@ def _write_boxes(folder: Path, scene: Any) -> None:
     _table(folder / "truth.csv", "frame,id,x,y,w,h", _box_rows(scene.boxes))
 
 
-def _write_births(folder: Path, scene: Any) -> None:
+def _write_detections_of(folder: Path, scene: Any) -> None:
     detections = simulated_detections(scene.boxes, scene.frames.shape[1:3], seed=_SEED)
     write_detections(folder / "det.txt", detections)
     _table(folder / "truth.csv", "frame,id,x,y,w,h", _box_rows(scene.boxes))
@@ -139,10 +139,10 @@ _EXAMPLES = {
         _write_contours,
         "track contours {0}/clip.mp4 --contours {0}/wires.json --sigma 3",
     ),
-    "births": _Example(
+    "detections": _Example(
         lambda scenes: scenes.street_scene(120, seed=_SEED, come_and_go=True),
-        _write_births,
-        "track {0}/clip.mp4 --births {0}/det.txt --truth {0}/truth.csv",
+        _write_detections_of,
+        "track {0}/clip.mp4 --detections {0}/det.txt --truth {0}/truth.csv",
     ),
 }
 

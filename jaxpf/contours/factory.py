@@ -17,7 +17,7 @@ def tracker(
     *,
     like: str | None = None,
     method: str | None = None,
-    particles: int | None = None,
+    num_particles: int | None = None,
     likelihood: Any = None,
     ordering: Any = None,
     learned: Learned | None = None,
@@ -31,12 +31,12 @@ def tracker(
         contours: the start contours.
         like: ``"maccormick1999"`` for that paper's system as printed; other arguments override it.
         method: ``"ps"`` (default) or ``"sir"``.
-        particles: number of particles; default 500.
+        num_particles: number of particles; default 500.
         likelihood: a user-defined likelihood of points of the shape space.
         ordering: from ``jaxpf.ordering``, instead of a method.
         learned: shape space and dynamics.
         options: named and explained as the flags of ``jaxpf track``: ``shape_space``,
-            ``exclusion``, ``clutter``, ``look_ahead``, ...
+            ``exclusion``, ``clutter``, ``joint_weighting``, ...
 
     Raises:
         InputError: an unknown option or a value out of range; the message names it.
@@ -44,12 +44,12 @@ def tracker(
     check_type("contours", contours, Contours)
     if learned is not None:
         check_type("learned", learned, Learned)
-    given = {"like": like, "method": method, "particles": particles, **options}
+    given = {"like": like, "method": method, "num_particles": num_particles, **options}
     start = contour_start(contours, learned)
     return building.make(CONTOURS, frame, start, given, likelihood=likelihood, ordering=ordering)
 
 
-def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
+def to_contours(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to polylines ``[..., P, V, 2]``, pixels.
 
     A closed contour's last point equals its first.

@@ -7,7 +7,7 @@ import numpy as np
 from jaxpf.contours.data import Annotated, Learned
 from jaxpf.contract.errors import InputError
 from jaxpf.dynamics.learned import fit
-from jaxpf.shapes.learning import learn_shape_space, varied
+from jaxpf.shapes.learning import augment, learn_shape_space
 from jaxpf.shapes.spaces import ShapeSpace, key_frame_space
 from jaxpf.shapes.splines import points_on
 
@@ -35,7 +35,7 @@ def learn_contours(
         order: of the dynamics, 1 or 2; 0 learns none.
         coefficients: see ``jaxpf.dynamics.fit``.
         turns: of centrelines, number of directions for data augmentation by rotation, mirroring
-            and reversal (``jaxpf.shapes.varied``); 0 for no augmentation.
+            and reversal (``jaxpf.shapes.augment``); 0 for no augmentation.
 
     Returns:
         The learned model, and sentences on its fit.
@@ -61,7 +61,7 @@ def learn_contours(
                 f"turns {turns} are of centrelines, and {annotated.kind} were given; leave them "
                 "out."
             )
-        space = key_frame_space(varied(control, turns), dimension, closed=False)
+        space = key_frame_space(augment(control, turns), dimension, closed=False)
     keys = list(annotated.lines)
     tracks = _tracks(space, keys, control)
     report = [_followed(space, control, tracks)]

@@ -25,7 +25,7 @@ class Options:
         common=True,
         compiles=True,
     )
-    shift_noise: float | None = option(
+    noise_shift: float | None = option(
         None,
         "Noise of the shift in x and y per frame, in pixels; by default 0.05 of the contour's "
         "size, or learned (contours only).  The size is the side of a square with the diagonal of "
@@ -33,7 +33,7 @@ class Options:
         kind=float,
         least=0,
     )
-    bend_noise: float | None = option(
+    noise_bend: float | None = option(
         None,
         "Noise of every other coordinate of the shape per frame, in pixels by which points of the "
         "contour move; by default 0.006 of the contour's size, or learned (contours only).",
@@ -117,9 +117,9 @@ class Options:
                 f" is of contours that hide one another, and exclusion is {self.exclusion!r}; "
                 "choose exclusion 'opaque', or leave it out.",
             )
-        if self.bend_noise is not None and self.shape_space == "translation":
+        if self.noise_bend is not None and self.shape_space == "translation":
             raise InputError(
-                Argument("bend_noise", plain(self.bend_noise)),
+                Argument("noise_bend", plain(self.noise_bend)),
                 " is of shapes that change, and 'translation' only shifts them; leave one of them "
                 "out.",
             )

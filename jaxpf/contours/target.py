@@ -19,7 +19,7 @@ from jaxpf.contours.options import FLIP, Options
 from jaxpf.contract.errors import InputError, check_tracker
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import check_array
-from jaxpf.shapes.splines import basis, even_places, fit_spline, points_on, resampled
+from jaxpf.shapes.splines import basis, even_places, fit_spline, points_on, resample_polyline
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class _ContourTarget(Target):
 
     name = "contours"
     options = Options
-    defaults: Mapping[str, Any] = {"method": "ps", "particles": 500}
+    defaults: Mapping[str, Any] = {"method": "ps", "num_particles": 500}
     unsuited = ("sps",)  # exclusion weighs contours together
     example = "--contours wires.json --sigma 3"
     start_flags: Mapping[str, Mapping[str, Any]] = {
@@ -120,7 +120,7 @@ class _ContourTarget(Target):
         from jaxpf.contours.models import contours_model
 
         assert isinstance(start, ContourStart)
-        noise = options.shift_noise, options.bend_noise
+        noise = options.noise_shift, options.noise_bend
         dynamics = start.learned and start.learned.dynamics_of(start.num_partitions)
         if dynamics is not None and noise != (None, None):
             raise InputError(
@@ -318,7 +318,7 @@ def _polyline(outline: np.ndarray, closed: bool) -> np.ndarray:
     """A shape ``[2 V]`` from an outline ``[S, 2]``; NaN where it is not finite."""
     if not np.isfinite(outline).all():
         return np.full(2 * (PIECES + 1), np.nan)
-    even = resampled(outline, PIECES + (not closed), closed=closed)
+    even = resample_polyline(outline, PIECES + (not closed), closed=closed)
     return np.concatenate([even, even[:1]] if closed else [even]).ravel()
 
 

@@ -1,11 +1,12 @@
 """The exception type for errors that the user can fix."""
 
-import difflib
 import importlib
 import os
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, NamedTuple
+
+from jaxpf._resembling import resembling
 
 
 class Argument(NamedTuple):
@@ -93,7 +94,7 @@ def check_fields(owner: str, given: Collection[str], fields: Collection[str]) ->
     """
     for name in given:
         if name not in fields:
-            near = difflib.get_close_matches(name, fields, n=1)
+            near = resembling(name, fields)
             remedy = f"did you mean {near[0]}?" if near else f"there are {', '.join(fields)}."
             raise InputError(f"{owner} has no field {name!r}; {remedy}")
 

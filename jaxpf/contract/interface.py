@@ -238,7 +238,7 @@ class DynamicsWithDensity(Dynamics):
 
 
 class DynamicsWithPrediction(Dynamics):
-    """Dynamics that predict a root's substate, for ``Partitioned(look_ahead=True)``.
+    """Dynamics that predict a root's substate, for ``Partitioned(joint_weighting=True)``.
 
     Define ``predict`` or ``predict_all``; each defaults to the other.
     """

@@ -7,7 +7,6 @@ from jaxpf.contract.numbers import check_number, check_whole
 #: Argument -> bounds, as ``option``, ``check_number`` and ``check_whole`` take them.
 RANGES: dict[str, dict[str, int]] = {
     "sharpness": {"above": 0},
-    "gain": {"above": 0},
     "sigma": {"above": 0},
     "slip": {"least": 0},
     "flip": {"least": 0, "most": 1},

@@ -24,7 +24,7 @@ from jaxpf.contract.numbers import FINITE, check_array, check_together
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.dynamics.gaussian import log_normal
 from jaxpf.lowering.columns import ready_to_mix
-from jaxpf.shapes.rectangles import turned
+from jaxpf.shapes.rectangles import rotate
 
 
 @pytree_dataclass
@@ -187,8 +187,8 @@ def place(joint, parent, parent_anchor, part_anchor):
         part_anchor: ``[2, ...]``, the joint in the part's coordinates.
     """
     theta = parent[2] + joint[2]
-    x, y = turned(parent_anchor + joint[:2], parent[2])
-    back_x, back_y = turned(part_anchor, theta)
+    x, y = rotate(parent_anchor + joint[:2], parent[2])
+    back_x, back_y = rotate(part_anchor, theta)
     return jnp.stack([parent[0] + x - back_x, parent[1] + y - back_y, theta])
 
 
@@ -215,9 +215,9 @@ def substates_at(dynamics: RelativeToParent, poses: ArrayLike, shift: ArrayLike 
             parent_anchor, part_anchor = (anchor[part] for anchor in anchors)
             pose, joint = poses[part] + shift[part], jnp.zeros_like(poses[part])
             if parent >= 0:
-                x, y = turned(part_anchor, poses[part, 2])
+                x, y = rotate(part_anchor, poses[part, 2])
                 apart = poses[part, :2] + jnp.stack([x, y]) - poses[parent, :2]
-                offset = jnp.stack(turned(apart, -poses[parent, 2])) - parent_anchor
+                offset = jnp.stack(rotate(apart, -poses[parent, 2])) - parent_anchor
                 hangs = jnp.append(offset, poses[part, 2] - poses[parent, 2]) + shift[part]
                 placed = place(hangs, substates[parent], parent_anchor, part_anchor)
                 alone = False if dynamics.walks_alone is None else dynamics.walks_alone[part]
@@ -251,9 +251,9 @@ def joints_between(
         if parent < 0:
             continue
         sides = np.array([(-1, 0), (1, 0), (0, -1), (0, 1)]) * sizes[part] / 2
-        places = poses[part, :2] + np.stack(turned(sides.T, poses[part, 2]), axis=-1)
+        places = poses[part, :2] + np.stack(rotate(sides.T, poses[part, 2]), axis=-1)
         apart = places - poses[parent, :2]
         nearest = int(np.argmin(np.sum(apart**2, axis=-1)))
         part_anchor[part] = sides[nearest]
-        parent_anchor[part] = turned(apart[nearest], -poses[parent, 2])
+        parent_anchor[part] = rotate(apart[nearest], -poses[parent, 2])
     return parent_anchor, part_anchor

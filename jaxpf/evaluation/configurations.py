@@ -86,7 +86,7 @@ def configurations(
                 if name not in filter_.varied:
                     own.setdefault(name, option.default)
             model = chosen(target.options, own)
-            numbers = [n for n in (own["particles"], *plan.grid.get("particles", ())) if n]
+            numbers = [n for n in (own["num_particles"], *plan.grid.get("num_particles", ())) if n]
             key = (model, max(numbers, default=1))
             if key not in settled:
                 settled[key] = settle(target, *key)

@@ -8,10 +8,11 @@ recognised quickly.
 import contextlib
 import dataclasses
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from jaxpf import filters
+from jaxpf._resembling import renamed
 from jaxpf.contract.errors import Argument, InputError, check_type
 from jaxpf.contract.names import GIVEN, ORDERS, SWAPS
 from jaxpf.contract.numbers import check_whole
@@ -44,8 +45,8 @@ class Plan:
             counted from 0.
         swaps: for methods that swap, from ``jaxpf.contract.names.SWAPS``.
         grid: option name -> values; other options have their defaults.  Options come from the
-            target (``jaxpf.targets``) and the methods' filters, such as "sharpness", "scale",
-            "particles" and "resampling".
+            target (``jaxpf.targets``) and the methods' filters, such as "sharpness",
+            "noise_pixels", "num_particles" and "resampling".
         target: from ``jaxpf.targets.all_targets()``; None for the target of the scene's truth.
         runs: independent runs per configuration.
         seed: of all runs.  Run r of every configuration has the key ``fold_in(key(seed), r)``.
@@ -154,7 +155,7 @@ class Plan:
             grid[name] = check_distinct(name, [_allowed(having, value) for value in values])
         return grid
 
-    def _unknown(self, name: str, known: Iterable[str]) -> InputError:
+    def _unknown(self, name: str, known: Collection[str]) -> InputError:
         """The error for an option that is unknown or belongs to other targets or methods."""
         having = [kind for kind, of in all_targets().items() if name in options_of(of.options)]
         whose = f" of {self.target}" if self.target else ""
@@ -170,7 +171,9 @@ class Plan:
                     f"{', '.join(self.methods or ())}; leave it out, or name one of them among "
                     "the methods."
                 )
-        return InputError(f"{name} is no option{whose}; the options are {', '.join(known)}.")
+        near = renamed(name, known)
+        remedy = f"did you mean {near[0]}?" if near else f"the options are {', '.join(known)}."
+        return InputError(f"{name} is no option{whose}; {remedy}")
 
 
 def _listed(name: str, values: Any) -> tuple[Any, ...]:

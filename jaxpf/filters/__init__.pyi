@@ -1,5 +1,9 @@
 from .factored.drift import Motion as Motion, correlations as correlations
-from .labelled.population import born as born, ended as ended, homes as homes
+from .labelled.population import (
+    add_target as add_target,
+    assign_slots as assign_slots,
+    remove_target as remove_target,
+)
 from .labelled.state import LabelledState as LabelledState, LabelledSummary as LabelledSummary
 from .registry import all_filters as all_filters, filter_of as filter_of, methods as methods
 from .relocation import Relocation as Relocation, relocation_in as relocation_in

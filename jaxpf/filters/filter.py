@@ -26,7 +26,7 @@ class Filter:
         name: key in the registry of ``jaxpf.filters``.
         methods: names of its methods; the option ``method`` chooses one.
         options: class of its options (``jaxpf.contract.options``), including ``method`` and
-            ``particles``.
+            ``num_particles``.
         varied: options that ``variants`` varies and that are therefore not in an evaluation's grid.
         by_default: whether evaluations include its methods by default.
         opens: whether it supports open populations, see ``Model.is_open``.

@@ -28,7 +28,7 @@ from jaxpf.ordering import sir
 #: Fields of ``Partitioned`` that do not apply to a model with a single state.
 _NO_OPTIONS = {
     *("dynamics", "likelihood", "ordering", "initial", "initial_label", "parents", "num_particles"),
-    *("look_ahead", "relocation", "refused"),
+    *("joint_weighting", "relocation", "refused"),
 }
 
 

@@ -38,7 +38,7 @@ class _Exclusive:
     """Objects of boxes ``sizes`` that exclude each other.
 
     Each object's own log-likelihood is the weighting function of partitioned sampling.  With
-    ``look_ahead``, each object is weighted jointly with the expected states of the others.
+    ``joint_weighting``, each object is weighted jointly with the expected states of the others.
     """
 
     sizes: Any

@@ -1,4 +1,4 @@
-"""Associates boxes by overlap: candidates for births, tracks and objects.
+"""Associates boxes by overlap: candidates for new objects, tracks and objects.
 
 The optimal assignment and the rules for starting and ending tracks follow SORT (Bewley et al.
 2016).

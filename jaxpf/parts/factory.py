@@ -17,7 +17,7 @@ def tracker(
     *,
     like: str | None = None,
     method: str | None = None,
-    particles: int | None = None,
+    num_particles: int | None = None,
     likelihood: Any = None,
     ordering: Any = None,
     patches: Any = None,
@@ -31,24 +31,24 @@ def tracker(
         parts: tree, poses and sizes of the parts of one or several objects.
         like: ``"gonzales2011"`` for that paper's system as printed; other arguments override it.
         method: ``"sps"`` (default), ``"ps"`` or ``"sir"``.
-        particles: number of particles; default 300.
+        num_particles: number of particles; default 300.
         likelihood: a user-defined likelihood of (u, v, scale, theta), or the name of a method to
             compute it.
         ordering: from ``jaxpf.ordering``, instead of a method.
         patches: P upright pictures, uint8 RGB ``[h, w, 3]``, from which appearance is learned
             instead of from the frame.
         options: named and explained as the flags of ``jaxpf track``; angles are in
-            degrees: ``sharpness``, ``scale``, ``joint_scale``, ``dynamics``, ...
+            degrees: ``sharpness``, ``noise_pixels``, ``noise_joints``, ``dynamics``, ...
 
     Raises:
         InputError: an unknown option or a value out of range; the message names it.
     """
-    given = {"like": like, "method": method, "particles": particles, **options}
+    given = {"like": like, "method": method, "num_particles": num_particles, **options}
     own = {"likelihood": likelihood, "ordering": ordering, "patches": patches}
     return building.make(PARTS, frame, PARTS.start(parts), given, **own)
 
 
-def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
+def to_parts(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to poses x, y (pixels), theta (radians) ``[..., P, 3]``."""
     check_array("estimate", estimate, "x, y, theta, [..., P, >= 3]")
     return np.asarray(estimate)[..., :3]

@@ -24,7 +24,7 @@ from jaxpf.parts.files import read_parts
 from jaxpf.targets.appearance import (
     bands_option,
     likelihood_option,
-    scale_option,
+    noise_pixels_option,
     sharpness_option,
     slip_option,
 )
@@ -56,8 +56,10 @@ class Options:
     """Options of the part model; see the help of each."""
 
     sharpness: float = sharpness_option(50.0, "likelihood.likelihood.sharpness")
-    scale: tuple[float, ...] = scale_option((3.0, 3.0, 3.5), factors=tuple(_DEGREES), tuned=("",))
-    joint_scale: tuple[float, ...] = option(
+    noise_pixels: tuple[float, ...] = noise_pixels_option(
+        (3.0, 3.0, 3.5), factors=tuple(_DEGREES), tuned=("",)
+    )
+    noise_joints: tuple[float, ...] = option(
         (0.5, 0.5, 4.5),
         "Noise of a joint per frame: x and y in pixels, and degrees (parts only).",
         least=0,
@@ -147,8 +149,8 @@ class _PartTarget(Target):
             start.sizes,
             start.parents,
             dynamics=options.dynamics,
-            scale=_DEGREES * options.scale,
-            joint_scale=_DEGREES * options.joint_scale,
+            scale=_DEGREES * options.noise_pixels,
+            joint_scale=_DEGREES * options.noise_joints,
         )
 
     def _patch(self, options: Options, start: Start, looks: Looks) -> Any:

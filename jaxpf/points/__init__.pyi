@@ -1,2 +1,2 @@
 from .drawing import draw_points as draw_points
-from .factory import shapes as shapes, tracker as tracker
+from .factory import to_points as to_points, tracker as tracker

@@ -16,7 +16,7 @@ def tracker(
     *,
     like: str | None = None,
     method: str | None = None,
-    particles: int | None = None,
+    num_particles: int | None = None,
     likelihood: Any = None,
     ordering: Any = None,
     **options: Any,
@@ -29,24 +29,24 @@ def tracker(
         points: x and y in pixels, ``[P, 2]``.
         like: ``"eskil2014"`` for that paper's system as printed; other arguments override it.
         method: ``"sps"`` (default), ``"ps"``, ``"pffl"``, ``"eskil"``, ...
-        particles: number of particles; by default 1000, or 10 for eskil and 50 for pffl.
+        num_particles: number of particles; by default 1000, or 10 for eskil and 50 for pffl.
         likelihood: a user-defined likelihood of substates (u, v).
         ordering: from ``jaxpf.ordering``, instead of a method.
-        options: named and explained as the flags of ``jaxpf track``: ``diffusion``, ``momentum``,
-            ``sigma``, ``window_size``, ``slip`` (8 pixels, as on joints of filmed animals; give 0
-            for drawn scenes), ...
+        options: named and explained as the flags of ``jaxpf track``: ``noise_points``,
+            ``momentum``, ``sigma``, ``window_size``, ``slip`` (8 pixels, as on joints of filmed
+            animals; give 0 for drawn scenes), ...
 
     Raises:
         InputError: an unknown option or a value out of range, a point outside the frame, two points
             at the same position, or a single point with eskil's drift; the message says which.
     """
     start = POINTS.start(points)
-    given = {"like": like, "method": method, "particles": particles, **options}
+    given = {"like": like, "method": method, "num_particles": num_particles, **options}
     own = {"likelihood": likelihood, "ordering": ordering}
     return building.make(POINTS, frame, start, given, **own)
 
 
-def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
+def to_points(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to points x, y in pixels, ``[..., P, 2]``."""
     check_array("estimate", estimate, "x, y, [..., P, >= 2]")
     return np.asarray(estimate)[..., :2]

@@ -45,7 +45,7 @@ class Options:
         common=True,
         tuned=("",),
     )
-    diffusion: float = option(
+    noise_points: float = option(
         2.0,
         "Noise per frame in pixels; larger for fast motion or large frames (points only).",
         least=0,
@@ -89,7 +89,7 @@ class _PointTarget(Target):
     name = "points"
     options = Options
     coordinates = ("x", "y")
-    defaults: Mapping[str, Any] = {"method": "sps", "particles": 1000}
+    defaults: Mapping[str, Any] = {"method": "sps", "num_particles": 1000}
     example = "--point 120,80,nose --point 161,95,shoulder"
     start_flags: Mapping[str, Mapping[str, Any]] = {
         "point": {"multiple": True, "metavar": "X,Y[,NAME]", "help": "A start point; repeat it."},
@@ -141,7 +141,7 @@ class _PointTarget(Target):
 
         _check_apart(start)
         return Model(
-            dynamics=AR2(np.float32(options.diffusion), np.float32(options.momentum)),
+            dynamics=AR2(np.float32(options.noise_points), np.float32(options.momentum)),
             likelihood=likelihood,
             initial=start.shapes.astype(np.float32),
             parents=start.parents,

@@ -1,8 +1,8 @@
 from .depth import depth_orders as depth_orders, in_front as in_front
 from .learning import (
+    augment as augment,
     learn_shape_space as learn_shape_space,
     outline_of as outline_of,
-    varied as varied,
 )
 from .rectangles import (
     area as area,
@@ -12,7 +12,7 @@ from .rectangles import (
     cos_sin as cos_sin,
     intersection_area as intersection_area,
     is_proper as is_proper,
-    turned as turned,
+    rotate as rotate,
 )
 from .spaces import (
     ShapeSpace as ShapeSpace,
@@ -28,5 +28,5 @@ from .splines import (
     even_places as even_places,
     fit_spline as fit_spline,
     points_on as points_on,
-    resampled as resampled,
+    resample_polyline as resample_polyline,
 )

@@ -16,7 +16,7 @@ from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.names import ANNOTATIONS
 from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.shapes.spaces import ShapeSpace, key_frame_space
-from jaxpf.shapes.splines import check_order, fit_spline, resampled
+from jaxpf.shapes.splines import check_order, fit_spline, resample_polyline
 
 #: Points per control point when examples are compared.
 _FINENESS = 16
@@ -54,7 +54,7 @@ def learn_shape_space(
     lines = (
         [outline_of(mask, k) for k, mask in enumerate(examples)] if kind == "masks" else examples
     )
-    even = [resampled(line, _FINENESS * num_points, closed=closed) for line in lines]
+    even = [resample_polyline(line, _FINENESS * num_points, closed=closed) for line in lines]
     if closed and even and not ordered:
         even[0] = _clockwise(even[0])
     if not ordered:
@@ -64,7 +64,7 @@ def learn_shape_space(
     return key_frame_space(control, dimension, closed=closed), control
 
 
-def varied(examples: ArrayLike, turns: int) -> np.ndarray:
+def augment(examples: ArrayLike, turns: int) -> np.ndarray:
     """Augment open contours: as given and reversed, each also mirrored, all in several rotations.
 
     For bodies that bend to either side in any orientation, if there are few examples.

@@ -68,11 +68,11 @@ def corners_from_poses(poses: ArrayLike, sizes: ArrayLike) -> Array:
 def _corners(poses: Array, sizes: Array) -> Array:
     signs = jnp.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], sizes.dtype)
     offsets = jnp.moveaxis(signs * sizes[:, None] / 2, -1, 0)
-    return poses[..., None, :2] + jnp.stack(turned(offsets, poses[..., None, 2]), axis=-1)
+    return poses[..., None, :2] + jnp.stack(rotate(offsets, poses[..., None, 2]), axis=-1)
 
 
-def turned(vector: ArrayLike, angle: ArrayLike) -> tuple[Array, Array]:
-    """Components x and y of vectors ``[2, ...]`` rotated clockwise by angles ``[...]``."""
+def rotate(vector: ArrayLike, angle: ArrayLike) -> tuple[Array, Array]:
+    """Rotate vectors ``[2, ...]`` clockwise by angles ``[...]``; return their x and y."""
     x, y = jnp.asarray(vector)
     cosine, sine = cos_sin(angle)
     return cosine * x - sine * y, sine * x + cosine * y

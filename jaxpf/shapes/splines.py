@@ -82,13 +82,13 @@ def fit_spline(points: ArrayLike, num_points: int, *, closed: bool) -> np.ndarra
         InputError: there are fewer than four control points, or the polyline is invalid.
     """
     check_order(num_points)
-    even = resampled(points, 8 * num_points, closed=closed)
+    even = resample_polyline(points, 8 * num_points, closed=closed)
     matrix = basis(even_places(len(even), closed=closed), num_points, closed=closed)
     return np.linalg.lstsq(matrix, even, rcond=None)[0]
 
 
-def resampled(points: ArrayLike, count: int, *, closed: bool) -> np.ndarray:
-    """``count`` points ``[count, 2]`` at equal distances along a polyline ``[S, 2]``.
+def resample_polyline(points: ArrayLike, count: int, *, closed: bool) -> np.ndarray:
+    """Place ``count`` points ``[count, 2]`` at equal distances along a polyline ``[S, 2]``.
 
     Raises:
         InputError: points are not finite, or all coincide.

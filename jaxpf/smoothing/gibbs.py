@@ -155,7 +155,7 @@ def check_conditional(tracker: Any) -> Any:
         ("ess_threshold", None),
         ("tempering", None),
         ("initial_label", None),
-        ("look_ahead", False),
+        ("joint_weighting", False),
     ):
         if getattr(tracker, name) is not without:
             raise InputError(f"a conditional sweep is not proved with {name}; leave it out.")

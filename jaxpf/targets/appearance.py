@@ -33,34 +33,19 @@ def appearance_option() -> Any:
     )
 
 
-def gain_option(default: float) -> Any:
-    """Gain of the discriminative score."""
+def sharpness_option(default: float | None, path: str, more: str = "") -> Any:
+    """Sharpness of the appearance likelihood; ``more`` ends its help."""
     return option(
         default,
-        "Sharpness of the learned likelihood: larger trusts its score more, and gives narrower "
-        "intervals (discriminative and pretrained appearance only).",
-        **RANGES["gain"],
-        path="likelihood.gain",
-        tuned=("",),
-        implies=("appearance", DISCRIMINATIVE),
-        also_with=(PRETRAINED,),
-    )
-
-
-def sharpness_option(default: float, path: str) -> Any:
-    """Sharpness of the colour likelihood."""
-    return option(
-        default,
-        "Sharpness S of the likelihood exp(-S d^2) of the colour distance d: larger trusts colours "
-        "more, and gives narrower intervals.",
+        "Sharpness S of the likelihood, such as exp(-S d^2) of the colour distance d: larger "
+        f"trusts appearance more, and gives narrower intervals.{more}",
         **RANGES["sharpness"],
         path=path,
         tuned=("",),
-        implies=_OF_COLOUR,
     )
 
 
-def scale_option(default: tuple[float, float, float], **about: Any) -> Any:
+def noise_pixels_option(default: tuple[float, float, float], **about: Any) -> Any:
     """Process noise in pixels; ``about``: see ``jaxpf.contract.options.Option``."""
     return option(
         default,

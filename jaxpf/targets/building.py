@@ -5,13 +5,13 @@ factories such as ``jaxpf.boxes.tracker`` build their trackers here.
 """
 
 import dataclasses
-import difflib
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jaxpf import filters
+from jaxpf._resembling import resembling
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array
 from jaxpf.contract.options import implied, options_of
@@ -44,7 +44,7 @@ def check_names(given: Iterable[str], target: Target, filter_: Filter, *others: 
     names = [*options_of(target.options, filter_.options), *others]
     for name in given:
         if name not in names:
-            near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+            near = resembling(name, names, most=3, cutoff=0.5)
             remedy = (
                 f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(names)}."
             )
@@ -98,19 +98,19 @@ def build(
     return filter_.tracker(target.model(model, start, likelihood), options)
 
 
-def looks_of_frame(frame: Any, particles: int | None, patches: Any = None) -> Looks:
+def looks_of_frame(frame: Any, num_particles: int | None, patches: Any = None) -> Looks:
     """Learn the likelihood from the start frame, or from patches.
 
     Args:
         frame: uint8 RGB ``[H, W, 3]``.
-        particles: number of particles; None if the filter sets its own.
+        num_particles: number of particles; None if the filter sets its own.
         patches: see ``make``.
     """
     return Looks(
         frame=frame if patches is None else None,
         patches=patches,
         frame_shape=frame.shape[:2],
-        num_particles=particles or _PARTICLES,
+        num_particles=num_particles or _PARTICLES,
         typical=frame[None],
         surroundings=frame,
     )
@@ -190,7 +190,7 @@ def make(
         check_pictures("patches", patches)
     if likelihood is None:
         frame = _checked(frame)
-        looks = looks_of_frame(frame, options.particles, patches)
+        looks = looks_of_frame(frame, options.num_particles, patches)
         tracker = build(target, model, filter_, options, start, looks)
     else:
         tracker = filter_.tracker(target.model(model, start, likelihood), options)

@@ -31,9 +31,9 @@ def preset(like: Any, target: str, start: Start) -> Preset:
 def _smith2004(start: Start) -> Preset:
     """DPS, section 4, with the paper's reassembly; likelihood exp(-lambda d^2) of histograms."""
     options = {
-        "particles": 300,
+        "num_particles": 300,
         "sharpness": 20.0,
-        "scale": (2.0, 2.0, 0.001),
+        "noise_pixels": (2.0, 2.0, 0.001),
         "resampling": "multinomial",
         "appearance": "colour",
     }
@@ -69,7 +69,7 @@ def _maccormick1999(start: Any) -> Preset:
     """Wires: Condensation with eq. 2; closed contours: partitioned sampling with eq. 5."""
     shared = {"independence": 1.0, "sigma": 7.0}
     if start.contours.closed:
-        closed = {"method": "ps", "particles": 750, "exclusion": "opaque-literal", "flip": 0.01}
+        closed = {"method": "ps", "num_particles": 750, "exclusion": "opaque-literal", "flip": 0.01}
         return shared | closed, None
     return shared | {"method": "sir", "exclusion": "wires-literal"}, None
 

@@ -98,7 +98,6 @@ class Parameter:
 DEFAULT_BOUNDS = {
     "sharpness": (0.0, math.inf),
     "sigma": (0.0, math.inf),
-    "gain": (0.0, math.inf),
     "scale": (0.0, math.inf),
     "steps": (0.0, math.inf),
     "joint_scale": (0.0, math.inf),

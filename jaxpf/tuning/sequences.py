@@ -84,7 +84,7 @@ def training_sequence(
     """
     of = recipe.of
     start = of.scene_start(scene)
-    looks = building.looks_of_scene(scene, int(recipe.values["particles"]))
+    looks = building.looks_of_scene(scene, int(recipe.values["num_particles"]))
     background = scene.frames[_spread(len(scene.frames), _BACKGROUND_FRAMES)]
     tracker = dataclasses.replace(
         recipe.tracker(start, looks, background), gradient=named(recipe.gradient)

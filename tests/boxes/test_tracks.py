@@ -124,7 +124,7 @@ def test_unusable_boxes_are_refused(box, expected):
         (write_mot, ("a.txt", 1, 1, [1, 2, 3, 4]), "frames=1 must be the frame of every row"),
         (write_mot, ("a.txt", [1, 2], [1], np.ones((2, 4))), "ids has shape [1]; give the id"),
         (box_model, (None, [1, 2, 3]), "boxes has shape [3]; give x, y, w, h in pixels"),
-        (relative_steps, ([1, 2], 1), "relative_scale 1,2 must be three numbers for each object"),
+        (relative_steps, ([1, 2], 1), "noise_relative 1,2 must be three numbers for each object"),
     ],
 )
 def test_what_is_no_array_or_table_is_refused(call, arguments, expected):

@@ -163,8 +163,8 @@ def test_three_opaque_contours_are_tracked_and_drawn(tmp_path):
         ({}, "--flip 0.1", "--flip 0.1 is of contours that hide one another"),
         (
             {},
-            "--shape-space translation --bend-noise 1",
-            "--bend-noise 1 is of shapes that change",
+            "--shape-space translation --noise-bend 1",
+            "--noise-bend 1 is of shapes that change",
         ),
         ({}, "--method sps", "--swap combinatorial needs a likelihood of single objects"),
         ({}, "--method labelled", "log_joint"),

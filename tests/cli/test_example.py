@@ -13,7 +13,7 @@ from jaxpf.media import open_frames
 from jaxpf.parts.files import read_parts
 from jaxpf.points.files import read_points
 
-KINDS = {"boxes": 90, "parts": 60, "points": 60, "contours": 60, "births": 120}
+KINDS = {"boxes": 90, "parts": 60, "points": 60, "contours": 60, "detections": 120}
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_starts_are_the_truth_of_the_first_frame(examples):
         np.testing.assert_allclose(places, [first[name] for name in names], atol=1e-3)
     assert read_contours(folders["contours"] / "wires.json").points.shape[0] == 2
     # People come and go.
-    boxes = dense(read_boxes(folders["births"] / "truth.csv"), [1, 2, 3, 4, 5], 120)
+    boxes = dense(read_boxes(folders["detections"] / "truth.csv"), [1, 2, 3, 4, 5], 120)
     there = np.isfinite(boxes[..., 0])
     assert not there[0].any()
     assert there.any(axis=0).all()

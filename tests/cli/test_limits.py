@@ -80,7 +80,7 @@ def test_a_users_function_that_fails_is_told_by_file_and_line(tmp_path, body, ar
     "arguments",
     [
         ("track", "clip.mp4", "-o", ""),
-        ("track", "clip.mp4", "--births", ""),
+        ("track", "clip.mp4", "--detections", ""),
         ("track", "clip.mp4", "--tracker", ""),
         ("example", "boxes", ""),
         ("export", "", "mot", "a.txt"),

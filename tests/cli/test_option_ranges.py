@@ -10,7 +10,7 @@ from jaxpf.cli.evaluating.request import Work
 from jaxpf.cli.tracking.request import OF_BOXES, Run
 from jaxpf.cli.tuning.command import Options as Tuning
 from jaxpf.contract.options import Option, options_of, plain
-from jaxpf.populations import Rules
+from jaxpf.detections import Rules
 from jaxpf.targets import all_targets
 
 
@@ -53,7 +53,7 @@ def every_refusal(tmp_path):
             if option.name not in family.varied:
                 yield ("evaluate", "nowhere", "--methods", method), option
     for option in options_of(Rules).values():
-        yield ("track", "nowhere.mp4", "--births", "det.txt"), option
+        yield ("track", "nowhere.mp4", "--detections", "det.txt"), option
     for option in options_of(Work).values():
         yield ("evaluate", "nowhere"), option
     for option in options_of(Tuning).values():
@@ -105,7 +105,7 @@ def test_whole_numbers_of_the_small_commands_have_their_ranges(tmp_path, monkeyp
                 assert outcome.err.count("\n") == 1
                 seen += 1
     assert seen > 20
-    assert "--particles 0 must be a whole number from 1" in jaxpf("demo", "-n", 0).err
+    assert "--num-particles 0 must be a whole number from 1" in jaxpf("demo", "-n", 0).err
     assert not list(tmp_path.iterdir())
 
 

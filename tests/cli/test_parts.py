@@ -147,7 +147,7 @@ def test_the_summary_and_the_configuration_name_the_parts(whole_run, parts_file)
     assert summary["frames_outside"] == {name: [] for name in NAMES}
     options = tomllib.loads((output / "run.toml").read_text())["track"]
     assert options["method"] == "sps"
-    assert options["scale"] == [3, 3, 3.5]
+    assert options["noise_pixels"] == [3, 3, 3.5]
     assert options["parts_file"] == str(parts_file.resolve())
 
 
@@ -185,7 +185,7 @@ def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_pat
         ("--truth gt.csv", "--truth works only for boxes"),
         ("--method ps --order 2,1,3,4,5", "puts part 2 before its parent 1"),
         ("--likelihood patch --bands 2", "--bands 2 works only with histograms"),
-        ("--dynamics absolute --joint-scale 1,1,2", "--joint-scale works only with"),
+        ("--dynamics absolute --noise-joints 1,1,2", "--noise-joints works only with"),
     ],
 )
 def test_options_that_do_not_go_together_are_one_sentence(track, tmp_path, options, words):

@@ -129,7 +129,7 @@ def test_help_shows_the_number_of_particles_and_names_the_effect_first(command, 
     assert f"Number of particles. [default: {default}]" in shown
     every = jaxpf(*command.split(), "--help-all").out
     scope_first = (
-        r"  (Of (points|parts|contours|centrelines|relative|discrim)|For sps|With --births:)"
+        r"  (Of (points|parts|contours|centrelines|relative|discrim)|For sps|With --detections:)"
     )
     assert not re.search(scope_first, every)
     assert not re.search(r"TEXT +(none|systematic|clip|mean), ", every)  # the choices stand last

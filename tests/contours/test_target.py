@@ -44,7 +44,7 @@ def wires():
 def tracked(wires):
     scene, start = wires
     tracker = jaxpf.contours.tracker(
-        scene.frames[0], start, sigma=3.0, independence=1.0, particles=150
+        scene.frames[0], start, sigma=3.0, independence=1.0, num_particles=150
     )
     _, summary = jaxpf.run(tracker, jax.random.key(0), jnp.asarray(scene.frames[1:]))
     return tracker, np.asarray(summary.estimate)
@@ -52,7 +52,7 @@ def tracked(wires):
 
 @pytest.mark.slow
 def test_both_wires_are_followed(wires, tracked):
-    found, truth = jaxpf.contours.shapes(*tracked)[-1], wires[0].extras["outlines"][-1]
+    found, truth = jaxpf.contours.to_contours(*tracked)[-1], wires[0].extras["outlines"][-1]
     gaps = np.linalg.norm(found[:, :, None] - truth[:, None], axis=-1).min(axis=-1).mean(axis=-1)
     assert (gaps < 5).all()
 
@@ -102,7 +102,7 @@ def test_filmed_contours_slip_and_move_by_shares_of_their_size(wires):
     np.testing.assert_allclose(
         made.dynamics.scale, sizes[:, None] * [0.05, 0.05, 0.006, 0.006], rtol=1e-6
     )
-    asked = jaxpf.contours.tracker(scene.frames[0], start, clutter=0.5, slip=0, shift_noise=2)
+    asked = jaxpf.contours.tracker(scene.frames[0], start, clutter=0.5, slip=0, noise_shift=2)
     np.testing.assert_allclose(asked.likelihood.model_error, 0)
     np.testing.assert_allclose(asked.dynamics.scale[:, :2], 2)
     np.testing.assert_allclose(asked.dynamics.scale[:, 2:], made.dynamics.scale[:, 2:])
@@ -118,7 +118,7 @@ def test_tracks_hold_control_points_and_outlines(tmp_path, tracked):
     with ContourTrackWriter(tmp_path / "tracks.csv") as writer:
         for frame, estimate in enumerate((estimates[0], broken)):
             control = np.asarray(space.control_points(estimate))
-            writer.append(frame, names, control, jaxpf.contours.shapes(tracker, estimate))
+            writer.append(frame, names, control, jaxpf.contours.to_contours(tracker, estimate))
     rows = rows_of(tmp_path / "tracks.csv")
     assert len(rows) == 3 * (8 + 65)
     wanted = ("0", "control", "right")
@@ -171,7 +171,7 @@ def test_what_particles_believe_to_be_hidden_is_drawn_so():
 def test_what_cannot_be_tracked_is_refused(wires):
     scene, start = wires
     for options, message in (
-        ({"bend_noise": -1.0}, "bend_noise"),
+        ({"noise_bend": -1.0}, "noise_bend"),
         ({"shape_space": "bent"}, "shape_space = 'bent'"),
         ({"exclusion": "opaque"}, "open contours"),
     ):
@@ -211,6 +211,6 @@ def test_a_closed_contour_ends_where_it_begins():
     options = Options(exclusion="opaque", clutter=1.0)
     likelihood = CONTOURS.likelihood(options, start, Looks(None, None, (9, 9), 9))
     model = CONTOURS.model(options, start, likelihood)
-    tracker = PARTITIONED.tracker(model, FilterOptions(method="ps", particles=9))
+    tracker = PARTITIONED.tracker(model, FilterOptions(method="ps", num_particles=9))
     assert tracker.ordering.keeps_components
     assert tracker.initial_label is not None

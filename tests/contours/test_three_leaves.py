@@ -40,14 +40,19 @@ def tracked(seed):
     scene = scenes.make("leaves", seed, leaves=3, travel=200, separation=40, frame_height=300)
     extras = scene.extras
     points = np.array([fit_spline(line, 10, closed=True) for line in extras["outlines"][0]])
-    options = {"edge_threshold": 10.0, "edge_smoothing": 1.5, "sigma": 5.0, "particles": PARTICLES}
+    options = {
+        "edge_threshold": 10.0,
+        "edge_smoothing": 1.5,
+        "sigma": 5.0,
+        "num_particles": PARTICLES,
+    }
     start = Contours((1, 2, 3), points)
     tracker = jaxpf.contours.tracker(
         scene.frames[0], start, exclusion="opaque", shape_space="affine", **options
     )
     tracker = dataclasses.replace(tracker, dynamics=WithOcclusion(MOTION, tracker.likelihood, FLIP))
     _, summary = jaxpf.run(tracker, jax.random.key(seed), jnp.asarray(scene.frames[1:]))
-    found = jaxpf.contours.shapes(tracker, summary.estimate)[-1]
+    found = jaxpf.contours.to_contours(tracker, summary.estimate)[-1]
     gaps = np.linalg.norm(found[:, :, None] - extras["outlines"][-1][:, None], axis=-1)
     distance = np.maximum(gaps.min(axis=-1).mean(axis=-1), gaps.min(axis=-2).mean(axis=-1))
     nearer = in_front(summary.label_probabilities)

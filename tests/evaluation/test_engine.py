@@ -65,8 +65,8 @@ def test_a_batch_holds_what_the_tracker_reported(whole):
         start,
         likelihood=histogram_from_patches(scene.patches, method="integral"),
         ordering=jaxpf.ordering.dps(2),
-        scale=(1.0, 1.0, 0.001),
-        particles=PARTICLES,
+        noise_pixels=(1.0, 1.0, 0.001),
+        num_particles=PARTICLES,
     )
     keys = jax.vmap(lambda run: jax.random.fold_in(jax.random.key(0), run))(np.arange(RUNS, TWICE))
     frames = jax.numpy.asarray(scene.frames[1:])
@@ -216,7 +216,7 @@ from jaxpf.cli.shared.startup import use_compile_cache
 use_compile_cache()
 from jaxpf.evaluation import (Limits, evaluate)
 from small_evaluation import small_plan
-evaluate(small_plan(runs={runs}, methods=["sir"], particles=[4]), {str(tmp_path / str(runs))!r},
+evaluate(small_plan(runs={runs}, methods=["sir"], num_particles=[4]), {str(tmp_path / str(runs))!r},
          limits=Limits(runs_per_batch=2000))
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """

@@ -27,7 +27,7 @@ def evaluated(tmp_path):
     rng = np.random.default_rng(4)
     configurations = [
         (
-            Configuration(method, order, {**PARAMETERS, "particles": number}),
+            Configuration(method, order, {**PARAMETERS, "num_particles": number}),
             [batch(truth + rng.normal(size=boxes.shape) * (0.2 + 40 / number))],
         )
         for method, order, number, _ in TIMED

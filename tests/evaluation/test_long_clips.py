@@ -82,7 +82,7 @@ from jaxpf.sequences import Frames, sequence as sequences
 
 def evaluated(name, num_frames):
     load = functools.partial(load_scene, source=sys.argv[1], num_frames=num_frames)
-    plan = Plan(load, methods=["sir"], runs=1, grid={"particles": (20,)})
+    plan = Plan(load, methods=["sir"], runs=1, grid={"num_particles": (20,)})
     return evaluate(plan, pathlib.Path(sys.argv[1]) / name, limits=Limits(memory=64 * 2**20))
 
 evaluated("short", 37)

@@ -12,7 +12,7 @@ from jaxpf.evaluation.output.overall import FILES, write_overall
 from jaxpf.evaluation.output.tables import stored_tables
 
 SHARES = (0.0, 1.0)
-HEADER = ["scene", "method", "ordering", "gain", "object", "measure", "runs", "value"]
+HEADER = ["scene", "method", "ordering", "sharpness", "object", "measure", "runs", "value"]
 
 
 def write(folder, name, rows, curve=lambda threshold: 1 - threshold):
@@ -46,17 +46,20 @@ def test_orders_of_a_method_are_averaged_and_differences_are_paired(tmp_path):
     write(tmp_path, "one", [row("SIR", "", 0.5), of_one_object, *ps])
     write(tmp_path, "two", [row("SIR", "", 0.4), row("PS", "a", 0.6)])
     write(tmp_path, "three", [row("SIR", "", 0.9)])
-    means, differences = overall(tmp_path, ["one", "two", "three"], ["gain"])
+    means, differences = overall(tmp_path, ["one", "two", "three"], ["sharpness"])
     assert means.columns[:2] == ["method", "sequences"]
-    assert [row[:2] for row in means.texts()] == [["SIR, gain 2.0", "3"], ["PS, gain 2.0", "2"]]
+    assert [row[:2] for row in means.texts()] == [
+        ["SIR, sharpness 2.0", "3"],
+        ["PS, sharpness 2.0", "2"],
+    ]
     assert means.texts()[0][2].startswith("60 [")
     assert means.texts()[1][2].startswith("60")  # .6 of both sequences
     (found,) = (row for row in rows_of(tmp_path / "overall.csv") if row["what"] == "difference")
     # Only sequences that both have count: .6 - .5 and .6 - .4.
-    assert (found["method"], found["sequences"]) == ("PS, gain 2.0", "2")
+    assert (found["method"], found["sequences"]) == ("PS, sharpness 2.0", "2")
     assert float(found["value"]) == pytest.approx(0.15)
     assert found["lower"] == found["upper"] == ""  # two decide nothing
-    assert differences.title == "differences from SIR, gain 2.0, paired by sequence"
+    assert differences.title == "differences from SIR, sharpness 2.0, paired by sequence"
     assert {path.name for path in tmp_path.iterdir() if path.is_file()} == set(FILES)
     text = (tmp_path / "overall.md").read_text()
     assert "Sequences are the units" in text
@@ -66,12 +69,12 @@ def test_orders_of_a_method_are_averaged_and_differences_are_paired(tmp_path):
     assert len(rows_of(tmp_path / "sequences.csv")) == 5
 
 
-@pytest.mark.parametrize("varied", [[], ["gain"]])
+@pytest.mark.parametrize("varied", [[], ["sharpness"]])
 def test_only_options_that_vary_stand_in_names(tmp_path, varied):
     for name in ("one", "two"):
         write(tmp_path, name, [["SIR", "", "2.0", "all", "overlap", 9, 0.5]])
     (means,) = overall(tmp_path, ["one", "two"], varied)
-    assert means.texts()[0][0] == ("SIR, gain 2.0" if varied else "SIR")
+    assert means.texts()[0][0] == ("SIR, sharpness 2.0" if varied else "SIR")
 
 
 def test_curves_are_means_over_sequences_with_their_intervals(tmp_path, monkeypatch):

@@ -33,9 +33,9 @@ def start(count):
 def found(plan, count=3, method="integral", asked=None):
     """The configurations of a plan on boxes, where "auto" stands for one method."""
 
-    def settle(of, options, particles):
+    def settle(of, options, num_particles):
         if options.likelihood == "auto" and asked is not None:
-            asked.append(particles)
+            asked.append(num_particles)
         likelihood = method if options.likelihood == "auto" else options.likelihood
         return dataclasses.replace(options, likelihood=likelihood)
 
@@ -53,7 +53,7 @@ def test_configurations_are_methods_times_orderings_times_grid():
         SCENE,
         orders=("shifts",),
         swaps=("combinatorial", "sorted"),
-        grid={"sharpness": (20, 30), "particles": (100, 200)},
+        grid={"sharpness": (20, 30), "bands": (2,), "num_particles": (100, 200)},
     )
     configurations = found(plan)
     orderings = [f"{c.method} {c.ordering}" for c in configurations[:7]]
@@ -66,11 +66,11 @@ def test_configurations_are_methods_times_orderings_times_grid():
     defaults = options_of(BOXES.options, PARTITIONED.options)
     parameters = configurations[0].parameters
     assert set(parameters) == defaults.keys() - {"method", "order", "swap"}
-    chosen = {"sharpness": 20.0, "particles": 100, "likelihood": "integral"}
-    chosen["appearance"] = "colour"  # which a sharpness says
+    chosen = {"sharpness": 20.0, "num_particles": 100, "likelihood": "integral"}
+    chosen["appearance"] = "colour"  # which bands say
     assert parameters == {name: defaults[name].default for name in parameters} | chosen
     # What compiles anew varies slowest.
-    assert [c.parameters["particles"] for c in configurations] == [100] * 14 + [200] * 14
+    assert [c.parameters["num_particles"] for c in configurations] == [100] * 14 + [200] * 14
 
 
 def test_part_trees_leave_out_dps_and_take_orders_level_by_level():
@@ -126,8 +126,14 @@ def test_auto_is_decided_once_and_merges_with_what_it_stands_for():
         ({"grid": {"sharpness": [20, 20.0]}}, "sharpness names 20 twice"),
         ({"grid": {"sharpness": []}}, "sharpness is empty"),
         ({"grid": {"sharpness": [20, 0]}}, "sharpness = 0 must be a finite number above 0"),
-        ({"grid": {"scale": [(1, np.inf, 0)]}}, "scale = 1,inf,0 must be three finite numbers"),
-        ({"grid": {"colour": ["red"]}}, "colour is no option; the options are sharpness, scale,"),
+        (
+            {"grid": {"noise_pixels": [(1, np.inf, 0)]}},
+            "noise_pixels = 1,inf,0 must be three finite numbers",
+        ),
+        (
+            {"grid": {"colour": ["red"]}},
+            "colour is no option; the options are sharpness, noise_pixels",
+        ),
         (
             {"methods": ["sir", "ps"], "grid": {"drift": ["clip"]}},
             "drift is an option of eskil, and not of sir, ps;",
@@ -157,8 +163,8 @@ def test_what_cannot_be_evaluated_is_refused(tmp_path, given, words):
 
 
 def test_an_option_of_another_target_is_refused_once_the_target_is_known():
-    plan = Plan(SCENE, grid={"joint_scale": [(1, 1, 1)]})
-    with pytest.raises(InputError, match="joint_scale is no option of boxes, but of parts; leave"):
+    plan = Plan(SCENE, grid={"noise_joints": [(1, 1, 1)]})
+    with pytest.raises(InputError, match="noise_joints is no option of boxes, but of parts; leave"):
         complete(plan, "boxes")
 
 
@@ -166,8 +172,8 @@ def test_orders_and_particles_that_do_not_fit_the_objects_are_refused():
     for order in [(0, 1), (0, 1, 1), (-1, 0, 1), (0, 1, 3), (0, 1, 2, 3)]:
         with pytest.raises(InputError, match=r"order|least 0"):
             found(Plan(SCENE, methods=["ps"], orders=[order]))
-    with pytest.raises(InputError, match="particles = 2 is fewer than the 3 components of dps"):
-        found(Plan(SCENE, grid={"particles": [300, 2]}))
+    with pytest.raises(InputError, match="num_particles = 2 is fewer than the 3 components of dps"):
+        found(Plan(SCENE, grid={"num_particles": [300, 2]}))
 
 
 def test_what_was_asked_survives_json_and_names_the_scene(tmp_path):
@@ -206,14 +212,12 @@ def test_an_option_says_what_it_is_an_option_of():
         return complete(Plan(SCENE, methods=["sir"], grid=given), "boxes").grid
 
     both = ["colour", "discriminative"]
-    told = grid(sharpness=[20, 30], relative_scale=[(0.1, 0.2, 0.01)])
+    told = grid(bands=[1, 2], noise_relative=[(0.1, 0.2, 0.01)])
     assert (told["appearance"], told["motion"]) == (("colour",), ("relative",))
     assert grid(appearance=both)["appearance"] == tuple(both)
+    with pytest.raises(InputError, match="bands works only with appearance='colour', but discr"):
+        grid(appearance=both, bands=[2])
     with pytest.raises(
-        InputError, match="sharpness works only with appearance='colour', but discr"
+        InputError, match="exclusion works only with appearance='discriminative', but col"
     ):
-        grid(appearance=both, sharpness=[20])
-    with pytest.raises(
-        InputError, match="gain works only with appearance='discriminative', but col"
-    ):
-        grid(sharpness=[20], gain=[1.0])
+        grid(bands=[2], exclusion=["boxes"])

@@ -98,9 +98,9 @@ def test_no_alteration_of_a_file_goes_unnoticed(part):
     ("change", "sentence"),
     [
         ({"seed": 1}, "was begun with seed = 0, now 1"),
-        ({"sharpness": [20, 30]}, "was begun with grid: sharpness = 20, now 20,30"),
+        ({"sharpness": [20, 30]}, "was begun with grid: sharpness = nothing, now 20,30"),
         ({"methods": ["sir"]}, "was begun with methods = sir,dps, now sir"),
-        ({"particles": [PARTICLES + 1]}, f"particles = {PARTICLES}, now {PARTICLES + 1}"),
+        ({"num_particles": [PARTICLES + 1]}, f"num_particles = {PARTICLES}, now {PARTICLES + 1}"),
         ({"runs": RUNS - 1}, f"was begun with runs = {RUNS}, now {RUNS - 1}"),
         (
             {"scene": functools.partial(small_scene.func, **small_scene.keywords | {"seed": 1})},

@@ -45,7 +45,7 @@ def test_every_run_and_object_has_a_row(by_hand):
         *((OTHER.method, "0", identity) for identity in "49"),
     ]
     assert {(r["scene"], r["seed"]) for r in rows} == {("made <scene>", "7")}
-    assert [r["scale"] for r in rows] == 6 * ["2,4,0.5"] + 2 * [""]
+    assert [r["noise_pixels"] for r in rows] == 6 * ["2,4,0.5"] + 2 * [""]
 
 
 @pytest.mark.parametrize(

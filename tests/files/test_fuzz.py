@@ -22,11 +22,11 @@ from jaxpf.boxes import check_boxes, dense, read_boxes, start_boxes
 from jaxpf.cli.shared.config import config_option
 from jaxpf.cli.shared.flags import NumberList
 from jaxpf.contours.files import read_contours
+from jaxpf.detections.files import read_detections
 from jaxpf.evaluation import Results
 from jaxpf.media import open_frames
 from jaxpf.parts.files import read_parts
 from jaxpf.points.files import read_points
-from jaxpf.populations.detections import read_detections
 from jaxpf.sequences import open_sequence
 from jaxpf.tuning.checkpoint import NAME, Checkpoint
 

@@ -6,9 +6,9 @@ import pytest
 from jaxpf import InputError
 from jaxpf.boxes import read_boxes
 from jaxpf.contours.annotated_files import read_annotated
+from jaxpf.detections.files import read_detections
 from jaxpf.parts.files import read_parts
 from jaxpf.points.files import read_points
-from jaxpf.populations.detections import read_detections
 
 #: Reader -> the name of its file, its lines with two numbers x and y, and what it makes of them.
 READERS = {

@@ -21,7 +21,9 @@ def model(num_targets=2):
 
 
 def test_options_make_the_tracker_they_describe():
-    options = Options(particles=80, weights="corrected", feedback="estimate", regularise=(0.9, 0.5))
+    options = Options(
+        num_particles=80, weights="corrected", feedback="estimate", regularise=(0.9, 0.5)
+    )
     tracker = LABELLED.tracker(model(), options)
     assert isinstance(tracker, jaxpf.Labelled)
     assert (tracker.num_particles, tracker.weights, tracker.feedback) == (
@@ -39,7 +41,7 @@ def test_parts_of_a_tree_and_too_few_particles_are_refused():
     with pytest.raises(jaxpf.InputError, match="parts of a tree"):
         LABELLED.check(Options(), (-1, 0))
     with pytest.raises(jaxpf.InputError, match="fewer than the 2 objects"):
-        LABELLED.check(Options(particles=1), (-1, -1))
+        LABELLED.check(Options(num_particles=1), (-1, -1))
 
 
 def test_a_start_at_which_a_target_fits_nothing_is_refused():

@@ -101,8 +101,8 @@ TRACKERS = {
     "tree": lambda: partitioned(ordering.sps(TREE), parents=TREE),
     "adaptive": lambda: WithErrorBars(partitioned(PS, **ADAPTIVE)),
     "joint": lambda: partitioned(ordering.dps(P), Jointly()),
-    "look-ahead": lambda: partitioned(
-        PS, Jointly(), look_ahead=True, dynamics=Flipping(1.0), initial_label=np.full(2, 0.5)
+    "joint weighting": lambda: partitioned(
+        PS, Jointly(), joint_weighting=True, dynamics=Flipping(1.0), initial_label=np.full(2, 0.5)
     ),
     "branched": lambda: partitioned(
         ordering.branched([[0, 1, 2], [2, 1, 0]]),
@@ -121,7 +121,17 @@ TRACKERS = {
     "side-by-side": lambda: SideBySide(partitioned(PS), 3),
 }
 #: The first six share one program.
-QUICK = ["sir", "ps", "sps", "sorted", "dps", "literal", "look-ahead", "equal_share", "auxiliary"]
+QUICK = [
+    "sir",
+    "ps",
+    "sps",
+    "sorted",
+    "dps",
+    "literal",
+    "joint weighting",
+    "equal_share",
+    "auxiliary",
+]
 
 
 def with_constant(tracker, constant):

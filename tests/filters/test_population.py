@@ -10,7 +10,7 @@ from jax.scipy.stats import multivariate_normal
 
 import jaxpf
 from jaxpf.dynamics import AR2, LinearGaussian
-from jaxpf.filters import born, ended
+from jaxpf.filters import add_target, remove_target
 from jaxpf.likelihoods import Gaussian
 
 FRAMES = np.random.default_rng(0).normal(size=(6, 4, 2)).astype(np.float32).cumsum(axis=0)
@@ -80,7 +80,7 @@ def test_empty_slots_have_no_weight_and_report_nothing():
 def test_who_ends_leaves_the_others_their_particles_and_then_his_own():
     chosen = tracker(some(0, 1, 2))
     state, _ = after_frames(chosen)
-    after = ended(state, 1)
+    after = remove_target(state, 1)
     np.testing.assert_array_equal(after.lagged, state.lagged)
     np.testing.assert_array_equal(after.labels, state.labels)
     others = np.asarray(state.labels) != 1
@@ -98,7 +98,7 @@ def test_who_is_born_starts_in_his_place_with_a_fair_share():
     chosen = tracker(some(0, 2), scale=0.0)
     state, _ = after_frames(chosen)
     place = np.array([30.0, -7.0], np.float32)
-    after = born(state, 3, place)
+    after = add_target(state, 3, place)
     for name in ("lagged", "labels", "log_weights"):
         np.testing.assert_array_equal(getattr(after, name), getattr(state, name))
     np.testing.assert_allclose(np.exp(after.log_mass)[3], 1 / 3, rtol=1e-5)
@@ -117,14 +117,14 @@ def test_who_is_born_starts_in_his_place_with_a_fair_share():
 
 @pytest.mark.slow
 def test_the_evidence_of_a_newborn_and_of_the_others_is_unbiased():
-    """One frame after a birth, against the exact answer; 4000 runs."""
+    """One frame after a target is added, against the exact answer; 4000 runs."""
     chosen = tracker(some(0, 2), num_particles=12, resampling="multinomial")
     place, frame = np.array([1.0, 2.0], np.float32), FRAMES[0]
 
     def run(key):
         first, second = jax.random.split(key)
         state, _ = chosen.step(first, chosen.init(key), FRAMES[1])
-        _, summary = chosen.step(second, born(state, 1, place), frame)
+        _, summary = chosen.step(second, add_target(state, 1, place), frame)
         return summary.label_log_evidence[1], summary.log_evidence
 
     own, mixture = jax.jit(jax.vmap(run))(jax.random.split(jax.random.key(0), 4000))
@@ -141,20 +141,20 @@ def test_an_empty_population_waits_and_its_first_target_gets_everything():
     assert summary.log_evidence == 0
     assert summary.status == 0
     assert summary.ess == 0
-    state, summary = step(chosen, jax.random.key(3), born(state, 2, [1.0, 1.0]), FRAMES[2])
+    state, summary = step(chosen, jax.random.key(3), add_target(state, 2, [1.0, 1.0]), FRAMES[2])
     np.testing.assert_allclose(weight_of(state), [0, 0, 1, 0], atol=1e-6)
     assert summary.uniqueness[2] == 1
     assert np.isfinite(summary.log_evidence)
-    emptied, summary = step(chosen, jax.random.key(4), ended(state, 2), FRAMES[3])
+    emptied, summary = step(chosen, jax.random.key(4), remove_target(state, 2), FRAMES[3])
     assert not np.isnan(emptied.log_weights).any()
     assert not summary.alive.any()
     # A slot is used again in the frame in which it was left.
-    again = born(ended(state, 2), 2, [5.0, 5.0])
+    again = add_target(remove_target(state, 2), 2, [5.0, 5.0])
     _, summary = step(chosen, jax.random.key(4), again, FRAMES[3])
     assert np.abs(summary.estimate[2] - 5).max() < 5
 
 
-def test_births_and_deaths_compile_nothing_anew():
+def test_added_and_removed_targets_compile_nothing_anew():
     traces = []
 
     class Counting(Gaussian):
@@ -167,9 +167,9 @@ def test_births_and_deaths_compile_nothing_anew():
     state, _ = step(chosen, jax.random.key(1), start(chosen), FRAMES[0])
     once = len(traces)
     for slot in (2, 0, 1, 3):
-        state = born(state, slot, FRAMES[0, slot])
+        state = add_target(state, slot, FRAMES[0, slot])
         state, _ = step(chosen, jax.random.key(slot), state, FRAMES[1])
-        state = ended(state, slot) if slot else state
+        state = remove_target(state, slot) if slot else state
     assert once == len(traces) == 1
 
 
@@ -185,9 +185,9 @@ def test_one_frame_without_likelihood_is_left_out_for_a_targets_mass():
     np.testing.assert_allclose(np.exp(state.log_mass), before, rtol=1e-4)
     # Whoever comes and goes, masses sum to one, and who is left fits.
     for change in (
-        lambda s: born(s, 3, FRAMES[3, 3]),
-        lambda s: ended(s, 0),
-        lambda s: ended(s, 3),
+        lambda s: add_target(s, 3, FRAMES[3, 3]),
+        lambda s: remove_target(s, 0),
+        lambda s: remove_target(s, 3),
     ):
         state = change(state)
         np.testing.assert_allclose(np.exp(state.log_mass).sum(), 1, rtol=1e-5)
@@ -209,7 +209,7 @@ def test_who_is_born_has_the_speed_that_was_given(speed):
     chosen = jaxpf.Labelled(
         dynamics, likelihood, initial, population="open", num_particles=20, **model
     )
-    state = born(start(chosen), 1, [3.0, -1.0, 10.0, 20.0])
+    state = add_target(start(chosen), 1, [3.0, -1.0, 10.0, 20.0])
     for time in (1, 2):
         state, summary = step(chosen, jax.random.key(time), state, FRAMES[0])
         place = [3, -1, 10 + 3 * time, 20 - time]

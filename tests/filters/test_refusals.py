@@ -14,7 +14,7 @@ import jaxpf
 from jaxpf import ordering
 from jaxpf.contract.options import options_of
 from jaxpf.dynamics import IndependentGaussian, RandomWalk
-from jaxpf.filters import SideBySide, WithErrorBars, born, ended, quantiles
+from jaxpf.filters import SideBySide, WithErrorBars, add_target, quantiles, remove_target
 from jaxpf.filters.factored.options import Options as FactoredOptions
 from jaxpf.filters.labelled.options import Options as LabelledOptions
 from jaxpf.filters.partitioned.options import Options as PartitionedOptions
@@ -70,7 +70,7 @@ def bars(lag=3, **changes):
 
 
 #: Fields of trackers whose options have another name.
-RENAMED = {"num_particles": "particles", "memory": "velocity_memory"}
+RENAMED = {"memory": "velocity_memory"}
 
 
 def outside_declared(options, fields):
@@ -226,8 +226,8 @@ def test_what_is_refused_with_an_exchange_is_fine_without():
     (lambda: population(weights="plain"), "equal share"),
     (lambda: population(num_particles=2), "fewer than the 3 targets"),
     (lambda: labelled(population="open", initial=IndependentGaussian(START, 1.0)), "rows of NaN"),
-    (lambda: born(labelled().init(KEY), 0, [0.0, 0.0]), "population='open'"),
-    (lambda: ended(labelled().init(KEY), 0), "population='open'"),
+    (lambda: add_target(labelled().init(KEY), 0, [0.0, 0.0]), "population='open'"),
+    (lambda: remove_target(labelled().init(KEY), 0), "population='open'"),
     (lambda: eskil(initial=START[:1]), "two partitions or more"),
     (lambda: eskil(initial=0 * START), "start at the same place"),
     (lambda: eskil(initial=START[0]), "initial has shape"),

@@ -194,7 +194,7 @@ def tracker_of(config, num_particles=N):
         ("stop gradient", "gradient", StopGradient()),
         ("score", "gradient", StopGradient()),
         ("score", "motion_gradient", "score"),
-        ("joint weighting", "look_ahead", True),
+        ("joint weighting", "joint_weighting", True),
         ("labels", "initial_label", START_LABEL),
         ("moving labels", "initial_label", START_LABEL),
         ("tree", "parents", TREE),

@@ -9,7 +9,7 @@ from jaxpf.evaluation import Batch, Configuration, Results
 from jaxpf.evaluation.work.batches import FOLDER, write_batch
 from jaxpf.targets.target import Start
 
-PARAMETERS = {"sharpness": 20.0, "scale": (2.0, 4.0, 0.5), "particles": 100}
+PARAMETERS = {"sharpness": 20.0, "noise_pixels": (2.0, 4.0, 0.5), "num_particles": 100}
 SIR = Configuration("SIR", "", PARAMETERS)
 PS = Configuration("PS", "21", PARAMETERS)
 DPS = Configuration("DPS", "shifts", PARAMETERS)

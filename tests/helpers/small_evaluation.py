@@ -37,7 +37,7 @@ COMMON = (
     "shifts",
     "-n",
     PARTICLES,
-    "--scale",
+    "--noise-pixels",
     "1,1,.001",
     "--runs",
     "4",
@@ -53,7 +53,11 @@ small_scene = functools.partial(load_scene, source="distracter", seed=0, paramet
 def small_plan(scene=small_scene, **given):
     """SIR and DPS, one batch each, unless something else is asked; other names are the grid's."""
     own = {field.name for field in dataclasses.fields(Plan)}
-    grid = {"particles": (PARTICLES,), "scale": ((1.0, 1.0, 0.001),), "likelihood": ("integral",)}
+    grid = {
+        "num_particles": (PARTICLES,),
+        "noise_pixels": ((1.0, 1.0, 0.001),),
+        "likelihood": ("integral",),
+    }
     grid |= given.pop("grid", {})
     grid |= {name: values for name, values in given.items() if name not in own}
     settings = {"methods": ("sir", "dps"), "runs": RUNS, "grid": grid}

@@ -25,5 +25,5 @@ class CentreColour:
 def centre_colour(scene):
     likelihood = CentreColour(jnp.stack([p.mean(axis=(0, 1)) / 255 for p in scene.patches]), 0.2)
     return jaxpf.boxes.tracker(
-        None, scene.boxes[0], likelihood=likelihood, method="ps", particles=60, motion="pixels"
+        None, scene.boxes[0], likelihood=likelihood, method="ps", num_particles=60, motion="pixels"
     )

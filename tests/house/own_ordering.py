@@ -7,5 +7,5 @@ def there_and_back(scene):
     places = list(range(scene.num_objects))
     ordering = jaxpf.ordering.dps(orders=[places, places[::-1]])
     return jaxpf.boxes.tracker(
-        scene.frames[0], scene.boxes[0], ordering=ordering, appearance="colour", particles=60
+        scene.frames[0], scene.boxes[0], ordering=ordering, appearance="colour", num_particles=60
     )

@@ -24,6 +24,6 @@ def shuffled(scene):
         scene.boxes[0],
         ordering=orders,
         appearance="colour",
-        particles=60,
+        num_particles=60,
         resampling=Shuffled(),
     )

@@ -9,5 +9,5 @@ frames = source.frames()
 tracker = jaxpf.boxes.tracker(next(frames), [[120, 80, 40, 90], [300, 85, 42, 88]])
 with jaxpf.media.VideoWriter("out.mp4", source.width, source.height, source.fps) as video:
     for tracked in jaxpf.stream(tracker, jax.random.key(0), frames):
-        boxes = jaxpf.boxes.shapes(tracker, tracked.summary.estimate)
+        boxes = jaxpf.boxes.to_boxes(tracker, tracked.summary.estimate)
         video.write(jaxpf.media.draw_boxes(tracked.frame, boxes))

@@ -262,7 +262,7 @@ def test_the_score_follows_the_object_and_does_not_stay_with_the_wall_behind_it(
 def test_the_gradient_is_that_of_the_value_in_double_precision():
     with jax.enable_x64(True):
         smooth = discriminative(
-            FRAME, BOXES, gain=4.0, interpolation="bilinear", background_frames=FRAME[None]
+            FRAME, BOXES, sharpness=4.0, interpolation="bilinear", background_frames=FRAME[None]
         )
         seen = _OBSERVE(smooth, FRAME)
         points = [[43.3, 30.2, 1.07], [40.1, 36.4, 0.93], [66.4, 50.8, 1.1], [300.0, 20.0, 1.0]]
@@ -352,7 +352,9 @@ def only_estimate(state, summary):
 
 @pytest.mark.slow
 def test_a_seed_gives_the_same_track_whatever_runs_beside_it(learned):
-    tracker = jaxpf.boxes.tracker(None, BOXES, likelihood=learned, particles=40, scale=(2, 2, 0.01))
+    tracker = jaxpf.boxes.tracker(
+        None, BOXES, likelihood=learned, num_particles=40, noise_pixels=(2, 2, 0.01)
+    )
     frames = np.stack([blocks(seed) for seed in range(3)])
     keys = jax.random.split(jax.random.key(0), 5)
     every, some = (

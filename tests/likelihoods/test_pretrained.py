@@ -46,7 +46,7 @@ FRAMES = film()
 @pytest.fixture(scope="module")
 def tracker():
     likelihood = pretrained(FRAMES[0], BOXES, network=edges)
-    return jaxpf.boxes.tracker(FRAMES[0], BOXES, likelihood=likelihood, particles=200)
+    return jaxpf.boxes.tracker(FRAMES[0], BOXES, likelihood=likelihood, num_particles=200)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def test_an_object_is_followed(tracker, followed):
     _, summary = followed
     truth = np.repeat(BOXES[None], len(FRAMES) - 1, axis=0)
     truth[:, 0, 0] += 3 * np.arange(1, len(FRAMES))
-    boxes = jaxpf.boxes.shapes(tracker, summary.estimate)
+    boxes = jaxpf.boxes.to_boxes(tracker, summary.estimate)
     assert np.min(jaxpf.measures.overlap(boxes, truth)) > 0.6
     assert np.min(summary.confidence) > 0.5
 
@@ -247,7 +247,7 @@ def test_missing_weights_name_their_package(monkeypatch):
 
 
 def test_boxes_take_the_weights_of_the_package():
-    tracker = jaxpf.boxes.tracker(FRAMES[0], BOXES, appearance="pretrained", gain=0.5)
-    assert tracker.likelihood.gain == 0.5
+    tracker = jaxpf.boxes.tracker(FRAMES[0], BOXES, appearance="pretrained", sharpness=0.5)
+    assert tracker.likelihood.sharpness == 0.5
     assert [w.shape for w in tracker.likelihood.weights] == [(1, 4, 4, 40), (1, 3, 3, 112)]
     assert tracker.likelihood.residual[0] < 0.15

@@ -87,7 +87,7 @@ OUTSIDE = {
         "size_term": [math.inf],
     },
     of_points: {"sigma": [0.0], "norm": ["max"]},
-    learned: {"gain": [0.0], "grid": [(0, 4)], "interpolation": ["cubic"]},
+    learned: {"sharpness": [0.0], "grid": [(0, 4)], "interpolation": ["cubic"]},
     of_contours: {
         "exclusion": ["soft"],
         "sigma": [-1.0],

@@ -122,10 +122,10 @@ def test_a_part_torn_off_its_parent_is_doubtful_though_it_matches(scene, likelih
 
 def test_filmed_parts_slip_by_six_tenths_of_their_median_shorter_side(scene):
     given = jaxpf.parts.Parts(tuple("abcde"), TREE, scene.extras["poses"][0], scene.sizes)
-    tracker = jaxpf.parts.tracker(scene.frames[0], given, particles=10)
+    tracker = jaxpf.parts.tracker(scene.frames[0], given, num_particles=10)
     slip = 0.6 * np.median(scene.sizes.min(axis=1))
     np.testing.assert_allclose(tracker.likelihood.model_error, [slip, slip, 0], rtol=1e-6)
-    tracker = jaxpf.parts.tracker(scene.frames[0], given, particles=10, slip=0)
+    tracker = jaxpf.parts.tracker(scene.frames[0], given, num_particles=10, slip=0)
     np.testing.assert_allclose(tracker.likelihood.model_error, 0)
 
 

@@ -30,7 +30,7 @@ FRAMES = np.stack([np.roll(PICTURE, 2 * t, axis=1) for t in range(1, 9)])
     "method", ["ps", "sps", *(pytest.param(n, marks=pytest.mark.slow) for n in ("eskil", "pffl"))]
 )
 def test_every_filter_follows_points(method):
-    tracker = jaxpf.points.tracker(PICTURE, PLACES, method=method, diffusion=3.0)
+    tracker = jaxpf.points.tracker(PICTURE, PLACES, method=method, noise_points=3.0)
     _, summary = jaxpf.run(tracker, jax.random.key(0), FRAMES)
     truth = PLACES + np.arange(2, 18, 2)[:, None, None] * np.array([1.0, 0.0])
     assert np.linalg.norm(summary.estimate - truth, axis=-1).mean() < 2.5
@@ -41,7 +41,7 @@ def test_every_filter_follows_points(method):
 )
 def test_every_filter_doubts_a_point_that_disappears(method):
     published = {"sigma": 0.1, "window_size": 21} if method == "eskil" else {}
-    tracker = jaxpf.points.tracker(PICTURE, PLACES, method=method, diffusion=3.0, **published)
+    tracker = jaxpf.points.tracker(PICTURE, PLACES, method=method, noise_points=3.0, **published)
     frames = FRAMES.copy()
     for t in range(3, 8):  # noise hides the third point and what is around it
         x, y = (PLACES[2] + [2 * t + 2, 0]).astype(int)
@@ -61,7 +61,7 @@ def test_every_filter_doubts_a_point_that_disappears(method):
     ("points", "changes", "message"),
     [
         (PLACES, {"speed": 3}, "there is no option 'speed'"),
-        (PLACES, {"diffusion": -1.0}, "diffusion = -1 must be"),
+        (PLACES, {"noise_points": -1.0}, "noise_points = -1 must be"),
         (PLACES, {"window_size": 199}, "the window is 199 x 199 pixels and the frame 156 x 120"),
         (PLACES[0], {}, "points has shape [2]; give x, y"),
         (PLACES[:1], {"method": "eskil"}, "two partitions or more"),
@@ -125,7 +125,7 @@ def test_the_target_says_where_points_start():
     ):
         assert message in message_of(start_of, **wrong)
     tuned = with_tuned(Options(), {"likelihood.sigma": 0.2, "dynamics.scale": 3.0}, "points")
-    assert (tuned.sigma, tuned.diffusion) == (0.2, 3.0)
+    assert (tuned.sigma, tuned.noise_points) == (0.2, 3.0)
 
 
 def test_a_grid_of_points_starts_on_a_mask(tmp_path):

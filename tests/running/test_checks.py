@@ -8,12 +8,12 @@ from refusals import every, message_of
 
 import jaxpf
 from jaxpf import (
+    detections,
     dynamics,
     filters,
     measures,
     media,
     ordering,
-    populations,
     proposals,
     shapes,
     smoothing,
@@ -205,7 +205,7 @@ def stream(made=None, frames=FRAMES, **given):
     (lambda: dynamics.UniformAround(np.ones((2, 3)), np.ones(2)), "poses [2, 3] and reach [2] do"),
     (lambda: dynamics.UniformJoints(3, np.ones((2, 3)), 1.0), "is int: give a RelativeToParent"),
     (lambda: dynamics.joints_between(np.ones((2, 3)), [[1, 1], [1, -1]], (-1, 0)), "width and"),
-    (lambda: filters.homes([True], -1), "num_particles = -1 must be a whole number"),
+    (lambda: filters.assign_slots([True], -1), "num_particles = -1 must be a whole number"),
     (lambda: proposals.Mixture(3), "proposal is 3, without a method propose"),
     (lambda: media.open_frames(-1), "path = -1 must be a whole number from 0"),
     (lambda: media.open_frames(".", fps="a"), "fps='a' must be a finite number above 0"),
@@ -217,8 +217,8 @@ def stream(made=None, frames=FRAMES, **given):
     (lambda: shapes.area(np.ones((2, 3))), "boxes has shape [2, 3]; give x, y, w, h"),
     (lambda: measures.mean_interval([1, 2], bounds=3), "bounds=3 must be the smallest"),
     (lambda: measures.crps([1, 2], [1, 2, 3]), "offset [2] and spread [3] do not go"),
-    (lambda: populations.open_box_tracker(3), "frame_shape=3 must be height and width"),
-    (lambda: next(populations.follow(3, KEYS[0], FRAMES)), "tracker is int: give a Labelled"),
+    (lambda: detections.open_box_tracker(3), "frame_shape=3 must be height and width"),
+    (lambda: next(detections.follow(3, KEYS[0], FRAMES)), "tracker is int: give a Labelled"),
 ])  # fmt: skip
 def test_what_is_of_another_kind_is_told_in_one_sentence(call, named):
     assert named in message_of(call)

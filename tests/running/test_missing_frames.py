@@ -58,8 +58,8 @@ TRACKERS = {
     "tempered": partitioned(ordering.ps([0, 1, 2]), tempering=0.5),
     "adaptive": partitioned(ordering.ps([0, 1, 2]), ess_threshold=0.5),
     "joint": partitioned(ordering.ps([0, 1, 2]), CorrelatedGaussian(jnp.eye(3) / 2 + 0.5)),
-    "look-ahead": partitioned(
-        ordering.ps([0, 1, 2]), CorrelatedGaussian(jnp.eye(3) / 2 + 0.5), look_ahead=True
+    "joint weighting": partitioned(
+        ordering.ps([0, 1, 2]), CorrelatedGaussian(jnp.eye(3) / 2 + 0.5), joint_weighting=True
     ),
     "error-bars": WithErrorBars(partitioned(ordering.ps([0, 1, 2]))),
     "labelled": jaxpf.Labelled(
@@ -73,7 +73,7 @@ TRACKERS = {
 
 
 def frames_for(name, frames):
-    return frames[..., 0] if name in ("joint", "look-ahead") else frames
+    return frames[..., 0] if name in ("joint", "joint weighting") else frames
 
 
 @functools.cache

@@ -300,7 +300,8 @@ print(np.asarray(alone.estimate).shape)
 video = np.random.default_rng(1).integers(0, 256, (4, 30, 40, 3), np.uint8)
 boxes = np.array([[10.0, 8, 12, 10]])
 tracker = jaxpf.boxes.tracker(
-    video[0], boxes, method="ps", likelihood="integral", scale=(2, 2, 0.01), particles=30,
+    video[0], boxes, method="ps", likelihood="integral", noise_pixels=(2, 2, 0.01),
+    num_particles=30,
 )
 alone, all_ = (
     jaxpf.monte_carlo(tracker, keys[:6], video, batch_size=2, devices=devices)

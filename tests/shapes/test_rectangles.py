@@ -125,5 +125,5 @@ def test_corners_of_rectangles_by_hand():
 
 
 def test_turning_a_vector_clockwise_in_the_image():
-    x, y = jax.jit(shapes.turned)(np.array([1.0, 0.0]), np.pi / 2)
+    x, y = jax.jit(shapes.rotate)(np.array([1.0, 0.0]), np.pi / 2)
     np.testing.assert_allclose([x, y], [0, 1], atol=1e-6)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxpf import InputError
-from jaxpf.shapes import basis, crosses_itself, fit_spline, points_on, resampled
+from jaxpf.shapes import basis, crosses_itself, fit_spline, points_on, resample_polyline
 
 PLACES = np.linspace(0.01, 0.99, 40)
 
@@ -43,7 +43,7 @@ def test_a_spline_is_fitted_to_a_circle_within_a_tenth_of_a_pixel():
 
 
 def test_resampled_points_lie_at_equal_distances():
-    corner = resampled([(0, 0), (10, 0), (10, 30)], 9, closed=False)
+    corner = resample_polyline([(0, 0), (10, 0), (10, 30)], 9, closed=False)
     np.testing.assert_allclose(np.linalg.norm(np.diff(corner, axis=0), axis=1), 5)
 
 

@@ -148,8 +148,8 @@ def test_evidence_places_and_labels_are_unbiased(name):
     ("name", "options"),
     [
         ("ps", {"ess_threshold": 0.6, "tempering": 0.7}),
-        ("branched", {"look_ahead": True}),
-        ("ps", {"look_ahead": True}),
+        ("branched", {"joint_weighting": True}),
+        ("ps", {"joint_weighting": True}),
     ],
 )
 def test_labels_are_carried_through_other_selections(name, options):

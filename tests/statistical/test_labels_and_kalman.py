@@ -97,12 +97,12 @@ def of_labels(**settings):
 
 @pytest.mark.statistical
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["sir", "ps", "branched", "ahead", "proposed"])
+@pytest.mark.parametrize("name", ["sir", "ps", "branched", "joint", "proposed"])
 def test_evidence_places_and_labels_are_unbiased(name):
     orders = {"sir": ordering.sir(2), "branched": ordering.branched([[0, 1], [1, 0]])}
     order = orders.get(name, ordering.ps([0, 1]))
     settings = {
-        "ahead": {"look_ahead": True},
+        "joint": {"joint_weighting": True},
         "proposed": {"proposal": Mixture(Linearised(residual))},
     }
     tracker = of_labels(ordering=order, num_particles=N, **settings.get(name, {}))

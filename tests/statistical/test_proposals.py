@@ -76,11 +76,13 @@ def test_second_order_objects_are_unbiased(method):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("look_ahead", [False, True])
-def test_joint_likelihood_is_unbiased(look_ahead):
+@pytest.mark.parametrize("joint_weighting", [False, True])
+def test_joint_likelihood_is_unbiased(joint_weighting):
     exact = problem(OBJECTS, correlation=0.5)
     order = ordering.ps([0, 1, 2, 3])
-    found = scores(exact, order, proposal=Mixture(Linearised(residual)), look_ahead=look_ahead)
+    found = scores(
+        exact, order, proposal=Mixture(Linearised(residual)), joint_weighting=joint_weighting
+    )
     assert found.worst < LIMIT
 
 

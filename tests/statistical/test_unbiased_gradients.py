@@ -86,7 +86,7 @@ def test_stop_gradient_is_unbiased_with_joint_weighting(record_property):
     """The weights' derivative flows through the predictions of later objects, too."""
     exact = problem((-1, -1))
     exact = exact._replace(likelihood=CorrectedAtTheEnd(noise=exact.likelihood.noise))
-    settings = {"gradient": StopGradient(), "look_ahead": True, "runs": 10_000}
+    settings = {"gradient": StopGradient(), "joint_weighting": True, "runs": 10_000}
     found = gradients(exact, ordering.dps(2), **settings)
     record_property("gradient", str(found))
     print(found)

@@ -19,24 +19,24 @@ PUPPET = scenes.make("articulated", seed=1, num_frames=3)
 
 def boxes(method):
     start = STREET.boxes[0, :2]
-    return STREET, jaxpf.boxes.tracker(STREET.frames[0], start, method=method, particles=20)
+    return STREET, jaxpf.boxes.tracker(STREET.frames[0], start, method=method, num_particles=20)
 
 
 def points(method):
     places = [[100, 100], [150, 120]]
-    return STREET, jaxpf.points.tracker(STREET.frames[0], places, method=method, particles=20)
+    return STREET, jaxpf.points.tracker(STREET.frames[0], places, method=method, num_particles=20)
 
 
 def parts():
     extras, names = PUPPET.extras, tuple(range(len(PUPPET.sizes)))
     given = jaxpf.parts.Parts(names, extras["parents"], extras["poses"][0], PUPPET.sizes)
-    return PUPPET, jaxpf.parts.tracker(PUPPET.frames[0], given, particles=20)
+    return PUPPET, jaxpf.parts.tracker(PUPPET.frames[0], given, num_particles=20)
 
 
 def contours():
     points = np.array([fit_spline(line, 8, closed=False) for line in WIRES.extras["outlines"][0]])
     start = Contours(("left", "right"), points, closed=False, width=4.0)
-    return WIRES, jaxpf.contours.tracker(WIRES.frames[0], start, particles=20)
+    return WIRES, jaxpf.contours.tracker(WIRES.frames[0], start, num_particles=20)
 
 
 MADE = {

@@ -58,9 +58,9 @@ STARTS = {
 }
 #: Options of the factory, and the flags that say the same.
 GIVEN = {
-    "boxes": ({"gain": 3.0, "momentum": 0.1}, ["--gain=3", "--momentum=0.1"]),
-    "points": ({"method": "pffl", "diffusion": 4.0}, ["--method=pffl", "--diffusion=4"]),
-    "parts": ({"particles": 50, "bands": 2}, ["--particles=50", "--parts=2"]),
+    "boxes": ({"sharpness": 3.0, "momentum": 0.1}, ["--sharpness=3", "--momentum=0.1"]),
+    "points": ({"method": "pffl", "noise_points": 4.0}, ["--method=pffl", "--noise-points=4"]),
+    "parts": ({"num_particles": 50, "bands": 2}, ["--num-particles=50", "--parts=2"]),
     "contours": ({"method": "sir", "clutter": 2.0}, ["--method=sir", "--clutter=2"]),
 }
 
@@ -79,20 +79,20 @@ def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatc
     _, typed = built_by_track(name, tmp_path, *flags, *(more if given else []))
     made = module.tracker(FRAME, start, **(options if given else {}))
     assert_same(made, typed)
-    there = module.shapes(made, made.init(jax.random.key(0)).substates[0])
+    there = getattr(module, f"to_{name}")(made, made.init(jax.random.key(0)).substates[0])
     assert np.isfinite(there).all()
 
 
 @pytest.mark.parametrize(
     ("start", "options", "sentence"),
     [
-        (BOXES, {"particels": 9}, "did you mean particles"),
-        (BOXES, {"diffusion": 9}, "no option 'diffusion' of boxes"),
+        (BOXES, {"num_particels": 9}, "did you mean num_particles"),
+        (BOXES, {"noise_points": 9}, "no option 'noise_points' of boxes"),
         (BOXES, {"patches": "a"}, "patches.0. "),
         (BOXES, {"patches": 3}, "patches=3 must be a list"),
-        (BOXES, {"particles": 0}, "particles = 0 must be"),
+        (BOXES, {"num_particles": 0}, "num_particles = 0 must be"),
         (BOXES, {"method": "best"}, "method 'best' is unknown"),
-        (BOXES, {"gain": 2, "appearance": "colour"}, "works only with"),
+        (BOXES, {"exclusion": "boxes", "appearance": "colour"}, "works only with"),
         (
             BOXES,
             {"method": "ps", "ordering": jaxpf.ordering.dps(2)},
@@ -117,14 +117,14 @@ def test_what_is_no_point_likelihood_or_tracker_is_refused():
     with pytest.raises(InputError, match="with the methods observe"):
         jaxpf.points.tracker(FRAME, [[9, 9]], likelihood=3)
     with pytest.raises(InputError, match="tracker is None; give a tracker"):
-        jaxpf.boxes.shapes(None, BOXES)
+        jaxpf.boxes.to_boxes(None, BOXES)
 
 
 def test_boxes_of_a_tracker_without_sizes_are_refused():
     made = jaxpf.boxes.tracker(
         None, BOXES, likelihood=jaxpf.likelihoods.Gaussian(np.ones((2, 3, 3), np.float32))
     )
-    np.testing.assert_allclose(jaxpf.boxes.shapes(made, made.initial), BOXES)
+    np.testing.assert_allclose(jaxpf.boxes.to_boxes(made, made.initial), BOXES)
     alone = dataclasses.replace(made, dynamics=jaxpf.dynamics.AR2(scale=np.ones(3, np.float32)))
     with pytest.raises(InputError, match="do not know the sizes"):
-        jaxpf.boxes.shapes(alone, made.initial)
+        jaxpf.boxes.to_boxes(alone, made.initial)

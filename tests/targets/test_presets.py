@@ -21,24 +21,24 @@ def test_smith2004_is_dps_with_the_papers_reassembly():
     scene = scenes.Scene("boxes", FRAME[None], BOXES[None], patches, 25.0, {})
     ours = jaxpf.boxes.tracker(FRAME, BOXES, like="smith2004", patches=patches)
     assert_same(ours, scene_tracker(scene, ordering.dps(3, reassembly="literal")))
-    assert jaxpf.boxes.tracker(FRAME, BOXES, like="smith2004", particles=60).num_particles == 60
+    assert jaxpf.boxes.tracker(FRAME, BOXES, like="smith2004", num_particles=60).num_particles == 60
 
 
 def test_another_method_replaces_the_papers():
     ours = jaxpf.boxes.tracker(FRAME, BOXES, like="smith2004", method="ps")
     plain = jaxpf.boxes.tracker(
         FRAME, BOXES, method="ps", appearance="colour", resampling="multinomial",
-        scale=(2, 2, 0.001),
+        noise_pixels=(2, 2, 0.001),
     )  # fmt: skip
     assert_same(ours, plain)
 
 
 def test_rowe2005_tracks_boxes_of_any_shape():
-    tracker = jaxpf.boxes.tracker(FRAME, BOXES, like="rowe2005", particles=9)
+    tracker = jaxpf.boxes.tracker(FRAME, BOXES, like="rowe2005", num_particles=9)
     assert isinstance(tracker, jaxpf.Labelled)
     assert (tracker.weights, tracker.feedback) == ("equal_share", "estimate")
     assert (tracker.likelihood.pool, tracker.num_particles) == ("mean", 9)
-    np.testing.assert_allclose(jaxpf.boxes.shapes(tracker, tracker.initial), BOXES)
+    np.testing.assert_allclose(jaxpf.boxes.to_boxes(tracker, tracker.initial), BOXES)
     with pytest.raises(InputError, match="has a method and likelihood of its own"):
         jaxpf.boxes.tracker(FRAME, BOXES, like="rowe2005", method="ps")
     with pytest.raises(InputError, match="no field 'sharpnes'"):
@@ -69,7 +69,7 @@ def test_gonzales2011_is_sps_with_the_papers_swap():
 
 def test_eskil2014_is_the_printed_equations():
     points = BOXES[:, :2] + 10
-    tracker = jaxpf.points.tracker(FRAME, points, like="eskil2014", diffusion=4)
+    tracker = jaxpf.points.tracker(FRAME, points, like="eskil2014", noise_points=4)
     assert (tracker.drift, tracker.shape) == ("literal", "pixels")
     assert tracker.shape_scale == pytest.approx(0.01)
     kept = jaxpf.points.tracker(FRAME, points, like="eskil2014", shape="none")
@@ -86,7 +86,7 @@ def test_maccormick1999_has_the_printed_products(closed, rule):
     tracker = jaxpf.contours.tracker(FRAME, contours, like="maccormick1999")
     plain = {"independence": 1, "sigma": 7, "exclusion": rule}
     if closed:
-        plain |= {"flip": 0.01, "particles": 750, "method": "ps"}
+        plain |= {"flip": 0.01, "num_particles": 750, "method": "ps"}
     else:
         plain |= {"method": "sir"}
     assert_same(tracker, jaxpf.contours.tracker(FRAME, contours, **plain))

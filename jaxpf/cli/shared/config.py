@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from jaxpf._resembling import renamed
 from jaxpf.cli.shared.flags import Flag, NumberList
 from jaxpf.contract.errors import InputError
 from jaxpf.files.writing import atomic_write
@@ -80,7 +81,7 @@ def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
             f"the configuration '{path}' is not for {target.name}; leave '{target.name}' out "
             "before the video, or choose another configuration."
         )
-    accepted = {param.name: param for param in ctx.command.params if param.name != "config"}
+    accepted = {str(param.name): param for param in ctx.command.params if param.name != "config"}
     options = {}
     for key, value in table.items():
         param = accepted.get(key.replace("-", "_"))
@@ -88,9 +89,15 @@ def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
             hint = getattr(ctx.command, "hint", lambda flag: "")(f"--{key.replace('_', '-')}")
             if hint:
                 raise InputError(f"the configuration '{path}' sets '{key}' in [{name}]: {hint}")
+            near = renamed(key, accepted)
+            remedy = (
+                f"did you mean '{near[0]}'?"
+                if near
+                else f"the options are {', '.join(sorted(accepted))}."
+            )
             raise InputError(
                 f"the configuration '{path}' sets '{key[:40]}' in [{name}], which is no option; "
-                f"the options are {', '.join(sorted(map(str, accepted)))}."
+                f"{remedy}"
             )
         several = isinstance(param, click.Option) and param.multiple
         keeps_list = isinstance(value, list) and (several or isinstance(param.type, NumberList))

@@ -122,7 +122,7 @@ class Command(PlainCommand):
                 explained.setdefault(title, []).append(record)
         for title, records in explained.items():
             with formatter.section(title):
-                formatter.write_dl(records, col_max=26)
+                formatter.write_dl(records, col_max=28)
         if left_out:
             rows: list[tuple[str, str]] = []
             for title, names in left_out.items():
@@ -358,7 +358,7 @@ def refuse_others(values: Mapping[str, Any], target: Any, filter_: Any) -> None:
 
 
 def report_implied(values: Mapping[str, Any], usual: Any) -> None:
-    """Report options, such as --sharpness, that change other options left at ``auto``.
+    """Report options, such as --bands, that change other options left at ``auto``.
 
     Args:
         values: values of flags.

@@ -42,8 +42,10 @@ class SceneOptions:
 def _particles() -> str:
     """The default number of particles, with the targets that have another."""
     defaults = {name: target.defaults for name, target in all_targets().items()}
-    others = [f"{name} {own['particles']}" for name, own in defaults.items() if "particles" in own]
-    usual = options_of(filters.filter_of("dps").options)["particles"].default
+    others = [
+        f"{name} {own['num_particles']}" for name, own in defaults.items() if "num_particles" in own
+    ]
+    usual = options_of(filters.filter_of("dps").options)["num_particles"].default
     return f"{usual}; {', '.join(others)}"
 
 
@@ -109,7 +111,7 @@ class SceneCommand(Command):
         of = [flag for name in names for flag in self._of_target(name)]
         for flag in of:
             flag.common = bool(named)
-        of_target = find_target(named).defaults if named else {"particles": _particles()}
+        of_target = find_target(named).defaults if named else {"num_particles": _particles()}
         of_filters = self._of_filters(of_target, methods)
         own = [*self._own, *self.get_params(ctx)[-1:], *of_filters]
         return [*own, *of] if named or ctx.meta.get(ALL) else own

@@ -10,7 +10,7 @@ from jaxpf.cli.shared.flags import Command, Flag, declared_flags, filter_flags, 
 from jaxpf.cli.tracking.request import OF_BOXES, Run, request_of
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import options_of
-from jaxpf.populations.lifetimes import Rules
+from jaxpf.detections.lifetimes import Rules
 from jaxpf.targets import DEFAULT, all_targets, find_target
 from jaxpf.targets.building import filter_for
 from jaxpf.targets.target import Target
@@ -98,7 +98,7 @@ def _params(target: Target) -> list[click.Parameter]:
         return declared_flags(
             those,
             section,
-            rare=("tracker", "error_bars", "smooth", "smooth_lag", "save_state", "resume"),
+            rare=("tracker", "mc_error_lag", "smooth", "smooth_lag", "save_state", "resume"),
         )
 
     early = ("start", "frames")
@@ -106,8 +106,8 @@ def _params(target: Target) -> list[click.Parameter]:
     flags += start_flags(target.start_flags, "Start") + of_run("Start", *early)
     flags += declared_flags(options_of(target.options), "Model")
     flags += filter_flags(target.defaults, family=filter_for(target))
-    if "births" in target.start_flags:
-        flags += declared_flags(options_of(Rules), "With --births")
+    if "detections" in target.start_flags:
+        flags += declared_flags(options_of(Rules), "With --detections")
     flags += of_run("Run and output", but=early)
     return [*flags, config_flag("Run and output")]
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking import against_truth
-from jaxpf.cli.tracking.births import nobody_came
+from jaxpf.cli.tracking.detector import why_none_started
 from jaxpf.cli.tracking.session import Session
 from jaxpf.cli.tracking.verdict import object_verdicts, sentences
 from jaxpf.contract.errors import InputError
@@ -39,7 +39,7 @@ def _finish(session: Session) -> None:
     table, sizes = session.tracks.table, np.array(session.ess)
     names = session.names.tolist()
     if session.population is not None:
-        names = [birth["id"] for birth in session.population.births]
+        names = [new["id"] for new in session.population.started]
     verdicts = object_verdicts(table, names)
     num_particles = getattr(session.tracker, "num_particles", 0)
     num_particles = int(num_particles or np.nanmax(sizes, initial=1))
@@ -161,7 +161,7 @@ def _tell(
         else:
             _warn(
                 "Note: too few ancestors were left to estimate the Monte Carlo error; ask for "
-                "fewer frames (--error-bars), more particles (-n) or --runs."
+                "fewer frames (--mc-error-lag), more particles (-n) or --runs."
             )
     if session.source.note:
         _warn(f"Note: {session.source.note}")
@@ -184,11 +184,11 @@ def _tell(
         _warn(f"Warning: {counts.invalid} likelihood(s) were not a number and counted as zero.")
     if session.population is not None:
         population = session.population
-        came = counted(len(population.births), "object")
-        say(f"{came} came, {len(population.deaths)} went")
-        births = session.request.births
-        if births is not None and not population.births and not population.refused:
-            _warn(f"Note: {nobody_came(births, session.request.run.start)}")
+        came = counted(len(population.started), "object")
+        say(f"{came} came, {len(population.ended)} went")
+        detector = session.request.detector
+        if detector is not None and not population.started and not population.refused:
+            _warn(f"Note: {why_none_started(detector, session.request.run.start)}")
         if population.refused:
             refusal = population.refused[0]
             _warn(

@@ -102,13 +102,13 @@ def _record_frames(session: Session, stack: contextlib.ExitStack) -> None:
 
 def _records(session: Session, scene: Scene, key: Any) -> Iterator[Record]:
     """The records of all frames, as they are tracked."""
-    run, births = session.request.run, session.request.births
+    run, detector = session.request.run, session.request.detector
     frames = itertools.islice(session.frames, session.before[1], run.frames)
     given = scene, session.tracker, key, session.first, frames
     if session.later:
         return starting_later(*given, session.later, session.tracker_at)
-    if births is not None:
-        return changing_population(*given, births)
+    if detector is not None:
+        return changing_population(*given, detector)
     return fixed_population(*given, session.before)
 
 
@@ -133,7 +133,7 @@ def _expected_frames(source: FrameSource, run: Run) -> int | None:
 
 def _scene(session: Session) -> Scene:
     request, source = session.request, session.source
-    is_own, has_errors = bool(request.run.tracker), bool(request.run.error_bars)
+    is_own, has_errors = bool(request.run.tracker), bool(request.run.mc_error_lag)
     return Scene(
         target=request.target,
         tracker=session.filter,
@@ -149,9 +149,9 @@ def _scene(session: Session) -> Scene:
 def _writers(
     session: Session, scene: Scene, smoothed: Smoothed | None, stack: contextlib.ExitStack
 ) -> list[Writer]:
-    births, names = session.request.births, session.names.tolist()
-    if births is not None:
-        names = [f"slot_{number}" for number in range(1, births.rules.capacity + 1)]
+    detector, names = session.request.detector, session.names.tolist()
+    if detector is not None:
+        names = [f"slot_{number}" for number in range(1, detector.rules.capacity + 1)]
     session.tracks = Tracks(session.output, scene, stack)
     diagnostics = Diagnostics(session.output, names, stack)
     session.ess = diagnostics.ess

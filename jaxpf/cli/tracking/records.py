@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxpf import contract
-from jaxpf.cli.tracking.births import Births, by_frame
+from jaxpf.cli.tracking.detector import Detector, by_frame
 from jaxpf.cli.tracking.track_table import places_of
 from jaxpf.contract.lost import judge
+from jaxpf.detections import follow
+from jaxpf.detections.lifetimes import EMPTY, Changes
 from jaxpf.evaluation.work.trackers import shapes_of
 from jaxpf.media.overlay import NUM_COLOURS, object_colours
-from jaxpf.populations import follow
-from jaxpf.populations.lifetimes import EMPTY, Changes
 from jaxpf.running.streaming import stream
 from jaxpf.targets.target import Start, Target
 
@@ -40,7 +40,7 @@ class Record(NamedTuple):
         summary: summary of all partitions; None in a frame that is not filtered.
         state: holds the particles; None in a frame that is not filtered.
         slots: partitions occupied by the objects.
-        changes: births and deaths; None for a fixed population.
+        changes: starts and ends; None for a fixed population.
         scene: the scene of the tracker that this record comes from, if not the run's.
         parts: records of groups of objects with trackers of their own; () for one tracker.  This
             record then joins their ``start``, ``colours``, ``shapes`` and ``lost`` alone.
@@ -174,17 +174,17 @@ def fixed_population(
 
 
 def changing_population(
-    scene: Scene, tracker: Any, key: Any, frame: Any, frames: Any, births: Births
+    scene: Scene, tracker: Any, key: Any, frame: Any, frames: Any, detector: Detector
 ) -> Iterator[Record]:
     """Records of objects that come and go; an object has rows only while it exists.
 
     Args:
         scene, tracker, key, frame, frames: see ``fixed_population``.
-        births: detections and the rules of births and deaths.
+        detector: detections and the rules of starts and ends.
     """
-    detections, named = by_frame(births, scene.start, scene.first)
+    detections, named = by_frame(detector, scene.start, scene.first)
     frames = itertools.chain([frame], frames)
-    rules, centres, ids = births.rules, None, np.zeros(0, int)
+    rules, centres, ids = detector.rules, None, np.zeros(0, int)
     palette = object_colours(NUM_COLOURS)
     for tracked in follow(tracker, key, frames, detections, named=named, rules=rules):
         slots = np.flatnonzero(tracked.ids != EMPTY)
@@ -210,7 +210,7 @@ def changing_population(
         confidence = getattr(tracked.summary, "confidence", None)
         if confidence is not None:
             confidence = np.array(confidence)
-            confidence[[birth.slot for birth in tracked.changes.births]] = np.nan  # not yet known
+            confidence[[new.slot for new in tracked.changes.started]] = np.nan  # not yet known
             confidence = confidence[slots]
         confidence, lost = judge(outside, tracked.lost[slots], confidence)
         yield Record(

@@ -9,7 +9,7 @@ import click
 
 from jaxpf import filters
 from jaxpf.cli.shared.flags import as_typed, picked, refuse_others, report_implied
-from jaxpf.cli.tracking.births import Births, defaults_of, read_births
+from jaxpf.cli.tracking.detector import Detector, defaults_of, read_detector
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, check_options, option, options_of
 from jaxpf.files.writing import check_output_file
@@ -47,7 +47,7 @@ class Run:
         least=2,
         most=10_000,
     )
-    error_bars: int | None = option(
+    mc_error_lag: int | None = option(
         None,
         "Estimate the Monte Carlo error of one run from ancestors N frames back, such as 2.  "
         "Fields are empty where too few ancestors are left.",
@@ -118,7 +118,7 @@ class Request:
         model: options of the target.
         filter: the filter family.
         filter_options: options of the filter.
-        births: detections and rules of --births; None for a fixed population.
+        detector: detections and rules of --detections; None for a fixed population.
     """
 
     video: str | Path
@@ -128,7 +128,7 @@ class Request:
     model: Any
     filter: Filter
     filter_options: Any
-    births: Births | None
+    detector: Detector | None
 
     def table(self, video: str | Path) -> dict[str, Any]:
         """Contents of run.toml: everything that repeats the run, in command-line notation.
@@ -139,8 +139,8 @@ class Request:
         values = {"target": self.target.name, "video": video, **self.starts}
         values |= {n: v for n, v in as_typed(self.run).items() if n not in _NOT_REPEATED}
         values |= as_typed(self.model) | as_typed(self.filter_options)
-        if self.births is not None:
-            values |= as_typed(self.births.rules)
+        if self.detector is not None:
+            values |= as_typed(self.detector.rules)
         return {
             name: value.resolve() if isinstance(value, Path) else value
             for name, value in values.items()
@@ -152,18 +152,20 @@ def request_of(ctx: click.Context, target: Target) -> Request:
     """Build the request from the command line and a configuration file."""
     values = _given(ctx, target)
     run = picked(values, Run)
-    births = read_births(values)
-    filter_ = _filter_of(values["method"], target, births is not None)
+    detector = read_detector(values)
+    filter_ = _filter_of(values["method"], target, detector is not None)
     refuse_others(values, target, filter_)
-    particles, of_target = defaults_of(births)
+    particles, of_target = defaults_of(detector)
     defaults = {**defaults_for(target, filter_), **particles}
     filter_options = picked(values, filter_.options, defaults)
     # Objects that appear later are not in the start frame, so nothing can be learned from it.
-    settings = {} if births is None else {"appearance": COLOUR}
+    settings = {} if detector is None else {"appearance": COLOUR}
     model = target.resolved(picked(values, target.options, of_target), settings)
     report_implied(values, target.resolved(target.options(), settings))
     starts = {name: values[name] for name in target.start_flags}
-    request = Request(values["video"], target, starts, run, model, filter_, filter_options, births)
+    request = Request(
+        values["video"], target, starts, run, model, filter_, filter_options, detector
+    )
     check_together(request)
     if run.save_state is not None:
         # A chain of runs goes on from one file, which the user names twice.
@@ -172,21 +174,25 @@ def request_of(ctx: click.Context, target: Target) -> Request:
     return request
 
 
-_ERRORS, _LEAVE = ("runs", "error_bars"), "leave one of them out."
+_ERRORS, _LEAVE = ("runs", "mc_error_lag"), "leave one of them out."
 #: Options, what they exclude, and why: another option, or what is known once the video is open.
 _EXCLUSIONS = (
-    (("births",), "tracker", "works only with the built-in filters; leave it or --tracker out."),
-    (("runs",), "error_bars", "estimates the same as --error-bars; use one of them."),
+    (
+        ("detections",),
+        "tracker",
+        "works only with the built-in filters; leave it or --tracker out.",
+    ),
+    (("runs",), "mc_error_lag", "estimates the same as --mc-error-lag; use one of them."),
     (("smooth", "smooth_lag"), "runs", f"smooths a single run, and --runs makes several; {_LEAVE}"),
     (
         (*_ERRORS, "smooth", "smooth_lag"),
-        "births",
-        f"needs a fixed population, and --births changes it; {_LEAVE}",
+        "detections",
+        f"needs a fixed population, and --detections changes it; {_LEAVE}",
     ),
     (
         ("save_state", "resume"),
-        "births",
-        f"keeps a filter's state, which does not hold the births of --births; {_LEAVE}",
+        "detections",
+        f"keeps a filter's state, which does not hold the objects of --detections; {_LEAVE}",
     ),
     (
         _ERRORS,
@@ -207,7 +213,7 @@ _EXCLUSIONS = (
         "a video first.",
     ),
     (
-        ("truth", "births"),
+        ("truth", "detections"),
         "camera",
         "is about frames that are known beforehand, and camera '{video}' is live; leave it out, or "
         "record a video first.",
@@ -223,7 +229,7 @@ _EXCLUSIONS = (
 
 def check_together(request: Request, video: Any = None, **known: Any) -> None:
     """Refuse options that exclude each other, or what is ``known`` of the opened ``video``."""
-    values = vars(request.run) | {"births": request.births} | known
+    values = vars(request.run) | {"detections": request.detector} | known
     for names, other, why in _EXCLUSIONS:
         for name in names:
             if all(values.get(each) not in (None, False, {}) for each in (name, other)):
@@ -253,7 +259,7 @@ def _given(ctx: click.Context, target: Target) -> dict[str, Any]:
 
 
 def _filter_of(method: str | None, target: Target, opens: bool) -> Filter:
-    """The filter that --method or --births selects."""
+    """The filter that --method or --detections selects."""
     able_families = [family for family in filters.all_filters().values() if family.opens]
     if opens and not method:
         return able_families[0]
@@ -261,7 +267,7 @@ def _filter_of(method: str | None, target: Target, opens: bool) -> Filter:
     if opens and not chosen.opens:
         able = [name for family in able_families for name in family.methods]
         raise InputError(
-            f"--births does not work with --method {method}, whose population is fixed; use "
+            f"--detections does not work with --method {method}, whose population is fixed; use "
             f"--method {', '.join(able)}."
         )
     return chosen

@@ -10,7 +10,7 @@ import numpy as np
 
 from jaxpf import contract, smoothing
 from jaxpf.cli.shared.console import say
-from jaxpf.cli.tracking import births as births_of
+from jaxpf.cli.tracking import detector as detector_of
 from jaxpf.cli.tracking.later import all_names
 from jaxpf.cli.tracking.live import used_to_the_light
 from jaxpf.cli.tracking.request import Request, check_together
@@ -18,11 +18,11 @@ from jaxpf.cli.tracking.track_table import Tracks
 from jaxpf.cli.tracking.user_tracker import own_tracker_of, start_scene
 from jaxpf.cli.tracking.writers import Counts, Population
 from jaxpf.contract.errors import InputError
+from jaxpf.detections import open_model
 from jaxpf.files import states
 from jaxpf.filters import SideBySide, WithErrorBars
 from jaxpf.media.frame_source import FrameSource
 from jaxpf.media.video import open_frames
-from jaxpf.populations import open_model
 from jaxpf.running.memory import check_memory, needed_by
 from jaxpf.sequences.layouts import read_truth
 from jaxpf.sequences.tables import BoxTable
@@ -61,7 +61,7 @@ class Session:
         tracker: the tracker to run, possibly a wrapper that repeats a filter side by side.
         before: state of --resume and its number of frames; else None and 0.
         counts: numbers of frames and failures.
-        population: births and deaths; None for a fixed population.
+        population: starts and ends; None for a fixed population.
         tracks: writer of tracks.csv, which keeps its table; None before the first frame.
         smoothed: writer of smoothed.csv, likewise; None without smoothing.
         ess: effective sample sizes of the tracked frames.
@@ -90,7 +90,7 @@ class Session:
     has_begun: bool = False
 
     def __post_init__(self) -> None:
-        is_fixed = self.request.births is None
+        is_fixed = self.request.detector is None
         self.counts = Counts(self.names if is_fixed else ())
         self.population = None if is_fixed else Population()
 
@@ -103,7 +103,7 @@ class Session:
     def filter(self) -> Any:
         """The filter that is repeated side by side; else the tracker."""
         run = self.request.run
-        return self.tracker.tracker if run.runs or run.error_bars else self.tracker
+        return self.tracker.tracker if run.runs or run.mc_error_lag else self.tracker
 
     @property
     def table(self) -> dict[str, Any]:
@@ -131,17 +131,19 @@ class Session:
         if request.run.tracker:
             scene = start_scene(self.source.name, frame, start.shapes, self.source.fps)
             return own_tracker_of(request.run.tracker, scene)
-        if request.births is not None:
-            capacity = request.births.rules.capacity
-            size = request.births.typical_size
-            model = open_model(request.model, frame.shape[:2], capacity, size, options.particles)
+        if request.detector is not None:
+            capacity = request.detector.rules.capacity
+            size = request.detector.typical_size
+            model = open_model(
+                request.model, frame.shape[:2], capacity, size, options.num_particles
+            )
             return request.filter.tracker(model, options)
-        looks = looks_of_frame(frame, options.particles)
+        looks = looks_of_frame(frame, options.num_particles)
         tracker = build(request.target, request.model, request.filter, options, start, looks)
         if request.run.runs is not None:
             return SideBySide(tracker, request.run.runs)
-        if request.run.error_bars is not None:
-            return WithErrorBars(tracker, request.run.error_bars)
+        if request.run.mc_error_lag is not None:
+            return WithErrorBars(tracker, request.run.mc_error_lag)
         return tracker
 
 
@@ -162,8 +164,8 @@ def open_session(request: Request) -> Session:
     check_together(request, later=later)
     for remark in (*start.remarks, *([note] if note else [])):
         say(f"Note: {remark}", err=True)
-    if request.births is not None:
-        births_of.check_births(request.births, start, run_options.start, source)
+    if request.detector is not None:
+        detector_of.check_detector(request.detector, start, run_options.start, source)
     truth = _read_truth(request, start)
     output = run_options.output or Path(f"jaxpf-{source.name}")
     if isinstance(source.path, Path):
@@ -203,7 +205,7 @@ def _read_truth(request: Request, start: Start) -> BoxTable | None:
         return None
     first, count = request.run.start, request.run.frames
     truth = read_truth(request.run.truth)
-    ids = start.ids if request.births is None else np.unique(truth.id)
+    ids = start.ids if request.detector is None else np.unique(truth.id)
     names = ", ".join(map(str, ids))
     last = np.inf if count is None else first + count
     if not (np.isin(truth.id, ids) & (truth.frame > first) & (truth.frame <= last)).any():

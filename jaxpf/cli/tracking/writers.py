@@ -11,11 +11,11 @@ import numpy as np
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking.records import Record, Scene
 from jaxpf.cli.tracking.track_table import Tracks, centres_of, places_of
+from jaxpf.detections.lifetimes import EMPTY
 from jaxpf.files.writing import LineWriter
 from jaxpf.media.frame_source import FrameSource
 from jaxpf.media.overlay import draw_spreads
 from jaxpf.media.video_writer import VideoWriter
-from jaxpf.populations.lifetimes import EMPTY
 from jaxpf.smoothing.look_back import LookBack, SmoothedFrame
 from jaxpf.targets.target import Marks
 
@@ -201,21 +201,21 @@ class _NormalDraws:
 
 
 class Population:
-    """Collects births, deaths and refusals for the summary."""
+    """Collects starts, ends and refusals for the summary."""
 
     def __init__(self) -> None:
-        self.births: list[dict] = []
-        self.deaths: list[dict] = []
+        self.started: list[dict] = []
+        self.ended: list[dict] = []
         self.refused: list[dict] = []
 
     def __call__(self, record: Record) -> None:
         """Collect the changes of a frame."""
         number, changes = record.number, record.changes
         assert changes is not None
-        for birth in changes.births:
-            self.births.append({"id": birth.id, "frame": number, "box": birth.box.tolist()})
-        for death in changes.deaths:
-            self.deaths.append({"id": death.id, "frame": number, "reason": death.reason})
+        for new in changes.started:
+            self.started.append({"id": new.id, "frame": number, "box": new.box.tolist()})
+        for gone in changes.ended:
+            self.ended.append({"id": gone.id, "frame": number, "reason": gone.reason})
         for refusal in changes.refused:
             name = None if refusal.id == EMPTY else refusal.id
             box, reason = refusal.box.tolist(), refusal.reason

@@ -1,7 +1,6 @@
 """``jaxpf tune``: tune parameters of the likelihood and the motion by gradient descent."""
 
 import dataclasses
-import difflib
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 import click
 
 from jaxpf import tuning
+from jaxpf._resembling import resembling
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import progress_bar, say
 from jaxpf.cli.shared.flags import as_typed, picked, refuse_others, report_implied
@@ -175,7 +175,7 @@ command = SceneCommand(
         "jitter",
     ),
     without=("order", "swap", "ess_threshold"),
-    defaults={"particles": _PARTICLES, **_DEFAULTS},
+    defaults={"num_particles": _PARTICLES, **_DEFAULTS},
     help="""Tune parameters on SCENE.
 
     SCENE is as for `jaxpf evaluate`.  A synthetic scene is tuned on some seeds, a folder on its
@@ -221,7 +221,7 @@ def _check_names(parameters: str | None) -> None:
     targets = (target.options for target in all_targets().values())
     every = [option.path or "" for each in targets for option in options_of(each).values()]
     for name in (tuning.parameter(text).name for text in names_in(parameters or "")):
-        near = difflib.get_close_matches(name, every, n=1, cutoff=0.8)
+        near = resembling(name, every, cutoff=0.8)
         if near and name not in every:
             raise InputError(f"there is no parameter {name} to tune; did you mean {near[0]}?")
 
@@ -264,7 +264,7 @@ def _recipe(
             if own.get(name) in (None, OPEN):
                 own[name] = value
     model = target.resolved(picked(own, target.options), scene.settings, scene.num_objects)
-    filter_options = picked(own, filter_.options, {"particles": _PARTICLES, **target.defaults})
+    filter_options = picked(own, filter_.options, {"num_particles": _PARTICLES, **target.defaults})
     if options.parameters is None:
         options = dataclasses.replace(options, parameters=",".join(tuned_by_default(model)))
     both = (filter_options, model)

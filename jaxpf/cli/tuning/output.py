@@ -24,6 +24,12 @@ def write_tuned(path: Path, result: Any, values: dict[str, Any], before: Any) ->
     for name, option in options_of(after.of.options).items():
         if option.path in named:
             track[name] = _numbers(after.values[name])
+    # A sharpness belongs to an appearance, which synthetic scenes set.
+    appearance = after.values.get("appearance")
+    if "sharpness" in track and appearance != getattr(
+        after.of.resolved(after.of.options(), {}), "appearance", None
+    ):
+        track["appearance"] = appearance
     evaluate = {name: [value] for name, value in track.items()}
     if after.of.name != DEFAULT:
         track = {"target": after.of.name, **track}

@@ -91,12 +91,12 @@ def lines_over_particles(summaries: Sequence[Summary]) -> dict[str, list[Summary
     """
 
     def number(summary: Summary) -> Any:
-        return summary.configuration.parameters["particles"]
+        return summary.configuration.parameters["num_particles"]
 
     lines: dict[str, list[Summary]] = {}
     for summary in summaries:
-        if np.isfinite(speed_of(summary)) and "particles" in summary.configuration.parameters:
-            name = summary.name.replace(f", particles {number(summary)}", "")
+        if np.isfinite(speed_of(summary)) and "num_particles" in summary.configuration.parameters:
+            name = summary.name.replace(f", num_particles {number(summary)}", "")
             lines.setdefault(name, []).append(summary)
     return {name: sorted(line, key=number) for name, line in lines.items() if len(line) > 1}
 

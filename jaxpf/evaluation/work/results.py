@@ -42,8 +42,8 @@ class Configuration:
             tracks.
         ordering: of PS, the order of the objects counted from 1, such as "2345671" ("2-3-...-1"
             for ten or more objects); "shifts" for DPS; the swap rule for SPS; otherwise "".
-        parameters: every option of the grid (sharpness, particles, scale, ...), varied or not;
-            empty unless the method is built in.
+        parameters: every option of the grid (sharpness, num_particles, noise_pixels, ...), varied
+            or not; empty unless the method is built in.
         variant: options that define the ordering, such as {"order": (1, 2, 0)}.
         kind: "built in"; "own" for a user-defined tracker; "imported" for given boxes, which are
             the same in every run.

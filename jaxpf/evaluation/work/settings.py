@@ -25,9 +25,9 @@ def new_settings(plan: Plan, scene: Any, of: Target, start: Start) -> dict[str, 
     """
     plan = complete(plan, of.name, start.parents)
 
-    def settle(of: Target, options: Any, particles: int) -> Any:
+    def settle(of: Target, options: Any, num_particles: int) -> Any:
         # Independent of the number of runs, because these options determine the results.
-        return of.settled(options, start, looks_of(scene, particles))
+        return of.settled(options, start, looks_of(scene, num_particles))
 
     listed = configurations(plan, start, settle)
     for name, function in plan.trackers.items():

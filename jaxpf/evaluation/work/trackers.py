@@ -32,7 +32,7 @@ def built_in_tracker(scene: Any, target: Target, configuration: Configuration) -
     values = configuration.parameters | configuration.variant
     filter_ = filters.filter_of(values["method"])
     start, options = target.scene_start(scene), chosen(filter_.options, values)
-    looks = looks_of(scene, options.particles)
+    looks = looks_of(scene, options.num_particles)
     return building.build(target, chosen(target.options, values), filter_, options, start, looks)
 
 

@@ -190,8 +190,8 @@ def _log_ratio(dynamics, new, diffused, lagged):
 
 
 def _check(tracker: Eskil) -> None:
-    names = ("upsampling", "drift", "shape", "shape_scale")
-    renamed = {"num_particles": "particles", "memory": "velocity_memory"}
+    names = ("num_particles", "upsampling", "drift", "shape", "shape_scale")
+    renamed = {"memory": "velocity_memory"}
     check_declared(tracker, Options, *names, **renamed)
     check_factors(tracker.dynamics, tracker.likelihood, "factored particles")
     if tracker.drift != "none" and tracker.num_partitions < 2:

@@ -33,7 +33,7 @@ class _FactoredFilter(Filter):
             "dynamics": model.dynamics,
             "likelihood": model.likelihood,
             "initial": model.initial,
-            "num_particles": options.particles or _PARTICLES[method],
+            "num_particles": options.num_particles or _PARTICLES[method],
             "upsampling": options.upsampling or _UPSAMPLING[method],
             "resampling": options.resampling,
         }

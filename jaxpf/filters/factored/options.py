@@ -19,7 +19,7 @@ class Options:
         "pffl (the same without drift and shape, and without its authors' learned prior).",
         choices=METHODS,
     )
-    particles: int | None = option(
+    num_particles: int | None = option(
         None,
         "For eskil and pffl, of each object: 10 and 50 unless given.",
         kind=int,

@@ -66,7 +66,7 @@ class PFFL(Tracker):
     def __post_init__(self):
         object.__setattr__(self, "initial", initial_rows(self.initial))
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
-        check_declared(self, Options, "upsampling", "form", num_particles="particles")
+        check_declared(self, Options, "upsampling", "form", "num_particles")
         check_factors(self.dynamics, self.likelihood, "factored particles")
         check_number("safety", self.safety, above=0, most=1)
 

@@ -31,7 +31,7 @@ class _LabelledFilter(Filter):
             likelihood=model.likelihood,
             initial=model.initial,
             num_targets=model.num_partitions,
-            num_particles=options.particles,
+            num_particles=options.num_particles,
             resampling=options.resampling,
             weights=options.weights,
             feedback=options.feedback,
@@ -42,9 +42,9 @@ class _LabelledFilter(Filter):
 
     def check(self, options: Options, parents: Sequence[int]) -> None:
         super().check(options, parents)
-        if options.particles < len(parents):
+        if options.num_particles < len(parents):
             raise InputError(
-                Argument("particles", options.particles),
+                Argument("num_particles", options.num_particles),
                 f" is fewer than the {len(parents)} objects that share them; give at least one "
                 "each, better some fifty.",
             )

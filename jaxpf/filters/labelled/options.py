@@ -17,7 +17,7 @@ class Options:
     """
 
     method: str = option("labelled", "labelled (each particle holds one object).", choices=METHODS)
-    particles: int = option(
+    num_particles: int = option(
         300, "Number of particles.", least=1, most=2**31 - 1, flags=("-n",), compiles=True
     )
     resampling: str = option("systematic", "Resampling scheme.", choices=SCHEMES, compiles=True)

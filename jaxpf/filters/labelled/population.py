@@ -7,7 +7,7 @@ particles: the living targets share all N.
 
 A new target gets its particles in the next frame, after resampling, when weights are equal within
 each label.  It gets its fair share ``N / living``, taken evenly from the other labels.  The
-particles start at its birth place, like those of ``initial``.
+particles start at its start place, like those of ``initial``.
 
 A new target has no evidence yet, so its mass in the mixture is 1 / living and the others' masses
 shrink in proportion.  If all particles of a target have zero likelihood in a frame, the frame is
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from jaxpf.filters.labelled.tracker import Labelled
 
 
-def born(state: LabelledState, slot: jax.Array, substate: jax.Array) -> LabelledState:
+def add_target(state: LabelledState, slot: jax.Array, substate: jax.Array) -> LabelledState:
     """Add a target to an open population between two frames; it gets particles in the next frame.
 
     Args:
@@ -41,20 +41,20 @@ def born(state: LabelledState, slot: jax.Array, substate: jax.Array) -> Labelled
         substate: ``[D]``, the target's substate in the last frame.
     """
     _check_open(state)
-    return _born(state, slot, substate)
+    return _add(state, slot, substate)
 
 
-def ended(state: LabelledState, slot: jax.Array) -> LabelledState:
+def remove_target(state: LabelledState, slot: jax.Array) -> LabelledState:
     """Remove the target of ``slot`` from an open population between two frames.
 
     The other labels' particles do not change.
     """
     _check_open(state)
-    return _ended(state, slot)
+    return _remove(state, slot)
 
 
 @compiled
-def _born(state, slot, substate):
+def _add(state, slot, substate):
     alive = state.alive.at[slot].set(True)
     living = jnp.sum(alive).astype(state.log_mass.dtype)
     others = normalised(state.log_mass.at[slot].set(-jnp.inf))[0] + jnp.log1p(-1 / living)
@@ -70,7 +70,7 @@ def _born(state, slot, substate):
 
 
 @compiled
-def _ended(state, slot):
+def _remove(state, slot):
     weights = jnp.where(state.labels == slot, -jnp.inf, state.log_weights)
     return dataclasses.replace(
         state,
@@ -87,7 +87,7 @@ def first_state(tracker: "Labelled") -> LabelledState:
     initial, num_particles = tracker.initial.T, tracker.num_particles
     alive = jnp.all(jnp.isfinite(initial), axis=0)
     place = jnp.where(alive, initial, 0.0)
-    labels = jnp.sort(homes(alive, num_particles))
+    labels = jnp.sort(assign_slots(alive, num_particles))
     sizes = by_label.counts(labels, tracker.num_targets).astype(place.dtype)
     mass = jnp.where(alive, -jnp.log(jnp.maximum(jnp.sum(alive), 1).astype(place.dtype)), -jnp.inf)
     values = by_label.spread(place, labels)
@@ -110,7 +110,7 @@ def first_state(tracker: "Labelled") -> LabelledState:
 
 
 def with_newborn(tracker: "Labelled", state: LabelledState) -> LabelledState:
-    """Give newborn targets their first particles, at their birth places.
+    """Give newborn targets their first particles, at their start places.
 
     The slots are assigned in turn, so that all labels give up particles evenly.  ``state`` is that
     after ``kernel.select``: weights are equal within a label.
@@ -119,7 +119,7 @@ def with_newborn(tracker: "Labelled", state: LabelledState) -> LabelledState:
     if tracker.speed is not None:  # given with the place
         given = state.estimate[jnp.array(tracker.speed)]
         velocity = jnp.where(state.newborn, given, velocity)
-    label = homes(state.alive, tracker.num_particles)
+    label = assign_slots(state.alive, tracker.num_particles)
     taken = by_label.spread(state.newborn, label)
     uniform = jnp.full_like(state.log_weights, -np.log(tracker.num_particles))
     return dataclasses.replace(
@@ -132,7 +132,7 @@ def with_newborn(tracker: "Labelled", state: LabelledState) -> LabelledState:
     )
 
 
-def homes(alive: jax.Array, num_particles: int) -> jax.Array:
+def assign_slots(alive: jax.Array, num_particles: int) -> jax.Array:
     """Assign the living labels to the N slots in turn: ``[N]`` int32."""
     check_array("alive", alive, "truth values, [>= 1]")
     check_whole("num_particles", num_particles)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def check_tracker(tracker: "Labelled") -> None:
     """Refuse settings that cannot work or would be silently wrong."""
-    check_declared(tracker, Options, "weights", "feedback", num_particles="particles")
+    check_declared(tracker, Options, "weights", "feedback", "num_particles")
     check_known("population=", tracker.population, ("fixed", "open"))
     check_gradients(tracker)
     if tracker.gradient.blends or not tracker.gradient.equalises:

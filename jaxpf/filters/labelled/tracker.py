@@ -17,7 +17,7 @@ from jaxpf.contract.refusals import Bias
 from jaxpf.filters import confidence
 from jaxpf.filters.initial import as_floats, initial_rows
 from jaxpf.filters.labelled import by_label, kernel, population
-from jaxpf.filters.labelled.population import born, ended
+from jaxpf.filters.labelled.population import add_target, remove_target
 from jaxpf.filters.labelled.refusals import check_tracker
 from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
 from jaxpf.filters.relocation import Relocation
@@ -25,7 +25,7 @@ from jaxpf.gradients import NoGradient
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
 
-__all__ = ["Labelled", "LabelledState", "LabelledSummary", "born", "ended"]
+__all__ = ["Labelled", "LabelledState", "LabelledSummary", "add_target", "remove_target"]
 
 
 @pytree_dataclass
@@ -55,9 +55,9 @@ class Labelled(Tracker):
             by eq. 4 and keeps the weights.
         feedback: static: ``"estimate"`` moves particles at the speed of the regularised estimate
             (eq. 5), ``"none"`` at their own speed.
-        population: static: in an ``"open"`` population, ``jaxpf.filters.born`` and ``ended`` add
-            and remove targets between frames; ``num_targets`` is then the maximum number at once.
-            ``"fixed"`` otherwise.
+        population: static: in an ``"open"`` population, ``jaxpf.filters.add_target`` and
+            ``remove_target`` change the targets between frames; ``num_targets`` is then the maximum
+            number at once.  ``"fixed"`` otherwise.
         position: static, indices of the position coordinates.
         speed: static, indices of the coordinates that hold the speed per frame, one for each of
             ``position``; None for dynamics that take it from ``current - previous``.

@@ -37,11 +37,11 @@ class _PartitionedFilter(Filter):
             initial=model.initial,
             initial_label=model.initial_label,
             parents=model.parents,
-            num_particles=options.particles,
+            num_particles=options.num_particles,
             resampling=options.resampling,
             ess_threshold=options.ess_threshold,
             relocation=relocation_of(model.likelihood, options.relocate),
-            look_ahead=options.look_ahead,
+            joint_weighting=options.joint_weighting,
         )
 
     def admits(self, method: str, parents: Sequence[int]) -> bool:
@@ -51,9 +51,9 @@ class _PartitionedFilter(Filter):
     def check(self, options: Options, parents: Sequence[int]) -> None:
         """DPS needs enough particles, and an order must name every object."""
         count = len(parents)
-        if options.method == "dps" and options.particles < count:
+        if options.method == "dps" and options.num_particles < count:
             raise InputError(
-                Argument("particles", options.particles),
+                Argument("num_particles", options.num_particles),
                 f" is fewer than the {count} components of dps, one per object; give at least "
                 f"{count}, better some hundreds.",
             )

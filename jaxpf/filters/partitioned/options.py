@@ -35,7 +35,7 @@ class Options:
         choices=SWAPS,
         implies=("method", "sps"),
     )
-    particles: int = option(
+    num_particles: int = option(
         300,
         "Number of particles.",
         least=1,
@@ -53,10 +53,10 @@ class Options:
         least=0,
         most=1,
     )
-    look_ahead: bool = option(
+    joint_weighting: bool = option(
         False,
-        "Weight each object together with the predicted others; for objects that exclude one "
-        "another, such as contours.",
+        "Weight each object by the joint likelihood, with the others as predicted; for objects "
+        "that exclude one another, such as contours.",
         compiles=True,
     )
     relocate: float = relocate_option()

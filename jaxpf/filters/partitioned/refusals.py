@@ -26,7 +26,7 @@ def check_tracker(tracker: "Partitioned") -> Any:
     Returns:
         Bool, whether a traced ordering is one to refuse; None if it is known.
     """
-    check_declared(tracker, Options, "ess_threshold", num_particles="particles")
+    check_declared(tracker, Options, "ess_threshold", "num_particles")
     check_gradients(tracker)
     if tracker.tempering is not None:
         check_number("tempering", tracker.tempering, above=0, most=1)

@@ -60,9 +60,9 @@ class Partitioned(Tracker):
             reduce impoverishment but increase the variance of the weights.  ``None`` is 1.
         ess_threshold: resample only if the effective sample size is at most this share of the
             particles; ``None`` always resamples.
-        look_ahead: static, whether each stage weights by the joint likelihood instead of
+        joint_weighting: static, whether each stage weights by the joint likelihood instead of
             ``log_prob``, with later partitions at the substates that ``dynamics.predict`` gives;
-            see ``jaxpf.filters.partitioned.weighing.LookAhead``.
+            see ``jaxpf.filters.partitioned.weighing.JointWeighting``.
         relocation: a ``jaxpf.filters.Relocation``, the search for objects that are lost;
             None moves all objects by the dynamics.
         proposal: a ``jaxpf.contract.Proposal`` that draws substates in place of the dynamics, such
@@ -92,7 +92,7 @@ class Partitioned(Tracker):
     proposal: Any = None
     resampling: Any = "systematic"
     gradient: Any = NoGradient()
-    look_ahead: bool = static_field(default=False)
+    joint_weighting: bool = static_field(default=False)
     parents: Any = static_field(default=None)
     num_particles: int = static_field(default=300)
     keep_ancestors: bool = static_field(default=False)

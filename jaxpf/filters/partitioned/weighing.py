@@ -39,7 +39,7 @@ class Weighing:
         return factors
 
 
-class LookAhead(Weighing):
+class JointWeighting(Weighing):
     """Weights each partition jointly with the predicted substates of later partitions.
 
     Consider two look-alikes A and B that exclude one another.  A particle whose A sits on B's image
@@ -54,10 +54,10 @@ class LookAhead(Weighing):
         """See ``Weighing``."""
         likelihood, dynamics = tracker.likelihood, tracker.dynamics
         has_joint, predicts = contract.has_log_joint(likelihood), contract.has_prediction(dynamics)
-        check_has("look_ahead", likelihood, "log_joint of the likelihood", has_joint)
-        check_has("look_ahead", dynamics, "predict of the dynamics", predicts)
+        check_has("joint_weighting", likelihood, "log_joint of the likelihood", has_joint)
+        check_has("joint_weighting", dynamics, "predict of the dynamics", predicts)
         check_separate(
-            "look_ahead",
+            "joint_weighting",
             (any(parent >= 0 for parent in tracker.parents), "a part tree"),
             (tracker.motion_gradient != "pathwise", f"motion_gradient={tracker.motion_gradient!r}"),
         )
@@ -88,7 +88,7 @@ class LookAhead(Weighing):
 
 def weighing_of(tracker: "Partitioned") -> Weighing:
     """Choose the strategy for a tracker's settings."""
-    return LookAhead() if tracker.look_ahead else Weighing()
+    return JointWeighting() if tracker.joint_weighting else Weighing()
 
 
 def _of_single_partitions(

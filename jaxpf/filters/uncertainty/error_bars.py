@@ -23,13 +23,12 @@ NaN, the variance from the others is too small, because they are the lucky ones 
 *Validity.*  Theory covers multinomial resampling at every selection, without exchange.  Everything
 else is measured: the estimate from a single run over the variance of 1000 runs, N = 1000, four
 objects or a tree of three parts, 5 frames, standard errors .05.  For estimates the ratio is .92 to
-1.05 with systematic resampling, .88 to 1.08 with DPS and .90 to 1.13 with SPS.  With look-ahead,
-for three objects with a joint likelihood, it is .65 to .69, and two of three runs gave NaN.  For
-the evidence under systematic resampling the ratio is .24 to .33, far too small, because the
-estimator subtracts the variance of multinomial draws.  The evidence variance is therefore reported
-only with multinomial resampling; otherwise compare runs.  With exchange, each partition has its own
-ancestors, and the evidence has no error bar.
-"""
+1.05 with systematic resampling, .88 to 1.08 with DPS and .90 to 1.13 with SPS.  With joint
+weighting, for three objects with a joint likelihood, it is .65 to .69, and two of three runs gave
+NaN.  For the evidence under systematic resampling the ratio is .24 to .33, far too small, because
+the estimator subtracts the variance of multinomial draws.  The evidence variance is therefore
+reported only with multinomial resampling; otherwise compare runs.  With exchange, each partition
+has its own ancestors, and the evidence has no error bar."""
 
 import dataclasses
 from typing import Any

@@ -40,7 +40,7 @@ def discriminative(
     boxes,
     *,
     features: Sequence[str | Callable] = USUAL_FEATURES,
-    gain: float = 1.0,
+    sharpness: float = 1.0,
     bands: int = 2,
     grid: tuple[int, int] = (4, 4),
     penalty: float = RIDGE,
@@ -59,19 +59,19 @@ def discriminative(
             to 1 that describe each pixel's neighbourhood; they are summed in cells like gradients.
             ``"hues"`` adds where on the object its colours are: better if the object fills its
             box, worse if the box shows much background.
-        gain: trust in the scores.  Neighbouring cells see the same pixels, so with a large gain
+        sharpness: trust in the scores.  Neighbouring cells see the same pixels, so if it is large,
             the particles' spread is too small.  On ten annotated clips of animals and people (80
             frames, 4 runs, PS, 300 particles), in frames in which the object is followed, the 95%
-            region of x and y contains the truth in 93% of the frames with gain 1, 88% with 2 and
-            95% with .5.  The overlap with gain 1 is .9 points (standard error 1.0) less than with
-            2; with .5 it is 3.1 (1.6) less.
+            region of x and y contains the truth in 93% of the frames with 1, 88% with 2 and 95%
+            with .5.  The overlap with 1 is .9 points (standard error 1.0) less than with 2; with .5
+            it is 3.1 (1.6) less.
         bands: horizontal bands of the colour histograms.
         grid: rows and columns of cells.
         penalty: of the ridge regression, per background.
         interpolation: ``"nearest"``, or ``"bilinear"`` for gradients with respect to substates.
         background_frames: uint8 RGB [n, H, W, 3].  The likelihood is divided by its mean over
-            boxes anywhere in these frames, so that its evidence can choose a gain.  By default it
-            is not normalised.
+            boxes anywhere in these frames, so that its evidence can choose a sharpness.  By default
+            it is not normalised.
         reach: if a run tracks one filter, it computes features only in windows around the objects,
             where these are smaller than the frame.  A window reaches this far beyond its object,
             in square roots of the object's area; a particle outside makes the step use the whole
@@ -89,8 +89,8 @@ def discriminative(
     if reach is not None:
         check_number("reach", reach, above=0)
     check_boxes(boxes, frame.shape, names)
-    _check(features, gain, bands, grid, penalty, interpolation)
-    likelihood = untrained(frame, boxes, features, gain, bands, grid, interpolation)
+    _check(features, sharpness, bands, grid, penalty, interpolation)
+    likelihood = untrained(frame, boxes, features, sharpness, bands, grid, interpolation)
     likelihood = trained(likelihood, frame, boxes, penalty)
     check_learned(np.asarray(likelihood.residual), names)
     if reach is not None:
@@ -104,7 +104,7 @@ def untrained(
     frame: Any,
     boxes: np.ndarray,
     features: Sequence[str | Callable] = USUAL_FEATURES,
-    gain: float = 1.0,
+    sharpness: float = 1.0,
     bands: int = 2,
     grid: tuple[int, int] = (4, 4),
     interpolation: str = "nearest",
@@ -122,7 +122,7 @@ def untrained(
     if "colour" in features:
         lookup, own = _own_bins(frame, boxes, factors[level], bands)
     return DiscriminativeLikelihood(
-        gain=as_array(gain, float),
+        sharpness=as_array(sharpness, float),
         sizes=as_array(boxes[:, 2:], float),
         offset=as_array(np.zeros(len(boxes)), float),
         residual=as_array(np.ones(len(boxes)), float),
@@ -245,7 +245,7 @@ def check_boxes(
             )
 
 
-def _check(features, gain, bands, grid, penalty, interpolation) -> None:
+def _check(features, sharpness, bands, grid, penalty, interpolation) -> None:
     if not isinstance(features, Sequence) or not features:
         raise InputError(f"features is empty: give at least one of {', '.join(FEATURES)}.")
     for feature in features:
@@ -254,7 +254,7 @@ def _check(features, gain, bands, grid, penalty, interpolation) -> None:
                 f"feature {feature!r} is unknown; choose of {', '.join(FEATURES)}, or give a "
                 "function."
             )
-    check_ranges(gain=gain)
+    check_ranges(sharpness=sharpness)
     check_number("penalty", penalty, above=0)
     check_whole("bands", bands)
     check_window(grid, "(4, 4)", "grid")

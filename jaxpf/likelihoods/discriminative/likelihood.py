@@ -5,7 +5,7 @@ the object in one frame, with their overlaps with the object as labels, in front
 other backgrounds (``training``).  With y the score and r the root mean squared residual of the
 regression::
 
-    log p(y | x) = gain * clip(y, -.2, 1.2) / max(r, .03)
+    log p(y | x) = sharpness * clip(y, -.2, 1.2) / max(r, .03)
 
 Features are roots of histograms: of the colours of two bands (hue, saturation and value, the
 object's 36 most frequent bins), and of brightness gradients in eight directions in 4 x 4 cells
@@ -108,7 +108,7 @@ class DiscriminativeLikelihood(Likelihood):
     relative to the start, it is ``a * w * sqrt(b)`` by ``a * h / sqrt(b)``.
 
     Attributes:
-        gain: scalar; larger trusts the score more.
+        sharpness: scalar; larger trusts the score more.
         sizes: [P, 2], width and height of the box at scale 1, pixels.
         offset: [P], of the score.
         residual: [P], root mean squared residual of the regression.
@@ -126,7 +126,7 @@ class DiscriminativeLikelihood(Likelihood):
         windows: a ``nearby.WindowShape`` for :meth:`observe_nearby`; None for whole frames only.
     """
 
-    gain: ArrayLike
+    sharpness: ArrayLike
     sizes: jax.Array
     offset: jax.Array
     residual: jax.Array
@@ -227,12 +227,12 @@ class DiscriminativeLikelihood(Likelihood):
         """
         dtype = substates.dtype
         score, valid = self.scores_all(observation, partition, substates)
-        sharpness = jnp.asarray(self.gain, dtype) / jnp.maximum(
+        scale = jnp.asarray(self.sharpness, dtype) / jnp.maximum(
             jnp.asarray(self.residual, dtype), LEAST_RESIDUAL
         )
-        log_prob = sharpness[partition] * clipped(score)
+        log_prob = scale[partition] * clipped(score)
         if self.background is not None:
-            usual = sharpness[:, None] * clipped(self.background.astype(dtype))
+            usual = scale[:, None] * clipped(self.background.astype(dtype))
             usual = jax.nn.logsumexp(usual, axis=1) - math.log(usual.shape[1])
             log_prob -= usual[partition]
         log_prob = jnp.where(valid, log_prob, -jnp.inf)

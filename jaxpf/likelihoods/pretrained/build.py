@@ -40,7 +40,7 @@ def pretrained(
     boxes: Any,
     *,
     network: Callable | None = None,
-    gain: float = 1.0,
+    sharpness: float = 1.0,
     bands: int = 2,
     grid: tuple[int, int] = (4, 4),
     penalty: float = RIDGE,
@@ -56,7 +56,7 @@ def pretrained(
             of any sign, or a tuple of maps.  Flax, Equinox or plain JAX; give
             ``jax.tree_util.Partial(apply, weights)``, so that the weights are not compiled in.
             By default EfficientNet-lite0, with the weights of ``jaxpf[pretrained]``.
-        gain: trust in the scores, see :func:`jaxpf.likelihoods.discriminative`.
+        sharpness: trust in the scores, see :func:`jaxpf.likelihoods.discriminative`.
         bands, grid: of the usual features, see there.
         penalty: of the ridge regression, per background.
         names: of the objects, in messages; by default their numbers.
@@ -67,7 +67,7 @@ def pretrained(
     check_frame(frame)
     boxes = numbers_in("boxes", boxes, BOXES, FINITE)
     check_boxes(boxes, frame.shape[:2], names)
-    check_ranges(gain=gain)
+    check_ranges(sharpness=sharpness)
     check_number("penalty", penalty, above=0)
     network = _as_network(efficientnet_lite0() if network is None else network)
     cells = [_grid(shape) for shape in _map_shapes(network)]
@@ -97,7 +97,7 @@ def pretrained(
         deep.append(weights[:, length : length + count].reshape(len(boxes), rows, columns, -1))
         length += count
     return PretrainedLikelihood(
-        gain=as_array(gain, float),
+        sharpness=as_array(sharpness, float),
         sizes=as_array(boxes[:, 2:], float),
         zooms=as_array(zooms, float),
         offset=as_array(offset),

@@ -6,7 +6,7 @@ features of the same window at half its resolution (``jaxpf.likelihoods.discrimi
 learned from the start frame in the same way: ridge regression on overlaps, in front of that frame's
 and other backgrounds.  With y the score and r the residual of the regression::
 
-    log p(y | x) = gain * clip(y, -.2, 1.2) / max(r, .03)
+    log p(y | x) = sharpness * clip(y, -.2, 1.2) / max(r, .03)
 
 Each object's window is cut around its last estimate and zoomed so that it has the same size in
 every frame; so the network sees objects of one size, and the cost of a frame does not depend on its
@@ -88,7 +88,7 @@ class PretrainedLikelihood(Likelihood):
     frame, and its scale; the box is ``a * w`` by ``a * h``.
 
     Attributes:
-        gain: scalar; larger trusts the score more.
+        sharpness: scalar; larger trusts the score more.
         sizes: [P, 2], width and height of the box at scale 1, pixels.
         zooms: [P], pixels of a window per pixel of the frame at scale 1.
         offset: [P], of the score.
@@ -103,7 +103,7 @@ class PretrainedLikelihood(Likelihood):
         frame_shape: height and width of all frames.
     """
 
-    gain: ArrayLike
+    sharpness: ArrayLike
     sizes: jax.Array
     zooms: jax.Array
     offset: jax.Array
@@ -196,11 +196,11 @@ class PretrainedLikelihood(Likelihood):
         """
         dtype = substates.dtype
         residual = jnp.maximum(jnp.asarray(self.residual, dtype), LEAST_RESIDUAL)
-        sharpness = jnp.asarray(self.gain, dtype) / residual
+        scale = jnp.asarray(self.sharpness, dtype) / residual
         score = clipped(self.scores_all(observation, partition, substates))
         width, height = (jnp.asarray(self.sizes, dtype)[partition] * substates[2][:, None]).T
         valid = (width >= 1) & (height >= 2) & (substates[2] <= LARGEST)
-        log_prob = jnp.where(valid, sharpness[partition] * score, -jnp.inf)
+        log_prob = jnp.where(valid, scale[partition] * score, -jnp.inf)
         return jnp.where(jnp.all(jnp.isfinite(substates), axis=0), log_prob, jnp.nan)
 
     def scores_all(self, observation, partition, substates):

@@ -31,20 +31,20 @@ _OPTIONS: Mapping[str, dict[str, Any]] = {
     "without shape": {"shape": "none"},
     "signed drift": {"drift": "signed"},
     "ridge drift": {"drift": "ridge"},
-    PFFL: {"method": "pffl", "particles": PFFL_PARTICLES},
+    PFFL: {"method": "pffl", "num_particles": PFFL_PARTICLES},
     "PFFL as printed": {
         "method": "pffl",
-        "particles": PFFL_PARTICLES,
+        "num_particles": PFFL_PARTICLES,
         "form": "literal",
         "norm": "sum",
         "sigma": SIGMA,
     },
     # The paper's sketch moves particles by drift and diffusion but defines no drift.
-    WITH_DRIFT: {"method": "pffl", "particles": PFFL_PARTICLES},
+    WITH_DRIFT: {"method": "pffl", "num_particles": PFFL_PARTICLES},
     # The same number of likelihood evaluations per point as PFFL.
-    "SIR": {"method": "sir", "particles": 2 * PFFL_PARTICLES},
-    "PS": {"method": "ps", "particles": 2 * PFFL_PARTICLES},
-    "SPS": {"method": "sps", "particles": 2 * PFFL_PARTICLES},
+    "SIR": {"method": "sir", "num_particles": 2 * PFFL_PARTICLES},
+    "PS": {"method": "ps", "num_particles": 2 * PFFL_PARTICLES},
+    "SPS": {"method": "sps", "num_particles": 2 * PFFL_PARTICLES},
 }
 FILTERS = tuple(_OPTIONS)
 #: Scenes of each kind on which SPOT runs, which takes a quarter of a second per frame.
@@ -69,7 +69,7 @@ def tracker(
     options = {**_MODEL, **_OPTIONS[name]}
     if name == OF_FRAME:
         options["shape_scale"] = 0.01 * frame.shape[1]
-    point_tracker = jaxpf.points.tracker(frame, points, diffusion=scale, **options)
+    point_tracker = jaxpf.points.tracker(frame, points, noise_points=scale, **options)
     if name == WITH_DRIFT:
         dynamics = AR2(np.float32(scale), np.float32(MOMENTUM))
         return dataclasses.replace(point_tracker, dynamics=dynamics)

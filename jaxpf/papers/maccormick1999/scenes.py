@@ -16,7 +16,7 @@ from jaxpf.dynamics.learned import fit
 from jaxpf.evaluation.opening import load_scene
 from jaxpf.likelihoods.contours import EdgeDetector, learn_clutter
 from jaxpf.shapes.spaces import key_frame_space, space_of
-from jaxpf.shapes.splines import fit_spline, resampled
+from jaxpf.shapes.splines import fit_spline, resample_polyline
 
 #: Number of frames over which figure 11 averages.
 FIRST_FRAMES = 10
@@ -170,7 +170,9 @@ def _case(name, scene, space, dynamics, options, on_target) -> Case:
     outlines, closed = scene.extras["outlines"], space.closed
     front = scene.extras["front"][0] if closed else 0
     start = space.project(_control(outlines[:1], space.num_points, closed)[0])
-    even = [[resampled(line, _POINTS, closed=closed) for line in pair] for pair in outlines[1:]]
+    even = [
+        [resample_polyline(line, _POINTS, closed=closed) for line in pair] for pair in outlines[1:]
+    ]
     return Case(
         name=name,
         frames=scene.frames[1:],

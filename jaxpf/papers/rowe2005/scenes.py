@@ -73,7 +73,7 @@ def tracker_of(scene: Any, variant: str) -> jaxpf.Labelled:
         scene.boxes[0],
         like="rowe2005",
         patches=scene.patches,
-        particles=PARTICLES,
+        num_particles=PARTICLES,
         **(settings_of(variant)._asdict() | VARIANTS[variant]),
     )
 

@@ -104,7 +104,7 @@ ENDINGS: Mapping[str, OtherEnding | None] = {
 
 def measure_conditions(
     seeds: Sequence[int],
-    particles: Sequence[int],
+    num_particles: Sequence[int],
     endings: Sequence[str],
     report: Callable[[str], None] = lambda line: None,
 ) -> dict[str, Outcome]:
@@ -112,7 +112,7 @@ def measure_conditions(
 
     Args:
         seeds: seeds of the scenes, at least two.
-        particles: values of N.
+        num_particles: values of N.
         endings: keys of ``ENDINGS``.
         report: receives a line per scene.
     """
@@ -126,6 +126,6 @@ def measure_conditions(
             name=name,
             report=report,
         )
-        for count in particles
+        for count in num_particles
         for ending in endings
     }

@@ -159,7 +159,7 @@ def scene_tracker(
         like="smith2004",
         patches=scene.patches,
         ordering=ordering,
-        particles=num_particles,
+        num_particles=num_particles,
     )
 
 

@@ -43,7 +43,7 @@ def test_it_shows_the_plan_first_then_the_tables_and_writes_everything(whole):
     assert plan < tables
     assert "distracter: 2 objects, 9 frames after the start frame 0, 40 x 30" in outcome.out
     assert "12 runs to do, with " in outcome.out
-    assert f"particles {PARTICLES}" in outcome.out
+    assert f"num_particles {PARTICLES}" in outcome.out
     for name in WRITTEN:
         assert (output / name).stat().st_size > 0, name
         assert name in outcome.out
@@ -86,7 +86,7 @@ def test_run_toml_repeats_the_evaluation(whole, tmp_path, short_report):
     _, output = whole
     options = tomllib.loads((output / "run.toml").read_text())["evaluate"]
     assert (options["scene"], options["methods"]) == ("distracter", "sir,ps")
-    assert options["scale"] == [[1.0, 1.0, 0.001]]
+    assert options["noise_pixels"] == [[1.0, 1.0, 0.001]]
     assert "output" not in options
     evaluated("--config", output / "run.toml", "-o", tmp_path / "again")
     assert_equal_bits(content(Results.open(tmp_path / "again")), content(Results.open(output)))
@@ -189,7 +189,7 @@ def test_a_dry_run_shows_the_plan_of_a_grid_and_writes_nothing(place, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-NOTE = "Note: --sharpness sets --appearance colour, which reports no confidence; the default is "
+NOTE = "Note: --bands sets --appearance colour, which reports no confidence; the default is "
 
 
 @pytest.mark.parametrize(
@@ -198,7 +198,7 @@ NOTE = "Note: --sharpness sets --appearance colour, which reports no confidence;
 )
 def test_options_that_change_others_say_so_in_one_line(place, tmp_path, monkeypatch, scene, note):
     monkeypatch.chdir(place)
-    options = ("--sharpness", "5", *COMMON[:6], "--dry-run", "-o", tmp_path / "out")
+    options = ("--bands", "1", *COMMON[:6], "--dry-run", "-o", tmp_path / "out")
     outcome = evaluated(*scene, *options)
     assert "".join(line for line in outcome.err.splitlines(True) if "Note" in line) == note
 

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("started_jax")
         ("--methods dps --swaps none", "swaps are those of sps, which is not among"),
         ("--sharpness 20,many", "'20,many' is not numbers separated by commas"),
         ("-n 3.5", "'3.5' is not whole numbers separated by commas"),
-        ("--scale 1,2", "'1,2' holds 2 number(s); give 3 of them"),
+        ("--noise-pixels 1,2", "'1,2' holds 2 number(s); give 3 of them"),
         ("--parts 100", "100 parts need at least 100 rows"),
         ("--runs 0", "--runs 0 must be a whole number from 1"),
         ("--scene-seed -1", "seed = -1 must be a whole number, 0 or more"),

@@ -22,7 +22,9 @@ COLOUR = ("--appearance", "colour")
 
 
 def test_a_lost_object_is_reported_marked_and_listed(track, tmp_path):
-    outcome = track(*BOXES, *COLOUR, "--scale", "1e4,1e4,0", "--frames", 3)  # thrown off the frame
+    outcome = track(
+        *BOXES, *COLOUR, "--noise-pixels", "1e4,1e4,0", "--frames", 3
+    )  # thrown off the frame
     assert outcome.code == 0
     assert "Lost: object 1 was outside the picture in 3 frames, first in frame 1." in outcome.err
     assert summary_of(tmp_path / "out")["frames_outside"]["1"] == [1, 2, 3]
@@ -32,7 +34,7 @@ def test_a_lost_object_is_reported_marked_and_listed(track, tmp_path):
 
 def test_a_frame_that_no_particle_explains_is_left_out_and_counted(track, tmp_path):
     # Off the frame, 3e38 times the distance is more than float32 holds: -inf for everyone.
-    scale = ("--scale", "1e4,1e4,0", "--sharpness", "3e38")
+    scale = ("--noise-pixels", "1e4,1e4,0", "--sharpness", "3e38")
     outcome = track(*BOXES, *COLOUR, *scale, "--frames", 2, "--no-overlay")
     assert outcome.code == 0
     assert "Warning: 2 frames had no likelihood for any particle" in outcome.err
@@ -43,7 +45,7 @@ def test_a_frame_that_no_particle_explains_is_left_out_and_counted(track, tmp_pa
 
 
 def test_likelihoods_that_are_no_number_are_counted(track, tmp_path):
-    outcome = track(*BOXES, *COLOUR, "--scale", "2e38,2e38,1", "--frames", 3, "--no-overlay")
+    outcome = track(*BOXES, *COLOUR, "--noise-pixels", "2e38,2e38,1", "--frames", 3, "--no-overlay")
     assert outcome.code == 0
     assert "likelihood(s) were not a number and counted as zero" in outcome.err
     assert summary_of(tmp_path / "out")["invalid_likelihoods"] > 0

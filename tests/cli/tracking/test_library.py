@@ -21,7 +21,7 @@ def test_frames_that_were_tracked_are_not_kept():
             yield frame
 
     start = true_boxes(0)
-    tracker = jaxpf.boxes.tracker(picture(0), start, appearance="colour", particles=60)
+    tracker = jaxpf.boxes.tracker(picture(0), start, appearance="colour", num_particles=60)
     for tracked in stream(tracker, jax.random.key(0), frames()):
         assert tracked.frame.shape == (HEIGHT, WIDTH, 3)
     assert most <= 3

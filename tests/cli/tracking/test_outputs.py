@@ -27,10 +27,10 @@ from jaxpf.cli.tracking import recorder
 from jaxpf.cli.tracking.command import command
 from jaxpf.contract.lost import LOST_BELOW
 from jaxpf.contract.options import options_of
+from jaxpf.detections import Rules
 from jaxpf.files import states
 from jaxpf.filters import all_filters, filter_of
 from jaxpf.media import open_frames
-from jaxpf.populations import Rules
 
 # What a run writes
 
@@ -141,7 +141,7 @@ def test_overlay_and_progress_are_of_every_frame(whole_run):
 def test_the_summary_holds_parameters_versions_seed_and_timing(whole_run):
     summary = summary_of(whole_run[1])
     assert summary["parameters"]["seed"] == 0
-    assert summary["parameters"]["particles"] == 60
+    assert summary["parameters"]["num_particles"] == 60
     assert summary["frames_tracked"] == LENGTH - 1
     assert (summary["interrupted"], summary["error"]) == (False, None)
     for name in ("frames_outside", "frames_without_likelihood"):
@@ -194,17 +194,15 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     every = options_of(*(one.options for one in all_filters().values()))
     of_others = every.keys() - options_of(filter_of("dps").options) | options_of(Rules).keys()
     # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
-    unset = (
-        "sharpness bands likelihood scale swap relative_scale network boxes ids births frames fps"
-    )
-    unset += " order ess_threshold tracker runs error_bars smooth_lag resume"
+    unset = "bands likelihood noise_pixels swap noise_relative network boxes ids detections frames"
+    unset += " fps order ess_threshold tracker runs mc_error_lag smooth_lag resume"
     elsewhere = "output overwrite config help_all save_state"
     names = {param.name for param in params} | {"target"}
     assert set(options) == names - of_others - {*unset.split(), *elsewhere.split()}
 
 
 def test_every_object_may_have_a_noise_of_its_own(place):
-    noise = ("--relative-scale", ".045,.18,.02,0,0,0")
+    noise = ("--noise-relative", ".045,.18,.02,0,0,0")
     _, tracker = built_by_track("boxes", place / "clip.avi", *BOXES, *noise)
     np.testing.assert_allclose(tracker.dynamics.steps, [[0.045, 0.18, 0.02], [0, 0, 0]])
 

@@ -32,7 +32,7 @@ def test_runs_side_by_side_tell_how_much_they_differ(track, tmp_path):
 
 @pytest.mark.slow
 def test_one_run_tells_its_error_by_its_ancestors(track, whole_run, tmp_path):
-    outcome = track(*BOXES, "--error-bars", 3, "--no-overlay")
+    outcome = track(*BOXES, "--mc-error-lag", 3, "--no-overlay")
     assert outcome.code == 0, outcome.err
     table = read_tracks(tmp_path / "out" / "tracks.csv")
     for name in ("x_error", "y_error"):

@@ -14,7 +14,7 @@ from small_sequence_folder import SMALL, write_sequence
 WRITTEN = {"tuned.toml", "tuning.png", "run.toml", "checkpoint.npz"}
 #: Every successful call has these shapes, so that the filter is compiled once.
 QUICK = shlex.split(
-    "--particles 20 --runs 2 --method sir --gradient none --repeats 1 --window 2 --scale 1,1,0.001"
+    "-n 20 --runs 2 --method sir --gradient none --repeats 1 --window 2 --noise-pixels 1,1,0.001"
 )
 SCENE = ("tune", "distracter", *SMALL, *QUICK, "--train-scenes", "1")
 
@@ -42,8 +42,8 @@ def test_it_prints_values_and_writes_them(tuned):
     value = content["tuned"]["likelihood.sharpness"]["value"]
     assert content["track"]["sharpness"] == value != 20.0
     assert content["evaluate"]["sharpness"] == [value]
-    assert content["evaluate"]["scale"] == [content["track"]["scale"]]
-    assert content["track"]["scale"][2] == 0.001
+    assert content["evaluate"]["noise_pixels"] == [content["track"]["noise_pixels"]]
+    assert content["track"]["noise_pixels"][2] == 0.001
     assert cv2.imread(str(output / "tuning.png")).shape[0] > 300
     *_, last = outcome.out.splitlines()
     command = shlex.split(last.partition(": jaxpf ")[2])
@@ -73,7 +73,7 @@ def test_evaluate_and_track_take_the_values(tuned, tmp_path):
     values = written_in(tuned[0])["evaluate"]
     written = written_in(tmp_path / "evaluated", "run.toml")["evaluate"]
     assert written["sharpness"] == values["sharpness"]
-    assert written["scale"] == values["scale"]
+    assert written["noise_pixels"] == values["noise_pixels"]
 
     folder = write_sequence(tmp_path / "two")
     box = ",".join(str(float(x)) for x in small_scene().boxes[0, 0])
@@ -82,20 +82,22 @@ def test_evaluate_and_track_take_the_values(tuned, tmp_path):
     assert tracked.code == 0, tracked.err
     written = written_in(tmp_path / "tracked", "run.toml")["track"]
     assert written["sharpness"] == values["sharpness"][0]
-    assert written["scale"] == values["scale"][0]
+    assert written["noise_pixels"] == values["noise_pixels"][0]
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("compiled_quickly")
 def test_a_folder_is_tuned_on_its_first_frames(tmp_path):
     folder = write_sequence(tmp_path / "two")
-    options = "--objective overlap --steps 2 --labels 1 --frames 3"
+    options = "--objective overlap --steps 2 --labels 1 --frames 3 --appearance colour"
     parameters = ("--parameters", "likelihood.sharpness=1:100", "-o", tmp_path / "out")
     outcome = jaxpf("tune", folder, *QUICK, *options.split(), *parameters)
     assert outcome.code == 0, outcome.err
     assert f"jaxpf evaluate {folder} --start-frame 3 --config" in outcome.out
     content = written_in(tmp_path / "out")
-    assert set(content["track"]) == {"sharpness"}
+    # A sharpness is that of an appearance, here not of the usual one.
+    assert set(content["track"]) == {"sharpness", "appearance"}
+    assert content["track"]["appearance"] == "colour"
     # A single repeat tells nothing about the error, which is not a zero.
     assert "standard_error" not in content["tuned"]["likelihood.sharpness"]
 
@@ -138,7 +140,7 @@ def test_a_clip_is_tuned_with_the_default_parameters(tmp_path):
     folder = write_sequence(tmp_path / "two")
     outcome = jaxpf("tune", folder, *QUICK[:-2], "--steps", "4", "-o", tmp_path / "out")
     assert "They are kept in" in outcome.err
-    usual, long, size = written_in(tmp_path / "out")["track"]["relative_scale"]
+    usual, long, size = written_in(tmp_path / "out")["track"]["noise_relative"]
     assert size == 0.02
     assert 0 < usual != 0.045
     assert 0 < long != 0.18
@@ -164,9 +166,9 @@ def test_parts_are_tuned_on_their_outlines(tmp_path):
     """A target without boxes: its own options are written."""
     options = shlex.split(
         "--set num_frames=6 --set num_parts=3 --method sir --likelihood patch --objective overlap "
-        "--parameters dynamics.scale --particles 20 --runs 2 --repeats 1 --window 2 --steps 2 "
+        "--parameters dynamics.scale --num-particles 20 --runs 2 --repeats 1 --window 2 --steps 2 "
         "--train-scenes 1"
     )
     outcome = jaxpf("tune", "articulated", *options, "-o", tmp_path / "out")
     assert outcome.code == 0, outcome.err
-    assert len(written_in(tmp_path / "out")["track"]["scale"]) == 3
+    assert len(written_in(tmp_path / "out")["track"]["noise_pixels"]) == 3

@@ -1,7 +1,7 @@
-"""Tracks a varying number of boxes with a labelled filter; births and deaths between frames.
+"""Tracks a varying number of boxes with a labelled filter; starts and ends between frames.
 
-The number of slots is fixed, so that births need no recompilation.  See
-``jaxpf.filters.labelled.population`` for the filter and ``jaxpf.populations.lifetimes`` for the
+The number of slots is fixed, so that new objects need no recompilation.  See
+``jaxpf.filters.labelled.population`` for the filter and ``jaxpf.detections.lifetimes`` for the
 rules.  The appearance of an object is learned from its box in its first frame.  Example::
 
     tracker = open_box_tracker(frames[0].shape, capacity=16, num_particles=1600)
@@ -24,25 +24,25 @@ from jaxpf.contract.errors import Argument, InputError, check_type
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import check_array, numbers_in
 from jaxpf.contract.options import OPEN, chosen
+from jaxpf.detections import lifetimes
+from jaxpf.detections.lifetimes import EMPTY, Changes, Living, Refusal, Rules
 from jaxpf.filters.labelled.family import LABELLED
 from jaxpf.filters.labelled.options import Options as FilterOptions
-from jaxpf.filters.labelled.population import born, ended
+from jaxpf.filters.labelled.population import add_target, remove_target
 from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.filters.labelled.tracker import Labelled
 from jaxpf.likelihoods.color import check_frame
 from jaxpf.likelihoods.detected import Detected
 from jaxpf.likelihoods.open_histogram import open_histogram, with_object
 from jaxpf.measures import association
-from jaxpf.populations import lifetimes
-from jaxpf.populations.lifetimes import EMPTY, Changes, Living, Refusal, Rules
 from jaxpf.running import streaming
 from jaxpf.running.runs import init_compiled
 from jaxpf.targets.appearance import COLOUR, RELATIVE
 from jaxpf.targets.building import check_names
 
 
-class TrackedPopulation(NamedTuple):
-    """The objects in a frame, in C slots, including the births and deaths of that frame.
+class TrackedObjects(NamedTuple):
+    """The objects in a frame, in C slots, including the starts and ends of that frame.
 
     Attributes:
         time: number of the frame, from 0.
@@ -51,7 +51,7 @@ class TrackedPopulation(NamedTuple):
         boxes: ``[C, 4]``, x, y, w, h in pixels; NaN for an empty slot.  An object that starts in
             this frame has its start box.
         lost: ``[C]`` bool, no particle had any likelihood.
-        changes: births, deaths, and births refused for lack of a slot.
+        changes: objects that started, ended, or were refused for lack of a slot.
         summary: the filter's report; None for the first frame, which is not filtered.
         state: the tracker's state, on the device.
     """
@@ -95,6 +95,7 @@ def open_model(
             Argument("motion"),
             ".",
         )
+    options = box_target.BOXES.resolved(dataclasses.replace(options, appearance=COLOUR), {})
     check_array("frame_shape", frame_shape, "height and width of a frame, [>= 2]", least=1)
     height, width = frame_shape[:2]
     histograms = open_histogram(
@@ -106,7 +107,7 @@ def open_model(
         method=options.likelihood,
         num_particles=num_particles,
     )
-    model = box_model(histograms, np.full((capacity, 4), np.nan), options.scale)
+    model = box_model(histograms, np.full((capacity, 4), np.nan), options.noise_pixels)
     return model._replace(initial=np.full((capacity, 3), np.nan, np.float32))
 
 
@@ -123,9 +124,10 @@ def open_box_tracker(
     Args:
         frame_shape, capacity, typical_size: as in ``open_model``.
         num_particles: N, shared by all tracked objects.
-        settings: options of boxes and of the labelled filter, such as ``scale`` or ``weights``.
+        settings: options of boxes and of the labelled filter, such as ``noise_pixels`` and
+            ``weights``.
     """
-    settings["particles"] = num_particles
+    settings["num_particles"] = num_particles
     check_names(settings, box_target.BOXES, LABELLED)
     options = chosen(box_target.Options, settings)
     model = open_model(options, frame_shape, capacity, typical_size, num_particles)
@@ -140,7 +142,7 @@ def follow(
     *,
     named: Sequence[tuple[int, int, np.ndarray]] = (),
     rules: Rules | None = None,
-) -> Iterator[TrackedPopulation]:
+) -> Iterator[TrackedObjects]:
     """Track detected and named objects, one frame at a time; frames are not kept in memory.
 
     Args:
@@ -150,7 +152,7 @@ def follow(
         detections: boxes ``[M, 4]`` of every frame, or None for a frame in which the detector did
             not run.  Without detections only named objects start, and missing detections end none.
         named: time, id and box of objects that start at that time; ids from 0, each once.
-        rules: of births and deaths; by default ``Rules()``.
+        rules: of starts and ends; by default ``Rules()``.
 
     Raises:
         InputError: in the first frame, more objects are named than there are slots or a named
@@ -176,12 +178,12 @@ def follow(
     ids = [identity for _, identity, _ in named]
     if len(set(ids)) < len(ids) or min(ids, default=0) < 0:
         raise InputError(f"objects are named {ids}; give each a number of its own, from 0 on.")
-    living = lifetimes.nobody(tracker.num_targets, max(ids, default=0))
+    living = lifetimes.start_empty(tracker.num_targets, max(ids, default=0))
     state = init_compiled(tracker, key)
     summary: Any = None
     boxes = np.full((tracker.num_targets, 4), np.nan)
     lost = np.zeros(tracker.num_targets, bool)
-    if detections is not None and rules.detection_scale > 0:
+    if detections is not None and rules.detection_noise > 0:
         nothing = np.full(tracker.initial.shape, np.nan, np.float32)
         tracker = dataclasses.replace(
             tracker, likelihood=Detected(tracker.likelihood, nothing, nothing)
@@ -205,9 +207,9 @@ def follow(
             _check_named(changes)
         alive = living.ids != EMPTY
         boxes, lost = np.where(alive[:, None], boxes, np.nan), lost & alive
-        for birth in changes.births:
-            boxes[birth.slot], lost[birth.slot] = birth.box, False
-        yield TrackedPopulation(time, frame, living.ids, boxes, lost, changes, summary, state)
+        for new in changes.started:
+            boxes[new.slot], lost[new.slot] = new.box, False
+        yield TrackedObjects(time, frame, living.ids, boxes, lost, changes, summary, state)
 
 
 def _of_frame(detections: Sequence[np.ndarray | None] | None, time: int) -> np.ndarray | None:
@@ -238,29 +240,29 @@ def _changed(
     frame: np.ndarray,
     named: Sequence[int],
 ) -> tuple[Labelled, Any, Living, Changes]:
-    """Apply births and deaths to tracker and state; return them and the births that succeeded.
+    """Apply starts and ends to tracker and state; return them and the objects that did start.
 
     A detected object that cannot start (not in ``named``) may start later, at a better detection.
     """
-    ids, births, refused = living.ids.copy(), [], list(changes.refused)
-    for death in changes.deaths:
-        state = ended(state, jnp.int32(death.slot))
-    for birth in changes.births:
-        slot = jnp.int32(birth.slot)
+    ids, started, refused = living.ids.copy(), [], list(changes.refused)
+    for gone in changes.ended:
+        state = remove_target(state, jnp.int32(gone.slot))
+    for new in changes.started:
+        slot = jnp.int32(new.slot)
         try:
-            likelihood: Any = with_object(_of_pictures(tracker), slot, frame, birth.box)
+            likelihood: Any = with_object(_of_pictures(tracker), slot, frame, new.box)
         except InputError as error:  # too small, or too far outside the frame
-            ids[birth.slot] = EMPTY
-            identity = birth.id if birth.id in named else EMPTY
-            refused.append(Refusal(identity, birth.box, str(error)))
+            ids[new.slot] = EMPTY
+            identity = new.id if new.id in named else EMPTY
+            refused.append(Refusal(identity, new.box, str(error)))
             continue
         if isinstance(tracker.likelihood, Detected):
             likelihood = dataclasses.replace(tracker.likelihood, likelihood=likelihood)
         tracker = dataclasses.replace(tracker, likelihood=likelihood)
-        centre = birth.box[:2] + birth.box[2:] / 2
-        state = born(state, slot, jnp.asarray([*centre, 1.0]))
-        births.append(birth)
-    return tracker, state, living._replace(ids=ids), Changes(births, changes.deaths, refused)
+        centre = new.box[:2] + new.box[2:] / 2
+        state = add_target(state, slot, jnp.asarray([*centre, 1.0]))
+        started.append(new)
+    return tracker, state, living._replace(ids=ids), Changes(started, changes.ended, refused)
 
 
 def _with_detections(
@@ -271,12 +273,12 @@ def _with_detections(
         return tracker
     if detections is None:
         detections = np.zeros((0, 4))
-    mine = association.assigned(boxes, detections, rules.birth_overlap)
+    mine = association.assigned(boxes, detections, rules.detection_iou)
     own = np.append(detections, np.full((1, 4), np.nan), axis=0)[mine]  # -1 is the last
     sizes = np.asarray(_of_pictures(tracker).sizes)
     size = np.sqrt(np.prod(own[:, 2:] / sizes, axis=1, keepdims=True))
     places = np.hstack([own[:, :2] + own[:, 2:] / 2, size])
-    scale = rules.detection_scale * np.hstack([own[:, 2:], size])
+    scale = rules.detection_noise * np.hstack([own[:, 2:], size])
     likelihood = dataclasses.replace(
         tracker.likelihood, places=places.astype(np.float32), scale=scale.astype(np.float32)
     )

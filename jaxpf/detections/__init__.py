@@ -1,4 +1,4 @@
-"""Tracks a varying number of objects, with births and deaths from detections."""
+"""Track management: a varying number of objects, which start and end by detections."""
 
 from jaxpf._lazy import attach
 

@@ -1,4 +1,4 @@
-"""``jaxpf track --births``: objects that come and go, from a file of detections."""
+"""``jaxpf track --detections``: objects that come and go, from a file of detections."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -10,23 +10,23 @@ from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.flags import picked
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import options_of, plain
+from jaxpf.detections.files import DETECTED, check_frames, read_detections
+from jaxpf.detections.lifetimes import Rules
 from jaxpf.media.frame_source import FrameSource
-from jaxpf.populations.detections import DETECTED, check_frames, read_detections
-from jaxpf.populations.lifetimes import Rules
 from jaxpf.targets.target import Start
 
 #: Default number of particles per place.
 PARTICLES_EACH = 100
 #: Model options with a detector.  It finds the objects; the image only refines their positions.
-_GUIDED: Mapping[str, Any] = {"sharpness": 1.0, "scale": (6.0, 4.0, 0.02)}
+_GUIDED: Mapping[str, Any] = {"sharpness": 1.0, "noise_pixels": (6.0, 4.0, 0.02)}
 
 
-class Births(NamedTuple):
+class Detector(NamedTuple):
     """Detections and rules for objects that come and go.
 
     Attributes:
         table: rows of the file.
-        rules: rules of births and deaths.
+        rules: rules of starts and ends.
     """
 
     table: BoxTable
@@ -39,8 +39,8 @@ class Births(NamedTuple):
 
     @property
     def counted(self) -> np.ndarray:
-        """Which rows are detections whose confidence allows a birth, bool ``[M]``."""
-        least = self.rules.birth_confidence
+        """Which rows are detections that are confident enough, bool ``[M]``."""
+        least = self.rules.detection_confidence
         confident = self.table.confidence >= (-np.inf if least is None else least)
         return confident & (self.table.id == DETECTED)
 
@@ -51,51 +51,51 @@ class Births(NamedTuple):
         return float(width), float(height)
 
 
-def read_births(options: Mapping[str, Any]) -> Births | None:
-    """Read the file of ``--births`` and its rules; None without ``--births``."""
+def read_detector(options: Mapping[str, Any]) -> Detector | None:
+    """Read the file of ``--detections`` and its rules; None without ``--detections``."""
     rules = options_of(Rules)
-    if options.get("births") is None:
+    if options.get("detections") is None:
         for name, rule in rules.items():
             if options.get(name) is not None:
                 raise InputError(
-                    f"{rule.flag} works only with --births; add it, or leave {rule.flag} out."
+                    f"{rule.flag} works only with --detections; add it, or leave {rule.flag} out."
                 )
         return None
-    births = Births(read_detections(options["births"]), picked(options, Rules))
-    if not len(births.table):
-        raise InputError(f"{births.table.source} holds no boxes; leave --births out.")
-    _check_confidence(births)
+    detector = Detector(read_detections(options["detections"]), picked(options, Rules))
+    if not len(detector.table):
+        raise InputError(f"{detector.table.source} holds no boxes; leave --detections out.")
+    _check_confidence(detector)
     if options["truth"]:
         from jaxpf.measures.scores import import_trackeval
 
         import_trackeval()
-    return births
+    return detector
 
 
-def _check_confidence(births: Births) -> None:
-    """Refuse a --birth-confidence that excludes every detection."""
-    confidences = births.table.confidence[births.table.id == DETECTED]
-    least = births.rules.birth_confidence
-    if least is not None and births.watched and not births.counted.any():
+def _check_confidence(detector: Detector) -> None:
+    """Refuse a --detection-confidence that excludes every detection."""
+    confidences = detector.table.confidence[detector.table.id == DETECTED]
+    least = detector.rules.detection_confidence
+    if least is not None and detector.watched and not detector.counted.any():
         raise InputError(
-            f"--birth-confidence {plain(least)} leaves out every detection of "
-            f"{births.table.source}, whose confidences are from {confidences.min():g} to "
+            f"--detection-confidence {plain(least)} leaves out every detection of "
+            f"{detector.table.source}, whose confidences are from {confidences.min():g} to "
             f"{confidences.max():g}; give a lower one."
         )
 
 
-def defaults_of(births: Births | None) -> tuple[dict, Mapping[str, Any]]:
-    """Defaults of filter and target options that differ with --births."""
-    if births is None:
+def defaults_of(detector: Detector | None) -> tuple[dict, Mapping[str, Any]]:
+    """Defaults of filter and target options that differ with --detections."""
+    if detector is None:
         return {}, {}
-    guided = births.watched and births.rules.detection_scale > 0
-    particles = {"particles": PARTICLES_EACH * births.rules.capacity}
+    guided = detector.watched and detector.rules.detection_noise > 0
+    particles = {"num_particles": PARTICLES_EACH * detector.rules.capacity}
     return particles, _GUIDED if guided else {}
 
 
-def check_births(births: Births, start: Start, number: int, source: FrameSource) -> None:
+def check_detector(detector: Detector, start: Start, number: int, source: FrameSource) -> None:
     """Check detections and start boxes against the video."""
-    table, capacity = births.table, births.rules.capacity
+    table, capacity = detector.table, detector.rules.capacity
     if not source.is_live and table.frame.max() >= (
         source.num_frames or source.frames_expected or 0
     ):
@@ -123,7 +123,9 @@ def check_births(births: Births, start: Start, number: int, source: FrameSource)
                 "another number."
             )
     if np.any(start.ids < 0):
-        raise InputError(f"object {start.ids.min()} has a negative id; count from 0 with --births.")
+        raise InputError(
+            f"object {start.ids.min()} has a negative id; count from 0 with --detections."
+        )
     if len(start.ids) > capacity:
         raise InputError(
             f"object {start.ids[capacity]} is one more than the capacity of {capacity} objects at "
@@ -132,17 +134,17 @@ def check_births(births: Births, start: Start, number: int, source: FrameSource)
 
 
 def by_frame(
-    births: Births, start: Start, number: int
+    detector: Detector, start: Start, number: int
 ) -> tuple["Detections | None", list[tuple[int, int, np.ndarray]]]:
     """Detections from the start frame on, and the objects with ids; see ``follow``."""
-    table = births.table
+    table = detector.table
     named = [(0, int(name), box) for name, box in zip(start.ids, start.shapes, strict=True)]
     rows = zip(table.frame - number, table.id, table.box, strict=True)
     named += [(int(time), int(name), box) for time, name, box in rows if name != DETECTED]
-    if not births.watched:
+    if not detector.watched:
         return None, named
-    frames, counts = table.frame[table.id == DETECTED], births.counted
-    every = births.rules.detect_every or detection_step(frames)
+    frames, counts = table.frame[table.id == DETECTED], detector.counted
+    every = detector.rules.detection_interval or detection_step(frames)
     first = int(frames.min()) - number
     return Detections(table.frame[counts] - number, table.box[counts], first, every), named
 
@@ -162,22 +164,22 @@ def _outside(boxes: np.ndarray, width: int, height: int) -> np.ndarray:
     return np.any((low >= [width, height]) | (high <= 0), axis=1)
 
 
-def nobody_came(births: Births, start: int) -> str:
+def why_none_started(detector: Detector, start: int) -> str:
     """Explain from the detections why no object started."""
-    table, rules = births.table, births.rules
-    frames = np.unique(table.frame[births.counted & (table.frame >= start)])
-    if len(frames) < rules.birth_frames:
+    table, rules = detector.table, detector.rules
+    frames = np.unique(table.frame[detector.counted & (table.frame >= start)])
+    if len(frames) < rules.min_hits:
         return (
-            f"no object started: it must be detected {rules.birth_frames} times, and "
+            f"no object started: it must be detected {rules.min_hits} times, and "
             f"{table.source} has detections in {len(frames)} of the frames from {start} on; lower "
-            "--birth-frames, or give more detections."
+            "--min-hits, or give more detections."
         )
-    every = rules.detect_every or detection_step(frames)
+    every = rules.detection_interval or detection_step(frames)
     return (
-        f"no object started: none was detected {rules.birth_frames} times inside the picture with "
-        f"an overlap of {rules.birth_overlap:g} or more from one detection to the next (the "
-        f"detector's step is {every} frame(s)); lower --birth-overlap or --birth-frames, or "
-        "correct --detect-every."
+        f"no object started: none was detected {rules.min_hits} times inside the picture with "
+        f"an overlap of {rules.detection_iou:g} or more from one detection to the next (the "
+        f"detector's step is {every} frame(s)); lower --detection-iou or --min-hits, or "
+        "correct --detection-interval."
     )
 
 

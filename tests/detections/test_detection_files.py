@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf.populations.detections import DETECTED, check_frames, read_detections, write_detections
+from jaxpf.detections.files import DETECTED, check_frames, read_detections, write_detections
 
 
 def test_what_is_written_is_read_again_frame_by_frame(tmp_path):

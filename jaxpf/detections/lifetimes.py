@@ -1,4 +1,4 @@
-"""Rules for births and deaths: when to start tracking a detected object, and when to stop.
+"""Track management: when to start tracking a detected object, and when to stop.
 
 They do not depend on the tracker: they use only the boxes it reports and the detections of the
 frame.  Slots are reused, ids never.
@@ -19,40 +19,41 @@ from jaxpf.measures.association import pairwise_overlap
 EMPTY = -1
 #: Largest number of objects at once.
 MOST_AT_ONCE = 4096
-#: Maximum number of consecutive frames without a detection that a birth candidate survives.
+#: Maximum number of consecutive frames without a detection that a candidate survives.
 _MOST_MISSED = 2
-#: Birth candidates with a larger overlap are duplicates of one object.
+#: Started candidates with a larger overlap are duplicates of one object.
 _TWICE = 0.5
 
 
 @dataclasses.dataclass(frozen=True)
 class Rules:
-    """Options of ``--births``; see the help of each."""
+    """Options of ``--detections``, named as in SORT where SORT has them; see the help of each."""
 
     capacity: int = option(16, "Maximum number of objects at once.", least=1, most=MOST_AT_ONCE)
-    birth_frames: int = option(3, "A new object starts after this number of detections.", least=1)
-    birth_overlap: float = option(
+    min_hits: int = option(3, "A new object starts after this number of detections.", least=1)
+    detection_iou: float = option(
         0.1,
         "Minimum intersection over union between a detection and the object, or "
         "the earlier detection, that it belongs to.",
         above=0,
         most=1,
     )
-    birth_confidence: float | None = option(
+    detection_confidence: float | None = option(
         None, "Ignore detections of lower confidence.", kind=float
     )
-    detect_every: int | None = option(
+    detection_interval: int | None = option(
         None,
         "The detector ran on every N-th frame.  Objects neither start nor end on "
         "the frames between.  By default N follows from the frames of the detections.",
         kind=int,
         least=1,
     )
-    death_frames: int = option(
-        6, "An object ends after N consecutive frames without a detection.", least=1
+    max_age: int = option(
+        5,
+        "Maximum number of consecutive frames without a detection; an object ends in the next.",
+        least=0,
     )
-
-    detection_scale: float = option(
+    detection_noise: float = option(
         0.1,
         "Standard deviation of a detection's error, as a share of the object's "
         "size.  With 0, detections start and end objects but do not guide their positions.",
@@ -79,7 +80,7 @@ class Living(NamedTuple):
     last_id: int
 
 
-class Birth(NamedTuple):
+class Started(NamedTuple):
     """An object that starts."""
 
     slot: int
@@ -87,7 +88,7 @@ class Birth(NamedTuple):
     box: np.ndarray
 
 
-class Death(NamedTuple):
+class Ended(NamedTuple):
     """An object that ended, and why."""
 
     slot: int
@@ -104,14 +105,14 @@ class Refusal(NamedTuple):
 
 
 class Changes(NamedTuple):
-    """Births, deaths and refused births of a frame."""
+    """Objects that started, ended or were refused in a frame."""
 
-    births: list[Birth]
-    deaths: list[Death]
+    started: list[Started]
+    ended: list[Ended]
     refused: list[Refusal]
 
 
-def nobody(capacity: int, last_id: int = 0) -> Living:
+def start_empty(capacity: int, last_id: int = 0) -> Living:
     """Return the state before the first frame; ids up to ``last_id`` are reserved."""
     check_whole("capacity", capacity, most=MOST_AT_ONCE)
     check_whole("last_id", last_id, 0, most=2**63 - 1)  # as files may hold
@@ -129,7 +130,7 @@ def advance(
     frame_shape: Sequence[int],
     rules: Rules,
 ) -> tuple[Living, Changes]:
-    """Apply deaths and births after a frame.
+    """End and start objects after a frame.
 
     Args:
         living: the state after the previous frame.
@@ -146,20 +147,20 @@ def advance(
     if detections is not None:
         detections = numbers_in("detections", detections, "x, y, w, h, [M, 4]")
     check_array("frame_shape", frame_shape, "height and width of the frame, [>= 2]", least=1)
-    unseen, deaths = _deaths(living, boxes, lost, detections, frame_shape, rules)
+    unseen, ended = _find_ended(living, boxes, lost, detections, frame_shape, rules)
     ids, candidates, last_id = living.ids.copy(), living.candidates, living.last_id
-    ids[[death.slot for death in deaths]] = EMPTY
+    ids[[gone.slot for gone in ended]] = EMPTY
     wanted: list[tuple[int, np.ndarray]] = list(named)
     refused: list[Refusal] = []
     full = f"all places, {len(ids)}, are taken; ask for a larger capacity."
     if detections is not None:
         here = np.concatenate([boxes[ids != EMPTY], *(box[None] for _, box in named)])
         is_tracked = (
-            pairwise_overlap(detections, here).max(axis=1, initial=0) >= rules.birth_overlap
+            pairwise_overlap(detections, here).max(axis=1, initial=0) >= rules.detection_iou
         )
-        settings = association.Rules(rules.birth_overlap, rules.birth_frames, _MOST_MISSED)
+        settings = association.Rules(rules.detection_iou, rules.min_hits, _MOST_MISSED)
         candidates = association.advance(candidates, detections[~is_tracked], settings)
-        ready = (candidates.hits >= rules.birth_frames) & (candidates.missed == 0)
+        ready = (candidates.hits >= rules.min_hits) & (candidates.missed == 0)
         ready &= _inside(candidates.boxes, frame_shape)
         room = np.sum(ids == EMPTY) - len(named)
         ready &= _first_of_each(candidates.boxes, ready)
@@ -167,10 +168,10 @@ def advance(
         wanted += [(EMPTY, candidates.boxes[place]) for place in born]
         # Report a refusal once; the candidate stays and starts as soon as a slot is free.
         late = np.setdiff1d(np.flatnonzero(ready), born)
-        first = late[candidates.hits[late] == rules.birth_frames]
+        first = late[candidates.hits[late] == rules.min_hits]
         refused = [Refusal(EMPTY, candidates.boxes[place], full) for place in first]
         candidates = association.without(candidates, born)
-    births = []
+    started = []
     for identity, box in wanted:
         free = np.flatnonzero(ids == EMPTY)
         if len(free) == 0:
@@ -179,35 +180,35 @@ def advance(
         if identity == EMPTY:
             identity = last_id = last_id + 1
         ids[free[0]], unseen[free[0]] = identity, 0
-        births.append(Birth(int(free[0]), identity, box))
-    return Living(ids, unseen, candidates, last_id), Changes(births, deaths, refused)
+        started.append(Started(int(free[0]), identity, box))
+    return Living(ids, unseen, candidates, last_id), Changes(started, ended, refused)
 
 
-def _deaths(
+def _find_ended(
     living: Living,
     boxes: np.ndarray,
     lost: np.ndarray,
     detections: np.ndarray | None,
     frame_shape: Sequence[int],
     rules: Rules,
-) -> tuple[np.ndarray, list[Death]]:
-    """Return the number of consecutive unseen frames of each slot ``[C]``, and the deaths."""
+) -> tuple[np.ndarray, list[Ended]]:
+    """Return each slot's number of unseen frames in a row ``[C]``, and the objects that ended."""
     alive = living.ids != EMPTY
     seen = ~lost
     if detections is not None:
-        detected = association.assigned(boxes[alive], detections, rules.birth_overlap) >= 0
+        detected = association.assigned(boxes[alive], detections, rules.detection_iou) >= 0
         seen[alive] &= detected
     unseen = np.where(alive & ~seen, living.unseen + 1, 0)
     outside = alive & ~_inside(boxes, frame_shape)
-    forgotten = alive & (unseen >= rules.death_frames)
+    forgotten = alive & (unseen > rules.max_age)
     cause = "without likelihood" if detections is None else "not detected, or without likelihood,"
     return unseen, [
-        Death(
+        Ended(
             int(slot),
             int(living.ids[slot]),
             "left the picture"
             if outside[slot]
-            else f"{cause} in {rules.death_frames} frames in a row",
+            else f"{cause} in {rules.max_age + 1} frames in a row",
         )
         for slot in np.flatnonzero(outside | forgotten)
     ]

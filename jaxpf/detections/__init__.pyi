@@ -1,17 +1,17 @@
 from .following import (
-    TrackedPopulation as TrackedPopulation,
+    TrackedObjects as TrackedObjects,
     follow as follow,
     open_box_tracker as open_box_tracker,
     open_model as open_model,
 )
 from .lifetimes import (
     EMPTY as EMPTY,
-    Birth as Birth,
     Changes as Changes,
-    Death as Death,
+    Ended as Ended,
     Living as Living,
     Refusal as Refusal,
     Rules as Rules,
+    Started as Started,
     advance as advance,
-    nobody as nobody,
+    start_empty as start_empty,
 )

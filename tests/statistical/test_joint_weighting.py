@@ -1,4 +1,4 @@
-"""Look-ahead weighting: exact on a small grid, and worth it where targets exclude one another.
+"""Joint weighting: exact on a small grid, and worth it where targets exclude one another.
 
 Three look-alikes step on the integers 0 to 4.  The exact answer is a forward recursion over
 5 x 5 x 5 states.
@@ -125,7 +125,7 @@ class Labelled(Tables):
 
 def labelled(chosen):
     return dataclasses.replace(
-        tracker(chosen, look_ahead=True),
+        tracker(chosen, joint_weighting=True),
         dynamics=Flipping(),
         likelihood=Labelled(),
         initial_label=np.array([0.5, 0.5]),
@@ -181,20 +181,22 @@ def test_a_joint_of_labels_is_given_the_likelihoods_of_single_targets():
 @pytest.mark.parametrize("name", ["ps", "dps"])
 def test_evidence_and_places_are_unbiased_and_less_variable(name):
     chosen = {"ps": ordering.ps([0, 1, 2]), "dps": ordering.dps(3)}[name]
-    ahead, places = runs(chosen, look_ahead=True)
-    assert z_score(ahead, 1) < LIMIT
-    assert (z_score(ahead[:, None] * places, true_places()) < LIMIT).all()
+    joint, places = runs(chosen, joint_weighting=True)
+    assert z_score(joint, 1) < LIMIT
+    assert (z_score(joint[:, None] * places, true_places()) < LIMIT).all()
     plain, _ = runs(chosen)
     # A standard deviation from so many runs is known to about one per cent.
-    assert np.log(ahead).std() < 0.8 * np.log(plain).std()
+    assert np.log(joint).std() < 0.8 * np.log(plain).std()
 
 
 @pytest.mark.statistical
 @pytest.mark.slow
 def test_it_stays_exact_with_adaptive_and_tempered_selection():
-    ahead, places = runs(ordering.ps([2, 0, 1]), look_ahead=True, ess_threshold=0.6, tempering=0.7)
-    assert z_score(ahead, 1) < LIMIT
-    assert (z_score(ahead[:, None] * places, true_places()) < LIMIT).all()
+    joint, places = runs(
+        ordering.ps([2, 0, 1]), joint_weighting=True, ess_threshold=0.6, tempering=0.7
+    )
+    assert z_score(joint, 1) < LIMIT
+    assert (z_score(joint[:, None] * places, true_places()) < LIMIT).all()
 
 
 @pytest.mark.statistical
@@ -202,9 +204,9 @@ def test_it_stays_exact_with_adaptive_and_tempered_selection():
 def test_kills_a_stage_that_does_not_divide_by_the_one_before(monkeypatch):
     monkeypatch.setattr(weighing, "_log_joint_before", lambda stage, carry: 0.0)
     jax.clear_caches()
-    ahead, _ = runs(ordering.ps([0, 1, 2]), look_ahead=True)
+    joint, _ = runs(ordering.ps([0, 1, 2]), joint_weighting=True)
     jax.clear_caches()
-    assert z_score(ahead, 1) > 20
+    assert z_score(joint, 1) > 20
 
 
 @pytree_dataclass
@@ -238,12 +240,12 @@ def test_of_two_partitions_only_what_is_expected_of_the_other_makes_a_difference
         return summary
 
     plain = run(dynamics=Steps())
-    out_of_the_way = run(dynamics=Steps(expected=-1.0), look_ahead=True)
+    out_of_the_way = run(dynamics=Steps(expected=-1.0), joint_weighting=True)
     for name in ("log_evidence", "estimate", "ess"):
         one, other = getattr(plain, name), getattr(out_of_the_way, name)
         np.testing.assert_allclose(one, other, rtol=2e-5, err_msg=name)
-    ahead = run(dynamics=Steps(), look_ahead=True)
-    assert not np.allclose(plain.log_evidence, ahead.log_evidence, rtol=1e-3)
+    joint = run(dynamics=Steps(), joint_weighting=True)
+    assert not np.allclose(plain.log_evidence, joint.log_evidence, rtol=1e-3)
 
 
 def test_dynamics_of_this_package_expect_what_they_do_without_noise():
@@ -278,8 +280,8 @@ class Blind:
     ("changes", "message"),
     [
         ({"dynamics": Blind()}, "needs the method predict of the dynamics, and Blind has none"),
-        ({"parents": (-1, 0, 0)}, "look_ahead does not work with a part tree"),
-        ({"gradient": jaxpf.gradients.Soft()}, "look_ahead does not work with gradient Soft"),
+        ({"parents": (-1, 0, 0)}, "joint_weighting does not work with a part tree"),
+        ({"gradient": jaxpf.gradients.Soft()}, "joint_weighting does not work with gradient Soft"),
         (
             {"likelihood": jaxpf.likelihoods.Gaussian(np.ones((3, 1, 1)))},
             "and Gaussian has none",
@@ -287,7 +289,7 @@ class Blind:
     ],
 )
 def test_where_it_cannot_work_it_is_refused(changes, message):
-    options = {"dynamics": RandomWalk(1.0), "likelihood": Tables(), "look_ahead": True}
+    options = {"dynamics": RandomWalk(1.0), "likelihood": Tables(), "joint_weighting": True}
     with pytest.raises(InputError, match=message):
         jaxpf.Partitioned(
             ordering=ordering.ps([0, 1, 2]), initial=np.zeros((3, 1)), **(options | changes)

@@ -1,13 +1,13 @@
-"""``jaxpf track --births``: objects that come and go, and what is refused."""
+"""``jaxpf track --detections``: objects that come and go, and what is refused."""
 
 import numpy as np
 import pytest
 from small_video import LENGTH, rows_of, summary_of, true_boxes
 
 from jaxpf.boxes import read_tracks
-from jaxpf.populations.detections import write_detections
+from jaxpf.detections.files import write_detections
 
-RULES = ("--birth-frames", "2", "--capacity", "3")
+RULES = ("--min-hits", "2", "--capacity", "3")
 #: An id that is no length of an array.
 LARGE = 9_000_000_000
 
@@ -22,7 +22,7 @@ def detected(tmp_path):
 
 
 def test_objects_start_by_detections_and_the_run_can_be_repeated(track, tmp_path, detected):
-    outcome = track("--births", detected, *RULES)
+    outcome = track("--detections", detected, *RULES)
     assert outcome.code == 0, outcome.err
     assert "2 objects came, 0 went" in outcome.out
     output = tmp_path / "out"
@@ -39,8 +39,8 @@ def test_objects_start_by_detections_and_the_run_can_be_repeated(track, tmp_path
         assert np.nanmax(high - low) < 40
         assert np.mean((low <= table[name] + 1e-3) & (table[name] <= high + 1e-3)) > 0.7
     summary = summary_of(output)
-    assert [birth["frame"] for birth in summary["births"]] == [1, 1]
-    assert (summary["deaths"], summary["refused"]) == ([], [])
+    assert [new["frame"] for new in summary["started"]] == [1, 1]
+    assert (summary["ended"], summary["refused"]) == ([], [])
     assert summary["parameters"]["method"] == "labelled"
     header = (output / "diagnostics.csv").read_text().splitlines()[0]
     assert header.endswith("uniqueness_slot_1,uniqueness_slot_2,uniqueness_slot_3")
@@ -54,7 +54,7 @@ def test_start_boxes_and_named_ones_keep_their_numbers_and_scores_judge_all(trac
     pytest.importorskip("trackeval")
     x, y, w, h = true_boxes(4)[1] + [1, 1, 0, 0]
     (tmp_path / "later.txt").write_text(f"5,{LARGE},{x},{y},{w},{h}\n")
-    start = ("--box", "6,8,12,16", "--births", tmp_path / "later.txt", "--capacity", "2")
+    start = ("--box", "6,8,12,16", "--detections", tmp_path / "later.txt", "--capacity", "2")
     outcome = track(*start, "--truth", place / "gt.csv")
     assert outcome.code == 0, outcome.err
     rows = rows_of(tmp_path / "out")
@@ -68,7 +68,7 @@ def test_start_boxes_and_named_ones_keep_their_numbers_and_scores_judge_all(trac
 
 
 def test_who_finds_no_place_is_told(track, tmp_path, detected):
-    outcome = track("--births", detected, "--birth-frames", "2", "--capacity", "1")
+    outcome = track("--detections", detected, "--min-hits", "2", "--capacity", "1")
     assert outcome.code == 0
     said = "Refused: 1 that could not start, first in frame 1: all places, 1, are taken"
     assert said in outcome.err
@@ -79,12 +79,12 @@ def test_who_finds_no_place_is_told(track, tmp_path, detected):
 def test_when_nobody_comes_the_reason_is_said(track, tmp_path):
     detections = [true_boxes(0).astype(float)] + [np.zeros((0, 4))] * (LENGTH - 1)
     write_detections(tmp_path / "det.txt", detections)
-    outcome = track("--births", tmp_path / "det.txt", *RULES)
+    outcome = track("--detections", tmp_path / "det.txt", *RULES)
     assert outcome.code == 0, outcome.err
     assert "0 objects came" in outcome.out
     assert "effective sample size" not in outcome.out
     assert "must be detected 2 times, and" in outcome.err
-    assert "has detections in 1 of the frames from 0 on; lower --birth-frames" in outcome.err
+    assert "has detections in 1 of the frames from 0 on; lower --min-hits" in outcome.err
 
 
 BOX = "--box 6,8,12,16"
@@ -100,24 +100,24 @@ ONCE = "1,-1,1,1,9,9,1\n"
         ("1,7,1,1,9,9\n", "--start 2", "starts object 7 in frame 0, and tracking starts"),
         ("2,1,1,1,9,9\n", BOX, "starts object 1, which has a start box already"),
         ("2,7,1,1,9,9\n", f"{BOX} {BOX} --capacity 1", "object 2 is one more than the capacity"),
-        (ONCE, "-n 15", "--particles 15 is fewer than the 16"),
+        (ONCE, "-n 15", "--num-particles 15 is fewer than the 16"),
         (ONCE, "--method dps", "use --method labelled"),
         (ONCE, "--weights plain", "equal share, which"),
         (
             ONCE,
-            "--birth-confidence 2",
-            "--birth-confidence 2 leaves out every detection of 'd.txt'",
+            "--detection-confidence 2",
+            "--detection-confidence 2 leaves out every detection of 'd.txt'",
         ),
-        (ONCE, "--tracker a.py:f", "--births works only with the built-in filters"),
+        (ONCE, "--tracker a.py:f", "--detections works only with the built-in filters"),
     ],
 )
 def test_what_does_not_go_is_refused(refuse, tmp_path, content, arguments, message):
     (tmp_path / "d.txt").write_text(content)
-    assert message in refuse("--births", "d.txt", *arguments.split())
+    assert message in refuse("--detections", "d.txt", *arguments.split())
 
 
 def test_a_start_at_which_an_object_fits_nothing_is_refused_in_its_first_frame(refuse):
     # One particle for each object, and sizes so uncertain that half of them are below nothing.
     start = ("--box", "6,8,12,16", "--box", "40,22,12,16", "--method", "labelled", "-n", "2")
-    said = refuse(*start, "--scale", "1,1,1000", "--seed", "1")
+    said = refuse(*start, "--noise-pixels", "1,1,1000", "--seed", "1")
     assert "in the first frame no particle of target" in said

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf.populations import EMPTY, Rules, follow, open_box_tracker
+from jaxpf.detections import EMPTY, Rules, follow, open_box_tracker
 
 COLOURS = ((220, 30, 30), (30, 40, 220), (30, 180, 40))
 LENGTH, SHAPE = 16, (48, 64)
 #: Object -> frames in which it is there: the second goes, the third comes in its place.
 THERE = (range(16), range(7), range(8, 16))
-SETTINGS = {"birth_frames": 2, "death_frames": 2, "birth_overlap": 0.3}
+SETTINGS = {"min_hits": 2, "max_age": 1, "detection_iou": 0.3}
 RULES = Rules(**SETTINGS)
 NONE = np.zeros((0, 4))
 
@@ -39,7 +39,11 @@ def clip():
 def tracked(clip, capacity=3, detections="all", **settings):
     frames, found = clip
     tracker = open_box_tracker(
-        SHAPE, capacity=capacity, num_particles=240, typical_size=(12, 16), scale=(3, 2, 0.003)
+        SHAPE,
+        capacity=capacity,
+        num_particles=240,
+        typical_size=(12, 16),
+        noise_pixels=(3, 2, 0.003),
     )
     found = found if detections == "all" else detections
     return list(follow(tracker, jax.random.key(0), frames, found, **({"rules": RULES} | settings)))
@@ -47,25 +51,25 @@ def tracked(clip, capacity=3, detections="all", **settings):
 
 @pytest.mark.parametrize("scale", [0.0, 0.1])
 def test_each_object_has_one_track_as_long_as_it_is_there(clip, scale):
-    run = tracked(clip, rules=Rules(**SETTINGS, detection_scale=scale))
-    births = {birth.id: one.time for one in run for birth in one.changes.births}
-    assert births == {1: 1, 2: 1, 3: 9}
-    (end,) = [(one.time, death.id) for one in run for death in one.changes.deaths]
+    run = tracked(clip, rules=Rules(**SETTINGS, detection_noise=scale))
+    started = {new.id: one.time for one in run for new in one.changes.started}
+    assert started == {1: 1, 2: 1, 3: 9}
+    (end,) = [(one.time, gone.id) for one in run for gone in one.changes.ended]
     assert end == (8, 2)
     for one in run:
-        for number, time_born in enumerate(births.values()):
+        for number, time_born in enumerate(started.values()):
             slot = np.flatnonzero(one.ids == number + 1)
             if time_born <= one.time and one.time in THERE[number]:
                 off = one.boxes[slot[0]] - true_box(number, one.time)
                 assert np.abs(off).max() < 3, (one.time, number)
         assert np.isnan(one.boxes[one.ids == EMPTY]).all()
     # The third has the slot of the second, and an id of its own.
-    slots = {birth.id: birth.slot for one in run for birth in one.changes.births}
+    slots = {new.id: new.slot for one in run for new in one.changes.started}
     assert slots[3] == slots[2]
 
 
 def test_whoever_comes_and_goes_nothing_is_compiled_anew(clip, caplog):
-    rules = {"birth_frames": 1, "death_frames": 3, "birth_overlap": 0.2}
+    rules = {"min_hits": 1, "max_age": 2, "detection_iou": 0.2}
     assert len(compiled(caplog, lambda: tracked(clip, capacity=4))) > 0
     assert compiled(caplog, lambda: tracked(clip, capacity=4, rules=Rules(**rules))) == []
 
@@ -83,7 +87,7 @@ def test_more_objects_than_places_are_refused_and_tracking_goes_on(clip):
     refused = [refusal for one in run for refusal in one.changes.refused]
     assert {tuple(refusal.box) for refusal in refused} >= {tuple(true_box(1, 1))}
     assert all("all places, 1, are taken" in one.reason for one in refused)
-    at_once = tracked(clip, capacity=1, rules=Rules(birth_frames=1))
+    at_once = tracked(clip, capacity=1, rules=Rules(min_hits=1))
     assert len(at_once[0].changes.refused) == 1
     assert run[-1].ids.tolist() == [1]
     assert len(run) == LENGTH
@@ -137,9 +141,9 @@ def test_detections_and_named_objects_of_a_wrong_form_are_refused(clip, given, m
 def test_who_fits_nothing_is_an_error_in_the_first_frame_and_lost_later(clip):
     """Boxes of less than a pixel have no likelihood: noise of the size makes them so."""
     frames, detections = clip
-    wild = open_box_tracker(SHAPE, capacity=1, num_particles=1, scale=(1, 1, 1000.0))
+    wild = open_box_tracker(SHAPE, capacity=1, num_particles=1, noise_pixels=(1, 1, 1000.0))
     keys = [jax.random.key(seed) for seed in range(8)]
-    rules = Rules(birth_frames=1, detection_scale=0.0)
+    rules = Rules(min_hits=1, detection_noise=0.0)
     ran = [list(follow(wild, key, frames[:2], detections, rules=rules)) for key in keys]
     lost = [bool(run[1].lost.any()) for run in ran]
     assert 0 < sum(lost) < 8
@@ -156,8 +160,8 @@ def test_a_detection_of_which_nothing_can_be_learned_waits(clip):
     run = tracked(
         clip,
         detections=[speck, *(true_box(0, t)[None] for t in range(1, LENGTH))],
-        rules=Rules(birth_frames=1),
+        rules=Rules(min_hits=1),
     )
-    assert [birth.box.tolist() for birth in run[1].changes.births] == [true_box(0, 1).tolist()]
+    assert [new.box.tolist() for new in run[1].changes.started] == [true_box(0, 1).tolist()]
     assert [refusal.id for refusal in run[0].changes.refused] == [EMPTY]
     assert len(run) == len(frames)

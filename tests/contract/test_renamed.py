@@ -1,0 +1,84 @@
+"""A name of an earlier version is refused with the one that took its place."""
+
+import pytest
+from command_line import refusal_of
+
+import jaxpf
+from jaxpf import InputError
+from jaxpf._resembling import renamed
+
+#: Options of models and filters: kind of target, old name, new name.
+OPTIONS = [
+    ("boxes", "scale", "noise_pixels"),
+    ("boxes", "relative_scale", "noise_relative"),
+    ("parts", "joint_scale", "noise_joints"),
+    ("points", "diffusion", "noise_points"),
+    ("contours", "shift_noise", "noise_shift"),
+    ("contours", "bend_noise", "noise_bend"),
+    ("boxes", "gain", "sharpness"),
+    ("boxes", "particles", "num_particles"),
+    ("contours", "look_ahead", "joint_weighting"),
+]
+#: Options of ``jaxpf track`` alone.
+OF_TRACK = [
+    ("boxes", "error_bars", "mc_error_lag"),
+    ("boxes", "births", "detections"),
+    ("boxes", "birth_frames", "min_hits"),
+    ("boxes", "death_frames", "max_age"),
+    ("boxes", "birth_overlap", "detection_iou"),
+    ("boxes", "birth_confidence", "detection_confidence"),
+    ("boxes", "detect_every", "detection_interval"),
+    ("boxes", "detection_scale", "detection_noise"),
+]
+POINTS = [[120.5, 80.0], [200.0, 90.0]]
+
+
+@pytest.mark.parametrize(("kind", "old", "new"), [*OPTIONS, *OF_TRACK])
+def test_a_flag_and_a_key_are_refused_with_the_new_name(kind, old, new, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    flag, new_flag = (f"--{name.replace('_', '-')}" for name in (old, new))
+    assert f"{flag}; did you mean {new_flag}?" in refusal_of("track", kind, "clip.mp4", flag, 1)
+    (tmp_path / "run.toml").write_text(f"[track]\n{old} = 1")
+    sentence = refusal_of("track", kind, "clip.mp4", "--config", "run.toml")
+    assert f"'{old}' in [track], which is no option; did you mean '{new}'?" in sentence
+
+
+@pytest.mark.parametrize(("kind", "old", "new"), OPTIONS)
+def test_an_option_of_an_evaluation_is_refused_with_its_new_name(kind, old, new):
+    with pytest.raises(InputError, match=f"{old} is no option of {kind}; did you mean {new}"):
+        jaxpf.evaluation.Plan("scene", target=kind, grid={old: [1]})
+
+
+def test_an_argument_is_refused_with_its_new_name():
+    with pytest.raises(InputError, match="did you mean num_particles"):
+        jaxpf.points.tracker(None, POINTS, particles=9)
+
+
+@pytest.mark.parametrize("kind", ["boxes", "points", "parts", "contours"])
+def test_a_function_is_refused_with_its_new_name(kind):
+    with pytest.raises(AttributeError, match=f"'shapes'; did you mean 'to_{kind}'"):
+        getattr(jaxpf, kind).shapes  # noqa: B018
+
+
+def test_only_a_known_name_takes_the_place():
+    assert renamed("--particles", ["num_particles", "runs"]) == ["num_particles"]
+    assert renamed("particles", ["runs"]) == renamed("run", ["runs"]) == []
+
+
+@pytest.mark.parametrize(
+    ("module", "old", "new"),
+    [
+        (jaxpf, "populations", "detections"),
+        (jaxpf.detections, "TrackedPopulation", "TrackedObjects"),
+        (jaxpf.detections, "nobody", "start_empty"),
+        (jaxpf.filters, "born", "add_target"),
+        (jaxpf.filters, "ended", "remove_target"),
+        (jaxpf.filters, "homes", "assign_slots"),
+        (jaxpf.shapes, "turned", "rotate"),
+        (jaxpf.shapes, "resampled", "resample_polyline"),
+        (jaxpf.shapes, "varied", "augment"),
+    ],
+)
+def test_a_public_name_is_refused_with_its_new_name(module, old, new):
+    with pytest.raises(AttributeError, match=f"{old!r}; did you mean {new!r}"):
+        getattr(module, old)

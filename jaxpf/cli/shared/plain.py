@@ -1,5 +1,6 @@
 """Commands whose errors use command-line notation, ``--frames 0``, and their usual options."""
 
+import errno
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -22,9 +23,10 @@ class GivenPath(click.Path):
             self.fail("it is empty; give a path, or . for this folder.", param, ctx)
         path: Any = super().convert(value, param, ctx)
         try:
-            path.resolve()
-        except (OSError, RuntimeError):
-            self.fail(f"symbolic links at '{path}' form a loop; give another path.", param, ctx)
+            path.stat()
+        except OSError as error:
+            if error.errno == errno.ELOOP:
+                self.fail(f"symbolic links at '{path}' form a loop; give another path.", param, ctx)
         return path
 
 

@@ -25,6 +25,7 @@ RENAMED = {
     "look_ahead": ("joint_weighting",),
     "nobody": ("start_empty",),
     "particles": ("num_particles",),
+    "parts": ("bands",),
     "populations": ("detections",),
     "relative_scale": ("noise_relative",),
     "resampled": ("resample_polyline",),

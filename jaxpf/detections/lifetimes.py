@@ -21,7 +21,7 @@ EMPTY = -1
 MOST_AT_ONCE = 4096
 #: Maximum number of consecutive frames without a detection that a candidate survives.
 _MOST_MISSED = 2
-#: Started candidates with a larger overlap are duplicates of one object.
+#: Candidates with a larger overlap are duplicates of one object.
 _TWICE = 0.5
 
 

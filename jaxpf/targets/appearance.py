@@ -78,7 +78,6 @@ def bands_option(default: int) -> Any:
         "Number of horizontal bands, each with a colour histogram of its own.",
         least=1,
         most=2**31 - 1,
-        flags=("--parts",),
         compiles=True,
         implies=_OF_COLOUR,
     )

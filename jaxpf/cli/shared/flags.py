@@ -174,8 +174,7 @@ def declared_flags(
         defaults: defaults that differ from the declared ones.
         grid: whether each flag takes several comma-separated values; an option of several numbers
             is repeated instead.
-        rare: for a command's own options: those explained by ``--help-all`` only.  Booleans become
-            flags without a value.
+        rare: for a command's own options: those explained by ``--help-all`` only.
     """
     flags = []
     for option in declared.values():
@@ -186,9 +185,9 @@ def declared_flags(
             "help": _help(option, default, states_off=rare is None),
         }
         spellings = [option.flag, *option.flags, option.name]
-        if rare is not None and option.kind is bool:
+        if option.kind is bool:
             about |= {"is_flag": True, "default": None}
-            if option.default:
+            if option.default or rare is None:
                 spellings[0] = f"{option.flag}/--no-{option.flag.removeprefix('--')}"
         else:
             about["type"], about["multiple"] = _click_type(option, grid)
@@ -225,7 +224,7 @@ def _click_type(option: Option, grid: bool) -> tuple[Any, bool]:
     if option.length:
         counted = option.length > 0 and not option.per_object
         return NumberList(option.kind, option.length if counted else None, option.opens), grid
-    if not grid or option.kind is bool:
+    if not grid:
         return option.kind, False
     return (str if option.kind is str else NumberList(option.kind)), False
 

@@ -68,7 +68,7 @@ class Options:
     )
     proper: bool = option(
         False,
-        "Whether the drift is a proposal instead of part of the dynamics (eskil only).",
+        "The drift is a proposal instead of part of the dynamics (eskil only).",
         compiles=True,
         implies=_ESKIL,
     )

@@ -35,7 +35,7 @@ NINE = ",".join("1" * 9)
         ("{both} --order 2,1", "method 'dps' has none; use method 'ps'"),
         ("{both} --method ps --order 0,0", "--order 0,0 counts from 1"),
         ("{both} -n 1", "--num-particles 1 is fewer than the 2 components of dps"),
-        ("{both} --parts 17", "the box of object 1 is 12 pixels wide and 16 high"),
+        ("{both} --bands 17", "the box of object 1 is 12 pixels wide and 16 high"),
         ("{both} --noise-pixels 1,2", "holds 2 number(s); give 3 of them"),
         (f"{{both}} --noise-relative {NINE}", "is for 3 objects, and there are 2"),
         ("{both} --runs 4 --mc-error-lag 3", "use one of them"),

@@ -50,7 +50,8 @@ class Rules:
     )
     max_age: int = option(
         5,
-        "Maximum number of consecutive frames without a detection; an object ends in the next.",
+        "Maximum number of consecutive frames without a detection, of those in which the detector "
+        "ran; an object ends in the next.",
         least=0,
     )
     detection_noise: float = option(
@@ -70,12 +71,14 @@ class Living(NamedTuple):
     Attributes:
         ids: int ``[C]``, ``EMPTY`` for an empty slot.
         unseen: int ``[C]``, consecutive frames without a detection, or without likelihood.
+        undetected: int ``[C]``, consecutive frames in which the detector did not find it.
         candidates: tracks of detections that belong to no tracked object.
         last_id: the largest id assigned; the next object gets the next number.
     """
 
     ids: np.ndarray
     unseen: np.ndarray
+    undetected: np.ndarray
     candidates: association.Tracks
     last_id: int
 
@@ -116,9 +119,8 @@ def start_empty(capacity: int, last_id: int = 0) -> Living:
     """Return the state before the first frame; ids up to ``last_id`` are reserved."""
     check_whole("capacity", capacity, most=MOST_AT_ONCE)
     check_whole("last_id", last_id, 0, most=2**63 - 1)  # as files may hold
-    return Living(
-        np.full(capacity, EMPTY), np.zeros(capacity, int), association.no_tracks(), last_id
-    )
+    none = np.zeros(capacity, int)
+    return Living(np.full(capacity, EMPTY), none, none, association.no_tracks(), last_id)
 
 
 def advance(
@@ -137,7 +139,7 @@ def advance(
         boxes: ``[C, 4]``, the tracker's current boxes; rows of empty slots are ignored.
         lost: ``[C]`` bool, without likelihood.
         detections: ``[M, 4]`` of the frame; None if no detector ran, so that an object without a
-            detection does not count as unseen.
+            detection counts neither as unseen nor as undetected.
         named: id and box of objects that the user starts in this frame, detected or not.
         frame_shape: height and width of the frame.
         rules: see ``Rules``.
@@ -147,7 +149,7 @@ def advance(
     if detections is not None:
         detections = numbers_in("detections", detections, "x, y, w, h, [M, 4]")
     check_array("frame_shape", frame_shape, "height and width of the frame, [>= 2]", least=1)
-    unseen, ended = _find_ended(living, boxes, lost, detections, frame_shape, rules)
+    unseen, undetected, ended = _find_ended(living, boxes, lost, detections, frame_shape, rules)
     ids, candidates, last_id = living.ids.copy(), living.candidates, living.last_id
     ids[[gone.slot for gone in ended]] = EMPTY
     wanted: list[tuple[int, np.ndarray]] = list(named)
@@ -179,9 +181,10 @@ def advance(
             continue
         if identity == EMPTY:
             identity = last_id = last_id + 1
-        ids[free[0]], unseen[free[0]] = identity, 0
+        ids[free[0]], unseen[free[0]], undetected[free[0]] = identity, 0, 0
         started.append(Started(int(free[0]), identity, box))
-    return Living(ids, unseen, candidates, last_id), Changes(started, ended, refused)
+    living = Living(ids, unseen, undetected, candidates, last_id)
+    return living, Changes(started, ended, refused)
 
 
 def _find_ended(
@@ -191,27 +194,35 @@ def _find_ended(
     detections: np.ndarray | None,
     frame_shape: Sequence[int],
     rules: Rules,
-) -> tuple[np.ndarray, list[Ended]]:
-    """Return each slot's number of unseen frames in a row ``[C]``, and the objects that ended."""
+) -> tuple[np.ndarray, np.ndarray, list[Ended]]:
+    """Return each slot's unseen and undetected frames in a row ``[C]``, and who ended."""
     alive = living.ids != EMPTY
-    seen = ~lost
+    seen, undetected = ~lost, living.undetected.copy()
     if detections is not None:
         detected = association.assigned(boxes[alive], detections, rules.detection_iou) >= 0
         seen[alive] &= detected
+        undetected[alive] = np.where(detected, 0, undetected[alive] + 1)
     unseen = np.where(alive & ~seen, living.unseen + 1, 0)
     outside = alive & ~_inside(boxes, frame_shape)
-    forgotten = alive & (unseen > rules.max_age)
+    forgotten = alive & (np.maximum(unseen, undetected) > rules.max_age)
     cause = "without likelihood" if detections is None else "not detected, or without likelihood,"
-    return unseen, [
-        Ended(
-            int(slot),
-            int(living.ids[slot]),
-            "left the picture"
-            if outside[slot]
-            else f"{cause} in {rules.max_age + 1} frames in a row",
-        )
-        for slot in np.flatnonzero(outside | forgotten)
-    ]
+    row = f"{rules.max_age + 1} frames"
+    return (
+        unseen,
+        undetected,
+        [
+            Ended(
+                int(slot),
+                int(living.ids[slot]),
+                "left the picture"
+                if outside[slot]
+                else f"{cause} in {row} in a row"
+                if unseen[slot] > rules.max_age
+                else f"not detected in {row} with detections in a row",
+            )
+            for slot in np.flatnonzero(outside | forgotten)
+        ],
+    )
 
 
 def _first_of_each(boxes: np.ndarray, ready: np.ndarray) -> np.ndarray:

@@ -66,6 +66,18 @@ def test_one_ends_after_so_many_frames_without_a_detection_of_his_own():
     assert course.ids() == [1, EMPTY]
 
 
+def test_one_ends_whom_a_detector_that_rests_between_does_not_find():
+    course = Course()
+    course.frame(None, named=[(1, HERE[0]), (2, THERE[0])])
+    ended = []
+    for _ in range(3):
+        ended += course.frame(HERE).ended
+        assert [course.frame(None).ended for _ in range(3)] == [[]] * 3
+    (gone,) = ended
+    assert (gone.id, gone.reason) == (2, "not detected in 3 frames with detections in a row")
+    assert course.ids() == [1, EMPTY]
+
+
 def test_two_on_one_detection_cannot_both_live():
     course = Course()
     course.frame(None, named=[(1, HERE[0]), (2, HERE[0] + SHIFT)])

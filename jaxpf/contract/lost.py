@@ -19,7 +19,7 @@ def judge(outside: Any, without_likelihood: Any, confidence: Any = None) -> tupl
 
     Args:
         outside: bool ``[P]``, outside the picture.
-        without_likelihood: bool ``[P]``, ``lost`` of ``jaxpf.Summary``.
+        without_likelihood: bool ``[P]``, of ``jaxpf.Summary``.
         confidence: ``[P]``, see ``jaxpf.Summary``; None if the likelihood defines none.
 
     Returns:

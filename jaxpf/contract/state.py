@@ -14,7 +14,9 @@ from jaxpf.contract.pytree import pytree_dataclass
 STATUS_OK = 0
 STATUS_INVALID_LIKELIHOOD = 1  # some log-likelihoods were NaN or +inf; treated as -inf and counted
 STATUS_IMPOSSIBLE = 2  # the observation was impossible for every particle; it was skipped
-STATUS_LOST = 4  # a partition had zero likelihood in every particle (see ``Summary.lost``)
+STATUS_LOST = (
+    4  # a partition had zero likelihood in every particle (see ``Summary.without_likelihood``)
+)
 STATUS_UNSUPPORTED = 8  # a traced ordering that does not work with the rest; all floats are NaN
 
 
@@ -91,8 +93,9 @@ class Summary:
             section 3.1).  1 for the partition that was drawn last, and so with one partition.
         spread: ``[P, D]``, weighted standard deviation of the substates.
         status: ``[]`` int32, a sum of the ``STATUS_*`` bits.
-        lost: ``[P]`` bool, partitions with zero likelihood in every particle of nonzero weight: one
-            of the reasons for which outputs call an object lost, see ``jaxpf.contract.lost``.
+        without_likelihood: ``[P]`` bool, partitions with zero likelihood in every particle of
+            nonzero weight: one of the reasons for which outputs call an object lost, see
+            ``jaxpf.contract.lost``.
         num_invalid: ``[]`` int32, number of log-likelihoods that were NaN or +inf.
         ess_parts: ``[P]``, effective sample size per partition if partitions have separate
             weights (``ess`` is then the smallest); else None.
@@ -108,7 +111,7 @@ class Summary:
     uniqueness: jax.Array
     spread: jax.Array
     status: jax.Array
-    lost: jax.Array
+    without_likelihood: jax.Array
     num_invalid: jax.Array
     ess_parts: jax.Array | None = None
     label_probabilities: jax.Array | None = None
@@ -127,7 +130,7 @@ def summarise(state, log_evidence, status, lost, num_invalid, num_unique) -> Sum
         uniqueness=num_unique.astype(weights.dtype) / weights.shape[0],
         spread=spread.T,
         status=status,
-        lost=lost,
+        without_likelihood=lost,
         num_invalid=num_invalid,
     )
 

@@ -195,10 +195,11 @@ def follow(
             tracker = _with_detections(tracker, boxes, detected, rules)
             state, summary = streaming.step(tracker, key, time - 1, state, frame)
             summary = jax.tree.map(np.asarray, summary)
-            boxes, lost = _boxes(tracker, summary.estimate), summary.lost
+            boxes, lost = _boxes(tracker, summary.estimate), summary.without_likelihood
         if time == 1:
             named_first = np.isin(living.ids, [identity for identity, _ in starts.get(0, [])])
-            check_started(dataclasses.replace(summary, lost=lost & named_first), living.ids)
+            first = dataclasses.replace(summary, without_likelihood=lost & named_first)
+            check_started(first, living.ids)
         living, changes = lifetimes.advance(
             living, boxes, lost, detected, starts.get(time, []), frame.shape, rules
         )

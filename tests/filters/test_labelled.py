@@ -95,7 +95,7 @@ def test_a_target_without_likelihood_is_reported_and_nothing_becomes_nan(weights
     frames = FRAMES.copy()
     frames[2, 1] = 1e20  # no particle of target 1 has any likelihood
     state, summary = run(tracker(weights=weights), jax.random.key(0), frames)
-    lost = np.asarray(summary.lost)
+    lost = np.asarray(summary.without_likelihood)
     assert lost[2].tolist() == [False, True, False]
     assert np.asarray(summary.status)[2] & states.STATUS_LOST
     assert np.all(np.isfinite(summary.estimate))
@@ -121,7 +121,7 @@ def without_target_1(**settings):
 def test_a_target_without_particles_is_reported_and_holds_its_estimate():
     chosen, state = without_target_1()
     after, summary = step(chosen, jax.random.key(2), state, FRAMES[1])
-    assert summary.lost.tolist() == [False, True, False]
+    assert summary.without_likelihood.tolist() == [False, True, False]
     assert summary.uniqueness[1] == 0
     assert summary.ess_parts[1] == 0
     assert summary.ess == 0

@@ -47,7 +47,7 @@ def test_parts_of_a_tree_and_too_few_particles_are_refused():
 def test_a_start_at_which_a_target_fits_nothing_is_refused():
     @dataclasses.dataclass
     class Summary:
-        lost: list
+        without_likelihood: list
 
     check_started(Summary([False, False]))
     with pytest.raises(jaxpf.InputError, match="no particle of target 7 has any likelihood"):

@@ -60,7 +60,14 @@ def test_with_all_slots_taken_it_is_the_fixed_population_bit_for_bit():
     one, other = (
         after_frames(tracker(initial, population=name), 4)[1] for name in ("open", "fixed")
     )
-    for name in ("estimate", "log_evidence", "ess_parts", "label_log_evidence", "lost", "status"):
+    for name in (
+        "estimate",
+        "log_evidence",
+        "ess_parts",
+        "label_log_evidence",
+        "without_likelihood",
+        "status",
+    ):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 
 
@@ -70,7 +77,7 @@ def test_empty_slots_have_no_weight_and_report_nothing():
     assert summary.alive.tolist() == [False, True, False, True]
     assert np.isnan(summary.estimate[[0, 2]]).all()
     assert np.isfinite(summary.estimate[[1, 3]]).all()
-    assert not summary.lost.any()
+    assert not summary.without_likelihood.any()
     assert summary.status == 0
     assert summary.ess >= 1
     assert np.isfinite(summary.log_evidence)
@@ -180,7 +187,7 @@ def test_one_frame_without_likelihood_is_left_out_for_a_targets_mass():
     hidden = FRAMES[2].copy()
     hidden[1] = 1e20
     state, summary = step(chosen, jax.random.key(5), state, hidden)
-    assert summary.lost.tolist() == [False, True, False, False]
+    assert summary.without_likelihood.tolist() == [False, True, False, False]
     assert np.isfinite(summary.log_evidence)
     np.testing.assert_allclose(np.exp(state.log_mass), before, rtol=1e-4)
     # Whoever comes and goes, masses sum to one, and who is left fits.

@@ -55,7 +55,13 @@ def moments(state, summary):
     holds = state.labels == jnp.arange(state.log_mass.shape[-1])[:, None]
     values = state.lagged[0, 0]
     sums = (weights * holds) @ jnp.stack([jnp.ones_like(values), values, values**2], axis=-1)
-    return summary.log_evidence, summary.label_log_evidence, sums, holds.sum(-1), summary.lost
+    return (
+        summary.log_evidence,
+        summary.label_log_evidence,
+        sums,
+        holds.sum(-1),
+        summary.without_likelihood,
+    )
 
 
 def recorded(exact: Targets, *, seed=1, runs=RUNS, batch=BATCH, **settings):

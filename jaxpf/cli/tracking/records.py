@@ -148,7 +148,8 @@ def fixed_population(
             scene.check_first(summary, start.ids)
         shapes = scene.shapes(start, summary.estimate)
         outside = scene.outside(start, shapes)
-        hopeless = nobody if getattr(summary, "lost", None) is None else summary.lost
+        hopeless = getattr(summary, "without_likelihood", None)
+        hopeless = nobody if hopeless is None else hopeless
         confidence, lost = judge(outside, hopeless, getattr(summary, "confidence", None))
         cloud = None if scene.has_own_boxes else scene.cloud(tracked.state)
         number = scene.first + 1 + tracked.time

@@ -104,7 +104,7 @@ def keep_measures(state: Any, summary: Any) -> dict[str, jax.Array]:
         value = getattr(summary, name, None)
         return jnp.full(shape, jnp.nan, estimate.dtype) if value is None else value
 
-    lost = getattr(summary, "lost", None)
+    hopeless = getattr(summary, "without_likelihood", None)
     return {
         "estimate": estimate,
         "uniqueness": or_nan("uniqueness", *estimate.shape[:-1]),
@@ -112,7 +112,9 @@ def keep_measures(state: Any, summary: Any) -> dict[str, jax.Array]:
         "confidence": or_nan("confidence", *estimate.shape[:-1]),
         "ess": or_nan("ess"),
         "log_evidence": or_nan("log_evidence"),
-        "without_likelihood": ~jnp.isfinite(estimate).all(axis=-1) if lost is None else lost,
+        "without_likelihood": (
+            ~jnp.isfinite(estimate).all(axis=-1) if hopeless is None else hopeless
+        ),
     }
 
 

@@ -216,7 +216,7 @@ def summarise(state: FactoredState, log_totals, num_invalid, log_evidence=None) 
             STATUS_INVALID_LIKELIHOOD * (num_invalid > 0)
             + (STATUS_IMPOSSIBLE + STATUS_LOST) * impossible
         ).astype(jnp.int32),
-        lost=lost,
+        without_likelihood=lost,
         num_invalid=num_invalid,
         ess_parts=ess,
     )

@@ -248,7 +248,7 @@ def report(
         uniqueness=holders / tracker.num_particles,
         spread=spread.T,
         status=status,
-        lost=lost,
+        without_likelihood=lost,
         num_invalid=num_invalid,
         ess_parts=ess_parts,
         label_log_evidence=label_log_evidence,

@@ -93,7 +93,7 @@ def check_started(summary: Any, ids: Any = None) -> None:
 
     ``ids`` are the targets' names; default their numbers.
     """
-    lost = np.flatnonzero(np.asarray(summary.lost)).tolist()
+    lost = np.flatnonzero(np.asarray(summary.without_likelihood)).tolist()
     if lost:
         names = ", ".join(str(number if ids is None else ids[number]) for number in lost)
         raise InputError(

@@ -162,7 +162,7 @@ def _pooled(runs: Summary, log_evidence: jax.Array, log_shares: jax.Array) -> Er
         uniqueness=mean(runs.uniqueness),
         spread=jax.tree.map(pooled_spread, runs.spread, between),
         status=jnp.bitwise_or.reduce(runs.status),
-        lost=jnp.all(runs.lost, axis=0),
+        without_likelihood=jnp.all(runs.without_likelihood, axis=0),
         num_invalid=jnp.sum(runs.num_invalid),
         ess_parts=pooled_size(runs.ess_parts),
         label_probabilities=mean(runs.label_probabilities),

@@ -38,7 +38,7 @@ def test_invalid_likelihoods_are_counted_one_by_one():
 def test_an_impossible_frame_is_reported_and_left_out(method):
     state, summary = track(METHODS[method](), frames(-np.inf, -np.inf))
     assert summary.status[1] == STATUS_IMPOSSIBLE + STATUS_LOST
-    assert summary.lost[1].all()
+    assert summary.without_likelihood[1].all()
     assert np.isneginf(summary.log_evidence[1])
     # The weights are what they were: equal, since the frame began with a resampling.
     np.testing.assert_allclose(state.log_weights[1], -np.log(N), rtol=1e-5)
@@ -51,7 +51,9 @@ def test_an_impossible_frame_is_reported_and_left_out(method):
 @every_method
 def test_a_lost_object_is_named_and_the_others_are_tracked_on(method):
     _, summary = track(METHODS[method](), frames(-np.inf, -np.inf, partition=1))
-    np.testing.assert_array_equal(summary.lost, [[False] * 3, [False, True, False], [False] * 3])
+    np.testing.assert_array_equal(
+        summary.without_likelihood, [[False] * 3, [False, True, False], [False] * 3]
+    )
     assert summary.status[1] == STATUS_IMPOSSIBLE + STATUS_LOST
     assert np.isneginf(summary.log_evidence[1])
     assert np.isfinite(summary.estimate).all()

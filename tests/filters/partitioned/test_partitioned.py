@@ -81,7 +81,7 @@ def test_state_has_the_public_layout(method):
     assert state.log_weights.shape == state.component.shape == (T, N)
     assert state.lineage.shape == (T, P, N)
     assert summary.estimate.shape == summary.spread.shape == (T, P, D)
-    assert summary.uniqueness.shape == summary.lost.shape == (T, P)
+    assert summary.uniqueness.shape == summary.without_likelihood.shape == (T, P)
     for scalar in (summary.log_evidence, summary.ess, summary.status, summary.num_invalid):
         assert scalar.shape == (T,)
 

@@ -123,7 +123,7 @@ def is_fine(result):
 
 
 def one_by_one(use):
-    compiled = quick(use)
+    compiled = quick(lambda given: use(given))  # programs of its own, whatever else used ``use``
 
     def results(given):
         found = [compiled(each) for each in given]

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import monte_carlo
+from places_in_a_row import PLACES, ReadFromTables, StepsInARow
 from quick_compiling import quick
 from records import z_score
 
@@ -19,7 +20,7 @@ from jaxpf import InputError, ordering, pytree_dataclass
 from jaxpf.dynamics import RandomWalk
 from jaxpf.filters.partitioned import weighing
 
-PLACES, FRAMES, N, RUNS, LIMIT = 5, 3, 12, 20_000, 4.5
+FRAMES, N, RUNS, LIMIT = 3, 12, 20_000, 4.5
 #: Where there is something to see, and where the targets are at first.
 FEATURES, START = (0, 2, 4), (1, 2, 3)
 RNG = np.random.default_rng(3)
@@ -36,27 +37,18 @@ JOINT = (
 
 
 @pytree_dataclass
-class Steps:
+class Steps(StepsInARow):
     """A step left, none, or right, the ends holding; expected where it is, or ``expected``."""
 
     expected: float | None = None
-
-    def propagate(self, key, partition, current, previous, parent):
-        return jnp.clip(current + jax.random.randint(key, (1,), -1, 2), 0, PLACES - 1)
 
     def predict(self, partition, current, previous):
         return current if self.expected is None else jnp.full_like(current, self.expected)
 
 
 @pytree_dataclass
-class Tables:
+class Tables(ReadFromTables):
     """Likelihoods read from tables; a frame is its weighting and joint ones."""
-
-    def observe(self, frame):
-        return frame
-
-    def log_prob(self, observation, partition, substate):
-        return observation[0][partition, substate[0].astype(int)]
 
     def log_joint(self, observation, substates, log_probs):
         return observation[1][tuple(substates[:, 0].astype(int))]

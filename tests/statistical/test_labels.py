@@ -10,12 +10,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from places_in_a_row import PLACES, ReadFromTables, StepsInARow
 from records import z_score
 
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass
 
-PLACES, FRAMES, N, RUNS, FLIP = 5, 3, 12, 20_000, 0.1
+FRAMES, N, RUNS, FLIP = 3, 12, 20_000, 0.1
 START, START_LABEL = (1, 3), (0.7, 0.3)
 LIMIT = 4.5
 RNG = np.random.default_rng(0)
@@ -26,13 +27,10 @@ JOINT = JOINT + 1.5 * RNG.normal(size=(FRAMES, PLACES, PLACES, 2))
 
 
 @pytree_dataclass
-class Steps:
+class Steps(StepsInARow):
     """A step left, none, or right, the ends holding."""
 
     flip: float = FLIP
-
-    def propagate(self, key, partition, current, previous, parent):
-        return jnp.clip(current + jax.random.randint(key, (1,), -1, 2), 0, PLACES - 1)
 
     def predict(self, partition, current, previous):
         return current
@@ -43,14 +41,8 @@ class Steps:
 
 
 @pytree_dataclass
-class Tables:
+class Tables(ReadFromTables):
     """Likelihoods read from tables; a frame is its weighting and joint ones."""
-
-    def observe(self, frame):
-        return frame
-
-    def log_prob(self, observation, partition, substate):
-        return observation[0][partition, substate[0].astype(int)]
 
     def log_joint_labelled(self, observation, substates, log_probs, label):
         a, b = substates[:, 0].astype(int)

@@ -18,7 +18,13 @@ from jaxpf.contract.numbers import bounds_in_words, check_number, check_whole, p
 _KEY = "option"
 #: The value of an option that is settled automatically.
 OPEN = "auto"
-_NOUNS = {int: "a whole number", float: "a finite number", str: "a name", Path: "a path"}
+_NOUNS = {
+    bool: "true or false",
+    int: "a whole number",
+    float: "a finite number",
+    str: "a name",
+    Path: "a path",
+}
 
 
 @dataclasses.dataclass(frozen=True)

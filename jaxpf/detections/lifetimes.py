@@ -27,7 +27,7 @@ _TWICE = 0.5
 
 @dataclasses.dataclass(frozen=True)
 class Rules:
-    """Options of ``--detections``, named as in SORT where SORT has them; see the help of each."""
+    """Options of ``--detections``, those of SORT by its names; see the help of each."""
 
     capacity: int = option(16, "Maximum number of objects at once.", least=1, most=MOST_AT_ONCE)
     min_hits: int = option(3, "A new object starts after this number of detections.", least=1)
@@ -50,8 +50,8 @@ class Rules:
     )
     max_age: int = option(
         5,
-        "Maximum number of consecutive frames without a detection, of those in which the detector "
-        "ran; an object ends in the next.",
+        "Maximum number of consecutive frames without a detection (frames in which the detector "
+        "did not run are skipped), or without likelihood; an object ends in the next.",
         least=0,
     )
     detection_noise: float = option(
@@ -207,22 +207,16 @@ def _find_ended(
     forgotten = alive & (np.maximum(unseen, undetected) > rules.max_age)
     cause = "without likelihood" if detections is None else "not detected, or without likelihood,"
     row = f"{rules.max_age + 1} frames"
-    return (
-        unseen,
-        undetected,
-        [
-            Ended(
-                int(slot),
-                int(living.ids[slot]),
-                "left the picture"
-                if outside[slot]
-                else f"{cause} in {row} in a row"
-                if unseen[slot] > rules.max_age
-                else f"not detected in {row} with detections in a row",
-            )
-            for slot in np.flatnonzero(outside | forgotten)
-        ],
-    )
+
+    def reason(slot: int) -> str:
+        if outside[slot]:
+            return "left the picture"
+        if unseen[slot] > rules.max_age:
+            return f"{cause} in {row} in a row"
+        return f"not detected in {row} with detections in a row"
+
+    gone = np.flatnonzero(outside | forgotten).tolist()
+    return unseen, undetected, [Ended(at, int(living.ids[at]), reason(at)) for at in gone]
 
 
 def _first_of_each(boxes: np.ndarray, ready: np.ndarray) -> np.ndarray:

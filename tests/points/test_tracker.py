@@ -61,6 +61,7 @@ def test_every_filter_doubts_a_point_that_disappears(method):
     ("points", "changes", "message"),
     [
         (PLACES, {"speed": 3}, "there is no option 'speed'"),
+        (PLACES, {"joint_weighting": "x"}, "joint_weighting = x must be true or false"),
         (PLACES, {"noise_points": -1.0}, "noise_points = -1 must be"),
         (PLACES, {"window_size": 199}, "the window is 199 x 199 pixels and the frame 156 x 120"),
         (PLACES[0], {}, "points has shape [2]; give x, y"),

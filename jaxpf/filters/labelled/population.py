@@ -7,7 +7,7 @@ particles: the living targets share all N.
 
 A new target gets its particles in the next frame, after resampling, when weights are equal within
 each label.  It gets its fair share ``N / living``, taken evenly from the other labels.  The
-particles start at its start place, like those of ``initial``.
+particles start at its own place, like those of ``initial``.
 
 A new target has no evidence yet, so its mass in the mixture is 1 / living and the others' masses
 shrink in proportion.  If all particles of a target have zero likelihood in a frame, the frame is
@@ -110,7 +110,7 @@ def first_state(tracker: "Labelled") -> LabelledState:
 
 
 def with_newborn(tracker: "Labelled", state: LabelledState) -> LabelledState:
-    """Give newborn targets their first particles, at their start places.
+    """Give newborn targets their first particles, each at its own place.
 
     The slots are assigned in turn, so that all labels give up particles evenly.  ``state`` is that
     after ``kernel.select``: weights are equal within a label.

@@ -28,7 +28,8 @@ weighting, for three objects with a joint likelihood, it is .65 to .69, and two 
 NaN.  For the evidence under systematic resampling the ratio is .24 to .33, far too small, because
 the estimator subtracts the variance of multinomial draws.  The evidence variance is therefore
 reported only with multinomial resampling; otherwise compare runs.  With exchange, each partition
-has its own ancestors, and the evidence has no error bar."""
+has its own ancestors, and the evidence has no error bar.
+"""
 
 import dataclasses
 from typing import Any

@@ -14,6 +14,7 @@ from jaxpf.targets.appearance import (
     appearance_option,
     bands_option,
     likelihood_option,
+    network_option,
     noise_pixels_option,
     sharpness_option,
 )
@@ -31,13 +32,7 @@ class Options:
     bands: int = bands_option(2)
     likelihood: str = likelihood_option("auto", "integral", "sampled")
     appearance: str = appearance_option()
-    network: str | None = option(
-        None,
-        "File with the weights of EfficientNet-lite0, .pth or .npz; by default those of "
-        "'jaxpf[pretrained]' (pretrained appearance only).",
-        kind=str,
-        implies=("appearance", PRETRAINED),
-    )
+    network: str | None = network_option()
     motion: str = option(
         OPEN,
         "Unit of the noise: pixels (--noise-pixels), relative to the object's size "

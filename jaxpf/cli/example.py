@@ -125,7 +125,7 @@ _EXAMPLES = {
     "parts": _Example(
         lambda scenes: scenes.puppet_scene(seed=_SEED),
         _write_parts,
-        "track parts {0}/clip.mp4 --parts-file {0}/parts.csv",
+        "track parts {0}/clip.mp4 --parts {0}/parts.csv",
     ),
     "points": _Example(
         lambda scenes: scenes.make(

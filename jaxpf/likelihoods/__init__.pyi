@@ -50,8 +50,10 @@ from .pixels import PixelLikelihood as PixelLikelihood, pixels as pixels
 from .pretrained import (
     EfficientNetLite0 as EfficientNetLite0,
     PretrainedLikelihood as PretrainedLikelihood,
+    PretrainedPoints as PretrainedPoints,
     efficientnet_lite0 as efficientnet_lite0,
     pretrained as pretrained,
+    pretrained_points as pretrained_points,
 )
 from .windows import (
     WindowLikelihood as WindowLikelihood,

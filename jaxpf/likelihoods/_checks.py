@@ -75,3 +75,17 @@ def check_pictures(name: str, pictures: Any) -> None:
         raise InputError(f"{name}={pictures!r:.60} must be a list with a picture of every object.")
     for i, picture in enumerate(pictures):
         check_frame(picture, f"{name}[{i}]")
+
+
+def points_in(points: Any, frame_shape: tuple[int, int]) -> np.ndarray:
+    """Convert points ``[P, 2]`` to float32; refuse those outside the frame."""
+    points = numbers_in("points", points, "x, y in pixels of every point, [>= 1, 2]")
+    points = points.astype(np.float32)
+    height, width = frame_shape
+    for i, (x, y) in enumerate(points):
+        if not (0 <= x < width and 0 <= y < height):
+            raise InputError(
+                f"point {i} is at ({x:g}, {y:g}), outside the frame of {width} x {height} pixels: "
+                "move it inside, or leave it out."
+            )
+    return points

@@ -28,7 +28,6 @@ from jax.typing import ArrayLike
 from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.names import NORMS
-from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.contract.ranges import check_ranges
 from jaxpf.likelihoods._checks import (
@@ -36,6 +35,7 @@ from jaxpf.likelihoods._checks import (
     check_not_black,
     check_pictures,
     check_window,
+    points_in,
 )
 from jaxpf.likelihoods.color import check_frame
 
@@ -185,15 +185,7 @@ def windows(
     if not all(n % 2 for n in window):
         raise InputError(f"window is {window!r}: give two odd numbers of pixels, such as (21, 21).")
     _check_fits(frame, window)
-    points = numbers_in("points", points, "x, y in pixels of every point, [>= 1, 2]")
-    points = points.astype(np.float32)
-    height, width = frame.shape[:2]
-    for i, (x, y) in enumerate(points):
-        if not (0 <= x < width and 0 <= y < height):
-            raise InputError(
-                f"point {i} is at ({x:g}, {y:g}), outside the frame of {width} x {height} pixels: "
-                "move it inside, or leave it out."
-            )
+    points = points_in(points, frame.shape[:2])
     u, v = jnp.asarray(points).T
     size = int(window[0]), int(window[1])
     seen = np.asarray(_windows(jnp.asarray(frame), u, v, size), np.float32)

@@ -97,12 +97,13 @@ class _PartTarget(Target):
     options = Options
     coordinates = ("x", "y", "angle")
     defaults: Mapping[str, Any] = {"method": "sps"}
+    unsuited = ("labelled", "eskil", "pffl")  # part trees
     outlines_of_estimates = staticmethod(_outlines)
-    example = "--parts-file parts.csv"
+    example = "--parts parts.csv"
     columns = ("x", "y", "w", "h", "angle")
     fixed_columns = ("w", "h")
     start_flags: Mapping[str, Mapping[str, Any]] = {
-        "parts_file": {
+        "parts": {
             "type": Path,
             "help": "CSV of the parts of one or several articulated objects, with the header "
             "part,parent,x,y,w,h,angle (x, y: centre; angle: degrees clockwise; leave parent empty "
@@ -194,10 +195,10 @@ class _PartTarget(Target):
         return _outlines(shapes, start.sizes)
 
     def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
-        path = given["parts_file"]
+        path = given["parts"]
         if path is None:
             raise InputError(
-                "no parts: give --parts-file FILE.csv.  Draw parts with "
+                "no parts: give --parts FILE.csv.  Draw parts with "
                 f"`jaxpf mark {source.path} --target parts`."
             )
         parts = read_parts(path)

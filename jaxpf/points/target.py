@@ -17,7 +17,7 @@ from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import check_options, option
 from jaxpf.contract.ranges import RANGES
 from jaxpf.points.files import grid_points, parse_points, read_points
-from jaxpf.targets.appearance import slip_option
+from jaxpf.targets.appearance import PRETRAINED, WINDOWS, network_option, slip_option
 from jaxpf.targets.later import check_inside, starts_by_frame
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
@@ -31,12 +31,30 @@ _SIDE = 21.0
 _MASK_STEP = 20.0
 #: Slip on film, pixels ("Points" in docs/development/defaults.md).
 _SLIP = 8.0
+_OF_WINDOWS = ("appearance", WINDOWS)
 
 
 @dataclasses.dataclass(frozen=True)
 class Options:
     """Options of the point model; see the help of each."""
 
+    appearance: str = option(
+        WINDOWS,
+        "Appearance model: windows compares the pixels around each point with those at the start; "
+        "pretrained the features of a small network (pip install 'jaxpf[pretrained]'), which "
+        "follows more points and takes longer.",
+        choices=(WINDOWS, PRETRAINED),
+        common=True,
+        compiles=True,
+    )
+    network: str | None = network_option()
+    sharpness: float = option(
+        40.0,
+        "Trust in the network's features: larger gives narrower intervals.",
+        **RANGES["sharpness"],
+        path="likelihood.sharpness",
+        implies=("appearance", PRETRAINED),
+    )
     sigma: float = option(
         0.03,
         "Tolerated difference between windows; larger trusts the match less (points only).",
@@ -44,6 +62,7 @@ class Options:
         path="likelihood.sigma",
         common=True,
         tuned=("",),
+        implies=_OF_WINDOWS,
     )
     noise_points: float = option(
         2.0,
@@ -66,12 +85,14 @@ class Options:
         least=1,
         most=999,
         common=True,
+        implies=_OF_WINDOWS,
     )
     slip: float | None = slip_option()
     norm: str = option(
         "mean",
         "Whether a window's differences are averaged or summed (points only).",
         choices=NORMS,
+        implies=_OF_WINDOWS,
     )
 
     def __post_init__(self) -> None:
@@ -121,8 +142,18 @@ class _PointTarget(Target):
             return options
         return dataclasses.replace(options, slip=settings.get("slip", _SLIP))
 
-    def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
-        """The patches if they have the window's size, else windows of the frame."""
+    def likelihood(self, options: Any, start: Start, looks: Looks) -> Any:
+        """The patches if they have the window's size, else windows or maps of the frame."""
+        if options.appearance == PRETRAINED:
+            from jaxpf.likelihoods.pretrained import efficientnet_lite0, pretrained_points
+
+            return pretrained_points(
+                looks.start_frame,
+                start.shapes,
+                network=efficientnet_lite0(options.network),
+                sharpness=options.sharpness,
+                slip=options.slip,
+            )
         from jaxpf.likelihoods.windows import windows, windows_from_pictures
 
         side = (options.window_size, options.window_size)

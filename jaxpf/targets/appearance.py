@@ -11,6 +11,7 @@ from jaxpf.contract.ranges import RANGES
 
 #: Values of ``--appearance``, ``--motion`` and ``--exclusion``.
 COLOUR, DISCRIMINATIVE, PRETRAINED = "colour", "discriminative", "pretrained"
+WINDOWS = "windows"
 PIXELS, RELATIVE = "pixels", "relative"
 NONE, BOXES = "none", "boxes"
 _OF_COLOUR = ("appearance", COLOUR)
@@ -45,12 +46,23 @@ def sharpness_option(default: float | None, path: str, more: str = "") -> Any:
     )
 
 
+def network_option() -> Any:
+    """Weights of the network of pretrained appearance."""
+    return option(
+        None,
+        "File with the weights of EfficientNet-lite0, .pth or .npz; by default those of "
+        "'jaxpf[pretrained]' (pretrained appearance only).",
+        kind=str,
+        implies=("appearance", PRETRAINED),
+    )
+
+
 def noise_pixels_option(default: tuple[float, float, float], **about: Any) -> Any:
     """Process noise in pixels; ``about``: see ``jaxpf.contract.options.Option``."""
     return option(
         default,
-        "Noise per frame: x and y in pixels, and the relative size (for parts: the root's x, y and "
-        "degrees).",
+        "Noise per frame: x and y in pixels, and the relative size (for parts: x, y and "
+        "degrees, of the root or, with absolute dynamics, of every part).",
         least=0,
         path="dynamics.scale",
         implies=("motion", PIXELS),

@@ -51,7 +51,7 @@ def refusal(tmp_path, monkeypatch):
         ("[track]\nbox = [[70, 0, 5, 5]]", "the box of object 1 (70,0,5,5) lies outside"),
         ("[track]\nbox = ['70,0,5,5']", "the box of object 1 (70,0,5,5) lies outside"),
         ("[track]\ness_threshold = 2", "--ess-threshold 2 must be a finite number from 0 to 1"),
-        ("[track]\nparts_file = 'a.csv'", "--parts-file works only for parts"),
+        ("[track]\nparts = 'a.csv'", "--parts works only for parts"),
         ("[track]\ntarget = 'trees'", "target 'trees' is unknown; choose one of points,"),
     ],
 )

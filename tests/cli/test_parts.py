@@ -44,27 +44,27 @@ def lines_of(scene):
 
 
 @pytest.fixture(scope="module")
-def parts_file(scene, tmp_path_factory):
+def parts(scene, tmp_path_factory):
     path = tmp_path_factory.mktemp("parts") / "parts.csv"
     path.write_text("part,parent,x,y,w,h,angle\n" + "\n".join(lines_of(scene)) + "\n")
     return path
 
 
 @pytest.fixture
-def track(clip, parts_file, tmp_path):
+def track(clip, parts, tmp_path):
     """Track the clip's parts into ``tmp_path/out``."""
 
-    def run(*options, video=clip, file=parts_file):
-        given = ("--parts-file", file, *PARTICLES, "-o", tmp_path / "out", *options)
+    def run(*options, video=clip, file=parts):
+        given = ("--parts", file, *PARTICLES, "-o", tmp_path / "out", *options)
         return jaxpf("track", "parts", video, *given)
 
     return run
 
 
 @pytest.fixture(scope="module")
-def whole_run(clip, parts_file, tmp_path_factory):
+def whole_run(clip, parts, tmp_path_factory):
     output = tmp_path_factory.mktemp("run") / "out"
-    given = ("--parts-file", parts_file, *PARTICLES, "-o", output)
+    given = ("--parts", parts, *PARTICLES, "-o", output)
     return jaxpf("track", "parts", clip, *given), output
 
 
@@ -139,7 +139,7 @@ def test_the_overlay_shows_turned_rectangles(scene, whole_run):
     assert changed.sum() > 500
 
 
-def test_the_summary_and_the_configuration_name_the_parts(whole_run, parts_file):
+def test_the_summary_and_the_configuration_name_the_parts(whole_run, parts):
     _, output = whole_run
     summary = json.loads((output / "summary.json").read_text())
     assert summary["ids"] == list(NAMES)
@@ -148,11 +148,11 @@ def test_the_summary_and_the_configuration_name_the_parts(whole_run, parts_file)
     options = tomllib.loads((output / "run.toml").read_text())["track"]
     assert options["method"] == "sps"
     assert options["noise_pixels"] == [3, 3, 3.5]
-    assert options["parts_file"] == str(parts_file.resolve())
+    assert options["parts"] == str(parts.resolve())
 
 
-def test_the_configuration_repeats_the_run(whole_run, clip, parts_file):
-    start, tracker = built_by_track("parts", clip, "--parts-file", parts_file, *PARTICLES)
+def test_the_configuration_repeats_the_run(whole_run, clip, parts):
+    start, tracker = built_by_track("parts", clip, "--parts", parts, *PARTICLES)
     same, again = built_by_track("parts", clip, "--config", whole_run[1] / "run.toml")
     np.testing.assert_array_equal(same.ids, start.ids)
     assert_same(again, tracker)
@@ -204,9 +204,9 @@ def test_options_that_do_not_go_together_are_one_sentence(track, tmp_path, optio
         ("tail,body,10,10,0.4,5,0", "part 'tail' is 0.4.* pixels wide"),
     ],
 )
-def test_parts_that_cannot_be_tracked_are_named(track, parts_file, tmp_path, line, words):
+def test_parts_that_cannot_be_tracked_are_named(track, parts, tmp_path, line, words):
     file = tmp_path / "parts.csv"
-    file.write_text(f"{parts_file.read_text()}{line}\n")
+    file.write_text(f"{parts.read_text()}{line}\n")
     outcome = track(file=file)
     assert outcome.code == 2
     assert re.search(words, outcome.err), outcome.err

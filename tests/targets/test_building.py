@@ -50,7 +50,7 @@ CONTOUR = [[100, 60], [180, 50], [200, 120], [150, 160], [90, 130]]
 STARTS = {
     "boxes": (BOXES, ["--box=120,80,40,90", "--box=300,85,42,88"]),
     "points": ([[120.5, 80.0], [200.0, 90.0]], ["--point=120.5,80", "--point=200,90"]),
-    "parts": (PARTS, ["--parts-file=parts.csv"]),
+    "parts": (PARTS, ["--parts=parts.csv"]),
     "contours": (
         jaxpf.contours.Contours(("leaf",), np.array([CONTOUR], float)),
         ["--contours=contours.json"],

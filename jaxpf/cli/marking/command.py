@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from jaxpf.boxes.tracks import read_boxes
-from jaxpf.cli.marking.starts import FLAGS, SUFFIXES, Shapes, read_start, write_start
+from jaxpf.cli.marking.starts import SUFFIXES, Shapes, read_start, write_start
 from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand
@@ -25,7 +25,7 @@ _LINES = 8
 _keep = click.option("--keep", is_flag=True, help="Go on when the page has been closed.")
 _open = click.option("--open/--no-open", "opens", default=True, help="Open the browser.")
 _kind = click.option(
-    "--target", "kind", type=click.Choice(list(FLAGS)), help="Kind of target.  [default: boxes]"
+    "--target", "kind", type=click.Choice(list(SUFFIXES)), help="Kind of target.  [default: boxes]"
 )
 
 
@@ -120,7 +120,7 @@ class _Marking:
 
     def existing(self, frame: int) -> Shapes:
         """The shapes of start files that exist."""
-        kinds = [kind for kind in FLAGS if self.file(kind).is_file()]
+        kinds = [kind for kind in SUFFIXES if self.file(kind).is_file()]
         return [shape for kind in kinds for shape in read_start(self.file(kind), kind, frame)]
 
     def command(self, kind: str, shapes: Shapes) -> list[str]:
@@ -129,12 +129,12 @@ class _Marking:
         named = [] if kind == "boxes" else [kind]
         start = ["--start", str(first)] if first else []
         file = str(self.file(kind))
-        return ["track", *named, str(self.video), f"--{FLAGS[kind]}", file, *start]
+        return ["track", *named, str(self.video), f"--{kind}", file, *start]
 
     def save(self, content: Any) -> dict[str, str]:
         """Write the start file, as the page asks; an emptied drawing removes it."""
         kind, shapes = content["kind"], content["items"]
-        if kind not in FLAGS:
+        if kind not in SUFFIXES:
             raise InputError(f"there is no kind of target {kind!r:.60}.")
         path = self.file(kind)
         if not shapes:

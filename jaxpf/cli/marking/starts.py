@@ -21,8 +21,7 @@ from jaxpf.points.files import read_points
 from jaxpf.shapes.splines import fit_spline, points_on
 
 Shapes = list[dict[str, Any]]
-#: Flag of each kind's start file, and its suffix.
-FLAGS = {"boxes": "boxes", "points": "points", "parts": "parts-file", "contours": "contours"}
+#: Suffix of each kind's start file, whose flag has the name of the kind.
 SUFFIXES = {"boxes": ".csv", "points": ".csv", "parts": ".csv", "contours": ".json"}
 #: Number of control points of closed and of open contours.
 _CONTROL = {True: 16, False: 12}

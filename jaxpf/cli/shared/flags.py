@@ -236,6 +236,7 @@ def filter_flags(
     without: Sequence[str] = (),
     methods: Sequence[str] = (),
     family: Any = None,
+    unsuited: Sequence[str] = (),
 ) -> list[Flag]:
     """Make the flags of all filters: first those shared by several filters, then those of each.
 
@@ -246,6 +247,7 @@ def filter_flags(
         methods: methods whose filters have flags; default all.
         family: filter whose methods and options ``--help`` shows; ``--help-all`` shows the rest.
             Default all.
+        unsuited: methods that the target refuses, which are not shown.
     """
     families = list(filters.all_filters().values())
     meant = options_of(
@@ -260,8 +262,8 @@ def filter_flags(
                     shared[name] = dataclasses.replace(first, help=f"{first.help}  {declared.help}")
     method = shared["method"]
     shown = filters.methods() if family is None else family.methods
-    names = f"Sampling: {_either(shown)}."
-    if others := [name for name in filters.methods() if name not in shown]:
+    names = f"Sampling: {_either([name for name in shown if name not in unsuited])}."
+    if others := [name for name in filters.methods() if name not in (*shown, *unsuited)]:
         names += f"  Other families: {', '.join(others)}."
     shared["method"] = dataclasses.replace(method, help=f"{names}  {method.help}")
     sections = {"Filter": shared}

@@ -32,7 +32,7 @@ from jaxpf.likelihoods.pretrained.windows import SIDE, factor_of, halved, window
 from jaxpf.lowering.programs import compiled
 
 #: Least spread of a channel, so that one that does not vary is not divided by nothing.
-_LEAST_SPREAD = 1e-3
+LEAST_SPREAD = 1e-3
 
 
 def pretrained(
@@ -69,8 +69,8 @@ def pretrained(
     check_boxes(boxes, frame.shape[:2], names)
     check_ranges(sharpness=sharpness)
     check_number("penalty", penalty, above=0)
-    network = _as_network(efficientnet_lite0() if network is None else network)
-    cells = [_grid(shape) for shape in _map_shapes(network)]
+    network = as_network(efficientnet_lite0() if network is None else network)
+    cells = [_grid(shape) for shape in map_shapes(network, (SIDE, SIDE))]
     known = untrained(frame, boxes, bands=bands, grid=grid)
     zooms = [zoom_of(*box[2:]) for box in boxes]
     factors = tuple(map(factor_of, zooms))
@@ -112,7 +112,7 @@ def pretrained(
     )
 
 
-def _as_network(network: Callable) -> Callable:
+def as_network(network: Callable) -> Callable:
     """The network as a function of its arrays: a module may also hold functions and names."""
     leaves, structure = jax.tree.flatten(network)
     is_array = [hasattr(leaf, "dtype") for leaf in leaves]
@@ -131,24 +131,26 @@ def _as_network(network: Callable) -> Callable:
     return jax.tree_util.Partial(apply, arrays)
 
 
-def _map_shapes(network: Callable) -> list[tuple[int, ...]]:
-    """The shapes [h, w, C] of a network's maps.
+def map_shapes(network: Callable, size: tuple[int, int]) -> list[tuple[int, ...]]:
+    """The shapes [h, w, C] of a network's maps of a window of this height and width.
 
     Raises:
         InputError: it returns something else.
     """
+    height, width = size
     maps = jax.eval_shape(
         lambda of, window: maps_of(of, window),
         network,
-        jax.ShapeDtypeStruct((SIDE, SIDE, 3), jnp.float32),
+        jax.ShapeDtypeStruct((height, width, 3), jnp.float32),
     )
     for each in maps:
         shape: tuple[int, ...] = getattr(each, "shape", ())
-        if len(shape) != 3 or shape[0] != shape[1] or SIDE % max(shape[0], 1):
+        stride = height // max(shape[0], 1) if len(shape) == 3 else 0
+        if not stride or (shape[0] * stride, shape[1] * stride) != size:
             shown = list(shape) if hasattr(each, "shape") else type(each).__name__
             raise InputError(
-                f"the network makes {shown} of a window [{SIDE}, {SIDE}, 3]; return a map "
-                f"[h, h, C] whose h divides {SIDE}, or a tuple of maps."
+                f"the network makes {shown} of a window [{height}, {width}, 3]; return a map "
+                f"[{height} / s, {width} / s, C] with a whole stride s, or a tuple of maps."
             )
     return [each.shape for each in maps]
 
@@ -181,7 +183,7 @@ def _coefficients(known, network, pictures, box, penalty, cells):
     maps = jax.lax.map(lambda picture: maps_of(network, picture / 255), pictures)
     middles = [jnp.mean(each, axis=(0, 1, 2)) for each in maps]
     spreads = [
-        jnp.sqrt(jnp.mean(jnp.var(each, axis=(1, 2)), axis=0)) + _LEAST_SPREAD for each in maps
+        jnp.sqrt(jnp.mean(jnp.var(each, axis=(1, 2)), axis=0)) + LEAST_SPREAD for each in maps
     ]
 
     def features(seen):

@@ -9,13 +9,6 @@ from jaxpf.contract.errors import InputError
 
 #: Most bytes of one answer, and the tables that are read.
 _MOST, _TABLES = 4 * 2**20, ("tracks", "outlines")
-#: Key of each kind's start file in run.toml.
-_START_FILES = {
-    "boxes": "boxes",
-    "points": "points",
-    "parts": "parts_file",
-    "contours": "contours",
-}
 
 
 class Run:
@@ -34,7 +27,7 @@ class Run:
             table = {"video": "", "target": "boxes"}
         self.video, self.kind = str(table["video"]), table["target"]
         self.start = table.get("start", 0)
-        file = table.get(_START_FILES[self.kind])
+        file = table.get(self.kind)  # as its flag
         self.start_file = None if file is None else Path(file)
 
     def since(self, at: dict[str, int]) -> dict[str, Any]:

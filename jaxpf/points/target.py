@@ -40,9 +40,8 @@ class Options:
 
     appearance: str = option(
         WINDOWS,
-        "Appearance model: windows compares the pixels around each point with those at the start; "
-        "pretrained the features of a small network (pip install 'jaxpf[pretrained]'), which "
-        "follows more points and takes longer.",
+        "Appearance model: windows compares pixels around each point; pretrained the features of a "
+        "small network (pip install 'jaxpf[pretrained]'), slower and more accurate on film.",
         choices=(WINDOWS, PRETRAINED),
         common=True,
         compiles=True,

@@ -21,7 +21,7 @@ OPTIONS = [
 ]
 #: Options of ``jaxpf track`` alone.
 OF_TRACK = [
-    ("boxes", "parts", "bands"),
+    ("parts", "parts_file", "parts"),
     ("boxes", "error_bars", "mc_error_lag"),
     ("boxes", "births", "detections"),
     ("boxes", "birth_frames", "min_hits"),

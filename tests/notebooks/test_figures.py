@@ -402,3 +402,19 @@ def test_where_pretrained_features_lose_more():
     pets = (by_clip(name, "overlap")["pets09_first400"] for name in ("pretrained", "default"))
     words = "(IoU {:.3f}, by default {:.3f}, on one of the clips)".format(*pets)
     assert words in prose(read(SITE / "howto" / "pretrained.md"))
+
+
+def test_points_by_a_network():
+    near = rows(section(DEFAULTS, "A network's features, by name"))
+    network, windows = (near[f"near: {name}"] for name in ("network", "windows, the default"))
+    both = {
+        clip: tuple(f"{100 * float(of[clip]):.0f}%" for of in (network, windows))
+        for clip in ("cows", "flies", "worms")
+    }
+    words = "{} ({}) of the joints of cows, {} ({}) of flies, {} ({}) of points along two worms"
+    shown = words.format(*both["cows"], *both["flies"], *both["worms"])
+    assert shown in prose(read(SITE / "howto" / "pretrained.md"))
+    result = rows(read(SITE / "choices.md"))["points by a pretrained network, by name"]["result"]
+    lists = [[f"{float(of[clip]):.2f}" for clip in both] for of in (network, windows)]
+    words = "{}, {} and {} of the labels within 21 pixels, with windows {}, {} and {}"
+    assert words.format(*lists[0], *lists[1]) in result

@@ -14,7 +14,7 @@ particles.
 ``log_odds_all`` says whether points are where they are reported.  With e the 95% quantile of y in
 the start frame::
 
-    log odds = -2.5 + 9.8 (y - e)
+    log odds = -2.5 + 9.6 (y - e)
 
 Fitted by logistic regression to "within 21 pixels of the label" on two clips, a walking bear and a
 head with two hands, each with the same weight; points further off count 1.25 times.
@@ -44,7 +44,7 @@ from jaxpf.lowering.columns import entries_at
 from jaxpf.lowering.programs import compiled
 
 #: Of the log odds: constant, and factor of the score above e.
-_ODDS = -2.5, 9.8
+_ODDS = -2.5, 9.6
 #: Share of the places that match worse than e.
 _WORSE = 0.95
 #: The network sees frames whose sides are multiples of it, shrunk to at most so many pixels.

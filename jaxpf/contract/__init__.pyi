@@ -13,6 +13,7 @@ from .calls import (
     has_log_joint as has_log_joint,
     has_log_label as has_log_label,
     has_log_odds as has_log_odds,
+    has_places as has_places,
     has_prediction as has_prediction,
     has_state_gradient as has_state_gradient,
     is_coupled as is_coupled,

@@ -358,6 +358,15 @@ def has_border(likelihood: Any) -> bool:
     return hasattr(likelihood, "reaches_border")
 
 
+def has_places(likelihood: Any) -> bool:
+    """Whether a likelihood knows which objects are in one place.
+
+    Filters that report a confidence then doubt the less likely one, by ``same_place(partition
+    [N], substates [D, N]) -> [N, N]``, from 0 (apart) to 1, at the estimates.
+    """
+    return hasattr(likelihood, "same_place")
+
+
 def model_error(tracker: Any, num_partitions: int) -> np.ndarray:
     """Errors ``[P, 3]`` that a tracker's likelihood declares, see ``Likelihood``; else 0.
 

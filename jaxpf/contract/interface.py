@@ -30,6 +30,7 @@ likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log
                                                                            ``look_near``,
                                                                            ``log_odds``,
                                                                            ``reaches_border``,
+                                                                           ``same_place``,
                                                                            ``model_error``,
                                                                            ``handles_nan``,
                                                                            ``log_guide``,

@@ -42,6 +42,8 @@ class ParticleState:
             None if the likelihood has no ``log_odds``.
         left: ``[P]`` bool, whether each object was last seen at the frame's border; None if the
             likelihood has no ``reaches_border``.
+        together: ``[P]``, 0 to 1, how long each object has been in the place of a likelier one;
+            None for one object, or if the likelihood has no ``same_place``.
         sources: ``[P, N]`` int32, the particle of the previous frame that each draw continues, by
             partition; None unless ``Partitioned(keep_ancestors=True)`` or a wrapper requests them.
         selections: ``[]``, number of selections in this frame; the initial draws count as one.  A
@@ -59,6 +61,7 @@ class ParticleState:
     label: jax.Array | None = None
     log_odds: jax.Array | None = None
     left: jax.Array | None = None
+    together: jax.Array | None = None
     sources: jax.Array | None = None
     selections: jax.Array | None = None
     time: jax.Array | None = None

@@ -77,3 +77,4 @@ class WrappedLikelihood(Likelihood):
     log_odds = _translating("log_odds", 2)
     log_odds_all = _translating("log_odds_all", 2)
     reaches_border = _translating("reaches_border", 1)
+    same_place = _translating("same_place", 1)

@@ -1,6 +1,7 @@
 """How sure a filter is that its objects are there."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from tagged_walk import Breakable, P, T, frames, track, tracked
@@ -50,12 +51,12 @@ def test_what_is_said_changes_no_particle():
         np.testing.assert_array_equal(getattr(plain, name), getattr(telling, name))
 
 
-def at_origin(order, **changes):
+def at_origin(order, num_particles=20, **changes):
     return jaxpf.Partitioned(
         dynamics=RandomWalk(np.float32(1)),
         ordering=order,
-        initial=np.zeros((2, 1), np.float32),
-        num_particles=20,
+        initial=np.zeros((order.num_partitions, 1), np.float32),
+        num_particles=num_particles,
         **{"likelihood": ByFrame()} | changes,
     )
 
@@ -113,3 +114,37 @@ def test_who_was_lost_at_the_border_needs_more_evidence_to_be_back():
     expected = 1 / (1 + np.exp(-np.stack([odds, odds - less], axis=1)))
     np.testing.assert_allclose(summary.confidence, expected, rtol=1e-5)
     assert not state.left.any()
+
+
+@pytree_dataclass
+class InOnePlace(ByFrame):
+    """In the frames' third column stands how far both objects are in one place."""
+
+    def same_place(self, partition, substates):
+        return jnp.where(jnp.eye(2, dtype=bool), 1.0, substates[0, 0])
+
+    def log_prob(self, observation, partition, substate):
+        return -1e4 * (substate[0] - observation[2]) ** 2
+
+
+def test_the_weaker_of_two_objects_in_one_place_is_doubted_more_and_more():
+    """And a missing frame changes nothing."""
+    said = np.array([[3.0, 2.0], [3.0, 3.0], [np.nan, np.nan], [3.0, 3.0], [-3.0, 3.0]])
+    shared = np.array([1.0, 0.5, np.nan, 0.0, 1.0])
+    frames = np.column_stack([said, shared])
+    its = at_origin(ordering.ps([1, 0]), likelihood=InOnePlace(), num_particles=20_000)
+    seen = ~np.isnan(shared)
+    state, summary = jaxpf.run(its, jax.random.key(0), frames, observed=seen)
+    odds = np.array([[3, 2.5], [3, 2.75], [3, 2.75], [3, 2.875], [0, 2.9375]])
+    second = np.array([0.03, 0.03 * 0.97 + 0.015, 0, 0, 0])
+    second[2], second[3], second[4] = second[1], second[1] * 0.97, second[1] * 0.97**2
+    together = np.stack([[0, 0, 0, 0, 0.03], second], axis=1)
+    expected = 1 / (1 + np.exp(4 * together - odds))
+    np.testing.assert_allclose(summary.confidence, expected, atol=3e-4)
+    np.testing.assert_allclose(state.together, together[-1], atol=1e-3)
+
+
+def test_one_object_alone_is_not_compared():
+    its = at_origin(ordering.ps([0]), likelihood=InOnePlace())
+    state, _ = jaxpf.run(its, jax.random.key(0), np.zeros((2, 3)))
+    assert state.together is None

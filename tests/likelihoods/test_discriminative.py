@@ -71,6 +71,16 @@ def test_a_box_reaches_the_border_where_it_is_cut_by_it(learned):
     np.testing.assert_array_equal(found, [False, True, True, True, True, False, True])
 
 
+def test_boxes_are_in_one_place_by_their_iou(learned):
+    """The second object's box, 14 x 22 pixels, moved by 0, 2, 4 and 14 pixels."""
+    u = np.array([40.0, 42, 44, 54, np.nan])
+    substates = np.float32([u, np.full(5, 30), np.ones(5)])
+    found = learned.same_place(np.ones(5, int), substates)[0]
+    iou = np.array([14, 12, 10, 0]) / np.array([14, 16, 18, 28])
+    np.testing.assert_allclose(found[:4], np.clip((iou - 0.4) / 0.3, 0, 1), atol=1e-5)
+    assert found[4] == 0
+
+
 def numpy_features(frame, box, factor, bins_kept, lookup):
     """Colours [2, 110] and cells [2, 4, 4, 8] of one box, by OpenCV and loops."""
     padded = cv2.copyMakeBorder(

@@ -37,7 +37,7 @@ class FactoredState:
         weighted: ``[]`` bool, false for initial sets that have not been weighted.
         history: data from earlier frames, for trackers that need it; else None.
         log_odds: ``[P]``, see ``jaxpf.ParticleState``; None if the likelihood has none.
-        left: ``[P]`` bool, see ``jaxpf.ParticleState``.
+        left, together: ``[P]``, see ``jaxpf.ParticleState``.
         time: ``[]`` int32, number of frames processed, see ``jaxpf.contract.Tracker``.
     """
 
@@ -47,6 +47,7 @@ class FactoredState:
     history: Any = None
     log_odds: jax.Array | None = None
     left: jax.Array | None = None
+    together: jax.Array | None = None
     time: jax.Array | None = None
 
     @property

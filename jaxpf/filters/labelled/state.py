@@ -29,7 +29,7 @@ class LabelledState:
             fixed population.
         log_odds: ``[L]``, log odds that the targets are at their estimates, smoothed over past
             frames; None for likelihoods without ``log_odds``, and in an open population.
-        left: ``[L]`` bool, see ``jaxpf.ParticleState``.
+        left, together: ``[L]``, see ``jaxpf.ParticleState``.
         time: ``[]`` int32, number of frames processed, see ``jaxpf.contract.Tracker``.
     """
 
@@ -45,6 +45,7 @@ class LabelledState:
     newborn: Any = None
     log_odds: Any = None
     left: Any = None
+    together: Any = None
     time: jax.Array | None = None
 
     @property

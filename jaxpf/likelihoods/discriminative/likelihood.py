@@ -30,6 +30,7 @@ from jaxpf.likelihoods.color import check_frame, hsv_bins
 from jaxpf.likelihoods.discriminative import nearby
 from jaxpf.likelihoods.discriminative.cells import Boxes, cell_features, cell_score, sum_table
 from jaxpf.likelihoods.discriminative.levels import regions_of, shrunk, stacked
+from jaxpf.shapes.rectangles import area, boxes_from_substates, intersection_area
 
 #: Scores are clipped to this range: labels are overlaps, 0 to 1.
 _LOWEST, _HIGHEST = -0.2, 1.2
@@ -37,6 +38,8 @@ _LOWEST, _HIGHEST = -0.2, 1.2
 LEAST_RESIDUAL = 0.03
 #: Of the log odds: slope, and the score at which they are zero if the rest of the frame scores 0.
 _ODDS = 11.5, 0.12
+#: IoU from which two boxes begin to be in one place, and from which they are.
+_SAME_PLACE = 0.4, 0.7
 #: Largest scale of a box whose pixels can still be counted, see ``levels.LARGEST_SIDE``.
 LARGEST = 8.0
 
@@ -279,6 +282,15 @@ class DiscriminativeLikelihood(Likelihood):
         far = jnp.array(self.frame_shape[::-1], substates.dtype)[:, None]
         places = substates[:2]
         return jnp.any((places <= half) | (places + half >= far), axis=0)
+
+    def same_place(self, partition, substates):
+        """How far boxes ``[D, N]`` are in one place, ``[N, N]``: 0 to an IoU of .4, 1 from .7."""
+        sizes = jnp.asarray(self.sizes, substates.dtype)[partition]
+        boxes = boxes_from_substates(substates[:3].T, sizes)
+        shared = intersection_area(boxes[:, None], boxes)
+        either = area(boxes)[:, None] + area(boxes) - shared
+        least, most = _SAME_PLACE
+        return jnp.clip((shared / jnp.maximum(either, 1e-6) - least) / (most - least), 0, 1)
 
     def log_odds_all(self, observation, partition, substates):
         """Log odds that objects are where they are reported.

@@ -233,8 +233,9 @@ class PretrainedLikelihood(Likelihood):
             score += score_in_boxes(tables, partition, boxes / stride, weights.shape[1:3])
         return score
 
-    #: It asks for frame and sizes alone.
+    #: They ask for frame and sizes alone.
     reaches_border = DiscriminativeLikelihood.reaches_border
+    same_place = DiscriminativeLikelihood.same_place
 
     def log_odds_all(self, observation, partition, substates):
         """Log odds that objects are where they are reported.

@@ -204,7 +204,7 @@ class _BoxTarget(Target):
             "tracked": metrics.track_state(shapes, truth),
             "precision": metrics.precision(shapes, truth),
             "recall": metrics.recall(shapes, truth),
-            "overlap": metrics.overlap(shapes, truth),
+            "iou": metrics.iou(shapes, truth),
             "centre_error": metrics.centre_error(shapes, truth),
             "corner_error": jnp.full(jnp.shape(shapes)[:-1], jnp.nan),
         }

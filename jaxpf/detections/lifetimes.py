@@ -13,7 +13,7 @@ import numpy as np
 from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.contract.options import check_options, option
 from jaxpf.measures import association
-from jaxpf.measures.association import pairwise_overlap
+from jaxpf.measures.association import pairwise_iou
 
 #: The id of an empty slot, and of an object without an id.
 EMPTY = -1
@@ -21,7 +21,7 @@ EMPTY = -1
 MOST_AT_ONCE = 4096
 #: Maximum number of consecutive frames without a detection that a candidate survives.
 _MOST_MISSED = 2
-#: Candidates with a larger overlap are duplicates of one object.
+#: Candidates with a larger IoU are duplicates of one object.
 _TWICE = 0.5
 
 
@@ -157,9 +157,7 @@ def advance(
     full = f"all places, {len(ids)}, are taken; ask for a larger capacity."
     if detections is not None:
         here = np.concatenate([boxes[ids != EMPTY], *(box[None] for _, box in named)])
-        is_tracked = (
-            pairwise_overlap(detections, here).max(axis=1, initial=0) >= rules.detection_iou
-        )
+        is_tracked = pairwise_iou(detections, here).max(axis=1, initial=0) >= rules.detection_iou
         settings = association.Rules(rules.detection_iou, rules.min_hits, _MOST_MISSED)
         candidates = association.advance(candidates, detections[~is_tracked], settings)
         ready = (candidates.hits >= rules.min_hits) & (candidates.missed == 0)
@@ -223,7 +221,7 @@ def _first_of_each(boxes: np.ndarray, ready: np.ndarray) -> np.ndarray:
     """``[K]`` bool: ready, and not a duplicate of an earlier candidate that is ready."""
     first = np.zeros(len(boxes), bool)
     for place in np.flatnonzero(ready):
-        apart = pairwise_overlap(boxes[[place]], boxes[first])
+        apart = pairwise_iou(boxes[[place]], boxes[first])
         first[place] = apart.max(initial=0) <= _TWICE
     return first
 

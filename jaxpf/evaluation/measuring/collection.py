@@ -35,7 +35,7 @@ class Summary:
         numbers: ``[R]`` numbers of the finished runs.
         columns: ``[R, P, K]``, one for each of ``COLUMNS``.
         quantiles: of the centre error over runs and objects, ``[len(QUANTILES), T]``.
-        success: curve at the K ``OVERLAP_THRESHOLDS`` with its interval; fields ``[P + 1, K]``,
+        success: curve at the K ``IOU_THRESHOLDS`` with its interval; fields ``[P + 1, K]``,
             all objects last.
         precision: curve at the K ``CENTRE_THRESHOLDS``.
         transforms: counts of probability integral transforms in ``BINS`` equal bins, over x and

@@ -13,18 +13,18 @@ from jaxpf.contract.logs import log_evidence
 from jaxpf.evaluation.work.batches import Batch
 from jaxpf.lowering.programs import compiled
 from jaxpf.measures import calibration, metrics
-from jaxpf.measures.scores import CENTRE_THRESHOLDS, OVERLAP_THRESHOLDS
+from jaxpf.measures.scores import CENTRE_THRESHOLDS, IOU_THRESHOLDS
 from jaxpf.targets.target import Start, Target
 
 #: Probabilities, in percent, of the regions whose coverage of the truth is measured.
 REGIONS = (50, 80, 95)
 #: The same for the size of boxes.
 SIZE_REGIONS = (50, 95)
-#: Overlap at which a box counts as on its object, in the reliability of confidence.
+#: IoU at which a box counts as on its object, in the reliability of confidence.
 ON_OBJECT = 0.1
 #: Centre error threshold in pixels by which OTB ranks trackers (wu2013).
 DISTANCE = 20
-#: Overlap above which a box counts as correct (wu2013).
+#: IoU above which a box counts as correct (wu2013).
 HALF = 0.5
 _RUNS_AT_ONCE = 256
 _BOXES_AT_ONCE = 2**17
@@ -69,14 +69,14 @@ SCORES = (
     Measure("Frag", "interruptions"),
 )
 
-#: OTB's curves (wu2013) and their thresholds: overlaps, and centre errors in pixels.
-CURVES = {"success": OVERLAP_THRESHOLDS, "precision": CENTRE_THRESHOLDS}
+#: OTB's curves (wu2013) and their thresholds: IoUs, and centre errors in pixels.
+CURVES = {"success": IOU_THRESHOLDS, "precision": CENTRE_THRESHOLDS}
 #: Columns that hold the number of frames in a mean.
 FRAMES, TRACKED_FRAMES = "frames", "tracked_frames"
 
 MEASURES = (
-    Measure("success_half", "success at .5", weight=FRAMES, percent=True),
-    Measure("success_area", "success area", weight=FRAMES, percent=True),
+    Measure("success_rate_50", "success at IoU 0.5", weight=FRAMES, percent=True),
+    Measure("success_auc", "success AUC", weight=FRAMES, percent=True),
     Measure("success", "smith2004 success", is_rate=True, percent=True),
     Measure("recovered", "smith2004 recovery", is_rate=True, percent=True),
     Measure("tracked_share", "tracked", weight=FRAMES, percent=True),
@@ -84,7 +84,7 @@ MEASURES = (
     Measure("recall", "recall", weight=TRACKED_FRAMES, percent=True),
     Measure("precision_all", "precision, all frames", weight=FRAMES, percent=True),
     Measure("recall_all", "recall, all frames", weight=FRAMES, percent=True),
-    Measure("overlap", "overlap", weight=FRAMES, percent=True),
+    Measure("iou", "IoU", weight=FRAMES, percent=True),
     Measure("distance_precision", "centre within 20 pixels", weight=FRAMES, percent=True),
     Measure("centre_error", "centre error", weight="located_frames", unit="pixels"),
     Measure("corner_error", "corner distance", weight="located_frames", unit="pixels"),
@@ -127,7 +127,7 @@ def by_name(name: str) -> Measure:
 #: Measures whose differences the tables show.
 COMPARED = tuple(
     by_name(name)
-    for name in ("success_half", "success_area", "success", "recovered", "centre_error")
+    for name in ("success_rate_50", "success_auc", "success", "recovered", "centre_error")
 )
 
 
@@ -185,7 +185,7 @@ def _measure_piece(batch: Batch, frames: dict[str, np.ndarray], has_places: bool
     present = frames["present"] > 0
     tracked, error = frames["tracked"] > 0, frames["centre_error"]
     # The last axis is OTB's thresholds; the mean is over frames.
-    exceeds = frames["overlap"][..., None] > OVERLAP_THRESHOLDS.astype(np.float32)
+    exceeds = frames["iou"][..., None] > IOU_THRESHOLDS.astype(np.float32)
     success = _mean(exceeds, present[..., None])
     # An object without an estimate has a NaN error, so it is within no threshold.
     within = error[..., None] <= CENTRE_THRESHOLDS.astype(np.float32)
@@ -202,7 +202,7 @@ def _measure_piece(batch: Batch, frames: dict[str, np.ndarray], has_places: bool
         size = np.where(tracked, frames["size"], np.nan)
         size_spread = np.hypot(batch.spread[..., 2] / size, model_error[..., 2])  # of the logarithm
     size_smallest = calibration.smallest_region(frames["size_offset"], size_spread)
-    on_object = np.where(present, frames["overlap"] >= ON_OBJECT, np.nan)
+    on_object = np.where(present, frames["iou"] >= ON_OBJECT, np.nan)
     values = {
         FRAMES: np.sum(present, axis=1),
         TRACKED_FRAMES: np.sum(tracked, axis=1),
@@ -215,9 +215,9 @@ def _measure_piece(batch: Batch, frames: dict[str, np.ndarray], has_places: bool
         "recall": _mean(frames["recall"], tracked),
         "precision_all": _mean(frames["precision"], present),
         "recall_all": _mean(frames["recall"], present),
-        "overlap": _mean(frames["overlap"], present),
-        "success_half": _mean(frames["overlap"] > HALF, present),
-        "success_area": np.mean(success, axis=-1),
+        "iou": _mean(frames["iou"], present),
+        "success_rate_50": _mean(frames["iou"] > HALF, present),
+        "success_auc": np.mean(success, axis=-1),
         "distance_precision": precision[..., DISTANCE],
         "centre_error": _mean(error, present),
         "corner_error": _mean(frames["corner_error"], present),

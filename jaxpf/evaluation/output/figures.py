@@ -105,7 +105,7 @@ def _drawn(results: Results, overview: Overview) -> Iterator[tuple[str, str, str
     yield (
         "success-curves",
         "Success and precision curves",
-        "Share of the frames whose overlap with the truth exceeds a threshold, and of those whose "
+        "Share of the frames whose IoU with the truth exceeds a threshold, and of those whose "
         "centre error is at most a threshold (wu2013), without the start frame. Bands: 95% "
         "intervals over runs. In brackets: the area under the success curve, and the "
         "precision within 20 pixels." + shown,

@@ -4,8 +4,8 @@ from .calibration import (
     confidence_counts as confidence_counts,
     crps as crps,
     log_score as log_score,
+    pit_values as pit_values,
     smallest_region as smallest_region,
-    transforms as transforms,
 )
 from .intervals import (
     Interval as Interval,
@@ -35,11 +35,11 @@ from .metrics import (
 )
 from .particle_sets import (
     corner_distances as corner_distances,
+    distinct_share as distinct_share,
     effective_dynamics as effective_dynamics,
     effective_sample_size as effective_sample_size,
     pose_variance as pose_variance,
     resamplings_per_frame as resamplings_per_frame,
-    uniqueness as uniqueness,
 )
 from .points import point_distances as point_distances
 from .scores import (

@@ -19,11 +19,11 @@ def test_a_table_explains_the_terms_that_it_uses_and_no_others(capsys):
         *_, line = capsys.readouterr().out.strip().splitlines()
         return line
 
-    columns = ["", "recovery, object 1", "success (%)", "unique", "IoU"]
+    columns = ["", "recovery, object 1", "success (%)", "distinct", "IoU"]
     assert explained(columns, [["DPS", "1", "2", "3", "4"]]) == (
-        "recovery: tracked in the last frame with truth; success: tracked in every frame; unique: "
-        "particles that carry different draws of the object; IoU: intersection over union; "
-        "tracked: overlapping the truth at all."
+        "recovery: tracked in the last frame with truth; success: tracked in every frame; "
+        "distinct: particles that carry different draws of the object; "
+        "IoU: intersection over union; tracked: overlapping the truth at all."
     )
     assert ":" not in explained(["", "before"], [["momentum", "4"]])
     assert explained(["", "precision", "IDSW"], [["tracked", "4", "0"]]) == (

@@ -79,6 +79,8 @@ def test_only_a_known_name_takes_the_place():
         (jaxpf.measures, "pairwise_overlap", "pairwise_iou"),
         (jaxpf.measures, "success_area", "success_auc"),
         (jaxpf.measures, "success_at_half", "success_rate_50"),
+        (jaxpf.measures, "transforms", "pit_values"),
+        (jaxpf.measures, "uniqueness", "distinct_share"),
         (jaxpf.tuning, "overlap_loss", "iou_loss"),
         (jaxpf.shapes, "turned", "rotate"),
         (jaxpf.shapes, "resampled", "resample_polyline"),

@@ -67,7 +67,7 @@ def test_every_run_and_object_has_a_row(by_hand):
         # A box that is not there has no centre.
         ("located_frames", [2, 1, 2, 1, 2, 0, 2, 1]),
         ("centre_error", [2.5, 0, 25, 50, 25, math.nan, 25, 0]),
-        ("uniqueness", [*6 * [0.5], math.nan, math.nan]),
+        ("distinct_share", [*6 * [0.5], math.nan, math.nan]),
         # Offsets: of the first run (0, 0) and (5, 0), of the others none where they are followed;
         # spreads (1, 8) and (2, 2).
         ("coverage_50", [0.75, 1, 1, math.nan, 1, math.nan, math.nan, math.nan]),
@@ -107,7 +107,7 @@ def test_imported_tracks_have_values_without_intervals(by_hand):
     rows = rows_of(results.folder / "summary.csv")
     measured = {row["measure"] for row in rows if row["method"] == OTHER.method}
     assert "iou" in measured
-    assert "uniqueness" not in measured
+    assert "distinct_share" not in measured
     assert made.summaries[1].reference is None
     assert any("one track, the same for every seed" in remark for remark in made.remarks)
 

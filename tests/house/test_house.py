@@ -176,7 +176,7 @@ def test_they_stand_in_the_tables_beside_the_built_in_methods(evaluated):
     }
     assert all(0 < value < 1 for value in iou.values())
     # What a user's summary lacks stays empty.
-    unique = {row["method"] for row in rows if row["measure"] == "uniqueness"}
+    unique = {row["method"] for row in rows if row["measure"] == "distinct_share"}
     assert unique == {"SIR", "there_and_back", "centre_colour", "shuffled"}
 
 

@@ -189,9 +189,11 @@ def test_effective_sample_size_needs_no_normalised_weights(shift):
     np.testing.assert_allclose(effective_sample_size(log_weights), 1.6, rtol=2e-3)
 
 
-def test_uniqueness_counts_distinct_ids():
+def test_distinct_share_counts_distinct_ids():
     lineage = np.array([[[5, 5, 5, 5], [3, 1, 3, 1]], [[4, 2, 9, 2], [0, 1, 2, 3]]])
-    np.testing.assert_array_equal(jax.jit(measures.uniqueness)(lineage), [[0.25, 0.5], [0.75, 1]])
+    np.testing.assert_array_equal(
+        jax.jit(measures.distinct_share)(lineage), [[0.25, 0.5], [0.75, 1]]
+    )
 
 
 def test_summary_by_hand():

@@ -20,7 +20,7 @@ _TERMS = {
     "success": "tracked in every frame",
     "recover": "tracked in the last frame with truth",
     "tracked": _TRACKED,
-    "unique": "particles that carry different draws of the object",
+    "distinct": "particles that carry different draws of the object",
     "iou": "intersection over union",
     "precision": "share of the estimate that lies on the truth",
     "recall": "share of the truth that the estimate covers",

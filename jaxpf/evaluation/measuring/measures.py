@@ -88,7 +88,7 @@ MEASURES = (
     Measure("distance_precision", "centre within 20 pixels", weight=FRAMES, percent=True),
     Measure("centre_error", "centre error", weight="located_frames", unit="pixels"),
     Measure("corner_error", "corner distance", weight="located_frames", unit="pixels"),
-    Measure("uniqueness", "uniqueness", percent=True),
+    Measure("distinct_share", "distinct particles", percent=True),
     *(
         Measure(f"coverage_{p}", f"truth in the {p}% region", weight=TRACKED_FRAMES, percent=True)
         for p in REGIONS
@@ -139,7 +139,7 @@ class Measured(NamedTuple):
         centre_error: ``[R, T, P]`` in pixels, NaN where there is no truth or no estimate.
         success: ``[R, P, 21]``, see ``jaxpf.measures.success_curve``.
         precision: ``[R, P, 51]``, see ``jaxpf.measures.precision_curve``.
-        transforms: ``[R, T, P, 2]`` of x and y, see ``jaxpf.measures.transforms``; NaN where an
+        pit_values: ``[R, T, P, 2]`` of x and y, see ``jaxpf.measures.pit_values``; NaN where an
             object is not tracked or has no known position.
         confidence: ``[R, 2, 100]``, see ``jaxpf.measures.confidence_counts``.
     """
@@ -148,7 +148,7 @@ class Measured(NamedTuple):
     centre_error: np.ndarray
     success: np.ndarray
     precision: np.ndarray
-    transforms: np.ndarray
+    pit_values: np.ndarray
     confidence: np.ndarray
 
 
@@ -195,7 +195,7 @@ def _measure_piece(batch: Batch, frames: dict[str, np.ndarray], has_places: bool
     asked = np.broadcast_to(has_places & tracked[..., None], offset.shape)
     model_error = batch.model_error[:, None]
     spread = np.where(asked, np.hypot(batch.spread[..., :2], model_error[..., :2]), np.nan)
-    transforms = calibration.transforms(offset, spread)
+    pit_values = calibration.pit_values(offset, spread)
     smallest = calibration.smallest_region(offset, spread)
     size_spread = np.full(tracked.shape, np.nan)
     if has_places and batch.spread.shape[-1] > 2:
@@ -221,7 +221,7 @@ def _measure_piece(batch: Batch, frames: dict[str, np.ndarray], has_places: bool
         "distance_precision": precision[..., DISTANCE],
         "centre_error": _mean(error, present),
         "corner_error": _mean(frames["corner_error"], present),
-        "uniqueness": _mean(batch.uniqueness),
+        "distinct_share": _mean(batch.uniqueness),
         "crps": _mean_of_places(calibration.crps(offset, spread)),
         "log_score": _mean_of_places(calibration.log_score(offset, spread)),
         "ess": _mean(batch.ess)[:, None],
@@ -234,9 +234,9 @@ def _measure_piece(batch: Batch, frames: dict[str, np.ndarray], has_places: bool
         values[f"size_coverage_{percent}"] = _mean(_inside(size_smallest, percent))
     shape = batch.shapes.shape[0], batch.shapes.shape[2]
     columns = np.stack([np.broadcast_to(values[name], shape) for name in COLUMNS], axis=-1)
-    transforms = transforms.astype(np.float32)
+    pit_values = pit_values.astype(np.float32)
     confidence = calibration.confidence_counts(batch.confidence, on_object)
-    return Measured(columns.astype(np.float64), error, success, precision, transforms, confidence)
+    return Measured(columns.astype(np.float64), error, success, precision, pit_values, confidence)
 
 
 def _inside(smallest: np.ndarray, percent: float) -> np.ndarray:

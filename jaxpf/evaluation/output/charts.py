@@ -110,7 +110,7 @@ def calibration(summaries: Sequence[Summary]) -> Any:
     """Draw coverage of central regions of x and y against their probability."""
     figure, (axis,) = _axes(len(summaries))
     for summary in summaries:
-        counts = summary.transforms
+        counts = summary.pit_values
         half = len(counts) // 2
         inside = [counts[half - k : half + k].sum() for k in range(half + 1)]
         shares = 100 * np.array(inside) / counts.sum()

@@ -90,7 +90,7 @@ def save(figure: Any, png: str | os.PathLike[str]) -> None:
 def _drawn(results: Results, overview: Overview) -> Iterator[tuple[str, str, str, Any]]:
     """Yield name, title, caption and drawing of each figure of the best configurations."""
     summaries, best = overview.summaries, overview.ranked[: charts.MOST_LINES]
-    calibrated = [summary for summary in best if summary.transforms.any()]
+    calibrated = [summary for summary in best if summary.pit_values.any()]
     confident = [summary for summary in best if summary.confidence.frames[-1]]
     shown = f" The best {len(best)} of {len(summaries)} configurations."
     shown = shown if len(best) < len(summaries) else ""

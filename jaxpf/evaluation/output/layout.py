@@ -24,7 +24,7 @@ HEADLINE = tuple(
     by_name(name)
     for name in (
         *("success_rate_50", "success_auc", "success", "recovered", "precision", "recall"),
-        *("iou", "centre_error", "corner_error", "uniqueness", "frames_per_second"),
+        *("iou", "centre_error", "corner_error", "distinct_share", "frames_per_second"),
     )
 )
 #: Most configurations in the tables of the terminal and the report.
@@ -131,7 +131,7 @@ def score_tables(object_ids: Sequence[int], summaries: Sequence[Summary]) -> lis
 
 def calibration_tables(object_ids: Sequence[int], summaries: Sequence[Summary]) -> list[Table]:
     """Calibration; no tables if no filter has spreads of x and y."""
-    calibrated = [s for s in summaries if s.transforms.any()]
+    calibrated = [s for s in summaries if s.pit_values.any()]
     return estimate_tables(object_ids, calibrated, CALIBRATION, "calibration, ")
 
 

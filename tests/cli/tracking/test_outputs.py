@@ -154,7 +154,8 @@ def test_the_summary_holds_parameters_versions_seed_and_timing(whole_run):
 def test_the_diagnostics_are_numbers_by_frame(whole_run):
     _, output = whole_run
     header, *rows = (output / "diagnostics.csv").read_text().splitlines()
-    assert header == "frame,ess,log_evidence,uniqueness_1,uniqueness_2,confidence_1,confidence_2"
+    shares = "distinct_share_1,distinct_share_2"
+    assert header == f"frame,ess,log_evidence,{shares},confidence_1,confidence_2"
     numbers = np.array([row.split(",") for row in rows], float)
     np.testing.assert_array_equal(numbers[:, 0], np.arange(1, LENGTH))
     assert np.all((numbers[:, 1] >= 1) & (numbers[:, 1] <= 60))

@@ -14,6 +14,7 @@ RENAMED = {
     "born": ("add_target",),
     "death_frames": ("max_age",),
     "detect_every": ("detection_interval",),
+    "detections": ("to_supervision",),
     "detection_scale": ("detection_noise",),
     "diffusion": ("noise_points",),
     "ended": ("remove_target",),

@@ -70,6 +70,7 @@ def test_only_a_known_name_takes_the_place():
     ("module", "old", "new"),
     [
         (jaxpf, "populations", "detections"),
+        (jaxpf.boxes, "detections", "to_supervision"),
         (jaxpf.detections, "TrackedPopulation", "TrackedObjects"),
         (jaxpf.detections, "nobody", "start_empty"),
         (jaxpf.filters, "born", "add_target"),

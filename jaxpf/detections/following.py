@@ -103,7 +103,7 @@ def open_model(
         (height, width),
         typical_size=typical_size,
         sharpness=options.sharpness,
-        parts=options.bands,
+        bands=options.bands,
         method=options.likelihood,
         num_particles=num_particles,
     )

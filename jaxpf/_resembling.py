@@ -5,6 +5,7 @@ from collections.abc import Collection
 
 #: Names before version 0.1.0, and those that took their place, of which the known one is meant.
 RENAMED = {
+    "STATUS_LOST": ("STATUS_WITHOUT_LIKELIHOOD",),
     "TrackedPopulation": ("TrackedObjects",),
     "bend_noise": ("noise_bend",),
     "birth_confidence": ("detection_confidence",),

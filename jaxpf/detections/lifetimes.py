@@ -126,7 +126,7 @@ def start_empty(capacity: int, last_id: int = 0) -> Living:
 def advance(
     living: Living,
     boxes: np.ndarray,
-    lost: np.ndarray,
+    without_likelihood: np.ndarray,
     detections: np.ndarray | None,
     named: Sequence[tuple[int, np.ndarray]],
     frame_shape: Sequence[int],
@@ -137,7 +137,7 @@ def advance(
     Args:
         living: the state after the previous frame.
         boxes: ``[C, 4]``, the tracker's current boxes; rows of empty slots are ignored.
-        lost: ``[C]`` bool, without likelihood.
+        without_likelihood: ``[C]`` bool, no particle had any likelihood.
         detections: ``[M, 4]`` of the frame; None if no detector ran, so that an object without a
             detection counts neither as unseen nor as undetected.
         named: id and box of objects that the user starts in this frame, detected or not.
@@ -145,11 +145,14 @@ def advance(
         rules: see ``Rules``.
     """
     boxes = numbers_in("boxes", boxes, f"x, y, w, h of every place, [{len(living.ids)}, 4]")
-    lost = numbers_in("lost", lost, f"bool, [{len(living.ids)}]") > 0
+    wanted = f"bool, [{len(living.ids)}]"
+    without_likelihood = numbers_in("without_likelihood", without_likelihood, wanted) > 0
     if detections is not None:
         detections = numbers_in("detections", detections, "x, y, w, h, [M, 4]")
     check_array("frame_shape", frame_shape, "height and width of the frame, [>= 2]", least=1)
-    unseen, undetected, ended = _find_ended(living, boxes, lost, detections, frame_shape, rules)
+    unseen, undetected, ended = _find_ended(
+        living, boxes, without_likelihood, detections, frame_shape, rules
+    )
     ids, candidates, last_id = living.ids.copy(), living.candidates, living.last_id
     ids[[gone.slot for gone in ended]] = EMPTY
     wanted: list[tuple[int, np.ndarray]] = list(named)
@@ -188,14 +191,14 @@ def advance(
 def _find_ended(
     living: Living,
     boxes: np.ndarray,
-    lost: np.ndarray,
+    without_likelihood: np.ndarray,
     detections: np.ndarray | None,
     frame_shape: Sequence[int],
     rules: Rules,
 ) -> tuple[np.ndarray, np.ndarray, list[Ended]]:
     """Return each slot's unseen and undetected frames in a row ``[C]``, and who ended."""
     alive = living.ids != EMPTY
-    seen, undetected = ~lost, living.undetected.copy()
+    seen, undetected = ~without_likelihood, living.undetected.copy()
     if detections is not None:
         detected = association.assigned(boxes[alive], detections, rules.detection_iou) >= 0
         seen[alive] &= detected

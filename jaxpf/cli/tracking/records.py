@@ -213,7 +213,7 @@ def changing_population(
             confidence = np.array(confidence)
             confidence[[new.slot for new in tracked.changes.started]] = np.nan  # not yet known
             confidence = confidence[slots]
-        confidence, lost = judge(outside, tracked.lost[slots], confidence)
+        confidence, lost = judge(outside, tracked.without_likelihood[slots], confidence)
         yield Record(
             number=number,
             frame=tracked.frame,
@@ -224,7 +224,7 @@ def changing_population(
             lost=lost,
             confidence=confidence,
             outside=outside,
-            without_likelihood=tracked.lost[slots],
+            without_likelihood=tracked.without_likelihood[slots],
             summary=tracked.summary,
             state=tracked.state,
             slots=slots,

@@ -72,7 +72,7 @@ def test_the_verdict_of_each_object_is_printed_and_kept(whole_run):
     assert set(objects) == {"1", "2"}
     for name, about in objects.items():
         assert about["frames"] == LENGTH - 1
-        assert about["followed_until"] == LENGTH - 1
+        assert about["tracked_until"] == LENGTH - 1
         assert about["lost"] == []
         rows = table["id"] == int(name)
         x, y = (

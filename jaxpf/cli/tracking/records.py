@@ -36,7 +36,7 @@ class Record(NamedTuple):
         confidence: ``[P]``, see there; None if the likelihood defines none.
         outside: bool ``[P]``, outside the image; None in a frame that is not filtered.
         without_likelihood: bool ``[P]``, no particle has any; None likewise.
-        errors: columns x_error and y_error, Monte Carlo standard errors, if requested.
+        errors: columns x_mc_error and y_mc_error, Monte Carlo standard errors, if requested.
         summary: summary of all partitions; None in a frame that is not filtered.
         state: holds the particles; None in a frame that is not filtered.
         slots: partitions occupied by the objects.
@@ -156,7 +156,9 @@ def fixed_population(
         places, centres = places_of(scene, number, start, shapes, cloud, centres)
         variance, errors = getattr(summary, "estimate_variance", None), {}
         if variance is not None and scene.target.has_places:
-            errors = dict(zip(("x_error", "y_error"), np.sqrt(variance)[:, :2].T, strict=True))
+            errors = dict(
+                zip(("x_mc_error", "y_mc_error"), np.sqrt(variance)[:, :2].T, strict=True)
+            )
         yield Record(
             number=number,
             frame=tracked.frame,

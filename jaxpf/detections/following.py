@@ -83,7 +83,7 @@ def open_model(
         num_particles: chooses the method of the histograms if ``options`` leave it open.
 
     Raises:
-        InputError: options that require a start frame, which an empty population lacks.
+        InputError: options that require a start frame, which a tracker without objects lacks.
     """
     check_type("options", options, box_target.Options)
     if options.appearance not in (OPEN, COLOUR) or options.motion == RELATIVE:

@@ -145,8 +145,8 @@ def advance(
         rules: see ``Rules``.
     """
     boxes = numbers_in("boxes", boxes, f"x, y, w, h of every place, [{len(living.ids)}, 4]")
-    wanted = f"bool, [{len(living.ids)}]"
-    without_likelihood = numbers_in("without_likelihood", without_likelihood, wanted) > 0
+    form = f"bool, [{len(living.ids)}]"
+    without_likelihood = numbers_in("without_likelihood", without_likelihood, form) > 0
     if detections is not None:
         detections = numbers_in("detections", detections, "x, y, w, h, [M, 4]")
     check_array("frame_shape", frame_shape, "height and width of the frame, [>= 2]", least=1)

@@ -121,7 +121,7 @@ def _summary(
 def _mean_mc_errors(
     table: dict[str, np.ndarray], names: list[Any]
 ) -> dict[str, float | None] | None:
-    """Mean Monte Carlo error of x and y in pixels by object; None unless requested."""
+    """Mean Monte Carlo standard error of x and y in pixels by object; None unless requested."""
     if "x_mc_error" not in table:
         return None
     ids = np.array([str(name) for name in table["id"].tolist()])
@@ -159,11 +159,11 @@ def _tell(
     if (errors := content["mean_mc_error"]) is not None:
         estimated = [f"{name} {error:.2g}" for name, error in errors.items() if error is not None]
         if estimated:
-            say(f"Monte Carlo error of places in pixels: {', '.join(estimated)}")
+            say(f"Mean Monte Carlo standard error of x and y in pixels: {', '.join(estimated)}")
         else:
             _warn(
-                "Note: too few ancestors were left to estimate the Monte Carlo error; ask for "
-                "fewer frames (--mc-error-lag), more particles (-n) or --runs."
+                "Note: too few ancestors were left to estimate the Monte Carlo standard error; ask "
+                "for fewer frames (--mc-error-lag), more particles (-n) or --runs."
             )
     if session.source.note:
         _warn(f"Note: {session.source.note}")

@@ -1,4 +1,4 @@
-"""Per-frame records, shared by fixed and changing populations."""
+"""Per-frame records, shared by a fixed set of objects and by objects that come and go."""
 
 import dataclasses
 import itertools
@@ -40,7 +40,7 @@ class Record(NamedTuple):
         summary: summary of all partitions; None in a frame that is not filtered.
         state: holds the particles; None in a frame that is not filtered.
         slots: partitions occupied by the objects.
-        changes: starts and ends; None for a fixed population.
+        changes: starts and ends; None for a fixed set of objects.
         scene: the scene of the tracker that this record comes from, if not the run's.
         parts: records of groups of objects with trackers of their own; () for one tracker.  This
             record then joins their ``start``, ``colours``, ``shapes`` and ``lost`` alone.
@@ -194,7 +194,7 @@ def changing_population(
         # Sizes at which a scale of 1 gives these boxes.
         scales = np.ones(len(tracked.ids))
         if tracked.summary is not None:
-            # A newborn object has no estimate yet, and a scale of 1.
+            # An object that starts in this frame has no estimate yet, and a scale of 1.
             scales = np.maximum(np.nan_to_num(tracked.summary.estimate[:, 2], nan=1.0), 1e-9)
         all_ = dataclasses.replace(
             scene.start, ids=tracked.ids, sizes=tracked.boxes[:, 2:] / scales[:, None]

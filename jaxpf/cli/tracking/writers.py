@@ -89,7 +89,7 @@ def _reported(record: Record, name: str, otherwise: float = np.nan) -> list[floa
 class Overlay:
     """Writes overlay.mp4, whose frames have the times and the shape of pixels of the video's.
 
-    A recovered object is drawn as doubtful until it has been followed for ``_CONFIRMED_AFTER``
+    A recovered object is drawn as doubtful until it has been tracked for ``_CONFIRMED_AFTER``
     frames.
     """
 

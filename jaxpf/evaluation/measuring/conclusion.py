@@ -58,7 +58,7 @@ def conclude(results: Results, summaries: Sequence[Summary]) -> tuple[str, list[
     tied = [other for other in others if other not in worse]
     if not worse:
         return (
-            f"{start}{'no' if start else 'No'} configuration follows best: {names[best]} is "
+            f"{start}{'no' if start else 'No'} configuration tracks best: {names[best]} is "
             f"ahead, but {_listed(names, tied)} cannot be distinguished from it.",
             ranking,
         )
@@ -67,7 +67,7 @@ def conclude(results: Results, summaries: Sequence[Summary]) -> tuple[str, list[
     value, lower, upper = intervals[reference]
     digits = 2 if upper - lower >= 0.02 else 3
     sentence = (
-        f"{start}{names[best]} follows best: success AUC {_share(value, digits, '+')} "
+        f"{start}{names[best]} tracks best: success AUC {_share(value, digits, '+')} "
         f"[{_share(lower, digits)}, {_share(upper, digits)}] over {names[reference]}"
     )
     if tied:

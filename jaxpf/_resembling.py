@@ -5,6 +5,7 @@ from collections.abc import Collection
 
 #: Names before version 0.1.0, and those that took their place, of which the known one is meant.
 RENAMED = {
+    "STATUS_LOST": ("STATUS_WITHOUT_LIKELIHOOD",),
     "TrackedPopulation": ("TrackedObjects",),
     "bend_noise": ("noise_bend",),
     "birth_confidence": ("detection_confidence",),
@@ -14,6 +15,7 @@ RENAMED = {
     "born": ("add_target",),
     "death_frames": ("max_age",),
     "detect_every": ("detection_interval",),
+    "detections": ("to_supervision",),
     "detection_scale": ("detection_noise",),
     "diffusion": ("noise_points",),
     "ended": ("remove_target",),
@@ -25,6 +27,10 @@ RENAMED = {
     "look_ahead": ("joint_weighting",),
     "nobody": ("start_empty",),
     "particles": ("num_particles",),
+    "overlap": ("iou",),
+    "overlap_loss": ("iou_loss",),
+    "pairwise_overlap": ("pairwise_iou",),
+    "OVERLAP_THRESHOLDS": ("IOU_THRESHOLDS",),
     "parts": ("bands",),
     "parts_file": ("parts",),
     "populations": ("detections",),
@@ -33,7 +39,12 @@ RENAMED = {
     "scale": ("noise_pixels", "noise_points"),
     "shapes": ("to_boxes", "to_points", "to_parts", "to_contours"),
     "shift_noise": ("noise_shift",),
+    "success_area": ("success_auc",),
+    "success_at_half": ("success_rate_50",),
+    "success_half": ("success_rate_50",),
+    "transforms": ("pit_values",),
     "turned": ("rotate",),
+    "uniqueness": ("distinct_share",),
     "varied": ("augment",),
 }
 

@@ -13,10 +13,10 @@ from .tracks import (
     BoxTable as BoxTable,
     check_boxes as check_boxes,
     dense as dense,
-    detections as detections,
     parse_box as parse_box,
     read_boxes as read_boxes,
     read_tracks as read_tracks,
     start_boxes as start_boxes,
+    to_supervision as to_supervision,
     write_mot as write_mot,
 )

@@ -104,7 +104,7 @@ class _BoxTarget(Target):
             return self._pretrained(options, start, looks)
         settings: dict[str, Any] = {
             "sharpness": options.sharpness,
-            "parts": options.bands,
+            "bands": options.bands,
             "method": options.likelihood,
             "num_particles": looks.num_particles,
             "names": _names(start),
@@ -137,7 +137,7 @@ class _BoxTarget(Target):
             looks.patches,
             start.sizes,
             sharpness=options.sharpness,
-            parts=options.bands,
+            bands=options.bands,
             method="integral",
             frame_shape=looks.frame_shape,
             interpolation="bilinear",
@@ -204,7 +204,7 @@ class _BoxTarget(Target):
             "tracked": metrics.track_state(shapes, truth),
             "precision": metrics.precision(shapes, truth),
             "recall": metrics.recall(shapes, truth),
-            "overlap": metrics.overlap(shapes, truth),
+            "iou": metrics.iou(shapes, truth),
             "centre_error": metrics.centre_error(shapes, truth),
             "corner_error": jnp.full(jnp.shape(shapes)[:-1], jnp.nan),
         }

@@ -24,11 +24,11 @@ __all__ = [
     "BoxTable",
     "check_boxes",
     "dense",
-    "detections",
     "parse_box",
     "read_boxes",
     "read_tracks",
     "start_boxes",
+    "to_supervision",
     "write_mot",
 ]
 
@@ -195,7 +195,7 @@ def _rows(frames: np.ndarray, ids: np.ndarray, boxes: np.ndarray, confidence: np
     return "".join(rows)
 
 
-def detections(
+def to_supervision(
     boxes: ArrayLike, ids: ArrayLike | None = None, confidence: ArrayLike | None = None
 ) -> Any:
     """Convert the boxes of one frame to ``supervision.Detections``.
@@ -208,7 +208,9 @@ def detections(
     Raises:
         InputError: supervision is missing.
     """
-    supervision = import_extra("supervision", "detections need supervision", "'jaxpf[formats]'")
+    supervision = import_extra(
+        "supervision", "to_supervision needs supervision", "'jaxpf[formats]'"
+    )
     boxes = numbers_in("boxes", boxes, "x, y, w, h in pixels, [P, 4]")
     for name, values in (("ids", ids), ("confidence", confidence)):
         if values is not None:

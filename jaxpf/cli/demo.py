@@ -20,7 +20,7 @@ from jaxpf.running.memory import check_memory, needed_by
 
 #: Method shown in the video.
 _SHOWN = "DPS"
-_COLUMNS = ("", "recovery, object 1", "success, objects 2-7", "precision", "recall", "unique")
+_COLUMNS = ("", "recovery, object 1", "success, objects 2-7", "precision", "recall", "distinct")
 _PARTICLES = {"num_particles": options_of(Options)["num_particles"]}
 
 

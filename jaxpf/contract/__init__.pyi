@@ -65,9 +65,9 @@ from .refusals import Bias as Bias, evidence_biases as evidence_biases
 from .state import (
     STATUS_IMPOSSIBLE as STATUS_IMPOSSIBLE,
     STATUS_INVALID_LIKELIHOOD as STATUS_INVALID_LIKELIHOOD,
-    STATUS_LOST as STATUS_LOST,
     STATUS_OK as STATUS_OK,
     STATUS_UNSUPPORTED as STATUS_UNSUPPORTED,
+    STATUS_WITHOUT_LIKELIHOOD as STATUS_WITHOUT_LIKELIHOOD,
     ParticleState as ParticleState,
     Summary as Summary,
 )

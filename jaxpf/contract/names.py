@@ -16,7 +16,7 @@ GRADIENTS = ("none", "stop_gradient", "soft", "transport")
 #: Gradient strategies for the motion.
 MOTION_GRADIENTS = ("pathwise", "score")
 #: Objectives of tuning.
-OBJECTIVES = ("evidence", "position", "overlap", "crps")
+OBJECTIVES = ("evidence", "position", "iou", "crps")
 #: How the squared differences of a window are combined.
 NORMS = ("mean", "sum")
 #: How parts move: with their parents, or each on its own.

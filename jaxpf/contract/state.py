@@ -14,7 +14,7 @@ from jaxpf.contract.pytree import pytree_dataclass
 STATUS_OK = 0
 STATUS_INVALID_LIKELIHOOD = 1  # some log-likelihoods were NaN or +inf; treated as -inf and counted
 STATUS_IMPOSSIBLE = 2  # the observation was impossible for every particle; it was skipped
-STATUS_LOST = 4  # see ``Summary.without_likelihood``
+STATUS_WITHOUT_LIKELIHOOD = 4  # see ``Summary.without_likelihood``
 STATUS_UNSUPPORTED = 8  # a traced ordering that does not work with the rest; all floats are NaN
 
 

@@ -50,7 +50,7 @@ class TrackedObjects(NamedTuple):
         ids: int ``[C]``, ``EMPTY`` (-1) for an empty slot.
         boxes: ``[C, 4]``, x, y, w, h in pixels; NaN for an empty slot.  An object that starts in
             this frame has its start box.
-        lost: ``[C]`` bool, no particle had any likelihood.
+        without_likelihood: ``[C]`` bool, no particle had any likelihood.
         changes: objects that started, ended, or were refused for lack of a slot.
         summary: the filter's report; None for the first frame, which is not filtered.
         state: the tracker's state, on the device.
@@ -60,7 +60,7 @@ class TrackedObjects(NamedTuple):
     frame: np.ndarray
     ids: np.ndarray
     boxes: np.ndarray
-    lost: np.ndarray
+    without_likelihood: np.ndarray
     changes: Changes
     summary: Any
     state: Any
@@ -83,7 +83,7 @@ def open_model(
         num_particles: chooses the method of the histograms if ``options`` leave it open.
 
     Raises:
-        InputError: options that require a start frame, which an empty population lacks.
+        InputError: options that require a start frame, which a tracker without objects lacks.
     """
     check_type("options", options, box_target.Options)
     if options.appearance not in (OPEN, COLOUR) or options.motion == RELATIVE:
@@ -103,7 +103,7 @@ def open_model(
         (height, width),
         typical_size=typical_size,
         sharpness=options.sharpness,
-        parts=options.bands,
+        bands=options.bands,
         method=options.likelihood,
         num_particles=num_particles,
     )
@@ -182,7 +182,7 @@ def follow(
     state = init_compiled(tracker, key)
     summary: Any = None
     boxes = np.full((tracker.num_targets, 4), np.nan)
-    lost = np.zeros(tracker.num_targets, bool)
+    without = np.zeros(tracker.num_targets, bool)
     if detections is not None and rules.detection_noise > 0:
         nothing = np.full(tracker.initial.shape, np.nan, np.float32)
         tracker = dataclasses.replace(
@@ -195,22 +195,22 @@ def follow(
             tracker = _with_detections(tracker, boxes, detected, rules)
             state, summary = streaming.step(tracker, key, time - 1, state, frame)
             summary = jax.tree.map(np.asarray, summary)
-            boxes, lost = _boxes(tracker, summary.estimate), summary.without_likelihood
+            boxes, without = _boxes(tracker, summary.estimate), summary.without_likelihood
         if time == 1:
             named_first = np.isin(living.ids, [identity for identity, _ in starts.get(0, [])])
-            first = dataclasses.replace(summary, without_likelihood=lost & named_first)
+            first = dataclasses.replace(summary, without_likelihood=without & named_first)
             check_started(first, living.ids)
         living, changes = lifetimes.advance(
-            living, boxes, lost, detected, starts.get(time, []), frame.shape, rules
+            living, boxes, without, detected, starts.get(time, []), frame.shape, rules
         )
         tracker, state, living, changes = _changed(tracker, state, living, changes, frame, ids)
         if time == 0:
             _check_named(changes)
         alive = living.ids != EMPTY
-        boxes, lost = np.where(alive[:, None], boxes, np.nan), lost & alive
+        boxes, without = np.where(alive[:, None], boxes, np.nan), without & alive
         for new in changes.started:
-            boxes[new.slot], lost[new.slot] = new.box, False
-        yield TrackedObjects(time, frame, living.ids, boxes, lost, changes, summary, state)
+            boxes[new.slot], without[new.slot] = new.box, False
+        yield TrackedObjects(time, frame, living.ids, boxes, without, changes, summary, state)
 
 
 def _of_frame(detections: Sequence[np.ndarray | None] | None, time: int) -> np.ndarray | None:

@@ -13,7 +13,7 @@ import numpy as np
 from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.contract.options import check_options, option
 from jaxpf.measures import association
-from jaxpf.measures.association import pairwise_overlap
+from jaxpf.measures.association import pairwise_iou
 
 #: The id of an empty slot, and of an object without an id.
 EMPTY = -1
@@ -21,7 +21,7 @@ EMPTY = -1
 MOST_AT_ONCE = 4096
 #: Maximum number of consecutive frames without a detection that a candidate survives.
 _MOST_MISSED = 2
-#: Candidates with a larger overlap are duplicates of one object.
+#: Candidates with a larger IoU are duplicates of one object.
 _TWICE = 0.5
 
 
@@ -126,7 +126,7 @@ def start_empty(capacity: int, last_id: int = 0) -> Living:
 def advance(
     living: Living,
     boxes: np.ndarray,
-    lost: np.ndarray,
+    without_likelihood: np.ndarray,
     detections: np.ndarray | None,
     named: Sequence[tuple[int, np.ndarray]],
     frame_shape: Sequence[int],
@@ -137,7 +137,7 @@ def advance(
     Args:
         living: the state after the previous frame.
         boxes: ``[C, 4]``, the tracker's current boxes; rows of empty slots are ignored.
-        lost: ``[C]`` bool, without likelihood.
+        without_likelihood: ``[C]`` bool, no particle had any likelihood.
         detections: ``[M, 4]`` of the frame; None if no detector ran, so that an object without a
             detection counts neither as unseen nor as undetected.
         named: id and box of objects that the user starts in this frame, detected or not.
@@ -145,11 +145,14 @@ def advance(
         rules: see ``Rules``.
     """
     boxes = numbers_in("boxes", boxes, f"x, y, w, h of every place, [{len(living.ids)}, 4]")
-    lost = numbers_in("lost", lost, f"bool, [{len(living.ids)}]") > 0
+    form = f"bool, [{len(living.ids)}]"
+    without_likelihood = numbers_in("without_likelihood", without_likelihood, form) > 0
     if detections is not None:
         detections = numbers_in("detections", detections, "x, y, w, h, [M, 4]")
     check_array("frame_shape", frame_shape, "height and width of the frame, [>= 2]", least=1)
-    unseen, undetected, ended = _find_ended(living, boxes, lost, detections, frame_shape, rules)
+    unseen, undetected, ended = _find_ended(
+        living, boxes, without_likelihood, detections, frame_shape, rules
+    )
     ids, candidates, last_id = living.ids.copy(), living.candidates, living.last_id
     ids[[gone.slot for gone in ended]] = EMPTY
     wanted: list[tuple[int, np.ndarray]] = list(named)
@@ -157,9 +160,7 @@ def advance(
     full = f"all places, {len(ids)}, are taken; ask for a larger capacity."
     if detections is not None:
         here = np.concatenate([boxes[ids != EMPTY], *(box[None] for _, box in named)])
-        is_tracked = (
-            pairwise_overlap(detections, here).max(axis=1, initial=0) >= rules.detection_iou
-        )
+        is_tracked = pairwise_iou(detections, here).max(axis=1, initial=0) >= rules.detection_iou
         settings = association.Rules(rules.detection_iou, rules.min_hits, _MOST_MISSED)
         candidates = association.advance(candidates, detections[~is_tracked], settings)
         ready = (candidates.hits >= rules.min_hits) & (candidates.missed == 0)
@@ -190,14 +191,14 @@ def advance(
 def _find_ended(
     living: Living,
     boxes: np.ndarray,
-    lost: np.ndarray,
+    without_likelihood: np.ndarray,
     detections: np.ndarray | None,
     frame_shape: Sequence[int],
     rules: Rules,
 ) -> tuple[np.ndarray, np.ndarray, list[Ended]]:
     """Return each slot's unseen and undetected frames in a row ``[C]``, and who ended."""
     alive = living.ids != EMPTY
-    seen, undetected = ~lost, living.undetected.copy()
+    seen, undetected = ~without_likelihood, living.undetected.copy()
     if detections is not None:
         detected = association.assigned(boxes[alive], detections, rules.detection_iou) >= 0
         seen[alive] &= detected
@@ -223,7 +224,7 @@ def _first_of_each(boxes: np.ndarray, ready: np.ndarray) -> np.ndarray:
     """``[K]`` bool: ready, and not a duplicate of an earlier candidate that is ready."""
     first = np.zeros(len(boxes), bool)
     for place in np.flatnonzero(ready):
-        apart = pairwise_overlap(boxes[[place]], boxes[first])
+        apart = pairwise_iou(boxes[[place]], boxes[first])
         first[place] = apart.max(initial=0) <= _TWICE
     return first
 

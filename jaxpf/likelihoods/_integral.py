@@ -58,25 +58,25 @@ def integral_table(bins, num_bins: int, dtype) -> IntegralTable:
 
 
 def integral_similarity(table, references, partition, left, top, width, height, region=None):
-    """Sum over parts of the Bhattacharyya coefficient, for many upright boxes.
+    """Sum over bands of the Bhattacharyya coefficient, for many upright boxes.
 
     Args:
         table: see :class:`IntegralTable`.
-        references: [P, parts, B], square roots of the reference histograms.
+        references: [P, bands, B], square roots of the reference histograms.
         partition: int [N].
         left: [N], left edge, pixels.
         top: [N], top edge, pixels.
         width: [N], pixels, at least 1.
-        height: [N], pixels, at least 1 per part.
+        height: [N], pixels, at least 1 per band.
         region: int32, four of [N]: first row, height, width and first column of the part of the
             table that each box lies in, from which ``top`` and ``left`` count.  By default the
             whole table.
 
     Returns:
-        Similarity [N], and bool [N]: whether every part's count fits the table's dtype.
+        Similarity [N], and bool [N]: whether every band's count fits the table's dtype.
     """
     num_columns, num_bins = table.cells.shape[-2:]
-    num_parts = references.shape[1]
+    num_bands = references.shape[1]
     dtype = left.dtype
     groups = num_bins // LANES
     cells = table.cells.reshape(-1, LANES)
@@ -85,7 +85,7 @@ def integral_similarity(table, references, partition, left, top, width, height, 
 
     # floor(x + 1/2), not round-half-to-even: a box at least a pixel wide keeps a column.
     x0, x1 = jnp.floor(left + 0.5), jnp.floor(left + width + 0.5)
-    edges = [jnp.floor(top + height * (k / num_parts) + 0.5) for k in range(num_parts + 1)]
+    edges = [jnp.floor(top + height * (k / num_bands) + 0.5) for k in range(num_bands + 1)]
     column0, column1 = (jnp.clip(x, 0, last_column).astype(jnp.int32) for x in (x0, x1))
     rows = [jnp.clip(y, 0, last_row).astype(jnp.int32) for y in edges]
 
@@ -101,16 +101,16 @@ def integral_similarity(table, references, partition, left, top, width, height, 
     total = jnp.zeros((*left.shape, LANES), dtype)
     fits = jnp.ones(left.shape, bool)
     largest_count = min(jnp.iinfo(cells.dtype).max, 2**31 - 1)  # pixels are int32
-    for k in range(num_parts):
-        part = jnp.zeros_like(total)
+    for k in range(num_bands):
+        band = jnp.zeros_like(total)
         for group in range(groups):
             count = above(rows[k + 1], group) - above(rows[k], group)
             # Counts are integers, so no gradient passes through this square root.
             root = jnp.sqrt(count.astype(dtype))
-            reference = entries_at(references, (partition * num_parts + k) * groups + group)
-            part += root * reference
+            reference = entries_at(references, (partition * num_bands + k) * groups + group)
+            band += root * reference
         area = (x1 - x0) * (edges[k + 1] - edges[k])
-        total += part * jax.lax.rsqrt(jnp.maximum(area, 1))[:, None]
+        total += band * jax.lax.rsqrt(jnp.maximum(area, 1))[:, None]
         pixels = (column1 - column0) * (rows[k + 1] - rows[k])
         fits &= pixels <= largest_count
     return sum_of_rows(total), fits
@@ -127,7 +127,7 @@ def interpolated_integral_similarity(
     ``p / sqrt(p + e)``, with e the weight of a tenth of a pixel.
     """
     num_columns, num_bins = table.cells.shape[-2:]
-    num_parts = references.shape[1]
+    num_bands = references.shape[1]
     dtype = left.dtype
     references = jnp.asarray(references, dtype)[partition]
     cells = table.cells.reshape(-1, num_bins)
@@ -140,7 +140,7 @@ def interpolated_integral_similarity(
         return line.astype(jnp.int32), (x - line)[:, None]
 
     (column0, beyond0), (column1, beyond1) = (place(x, last_column) for x in (left, left + width))
-    edges = [place(top + height * (k / num_parts), last_row) for k in range(num_parts + 1)]
+    edges = [place(top + height * (k / num_bands), last_row) for k in range(num_bands + 1)]
 
     def take(row, column):
         return entries_at(cells, origin + row * num_columns + column)
@@ -159,11 +159,11 @@ def interpolated_integral_similarity(
     rest = [
         beyond * between(at, lines(row + 1)) for at, (row, beyond) in zip(above, edges, strict=True)
     ]
-    area = (width * height / num_parts)[:, None]
+    area = (width * height / num_bands)[:, None]
     total = jnp.zeros_like(left)
     fits = jnp.ones(left.shape, bool)
     largest_count = min(jnp.iinfo(cells.dtype).max, 2**31 - 1)  # pixels are int32
-    for k in range(num_parts):
+    for k in range(num_bands):
         count = between(above[k], above[k + 1]) + rest[k + 1] - rest[k]
         share = jnp.maximum(count, 0) / jnp.maximum(area, 1)
         root = share * jax.lax.rsqrt(share + _ROUNDED / jnp.maximum(area, 1))

@@ -29,7 +29,7 @@ _ROUNDED = 0.1
 def interpolated_similarity(
     table, num_samples, levels, roots, partition, u, v, width, height, cosine, sine
 ):
-    """Sum over parts of the Bhattacharyya coefficient, for many rotated boxes.
+    """Sum over bands of the Bhattacharyya coefficient, for many rotated boxes.
 
     ``sqrt(p)`` is smoothed at 0: ``p / sqrt(p + e)``, with e a tenth of a place's weight.
 
@@ -42,10 +42,10 @@ def interpolated_similarity(
     Returns:
         Similarity [N].
     """
-    num_parts = levels.shape[1]
+    num_bands = levels.shape[1]
     dtype = u.dtype
-    rows = -(-num_samples // num_parts)
-    across, down = cell_centres(num_samples, rows * num_parts)
+    rows = -(-num_samples // num_bands)
+    across, down = cell_centres(num_samples, rows * num_bands)
     x, y = places_in_image(across, down, u, v, width, height, cosine, sine)
     left, top = jnp.floor(x - 0.5), jnp.floor(y - 0.5)
     right_share, lower_share = x - 0.5 - left, y - 0.5 - top
@@ -53,7 +53,7 @@ def interpolated_similarity(
     column = jnp.clip(left + _MARGIN, 0, last_column).astype(jnp.int32)
     row = jnp.clip(top + _MARGIN, 0, last_row).astype(jnp.int32)
     words = words_at(table, row, column)
-    # In the byte order of a word, [N, parts, places, 4].
+    # In the byte order of a word, [N, bands, places, 4].
     left_share, upper_share = 1 - right_share, 1 - lower_share
     shares = jnp.stack(
         [
@@ -63,7 +63,7 @@ def interpolated_similarity(
             lower_share * right_share,
         ],
         axis=-1,
-    ).reshape(len(words), num_parts, -1, 4)
+    ).reshape(len(words), num_bands, -1, 4)
     codes = (words[..., None] >> jnp.arange(0, 32, 8, dtype=jnp.uint32)) & 0xFF
     codes = codes.astype(jnp.int32).reshape(shares.shape)
 
@@ -76,7 +76,7 @@ def interpolated_similarity(
 
 
 def _counts(codes, shares, levels):
-    """Sums of the shares per level, [N, parts, K], from codes and shares [N, parts, n, 4]."""
+    """Sums of the shares per level, [N, bands, K], from codes and shares [N, bands, n, 4]."""
     boxes = math.prod(codes.shape[:2])
     # A scatter-add per code: comparing all codes with all levels is 6 to 13 times slower.
     table = jnp.zeros((boxes, OUTSIDE + 1), shares.dtype)

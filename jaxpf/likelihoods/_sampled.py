@@ -4,7 +4,7 @@ A box is covered by a grid of groups, each of four pixels at the corners of an u
 codes of a group form one 32-bit word of a table built once per frame, so one gather fetches four
 pixels.  On a CPU a gather takes several nanoseconds regardless of its size.
 
-With n samples of a part whose pixels fall in K bins, the sampled d^2 is biased upwards by about
+With n samples of a band whose pixels fall in K bins, the sampled d^2 is biased upwards by about
 (K - 1) / (8 n) (less as n approaches the number of pixels), plus scatter.  The bias is nearly the
 same for every particle, so it hardly changes the weights.  Measured against all pixels on the
 scene "articulated" (parts of 28 x 16 pixels, 8 to 12 bins each, poses some pixels and degrees from
@@ -28,16 +28,16 @@ OUTSIDE = 127
 _UNROLLED = 64
 
 
-def group_distance(num_samples, num_parts, sizes) -> int:
+def group_distance(num_samples, num_bands, sizes) -> int:
     """Pixels between the samples of a group: half the (geometric) mean distance between groups.
 
     Args:
         num_samples: samples per side of a box, S.
-        num_parts: horizontal bands of a box.
+        num_bands: horizontal bands of a box.
         sizes: [P][2], width and height of the boxes, pixels.
     """
-    columns, rows = _grid(num_samples, num_parts)
-    spacings = [x for w, h in sizes for x in (w / (2 * columns), h / (2 * rows * num_parts))]
+    columns, rows = _grid(num_samples, num_bands)
+    spacings = [x for w, h in sizes for x in (w / (2 * columns), h / (2 * rows * num_bands))]
     return max(1, round(math.exp(sum(map(math.log, spacings)) / len(spacings))))
 
 
@@ -67,25 +67,25 @@ def sample_table(bins, distance):
 def sampled_similarity(
     table, distance, num_samples, levels, roots, partition, u, v, width, height, cosine, sine
 ):
-    """Sum over parts of the Bhattacharyya coefficient, for many rotated boxes.
+    """Sum over bands of the Bhattacharyya coefficient, for many rotated boxes.
 
     Args:
         table: uint32, see :func:`sample_table`.
         distance: pixels between the samples of a group, as given to :func:`sample_table`.
         num_samples: samples per side of the box, S: the box gets at least S / 2 columns and
-            rows of groups, the same number of rows in each part.
-        levels: integer [P, parts, K], bins that each object's references use.
-        roots: [P, parts, K], square roots of the references in these bins.
+            rows of groups, the same number of rows in each band.
+        levels: integer [P, bands, K], bins that each object's references use.
+        roots: [P, bands, K], square roots of the references in these bins.
         partition: int [N].
         u, v, width, height, cosine, sine: [N], the boxes, see ``places_in_image``.
 
     Returns:
         Similarity [N].
     """
-    num_parts = levels.shape[1]
+    num_bands = levels.shape[1]
     dtype = u.dtype
-    columns, rows = _grid(num_samples, num_parts)
-    across, down = cell_centres(columns, rows * num_parts)
+    columns, rows = _grid(num_samples, num_bands)
+    across, down = cell_centres(columns, rows * num_bands)
     x, y = places_in_image(across, down, u, v, width, height, cosine, sine)
     margin = distance + 1
     last_row, last_column = (size - 1 for size in table.shape)
@@ -94,19 +94,19 @@ def sampled_similarity(
     row = jnp.clip(y + (margin - distance / 2), 0, last_row).astype(jnp.int32)
     words = words_at(table, row, column)
 
-    words = words.reshape(-1, num_parts, rows, columns)
+    words = words.reshape(-1, num_bands, rows, columns)
     levels = levels.astype(jnp.uint32)[partition]
     similarity = jnp.zeros_like(u)
-    for k in range(num_parts):
+    for k in range(num_bands):
         counts = _counts(words[:, k], levels[:, k])
         root = jnp.sqrt(counts.astype(dtype) / (4 * rows * columns))
         similarity += sum_of_rows(root * roots.astype(dtype)[partition, k])
     return similarity
 
 
-def _grid(num_samples, num_parts) -> tuple[int, int]:
-    """Number of columns of groups, and of rows of groups per part."""
-    return -(-num_samples // 2), -(-num_samples // (2 * num_parts))
+def _grid(num_samples, num_bands) -> tuple[int, int]:
+    """Number of columns of groups, and of rows of groups per band."""
+    return -(-num_samples // 2), -(-num_samples // (2 * num_bands))
 
 
 def _counts(words, levels):

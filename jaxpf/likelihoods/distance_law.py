@@ -3,7 +3,7 @@
 A likelihood p(y | x) must integrate to 1 over observations y before its evidence means anything.
 smith2004's ``exp(-S d^2)`` does not: for any observation, a smaller sharpness S gives every
 particle a larger value, so its evidence always prefers S = 0.  There are three forms, with
-s = d^2 in [0, m], m the number of parts.  They differ by a factor that depends only on S and the
+s = d^2 in [0, m], m the number of bands.  They differ by a factor that depends only on S and the
 object, so weights and estimates are the same in all three: an S found with one form is good for
 the others.
 
@@ -35,7 +35,7 @@ the others.
     Bayesian tracking", ICCV 2001, learn both densities; maccormick1999 divides measurement lines
     by their clutter for the same reason).  log p = -S s - log M(S), with M the mean over boxes of
     some frames.  Its evidence measures how much better a place is than others, so it compares
-    sharpnesses, motion, templates and parts: the form for tuning.  It is meaningful as far as
+    sharpnesses, motion, templates and bands: the form for tuning.  It is meaningful as far as
     those boxes represent what a wrong particle sees; learn it again if the background changes.
     A large S distinguishes places a fraction of a pixel apart; M is then only as accurate as the
     spacing of the boxes allows.
@@ -59,10 +59,10 @@ FORMS = ("exponential", "density", "ratio")
 _AT_ONCE, _ALONE, _GROUPS = 4096, 1024, 512
 
 
-def log_normaliser(sharpness: ArrayLike, parts: int) -> jax.Array:
+def log_normaliser(sharpness: ArrayLike, bands: int) -> jax.Array:
     """log Z(S) of the form "density", in the shape of ``sharpness``."""
     sharpness = jnp.asarray(sharpness)
-    return jnp.log(-jnp.expm1(-sharpness * parts)) - jnp.log(sharpness)
+    return jnp.log(-jnp.expm1(-sharpness * bands)) - jnp.log(sharpness)
 
 
 def log_tilt(sharpness: ArrayLike, background: jax.Array) -> jax.Array:
@@ -79,13 +79,13 @@ def log_tilt(sharpness: ArrayLike, background: jax.Array) -> jax.Array:
     return jax.nn.logsumexp(log_share - sharpness * squared, axis=-1)
 
 
-def log_density(form, sharpness, parts, background, partition, squared_distance):
+def log_density(form, sharpness, bands, background, partition, squared_distance):
     """Log-likelihood of a form, [N].
 
     Args:
         form: one of ``FORMS``.
         sharpness: [], S.
-        parts: m.
+        bands: m.
         background: [P, 2, n], see ``learn_background``, for ``"ratio"``, otherwise ignored.
         partition: int [N].
         squared_distance: [N], s.
@@ -94,7 +94,7 @@ def log_density(form, sharpness, parts, background, partition, squared_distance)
     if form == "exponential":
         return value
     if form == "density":
-        return value - log_normaliser(sharpness, parts)
+        return value - log_normaliser(sharpness, bands)
     return value - log_tilt(sharpness, jnp.asarray(background, value.dtype))[partition]
 
 

@@ -1,15 +1,15 @@
-"""Colour-histogram likelihood with spatial parts.
+"""Colour-histogram likelihood of horizontal bands.
 
-A box is divided into horizontal bands of equal height, its parts.  Each part's histogram p of
+A box is divided into horizontal bands of equal height.  Each band's histogram p of
 hue, saturation and value (Perez et al. 2002, see ``jaxpf.likelihoods.hsv_bins``) is
 compared with a reference q (smith2004, section on the observation model)::
 
-    log p(y | x) = -sharpness * d^2,   d^2 = sum over parts of (1 - sum_b sqrt(p_b q_b))
+    log p(y | x) = -sharpness * d^2,   d^2 = sum over bands of (1 - sum_b sqrt(p_b q_b))
 
 A box (x, y, w, h) covers [x, x + w) x [y, y + h) in pixels; pixel (i, j), row i and column
 j, is the square [j, j + 1) x [i, i + 1).  Pixels outside the frame are in no bin, but p is
 divided by the area of the whole box.  So a box that leaves the frame loses similarity smoothly,
-and a box outside it has d^2 = parts.
+and a box outside it has d^2 = bands.
 """
 
 import dataclasses
@@ -62,16 +62,16 @@ class HistogramLikelihood(Likelihood):
 
     Attributes:
         sharpness: scalar, lambda of smith2004.
-        references: [P, parts, B], square roots of the reference histograms.
+        references: [P, bands, B], square roots of the reference histograms.
         sizes: [P, 2], width and height of the box at scale 1, pixels.
         bin_lookup: int32 [110], colour bin -> one of B bins, or B for bins that no reference
             uses; these are not counted, since they add nothing to the similarity.
         method: ``"integral"`` (upright boxes, corners at whole pixels) or ``"sampled"``
             (about ``samples x samples`` pixels of a box at any angle).
         samples: samples per side of the box.
-        table_dtype: ``"uint16"`` or ``"uint32"``.  Counts wrap around: a box with a part of
+        table_dtype: ``"uint16"`` or ``"uint32"``.  Counts wrap around: a box with a band of
             2^16 (2^32) or more pixels in the frame gets log-probability -inf.
-        levels: int32 [P, parts, K], for the sampled method: the bins that each reference uses,
+        levels: int32 [P, bands, K], for the sampled method: the bins that each reference uses,
             padded with B; None compares samples with all B bins.
         distance: for the sampled method: pixels between the samples of a group of four.
         interpolation: ``"nearest"`` counts whole pixels: the value is piecewise constant, so
@@ -134,7 +134,7 @@ class HistogramLikelihood(Likelihood):
 
         Returns:
             [N] in the dtype of ``substates``: NaN where a substate is not finite; -inf for a
-            box under one pixel wide, or with a part under one pixel high.
+            box under one pixel wide, or with a band under one pixel high.
 
         Raises:
             InputError: D is not 3 (or more, with the sampled method).
@@ -159,7 +159,7 @@ class HistogramLikelihood(Likelihood):
             observation, partition, substates: as for :meth:`log_prob_all`.
 
         Returns:
-            [N], 0 to the number of parts, and bool [N]: whether the box is large enough, and small
+            [N], 0 to the number of bands, and bool [N]: whether the box is large enough, and small
             enough for its counts to fit the table.
 
         Raises:
@@ -173,8 +173,8 @@ class HistogramLikelihood(Likelihood):
         u, v, scale = substates[0], substates[1], substates[2]
         size = jnp.asarray(self.sizes, substates.dtype)[partition]
         width, height = size[:, 0] * scale, size[:, 1] * scale
-        num_parts = self.references.shape[1]
-        valid = (width >= 1) & (height >= num_parts)
+        num_bands = self.references.shape[1]
+        valid = (width >= 1) & (height >= num_bands)
         if self.method == "sampled":
             theta = substates[3] if substates.shape[0] > 3 else jnp.zeros_like(u)
             cosine, sine = cos_sin(theta)
@@ -190,10 +190,10 @@ class HistogramLikelihood(Likelihood):
                 u - width / 2, v - height / 2, width, height,
             )  # fmt: skip
             valid &= fits
-        return num_parts - similarity, valid
+        return num_bands - similarity, valid
 
     def _compact_references(self):
-        """The bins that each reference uses and its values in them, [P, parts, K] each."""
+        """The bins that each reference uses and its values in them, [P, bands, K] each."""
         references = jnp.asarray(self.references)
         if self.levels is None:
             levels = jnp.arange(references.shape[-1])
@@ -208,7 +208,7 @@ def histogram(
     boxes,
     *,
     sharpness: float = 20.0,
-    parts: int = 2,
+    bands: int = 2,
     method: str = "auto",
     num_particles: int | None = None,
     samples: int = 16,
@@ -223,11 +223,11 @@ def histogram(
         boxes: [P, 4], (x, y, w, h) in pixels.  A reference is normalised over the pixels inside
             the frame.
         sharpness: lambda of smith2004 (20 to 50 there).
-        parts: horizontal bands of equal height.
+        bands: horizontal bands of equal height.
         method: ``"integral"``, ``"sampled"``, or ``"auto"``: integral with bilinear
             interpolation, or if 25 runs together have more than one particle and object per two
             pixels; the result's ``method`` holds the choice.  The sampled method's d^2 is biased
-            upwards by about (K - 1) / (8 n) per part, with K bins and n samples, so name a
+            upwards by about (K - 1) / (8 n) per band, with K bins and n samples, so name a
             method if results are to be compared.
         num_particles: particles per run, for ``"auto"``; default 300.
         samples: samples per side of a box, for the sampled method.
@@ -242,12 +242,12 @@ def histogram(
     """
     check_frame(frame)
     boxes = numbers_in("boxes", boxes, BOXES, FINITE)
-    check_whole("parts", parts)
+    check_whole("bands", bands)
     names = shown_as("boxes", len(boxes), names)
-    checked_sizes("boxes", boxes[:, 2:], len(boxes), parts, names)
+    checked_sizes("boxes", boxes[:, 2:], len(boxes), bands, names)
     bins = np.asarray(hsv_bins(frame))
     shown = zip(boxes, names, strict=True)
-    learned = [box_histogram(bins, box, parts, name) for box, name in shown]
+    learned = [box_histogram(bins, box, bands, name) for box, name in shown]
     return _build(
         np.array(learned), boxes[:, 2:], sharpness, method, num_particles, samples,
         bins.shape, interpolation, form, frame,
@@ -259,7 +259,7 @@ def histogram_from_patches(
     sizes=None,
     *,
     sharpness: float = 20.0,
-    parts: int = 2,
+    bands: int = 2,
     method: str = "auto",
     num_particles: int | None = None,
     samples: int = 16,
@@ -276,21 +276,21 @@ def histogram_from_patches(
         sizes: [P, 2], width and height of the boxes at scale 1, pixels; by default the
             sizes of the patches.
         frame_shape: height and width of the frames to track in, for ``method="auto"``.
-        sharpness, parts, method, num_particles, samples, interpolation, form, names: as in
+        sharpness, bands, method, num_particles, samples, interpolation, form, names: as in
             :func:`histogram`.
         background_frames: uint8 RGB [H, W, 3], from which ``form="ratio"`` learns the background.
 
     Raises:
         InputError: an argument is out of range.
     """
-    check_whole("parts", parts)
+    check_whole("bands", bands)
     check_array("frame_shape", frame_shape, "height and width of a frame, [>= 2]", least=1)
     check_pictures("patches", patches)
     shown = zip(patches, shown_as("patches", len(patches), names), strict=True)
-    learned = np.array([patch_histogram(patch, parts, name) for patch, name in shown])
+    learned = np.array([patch_histogram(patch, bands, name) for patch, name in shown])
     if sizes is None:
         sizes = [(patch.shape[1], patch.shape[0]) for patch in patches]
-    sizes = checked_sizes("sizes", sizes, len(patches), parts, names)
+    sizes = checked_sizes("sizes", sizes, len(patches), bands, names)
     return _build(
         learned, sizes, sharpness, method, num_particles, samples, frame_shape,
         interpolation, form, background_frames,
@@ -302,7 +302,7 @@ def _build(
     interpolation, form, background_frames,
 ) -> HistogramLikelihood:  # fmt: skip
     """Keep the bins that references use, choose the method, and make the likelihood."""
-    num_objects, num_parts, _ = learned.shape
+    num_objects, num_bands, _ = learned.shape
     check_ranges(sharpness=sharpness)
     check_known("method=", method, ("auto", *METHODS))
     check_known("interpolation=", interpolation, INTERPOLATIONS)
@@ -314,22 +314,22 @@ def _build(
         )
     if num_particles is not None:
         check_whole("num_particles", num_particles)
-    check_whole("samples", samples, num_parts, _MOST_SAMPLES)
+    check_whole("samples", samples, num_bands, _MOST_SAMPLES)
     used = np.flatnonzero(learned.any(axis=(0, 1)))
     num_bins = -(-len(used) // LANES) * LANES
     bin_lookup = np.full(NUM_BINS, num_bins, np.int32)
     bin_lookup[used] = np.arange(len(used))
-    compact = np.zeros((num_objects, num_parts, num_bins))
+    compact = np.zeros((num_objects, num_bands, num_bins))
     compact[..., : len(used)] = np.sqrt(learned[..., used])
     levels = used_levels(compact)
     if method == "auto":
         queries = num_objects * (num_particles or 300) * _SHARING_RUNS
         dense = 2 * queries > math.prod(frame_shape) or interpolation == "bilinear"
         method = "integral" if dense else "sampled"
-    # Leave room for twice the size: four times the pixels of a part must not wrap.
-    largest_part = max(width * math.ceil(height / num_parts) for width, height in sizes)
+    # Leave room for twice the size: four times the pixels of a band must not wrap.
+    largest_band = max(width * math.ceil(height / num_bands) for width, height in sizes)
     distance = (
-        group_distance(samples, num_parts, sizes) if interpolation == "nearest" else NEIGHBOURS
+        group_distance(samples, num_bands, sizes) if interpolation == "nearest" else NEIGHBOURS
     )
     likelihood = HistogramLikelihood(
         sharpness=as_array(sharpness, float),
@@ -338,7 +338,7 @@ def _build(
         bin_lookup=as_array(bin_lookup),
         method=method,
         samples=samples,
-        table_dtype="uint16" if 4 * largest_part < 2**16 else "uint32",
+        table_dtype="uint16" if 4 * largest_band < 2**16 else "uint32",
         levels=as_array(levels, jnp.int32) if method == "sampled" else None,
         distance=distance if method == "sampled" else 1,
         interpolation=interpolation,

@@ -30,7 +30,7 @@ def open_histogram(
     *,
     typical_size: tuple[float, float] = (32.0, 64.0),
     sharpness: float = 20.0,
-    parts: int = 2,
+    bands: int = 2,
     method: str = "auto",
     num_particles: int | None = None,
 ) -> HistogramLikelihood:
@@ -42,7 +42,7 @@ def open_histogram(
         typical_size: width and height of a typical object in pixels, which set the spacing of
             samples.
         sharpness: as in ``histogram``, like the rest.
-        parts: see ``histogram``.
+        bands: see ``histogram``.
         method: see ``histogram``; as all bins are counted, "auto" means "sampled" except for huge
             particle sets.
         num_particles: of all objects together, for ``"auto"``.
@@ -52,15 +52,15 @@ def open_histogram(
     """
     check_whole("capacity", capacity, most=_MOST_OBJECTS)
     check_array("typical_size", typical_size, "width and height in pixels, [2]", least=1)
-    check_whole("parts", parts)
+    check_whole("bands", bands)
     # A picture that contains every bin determines the shapes of the arrays.
     colours = np.stack(np.meshgrid(*[np.arange(0, 256, 15)] * 3), axis=-1).reshape(1, -1, 3)
-    picture = np.repeat(colours.astype(np.uint8), parts, axis=0)
+    picture = np.repeat(colours.astype(np.uint8), bands, axis=0)
     likelihood = histogram_from_patches(
         [picture],
         [typical_size],
         sharpness=sharpness,
-        parts=parts,
+        bands=bands,
         method=method,
         num_particles=num_particles,
         frame_shape=frame_shape,
@@ -68,7 +68,7 @@ def open_histogram(
     num_bins = -(-NUM_BINS // LANES) * LANES
     return dataclasses.replace(
         likelihood,
-        references=jnp.zeros((capacity, parts, num_bins)),
+        references=jnp.zeros((capacity, bands, num_bins)),
         sizes=jnp.ones((capacity, 2)),
         bin_lookup=jnp.arange(NUM_BINS, dtype=jnp.int32),
         table_dtype="uint32",
@@ -93,10 +93,10 @@ def with_object(
     check_frame(frame)
     check_type("likelihood", likelihood, HistogramLikelihood)
     check_whole("place", place, 0, len(likelihood.references) - 1)
-    box, parts = numbers_in("box", box, "x, y, w, h in pixels, [4]"), likelihood.references.shape[1]
-    checked_sizes("boxes", box[None, 2:], 1, parts)
+    box, bands = numbers_in("box", box, "x, y, w, h in pixels, [4]"), likelihood.references.shape[1]
+    checked_sizes("boxes", box[None, 2:], 1, bands)
     learned = np.zeros(likelihood.references.shape[1:])
-    learned[:, :NUM_BINS] = np.sqrt(box_histogram(np.asarray(_bins(frame)), box, parts, "boxes[0]"))
+    learned[:, :NUM_BINS] = np.sqrt(box_histogram(np.asarray(_bins(frame)), box, bands, "boxes[0]"))
     return _replaced(likelihood, place, learned, box[2:])
 
 

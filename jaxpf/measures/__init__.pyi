@@ -1,11 +1,11 @@
-from .association import pairwise_overlap as pairwise_overlap
+from .association import pairwise_iou as pairwise_iou
 from .calibration import (
     Reliability as Reliability,
     confidence_counts as confidence_counts,
     crps as crps,
     log_score as log_score,
+    pit_values as pit_values,
     smallest_region as smallest_region,
-    transforms as transforms,
 )
 from .intervals import (
     Interval as Interval,
@@ -20,9 +20,9 @@ from .metrics import (
     centre_error as centre_error,
     has_truth as has_truth,
     in_the_end as in_the_end,
+    iou as iou,
     mean_precision as mean_precision,
     mean_recall as mean_recall,
-    overlap as overlap,
     precision as precision,
     recall as recall,
     recovery as recovery,
@@ -35,21 +35,21 @@ from .metrics import (
 )
 from .particle_sets import (
     corner_distances as corner_distances,
+    distinct_share as distinct_share,
     effective_dynamics as effective_dynamics,
     effective_sample_size as effective_sample_size,
     pose_variance as pose_variance,
     resamplings_per_frame as resamplings_per_frame,
-    uniqueness as uniqueness,
 )
 from .points import point_distances as point_distances
 from .scores import (
     CENTRE_THRESHOLDS as CENTRE_THRESHOLDS,
-    OVERLAP_THRESHOLDS as OVERLAP_THRESHOLDS,
+    IOU_THRESHOLDS as IOU_THRESHOLDS,
     distance_precision as distance_precision,
     import_trackeval as import_trackeval,
     precision_curve as precision_curve,
-    success_area as success_area,
-    success_at_half as success_at_half,
+    success_auc as success_auc,
     success_curve as success_curve,
+    success_rate_50 as success_rate_50,
     tracking_scores as tracking_scores,
 )

@@ -1,4 +1,4 @@
-"""Associates boxes by overlap: candidates for new objects, tracks and objects.
+"""Associates boxes by IoU: candidates for new objects, tracks and objects.
 
 The optimal assignment and the rules for starting and ending tracks follow SORT (Bewley et al.
 2016).
@@ -16,13 +16,13 @@ class Rules(NamedTuple):
     """Rules for continuing, reporting and ending tracks.
 
     Attributes:
-        least_overlap: smallest intersection over union at which a detection continues a track, in
+        least_iou: smallest intersection over union at which a detection continues a track, in
             (0, 1].
         least_hits: number of detections from which a track is reported.
         most_missed: consecutive frames without a detection that a track survives.
     """
 
-    least_overlap: float = 0.3
+    least_iou: float = 0.3
     least_hits: int = 3
     most_missed: int = 5
 
@@ -51,29 +51,29 @@ def no_tracks() -> Tracks:
     return Tracks(none, np.zeros((0, 4)), none, none, 1)
 
 
-def assigned(one: np.ndarray, other: np.ndarray, least_overlap: float) -> np.ndarray:
+def assigned(one: np.ndarray, other: np.ndarray, least_iou: float) -> np.ndarray:
     """Assign each box of ``one`` ``[P, 4]`` to at most one box of ``other`` ``[Q, 4]``.
 
-    The assignment is one to one and maximises the sum of overlaps over pairs that overlap by
-    ``least_overlap`` or more.
+    The assignment is one to one and maximises the sum of IoUs over pairs whose IoU is
+    ``least_iou`` or more.
 
     Returns:
         int ``[P]``, the index into ``other``, or -1 for none.
     """
     from scipy.optimize import linear_sum_assignment
 
-    overlap = pairwise_overlap(one, other)
-    overlap[overlap < least_overlap] = 0.0
-    rows, columns = linear_sum_assignment(-overlap)
-    partner = np.full(len(overlap), -1)
-    partner[rows] = np.where(overlap[rows, columns] > 0, columns, -1)
+    iou = pairwise_iou(one, other)
+    iou[iou < least_iou] = 0.0
+    rows, columns = linear_sum_assignment(-iou)
+    partner = np.full(len(iou), -1)
+    partner[rows] = np.where(iou[rows, columns] > 0, columns, -1)
     return partner
 
 
 def advance(tracks: Tracks, detections: np.ndarray, rules: Rules) -> Tracks:
     """Update the tracks with the next frame's detections ``[M, 4]``."""
     detections = np.asarray(detections, float).reshape(-1, 4)
-    mine = assigned(tracks.boxes, detections, rules.least_overlap)
+    mine = assigned(tracks.boxes, detections, rules.least_iou)
     seen = mine >= 0
     boxes = tracks.boxes.copy()
     boxes[seen] = detections[mine[seen]]
@@ -97,10 +97,10 @@ def without(tracks: Tracks, places: np.ndarray) -> Tracks:
     return Tracks(ids, boxes, hits, missed, tracks.next_id)
 
 
-def pairwise_overlap(one: ArrayLike, other: ArrayLike) -> np.ndarray:
+def pairwise_iou(one: ArrayLike, other: ArrayLike) -> np.ndarray:
     """Intersection over union of every pair of boxes, in double precision.
 
-    ``jaxpf.measures.overlap`` compares boxes elementwise in JAX.  Scores that threshold overlaps
+    ``jaxpf.measures.iou`` compares boxes elementwise in JAX.  Scores that threshold the IoU
     need double precision to agree with other tools.
 
     Args:

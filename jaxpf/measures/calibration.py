@@ -20,7 +20,7 @@ from jaxpf.measures.intervals import Interval, mean_interval
 CONFIDENCE_BINS = 100
 
 
-def transforms(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
+def pit_values(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
     """Probability integral transforms u: predicted probability of values below the truth.
 
     For a calibrated tracker u is uniform.  Peaks at 0 and 1 mean that the spread is too small, a
@@ -45,9 +45,9 @@ def transforms(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
 def smallest_region(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
     """Probability of the smallest central region that covers the truth, ``|2 u - 1|``.
 
-    Arguments and NaN as for ``transforms``.
+    Arguments and NaN as for ``pit_values``.
     """
-    return np.abs(2 * transforms(offset, spread) - 1)
+    return np.abs(2 * pit_values(offset, spread) - 1)
 
 
 def crps(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
@@ -55,7 +55,7 @@ def crps(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
 
     The score is proper: the true distribution minimises its expectation (Gneiting and Raftery
     2007, eq. 21).  It tends to the absolute error as the spread tends to 0.  Arguments and NaN as
-    for ``transforms``.
+    for ``pit_values``.
     """
     from scipy.special import ndtr
 
@@ -65,7 +65,7 @@ def crps(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
 
 
 def log_score(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
-    """Log density at the truth; higher is better.  Arguments and NaN as for ``transforms``."""
+    """Log density at the truth; higher is better.  Arguments and NaN as for ``pit_values``."""
     z = _standard(offset, spread)
     return -(z**2) / 2 - np.log(np.where(np.isnan(z), 1, spread) * np.sqrt(2 * np.pi))
 

@@ -7,8 +7,7 @@ Three rules hold throughout:
 * A frame without truth (the true box is degenerate: not finite, or without width or height) does
   not count: its measures are NaN, and means leave it out.
 * A degenerate *estimate* in a frame with truth is a miss: track state, precision, recall and
-  overlap are 0, so reporting NaN gives no advantage.  Its centre error is NaN, and means leave it
-  out.
+  IoU are 0, so reporting NaN gives no advantage.  Its centre error is NaN, and means leave it out.
 * A mean without any values is NaN.
 
 Source: smith2004, section 3.1, unless a function states another.
@@ -66,7 +65,7 @@ def recall(estimate: ArrayLike, truth: ArrayLike) -> Array:
     return _share_of_intersection(estimate, truth, area(truth))
 
 
-def overlap(estimate: ArrayLike, truth: ArrayLike) -> Array:
+def iou(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """``[...]``: intersection over union, area(E and G) / area(E or G); not in smith2004."""
     _check_boxes(estimate, truth)
     union = area(estimate) + area(truth) - intersection_area(estimate, truth)
@@ -198,7 +197,7 @@ def summarise(
         * ``success_rate``, ``recovery_rate``: shares of runs;
         * ``tracked``: share of frames with T = 1;
         * ``precision``, ``recall``: over frames with T = 1, as in smith2004's table 2;
-        * ``precision_all``, ``recall_all``, ``overlap``: over all frames with truth;
+        * ``precision_all``, ``recall_all``, ``iou``: over all frames with truth;
         * ``centre_error``: in pixels, the median over runs of each run's mean over frames with
           truth and a finite estimate, because errors have no bound.
     """
@@ -237,7 +236,7 @@ def _of_runs(estimate: Array, truth: Array) -> dict[str, tuple[Array, Array]]:
         "recall": over(recalls, tracked),
         "precision_all": over(precisions, present),
         "recall_all": over(recalls, present),
-        "overlap": over(overlap(estimate, truth), present),
+        "iou": over(iou(estimate, truth), present),
         "centre_error": over(centre_error(estimate, truth), present),
     }
 

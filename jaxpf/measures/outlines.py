@@ -1,4 +1,4 @@
-"""Measures of convex outlines at any angle: area, overlap, and corner distances.
+"""Measures of convex outlines at any angle: area, IoU, and corner distances.
 
 An outline is ``[..., V, 2]``: the V corners of a convex polygon in order, in pixels.  An outline
 that is not finite or has no area has an empty intersection with any other.
@@ -22,7 +22,7 @@ def measure_outlines(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]:
     Returns:
         ``[...]`` each: ``present`` (there is truth), ``tracked`` (the areas intersect),
         ``precision`` and ``recall`` (intersection over the estimated and over the true area),
-        ``overlap`` (intersection over union), ``centre_error`` (distance of the centres, pixels)
+        ``iou`` (intersection over union), ``centre_error`` (distance of the centres, pixels)
         and ``corner_error`` (mean distance of corresponding corners, pixels).  Shares are 0 for an
         estimate without area; without truth, all but the first two are NaN.
     """
@@ -45,13 +45,13 @@ def measure_outlines(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]:
         "tracked": common > 0,
         "precision": share(ours),
         "recall": share(theirs),
-        "overlap": share(ours + theirs - common),
+        "iou": share(ours + theirs - common),
         "centre_error": jnp.where(present, centres, jnp.nan),
         "corner_error": jnp.where(present, corners, jnp.nan),
     }
 
 
-def overlap(estimate: ArrayLike, truth: ArrayLike) -> Array:
+def iou(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """``[...]``: intersection over union of outlines ``[..., V, 2]``; 0 if either is degenerate."""
     common = intersection_area(estimate, truth)
     union = area(estimate) + area(truth) - common

@@ -108,8 +108,8 @@ def effective_sample_size(log_weights: ArrayLike) -> Array:
     return jnp.where(jnp.isfinite(largest[..., 0]), size, 0)
 
 
-def uniqueness(lineage: ArrayLike) -> Array:
-    """U / N: share of distinct hypotheses among the particles.
+def distinct_share(lineage: ArrayLike) -> Array:
+    """U / N: share of distinct particles, which smith2004 calls uniqueness.
 
     Args:
         lineage: ``[..., P, N]`` int, lineage id of each particle's partition; copies share it.

@@ -23,8 +23,8 @@ def measure_polylines(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]
     Returns:
         ``[...]`` each: ``present`` (there is truth), ``tracked`` (a point is matched),
         ``precision`` and ``recall`` (shares p and r of matched points in the estimate and in the
-        truth), ``overlap`` (``p r / (p + r - p r)``, matched over all), ``centre_error`` (distance
-        of the points' means, pixels), and ``corner_error`` (mean distance of one contour's points
+        truth), ``iou`` (``p r / (p + r - p r)``, matched over all), ``centre_error`` (distance of
+        the points' means, pixels), and ``corner_error`` (mean distance of one contour's points
         from the other contour, the larger of both directions, pixels).  Shares are 0 for an
         estimate that is not finite; without truth, all but the first two are NaN.
     """
@@ -39,10 +39,10 @@ def measure_polylines(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]
     )
     both = precision * recall
     either = precision + recall - both
-    overlap = jnp.where(either > 0, both / jnp.where(either > 0, either, 1.0), 0.0)
+    iou = jnp.where(either > 0, both / jnp.where(either > 0, either, 1.0), 0.0)
     centres = jnp.linalg.norm(jnp.mean(ours[..., 1:, :] - theirs[..., 1:, :], axis=-2), axis=-1)
     apart = jnp.maximum(jnp.mean(to_truth, axis=-1), jnp.mean(to_estimate, axis=-1))
-    shares = {"precision": precision, "recall": recall, "overlap": overlap}
+    shares = {"precision": precision, "recall": recall, "iou": iou}
     shares = {name: jnp.where(present, value, jnp.nan) for name, value in shares.items()}
     shares |= {
         name: jnp.where(has_both, value, jnp.nan)

@@ -17,23 +17,23 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import numbers_in
-from jaxpf.measures.association import pairwise_overlap
+from jaxpf.measures.association import pairwise_iou
 from jaxpf.measures.means import masked_mean
-from jaxpf.measures.metrics import centre_error, check_same_boxes, has_truth, overlap
+from jaxpf.measures.metrics import centre_error, check_same_boxes, has_truth, iou
 
 __all__ = [
     "CENTRE_THRESHOLDS",
-    "OVERLAP_THRESHOLDS",
+    "IOU_THRESHOLDS",
     "distance_precision",
     "precision_curve",
-    "success_area",
-    "success_at_half",
+    "success_auc",
     "success_curve",
+    "success_rate_50",
     "tracking_scores",
 ]
 
-#: Overlaps of the success curve (wu2013): 0, .05, ..., 1.
-OVERLAP_THRESHOLDS = np.arange(21) / 20
+#: IoU thresholds of the success curve (wu2013): 0, .05, ..., 1.
+IOU_THRESHOLDS = np.arange(21) / 20
 #: Centre errors of the precision curve (wu2013), in pixels: 0, 1, ..., 50.
 CENTRE_THRESHOLDS = np.arange(51)
 _REPORTED_DISTANCE = 20
@@ -57,12 +57,12 @@ def tracking_scores(estimate: ArrayLike, truth: ArrayLike) -> dict[str, float]:
         truth: boxes ``[T, Q, 4]`` of Q objects.
 
     Returns:
-        Shares: ``HOTA``, ``DetA``, ``AssA``, ``LocA`` (luiten2021; means over the overlaps .05,
+        Shares: ``HOTA``, ``DetA``, ``AssA``, ``LocA`` (luiten2021; means over the IoUs .05,
         .1, ..., .95), ``MOTA`` and ``MOTP`` (bernardin2008; MOTA can be negative, MOTP is the mean
-        overlap of matches), ``IDF1``, ``IDR`` and ``IDP`` (ristani2016); NaN without any truth.
+        IoU of matches), ``IDF1``, ``IDR`` and ``IDP`` (ristani2016); NaN without any truth.
         Counts: ``TP``, ``FP`` and ``FN``, boxes; ``IDSW``, identity switches; ``Frag``,
         interruptions; ``MT``, ``PT`` and ``ML``, objects tracked in more than 80%, in 20 to 80%,
-        and in less than 20% of their frames.  A box matches at an overlap of .5 or more.
+        and in less than 20% of their frames.  A box matches at an IoU of .5 or more.
 
     Raises:
         InputError: TrackEval is not installed, or the shapes do not match.
@@ -84,9 +84,9 @@ def tracking_scores(estimate: ArrayLike, truth: ArrayLike) -> dict[str, float]:
 
 
 def success_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """Share of frames whose overlap exceeds each of ``OVERLAP_THRESHOLDS`` (wu2013).
+    """Share of frames whose IoU exceeds each of ``IOU_THRESHOLDS`` (wu2013).
 
-    As in the benchmark, the overlap must *exceed* the threshold, so a perfect tracker has 0 at the
+    As in the benchmark, the IoU must *exceed* the threshold, so a perfect tracker has 0 at the
     threshold 1 and an area of 20/21.  Frames without truth do not count; frames without an
     estimate count as misses.
 
@@ -98,19 +98,19 @@ def success_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
         ``[..., P, 21]``; NaN for an object without truth.
     """
     check_same_boxes(estimate, truth)
-    overlaps = overlap(estimate, truth)
-    exceeds = overlaps[..., None] > jnp.asarray(OVERLAP_THRESHOLDS, overlaps.dtype)
-    return _share_of_frames(exceeds.astype(overlaps.dtype), truth)
+    ious = iou(estimate, truth)
+    exceeds = ious[..., None] > jnp.asarray(IOU_THRESHOLDS, ious.dtype)
+    return _share_of_frames(exceeds.astype(ious.dtype), truth)
 
 
-def success_area(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """``[..., P]``: area under ``success_curve``, which is the mean of its 21 values (wu2013)."""
+def success_auc(estimate: ArrayLike, truth: ArrayLike) -> Array:
+    """``[..., P]``: AUC of ``success_curve``, which is the mean of its 21 values (wu2013)."""
     return jnp.mean(success_curve(estimate, truth), axis=-1)
 
 
-def success_at_half(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """``[..., P]``: share of frames whose overlap exceeds .5, see ``success_curve``."""
-    return success_curve(estimate, truth)[..., len(OVERLAP_THRESHOLDS) // 2]
+def success_rate_50(estimate: ArrayLike, truth: ArrayLike) -> Array:
+    """``[..., P]``: success rate at IoU 0.5, the share of frames whose IoU exceeds 0.5."""
+    return success_curve(estimate, truth)[..., len(IOU_THRESHOLDS) // 2]
 
 
 def precision_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
@@ -159,7 +159,7 @@ def _share_of_frames(hits: Array, truth: ArrayLike) -> Array:
 
 
 def _trackeval_data(estimate: np.ndarray, truth: np.ndarray) -> dict:
-    """Input of TrackEval's metrics: the present ids in each frame and their overlaps."""
+    """Input of TrackEval's metrics: the present ids in each frame and their IoUs."""
     tracks, objects = _present(estimate), _present(truth)
     # Ids count from 0 without gaps; identities that never appear get none.
     track_ids, object_ids = (np.cumsum(there.any(axis=0)) - 1 for there in (tracks, objects))
@@ -172,8 +172,7 @@ def _trackeval_data(estimate: np.ndarray, truth: np.ndarray) -> dict:
         "gt_ids": [object_ids[there] for there in objects],
         "tracker_ids": [track_ids[there] for there in tracks],
         "similarity_scores": [
-            pairwise_overlap(truth[t, objects[t]], estimate[t, tracks[t]])
-            for t in range(len(truth))
+            pairwise_iou(truth[t, objects[t]], estimate[t, tracks[t]]) for t in range(len(truth))
         ],
     }
 

@@ -176,7 +176,7 @@ class _PartTarget(Target):
             pictures,
             start.sizes,
             sharpness=options.sharpness,
-            parts=options.bands,
+            bands=options.bands,
             method="sampled",
             samples=max(_SAMPLES, 2 * options.bands),
             names=_names(start),

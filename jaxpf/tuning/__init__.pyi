@@ -2,10 +2,10 @@ from .loop import Diverged as Diverged, tune as tune
 from .metropolis import pmmh as pmmh
 from .objectives import (
     crps as crps,
+    iou_loss as iou_loss,
     log_evidence as log_evidence,
     log_mean_evidence as log_mean_evidence,
     outline_loss as outline_loss,
-    overlap_loss as overlap_loss,
     position_error as position_error,
 )
 from .parameters import (

@@ -58,7 +58,7 @@ def tune(
         sequences: one or several; their trackers share the parameters.
         parameters: paths such as "likelihood.sharpness", "dynamics.scale[0]", "parameters.a" of
             ``jaxpf.state_space`` or, with bounds, "likelihood.sharpness=1:500"; see ``Parameter``.
-        objective: "evidence", "position", "overlap", "crps", or a function
+        objective: "evidence", "position", "iou", "crps", or a function
             ``(tracker, keys, frames) -> [R]`` to minimise; see ``loss_function``.
         settings: default ``Settings()``.
         folder: existing folder for a checkpoint; repeating the call resumes from it.

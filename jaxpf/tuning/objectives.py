@@ -38,7 +38,7 @@ from jaxpf.contract.numbers import check_array
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.partitioned.selection import ANCESTORS
 from jaxpf.measures import metrics
-from jaxpf.measures.outlines import overlap as overlap_of_outlines
+from jaxpf.measures.outlines import iou as iou_of_outlines
 from jaxpf.running.checks import check_frames, check_run
 from jaxpf.shapes.rectangles import boxes_from_substates, is_proper
 
@@ -109,7 +109,7 @@ def crps(
     return jnp.sum(scores, axis=(0, 2, 3)) / (2 * jnp.sum(labelled))
 
 
-def overlap_loss(
+def iou_loss(
     tracker: Any,
     keys: jax.Array,
     frames: Any,
@@ -138,7 +138,7 @@ def overlap_loss(
     # Dummy boxes replace missing ones, since 0/0 would put NaN into the gradient.
     truth = jnp.where(labelled[..., None], truth, jnp.ones_like(truth))
     estimate = _record(tracker, keys, frames, keep_estimate, checkpoint)
-    return _loss(metrics.overlap(boxes_from_substates(estimate, sizes), truth[:, None]), labelled)
+    return _loss(metrics.iou(boxes_from_substates(estimate, sizes), truth[:, None]), labelled)
 
 
 def outline_loss(
@@ -150,7 +150,7 @@ def outline_loss(
     *,
     checkpoint: bool | int = True,
 ) -> jax.Array:
-    """``overlap_loss`` for convex outlines at any angle.
+    """``iou_loss`` for convex outlines at any angle.
 
     Args:
         tracker: see above.
@@ -170,12 +170,12 @@ def outline_loss(
     estimate = outlines(_record(tracker, keys, frames, keep_estimate, checkpoint))
     # Dummy outlines replace missing ones and keep NaN out of the gradient.
     truth = jnp.where(labelled[..., None, None], truth, lax.stop_gradient(estimate[:, 0]))
-    return _loss(overlap_of_outlines(estimate, truth[:, None]), labelled)
+    return _loss(iou_of_outlines(estimate, truth[:, None]), labelled)
 
 
-def _loss(overlap: jax.Array, labelled: jax.Array) -> jax.Array:
-    """``[R]``, mean of 1 - overlap ``[T, R, P]`` over the labels marked in ``[T, P]``."""
-    return jnp.sum(jnp.where(labelled[:, None], 1 - overlap, 0.0), axis=(0, 2)) / jnp.sum(labelled)
+def _loss(iou: jax.Array, labelled: jax.Array) -> jax.Array:
+    """``[R]``, mean of 1 - IoU ``[T, R, P]`` over the labels marked in ``[T, P]``."""
+    return jnp.sum(jnp.where(labelled[:, None], 1 - iou, 0.0), axis=(0, 2)) / jnp.sum(labelled)
 
 
 def keep_log_evidence(state: Any, summary: Any) -> jax.Array:

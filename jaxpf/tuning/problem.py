@@ -31,10 +31,10 @@ class TrainingSequence:
         tracker: starts just before the first frame.
         frames: array or pytree, leading axis T.
         truth: labels of supervised objectives, NaN where missing: ``[T, P, 4]`` boxes x, y, w, h
-            for "overlap"; ``[T, P, >= 2]``, the centre first, for "position" and "crps".
-        sizes: ``[P, 2]``, width and height at scale 1, for "overlap".
+            for "iou"; ``[T, P, >= 2]``, the centre first, for "position" and "crps".
+        sizes: ``[P, 2]``, width and height at scale 1, for "iou".
         name: name in messages.
-        outlines: for "overlap" of shapes other than boxes: a function of shapes ``[..., P, S]``,
+        outlines: for "iou" of shapes other than boxes: a function of shapes ``[..., P, S]``,
             such as ``truth``, and of ``sizes``; see ``Target.outlines_of_estimates``.
     """
 
@@ -70,8 +70,8 @@ def check_objective(objective: Any, sequences: Sequence[TrainingSequence]) -> No
                 f"objective {objective!r} needs labels, but {sequence.name} has none; give its "
                 "truth, or use 'evidence'."
             )
-        if objective == "overlap" and sequence.sizes is None:
-            raise InputError(f"objective 'overlap' needs the sizes of {sequence.name}; give them.")
+        if objective == "iou" and sequence.sizes is None:
+            raise InputError(f"objective 'iou' needs the sizes of {sequence.name}; give them.")
         if objective == "evidence":
             otherwise = "an objective that reads the labels"
             biased_evidence(sequence.tracker, "the objective 'evidence'", otherwise, tuning=True)
@@ -81,7 +81,7 @@ def check_objective(objective: Any, sequences: Sequence[TrainingSequence]) -> No
             raise InputError(
                 "the evidence of exp(-sharpness d^2) always prefers sharpness 0, because it is not "
                 "normalised; make the histogram with form='density' or 'ratio', or choose the "
-                "objective 'position', 'crps' or 'overlap'."
+                "objective 'position', 'crps' or 'iou'."
             )
 
 
@@ -93,7 +93,7 @@ def loss_function(objective: str | Callable, outlines: Callable | None = None) -
       (Maddison et al., "Filtering variational objectives", NeurIPS 2017).
     * "position": mean distance from the labelled positions, pixels.
     * "crps": continuous ranked probability score of the labelled positions, pixels.
-    * "overlap": 1 - intersection over union with the labelled shapes.
+    * "iou": 1 - intersection over union with the labelled shapes.
     * a function of ``(tracker, keys, frames)``: the mean of its return value.
     """
 
@@ -109,7 +109,7 @@ def loss_function(objective: str | Callable, outlines: Callable | None = None) -
         if objective == "crps":
             return jnp.mean(objectives.crps(*run, truth))
         if outlines is None:
-            return jnp.mean(objectives.overlap_loss(*run, truth, sizes))
+            return jnp.mean(objectives.iou_loss(*run, truth, sizes))
         true = outlines(truth, sizes)
         return jnp.mean(objectives.outline_loss(*run, true, lambda x: outlines(x, sizes)))
 

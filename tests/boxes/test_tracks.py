@@ -10,11 +10,11 @@ from jaxpf.boxes import (
     box_model,
     check_boxes,
     dense,
-    detections,
     parse_box,
     read_boxes,
     relative_steps,
     start_boxes,
+    to_supervision,
     write_mot,
 )
 
@@ -167,12 +167,12 @@ def test_places_that_cannot_be_written_are_named(tmp_path):
     assert f"cannot write '{path}': no such file or directory; check the path" in message
 
 
-def test_boxes_become_supervisions_detections():
+def test_boxes_convert_to_supervisions_detections():
     boxes = [[1.0, 2, 10, 20], [np.nan] * 4, [5.0, 6, 7, 8]]
-    found = detections(boxes, ids=[3, 4, 9], confidence=[0.5, 0, 1])
+    found = to_supervision(boxes, ids=[3, 4, 9], confidence=[0.5, 0, 1])
     assert found.xyxy.tolist() == [[1, 2, 11, 22], [5, 6, 12, 14]]
     assert found.tracker_id.tolist() == [3, 9]
     assert found.confidence.tolist() == [0.5, 1]
-    plain = detections(boxes)
+    plain = to_supervision(boxes)
     assert plain.tracker_id.tolist() == [1, 3]
     assert plain.confidence is None

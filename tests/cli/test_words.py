@@ -19,11 +19,11 @@ def test_a_table_explains_the_terms_that_it_uses_and_no_others(capsys):
         *_, line = capsys.readouterr().out.strip().splitlines()
         return line
 
-    columns = ["", "recovery, object 1", "success (%)", "unique", "overlap"]
+    columns = ["", "recovery, object 1", "success (%)", "distinct", "IoU"]
     assert explained(columns, [["DPS", "1", "2", "3", "4"]]) == (
-        "recovery: tracked in the last frame with truth; success: tracked in every frame; unique: "
-        "particles that carry different draws of the object; overlap: intersection over union; "
-        "tracked: overlapping the truth at all."
+        "recovery: tracked in the last frame with truth; success: tracked in every frame; "
+        "distinct: particles that carry different draws of the object; "
+        "IoU: intersection over union; tracked: overlapping the truth at all."
     )
     assert ":" not in explained(["", "before"], [["momentum", "4"]])
     assert explained(["", "precision", "IDSW"], [["tracked", "4", "0"]]) == (
@@ -32,8 +32,8 @@ def test_a_table_explains_the_terms_that_it_uses_and_no_others(capsys):
     )
     line = explained(["", "before"], [["success", "4"]])
     assert "success: tracked in every frame; tracked: " in line
-    line = explained(["", "success at .5", "smith2004 success"], [["DPS", "1", "2"]])
-    assert "success at .5: frames whose overlap is above that" in line
+    line = explained(["", "success at IoU 0.5", "smith2004 success"], [["DPS", "1", "2"]])
+    assert "success at IoU 0.5: frames whose IoU is above that" in line
     assert "smith2004 success: tracked in every frame" in line
 
 

@@ -191,7 +191,7 @@ def test_scenes_tell_where_contours_start_and_how_well_they_are_found(tmp_path, 
     assert start.contours.width == scene.parameters["wire_width"]
     found = CONTOURS.shapes(start, tracked[1], tracked[0])
     measured = CONTOURS.measures(start, found, truth[1:])
-    assert np.asarray(measured["overlap"])[-1].min() > 0.5
+    assert np.asarray(measured["iou"])[-1].min() > 0.5
     assert np.asarray(measured["corner_error"])[-1].max() < 5
     # A stored evaluation knows of shapes, and of no splines.
     stored = Start(start.ids, start.shapes, start.sizes, start.parents)

@@ -145,7 +145,7 @@ def test_who_fits_nothing_is_an_error_in_the_first_frame_and_lost_later(clip):
     keys = [jax.random.key(seed) for seed in range(8)]
     rules = Rules(min_hits=1, detection_noise=0.0)
     ran = [list(follow(wild, key, frames[:2], detections, rules=rules)) for key in keys]
-    lost = [bool(run[1].lost.any()) for run in ran]
+    lost = [bool(run[1].without_likelihood.any()) for run in ran]
     assert 0 < sum(lost) < 8
     named = [(0, 3, true_box(0, 0))]
     with pytest.raises(jaxpf.InputError, match="no particle of target 3 has any likelihood"):

@@ -43,7 +43,7 @@ def test_curves_are_means_over_runs(tmp_path):
         np.testing.assert_allclose(found.lower[:2], wanted.lower, atol=1e-5)
         np.testing.assert_allclose(found.upper[:2], wanted.upper, atol=1e-5)
         if curve is success_curve:
-            area = summary.estimates["success_area"].value[2]
+            area = summary.estimates["success_auc"].value[2]
             assert area == pytest.approx(float(np.mean(curves)), rel=1e-5)
     rows = [row for row in rows_of(results.folder / "curves.csv") if row["object"] == "all"]
     assert [row["curve"] for row in rows] == ["success"] * 21 + ["precision"] * 51
@@ -59,7 +59,7 @@ def test_reliability_and_area_of_confidence_by_hand(tmp_path):
     confidence[:, 5:] = 0.3
     boxes[:, 6:, :, 0] += 100  # four of the doubtful frames are off their object
     boxes[1, 0, :, 0] += 100  # and one of the confident frames, in one run
-    boxes[0, 1, :, 0] += 16  # an overlap of 1/9 is still on the object
+    boxes[0, 1, :, 0] += 16  # an IoU of 1/9 is still on the object
     boxes[0, 2, :, 0] += 17  # of 3/37 not
     results = make(tmp_path / "results", [(SIR, [batch(boxes, confidence=confidence)])], truth)
     made = write_tables(results)

@@ -1,4 +1,4 @@
-"""The sentence in which an evaluation ends: what follows best, and what cannot be distinguished."""
+"""The sentence in which an evaluation ends: what tracks best, and what cannot be distinguished."""
 
 import numpy as np
 import pytest
@@ -31,14 +31,14 @@ def conclusion(folder, runs=60, **shrunk):
 def test_the_best_is_named_with_its_interval_over_the_first(tmp_path):
     sentence, ranking = conclusion(tmp_path, sir=1.0, ps=0.9, dps=0.1)
     assert ranking == [2, 1, 0]
-    assert sentence.startswith("DPS shifts follows best: success area +.")
+    assert sentence.startswith("DPS shifts tracks best: success AUC +.")
     assert "] over SIR, and better than PS 21." in sentence
 
 
 @pytest.mark.parametrize(("runs", "named"), [(9, "9 runs"), (1, "one run")])
 def test_fewer_than_ten_runs_are_a_preview(tmp_path, runs, named):
     sentence, ranking = conclusion(tmp_path, runs, sir=1.0, dps=0.1)
-    assert sentence.startswith(f"Preview of {named}: DPS shifts is ahead, success area .")
+    assert sentence.startswith(f"Preview of {named}: DPS shifts is ahead, success AUC .")
     assert sentence.endswith("; fewer than 10 runs decide nothing.")
     assert ranking == [1, 0]
 
@@ -54,25 +54,25 @@ def test_methods_are_compared_at_the_settings_of_the_best(tmp_path):
     grid = {"sharpness": [20.0, 30.0]}
     sentence, ranking = concluded(tmp_path, batches, truth, grid=grid)
     assert ranking == [3, 2, 1, 0]
-    start = "With sharpness 30, where the mean is highest, PS follows best: success area +."
+    start = "With sharpness 30, where the mean is highest, PS tracks best: success AUC +."
     assert sentence.startswith(start)
     assert sentence.endswith("] over SIR.")
     # A single method leaves only settings to compare.
     sentence, _ = concluded(tmp_path / "s", batches[::2], truth, grid=grid)
-    assert sentence.startswith("SIR, sharpness 30 follows best: success area +.")
+    assert sentence.startswith("SIR, sharpness 30 tracks best: success AUC +.")
     assert sentence.endswith("] over SIR, sharpness 20.")
 
 
 def test_equal_methods_cannot_be_told_apart_from_the_best(tmp_path):
     sentence, _ = conclusion(tmp_path, sir=1.0, ps=0.1, dps=0.1)
-    assert "follows best" in sentence
+    assert "tracks best" in sentence
     assert " over SIR; " in sentence
     assert sentence.endswith(" cannot be distinguished from it.")
 
 
 def test_without_a_difference_none_is_called_best(tmp_path):
     sentence, ranking = conclusion(tmp_path, sir=0.5, ps=0.5, dps=0.5)
-    assert sentence.startswith("No configuration follows best")
+    assert sentence.startswith("No configuration tracks best")
     assert len(ranking) == 3
 
 
@@ -88,7 +88,7 @@ def test_a_best_among_equals_is_rarely_claimed(tmp_path):
             for i in range(6)
         ]
         sentence, _ = concluded(tmp_path / f"{repetition}", batches, truth)
-        claims += "follows best" in sentence.replace("No configuration f", "")
+        claims += "tracks best" in sentence.replace("No configuration t", "")
     assert claims / repetitions < 0.05 + 4.5 * np.sqrt(0.05 * 0.95 / repetitions)
 
 
@@ -96,7 +96,7 @@ def test_an_imported_track_is_compared_with_every_run(tmp_path):
     truth, boxes = walks(seed=3, runs=60, frames=12, objects=2)
     batches = [(SIR, [batch(boxes)]), (OTHER, [imported(truth)])]
     sentence, _ = concluded(tmp_path, batches, truth)
-    assert sentence.startswith(f"{OTHER.method} follows best: success area +.")
+    assert sentence.startswith(f"{OTHER.method} tracks best: success AUC +.")
 
 
 def test_one_screen_shows_the_best_first(tmp_path):
@@ -109,6 +109,6 @@ def test_one_screen_shows_the_best_first(tmp_path):
     tables = measure_results(results)
     (table,) = printed_tables(results, tables)
     assert len(table.rows) == MOST_PRINTED
-    areas = [tables.summaries[i].estimates["success_area"].value[-1] for i in tables.ranking]
+    areas = [tables.summaries[i].estimates["success_auc"].value[-1] for i in tables.ranking]
     assert areas == sorted(areas, reverse=True)
     assert table.rows[0][0] == tables.summaries[tables.ranking[0]].name

@@ -42,7 +42,7 @@ def test_curves_join_numbers_of_particles(evaluated):
     lines = charts.lines_over_particles(summaries)
     assert list(lines) == ["PS 21", "SPS"]
     figure = charts.against_time(lines)
-    for axis, measure in zip(figure.axes, ("success_area", "centre_error"), strict=True):
+    for axis, measure in zip(figure.axes, ("success_auc", "centre_error"), strict=True):
         assert by_name(measure).title in axis.get_ylabel()
         assert len(axis.containers) == 2
         line, *_ = axis.containers[0].lines

@@ -7,7 +7,7 @@ from refusals import message_of
 from jaxpf import InputError
 from jaxpf.boxes import read_boxes, write_mot
 from jaxpf.evaluation import match_tracks, read_tracks
-from jaxpf.measures import pairwise_overlap
+from jaxpf.measures import pairwise_iou
 
 IDS = [3, 5]
 START = 2
@@ -153,10 +153,10 @@ def test_overlaps_of_pairs_are_worked_out_by_hand():
     other = [[2, 0, 4, 2], [0, 0, 4, 2], [4, 0, 4, 2], [1, 0, 2, 2]]
     expected = np.zeros((3, 4))
     expected[0] = 4 / 12, 1, 0, 0.5
-    np.testing.assert_array_equal(pairwise_overlap(one, other), expected)
-    assert pairwise_overlap(one, np.zeros((0, 4))).shape == (3, 0)
+    np.testing.assert_array_equal(pairwise_iou(one, other), expected)
+    assert pairwise_iou(one, np.zeros((0, 4))).shape == (3, 0)
     with pytest.raises(InputError, match=r"boxes has shape \[4, 3\]; give x, y, w, h"):
-        pairwise_overlap(one, np.ones((4, 3)))
+        pairwise_iou(one, np.ones((4, 3)))
 
 
 def test_ids_are_not_trusted_when_another_begins_on_the_object(write, truth):

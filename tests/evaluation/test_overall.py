@@ -24,7 +24,7 @@ def write(folder, name, rows, curve=lambda threshold: 1 - threshold):
             csv.writer(opened).writerows([header, *([name, *line] for line in lines)])
 
     write_csv("summary.csv", HEADER, rows)
-    thresholds = measures.OVERLAP_THRESHOLDS, measures.CENTRE_THRESHOLDS
+    thresholds = measures.IOU_THRESHOLDS, measures.CENTRE_THRESHOLDS
     points = [("success", t, curve(t)) for t in thresholds[0]]
     points += [("precision", t, 1 - curve(t / 50)) for t in thresholds[1]]
     header = [*HEADER[:5], "curve", "threshold", "value", "lower", "upper"]
@@ -39,7 +39,7 @@ def overall(folder, names, varied):
 
 def test_orders_of_a_method_are_averaged_and_differences_are_paired(tmp_path):
     def row(method, order, value, of="all"):
-        return [method, order, "2.0", of, "overlap", 9, value]
+        return [method, order, "2.0", of, "iou", 9, value]
 
     ps = (row("PS", order, value) for order, value in (("a", 0.5), ("b", 0.7)))
     of_one_object = row("SIR", "", 0.0, "1")  # does not count
@@ -72,7 +72,7 @@ def test_orders_of_a_method_are_averaged_and_differences_are_paired(tmp_path):
 @pytest.mark.parametrize("varied", [[], ["sharpness"]])
 def test_only_options_that_vary_stand_in_names(tmp_path, varied):
     for name in ("one", "two"):
-        write(tmp_path, name, [["SIR", "", "2.0", "all", "overlap", 9, 0.5]])
+        write(tmp_path, name, [["SIR", "", "2.0", "all", "iou", 9, 0.5]])
     (means,) = overall(tmp_path, ["one", "two"], varied)
     assert means.texts()[0][0] == ("SIR, sharpness 2.0" if varied else "SIR")
 
@@ -86,7 +86,7 @@ def test_curves_are_means_over_sequences_with_their_intervals(tmp_path, monkeypa
 
     right = charts.accuracy_curves
     monkeypatch.setattr(charts, "accuracy_curves", keep)
-    row = ["SIR", "", "2.0", "all", "overlap", 9, 0.5]
+    row = ["SIR", "", "2.0", "all", "iou", 9, 0.5]
     write(tmp_path, "one", [row, ["PS", *row[1:]]])
     write(tmp_path, "two", [row], lambda threshold: 1 - threshold**2)
     write(tmp_path, "three", [row])

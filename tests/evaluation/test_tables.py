@@ -59,15 +59,15 @@ def test_every_run_and_object_has_a_row(by_hand):
         ("tracked_share", [1, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
         ("precision", [0.75, 1, 1, math.nan, 1, math.nan, 1, 1]),
         ("precision_all", [0.75, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
-        ("overlap", [(1 + 1 / 3) / 2, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
+        ("iou", [(1 + 1 / 3) / 2, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
         # Of SIR's first run one frame overlaps by a third.
-        ("success_half", [0.5, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
-        ("success_area", [(20 + 7) / 42, 20 / 21, 10 / 21, 0, 10 / 21, 0, 10 / 21, 20 / 21]),
+        ("success_rate_50", [0.5, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
+        ("success_auc", [(20 + 7) / 42, 20 / 21, 10 / 21, 0, 10 / 21, 0, 10 / 21, 20 / 21]),
         ("distance_precision", [1, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
         # A box that is not there has no centre.
         ("located_frames", [2, 1, 2, 1, 2, 0, 2, 1]),
         ("centre_error", [2.5, 0, 25, 50, 25, math.nan, 25, 0]),
-        ("uniqueness", [*6 * [0.5], math.nan, math.nan]),
+        ("distinct_share", [*6 * [0.5], math.nan, math.nan]),
         # Offsets: of the first run (0, 0) and (5, 0), of the others none where they are followed;
         # spreads (1, 8) and (2, 2).
         ("coverage_50", [0.75, 1, 1, math.nan, 1, math.nan, math.nan, math.nan]),
@@ -91,7 +91,7 @@ def test_summary_by_hand(by_hand):
     # Tracked frames of the runs: two with a precision of .75, then one of 1 and one of 1.
     assert found(folder, "precision", 4)["value"] == pytest.approx((2 * 0.75 + 1 + 1) / 4)
     # All objects: 1, .5, 0 of their frames weigh in (2, 1).
-    everything = found(folder, "overlap", "all")
+    everything = found(folder, "iou", "all")
     runs = [(2 * (2 / 3) + 1) / 3, (2 * 0.5 + 0) / 3, (2 * 0.5 + 0) / 3]
     assert everything["value"] == pytest.approx(np.mean(runs))
     assert everything["standard_error"] == pytest.approx(np.std(runs, ddof=1) / math.sqrt(3))
@@ -106,8 +106,8 @@ def test_imported_tracks_have_values_without_intervals(by_hand):
     assert np.isnan([row["lower"], row["upper"]]).all()
     rows = rows_of(results.folder / "summary.csv")
     measured = {row["measure"] for row in rows if row["method"] == OTHER.method}
-    assert "overlap" in measured
-    assert "uniqueness" not in measured
+    assert "iou" in measured
+    assert "distinct_share" not in measured
     assert made.summaries[1].reference is None
     assert any("one track, the same for every seed" in remark for remark in made.remarks)
 
@@ -124,7 +124,7 @@ def test_summary_agrees_with_the_librarys_measures(tmp_path, size):
     expected = metrics.summarise(boxes, truth)
     names = {"success_rate": "success", "recovery_rate": "recovered", "tracked": "tracked_share"}
     names |= {name: name for name in ("precision", "recall", "precision_all", "recall_all")}
-    for name, measure in (names | {"overlap": "overlap", "centre_error": "centre_error"}).items():
+    for name, measure in (names | {"iou": "iou", "centre_error": "centre_error"}).items():
         for place, identity in enumerate((1, 2)):
             row = found(results.folder, measure, identity)
             for field in ("value", "standard_error", "lower", "upper"):
@@ -208,7 +208,7 @@ def test_markdown_holds_the_summary(by_hand):
     lines = [line for line in table.splitlines() if line.startswith("|")]
     assert len(lines) == 4  # header, rule, two methods
     cells = [cell.strip() for cell in lines[2].strip("|").split("|")]
-    assert cells[:3] == ["SIR", "3", "50 [15, 85]"], "success at .5 leads"
+    assert cells[:3] == ["SIR", "3", "50 [15, 85]"], "success at IoU 0.5 leads"
     assert cells[4] == "33 [0, 100]"
     assert r"a\|b \<i\>\_100%$x$" in lines[3]
 

@@ -57,20 +57,20 @@ def followed(method, epsilon):
     keys = jax.random.split(jax.random.key(0), RUNS)
     estimate, confidence = jaxpf.monte_carlo(tracker, keys, frames[1:], report, batch_size=RUNS)
     shapes = jaxpf.shapes.boxes_from_substates(estimate, boxes[0, :, 2:])
-    return np.asarray(jaxpf.measures.overlap(shapes, boxes[None, 1:])), np.asarray(confidence)
+    return np.asarray(jaxpf.measures.iou(shapes, boxes[None, 1:])), np.asarray(confidence)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["ps", "dps"])
 def test_who_comes_out_elsewhere_is_found_again(method):
     without, confidence = followed(method, 0.0)
-    overlap, again = followed(method, 0.05)
+    iou, again = followed(method, 0.05)
     before, after = HIDDEN.start - 1, slice(HIDDEN.stop + 4, None)
-    np.testing.assert_array_equal(without[:, :before], overlap[:, :before])
+    np.testing.assert_array_equal(without[:, :before], iou[:, :before])
     assert (confidence[:, HIDDEN.stop - 2, 0] < 0.5).all()
     assert (without[:, after, 0] > 0.5).mean() < 0.1
-    assert (overlap[:, after, 0] > 0.5).mean() > 0.9
+    assert (iou[:, after, 0] > 0.5).mean() > 0.9
     assert (again[:, -1, 0] > 0.5).mean() > 0.9
     # Whoever was there all the time stays there.
-    assert (overlap[:, :, 1] > 0.5).mean() > 0.95
+    assert (iou[:, :, 1] > 0.5).mean() > 0.95
     assert (again[:, :, 1] > 0.5).mean() > 0.95

@@ -97,7 +97,7 @@ def test_a_target_without_likelihood_is_reported_and_nothing_becomes_nan(weights
     state, summary = run(tracker(weights=weights), jax.random.key(0), frames)
     lost = np.asarray(summary.without_likelihood)
     assert lost[2].tolist() == [False, True, False]
-    assert np.asarray(summary.status)[2] & states.STATUS_LOST
+    assert np.asarray(summary.status)[2] & states.STATUS_WITHOUT_LIKELIHOOD
     assert np.all(np.isfinite(summary.estimate))
     assert np.all(np.isfinite(summary.spread))
     assert not np.any(np.isnan(summary.label_log_evidence))

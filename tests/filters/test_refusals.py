@@ -190,7 +190,7 @@ def test_a_wrong_ordering_is_refused(call, named):
     (lambda: partitioned(gradient=Transport(epsilon=0.0)), "Transport's epsilon=0.0"),
     (lambda: bars(lag=-1), "lag = -1"),
     (lambda: bars(lag=1.5), "lag = 1.5 must be a whole number"),
-    (lambda: bars(gradient=Transport()), "error bars does not work with gradient Transport"),
+    (lambda: bars(gradient=Transport()), "WithErrorBars does not work with gradient Transport"),
     (lambda: WithErrorBars(pffl()), "PFFL has not"),
     (lambda: SideBySide(partitioned(), 1), "num_runs = 1"),
     (lambda: SideBySide(3), "tracker is 3; give a tracker"),

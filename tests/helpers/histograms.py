@@ -73,17 +73,17 @@ def float_bins(frame):
     return np.where(coloured, 10 * level(hue / 6) + level(saturation), 100 + level(value))
 
 
-def brute_log_prob(frame, references, sizes, partition, substate, sharpness, parts):
-    """One box, its pixels counted one part at a time; references [P, parts, 110]."""
+def brute_log_prob(frame, references, sizes, partition, substate, sharpness, bands):
+    """One box, its pixels counted one band at a time; references [P, bands, 110]."""
     u, v, scale = (float(x) for x in substate)
     width, height = sizes[partition] * scale
-    if width < 1 or height < parts:
+    if width < 1 or height < bands:
         return -np.inf
     bins = float_bins(frame)
     left, right = (int(np.floor(x + 0.5)) for x in (u - width / 2, u + width / 2))
-    edges = [int(np.floor(v - height / 2 + height * k / parts + 0.5)) for k in range(parts + 1)]
+    edges = [int(np.floor(v - height / 2 + height * k / bands + 0.5)) for k in range(bands + 1)]
     distance = 0.0
-    for k in range(parts):
+    for k in range(bands):
         inside = bins[max(edges[k], 0) : max(edges[k + 1], 0), max(left, 0) : max(right, 0)]
         count = np.bincount(inside.ravel(), minlength=NUM_BINS)
         p = count / ((right - left) * (edges[k + 1] - edges[k]))
@@ -103,7 +103,7 @@ def texture(seed, height, width, block=4):
 
 
 def full_references(likelihood):
-    """References as histograms [P, parts, 110], undoing the compact numbering of bins."""
+    """References as histograms [P, bands, 110], undoing the compact numbering of bins."""
     roots = np.asarray(likelihood.references, np.float64)
     padded = np.concatenate([roots, np.zeros((*roots.shape[:2], 1))], -1)
     return padded[..., np.asarray(likelihood.bin_lookup)] ** 2

@@ -69,7 +69,7 @@ QUOTED = {
     },
     "tuning": {
         "0.57 for 0.44, a difference of +0.13": (
-            r"overlap 0\.44 -> 0\.57, difference \+0\.13 \[\+0\.0[1-9], "
+            r"IoU 0\.44 -> 0\.57, difference \+0\.13 \[\+0\.0[1-9], "
         ),
     },
 }

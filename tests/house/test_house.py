@@ -169,14 +169,14 @@ def test_they_stand_in_the_tables_beside_the_built_in_methods(evaluated):
     rows = rows_of(evaluated / "summary.csv")
     methods = {row["method"] for row in rows}
     assert methods == {"SIR", *(function for function, _ in OWN.values())}
-    overlap = {
+    iou = {
         row["method"]: float(row["value"])
         for row in rows
-        if (row["object"], row["measure"]) == ("all", "overlap")
+        if (row["object"], row["measure"]) == ("all", "iou")
     }
-    assert all(0 < value < 1 for value in overlap.values())
+    assert all(0 < value < 1 for value in iou.values())
     # What a user's summary lacks stays empty.
-    unique = {row["method"] for row in rows if row["measure"] == "uniqueness"}
+    unique = {row["method"] for row in rows if row["measure"] == "distinct_share"}
     assert unique == {"SIR", "there_and_back", "centre_colour", "shuffled"}
 
 

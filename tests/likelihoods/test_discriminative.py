@@ -184,7 +184,7 @@ def test_labels_are_overlaps():
     assert labels.max() == labels[np.all(boxes == [0, 0, 1, 1], axis=1)] == 1
     ours = np.column_stack([boxes[:, :2] - boxes[:, 2:] / 2, boxes[:, 2:]])
     truth = np.broadcast_to([-0.5, -0.5, 1, 1], ours.shape)
-    np.testing.assert_allclose(labels, quick(jaxpf.measures.overlap)(ours, truth), atol=1e-6)
+    np.testing.assert_allclose(labels, quick(jaxpf.measures.iou)(ours, truth), atol=1e-6)
 
 
 def test_the_score_peaks_where_the_object_went_over_another_background(learned):

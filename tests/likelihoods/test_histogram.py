@@ -22,7 +22,7 @@ from histograms import (
 from jaxpf.likelihoods import histogram, histogram_from_patches
 
 #: Frames and boxes are of few sizes, so that the tests share programs: noise of 60 x 80 pixels
-#: seen in three boxes, one colour or two on 300 x 300 seen in one, all with two parts.
+#: seen in three boxes, one colour or two on 300 x 300 seen in one, all with two bands.
 RED = np.full((300, 300, 3), (255, 0, 0), np.uint8)
 
 
@@ -40,17 +40,17 @@ def test_histogram_of_a_two_coloured_box_by_hand(method):
     np.testing.assert_allclose(got, -10 * 2 * (1 - expected), atol=1e-5)
 
 
-@pytest.mark.parametrize("parts", [1, 2, 3])
-def test_integral_equals_brute_force(parts, boxes, substates):
+@pytest.mark.parametrize("bands", [1, 2, 3])
+def test_integral_equals_brute_force(bands, boxes, substates):
     frame = noise()
-    likelihood = histogram(frame, boxes, parts=parts, method="integral", sharpness=30.0)
+    likelihood = histogram(frame, boxes, bands=bands, method="integral", sharpness=30.0)
     # A strange frame, so that bins without a table occur.
     frame = np.where(np.arange(WIDTH)[None, :, None] < 40, frame, noise(8) // 2)
     partition = np.arange(substates.shape[1]) % len(boxes)
     got = values(likelihood, observe(likelihood, frame), partition, substates)
     references = full_references(likelihood)
     expected = [
-        brute_log_prob(frame, references, boxes[:, 2:], p, s, 30.0, parts)
+        brute_log_prob(frame, references, boxes[:, 2:], p, s, 30.0, bands)
         for p, s in zip(partition, substates.T, strict=True)
     ]
     np.testing.assert_allclose(got, expected, atol=2e-4)
@@ -82,18 +82,18 @@ def test_wrapped_counts_are_exact():
 
 
 def test_a_part_with_65536_pixels_is_refused_under_uint16_and_not_under_uint32():
-    small = histogram(RED, [[0, 0, 50, 50]], parts=1, method="integral")
+    small = histogram(RED, [[0, 0, 50, 50]], bands=1, method="integral")
     assert small.table_dtype == "uint16"
     at = np.array([[128.0, 128.0], [128.0, 128.0], [255 / 50, 256.1 / 50]])
     both = values(small, observe(small, RED), 0, at)
     np.testing.assert_allclose(both, [0, -np.inf], atol=1e-4)
-    large = histogram(RED, [[0, 0, 300, 300]], parts=1, method="integral")
+    large = histogram(RED, [[0, 0, 300, 300]], bands=1, method="integral")
     assert large.table_dtype == "uint32"
     one = log_prob(large, observe(large, RED), 0, np.array([150.0, 150.0, 1.0]))
     np.testing.assert_allclose(one, 0, atol=1e-4)
 
 
-def test_a_box_fully_outside_has_distance_parts(boxes):
+def test_a_box_fully_outside_has_distance_bands(boxes):
     likelihood = histogram(noise(), boxes, method="integral")
     at = np.array([[-1000.0, 20, 1], [1e9, 20, 1], [20.0, -50, 1], [20.0, 3e30, 1]]).T
     np.testing.assert_array_equal(values(likelihood, observe(likelihood, noise()), 0, at), -20 * 2)
@@ -116,10 +116,10 @@ def test_similarity_falls_smoothly_as_a_box_leaves_the_frame():
 
 @pytest.mark.parametrize("method", ["integral", "sampled"])
 @pytest.mark.parametrize(
-    "parts", [pytest.param(1, marks=pytest.mark.slow), 2, pytest.param(3, marks=pytest.mark.slow)]
+    "bands", [pytest.param(1, marks=pytest.mark.slow), 2, pytest.param(3, marks=pytest.mark.slow)]
 )
-def test_one_particle_agrees_with_all(method, parts, boxes, substates):
-    likelihood = histogram(noise(), boxes, method=method, parts=parts)
+def test_one_particle_agrees_with_all(method, bands, boxes, substates):
+    likelihood = histogram(noise(), boxes, method=method, bands=bands)
     observation = observe(likelihood, noise(9))
     partition, at = np.arange(40, dtype=np.int32) % 3, substates[:, :40].astype(np.float32)
     every = values(likelihood, observation, partition, at)

@@ -181,10 +181,10 @@ def test_runs_side_by_side_are_the_runs_one_by_one():
 
 
 @jax.jit
-def of_all_forms(sharpness, parts, background, squared):
+def of_all_forms(sharpness, bands, background, squared):
     """Every form's log of the first object's values."""
     first = jnp.zeros(len(squared), int)
-    return {form: log_density(form, sharpness, parts, background, first, squared) for form in FORMS}
+    return {form: log_density(form, sharpness, bands, background, first, squared) for form in FORMS}
 
 
 #: A background for the forms that need none.
@@ -192,14 +192,14 @@ NONE = np.zeros((1, 2, 1))
 
 
 @pytest.mark.parametrize("sharpness", [1e-3, 0.5, 4.0, 20.0, 500.0])
-@pytest.mark.parametrize("parts", [1, 2])
-def test_the_density_of_the_distance_integrates_to_one(sharpness, parts):
+@pytest.mark.parametrize("bands", [1, 2])
+def test_the_density_of_the_distance_integrates_to_one(sharpness, bands):
     with jax.enable_x64(True):
-        grid = np.linspace(0, parts, 400_001)
-        values = of_all_forms(sharpness, parts, NONE, grid)
+        grid = np.linspace(0, bands, 400_001)
+        values = of_all_forms(sharpness, bands, NONE, grid)
         log_f, plain = np.asarray(values["density"]), np.asarray(values["exponential"])
         assert abs(np.trapezoid(np.exp(log_f), grid) - 1) < 1e-5
-        normaliser = jax.jit(log_normaliser)(sharpness, parts)
+        normaliser = jax.jit(log_normaliser)(sharpness, bands)
         np.testing.assert_allclose(plain - log_f, normaliser, rtol=1e-8)
         assert abs(np.trapezoid(np.exp(plain), grid) - 1) > 1e-4
 

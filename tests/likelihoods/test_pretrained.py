@@ -59,7 +59,7 @@ def test_an_object_is_followed(tracker, followed):
     truth = np.repeat(BOXES[None], len(FRAMES) - 1, axis=0)
     truth[:, 0, 0] += 3 * np.arange(1, len(FRAMES))
     boxes = jaxpf.boxes.to_boxes(tracker, summary.estimate)
-    assert np.min(jaxpf.measures.overlap(boxes, truth)) > 0.6
+    assert np.min(jaxpf.measures.iou(boxes, truth)) > 0.6
     assert np.min(summary.confidence) > 0.5
 
 

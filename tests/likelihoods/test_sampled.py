@@ -51,30 +51,30 @@ def counted_one_by_one(likelihood, frame, partition, substate):
     bins, references = float_bins(frame), full_references(likelihood)[partition]
     u, v, scale, theta = (float(x) for x in substate)
     width, height = np.asarray(likelihood.sizes, float)[partition] * scale
-    num_parts, d = len(references), likelihood.distance
-    columns, rows = -(-likelihood.samples // 2), -(-likelihood.samples // (2 * num_parts))
+    num_bands, d = len(references), likelihood.distance
+    columns, rows = -(-likelihood.samples // 2), -(-likelihood.samples // (2 * num_bands))
     similarity = 0.0
-    for part in range(num_parts):
+    for band in range(num_bands):
         counts = np.zeros(NUM_BINS)
-        for i in range(part * rows, (part + 1) * rows):
+        for i in range(band * rows, (band + 1) * rows):
             for j in range(columns):
                 a = ((j + 0.5) / columns - 0.5) * width
-                b = ((i + 0.5) / (rows * num_parts) - 0.5) * height
+                b = ((i + 0.5) / (rows * num_bands) - 0.5) * height
                 x = int(np.floor(u + np.cos(theta) * a - np.sin(theta) * b - d / 2))
                 y = int(np.floor(v + np.sin(theta) * a + np.cos(theta) * b - d / 2))
                 for row, column in ((y, x), (y, x + d), (y + d, x), (y + d, x + d)):
                     if 0 <= row < frame.shape[0] and 0 <= column < frame.shape[1]:
                         counts[bins[row, column]] += 1
-        similarity += np.sqrt(counts / (4 * rows * columns) * references[part]).sum()
-    return -float(likelihood.sharpness) * (num_parts - similarity)
+        similarity += np.sqrt(counts / (4 * rows * columns) * references[band]).sum()
+    return -float(likelihood.sharpness) * (num_bands - similarity)
 
 
 @pytest.mark.parametrize(
-    ("parts", "samples", "single"), [(1, 10, False), (2, 16, True), (3, 7, False), (1, 36, False)]
+    ("bands", "samples", "single"), [(1, 10, False), (2, 16, True), (3, 7, False), (1, 36, False)]
 )
-def test_sampled_equals_a_count_of_its_samples_one_by_one(parts, samples, single, boxes):
+def test_sampled_equals_a_count_of_its_samples_one_by_one(bands, samples, single, boxes):
     frame, rng = noise(12), np.random.default_rng(3)
-    likelihood = histogram(frame, boxes, parts=parts, method="sampled", samples=samples)
+    likelihood = histogram(frame, boxes, bands=bands, method="sampled", samples=samples)
     count = 40
     at = np.stack([
         rng.uniform(-10, WIDTH + 10, count), rng.uniform(-10, HEIGHT + 10, count),
@@ -82,7 +82,7 @@ def test_sampled_equals_a_count_of_its_samples_one_by_one(parts, samples, single
     ])  # fmt: skip
     partition = np.arange(count) % len(boxes)
     with jax.enable_x64(True):
-        double = histogram(frame, boxes, parts=parts, method="sampled", samples=samples)
+        double = histogram(frame, boxes, bands=bands, method="sampled", samples=samples)
         got = log_prob_in_frame(double, frame, partition, at)
     expected = [
         counted_one_by_one(likelihood, frame, p, x) for p, x in zip(partition, at.T, strict=True)
@@ -113,7 +113,7 @@ def test_sampled_is_close_to_counting_every_pixel_of_a_rotated_box(bounds):
     distance = {}
     for samples in bounds:
         likelihood = histogram_from_patches(
-            scene.patches, sharpness=1.0, parts=1, method="sampled", samples=samples
+            scene.patches, sharpness=1.0, bands=1, method="sampled", samples=samples
         )
         at = np.insert(poses, 2, 1, axis=1).T
         found = log_prob_in_frame(likelihood, scene.frames[0], part, at)

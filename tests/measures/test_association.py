@@ -1,4 +1,4 @@
-"""Boxes joined by overlap: the best assignment, and tracks that continue, end and begin."""
+"""Boxes joined by IoU: the best assignment, and tracks that continue, end and begin."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ def at(*lefts):
 
 
 def test_the_best_assignment_is_not_the_greedy_one():
-    # Greedily 10 takes 12.5 (overlap .6) and leaves nothing to 16; together they do better.
+    # Greedily 10 takes 12.5 (IoU .6) and leaves nothing to 16; together they do better.
     assert assigned(at(10.0, 16.0), at(12.5, 7.0), 0.2).tolist() == [1, 0]
     assert assigned(at(0.0), at(9.0), 0.3).tolist() == [-1]
     assert assigned(at(), at(9.0), 0.3).tolist() == []

@@ -10,7 +10,7 @@ from jaxpf.measures import (
     crps,
     log_score,
     mean_interval,
-    transforms,
+    pit_values,
 )
 
 N = 40_000
@@ -30,7 +30,7 @@ def test_regions_of_an_honest_spread_hold_the_truth_so_often(drawn, level):
     error = np.sqrt(level * (1 - level) / N)
 
     def share(spread):
-        return np.mean(np.abs(2 * transforms(offset, spread) - 1) <= level)
+        return np.mean(np.abs(2 * pit_values(offset, spread) - 1) <= level)
 
     assert abs(share(spread) - level) < 4 * error
     assert share(spread / 1.1) < level - 4 * error
@@ -38,10 +38,10 @@ def test_regions_of_an_honest_spread_hold_the_truth_so_often(drawn, level):
 
 
 def test_transforms_are_uniform_and_on_the_side_of_the_truth(drawn):
-    found = transforms(*drawn)
+    found = pit_values(*drawn)
     counts = np.histogram(found, 20, (0, 1))[0]
     assert np.sum((counts - N / 20) ** 2 / (N / 20)) < 43.8  # chi-square of 19, p = .001
-    assert transforms(3.0, 1.0) < 0.01  # the truth lies far below the estimate
+    assert pit_values(3.0, 1.0) < 0.01  # the truth lies far below the estimate
 
 
 def test_crps_is_the_integral_of_the_squared_difference():
@@ -67,7 +67,7 @@ def test_honest_spreads_score_best(drawn):
 
 def test_what_is_not_known_is_no_number():
     offset, spread = [0.0, np.nan, np.inf, 1.0], [0.0, 1.0, 1.0, np.nan]
-    for measure in (transforms, crps, log_score):
+    for measure in (pit_values, crps, log_score):
         assert np.isnan(measure(offset, spread)).all()
         with pytest.raises(InputError, match="spread=-1 is negative; give standard deviations"):
             measure([0.0, 1.0], [1.0, -1.0])

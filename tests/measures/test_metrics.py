@@ -15,7 +15,7 @@ HALF = [5.0, 0.0, 10.0, 10.0]
 LARGE = [0.0, 0.0, 20.0, 20.0]
 FAR = [50.0, 50.0, 10.0, 10.0]
 
-FRAME_MEASURES = ("track_state", "precision", "recall", "overlap", "centre_error")
+FRAME_MEASURES = ("track_state", "precision", "recall", "iou", "centre_error")
 
 
 @functools.partial(jax.jit, static_argnums=0)
@@ -41,7 +41,7 @@ def runs(*tracks):
 
 
 @pytest.mark.parametrize(
-    ("estimate", "state", "precision", "recall", "overlap", "error"),
+    ("estimate", "state", "precision", "recall", "iou", "error"),
     [
         (TRUTH, True, 1, 1, 1, 0),
         (HALF, True, 50 / 100, 50 / 100, 50 / 150, 5),
@@ -56,12 +56,12 @@ def runs(*tracks):
         (NOWHERE, False, 0, 0, 0, np.nan),
     ],
 )
-def test_measures_of_a_frame_by_hand(estimate, state, precision, recall, overlap, error):
+def test_measures_of_a_frame_by_hand(estimate, state, precision, recall, iou, error):
     measured = compiled(FRAME_MEASURES, np.array(estimate, float), np.array(TRUTH))
     assert bool(measured["track_state"]) is state
     np.testing.assert_allclose(measured["precision"], precision, rtol=1e-6)
     np.testing.assert_allclose(measured["recall"], recall, rtol=1e-6)
-    np.testing.assert_allclose(measured["overlap"], overlap, rtol=1e-6)
+    np.testing.assert_allclose(measured["iou"], iou, rtol=1e-6)
     np.testing.assert_allclose(measured["centre_error"], error, rtol=1e-6)
 
 
@@ -189,9 +189,11 @@ def test_effective_sample_size_needs_no_normalised_weights(shift):
     np.testing.assert_allclose(effective_sample_size(log_weights), 1.6, rtol=2e-3)
 
 
-def test_uniqueness_counts_distinct_ids():
+def test_distinct_share_counts_distinct_ids():
     lineage = np.array([[[5, 5, 5, 5], [3, 1, 3, 1]], [[4, 2, 9, 2], [0, 1, 2, 3]]])
-    np.testing.assert_array_equal(jax.jit(measures.uniqueness)(lineage), [[0.25, 0.5], [0.75, 1]])
+    np.testing.assert_array_equal(
+        jax.jit(measures.distinct_share)(lineage), [[0.25, 0.5], [0.75, 1]]
+    )
 
 
 def test_summary_by_hand():
@@ -212,7 +214,7 @@ def test_summary_by_hand():
         "recall": [(1 + 0.5 + 1 + 1) / 4, (0.5 + 0.5) / 2],
         "precision_all": [(1 + 0.5 + 0.25 + 1) / 6, (0.5 + 0.5) / 4],
         "recall_all": [(1 + 0.5 + 1 + 1) / 6, (0.5 + 0.5) / 4],
-        "overlap": [(1 + 50 / 150 + 100 / 400 + 1) / 6, (2 * 50 / 150) / 4],
+        "iou": [(1 + 50 / 150 + 100 / 400 + 1) / 6, (2 * 50 / 150) / 4],
         # Distances: FAR sqrt(5000), LARGE sqrt(50), HALF 5; the NaN estimate is left out.  The
         # median of two runs is their mean.
         "centre_error": [
@@ -252,5 +254,5 @@ def test_intervals_of_shares_stay_within_shares():
     for name, interval in measures.summarise(runs, truth).items():
         assert name == "centre_error" or (interval.lower >= 0).all(), name
         assert name == "centre_error" or (interval.upper <= 1).all(), name
-    overlap = measures.summarise(runs, truth)["overlap"]
-    assert 0 < overlap.lower < overlap.value < overlap.upper <= 1
+    iou = measures.summarise(runs, truth)["iou"]
+    assert 0 < iou.lower < iou.value < iou.upper <= 1

@@ -27,18 +27,18 @@ def test_a_contour_fits_itself_whichever_way_round(measures):
     lines = np.stack([circle(50, 60), upright(20)])
     for found in (measures(lines, lines), measures(lines[:, ::-1], lines)):
         assert found["tracked"].all()
-        np.testing.assert_array_equal(found["overlap"], 1)
+        np.testing.assert_array_equal(found["iou"], 1)
         np.testing.assert_allclose(found["corner_error"], 0, atol=1e-4)
 
 
 def test_a_contour_that_lies_beside_the_true_one_is_as_far_off(measures):
     lines = np.stack([circle(50, 60, 40), upright(20)])
     found = measures(lines, np.stack([circle(50, 60, 43), upright(23)]))
-    np.testing.assert_array_equal(found["overlap"], 1)
+    np.testing.assert_array_equal(found["iou"], 1)
     np.testing.assert_allclose(found["corner_error"], 3, atol=0.06)
     np.testing.assert_allclose(found["centre_error"], (0, 3), atol=1e-3)
     far = measures(lines, np.stack([circle(50, 60, 50), upright(27)]))
-    np.testing.assert_array_equal(far["overlap"], 0)
+    np.testing.assert_array_equal(far["iou"], 0)
     assert not far["tracked"].any()
 
 
@@ -47,7 +47,7 @@ def test_half_a_contour_is_half_of_it(measures):
     share = (50 + REACH) / 100
     np.testing.assert_allclose(found["precision"], share, atol=0.02)
     np.testing.assert_array_equal(found["recall"], 1)
-    np.testing.assert_allclose(found["overlap"], share, atol=0.02)
+    np.testing.assert_allclose(found["iou"], share, atol=0.02)
 
 
 def test_what_is_absent_or_lost_counts_as_such(measures):
@@ -55,5 +55,5 @@ def test_what_is_absent_or_lost_counts_as_such(measures):
     found = measures(np.stack([line, nothing]), np.stack([nothing, line]))
     np.testing.assert_array_equal(found["present"], (False, True))
     np.testing.assert_array_equal(found["tracked"], (False, False))
-    np.testing.assert_array_equal(found["overlap"], (np.nan, 0))
+    np.testing.assert_array_equal(found["iou"], (np.nan, 0))
     assert np.isnan(found["corner_error"]).all()

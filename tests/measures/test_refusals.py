@@ -14,7 +14,7 @@ from jaxpf.measures import (
     mean_interval,
     median_interval,
     student_interval,
-    success_area,
+    success_auc,
 )
 
 TRUTH = np.ones((5, 3, 4))
@@ -28,7 +28,7 @@ def test_a_level_that_is_no_probability_is_refused(level):
     assert named in message_of(difference_interval, [0.5, 1.0], [0.2, 0.3], level)
 
 
-@pytest.mark.parametrize("name", ["track_state", "precision", "recall", "overlap", "centre_error"])
+@pytest.mark.parametrize("name", ["track_state", "precision", "recall", "iou", "centre_error"])
 @pytest.mark.parametrize("shape", [(2, 4), (3, 3), (4, 1)])
 def test_what_is_no_box_of_the_truth_is_refused(name, shape):
     message = message_of(getattr(measures, name), np.ones(shape), TRUTH[0])
@@ -48,7 +48,7 @@ def test_boxes_of_other_frames_or_objects_are_refused(measure, shape):
     (lambda: measures.summarise(np.ones((5, 3, 1, 4)), np.ones((3, 2, 4))), "[5, 3, 1, 4]"),
     (lambda: jax.jit(mean_interval)(np.ones(5)), "call them outside of jit"),
     *((lambda score=score: score(TRUTH[:, :2], TRUTH), "same frames and objects")
-      for score in (success_area, distance_precision)),
+      for score in (success_auc, distance_precision)),
 ])  # fmt: skip
 def test_what_does_not_fit_is_refused(call, named):
     assert named in message_of(call)

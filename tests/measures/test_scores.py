@@ -10,10 +10,10 @@ import pytest
 from jaxpf import InputError
 from jaxpf.measures import (
     CENTRE_THRESHOLDS,
-    OVERLAP_THRESHOLDS,
+    IOU_THRESHOLDS,
     distance_precision,
     precision_curve,
-    success_area,
+    success_auc,
     success_curve,
     tracking_scores,
 )
@@ -82,7 +82,7 @@ class TestTrackingScores:
         assert (found["MT"], found["PT"], found["ML"]) == (1, 0, 1)
 
     def test_overlap_decides_what_matches(self, truth):
-        # 10 x 10 moved by 2: overlap 8 / 12, above .5 and above 13 of HOTA's 19 thresholds.
+        # 10 x 10 moved by 2: IoU 8 / 12, above .5 and above 13 of HOTA's 19 thresholds.
         found = tracking_scores(truth + np.array([0, 2, 0, 0]), truth)
         assert found["MOTA"] == 1
         assert found["MOTP"] == pytest.approx(2 / 3)
@@ -189,7 +189,7 @@ def test_only_scipy_is_needed_beside_trackeval_and_nothing_is_printed(trackeval)
 
 def test_the_curves_need_no_trackeval(truth, monkeypatch):
     monkeypatch.setitem(sys.modules, "trackeval", None)
-    assert np.isfinite(success_area(truth, truth)).all()
+    assert np.isfinite(success_auc(truth, truth)).all()
 
 
 @pytest.mark.parametrize("shape", [(9, 2, 4), (10, 2, 5), (10, 4), (3, 10, 2, 4)])
@@ -202,7 +202,7 @@ def test_arrays_that_do_not_fit_are_refused(truth, shape):
 
 
 def test_thresholds_are_the_benchmarks():
-    np.testing.assert_allclose(OVERLAP_THRESHOLDS, [0.05 * k for k in range(21)], atol=1e-15)
+    np.testing.assert_allclose(IOU_THRESHOLDS, [0.05 * k for k in range(21)], atol=1e-15)
     np.testing.assert_array_equal(CENTRE_THRESHOLDS, range(51))
 
 
@@ -210,21 +210,21 @@ def test_a_perfect_tracker_exceeds_all_overlaps_but_1(truth):
     curve = success_curve(truth, truth)
     assert curve.shape == (2, 21)
     np.testing.assert_array_equal(curve, [[1] * 20 + [0]] * 2)
-    np.testing.assert_allclose(success_area(truth, truth), 20 / 21, rtol=1e-6)
+    np.testing.assert_allclose(success_auc(truth, truth), 20 / 21, rtol=1e-6)
     np.testing.assert_array_equal(precision_curve(truth, truth), np.ones((2, 51)))
 
 
 def test_curves_are_worked_out_by_hand():
     truth = np.tile([0.0, 0, 10, 10], (5, 1, 1))
     estimate = truth.copy()
-    estimate[1, 0] = 0, 0, 10, 5  # overlap .5, centre 2.5 away
-    estimate[2, 0] = 20, 0, 10, 10  # overlap 0, centre 20 away
+    estimate[1, 0] = 0, 0, 10, 5  # IoU .5, centre 2.5 away
+    estimate[2, 0] = 20, 0, 10, 10  # IoU 0, centre 20 away
     estimate[3, 0] = np.nan
     truth[4] = np.nan  # does not count
     curve = np.asarray(success_curve(estimate, truth))[0]
     # Overlaps 1, .5, 0 and a miss.  .5 does not exceed .5, and 0 does not exceed 0.
     np.testing.assert_array_equal(curve, [0.5] * 10 + [0.25] * 10 + [0])
-    np.testing.assert_allclose(success_area(estimate, truth), [(5 + 2.5) / 21], rtol=1e-6)
+    np.testing.assert_allclose(success_auc(estimate, truth), [(5 + 2.5) / 21], rtol=1e-6)
     errors = np.asarray(precision_curve(estimate, truth))[0]
     np.testing.assert_array_equal(errors, [0.25] * 3 + [0.5] * 17 + [0.75] * 31)
     np.testing.assert_array_equal(distance_precision(estimate, truth), [0.75])
@@ -247,7 +247,7 @@ def test_curves_agree_with_counting_frame_by_frame(use_x64):
         estimate[random.uniform(size=(4, 30, 3)) < 0.1] = np.nan
         # Whole pixels: overlaps that equal a threshold occur.
         truth, estimate = np.round(truth), np.round(estimate)
-        measures = (success_curve, success_area, precision_curve, distance_precision)
+        measures = (success_curve, success_auc, precision_curve, distance_precision)
         together = jax.jit(lambda *boxes: [measure(*boxes) for measure in measures])
         found, area, errors, at_20 = map(np.asarray, together(estimate, truth))
     assert found.shape == (4, 3, 21)

@@ -94,8 +94,8 @@ def with_ends(values, digits):
 
 
 def gained(other, part="report"):
-    """Overlap of pretrained minus another tracker's, with its interval."""
-    ours, theirs = by_clip("pretrained", "overlap", part), by_clip(other, "overlap", part)
+    """IoU of pretrained minus another tracker's, with its interval."""
+    ours, theirs = by_clip("pretrained", "iou", part), by_clip(other, "iou", part)
     assert ours.keys() == theirs.keys()
     return with_ends([ours[clip] - theirs[clip] for clip in ours], 3)
 
@@ -159,7 +159,7 @@ def test_readme_gives_the_figures_of_its_sources():
 @pytest.mark.parametrize(
     ("row", "column", "digits"),
     [
-        ("overlap", "overlap", 3),
+        ("overlap", "iou", 3),
         ("success: frames with an overlap above 0.5", "success", 2),
         ("x in the 95% interval, followed frames", "x", 2),
         ("the same of y", "y", 2),
@@ -184,7 +184,7 @@ def test_what_pretrained_features_gain_is_that_of_the_clips():
         assert row[other].startswith(gained(other.lower()))
     chosen = prose(section(DEFAULTS, "Boxes by pretrained features"))
     means = (
-        f"{np.mean(list(by_clip(tracker, 'overlap', 'choose').values())):.3f}"
+        f"{np.mean(list(by_clip(tracker, 'iou', 'choose').values())):.3f}"
         for tracker in ("default", "pretrained", "csrt", "dlib")
     )
     words = "overlap {} for the default, {} pretrained, {} CSRT and {} dlib".format(*means)
@@ -399,7 +399,7 @@ def test_dps_and_sps_differ_little_on_film():
 
 
 def test_where_pretrained_features_lose_more():
-    pets = (by_clip(name, "overlap")["pets09_first400"] for name in ("pretrained", "default"))
+    pets = (by_clip(name, "iou")["pets09_first400"] for name in ("pretrained", "default"))
     words = "(IoU {:.3f}, by default {:.3f}, on one of the clips)".format(*pets)
     assert words in prose(read(SITE / "howto" / "pretrained.md"))
 

@@ -35,7 +35,7 @@ def scene():
 @pytest.fixture(scope="module")
 def likelihood(scene):
     return histogram_from_patches(
-        scene.patches, sharpness=50.0, parts=1, method="sampled", samples=10
+        scene.patches, sharpness=50.0, bands=1, method="sampled", samples=10
     )
 
 

@@ -147,11 +147,11 @@ def test_crps_asks_for_an_honest_spread():
 
 @pytest.mark.slow
 def test_overlap_loss_skips_what_is_not_labelled(summaries):
-    found, slope = with_gradient(tuning.overlap_loss, tracker(), BOXES, SIZES)
+    found, slope = with_gradient(tuning.iou_loss, tracker(), BOXES, SIZES)
     estimates = boxes_from_substates(summaries.estimate[:, [1, 4]], SIZES)
-    overlap = measures.overlap(estimates, BOXES[[1, 4]])
-    assert (overlap[:, 1] == 0).all()
-    np.testing.assert_allclose(found, (1 - overlap).mean((1, 2)), rtol=1e-4)
+    iou = measures.iou(estimates, BOXES[[1, 4]])
+    assert (iou[:, 1] == 0).all()
+    np.testing.assert_allclose(found, (1 - iou).mean((1, 2)), rtol=1e-4)
     assert np.isfinite(slope).all()
     assert np.abs(slope).max() > 0
 
@@ -167,8 +167,8 @@ PAIRS, QUADS = np.zeros((T, 1, 2)), np.zeros((T, 1, 4))
         (partial(tuning.log_evidence, checkpoint=0), (KEYS, FRAMES), "checkpoint=0"),
         (tuning.crps, (KEYS, FRAMES, [[1, 2], [3]]), "truth=.* must be numbers"),
         (tuning.outline_loss, (KEYS, FRAMES, PAIRS, len), r"shape \[7, 1, 2\]; give corners"),
-        (tuning.overlap_loss, (KEYS, FRAMES, QUADS, [1, 2]), r"sizes has shape \[2\]; give width"),
-        (tuning.overlap_loss, (KEYS, FRAMES, PAIRS, [[1, 1]]), "truth_boxes has shape"),
+        (tuning.iou_loss, (KEYS, FRAMES, QUADS, [1, 2]), r"sizes has shape \[2\]; give width"),
+        (tuning.iou_loss, (KEYS, FRAMES, PAIRS, [[1, 1]]), "truth_boxes has shape"),
         (
             tuning.position_error,
             (KEYS, FRAMES, np.zeros((T, 2, 2))),

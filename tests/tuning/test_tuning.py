@@ -21,7 +21,7 @@ def test_objectives_need_what_they_are_about():
     for given, objective, words in (
         (sequence, "speed", "objective 'speed' is unknown"),
         (unlabelled, "position", "needs labels, but sequence 0 has none"),
-        (sequence, "overlap", "needs the sizes"),
+        (sequence, "iou", "needs the sizes"),
         ([], "evidence", "no sequence"),
     ):
         assert words in message_of(tune, given, SCALE, objective=objective)

@@ -15,13 +15,13 @@ _CONTROLS = re.compile(
 _TRACKED = "overlapping the truth at all"
 #: Prefix of a term -> explanation; a line under each table explains the terms it uses.
 _TERMS = {
-    "success at": "frames whose overlap is above that",
-    "success area": "mean of that share over all thresholds",
+    "success at": "frames whose IoU is above that",
+    "success auc": "mean of that share over all thresholds",
     "success": "tracked in every frame",
     "recover": "tracked in the last frame with truth",
     "tracked": _TRACKED,
-    "unique": "particles that carry different draws of the object",
-    "overlap": "intersection over union",
+    "distinct": "particles that carry different draws of the object",
+    "iou": "intersection over union",
     "precision": "share of the estimate that lies on the truth",
     "recall": "share of the truth that the estimate covers",
     "centre_error": "distance of the centres in pixels",
@@ -35,7 +35,7 @@ _TERMS = {
     "assa": "identities alone",
     "idf1": "F1 of boxes under the right identity",
     "mota": "1 less FP, FN and IDSW per true box",
-    "motp": "mean overlap of the boxes found",
+    "motp": "mean IoU of the boxes found",
     "fp": "boxes without an object",
     "fn": "objects without a box",
     "idsw": "changes of identity",

@@ -13,6 +13,12 @@ from jaxpf.sequences.tables import BoxTable, dense
 
 _SCORES = ("HOTA", "DetA", "AssA", "IDF1", "MOTA", "MOTP")
 _COUNTS = ("FP", "FN", "IDSW", "Frag")
+#: Headings of the printed table that differ from the columns of the file.
+_HEADINGS = {
+    "success_rate_50": "success at IoU 0.5",
+    "success_auc": "success AUC",
+    "iou": "IoU",
+}
 
 
 def report_truth(
@@ -40,10 +46,10 @@ def report_truth(
     measures = metrics.summarise(estimate[None], target)
     columns = {
         "frames": np.asarray(metrics.has_truth(target)).sum(axis=0),
-        "success at .5": np.asarray(scores.success_at_half(estimate, target)),
-        "success area": np.asarray(scores.success_area(estimate, target)),
+        "success_rate_50": np.asarray(scores.success_rate_50(estimate, target)),
+        "success_auc": np.asarray(scores.success_auc(estimate, target)),
     }
-    for measure in ("overlap", "tracked", "precision", "recall", "centre_error"):
+    for measure in ("iou", "tracked", "precision", "recall", "centre_error"):
         columns[measure] = np.asarray(measures[measure].value)
     values = list(zip(shared, *columns.values(), strict=True))
     rows = [
@@ -51,11 +57,10 @@ def report_truth(
         for name, count, *rest in values
     ]
     title = ", ".join(filter(None, ["Against the truth", which]))
-    console.print_table(title, ["", *columns], rows)
-    names = [name.replace(" at .5", "_half").replace(" ", "_") for name in columns]
+    console.print_table(title, ["", *(_HEADINGS.get(name, name) for name in columns)], rows)
     lines = [[name, *(f"{value:.6g}" for value in row)] for name, *row in values]
     path = output / f"{which + '_' if which else ''}metrics.csv"
-    write_text(path, csv_text([["id", *names], *lines]))
+    write_text(path, csv_text([["id", *columns], *lines]))
 
 
 def report_identities(

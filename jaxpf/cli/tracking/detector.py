@@ -177,7 +177,7 @@ def why_none_started(detector: Detector, start: int) -> str:
     every = rules.detection_interval or detection_step(frames)
     return (
         f"no object started: none was detected {rules.min_hits} times inside the picture with "
-        f"an overlap of {rules.detection_iou:g} or more from one detection to the next (the "
+        f"an IoU of {rules.detection_iou:g} or more from one detection to the next (the "
         f"detector's step is {every} frame(s)); lower --detection-iou or --min-hits, or "
         "correct --detection-interval."
     )

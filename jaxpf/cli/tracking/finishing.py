@@ -104,7 +104,7 @@ def _summary(
         "remarks": list(session.start.remarks),
         "frames_outside": counts.outside,
         "frames_without_likelihood": counts.without_likelihood,
-        "mean_error": _mean_errors(table, names),
+        "mean_mc_error": _mean_mc_errors(table, names),
         "impossible_frames": counts.impossible,
         "invalid_likelihoods": counts.invalid,
         "seconds_first_frame": round(first, 3),
@@ -118,12 +118,14 @@ def _summary(
     }
 
 
-def _mean_errors(table: dict[str, np.ndarray], names: list[Any]) -> dict[str, float | None] | None:
-    """Mean Monte Carlo error of x and y in pixels by object; None unless requested."""
-    if "x_error" not in table:
+def _mean_mc_errors(
+    table: dict[str, np.ndarray], names: list[Any]
+) -> dict[str, float | None] | None:
+    """Mean Monte Carlo standard error of x and y in pixels by object; None unless requested."""
+    if "x_mc_error" not in table:
         return None
     ids = np.array([str(name) for name in table["id"].tolist()])
-    errors = np.stack([table["x_error"], table["y_error"]])
+    errors = np.stack([table["x_mc_error"], table["y_mc_error"]])
     means = {}
     for name in map(str, names):
         values = errors[:, ids == name]
@@ -154,14 +156,14 @@ def _tell(
     place = session.request.target.place
     for line in sentences(verdicts, ess, num_particles, place):
         say(line)
-    if (errors := content["mean_error"]) is not None:
+    if (errors := content["mean_mc_error"]) is not None:
         estimated = [f"{name} {error:.2g}" for name, error in errors.items() if error is not None]
         if estimated:
-            say(f"Monte Carlo error of places in pixels: {', '.join(estimated)}")
+            say(f"Mean Monte Carlo standard error of x and y in pixels: {', '.join(estimated)}")
         else:
             _warn(
-                "Note: too few ancestors were left to estimate the Monte Carlo error; ask for "
-                "fewer frames (--mc-error-lag), more particles (-n) or --runs."
+                "Note: too few ancestors were left to estimate the Monte Carlo standard error; ask "
+                "for fewer frames (--mc-error-lag), more particles (-n) or --runs."
             )
     if session.source.note:
         _warn(f"Note: {session.source.note}")

@@ -1,4 +1,4 @@
-"""Per-frame records, shared by fixed and changing populations."""
+"""Per-frame records, shared by a fixed set of objects and by objects that come and go."""
 
 import dataclasses
 import itertools
@@ -36,11 +36,11 @@ class Record(NamedTuple):
         confidence: ``[P]``, see there; None if the likelihood defines none.
         outside: bool ``[P]``, outside the image; None in a frame that is not filtered.
         without_likelihood: bool ``[P]``, no particle has any; None likewise.
-        errors: columns x_error and y_error, Monte Carlo standard errors, if requested.
+        errors: columns x_mc_error and y_mc_error, Monte Carlo standard errors, if requested.
         summary: summary of all partitions; None in a frame that is not filtered.
         state: holds the particles; None in a frame that is not filtered.
         slots: partitions occupied by the objects.
-        changes: starts and ends; None for a fixed population.
+        changes: starts and ends; None for a fixed set of objects.
         scene: the scene of the tracker that this record comes from, if not the run's.
         parts: records of groups of objects with trackers of their own; () for one tracker.  This
             record then joins their ``start``, ``colours``, ``shapes`` and ``lost`` alone.
@@ -156,7 +156,9 @@ def fixed_population(
         places, centres = places_of(scene, number, start, shapes, cloud, centres)
         variance, errors = getattr(summary, "estimate_variance", None), {}
         if variance is not None and scene.target.has_places:
-            errors = dict(zip(("x_error", "y_error"), np.sqrt(variance)[:, :2].T, strict=True))
+            errors = dict(
+                zip(("x_mc_error", "y_mc_error"), np.sqrt(variance)[:, :2].T, strict=True)
+            )
         yield Record(
             number=number,
             frame=tracked.frame,
@@ -192,7 +194,7 @@ def changing_population(
         # Sizes at which a scale of 1 gives these boxes.
         scales = np.ones(len(tracked.ids))
         if tracked.summary is not None:
-            # A newborn object has no estimate yet, and a scale of 1.
+            # An object that starts in this frame has no estimate yet, and a scale of 1.
             scales = np.maximum(np.nan_to_num(tracked.summary.estimate[:, 2], nan=1.0), 1e-9)
         all_ = dataclasses.replace(
             scene.start, ids=tracked.ids, sizes=tracked.boxes[:, 2:] / scales[:, None]
@@ -213,7 +215,7 @@ def changing_population(
             confidence = np.array(confidence)
             confidence[[new.slot for new in tracked.changes.started]] = np.nan  # not yet known
             confidence = confidence[slots]
-        confidence, lost = judge(outside, tracked.lost[slots], confidence)
+        confidence, lost = judge(outside, tracked.without_likelihood[slots], confidence)
         yield Record(
             number=number,
             frame=tracked.frame,
@@ -224,7 +226,7 @@ def changing_population(
             lost=lost,
             confidence=confidence,
             outside=outside,
-            without_likelihood=tracked.lost[slots],
+            without_likelihood=tracked.without_likelihood[slots],
             summary=tracked.summary,
             state=tracked.state,
             slots=slots,

@@ -118,7 +118,7 @@ class Request:
         model: options of the target.
         filter: the filter family.
         filter_options: options of the filter.
-        detector: detections and rules of --detections; None for a fixed population.
+        detector: detections and rules of --detections; None for a fixed set of objects.
     """
 
     video: str | Path
@@ -187,7 +187,7 @@ _EXCLUSIONS = (
     (
         (*_ERRORS, "smooth", "smooth_lag"),
         "detections",
-        f"needs a fixed population, and --detections changes it; {_LEAVE}",
+        f"needs a fixed set of objects, and --detections changes it; {_LEAVE}",
     ),
     (
         ("save_state", "resume"),
@@ -267,7 +267,7 @@ def _filter_of(method: str | None, target: Target, opens: bool) -> Filter:
     if opens and not chosen.opens:
         able = [name for family in able_families for name in family.methods]
         raise InputError(
-            f"--detections does not work with --method {method}, whose population is fixed; use "
-            f"--method {', '.join(able)}."
+            f"--detections does not work with --method {method}, which tracks a fixed set of "
+            f"objects; use --method {', '.join(able)}."
         )
     return chosen

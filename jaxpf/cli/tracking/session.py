@@ -61,7 +61,7 @@ class Session:
         tracker: the tracker to run, possibly a wrapper that repeats a filter side by side.
         before: state of --resume and its number of frames; else None and 0.
         counts: numbers of frames and failures.
-        population: starts and ends; None for a fixed population.
+        population: starts and ends; None for a fixed set of objects.
         tracks: writer of tracks.csv, which keeps its table; None before the first frame.
         smoothed: writer of smoothed.csv, likewise; None without smoothing.
         ess: effective sample sizes of the tracked frames.
@@ -96,7 +96,7 @@ class Session:
 
     @property
     def names(self) -> np.ndarray:
-        """Names of all objects of a fixed population, in the order of their first frames."""
+        """Names of all objects of a fixed set of objects, in the order of their first frames."""
         return all_names(self.start, self.later)
 
     @property

@@ -96,7 +96,7 @@ def _cell(name: str, value: float) -> str:
         return f"{int(value)}"
     if np.isnan(value):
         return ""
-    return f"{value:.6g}" if name in ("confidence", "x_error", "y_error") else f"{value:.3f}"
+    return f"{value:.6g}" if name in ("confidence", "x_mc_error", "y_mc_error") else f"{value:.3f}"
 
 
 def places_of(

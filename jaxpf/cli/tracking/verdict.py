@@ -17,7 +17,7 @@ def object_verdicts(table: Mapping[str, np.ndarray], ids: Any) -> dict[str, dict
         ids: ids of the objects.
 
     Returns:
-        id -> ``frames``, their number; ``followed_until``, the last frame before the object was
+        id -> ``frames``, their number; ``tracked_until``, the last frame before the object was
         first lost (None if lost from the beginning); ``frames_lost``, their number; ``lost``, pairs
         of first and last frames; ``interval_width``, the median widths in pixels of the 95%
         intervals of the table's x and y where the object is not lost (None if unknown);
@@ -36,7 +36,7 @@ def object_verdicts(table: Mapping[str, np.ndarray], ids: Any) -> dict[str, dict
         before = frames if first is None else frames[frames < first]
         about: dict[str, Any] = {
             "frames": len(frames),
-            "followed_until": int(before[-1]) if len(before) else None,
+            "tracked_until": int(before[-1]) if len(before) else None,
             "frames_lost": int(lost[rows].sum()),
             "lost": stretches,
             "interval_width": _widths(table, kept),
@@ -88,7 +88,7 @@ def sentences(
             continue
         sure = about["mean_confidence"] is not None
         tracked = "tracked confidently" if sure else "tracked"
-        until, pieces = about["followed_until"], about["lost"]
+        until, pieces = about["tracked_until"], about["lost"]
         some_lost |= bool(pieces)
         if not pieces:
             text = f"{tracked} to the end (frame {until})"

@@ -36,7 +36,8 @@ Writer = Callable[[Record], None]
 
 
 class Diagnostics:
-    """Writes diagnostics.csv: effective sample size, evidence, uniqueness and confidence.
+    """Writes diagnostics.csv: effective sample size, log evidence, share of distinct
+    particles, and confidence.
 
     Attributes:
         ess: effective sample sizes of the frames, rounded as in the file.
@@ -51,7 +52,7 @@ class Diagnostics:
         """Write a row; a user-defined tracker may report less than the built-in ones."""
         if not record.filtered:
             return
-        columns = {"uniqueness": self._row(record, "uniqueness")}
+        columns = {"distinct_share": self._row(record, "uniqueness")}
         if any(group.confidence is not None for group in record.filtered):
             columns["confidence"] = self._row(record, "confidence")
         if self._is_new:
@@ -88,7 +89,7 @@ def _reported(record: Record, name: str, otherwise: float = np.nan) -> list[floa
 class Overlay:
     """Writes overlay.mp4, whose frames have the times and the shape of pixels of the video's.
 
-    A recovered object is drawn as doubtful until it has been followed for ``_CONFIRMED_AFTER``
+    A recovered object is drawn as doubtful until it has been tracked for ``_CONFIRMED_AFTER``
     frames.
     """
 

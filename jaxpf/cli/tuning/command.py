@@ -62,8 +62,7 @@ class Tuned:
     )
     objective: str = option(
         "evidence",
-        "evidence (no labels), or against the truth: position, overlap, crps (also judges the "
-        "spread).",
+        "evidence (no labels), or against the truth: position, iou, crps (also judges the spread).",
         choices=OBJECTIVES,
     )
     labels: int | None = option(

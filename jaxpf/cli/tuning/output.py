@@ -56,7 +56,7 @@ def write_traces(path: Path, result: Any, objective: str) -> None:
     names = {
         "evidence": "- log evidence per frame",
         "position": "distance (pixels)",
-        "overlap": "1 - overlap",
+        "iou": "1 - IoU",
         "crps": "CRPS (pixels)",
     }
     save_figure(traces(result, names[objective]), path)

@@ -35,10 +35,10 @@ class Summary:
         numbers: ``[R]`` numbers of the finished runs.
         columns: ``[R, P, K]``, one for each of ``COLUMNS``.
         quantiles: of the centre error over runs and objects, ``[len(QUANTILES), T]``.
-        success: curve at the K ``OVERLAP_THRESHOLDS`` with its interval; fields ``[P + 1, K]``,
+        success: curve at the K ``IOU_THRESHOLDS`` with its interval; fields ``[P + 1, K]``,
             all objects last.
         precision: curve at the K ``CENTRE_THRESHOLDS``.
-        transforms: counts of probability integral transforms in ``BINS`` equal bins, over x and
+        pit_values: counts of probability integral transforms in ``BINS`` equal bins, over x and
             y, all objects, and the frames in which they are tracked.
         confidence: its reliability, over all objects and frames with truth.
         scores: of the first ``SCORED_RUNS`` runs, ``[R, len(SCORES)]``; no rows if TrackEval is
@@ -55,7 +55,7 @@ class Summary:
     quantiles: np.ndarray
     success: Interval
     precision: Interval
-    transforms: np.ndarray
+    pit_values: np.ndarray
     confidence: Reliability
     scores: np.ndarray
     reference: int | None = None
@@ -91,10 +91,10 @@ def collect(results: Results, configuration: Configuration) -> Summary | None:
     runs: list[np.ndarray] = []
     pieces: list[tuple[np.ndarray, ...]] = []
     scores: list[list[float]] = []
-    transforms, confidence = np.zeros(BINS, np.int64), Reliability()
+    pit_values, confidence = np.zeros(BINS, np.int64), Reliability()
     for batch in results.batches(configuration):
         piece = measure_batch(batch, truth, target, results.start, has_places)
-        transforms += np.histogram(piece.transforms, BINS, (0, 1))[0]
+        pit_values += np.histogram(piece.pit_values, BINS, (0, 1))[0]
         confidence.add(piece.confidence)
         runs.append(batch.runs)
         pieces.append((piece.columns, piece.centre_error, piece.success, piece.precision))
@@ -113,7 +113,7 @@ def collect(results: Results, configuration: Configuration) -> Summary | None:
         quantiles=error_quantiles(errors),
         success=_curve(success, frames),
         precision=_curve(precision, frames),
-        transforms=transforms,
+        pit_values=pit_values,
         confidence=confidence,
         scores=np.array(scores).reshape(-1, len(SCORES)),
     )

@@ -1,6 +1,6 @@
 """States the conclusion of an evaluation: the best configuration, in one sentence.
 
-Configurations are compared by their success area over all objects, paired by run.  Methods are
+Configurations are compared by their success AUC over all objects, paired by run.  Methods are
 compared at equal settings, those of the best configuration; settings are compared only if there is
 a single method.  Naming the best of C configurations involves C (C - 1) / 2 differences, so
 intervals are Bonferroni-corrected for that number: together they hold with 95% confidence.  Fewer
@@ -20,7 +20,7 @@ from jaxpf.evaluation.work.results import Configuration, Results
 from jaxpf.measures.intervals import DECISIVE
 
 #: The measure that ranks configurations.
-RANKED_BY = by_name("success_area")
+RANKED_BY = by_name("success_auc")
 _MOST_NAMED = 3
 
 
@@ -43,13 +43,13 @@ def conclude(results: Results, summaries: Sequence[Summary]) -> tuple[str, list[
     settings = ", ".join(named_values(ours, held))
     start = f"With {settings}, where the mean is highest, " if held else ""
     if not others:
-        return f"{names[best]}: success area {_share(areas[best])}.", ranking
+        return f"{names[best]}: success AUC {_share(areas[best])}.", ranking
     fewest = min((s.runs for s in summaries if not s.configuration.is_imported), default=DECISIVE)
     if fewest < DECISIVE:
         runs = "one run" if fewest == 1 else f"{fewest} runs"
         return (
             f"Preview of {runs}: {start[:1].lower() + start[1:]}{names[best]} is ahead, success "
-            f"area {_share(areas[best])}; fewer than {DECISIVE} runs decide nothing.",
+            f"AUC {_share(areas[best])}; fewer than {DECISIVE} runs decide nothing.",
             ranking,
         )
     pairs = len(list(itertools.combinations(ranking, 2)))
@@ -58,7 +58,7 @@ def conclude(results: Results, summaries: Sequence[Summary]) -> tuple[str, list[
     tied = [other for other in others if other not in worse]
     if not worse:
         return (
-            f"{start}{'no' if start else 'No'} configuration follows best: {names[best]} is "
+            f"{start}{'no' if start else 'No'} configuration tracks best: {names[best]} is "
             f"ahead, but {_listed(names, tied)} cannot be distinguished from it.",
             ranking,
         )
@@ -67,7 +67,7 @@ def conclude(results: Results, summaries: Sequence[Summary]) -> tuple[str, list[
     value, lower, upper = intervals[reference]
     digits = 2 if upper - lower >= 0.02 else 3
     sentence = (
-        f"{start}{names[best]} follows best: success area {_share(value, digits, '+')} "
+        f"{start}{names[best]} tracks best: success AUC {_share(value, digits, '+')} "
         f"[{_share(lower, digits)}, {_share(upper, digits)}] over {names[reference]}"
     )
     if tied:

@@ -13,18 +13,18 @@ from jaxpf.contract.logs import log_evidence
 from jaxpf.evaluation.work.batches import Batch
 from jaxpf.lowering.programs import compiled
 from jaxpf.measures import calibration, metrics
-from jaxpf.measures.scores import CENTRE_THRESHOLDS, OVERLAP_THRESHOLDS
+from jaxpf.measures.scores import CENTRE_THRESHOLDS, IOU_THRESHOLDS
 from jaxpf.targets.target import Start, Target
 
 #: Probabilities, in percent, of the regions whose coverage of the truth is measured.
 REGIONS = (50, 80, 95)
 #: The same for the size of boxes.
 SIZE_REGIONS = (50, 95)
-#: Overlap at which a box counts as on its object, in the reliability of confidence.
+#: IoU at which a box counts as on its object, in the reliability of confidence.
 ON_OBJECT = 0.1
 #: Centre error threshold in pixels by which OTB ranks trackers (wu2013).
 DISTANCE = 20
-#: Overlap above which a box counts as correct (wu2013).
+#: IoU above which a box counts as correct (wu2013).
 HALF = 0.5
 _RUNS_AT_ONCE = 256
 _BOXES_AT_ONCE = 2**17
@@ -69,14 +69,14 @@ SCORES = (
     Measure("Frag", "interruptions"),
 )
 
-#: OTB's curves (wu2013) and their thresholds: overlaps, and centre errors in pixels.
-CURVES = {"success": OVERLAP_THRESHOLDS, "precision": CENTRE_THRESHOLDS}
+#: OTB's curves (wu2013) and their thresholds: IoUs, and centre errors in pixels.
+CURVES = {"success": IOU_THRESHOLDS, "precision": CENTRE_THRESHOLDS}
 #: Columns that hold the number of frames in a mean.
 FRAMES, TRACKED_FRAMES = "frames", "tracked_frames"
 
 MEASURES = (
-    Measure("success_half", "success at .5", weight=FRAMES, percent=True),
-    Measure("success_area", "success area", weight=FRAMES, percent=True),
+    Measure("success_rate_50", "success at IoU 0.5", weight=FRAMES, percent=True),
+    Measure("success_auc", "success AUC", weight=FRAMES, percent=True),
     Measure("success", "smith2004 success", is_rate=True, percent=True),
     Measure("recovered", "smith2004 recovery", is_rate=True, percent=True),
     Measure("tracked_share", "tracked", weight=FRAMES, percent=True),
@@ -84,11 +84,11 @@ MEASURES = (
     Measure("recall", "recall", weight=TRACKED_FRAMES, percent=True),
     Measure("precision_all", "precision, all frames", weight=FRAMES, percent=True),
     Measure("recall_all", "recall, all frames", weight=FRAMES, percent=True),
-    Measure("overlap", "overlap", weight=FRAMES, percent=True),
+    Measure("iou", "IoU", weight=FRAMES, percent=True),
     Measure("distance_precision", "centre within 20 pixels", weight=FRAMES, percent=True),
     Measure("centre_error", "centre error", weight="located_frames", unit="pixels"),
     Measure("corner_error", "corner distance", weight="located_frames", unit="pixels"),
-    Measure("uniqueness", "uniqueness", percent=True),
+    Measure("distinct_share", "distinct particles", percent=True),
     *(
         Measure(f"coverage_{p}", f"truth in the {p}% region", weight=TRACKED_FRAMES, percent=True)
         for p in REGIONS
@@ -127,7 +127,7 @@ def by_name(name: str) -> Measure:
 #: Measures whose differences the tables show.
 COMPARED = tuple(
     by_name(name)
-    for name in ("success_half", "success_area", "success", "recovered", "centre_error")
+    for name in ("success_rate_50", "success_auc", "success", "recovered", "centre_error")
 )
 
 
@@ -139,7 +139,7 @@ class Measured(NamedTuple):
         centre_error: ``[R, T, P]`` in pixels, NaN where there is no truth or no estimate.
         success: ``[R, P, 21]``, see ``jaxpf.measures.success_curve``.
         precision: ``[R, P, 51]``, see ``jaxpf.measures.precision_curve``.
-        transforms: ``[R, T, P, 2]`` of x and y, see ``jaxpf.measures.transforms``; NaN where an
+        pit_values: ``[R, T, P, 2]`` of x and y, see ``jaxpf.measures.pit_values``; NaN where an
             object is not tracked or has no known position.
         confidence: ``[R, 2, 100]``, see ``jaxpf.measures.confidence_counts``.
     """
@@ -148,7 +148,7 @@ class Measured(NamedTuple):
     centre_error: np.ndarray
     success: np.ndarray
     precision: np.ndarray
-    transforms: np.ndarray
+    pit_values: np.ndarray
     confidence: np.ndarray
 
 
@@ -185,7 +185,7 @@ def _measure_piece(batch: Batch, frames: dict[str, np.ndarray], has_places: bool
     present = frames["present"] > 0
     tracked, error = frames["tracked"] > 0, frames["centre_error"]
     # The last axis is OTB's thresholds; the mean is over frames.
-    exceeds = frames["overlap"][..., None] > OVERLAP_THRESHOLDS.astype(np.float32)
+    exceeds = frames["iou"][..., None] > IOU_THRESHOLDS.astype(np.float32)
     success = _mean(exceeds, present[..., None])
     # An object without an estimate has a NaN error, so it is within no threshold.
     within = error[..., None] <= CENTRE_THRESHOLDS.astype(np.float32)
@@ -195,14 +195,14 @@ def _measure_piece(batch: Batch, frames: dict[str, np.ndarray], has_places: bool
     asked = np.broadcast_to(has_places & tracked[..., None], offset.shape)
     model_error = batch.model_error[:, None]
     spread = np.where(asked, np.hypot(batch.spread[..., :2], model_error[..., :2]), np.nan)
-    transforms = calibration.transforms(offset, spread)
+    pit_values = calibration.pit_values(offset, spread)
     smallest = calibration.smallest_region(offset, spread)
     size_spread = np.full(tracked.shape, np.nan)
     if has_places and batch.spread.shape[-1] > 2:
         size = np.where(tracked, frames["size"], np.nan)
         size_spread = np.hypot(batch.spread[..., 2] / size, model_error[..., 2])  # of the logarithm
     size_smallest = calibration.smallest_region(frames["size_offset"], size_spread)
-    on_object = np.where(present, frames["overlap"] >= ON_OBJECT, np.nan)
+    on_object = np.where(present, frames["iou"] >= ON_OBJECT, np.nan)
     values = {
         FRAMES: np.sum(present, axis=1),
         TRACKED_FRAMES: np.sum(tracked, axis=1),
@@ -215,13 +215,13 @@ def _measure_piece(batch: Batch, frames: dict[str, np.ndarray], has_places: bool
         "recall": _mean(frames["recall"], tracked),
         "precision_all": _mean(frames["precision"], present),
         "recall_all": _mean(frames["recall"], present),
-        "overlap": _mean(frames["overlap"], present),
-        "success_half": _mean(frames["overlap"] > HALF, present),
-        "success_area": np.mean(success, axis=-1),
+        "iou": _mean(frames["iou"], present),
+        "success_rate_50": _mean(frames["iou"] > HALF, present),
+        "success_auc": np.mean(success, axis=-1),
         "distance_precision": precision[..., DISTANCE],
         "centre_error": _mean(error, present),
         "corner_error": _mean(frames["corner_error"], present),
-        "uniqueness": _mean(batch.uniqueness),
+        "distinct_share": _mean(batch.uniqueness),
         "crps": _mean_of_places(calibration.crps(offset, spread)),
         "log_score": _mean_of_places(calibration.log_score(offset, spread)),
         "ess": _mean(batch.ess)[:, None],
@@ -234,9 +234,9 @@ def _measure_piece(batch: Batch, frames: dict[str, np.ndarray], has_places: bool
         values[f"size_coverage_{percent}"] = _mean(_inside(size_smallest, percent))
     shape = batch.shapes.shape[0], batch.shapes.shape[2]
     columns = np.stack([np.broadcast_to(values[name], shape) for name in COLUMNS], axis=-1)
-    transforms = transforms.astype(np.float32)
+    pit_values = pit_values.astype(np.float32)
     confidence = calibration.confidence_counts(batch.confidence, on_object)
-    return Measured(columns.astype(np.float64), error, success, precision, transforms, confidence)
+    return Measured(columns.astype(np.float64), error, success, precision, pit_values, confidence)
 
 
 def _inside(smallest: np.ndarray, percent: float) -> np.ndarray:

@@ -35,7 +35,7 @@ def accuracy_curves(methods: Sequence[str], curves: Mapping[tuple[str, str], Any
             axis.fill_between(thresholds, lower, upper, **style)
         axis.set(xlim=(0, thresholds[-1]), ylim=(0, 102), ylabel="frames (%)")
         _legend_below(axis)
-    axes[0].set(title="success [area]", xlabel="overlap above")
+    axes[0].set(title="success [AUC]", xlabel="IoU above")
     axes[1].set(title=f"precision [within {DISTANCE} pixels]", xlabel="centre error up to, pixels")
     return figure
 
@@ -63,13 +63,13 @@ def error_over_time(first_frame: int, summaries: Sequence[Summary]) -> Any:
 
 
 def against_time(lines: Mapping[str, Sequence[Summary]]) -> Any:
-    """Draw success area and centre error against time per frame.
+    """Draw success AUC and centre error against time per frame.
 
     Args:
         lines: result of ``lines_over_particles``.
     """
     figure, axes = _axes(len(lines), 2)
-    for axis, name in zip(axes, ("success_area", "centre_error"), strict=True):
+    for axis, name in zip(axes, ("success_auc", "centre_error"), strict=True):
         measure = by_name(name)
         for label, line in lines.items():
             values = triples([summary.estimates[name] for summary in line], -1)
@@ -110,7 +110,7 @@ def calibration(summaries: Sequence[Summary]) -> Any:
     """Draw coverage of central regions of x and y against their probability."""
     figure, (axis,) = _axes(len(summaries))
     for summary in summaries:
-        counts = summary.transforms
+        counts = summary.pit_values
         half = len(counts) // 2
         inside = [counts[half - k : half + k].sum() for k in range(half + 1)]
         shares = 100 * np.array(inside) / counts.sum()

@@ -90,7 +90,7 @@ def save(figure: Any, png: str | os.PathLike[str]) -> None:
 def _drawn(results: Results, overview: Overview) -> Iterator[tuple[str, str, str, Any]]:
     """Yield name, title, caption and drawing of each figure of the best configurations."""
     summaries, best = overview.summaries, overview.ranked[: charts.MOST_LINES]
-    calibrated = [summary for summary in best if summary.transforms.any()]
+    calibrated = [summary for summary in best if summary.pit_values.any()]
     confident = [summary for summary in best if summary.confidence.frames[-1]]
     shown = f" The best {len(best)} of {len(summaries)} configurations."
     shown = shown if len(best) < len(summaries) else ""
@@ -105,7 +105,7 @@ def _drawn(results: Results, overview: Overview) -> Iterator[tuple[str, str, str
     yield (
         "success-curves",
         "Success and precision curves",
-        "Share of the frames whose overlap with the truth exceeds a threshold, and of those whose "
+        "Share of the frames whose IoU with the truth exceeds a threshold, and of those whose "
         "centre error is at most a threshold (wu2013), without the start frame. Bands: 95% "
         "intervals over runs. In brackets: the area under the success curve, and the "
         "precision within 20 pixels." + shown,

@@ -23,8 +23,8 @@ from jaxpf.measures.intervals import DECISIVE
 HEADLINE = tuple(
     by_name(name)
     for name in (
-        *("success_half", "success_area", "success", "recovered", "precision", "recall"),
-        *("overlap", "centre_error", "corner_error", "uniqueness", "frames_per_second"),
+        *("success_rate_50", "success_auc", "success", "recovered", "precision", "recall"),
+        *("iou", "centre_error", "corner_error", "distinct_share", "frames_per_second"),
     )
 )
 #: Most configurations in the tables of the terminal and the report.
@@ -33,7 +33,7 @@ MOST_PRINTED = 10
 PRINTED = tuple(
     by_name(name)
     for name in (
-        *("success_half", "success_area", "overlap", "coverage_95", "size_coverage_95"),
+        *("success_rate_50", "success_auc", "iou", "coverage_95", "size_coverage_95"),
         "frames_per_second",
     )
 )
@@ -63,8 +63,8 @@ NOTES = (
     "least as wide as Student's. Errors and counts have no bound, so a few lost runs may dominate "
     "their mean: shown is the median over runs, with order statistics as its interval. Without "
     "brackets, the runs are too few: three are needed, of a median six.",
-    "Overlap is intersection over union. Success at .5: the share of frames whose overlap exceeds "
-    ".5. Success area: the mean of that share over all thresholds from 0 to 1 (Wu, Lim and Yang "
+    "IoU is intersection over union. Success at IoU 0.5: the share of frames whose IoU exceeds "
+    "0.5. Success AUC: the mean of that share over all thresholds from 0 to 1 (Wu, Lim and Yang "
     "2013). Smith2004's success and recovery ask for one shared pixel only, in every frame of a "
     "run or in its last one with truth, and do not say how well a box fits. Precision and recall "
     "are over the frames that share a pixel, the others over all frames with truth. The start "
@@ -84,7 +84,7 @@ NOTES = (
     "intervals are calibrated and narrow (Gneiting and Raftery 2007); the log score is in "
     "summary.csv.",
     "Confidence: share of the boxes on their object, by the confidence that was reported with "
-    f"them. A box is on its object if their overlap is at least {ON_OBJECT:g}; all frames with "
+    f"them. A box is on its object if their IoU is at least {ON_OBJECT:g}; all frames with "
     "truth count. The area under the curve is the probability that a box on its object has more "
     "confidence than one that is not, over all runs and objects. Off in silence: share of all "
     "frames with a box off its object that is not reported lost.",
@@ -131,7 +131,7 @@ def score_tables(object_ids: Sequence[int], summaries: Sequence[Summary]) -> lis
 
 def calibration_tables(object_ids: Sequence[int], summaries: Sequence[Summary]) -> list[Table]:
     """Calibration; no tables if no filter has spreads of x and y."""
-    calibrated = [s for s in summaries if s.transforms.any()]
+    calibrated = [s for s in summaries if s.pit_values.any()]
     return estimate_tables(object_ids, calibrated, CALIBRATION, "calibration, ")
 
 

@@ -34,12 +34,12 @@ from jaxpf.measures.intervals import DECISIVE
 
 #: Measures in the terminal's tables.
 PRINTED = (
-    *("overlap", "success_half", "coverage_95", "size_coverage_95"),
+    *("iou", "success_rate_50", "coverage_95", "size_coverage_95"),
     *("confidence_area", "silent", "frames_per_second"),
 )
 #: Measures in ``overall.md``; ``overall.csv`` has all.
 SHOWN = (
-    *("overlap", "success_half", "success_area", "coverage_50", "coverage_95"),
+    *("iou", "success_rate_50", "success_auc", "coverage_50", "coverage_95"),
     *("size_coverage_50", "size_coverage_95", "confidence_area", "silent", "frames_per_second"),
     *("HOTA", "IDF1"),
 )
@@ -154,7 +154,7 @@ def _table(
     shown: Sequence[str],
 ) -> Table:
     table = Table("overall", title, ["method"], [(method, []) for method in methods])
-    counts = [found[method, "overlap"].runs[0] for method in methods]
+    counts = [found[method, "iou"].runs[0] for method in methods]
     if len(set(counts)) > 1:
         table.add("sequences", map(str, counts))
     for measure in map(by_name, shown):

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from jaxpf.boxes.tracks import BoxTable, dense, read_boxes
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.numbers import check_array, check_whole, numbers_in
-from jaxpf.measures.association import pairwise_overlap
+from jaxpf.measures.association import pairwise_iou
 
 # Overlap with the truth at which the MOTChallenge counts a box as a match.
 _MATCH = 0.5
@@ -54,8 +54,8 @@ def match_tracks(
     1. The file uses the truth's ids if all of ``ids`` occur in it and no box of another id
        overlaps an object more than the object's own box does (or, if the frame lacks the own box,
        by .5 or more).
-    2. Otherwise tracks are assigned greedily by overlap (intersection over union), one track per
-       object, down to an overlap of .5, the MOTChallenge's threshold for a match.
+    2. Otherwise tracks are assigned greedily by IoU (intersection over union), one track per
+       object, down to an IoU of .5, the MOTChallenge's threshold for a match.
 
     Args:
         table: the file's boxes.
@@ -84,19 +84,19 @@ def match_tracks(
     frame = int(frames.min())
     rows = np.flatnonzero(table.frame == frame)
     there = table.id[rows]
-    overlap = pairwise_overlap(truth[frame - start_frame], table.box[rows])  # [P, rows]
+    iou = pairwise_iou(truth[frame - start_frame], table.box[rows])  # [P, rows]
 
     is_own = np.asarray(ids)[:, None] == there
-    own, best = np.where(is_own, overlap, 0).max(axis=1), overlap.max(axis=1)
+    own, best = np.where(is_own, iou, 0).max(axis=1), iou.max(axis=1)
     is_contradicted = (best > own) & (is_own.any(axis=1) | (best >= _MATCH))
     if set(ids) <= set(table.id.tolist()) and not is_contradicted.any():
         return [int(identity) for identity in ids]
 
     matched: list[int | None] = [None] * len(ids)
-    while overlap.max() >= _MATCH:
-        column, row = np.unravel_index(np.argmax(overlap), overlap.shape)
+    while iou.max() >= _MATCH:
+        column, row = np.unravel_index(np.argmax(iou), iou.shape)
         matched[column] = int(there[row])
-        overlap[column], overlap[:, row] = 0, 0
+        iou[column], iou[:, row] = 0, 0
     if all(identity is None for identity in matched):
         raise InputError(
             f"no box of {table.source} in frame {frame} (counting from 0) overlaps an object of "

@@ -17,7 +17,7 @@ from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import (
     STATUS_IMPOSSIBLE,
     STATUS_INVALID_LIKELIHOOD,
-    STATUS_LOST,
+    STATUS_WITHOUT_LIKELIHOOD,
     Summary,
     moments,
     sanitised,
@@ -215,7 +215,7 @@ def summarise(state: FactoredState, log_totals, num_invalid, log_evidence=None) 
         spread=spread.T,
         status=(
             STATUS_INVALID_LIKELIHOOD * (num_invalid > 0)
-            + (STATUS_IMPOSSIBLE + STATUS_LOST) * impossible
+            + (STATUS_IMPOSSIBLE + STATUS_WITHOUT_LIKELIHOOD) * impossible
         ).astype(jnp.int32),
         without_likelihood=lost,
         num_invalid=num_invalid,

@@ -38,7 +38,7 @@ from jaxpf.contract.logs import counted, finite, normalised
 from jaxpf.contract.state import (
     STATUS_IMPOSSIBLE,
     STATUS_INVALID_LIKELIHOOD,
-    STATUS_LOST,
+    STATUS_WITHOUT_LIKELIHOOD,
     moments,
     sanitised,
 )
@@ -238,7 +238,7 @@ def report(
     status = (
         STATUS_INVALID_LIKELIHOOD * (num_invalid > 0)
         + STATUS_IMPOSSIBLE * (jnp.all(lost | empty) & ~jnp.all(empty))
-        + STATUS_LOST * jnp.any(lost)
+        + STATUS_WITHOUT_LIKELIHOOD * jnp.any(lost)
     ).astype(jnp.int32)
     holders = by_label.counts(labels, num_targets).astype(log_weights.dtype)
     summary = LabelledSummary(

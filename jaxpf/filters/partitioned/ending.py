@@ -12,7 +12,7 @@ from jaxpf.contract.logs import counted, finite, normalised
 from jaxpf.contract.state import (
     STATUS_IMPOSSIBLE,
     STATUS_INVALID_LIKELIHOOD,
-    STATUS_LOST,
+    STATUS_WITHOUT_LIKELIHOOD,
     ParticleState,
     Summary,
     count_unique,
@@ -106,7 +106,7 @@ def finish(
     status = (
         STATUS_INVALID_LIKELIHOOD * (carry.num_invalid > 0)
         + STATUS_IMPOSSIBLE * all_impossible
-        + STATUS_LOST * jnp.any(lost)
+        + STATUS_WITHOUT_LIKELIHOOD * jnp.any(lost)
     ).astype(jnp.int32)
     # Without resampling or exchange inside the frame, all draws are distinct.
     num_unique = choose(

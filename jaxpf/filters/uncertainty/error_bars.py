@@ -28,7 +28,7 @@ weighting, for three objects with a joint likelihood, it is .65 to .69, and two 
 NaN.  For the evidence under systematic resampling the ratio is .24 to .33, far too small, because
 the estimator subtracts the variance of multinomial draws.  The evidence variance is therefore
 reported only with multinomial resampling; otherwise compare runs.  With exchange, each partition
-has its own ancestors, and the evidence has no error bar.
+has its own ancestors, and the evidence has no standard error.
 """
 
 import dataclasses
@@ -115,15 +115,17 @@ class WithErrorBars(contract.Tracker):
         tracker = self.tracker
         if not isinstance(tracker, Partitioned):
             raise InputError(
-                f"error bars from one run follow the ancestors of whole particles, which "
-                f"{type(tracker).__name__} has not; use jaxpf.Partitioned, or compare many runs."
+                "Monte Carlo standard errors from one run follow the ancestors of whole particles, "
+                f"which {type(tracker).__name__} has not; use jaxpf.Partitioned, or compare many "
+                "runs."
             )
         if hasattr(tracker, "moments"):
             raise InputError(
-                "error bars are of states that are arrays, not pytrees; let the state be one array."
+                "Monte Carlo standard errors need states that are arrays, not pytrees; make the "
+                "state one array."
             )
         blends = tracker.gradient.blends
-        check_separate("error bars", (blends, "gradient Transport, which blends particles"))
+        check_separate("WithErrorBars", (blends, "gradient Transport, which blends particles"))
         exchanges = tracker.ordering.exchanges
         by_partition = not is_concrete(exchanges) or bool(np.any(exchanges))
         object.__setattr__(self, "by_partition", by_partition)

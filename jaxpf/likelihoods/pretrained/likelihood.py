@@ -127,7 +127,7 @@ class PretrainedLikelihood(Likelihood):
         """See ``Likelihood``: of the place a tenth of the size, and of the size a factor of 1.3.
 
         Chosen on 15 annotated clips, so that the 95% intervals hold x and y in at least 90% of the
-        frames in which the object is followed.
+        frames in which the object is tracked.
         """
         side = jnp.sqrt(jnp.prod(jnp.asarray(self.sizes), axis=1))
         of_size = jnp.full_like(side, DiscriminativeLikelihood.model_error[2])

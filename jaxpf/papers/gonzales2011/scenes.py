@@ -206,7 +206,7 @@ def learn(scene: Any, samples: int = SAMPLES) -> HistogramLikelihood:
         scene.patches,
         scene.sizes,
         sharpness=SHARPNESS,
-        parts=1,
+        bands=1,
         method="sampled",
         samples=samples,
     )

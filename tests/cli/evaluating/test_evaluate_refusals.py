@@ -23,7 +23,7 @@ pytestmark = pytest.mark.usefixtures("started_jax")
         ("--sharpness 20,many", "'20,many' is not numbers separated by commas"),
         ("-n 3.5", "'3.5' is not whole numbers separated by commas"),
         ("--noise-pixels 1,2", "'1,2' holds 2 number(s); give 3 of them"),
-        ("--bands 100", "100 parts need at least 100 rows"),
+        ("--bands 100", "100 bands need at least 100 rows"),
         ("--runs 0", "--runs 0 must be a whole number from 1"),
         ("--scene-seed -1", "seed = -1 must be a whole number, 0 or more"),
         ("--set num_objects", "--set 'num_objects' must have the form NAME=VALUE"),

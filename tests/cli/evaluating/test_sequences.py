@@ -30,7 +30,7 @@ def test_several_sequences_get_a_table_over_all(place, tmp_path, short_report):
     rows = rows_of(output / "sequences.csv")
     assert {row["sequence"] for row in rows} == {"one", "two"}
     # The same pictures under two names.
-    values = {row["sequence"]: row["value"] for row in rows if row["measure"] == "overlap"}
+    values = {row["sequence"]: row["value"] for row in rows if row["measure"] == "iou"}
     assert values["one"] == values["two"]
     measures = {row["measure"] for row in rows_of(output / "overall.csv")}
     assert {"coverage_50", "coverage_95", "size_coverage_50", "size_coverage_95"} <= measures

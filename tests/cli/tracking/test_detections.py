@@ -43,7 +43,7 @@ def test_objects_start_by_detections_and_the_run_can_be_repeated(track, tmp_path
     assert (summary["ended"], summary["refused"]) == ([], [])
     assert summary["parameters"]["method"] == "labelled"
     header = (output / "diagnostics.csv").read_text().splitlines()[0]
-    assert header.endswith("uniqueness_slot_1,uniqueness_slot_2,uniqueness_slot_3")
+    assert header.endswith(",".join(f"distinct_share_slot_{i}" for i in (1, 2, 3)))
     assert (output / "overlay.mp4").stat().st_size > 0
     again = track("--config", output / "run.toml", "-o", tmp_path / "again")
     assert again.code == 0, again.err

@@ -72,7 +72,7 @@ def test_the_verdict_of_each_object_is_printed_and_kept(whole_run):
     assert set(objects) == {"1", "2"}
     for name, about in objects.items():
         assert about["frames"] == LENGTH - 1
-        assert about["followed_until"] == LENGTH - 1
+        assert about["tracked_until"] == LENGTH - 1
         assert about["lost"] == []
         rows = table["id"] == int(name)
         x, y = (
@@ -154,7 +154,8 @@ def test_the_summary_holds_parameters_versions_seed_and_timing(whole_run):
 def test_the_diagnostics_are_numbers_by_frame(whole_run):
     _, output = whole_run
     header, *rows = (output / "diagnostics.csv").read_text().splitlines()
-    assert header == "frame,ess,log_evidence,uniqueness_1,uniqueness_2,confidence_1,confidence_2"
+    shares = "distinct_share_1,distinct_share_2"
+    assert header == f"frame,ess,log_evidence,{shares},confidence_1,confidence_2"
     numbers = np.array([row.split(",") for row in rows], float)
     np.testing.assert_array_equal(numbers[:, 0], np.arange(1, LENGTH))
     assert np.all((numbers[:, 1] >= 1) & (numbers[:, 1] <= 60))
@@ -166,18 +167,18 @@ def test_truth_adds_a_table_over_the_frames_that_have_truth(whole_run):
     assert "Against the truth" in outcome.out
     assert "object 2" in outcome.out
     header, *rows = (output / "metrics.csv").read_text().splitlines()
-    assert header.startswith("id,frames,success_half,success_area,overlap,tracked,precision")
+    assert header.startswith("id,frames,success_rate_50,success_auc,iou,tracked,precision")
     boxes = dense(read_boxes(output / "tracks.csv"), [1, 2], LENGTH)[1:]
     truth = np.array([true_boxes(number) for number in range(1, LENGTH)])
-    overlaps = np.asarray(measures.overlap(boxes, truth))
-    for row, known in zip(rows, (overlaps[:, 0], overlaps[:-1, 1]), strict=True):
+    ious = np.asarray(measures.iou(boxes, truth))
+    for row, known in zip(rows, (ious[:, 0], ious[:-1, 1]), strict=True):
         values = dict(zip(header.split(","), map(float, row.split(",")), strict=True))
         assert (values["frames"], values["tracked"]) == (len(known), 1)
-        assert values["success_half"] == pytest.approx(np.mean(known > 0.5), rel=1e-5)
+        assert values["success_rate_50"] == pytest.approx(np.mean(known > 0.5), rel=1e-5)
         thresholds = np.arange(21)[:, None] / 20
-        assert values["success_area"] == pytest.approx(np.mean(known > thresholds), rel=1e-5)
+        assert values["success_auc"] == pytest.approx(np.mean(known > thresholds), rel=1e-5)
     table = outcome.out[outcome.out.index("Against the truth") :]
-    assert table.index("success at .5") < table.index("success area") < table.index("tracked")
+    assert table.index("success at IoU 0.5") < table.index("success AUC") < table.index("tracked")
 
 
 def test_run_toml_repeats_the_run_bit_for_bit(whole_run, tmp_path, monkeypatch):

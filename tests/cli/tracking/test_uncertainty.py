@@ -9,8 +9,8 @@ from jaxpf.cli.tracking import writers
 
 
 def test_a_run_reports_no_monte_carlo_error_unless_requested(whole_run):
-    assert "x_error" not in read_tracks(whole_run[1] / "tracks.csv")
-    assert summary_of(whole_run[1])["mean_error"] is None
+    assert "x_mc_error" not in read_tracks(whole_run[1] / "tracks.csv")
+    assert summary_of(whole_run[1])["mean_mc_error"] is None
 
 
 @pytest.mark.slow
@@ -19,13 +19,13 @@ def test_runs_side_by_side_tell_how_much_they_differ(track, tmp_path):
     assert outcome.code == 0, outcome.err
     table = read_tracks(tmp_path / "out" / "tracks.csv")
     for name in ("x", "y"):
-        error = table[f"{name}_error"][2:]
+        error = table[f"{name}_mc_error"][2:]
         assert np.all(error > 0)
         assert np.all(error < table[f"{name}_97.5"][2:] - table[f"{name}_2.5"][2:])
     assert (tmp_path / "out" / "overlay.mp4").exists()
-    for name, error in summary_of(tmp_path / "out")["mean_error"].items():
+    for name, error in summary_of(tmp_path / "out")["mean_mc_error"].items():
         rows = table["id"] == int(name)
-        errors = np.stack([table["x_error"][rows], table["y_error"][rows]])
+        errors = np.stack([table["x_mc_error"][rows], table["y_mc_error"][rows]])
         np.testing.assert_allclose(error, np.nanmean(errors), atol=1e-3)
         assert f"{name} {error:.2g}" in outcome.out
 
@@ -35,7 +35,7 @@ def test_one_run_tells_its_error_by_its_ancestors(track, whole_run, tmp_path):
     outcome = track(*BOXES, "--mc-error-lag", 3, "--no-overlay")
     assert outcome.code == 0, outcome.err
     table = read_tracks(tmp_path / "out" / "tracks.csv")
-    for name in ("x_error", "y_error"):
+    for name in ("x_mc_error", "y_mc_error"):
         assert np.nanmin(table.pop(name)) > 0
     # The answers are those of the run without it.
     others = read_tracks(whole_run[1] / "tracks.csv")

@@ -27,7 +27,7 @@ def test_an_object_that_is_followed_throughout_needs_no_advice():
     verdicts = object_verdicts(table(SURE), [7])
     assert verdicts["7"] == {
         "frames": 29,
-        "followed_until": 29,
+        "tracked_until": 29,
         "frames_lost": 0,
         "lost": [],
         "interval_width": {"x": 5.0, "y": 9.0},
@@ -45,7 +45,7 @@ def test_an_object_that_is_followed_throughout_needs_no_advice():
 def test_stretches_in_which_an_object_is_lost_are_those_of_the_table():
     lost = np.isin(FRAMES, [10, 11, 14, *range(25, 30)])
     verdicts = object_verdicts(table(SURE, lost), [7])
-    assert verdicts["7"]["followed_until"] == 9
+    assert verdicts["7"]["tracked_until"] == 9
     assert verdicts["7"]["lost"] == [[10, 11], [14, 14], [25, 29]]
     first, advice = sentences(verdicts, 120.0, 300)
     assert "until frame 9, lost in 8 of 29 frames (10 to 11, 14 and 25 to 29)" in first

@@ -89,7 +89,7 @@ def test_evaluate_and_track_take_the_values(tuned, tmp_path):
 @pytest.mark.usefixtures("compiled_quickly")
 def test_a_folder_is_tuned_on_its_first_frames(tmp_path):
     folder = write_sequence(tmp_path / "two")
-    options = "--objective overlap --steps 2 --labels 1 --frames 3 --appearance colour"
+    options = "--objective iou --steps 2 --labels 1 --frames 3 --appearance colour"
     parameters = ("--parameters", "likelihood.sharpness=1:100", "-o", tmp_path / "out")
     outcome = jaxpf("tune", folder, *QUICK, *options.split(), *parameters)
     assert outcome.code == 0, outcome.err
@@ -165,7 +165,7 @@ def test_a_loss_that_is_not_finite_keeps_the_last_values(tmp_path):
 def test_parts_are_tuned_on_their_outlines(tmp_path):
     """A target without boxes: its own options are written."""
     options = shlex.split(
-        "--set num_frames=6 --set num_parts=3 --method sir --likelihood patch --objective overlap "
+        "--set num_frames=6 --set num_parts=3 --method sir --likelihood patch --objective iou "
         "--parameters dynamics.scale --num-particles 20 --runs 2 --repeats 1 --window 2 --steps 2 "
         "--train-scenes 1"
     )

@@ -10,8 +10,8 @@ from jaxpf import ordering, pytree_dataclass
 from jaxpf.contract.state import (
     STATUS_IMPOSSIBLE,
     STATUS_INVALID_LIKELIHOOD,
-    STATUS_LOST,
     STATUS_OK,
+    STATUS_WITHOUT_LIKELIHOOD,
 )
 
 
@@ -37,7 +37,7 @@ def test_invalid_likelihoods_are_counted_one_by_one():
 @every_method
 def test_an_impossible_frame_is_reported_and_left_out(method):
     state, summary = track(METHODS[method](), frames(-np.inf, -np.inf))
-    assert summary.status[1] == STATUS_IMPOSSIBLE + STATUS_LOST
+    assert summary.status[1] == STATUS_IMPOSSIBLE + STATUS_WITHOUT_LIKELIHOOD
     assert summary.without_likelihood[1].all()
     assert np.isneginf(summary.log_evidence[1])
     # The weights are what they were: equal, since the frame began with a resampling.
@@ -54,7 +54,7 @@ def test_a_lost_object_is_named_and_the_others_are_tracked_on(method):
     np.testing.assert_array_equal(
         summary.without_likelihood, [[False] * 3, [False, True, False], [False] * 3]
     )
-    assert summary.status[1] == STATUS_IMPOSSIBLE + STATUS_LOST
+    assert summary.status[1] == STATUS_IMPOSSIBLE + STATUS_WITHOUT_LIKELIHOOD
     assert np.isneginf(summary.log_evidence[1])
     assert np.isfinite(summary.estimate).all()
     # The other objects' likelihoods still count: as they do in the same run without object 1.

@@ -25,6 +25,14 @@ def tracker(
 ) -> Any:
     """Build the contour tracker of ``jaxpf track``.
 
+    Example::
+
+        leaf = [[100, 60], [140, 70], [160, 110], [130, 150], [90, 140], [70, 100]]
+        contours = jaxpf.contours.Contours(names=("leaf",), points=[leaf])
+        tracker = jaxpf.contours.tracker(frames[0], contours)
+        _, summary = jaxpf.run(tracker, jax.random.key(0), frames[1:])
+        jaxpf.contours.to_contours(tracker, summary.estimate)  # [T, P, V, 2]: x, y
+
     Args:
         frame: uint8 RGB ``[H, W, 3]``, from which clutter is learned; tracking continues with the
             next frame.  It may be None with a user-defined likelihood.
@@ -37,6 +45,9 @@ def tracker(
         learned: shape space and dynamics.
         options: named and explained as the flags of ``jaxpf track``: ``shape_space``,
             ``exclusion``, ``clutter``, ``joint_weighting``, ...
+
+    Returns:
+        The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.
 
     Raises:
         InputError: an unknown option or a value out of range; the message names it.

@@ -25,6 +25,18 @@ def tracker(
 ) -> Any:
     """Build the part tracker of ``jaxpf track``.
 
+    Example::
+
+        parts = jaxpf.parts.Parts(
+            names=("body", "arm"),
+            parents=(-1, 0),
+            poses=[[100, 80, 0], [110, 120, 0.3]],  # x, y, radians
+            sizes=[[40, 60], [15, 50]],
+        )
+        tracker = jaxpf.parts.tracker(frames[0], parts)
+        _, summary = jaxpf.run(tracker, jax.random.key(0), frames[1:])
+        jaxpf.parts.to_parts(tracker, summary.estimate)  # [T, P, 3]
+
     Args:
         frame: uint8 RGB ``[H, W, 3]`` that contains the parts; tracking continues with the next
             frame.  It may be None with a user-defined likelihood.
@@ -39,6 +51,9 @@ def tracker(
             instead of from the frame.
         options: named and explained as the flags of ``jaxpf track``; angles are in
             degrees: ``sharpness``, ``noise_pixels``, ``noise_joints``, ``dynamics``, ...
+
+    Returns:
+        The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.
 
     Raises:
         InputError: an unknown option or a value out of range; the message names it.

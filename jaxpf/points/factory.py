@@ -23,6 +23,12 @@ def tracker(
 ) -> Any:
     """Build the point tracker of ``jaxpf track``.
 
+    Example::
+
+        tracker = jaxpf.points.tracker(frames[0], [[120, 80], [160, 95]])
+        _, summary = jaxpf.run(tracker, jax.random.key(0), frames[1:])
+        jaxpf.points.to_points(tracker, summary.estimate)  # [T, P, 2]: x, y
+
     Args:
         frame: uint8 RGB ``[H, W, 3]`` that contains the points; tracking continues with the next
             frame.  It may be None with a user-defined likelihood.
@@ -32,9 +38,12 @@ def tracker(
         num_particles: number of particles; by default 1000, or 10 for eskil and 50 for pffl.
         likelihood: a user-defined likelihood of substates (u, v).
         ordering: from ``jaxpf.ordering``, instead of a method.
-        options: named and explained as the flags of ``jaxpf track``: ``noise_points``,
-            ``momentum``, ``sigma``, ``window_size``, ``slip`` (8 pixels, as on joints of filmed
-            animals; give 0 for drawn scenes), ...
+        options: named and explained as the flags of ``jaxpf track``: ``appearance``,
+            ``noise_points``, ``momentum``, ``sigma``, ``window_size``, ``slip`` (8 pixels, as on
+            joints of filmed animals; give 0 for drawn scenes), ...
+
+    Returns:
+        The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.
 
     Raises:
         InputError: an unknown option or a value out of range, a point outside the frame, two points

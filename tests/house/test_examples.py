@@ -86,6 +86,7 @@ def test_the_example_runs(name, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.always
-def test_the_example_of_boxes_runs():
+@pytest.mark.parametrize("kind", [jaxpf.boxes, jaxpf.points, jaxpf.parts, jaxpf.contours])
+def test_the_example_of_a_kind_of_target_runs(kind):
     frames = np.random.default_rng(0).integers(0, 256, (3, 240, 320, 3), np.uint8)
-    exec(example(jaxpf.boxes.tracker), {"jax": jax, "jaxpf": jaxpf, "frames": frames})
+    exec(example(kind.tracker), {"jax": jax, "jaxpf": jaxpf, "frames": frames})

@@ -64,8 +64,9 @@ class _BoxTarget(Target):
         "ids": {"type": [int], "help": "Objects of --boxes, such as 1,2,5."},
         "detections": {
             "type": Path,
-            "help": "Objects come and go by detections: a MOT det.txt.  A line "
-            "with an id in the place of -1 starts that object there, detected or not.",
+            "help": "Objects come and go by detections: a MOT det.txt.  They are tracked by colour "
+            "and the labelled filter.  A line with an id in the place of -1 starts that object "
+            "there, detected or not.",
         },
     }
 

@@ -79,7 +79,7 @@ class _LazyGroup(click.Group):
 @click.group(
     cls=_LazyGroup,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Particle filters for visual tracking of many objects, in JAX.",
+    help="Particle filters for visual tracking and state-space models, in JAX.",
     epilog="`jaxpf COMMAND --help` explains a command.  A first look: `jaxpf demo`.",
 )
 @click.version_option(__version__, prog_name="jaxpf")

@@ -11,7 +11,8 @@ def relocate_option() -> Any:
     return option(
         0.0,
         "Chance per frame of searching the whole frame for a lost object; 0 never does.  Needs a "
-        "likelihood that reports lost objects, such as discriminative appearance.",
+        "likelihood that reports a confidence and knows the frame, such as discriminative "
+        "appearance of boxes.",
         least=0,
         most=1,
         compiles=True,

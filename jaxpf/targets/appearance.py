@@ -26,8 +26,8 @@ def appearance_option() -> Any:
         "Appearance model: colour, discriminative, pretrained or auto (discriminative in video).  "
         "Colour compares histograms; discriminative learns in the start frame to distinguish each "
         "object from its surroundings, by colours and gradients; pretrained also by the features "
-        "of a small network, which lose fewer objects (pip install 'jaxpf[pretrained]').  Auto is "
-        "colour in synthetic scenes.",
+        "of a small network, which usually lose fewer objects (pip install 'jaxpf[pretrained]').  "
+        "Auto is colour in synthetic scenes.",
         choices=(OPEN, COLOUR, DISCRIMINATIVE, PRETRAINED),
         common=True,
         compiles=True,
@@ -87,7 +87,8 @@ def bands_option(default: int) -> Any:
     """Number of horizontal bands of a colour histogram."""
     return option(
         default,
-        "Number of horizontal bands, each with a colour histogram of its own.",
+        "Number of horizontal bands, each with a colour histogram of its own (boxes: colour "
+        "appearance only).",
         least=1,
         most=2**31 - 1,
         compiles=True,
@@ -99,8 +100,9 @@ def likelihood_option(*choices: str) -> Any:
     """How the likelihood is computed."""
     return option(
         "auto",
-        "How likelihoods are computed: from integral or sampled histograms, or auto for the faster "
-        "one.  For parts also patch, which compares pixels and suits grey pictures.",
+        "How likelihoods are computed (boxes: colour appearance only): from integral or sampled "
+        "histograms, or auto for the faster one.  For parts also patch, which compares pixels and "
+        "suits grey pictures.",
         choices=choices,
         compiles=True,
         implies=_OF_COLOUR,

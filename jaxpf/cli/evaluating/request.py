@@ -47,7 +47,7 @@ class Compared:
         "objects by their place from 1, such as 3,1,2.",
         length=-1,
     )
-    swaps: str = option("combinatorial", "How objects change places (sps only).")
+    swaps: str = option("combinatorial", "How sps exchanges parts between particles.")
     tracks: tuple[str, ...] = option(
         (),
         "NAME=FILE, another tracker's results, repeatable.  In MOT format or with the header "

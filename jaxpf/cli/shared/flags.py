@@ -110,7 +110,7 @@ class Command(PlainCommand):
         unnamed: list[str] = []
         title = "Options"
         for param in self.shown(ctx):
-            if not isinstance(param, click.Option):
+            if not isinstance(param, click.Option) or param.hidden:
                 continue
             title = getattr(param, "section", title)
             if not ctx.meta.get(ALL) and not getattr(param, "common", True):
@@ -266,8 +266,10 @@ def filter_flags(
     if others := [name for name in filters.methods() if name not in (*shown, *unsuited)]:
         names += f"  Other families: {', '.join(others)}."
     shared["method"] = dataclasses.replace(method, help=f"{names}  {method.help}")
-    sections = {"Filter": shared}
+    sections, refused = {"Filter": shared}, set()
     for each in families:
+        if set(each.methods) <= set(unsuited):
+            refused.add(_section(each))
         own = options_of(each.options)
         sections[_section(each)] = {n: own[n] for n in own if n not in shared}
     flags = []
@@ -275,6 +277,7 @@ def filter_flags(
         chosen = {n: option for n, option in options.items() if n in meant and n not in without}
         for flag in declared_flags(chosen, title, defaults=defaults, grid=grid):
             flag.is_named = family is None or title in ("Filter", _section(family))
+            flag.hidden = title in refused
             flags.append(flag)
     return flags
 

@@ -58,7 +58,7 @@ class Run:
         False,
         "Also write smoothed.csv: the tracks given all frames, computed when the clip ends.  Paths "
         "become smoother.  On film errors last for many frames, and hardly become smaller, so its "
-        "spreads are at least those of the filter.",
+        "intervals are at least as wide as the filter's.",
     )
     smooth_lag: int | None = option(
         None,

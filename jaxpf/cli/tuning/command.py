@@ -62,7 +62,8 @@ class Tuned:
     )
     objective: str = option(
         "evidence",
-        "evidence (no labels), or against the truth: position, iou, crps (also judges the spread).",
+        "evidence (no labels), or against the truth: position, iou, crps (also judges the "
+        "posterior standard deviation).",
         choices=OBJECTIVES,
     )
     labels: int | None = option(

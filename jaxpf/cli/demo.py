@@ -100,7 +100,7 @@ def _cells(boxes: np.ndarray, truth: Any, measures: dict[str, Any], summary: Any
         _percent(measures["recovery_rate"], 0),
         _percent(mean_interval(others_tracked, bounds=(0.0, 1.0)), ()),
         *(f"{100 * np.mean(measures[name].value[1:]):.0f}%" for name in ("precision", "recall")),
-        f"{100 * np.mean(summary.uniqueness):.0f}%",
+        f"{100 * np.mean(summary.distinct_share):.0f}%",
     ]
 
 

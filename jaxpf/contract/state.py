@@ -90,8 +90,9 @@ class Summary:
             ``p(y_1:T)``; ``-inf`` if the frame was impossible for every particle.  Sum the frames
             with ``jaxpf.log_evidence``: a float32 sum of 1e5 or more increments drifts.
         ess: ``[]``, effective sample size ``1 / sum(w^2)`` (maccormick1999, eq. 6).
-        uniqueness: ``[P]``, number of distinct draws of a partition, divided by N (smith2004,
-            section 3.1).  1 for the partition that was drawn last, and so with one partition.
+        distinct_share: ``[P]``, number of distinct draws of a partition, divided by N
+            (uniqueness in smith2004, section 3.1).  1 for the partition that was drawn last,
+            and so with one partition.
         spread: ``[P, D]``, weighted standard deviation of the substates.
         status: ``[]`` int32, a sum of the ``STATUS_*`` bits.
         without_likelihood: ``[P]`` bool, partitions with zero likelihood in every particle of
@@ -109,7 +110,7 @@ class Summary:
     estimate: jax.Array
     log_evidence: jax.Array
     ess: jax.Array
-    uniqueness: jax.Array
+    distinct_share: jax.Array
     spread: jax.Array
     status: jax.Array
     without_likelihood: jax.Array
@@ -128,7 +129,7 @@ def summarise(state, log_evidence, status, lost, num_invalid, num_unique) -> Sum
         estimate=estimate.T,
         log_evidence=log_evidence,
         ess=1.0 / (weights @ weights),
-        uniqueness=num_unique.astype(weights.dtype) / weights.shape[0],
+        distinct_share=num_unique.astype(weights.dtype) / weights.shape[0],
         spread=spread.T,
         status=status,
         without_likelihood=lost,

@@ -9,7 +9,7 @@ derivative.
 Time and memory grow with N^2, the time of a gradient with N^3.  Blending contracts the particles,
 so the evidence and the spread are biased, more for a larger ``epsilon``.  It mixes whole particles:
 all partitions, and the substates of the previous frame.  Each particle then descends from all
-others: lineages are meaningless and ``Summary.uniqueness`` is always 1; use ``ess`` instead.
+others: lineages are meaningless and ``Summary.distinct_share`` is always 1; use ``ess`` instead.
 """
 
 import dataclasses

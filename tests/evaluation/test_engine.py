@@ -48,7 +48,7 @@ def test_results_tell_everything_about_the_evaluation(whole):
         assert {name: value.shape for name, value in vars(first).items()} == {
             **dict.fromkeys(("seeds", "runs"), (RUNS,)),
             **{"shapes": (*by_object, 4), "spread": (*by_object, 3), "model_error": (RUNS, 2, 3)},
-            **dict.fromkeys(("uniqueness", "confidence", "without_likelihood"), by_object),
+            **dict.fromkeys(("distinct_share", "confidence", "without_likelihood"), by_object),
             **dict.fromkeys(("ess", "log_evidence"), by_frame),
         }
         assert first.shapes.dtype == np.float32
@@ -133,7 +133,7 @@ def test_imported_tracks_enter_as_one_run(tmp_path):
     expected[0, 3, 1] = np.nan
     np.testing.assert_allclose(batch.shapes, expected, rtol=1e-6)
     np.testing.assert_array_equal(np.argwhere(batch.without_likelihood), [[0, 3, 1]])
-    for name in ("uniqueness", "spread", "ess", "log_evidence"):
+    for name in ("distinct_share", "spread", "ess", "log_evidence"):
         assert np.all(np.isnan(getattr(batch, name)))
     assert finished(plan, tmp_path / "out") is not None
     more = evaluate(small_plan(tracks={"theirs": path}, runs=TWICE), tmp_path / "out")

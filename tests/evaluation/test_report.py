@@ -52,7 +52,7 @@ def evaluation(folder):
     truth[4:, 1] = math.nan
     confidence = np.linspace(0.1, 1, 8)[:, None, None]
     batches = [
-        (SIR, [batch(boxes, uniqueness=1.0, confidence=confidence)]),
+        (SIR, [batch(boxes, distinct_share=1.0, confidence=confidence)]),
         (PS, [batch(boxes[::-1])]),
         (DPS, [batch(truth + 0.3 * (boxes - truth))]),
         (OTHER, [imported(boxes[3])]),

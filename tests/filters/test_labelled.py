@@ -70,7 +70,7 @@ def test_one_target_gives_the_particles_of_partitioned_key_for_key(weights, sche
     state, found = run(one, key, frames)
     expected_state, expected = run(same, key, frames)
     np.testing.assert_array_equal(state.substates, expected_state.substates)
-    for name in ("estimate", "log_evidence", "ess", "uniqueness", "spread"):
+    for name in ("estimate", "log_evidence", "ess", "distinct_share", "spread"):
         np.testing.assert_allclose(
             getattr(found, name), getattr(expected, name), rtol=2e-4, atol=1e-5, err_msg=name
         )
@@ -83,7 +83,7 @@ def test_shares_are_fair_under_equal_share_and_drift_without():
     frames = FRAMES.copy()
     frames[:, 2] += 2.5  # less likely than the others
     share = {
-        weights: np.asarray(monte_carlo(tracker(weights=weights), keys, frames).uniqueness)
+        weights: np.asarray(monte_carlo(tracker(weights=weights), keys, frames).distinct_share)
         for weights in ("equal_share", "plain")
     }
     assert np.all(np.abs(share["equal_share"] - 1 / 3) <= 1.01 / 60)
@@ -122,7 +122,7 @@ def test_a_target_without_particles_is_reported_and_holds_its_estimate():
     chosen, state = without_target_1()
     after, summary = step(chosen, jax.random.key(2), state, FRAMES[1])
     assert summary.without_likelihood.tolist() == [False, True, False]
-    assert summary.uniqueness[1] == 0
+    assert summary.distinct_share[1] == 0
     assert summary.ess_parts[1] == 0
     assert summary.ess == 0
     np.testing.assert_array_equal(summary.estimate[1], state.estimate[:, 1])

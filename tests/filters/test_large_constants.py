@@ -165,7 +165,7 @@ def test_a_constant_changes_the_evidence_alone(name):
     states = getattr(states, "state", getattr(states, "runs", states))
     assert_same(states.log_weights)
     np.testing.assert_allclose(np.exp(states.log_weights).sum(-1), 1, atol=1e-5)
-    for field in ("estimate", "spread", "ess", "uniqueness", "status", "num_invalid"):
+    for field in ("estimate", "spread", "ess", "distinct_share", "status", "num_invalid"):
         assert_same(getattr(summaries, field))
     assert not np.any(summaries.status)
     if name == "eskil":  # has no evidence

@@ -81,7 +81,7 @@ def test_empty_slots_have_no_weight_and_report_nothing():
     assert summary.status == 0
     assert summary.ess >= 1
     assert np.isfinite(summary.log_evidence)
-    np.testing.assert_allclose(summary.uniqueness, [0, 0.5, 0, 0.5], atol=0.05)
+    np.testing.assert_allclose(summary.distinct_share, [0, 0.5, 0, 0.5], atol=0.05)
 
 
 def test_who_ends_leaves_the_others_their_particles_and_then_his_own():
@@ -98,7 +98,7 @@ def test_who_ends_leaves_the_others_their_particles_and_then_his_own():
     np.testing.assert_allclose(np.exp(after.log_mass).sum(), 1, rtol=1e-5)
     later, summary = step(chosen, jax.random.key(9), after, FRAMES[2])
     assert not np.any(np.asarray(later.labels) == 1)
-    np.testing.assert_allclose(summary.uniqueness, [0.5, 0, 0.5, 0], atol=0.04)
+    np.testing.assert_allclose(summary.distinct_share, [0.5, 0, 0.5, 0], atol=0.04)
 
 
 def test_who_is_born_starts_in_his_place_with_a_fair_share():
@@ -150,7 +150,7 @@ def test_an_empty_population_waits_and_its_first_target_gets_everything():
     assert summary.ess == 0
     state, summary = step(chosen, jax.random.key(3), add_target(state, 2, [1.0, 1.0]), FRAMES[2])
     np.testing.assert_allclose(weight_of(state), [0, 0, 1, 0], atol=1e-6)
-    assert summary.uniqueness[2] == 1
+    assert summary.distinct_share[2] == 1
     assert np.isfinite(summary.log_evidence)
     emptied, summary = step(chosen, jax.random.key(4), remove_target(state, 2), FRAMES[3])
     assert not np.isnan(emptied.log_weights).any()

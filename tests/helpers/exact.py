@@ -154,7 +154,7 @@ def moments(state, summary):
     """The one ``record`` of all tests here, so that they share compiled kernels."""
     weights = jnp.exp(state.log_weights)
     values = state.substates[..., 0]
-    return summary.log_evidence, weights @ values, weights @ values**2, summary.uniqueness
+    return summary.log_evidence, weights @ values, weights @ values**2, summary.distinct_share
 
 
 class Scores(NamedTuple):

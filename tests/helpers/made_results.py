@@ -29,7 +29,7 @@ def batch(boxes, first_run=0, **given):
         seeds=np.full(runs, 7),
         runs=first_run + np.arange(runs),
         shapes=boxes,
-        uniqueness=filled("uniqueness", 0.5, runs, frames, objects),
+        distinct_share=filled("distinct_share", 0.5, runs, frames, objects),
         spread=filled("spread", 2.0, runs, frames, objects, 3),
         model_error=filled("model_error", 0.0, runs, objects, 3),
         confidence=filled("confidence", 0.7, runs, frames, objects),
@@ -43,7 +43,9 @@ def batch(boxes, first_run=0, **given):
 
 def imported(boxes):
     """The one batch of imported tracks ``[T, P, 4]``."""
-    nothing = dict.fromkeys(("uniqueness", "spread", "confidence", "ess", "log_evidence"), np.nan)
+    nothing = dict.fromkeys(
+        ("distinct_share", "spread", "confidence", "ess", "log_evidence"), np.nan
+    )
     return batch(
         np.asarray(boxes)[None], without_likelihood=np.isnan(boxes).any(axis=-1), **nothing
     )

@@ -162,10 +162,10 @@ def test_both_forms_give_the_same_results(name, no_accelerator):
     no_accelerator()
     for (one, told), (other, said) in zip(ours, results(), strict=True):
         np.testing.assert_array_equal(one.lineage, other.lineage)
-        np.testing.assert_array_equal(told.uniqueness, said.uniqueness)
+        np.testing.assert_array_equal(told.distinct_share, said.distinct_share)
         np.testing.assert_allclose(one.substates, other.substates, atol=1e-6)
         np.testing.assert_allclose(told.log_evidence, said.log_evidence, atol=1e-5)
-        assert said.uniqueness.min() < 1  # resampled inside the frame
+        assert said.distinct_share.min() < 1  # resampled inside the frame
 
 
 @pytest.mark.parametrize("scheme", ["systematic", "stratified", "multinomial", "residual"])

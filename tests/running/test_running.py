@@ -73,7 +73,7 @@ def test_monte_carlo_puts_runs_before_frames():
     summaries = jaxpf.monte_carlo(made, keys, FRAMES)
     assert summaries.estimate.shape == (3, 4, 3, 1)
     assert summaries.log_evidence.shape == (3, 4)
-    assert summaries.uniqueness.shape == (3, 4, 3)
+    assert summaries.distinct_share.shape == (3, 4, 3)
 
 
 def test_raw_keys_are_taken_as_typed_ones_are():

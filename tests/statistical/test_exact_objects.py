@@ -53,11 +53,13 @@ def test_sorted_swap_of_objects_is_biased_by_far():
 
 
 def p_values(order):
-    """Friedman's test over objects, of squared errors and of uniqueness in the last frame."""
+    """Friedman's test over objects, of squared errors and distinct particles in the last frame."""
     exact = objects(same_frames=True)
-    _, mean, _, uniqueness = (np.asarray(part)[:, -1] for part in record_runs(exact, order))
+    _, mean, _, distinct_share = (np.asarray(part)[:, -1] for part in record_runs(exact, order))
     errors = (mean - exact.mean[-1]) ** 2
-    return [scipy.stats.friedmanchisquare(*measure.T).pvalue for measure in (errors, uniqueness)]
+    return [
+        scipy.stats.friedmanchisquare(*measure.T).pvalue for measure in (errors, distinct_share)
+    ]
 
 
 @pytest.mark.slow

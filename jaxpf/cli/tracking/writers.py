@@ -52,7 +52,7 @@ class Diagnostics:
         """Write a row; a user-defined tracker may report less than the built-in ones."""
         if not record.filtered:
             return
-        columns = {"distinct_share": self._row(record, "uniqueness")}
+        columns = {"distinct_share": self._row(record, "distinct_share")}
         if any(group.confidence is not None for group in record.filtered):
             columns["confidence"] = self._row(record, "confidence")
         if self._is_new:

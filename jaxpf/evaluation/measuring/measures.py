@@ -221,7 +221,7 @@ def _measure_piece(batch: Batch, frames: dict[str, np.ndarray], has_places: bool
         "distance_precision": precision[..., DISTANCE],
         "centre_error": _mean(error, present),
         "corner_error": _mean(frames["corner_error"], present),
-        "distinct_share": _mean(batch.uniqueness),
+        "distinct_share": _mean(batch.distinct_share),
         "crps": _mean_of_places(calibration.crps(offset, spread)),
         "log_score": _mean_of_places(calibration.log_score(offset, spread)),
         "ess": _mean(batch.ess)[:, None],

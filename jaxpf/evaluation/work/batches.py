@@ -18,7 +18,8 @@ _NAME = re.compile(r"\d+-\d+\.npz")
 class Batch:
     """R runs of one configuration over the T frames after the start frame.
 
-    Measures that a tracker lacks, such as the uniqueness of imported tracks, are NaN.
+    Measures that a tracker lacks, such as the share of distinct particles of imported
+    tracks, are NaN.
 
     Attributes:
         seeds: ``[R]`` int64, the evaluation's seed.
@@ -26,7 +27,7 @@ class Batch:
             random numbers of a run, so all methods share them.
         shapes: ``[R, T, P, S]`` float32, estimated shapes, see ``jaxpf.targets.target``; for
             boxes x, y, w, h in pixels.
-        uniqueness: ``[R, T, P]`` float32, distinct draws over particles.
+        distinct_share: ``[R, T, P]`` float32, distinct draws over particles.
         spread: ``[R, T, P, D]`` float32, standard deviation of the particle set.
         model_error: ``[R, P, 3]`` float32, see ``jaxpf.contract.Likelihood``.
         confidence: ``[R, T, P]`` float32, 0 to 1, see ``jaxpf.contract.Summary``.
@@ -39,7 +40,7 @@ class Batch:
     seeds: np.ndarray
     runs: np.ndarray
     shapes: np.ndarray
-    uniqueness: np.ndarray
+    distinct_share: np.ndarray
     spread: np.ndarray
     model_error: np.ndarray
     confidence: np.ndarray

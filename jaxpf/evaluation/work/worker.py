@@ -107,7 +107,7 @@ def keep_measures(state: Any, summary: Any) -> dict[str, jax.Array]:
     hopeless = getattr(summary, "without_likelihood", None)
     return {
         "estimate": estimate,
-        "uniqueness": or_nan("uniqueness", *estimate.shape[:-1]),
+        "distinct_share": or_nan("distinct_share", *estimate.shape[:-1]),
         "spread": or_nan("spread", *estimate.shape),
         "confidence": or_nan("confidence", *estimate.shape[:-1]),
         "ess": or_nan("ess"),
@@ -135,7 +135,7 @@ def imported_batch(shapes: np.ndarray, seed: int) -> Batch:
         seeds=np.array([seed], np.int64),
         runs=np.array([0], np.int64),
         shapes=shapes[None].astype(np.float32),
-        uniqueness=unknown(times, objects),
+        distinct_share=unknown(times, objects),
         spread=unknown(times, objects, 3),
         model_error=np.zeros((1, objects, 3), np.float32),
         confidence=unknown(times, objects),

@@ -211,7 +211,7 @@ def summarise(state: FactoredState, log_totals, num_invalid, log_evidence=None) 
         estimate=estimate.T,
         log_evidence=jnp.sum(log_totals) if log_evidence is None else log_evidence,
         ess=jnp.min(ess),
-        uniqueness=jnp.ones_like(ess),  # every particle is a distinct draw
+        distinct_share=jnp.ones_like(ess),  # every particle is a distinct draw
         spread=spread.T,
         status=(
             STATUS_INVALID_LIKELIHOOD * (num_invalid > 0)

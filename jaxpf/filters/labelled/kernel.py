@@ -245,7 +245,7 @@ def report(
         estimate=estimate.T,
         log_evidence=log_evidence,
         ess=jnp.min(ess_parts),
-        uniqueness=holders / tracker.num_particles,
+        distinct_share=holders / tracker.num_particles,
         spread=spread.T,
         status=status,
         without_likelihood=lost,

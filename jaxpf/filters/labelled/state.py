@@ -61,7 +61,7 @@ class LabelledState:
 class LabelledSummary(Summary):
     """A ``Summary`` whose partitions are the targets, P = L.
 
-    ``uniqueness`` is the share of particles that hold the target; all of these are distinct draws.
+    ``distinct_share`` is the share of particles that hold the target; all of them are distinct.
     ``ess`` is the smallest of ``ess_parts``.
 
     Attributes:

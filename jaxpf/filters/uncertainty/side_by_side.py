@@ -159,7 +159,7 @@ def _pooled(runs: Summary, log_evidence: jax.Array, log_shares: jax.Array) -> Er
         estimate=mean(runs.estimate),
         log_evidence=log_evidence,
         ess=pooled_size(runs.ess),
-        uniqueness=mean(runs.uniqueness),
+        distinct_share=mean(runs.distinct_share),
         spread=jax.tree.map(pooled_spread, runs.spread, between),
         status=jnp.bitwise_or.reduce(runs.status),
         without_likelihood=jnp.all(runs.without_likelihood, axis=0),

@@ -152,7 +152,7 @@ def _in_strip(boxes: np.ndarray, strips: np.ndarray) -> np.ndarray:
 
 def _record(state: Any, summary: Any) -> Any:
     """Reported values, and every particle's box and label."""
-    reported = summary.estimate, summary.uniqueness, summary.spread[..., :2]
+    reported = summary.estimate, summary.distinct_share, summary.spread[..., :2]
     return *reported, state.lagged[0, :4], state.labels
 
 

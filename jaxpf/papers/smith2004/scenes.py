@@ -189,7 +189,7 @@ def _built(tracker: Any, ending: Any, ordering: Ordering, sharpness: Any) -> Any
 
 
 def _record(state: Any, summary: Any) -> Any:
-    return summary.estimate, summary.uniqueness, summary.spread
+    return summary.estimate, summary.distinct_share, summary.spread
 
 
 @compiled

@@ -81,7 +81,7 @@ def test_state_has_the_public_layout(method):
     assert state.log_weights.shape == state.component.shape == (T, N)
     assert state.lineage.shape == (T, P, N)
     assert summary.estimate.shape == summary.spread.shape == (T, P, D)
-    assert summary.uniqueness.shape == summary.without_likelihood.shape == (T, P)
+    assert summary.distinct_share.shape == summary.without_likelihood.shape == (T, P)
     for scalar in (summary.log_evidence, summary.ess, summary.status, summary.num_invalid):
         assert scalar.shape == (T,)
 
@@ -131,15 +131,15 @@ def test_ids_are_equal_exactly_where_the_draws_are(method):
             np.testing.assert_array_equal(
                 ids[:, None] == ids[None, :], drawn[:, None] == drawn[None, :]
             )
-            assert summary.uniqueness[time, part] == pytest.approx(len(np.unique(drawn)) / N)
+            assert summary.distinct_share[time, part] == pytest.approx(len(np.unique(drawn)) / N)
 
 
 def test_uniqueness_tells_which_partition_went_last():
-    assert (tracked("sir")[1].uniqueness == 1).all()
-    uniqueness = np.asarray(tracked("ps")[1].uniqueness)
-    assert (uniqueness[:, 1] == 1).all()  # the order is 2, 0, 1
-    assert (uniqueness[:, 2] < uniqueness[:, 0]).all()
-    assert (uniqueness[:, 0] < 1).all()
+    assert (tracked("sir")[1].distinct_share == 1).all()
+    distinct_share = np.asarray(tracked("ps")[1].distinct_share)
+    assert (distinct_share[:, 1] == 1).all()  # the order is 2, 0, 1
+    assert (distinct_share[:, 2] < distinct_share[:, 0]).all()
+    assert (distinct_share[:, 0] < 1).all()
 
 
 def test_count_unique_by_hand():

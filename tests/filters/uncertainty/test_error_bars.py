@@ -46,7 +46,7 @@ def test_the_filter_answers_as_without(order):
     its = tracker(order)
     _, plain = jaxpf.run(its, KEY, FRAMES)
     _, found = told(its)
-    for name in ("estimate", "log_evidence", "uniqueness", "spread"):
+    for name in ("estimate", "log_evidence", "distinct_share", "spread"):
         np.testing.assert_array_equal(getattr(found, name), getattr(plain, name))
     assert found.estimate_variance.shape == found.estimate_error.shape == (6, 3, 1)
 

@@ -41,7 +41,7 @@ def test_the_grid_gives_what_single_runs_give():
             _, alone = compiled(tracker, keys[1], scene.frames[1:])
             there = jax.tree.map(lambda x: x[1, :, row, column], found)  # noqa: B023
             np.testing.assert_allclose(there.estimate, alone.estimate, atol=0.05, err_msg=name)
-            np.testing.assert_allclose(there.uniqueness, alone.uniqueness, atol=0.051)
+            np.testing.assert_allclose(there.distinct_share, alone.distinct_share, atol=0.051)
 
 
 def measured_small(seeds):

@@ -102,7 +102,7 @@ class Target(abc.ABC):
         name: its name in the registry of ``jaxpf.targets``.
         options: class of the options of its model (``jaxpf.contract.options``).
         defaults: filter options whose defaults this target overrides.
-        unsuited: methods that refuse it, so that help and evaluations leave them out.
+        unsuited: methods that refuse such targets, so that help and evaluations leave them out.
         coordinates: display names of a substate's first coordinates; if the first two are x and
             y, they are a position in pixels.
         has_boxes: whether its shapes are boxes x, y, w, h, as in MOT files and standard scores.

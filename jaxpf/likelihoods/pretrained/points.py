@@ -20,8 +20,7 @@ Fitted by logistic regression to "within 21 pixels of the label" on two clips, a
 head with two hands, each with the same weight; points further off count 1.25 times.
 """
 
-import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -98,7 +97,8 @@ class PretrainedPoints(Likelihood):
             InputError: the frame has another shape or dtype.
         """
         check_size(frame, self.frame_shape)
-        return _scores(_maps(self.network, jnp.asarray(frame)), self)
+        maps = _maps(self.network, jnp.asarray(frame))
+        return _scores(maps, self.middles, self.spreads, self.references)
 
     def log_prob_all(self, observation, partition, substates):
         """Log-likelihoods [N] of substates [D, N]; NaN if u or v is not finite."""
@@ -166,19 +166,17 @@ def pretrained_points(
         features = ((each - middle) / spread).reshape(-1, channels)
         index, shares = _places(u, v, (height, width), shape)
         references.append(_unit(jnp.einsum("kpc,kp->pc", features[index], shares)))
-    learned = PretrainedPoints(
+    scores = np.asarray(_scores(maps, middles, spreads, references)).reshape(len(points), -1)
+    return PretrainedPoints(
         sharpness=as_array(sharpness, float),
         references=tuple(references),
         middles=middles,
         spreads=spreads,
         network=network,
-        elsewhere=jnp.zeros(len(points)),
+        elsewhere=as_array(np.quantile(scores, _WORSE, axis=1), float),
         slip=as_array(slip, float),
         frame_shape=shape,
     )
-    scores = np.asarray(_scores(maps, learned)).reshape(len(points), -1)
-    elsewhere = np.quantile(scores, _WORSE, axis=1)
-    return dataclasses.replace(learned, elsewhere=as_array(elsewhere, float))
 
 
 def _factor(frame_shape: tuple[int, int]) -> int:
@@ -200,15 +198,19 @@ def _maps(network: Callable, frame: jax.Array) -> tuple[jax.Array, ...]:
     return maps_of(network, jnp.pad(seen, [*((0, each) for each in missing), (0, 0)], mode="edge"))
 
 
-def _scores(maps: tuple[jax.Array, ...], learned: PretrainedPoints) -> jax.Array:
-    """Scores of all points in all places of the finest map, [P, h, w]."""
+def _scores(
+    maps: Sequence[jax.Array],
+    middles: Sequence[jax.Array],
+    spreads: Sequence[jax.Array],
+    references: Sequence[jax.Array],
+) -> jax.Array:
+    """Scores of all points in all places of the finest map, [P, h, w]; see the class."""
     height, width = max(each.shape[:2] for each in maps)
     total = jnp.zeros((), maps[0].dtype)
-    layers = zip(maps, learned.middles, learned.spreads, learned.references, strict=True)
-    for each, middle, spread, references in layers:
+    for each, middle, spread, own in zip(maps, middles, spreads, references, strict=True):
         features = _unit((each - middle) / spread)
-        cosines = jnp.einsum("hwc,pc->phw", features, references, precision="highest")
-        total += jax.image.resize(cosines, (len(references), height, width), "linear")
+        cosines = jnp.einsum("hwc,pc->phw", features, own, precision="highest")
+        total += jax.image.resize(cosines, (len(own), height, width), "linear")
     return total / len(maps)
 
 

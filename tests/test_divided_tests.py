@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import divided_tests
+import pytest
 from divided_tests import chosen, cut, touched
 
 NAMES = [f"tests/{room}/test_it.py::test_{n}" for room in ("boxes", "media") for n in range(15)]
@@ -71,6 +72,8 @@ def started(folder, *options):
     return done.stdout
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_pytest_takes_a_share_and_begins_no_test_after_the_time(tmp_path):
     """Of nine tests three are chosen; the first lets the time end while it runs."""
     one = f"def test_{{}}():\n    os.environ['{divided_tests.UNTIL}'] = '1'\n\n"

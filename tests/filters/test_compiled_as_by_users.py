@@ -34,7 +34,10 @@ FILTERS = {
 }
 
 
-@pytest.mark.parametrize("name", FILTERS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=pytest.mark.slow if n == "eskil" else ()) for n in FILTERS],
+)
 def test_optimising_changes_the_last_bits_alone(name):
     def results(tracker, key, frames):
         summary = jaxpf.run(tracker, key, frames)[1]

@@ -128,7 +128,6 @@ QUICK = [
     "sorted",
     "dps",
     "literal",
-    "joint weighting",
     "equal_share",
     "auxiliary",
 ]

@@ -103,7 +103,12 @@ def test_a_scheme_is_unbiased_within_components(sizes):
 
 
 @pytest.mark.parametrize(
-    "kind", [pytest.param("dps", marks=pytest.mark.slow), "labelled", "factored"]
+    "kind",
+    [
+        pytest.param("dps", marks=pytest.mark.slow),
+        "labelled",
+        pytest.param("factored", marks=[pytest.mark.slow, pytest.mark.always]),
+    ],
 )
 def test_a_scheme_leaves_the_evidence_of_every_filter_unbiased(kind):
     frames = np.float32([[[0.3], [-1.0]], [[1.2], [-0.4]], [[0.1], [0.9]]])

@@ -188,11 +188,12 @@ def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost
         walkers = {
             passing.OCCLUSION: first,
             passing.INDEPENDENT: second,
-            passing.OCCLUSION + passing.PRINTED: first,
+            passing.OCCLUSION + passing.ALL_PRINTED: first,
         }
         leaves = {
             passing.PARTITIONED: first,
             passing.PARTITIONED + passing.PRINTED: second,
+            passing.PARTITIONED + passing.ALL_PRINTED: second,
             passing.ENOUGH: first,
             passing.AS_MANY: second,
             passing.FOUR_TIMES: second,

@@ -130,16 +130,19 @@ def test_every_function_works_in_every_transform(function, transform, source):
             trace(function, transform, source, make)
 
 
-@pytest.mark.parametrize("function", FUNCTIONS)
+ONE_QUICKLY = pytest.mark.parametrize(
+    "function",
+    [one if one == "run" else pytest.param(one, marks=pytest.mark.slow) for one in FUNCTIONS],
+)
+
+
+@ONE_QUICKLY
 def test_a_tracker_may_be_passed_in(function):
     frames = jnp.asarray(GAPS)
     jax.eval_shape(lambda its, key: FUNCTIONS[function](its, key, frames), partitioned(1.0), KEY)
 
 
-@pytest.mark.parametrize(
-    "function",
-    [one if one == "run" else pytest.param(one, marks=pytest.mark.slow) for one in FUNCTIONS],
-)
+@ONE_QUICKLY
 def test_a_tracker_may_be_closed_over(function):
     made, frames = partitioned(1.0), jnp.asarray(GAPS)
     jax.eval_shape(lambda key: FUNCTIONS[function](made, key, frames), KEY)

@@ -24,7 +24,7 @@ ORDERINGS = {"sir": (ordering.sir(1), (-1,)), "ps": (ordering.ps([0, 1]), (-1, -
 @pytest.mark.parametrize(
     ("name", "size", "motion"),
     [
-        ("sir", 4, "score"),
+        pytest.param("sir", 4, "score", marks=[pytest.mark.slow, pytest.mark.always]),
         pytest.param("sir", 4, "pathwise", marks=pytest.mark.slow),
         pytest.param("ps", 6, "pathwise", marks=pytest.mark.slow),
     ],

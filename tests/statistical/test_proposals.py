@@ -41,14 +41,11 @@ ON_A_TREE = {
 }
 
 
-@pytest.mark.parametrize(
-    "method",
-    [pytest.param(m, marks=pytest.mark.slow if m == "sir" else ()) for m in ON_A_TREE],
-)
+@pytest.mark.parametrize("method", ON_A_TREE)
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(n, marks=pytest.mark.always if n == "optimal" else pytest.mark.slow)
+        pytest.param(n, marks=[pytest.mark.slow] + [pytest.mark.always] * (n == "optimal"))
         for n in PROPOSALS
     ],
 )

@@ -78,6 +78,7 @@ def test_smoothed_moments_converge_to_the_exact_ones(case):
             lambda: problem((-1,), transition=1.4, lag=-0.8, initial_scale=1.0),
             ordering.sir(1),
             id="second order",
+            marks=[pytest.mark.slow, pytest.mark.always],
         ),
         pytest.param(
             lambda: problem((-1, 0)), ordering.ps([0, 1]), id="tree", marks=pytest.mark.slow

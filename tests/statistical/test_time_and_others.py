@@ -93,6 +93,8 @@ def test_motion_that_changes_with_time_is_unbiased(case):
     assert scores(exact, ordering.ps([1, 0]), **QUICK).worst < LIMIT
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_a_frame_too_early_is_noticed():
     exact = behind_a_camera()
     late = dataclasses.replace(
@@ -182,7 +184,9 @@ def coupled() -> Problem:
 @pytest.mark.parametrize(
     ("order", "settings"),
     [
-        pytest.param(ordering.ps([2, 0, 1]), {}, id="ps"),
+        pytest.param(
+            ordering.ps([2, 0, 1]), {}, id="ps", marks=[pytest.mark.slow, pytest.mark.always]
+        ),
         pytest.param(ordering.dps(3), {}, id="dps", marks=pytest.mark.slow),
         pytest.param(
             ordering.ps([0, 1, 2]), {"ess_threshold": 0.5}, id="adaptive", marks=pytest.mark.slow

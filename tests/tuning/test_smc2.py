@@ -19,7 +19,8 @@ def draw_prior(key):
 
 
 @pytest.mark.statistical
-@pytest.mark.parametrize("ratio", [1.0, pytest.param(0.0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("ratio", [pytest.param(1.0, marks=pytest.mark.always), 0.0])
 def test_smc2_has_the_exact_posterior_and_evidence(ratio):
     """In standard errors over independent runs; moves that ignore the prior are noticed."""
     num_runs = 60

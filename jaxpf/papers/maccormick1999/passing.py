@@ -26,6 +26,7 @@ class Method(NamedTuple):
         num_particles: N.
         one_in: tracks only the first 1 / one_in of the sequences, since slow filters take long.
         flip: see ``tracker_of``.
+        weight: of a measurement line; the case's, if None.
     """
 
     exclusion: str
@@ -33,6 +34,7 @@ class Method(NamedTuple):
     num_particles: int
     one_in: int = 1
     flip: float = REDRAWN
+    weight: float | None = None
 
 
 EXCLUSIVE, NAIVE = "P, exclusion", "P', none"
@@ -41,6 +43,8 @@ LIKELIHOODS = {EXCLUSIVE: "wires", NAIVE: "none"}
 CONDENSATION = ", Condensation"
 #: Suffix for the likelihood as printed, eq. 2 and 5.
 PRINTED = " as printed"
+#: Suffix where labels are flipped, and lines weighted, as in the paper, too.
+ALL_PRINTED = ", all as printed"
 PARTITIONED, AS_MANY, FOUR_TIMES, ENOUGH = "PS, 750", "SIR, 750", "SIR, 3000", "SIR, 4000"
 #: 750 partitioned particles as in the paper, and the 4000 that it needs without partitions.
 LEAVES = {
@@ -48,6 +52,7 @@ LEAVES = {
     # The paper's probability that the depth order changes while targets do not overlap.
     "PS, 750, delta .01": Method("opaque", "ps", 750, 2, flip=0.01),
     PARTITIONED + PRINTED: Method("opaque-literal", "ps", 750),
+    PARTITIONED + ALL_PRINTED: Method("opaque-literal", "ps", 750, flip=0.01, weight=1.0),
     AS_MANY: Method("opaque", "sir", 750),
     FOUR_TIMES: Method("opaque", "sir", 3000),
     ENOUGH: Method("opaque", "sir", 4000, 2),
@@ -63,7 +68,7 @@ OCCLUSION, INDEPENDENT = "occlusion", "two trackers"
 #: N of figure 6, and ours for each tracker of figure 1.
 WALKERS = {
     OCCLUSION: Method("opaque", "sir", 2000),
-    OCCLUSION + PRINTED: Method("opaque-literal", "sir", 2000, 2),
+    OCCLUSION + ALL_PRINTED: Method("opaque-literal", "sir", 2000, 2, flip=0.01),
     INDEPENDENT: Method("none", "independent", 2000, 2),
 }
 
@@ -148,8 +153,10 @@ def _on_scene(
     for name, method in methods.items():
         if seed not in tracked[name]:
             continue
-        kind, ordering, particles, _, flip = method
-        outcome = track(case, tracker_of(case, kind, particles, ordering, flip), 1, seed)
+        kind, ordering, particles, _, flip, weight = method
+        weighted = {} if weight is None else {"independence": weight}
+        of_lines = case._replace(options=case.options | weighted)
+        outcome = track(case, tracker_of(of_lines, kind, particles, ordering, flip), 1, seed)
         arrays = measures(case, outcome) | {"N": particles, "ess curve": outcome.ess[0]}
         if ordering == "independent":
             # Resampled apart, so that joint particles have equal weights.

@@ -51,6 +51,8 @@ def test_the_filter_answers_as_without(order):
     assert found.estimate_variance.shape == found.estimate_error.shape == (6, 3, 1)
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_ancestors_of_the_start_are_handed_on():
     states, _ = told(tracker(PS))
     assert (states.state.sources == states.state.sources[:, :1]).all()  # particles are whole

@@ -66,7 +66,7 @@ def negated(cell):
 
 
 DEFAULTS = read(SITE / "development" / "defaults.md")
-TEST_CLIPS = rows(section(DEFAULTS, "Boxes on the reporting clips"))
+TEST_CLIPS = rows(section(DEFAULTS, "Boxes on the test clips"))
 (SIZE_COVERED,) = (TEST_CLIPS[name]["jaxpf"] for name in TEST_CLIPS if name.startswith("size in"))
 (CENTRE_COVERED,) = (TEST_CLIPS[n]["jaxpf"] for n in TEST_CLIPS if n.startswith("centre in"))
 (CONFIDENCE,) = (TEST_CLIPS[name]["jaxpf"] for name in TEST_CLIPS if name.startswith("confidence"))
@@ -161,7 +161,7 @@ def test_readme_gives_the_figures_of_its_sources():
     [
         ("overlap", "iou", 3),
         ("success: frames with an overlap above 0.5", "success", 2),
-        ("x in the 95% interval, followed frames", "x", 2),
+        ("x in the 95% interval, tracked frames", "x", 2),
         ("the same of y", "y", 2),
         ("the same of the size", "size", 2),
         ("width of the intervals of x and y, in sizes of the box", "width", 2),
@@ -256,7 +256,7 @@ def test_coverage_on_the_page_of_uncertainty():
     shown = rows(read(SITE / "uncertainty.md"))
     size = rows(section(DEFAULTS, "Size of boxes"), 1)["size (root of the area)"]["report, after"]
     parts = re.search(
-        r"hold 0\.86 and 0\.99, and (\S+) and (\S+) on the reporting clips", prose(DEFAULTS)
+        r"hold 0\.86 and 0\.99, and (\S+) and (\S+) on the test clips", prose(DEFAULTS)
     )
     contours = rows(section(DEFAULTS, "Contours on film"), 1)
 
@@ -316,7 +316,7 @@ def test_results_on_the_page_of_defaults():
     contours = rows(section(DEFAULTS, "Contours on film"))
     car = contours["davis_car-shadow"]
     riders = contours["segtrack2_bmx, two riders"]
-    folded = rows(section(DEFAULTS, "Contours: an edge is paid once"))["worm_crossing_long"]
+    folded = rows(section(DEFAULTS, "Contours: each edge counts once"))["worm_crossing_long"]
     expected = {
         "300 particles for boxes": f"IoU {' and '.join(more)}",
         "long steps of 0.6 of the size for a single box": (

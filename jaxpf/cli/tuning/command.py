@@ -43,6 +43,9 @@ _LESS_MEMORY = "ask for fewer particles (-n), --runs or --frames"
 class Scenes(SceneOptions):
     """Options that choose scenes."""
 
+    target: str | None = option(
+        None, "Kind of target: boxes or parts; by default that of the truth."
+    )
     train_scenes: int = option(3, "Synthetic scenes to tune on.", least=1, most=1000)
     frames: int | None = option(
         None,

@@ -33,7 +33,7 @@ FORMS = {
     "gonzales2011": "SPS with the paper's swap",
     "rowe2005": "eq. 4 as printed",
     "eskil2014": "of our parametrisation, as printed only where said",
-    "maccormick1999": "an edge paid once, as printed where said",
+    "maccormick1999": "each edge counts once, as printed where said",
 }
 #: Width of each column in characters; at most 100 in total, including spaces between columns.
 _WIDTHS = (44, 15, 26, 12)

@@ -1,7 +1,8 @@
 """Reads contours annotated in the frames of a clip: masks, outlines or centrelines.
 
 Outlines and centrelines are CSV with the header ``frame,id,k,x,y``: the k-th point of a target in
-a frame, in continuous pixels; k marks the same spot of the body in every frame.  Masks are one
+a frame, in continuous pixels; k marks the same spot of the body in every frame.  The outlines.csv
+of a run is read, too, but for its control points.  Masks are one
 picture per frame; the number in the name is the frame's number, and if no name has one, the order
 of the names counts.
 """
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from jaxpf.contours.data import Annotated
+from jaxpf.contours.files import TRACK_HEADER
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import ANNOTATIONS
 from jaxpf.files.reading import parse_number, read_below
@@ -100,10 +102,12 @@ def _read_masks(folder: Path, value, first, until) -> dict[tuple[int, str], np.n
 
 def _read_points(path: Path, first, until) -> dict[tuple[int, str], np.ndarray]:
     points: dict[tuple[int, str], dict[int, tuple[float, float]]] = {}
-    for where, fields in read_below(path, "contours", ",".join(_HEADER)):
+    for where, fields in read_below(path, "contours", ",".join(_HEADER), TRACK_HEADER):
+        if fields[5:] == ["control"]:
+            continue
         number, k, x, y = (
             parse_number(field, f"{where}: {name} is", "give a number", whole=name not in "xy")
-            for name, field in zip(_HEADER, fields, strict=True)
+            for name, field in zip(_HEADER, fields, strict=False)
             if name != "id"
         )
         if first <= number <= until:

@@ -25,7 +25,7 @@ from jaxpf.files.reading import check_name, read_text
 from jaxpf.files.writing import LineWriter, write_text
 from jaxpf.shapes.splines import CUBIC, crosses_itself, points_on
 
-TRACK_HEADER = "frame,contour,kind,point,x,y"
+TRACK_HEADER = "frame,id,k,x,y,kind"
 _KEYS = {"closed", "contours", "degree", "width"}
 _EXAMPLE = '{"closed": true, "contours": {"leaf": [[10, 20], [30, 18], [32, 40], [12, 38]]}}'
 #: Number of points at which a contour is tested for self-intersection.
@@ -91,7 +91,7 @@ def write_contours(path: str | os.PathLike[str], contours: Contours) -> None:
 class ContourTrackWriter(LineWriter):
     """Appends tracks of contours to a file, which after every frame contains whole lines only.
 
-    CSV with the header ``frame,contour,kind,point,x,y``.  Every contour has points of kind
+    CSV with the header ``frame,id,k,x,y,kind``.  Every contour has points of kind
     ``control``, usable as start contours, and of kind ``outline``, for drawing.
     """
 
@@ -110,7 +110,7 @@ class ContourTrackWriter(LineWriter):
             InputError: the disk is full or the file cannot be written.
         """
         self.write_rows(
-            [int(frame), name, kind, number, f"{x:.3f}", f"{y:.3f}"]
+            [int(frame), name, number, f"{x:.3f}", f"{y:.3f}", kind]
             for target, name in enumerate(names)
             if np.isfinite(outlines[target]).all()
             for kind, points in (("control", control), ("outline", outlines))

@@ -214,7 +214,7 @@ class _ContourTarget(Target):
 
     @contextlib.contextmanager
     def outline_file(self, path: Path, start: Start) -> Iterator[Callable[[int, Any], None]]:
-        """CSV with the header ``frame,contour,kind,point,x,y``."""
+        """CSV with the header ``frame,id,k,x,y,kind``."""
         inverse = np.zeros((0, PIECES + 1))  # without splines there are no control points
         contours = getattr(start, "contours", None)
         if contours is not None:

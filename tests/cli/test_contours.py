@@ -91,7 +91,7 @@ def test_wires_are_followed_also_through_a_frame_without_any_edge(whole_run):
         last = [
             (float(row["x"]), float(row["y"]))
             for row in rows
-            if (row["frame"], row["contour"], row["kind"]) == (f"{LENGTH - 1}", name, "outline")
+            if (row["frame"], row["id"], row["kind"]) == (f"{LENGTH - 1}", name, "outline")
         ]
         gaps = np.linalg.norm(np.array(last)[:, None] - wire(side, LENGTH - 1), axis=-1)
         assert gaps.min(axis=0).mean() < 5
@@ -142,7 +142,7 @@ def test_three_opaque_contours_are_tracked_and_drawn(tmp_path):
     outcome = track(tmp_path, start, tmp_path / "out", "--exclusion", "opaque", "--clutter", "1")
     assert outcome.code == 0, outcome.err
     rows = rows_of(tmp_path / "out" / "outlines.csv")
-    assert {row["contour"] for row in rows} == {"a", "b", "c"}
+    assert {row["id"] for row in rows} == {"a", "b", "c"}
     assert (tmp_path / "out" / "overlay.mp4").exists()
 
 

@@ -10,6 +10,7 @@ from refusals import message_of
 
 from jaxpf import InputError
 from jaxpf.contours.annotated_files import read_annotated
+from jaxpf.contours.files import ContourTrackWriter
 
 
 def write_lines(folder, rows, name="centrelines.csv"):
@@ -24,6 +25,15 @@ def test_points_are_read_by_frame_and_target_in_their_order(tmp_path):
     assert found.kind == "centrelines"
     assert list(found.lines) == [(0, "a"), (1, "b")]
     np.testing.assert_array_equal(found.lines[1, "b"], [(3, 4), (5, 6)])
+
+
+def test_outlines_that_a_run_wrote_are_read_without_their_control_points(tmp_path):
+    points = np.array([[[1.0, 2.0], [3.0, 4.0], [5.0, 7.0]]])
+    with ContourTrackWriter(tmp_path / "outlines.csv") as writer:
+        writer.append(2, ["leaf"], points + 9, points)
+    found = read_annotated(tmp_path)
+    assert (found.kind, list(found.lines)) == ("outlines", [(2, "leaf")])
+    np.testing.assert_array_equal(found.lines[2, "leaf"], points[0])
 
 
 def write_masks(folder, levels):

@@ -127,7 +127,7 @@ def test_tracks_hold_control_points_and_outlines(tmp_path, tracked):
     found = [
         (float(row["x"]), float(row["y"]))
         for row in rows
-        if (row["frame"], row["kind"], row["contour"]) == wanted
+        if (row["frame"], row["kind"], row["id"]) == wanted
     ]
     np.testing.assert_allclose(found, space.control_points(estimates[0])[1], atol=1e-3)
 
@@ -200,7 +200,7 @@ def test_scenes_tell_where_contours_start_and_how_well_they_are_found(tmp_path, 
     with CONTOURS.outline_file(tmp_path / "tracks.csv", stored) as write:
         write(3, found[0])
     rows = rows_of(tmp_path / "tracks.csv")
-    assert {(row["contour"], row["kind"]) for row in rows} == {("1", "outline"), ("2", "outline")}
+    assert {(row["id"], row["kind"]) for row in rows} == {("1", "outline"), ("2", "outline")}
 
 
 def test_a_closed_contour_ends_where_it_begins():

@@ -159,12 +159,12 @@ def _read_outlines(path: Path, names: tuple[str, ...], numbers: np.ndarray) -> n
         (_, header), *lines = read_rows(path, "outlines", "the outlines.csv of a run")
         table = [dict(zip(header, fields, strict=True)) for _, fields in lines]
         rows = [row for row in table if row["kind"] == "outline"]
-        length = 1 + max(int(row["point"]) for row in rows)
+        length = 1 + max(int(row["k"]) for row in rows)
         places = np.full((len(numbers), len(names), length, 2), np.nan)
         for row in rows:
             place = float(row["x"]), float(row["y"])
             time = int(row["frame"]) - numbers[0]
-            places[time, names.index(row["contour"]), int(row["point"])] = place
+            places[time, names.index(row["id"]), int(row["k"])] = place
     except (ValueError, IndexError, KeyError) as error:
         if isinstance(error, InputError):
             raise

@@ -235,20 +235,22 @@ def growth(claim: Claim, figures: Sequence[Quantity], level: float = 0.95) -> fl
     """Factor on the number of scenes that would resolve a claim, if figures stay the same.
 
     Intervals shrink with the square root of the number of scenes.  NaN without intervals; infinite
-    if a figure lies at an end of the range, or outside it within the margin.
+    if a figure lies at an end of the range, or of the margin around it.
     """
     corrected = 1 - (1 - level) / len(figures)
-    inside, beyond = [], []
+    inside, outside, within, beyond = [], [], [], []
     for figure in figures:
         value, low, high = figure.measured(level)
         if not has_width(low, high):
             return math.nan
         above, below = value - claim.at_least, claim.at_most - value
         inside.append(max(_square(value - low, above), _square(high - value, below)))
-        low, high = figure.interval(corrected)
+        outside.append(min(_square(high - value, -above), _square(value - low, -below)))
         above, below = above + claim.margin, below + claim.margin
+        within.append(max(_square(value - low, above), _square(high - value, below)))
+        low, high = figure.interval(corrected)
         beyond.append(min(_square(high - value, -above), _square(value - low, -below)))
-    return min(max(inside), min(beyond))
+    return min(max(inside), min(beyond), max(*within, min(outside)))
 
 
 def _square(reach: float, distance: float) -> float:

@@ -1,5 +1,6 @@
 """Targets that meet or pass, tracked by several methods: figures 1, 4, 6, 7, 11."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -10,7 +11,7 @@ from jaxpf.papers.checkpoints import of_scenes
 from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.maccormick1999 import scenes, toy
 from jaxpf.papers.maccormick1999.measures import measures
-from jaxpf.papers.maccormick1999.scenes import Case
+from jaxpf.papers.maccormick1999.scenes import Case, as_printed
 from jaxpf.papers.maccormick1999.tracking import REDRAWN, track, tracker_of
 from jaxpf.papers.study import Study, tidy
 
@@ -26,7 +27,7 @@ class Method(NamedTuple):
         num_particles: N.
         one_in: tracks only the first 1 / one_in of the sequences, since slow filters take long.
         flip: see ``tracker_of``.
-        weight: of a measurement line; the case's, if None.
+        all_printed: whether lines, edges and resampling are the paper's, too.
     """
 
     exclusion: str
@@ -34,7 +35,7 @@ class Method(NamedTuple):
     num_particles: int
     one_in: int = 1
     flip: float = REDRAWN
-    weight: float | None = None
+    all_printed: bool = False
 
 
 EXCLUSIVE, NAIVE = "P, exclusion", "P', none"
@@ -43,16 +44,17 @@ LIKELIHOODS = {EXCLUSIVE: "wires", NAIVE: "none"}
 CONDENSATION = ", Condensation"
 #: Suffix for the likelihood as printed, eq. 2 and 5.
 PRINTED = " as printed"
-#: Suffix where labels are flipped, and lines weighted, as in the paper, too.
+#: Suffix where labels, lines, edges and resampling are as printed, too.
 ALL_PRINTED = ", all as printed"
+#: The paper's probability that the depth order changes while targets do not overlap.
+FLIP = 0.01
 PARTITIONED, AS_MANY, FOUR_TIMES, ENOUGH = "PS, 750", "SIR, 750", "SIR, 3000", "SIR, 4000"
 #: 750 partitioned particles as in the paper, and the 4000 that it needs without partitions.
 LEAVES = {
     PARTITIONED: Method("opaque", "ps", 750),
-    # The paper's probability that the depth order changes while targets do not overlap.
-    "PS, 750, delta .01": Method("opaque", "ps", 750, 2, flip=0.01),
+    "PS, 750, delta .01": Method("opaque", "ps", 750, 2, FLIP),
     PARTITIONED + PRINTED: Method("opaque-literal", "ps", 750),
-    PARTITIONED + ALL_PRINTED: Method("opaque-literal", "ps", 750, flip=0.01, weight=1.0),
+    PARTITIONED + ALL_PRINTED: Method("opaque-literal", "ps", 750, 1, FLIP, all_printed=True),
     AS_MANY: Method("opaque", "sir", 750),
     FOUR_TIMES: Method("opaque", "sir", 3000),
     ENOUGH: Method("opaque", "sir", 4000, 2),
@@ -61,14 +63,14 @@ LEAVES = {
 WIRES = {
     **{name: Method(kind, "ps", 300) for name, kind in LIKELIHOODS.items()},
     **{name + CONDENSATION: Method(kind, "sir", 300) for name, kind in LIKELIHOODS.items()},
-    EXCLUSIVE + PRINTED + CONDENSATION: Method("wires-literal", "sir", 300),
+    EXCLUSIVE + ALL_PRINTED: Method("wires-literal", "sir", 300, all_printed=True),
 }
 FIGURE_11 = {name: LEAVES[name] for name in (PARTITIONED, AS_MANY)}
 OCCLUSION, INDEPENDENT = "occlusion", "two trackers"
 #: N of figure 6, and ours for each tracker of figure 1.
 WALKERS = {
     OCCLUSION: Method("opaque", "sir", 2000),
-    OCCLUSION + ALL_PRINTED: Method("opaque-literal", "sir", 2000, 2, flip=0.01),
+    OCCLUSION + ALL_PRINTED: Method("opaque-literal", "sir", 2000, 2, FLIP, all_printed=True),
     INDEPENDENT: Method("none", "independent", 2000, 2),
 }
 
@@ -153,10 +155,12 @@ def _on_scene(
     for name, method in methods.items():
         if seed not in tracked[name]:
             continue
-        kind, ordering, particles, _, flip, weight = method
-        weighted = {} if weight is None else {"independence": weight}
-        of_lines = case._replace(options=case.options | weighted)
-        outcome = track(case, tracker_of(of_lines, kind, particles, ordering, flip), 1, seed)
+        kind, ordering, particles, _, flip, all_printed = method
+        used = as_printed(case) if all_printed else case
+        tracker = tracker_of(used, kind, particles, ordering, flip)
+        if all_printed:
+            tracker = dataclasses.replace(tracker, resampling="multinomial")
+        outcome = track(case, tracker, 1, seed)
         arrays = measures(case, outcome) | {"N": particles, "ess curve": outcome.ess[0]}
         if ordering == "independent":
             # Resampled apart, so that joint particles have equal weights.

@@ -27,6 +27,8 @@ _INDEPENDENCE = 0.3
 #: leaves start without a known speed, and finding it takes more noise.
 NOISE_OF_WIRES: Mapping[str, float] = {"wires": 4.0, "none": 3.0}
 NOISE_OF_LEAVES: Mapping[str, float] = {"opaque": 3.0}
+#: The same for the likelihood as printed; walkers' noise has no factor.
+NOISE_AS_PRINTED: Mapping[str, float] = {"wires": 4.0, "opaque": 3.0}
 #: Noise of a walker's shape per frame, in standard deviations of the examples.
 _SHAPE_NOISE = 0.2
 #: Number of points at which outlines are compared.
@@ -114,6 +116,15 @@ def walkers(seed: int, num_frames: int = 60) -> Case:
     scale = np.concatenate([1.5 * speed, _SHAPE_NOISE * shapes])
     options = {"detector": detector, "num_lines": 40}
     return _case("walkers", scene, space, RandomWalk(scale=scale), options, on_target=10.0)
+
+
+def as_printed(case: Case) -> Case:
+    """The same with the paper's measurement lines: each counts in full, and edges have 7 pixels.
+
+    Its noise was chosen for the likelihood as printed, see ``settings.csv``.
+    """
+    options = case.options | {"independence": 1.0, "sigma": 7.0}
+    return case._replace(options=options, noise=NOISE_AS_PRINTED if case.noise else {})
 
 
 def distances(case: Case, outlines: Any) -> np.ndarray:

@@ -141,11 +141,11 @@ def test_times_and_frames_are_those_of_the_tracks(result, exported):
     assert [line.split(",")[0] for line in lines] == ["5", "7", "8"]
 
 
-OUTLINES = "frame,contour,kind,point,x,y\n"
+OUTLINES = "frame,id,k,x,y,kind\n"
 
 
 def outline(name):
-    return "".join(f"0,{name},outline,{k},{5 + k},{6 + k * k}\n" for k in range(3))
+    return "".join(f"0,{name},{k},{5 + k},{6 + k * k},outline\n" for k in range(3))
 
 
 @pytest.mark.parametrize(
@@ -235,7 +235,7 @@ def test_names_that_look_like_formulas_come_back(result, exported):
     assert f"0,0.0,'{name},1" in tracks
     path = exported(result("points", tracks), "coco", "t.json")
     assert json.loads(path.read_text())["categories"][0]["keypoints"] == [name]
-    rows = [["frame", "contour", "kind", "point", "x", "y"]]
-    rows += [[0, name, "outline", k, k, k * k] for k in range(3)]
+    rows = [["frame", "id", "k", "x", "y", "kind"]]
+    rows += [[0, name, k, k, k * k, "outline"] for k in range(3)]
     folder = result("contours", tracks, csv_text(rows).encode())
     assert len(read_coco(exported(folder, "coco", "u.json"))) == 1

@@ -36,7 +36,10 @@ FILTERS = {
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(n, marks=pytest.mark.slow if n == "eskil" else ()) for n in FILTERS],
+    [
+        pytest.param(n, marks=pytest.mark.slow if n in ("labelled", "eskil") else ())
+        for n in FILTERS
+    ],
 )
 def test_optimising_changes_the_last_bits_alone(name):
     def results(tracker, key, frames):

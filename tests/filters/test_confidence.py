@@ -103,6 +103,8 @@ class AtBorder(ByFrame):
         return partition == 1
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_who_was_lost_at_the_border_needs_more_evidence_to_be_back():
     """While an object counts as gone, a missing frame changes nothing."""
     said = np.array([1.0, -6.0, 6.0, 3.0, np.nan, 6.0, 6.0])

@@ -319,6 +319,7 @@ def test_a_sweep_is_a_vmap():
     np.testing.assert_allclose(swept, [of(0.2), of(0.9)], rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_gradient_goes_through_all_functions():
     """With one particle there is no resampling: finite differences are exact but for rounding."""
     with jax.enable_x64(True):

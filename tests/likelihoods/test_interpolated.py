@@ -74,7 +74,10 @@ MANY, SOME = 3001, 300
 CASES = [("integral", 3), ("sampled", 3), ("sampled", 4)]
 
 
-@pytest.mark.parametrize(("kind", "dimension"), CASES)
+@pytest.mark.parametrize(
+    ("kind", "dimension"),
+    [pytest.param(*case, marks=[pytest.mark.slow] * (case[1] == 4)) for case in CASES],
+)
 @pytest.mark.parametrize("form", ["exponential", pytest.param("ratio", marks=pytest.mark.slow)])
 def test_the_gradient_in_position_scale_and_angle_matches_finite_differences(kind, dimension, form):
     with jax.enable_x64(True):

@@ -71,9 +71,8 @@ def test_a_box_has_the_likelihood_of_the_whole_frame_or_none(learned, centres):
     assert 0.05 < shown.mean() < 0.99
 
 
-@pytest.mark.parametrize(
-    "scale", [0.6, *(pytest.param(s, marks=pytest.mark.slow) for s in (1.0, 1.45))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("scale", [pytest.param(0.6, marks=pytest.mark.always), 1.0, 1.45])
 def test_log_odds_compare_with_the_same_places_elsewhere(learned, scale):
     substates = np.column_stack([BOXES[:, :2] + BOXES[:, 2:] / 2, [scale] * 2])
     substates = substates.T.astype(np.float32)

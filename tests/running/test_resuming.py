@@ -63,7 +63,7 @@ def same(one, other):
 
 
 #: The others share their clouds and populations, or wrap a tracker.
-QUICK = ["partitioned", "pffl", "labelled"]
+QUICK = ["partitioned", "labelled"]
 
 
 @pytest.mark.parametrize(

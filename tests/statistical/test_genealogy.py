@@ -44,6 +44,8 @@ def one_late(sources):
     return jnp.roll(sources, 1, axis=0)
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_the_genealogy_of_a_singular_motion_is_unbiased(monkeypatch):
     """Constant velocity with random acceleration; ancestors of the next frame are found out."""
     system, push = np.array([[1, 1], [0, 1.0]]), np.array([0.5, 1.0])

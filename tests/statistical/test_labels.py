@@ -112,15 +112,11 @@ def runs(chosen, **options):
     return [np.asarray(values, float) for values in found]
 
 
+@pytest.mark.slow
 @pytest.mark.statistical
 @pytest.mark.parametrize(
     "name",
-    [
-        "ps",
-        "dps",
-        pytest.param("sir", marks=pytest.mark.slow),
-        pytest.param("branched", marks=[pytest.mark.slow, pytest.mark.always]),
-    ],
+    [pytest.param(n, marks=pytest.mark.always) for n in ("ps", "branched")] + ["sir", "dps"],
 )
 def test_evidence_places_and_labels_are_unbiased(name):
     evidence, posterior = exact()

@@ -93,11 +93,12 @@ def test_three_frames_are_smoothed_exactly(make, order):
     assert np.abs(scores_of(second, expected)).max() < LIMIT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "proposal",
     [
-        pytest.param(None, id="dynamics", marks=pytest.mark.slow),
-        pytest.param(LocallyOptimal(), id="proposal"),
+        pytest.param(None, id="dynamics"),
+        pytest.param(LocallyOptimal(), id="proposal", marks=pytest.mark.always),
     ],
 )
 def test_smoothing_sees_what_comes_after(proposal):

@@ -28,7 +28,7 @@ _INDEPENDENCE = 0.3
 NOISE_OF_WIRES: Mapping[str, float] = {"wires": 4.0, "none": 3.0}
 NOISE_OF_LEAVES: Mapping[str, float] = {"opaque": 3.0}
 #: The same for the likelihood as printed; walkers' noise has no factor.
-NOISE_AS_PRINTED: Mapping[str, float] = {"wires": 4.0, "opaque": 3.0}
+NOISE_AS_PRINTED: Mapping[str, float] = {"wires": 6.0, "opaque": 2.0}
 #: Noise of a walker's shape per frame, in standard deviations of the examples.
 _SHAPE_NOISE = 0.2
 #: Number of points at which outlines are compared.

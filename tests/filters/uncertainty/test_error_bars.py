@@ -75,6 +75,8 @@ def test_exchanged_parts_have_ancestors_of_their_own_and_no_error_bar_of_the_evi
     assert np.isfinite(summary.estimate_variance[0]).all()
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_the_evidence_has_an_error_bar_with_multinomial_draws_alone():
     known, unknown = (told(tracker(resampling=x))[1] for x in ("multinomial", "systematic"))
     assert np.isfinite(known.evidence_variance).any()

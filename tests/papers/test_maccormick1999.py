@@ -65,6 +65,15 @@ def test_each_likelihood_has_its_own_noise_and_the_printed_one_that_of_its_rule(
         np.testing.assert_allclose(noise, factor * learned, rtol=1e-6)
 
 
+def test_a_case_as_printed_has_the_papers_lines_and_its_own_noise(wires):
+    printed = tracking.tracker_of(cases.as_printed(wires), "wires-literal", 10)
+    factor = cases.NOISE_AS_PRINTED["wires"]
+    np.testing.assert_allclose(printed.dynamics.noise, factor * np.asarray(wires.dynamics.noise))
+    assert (printed.likelihood.sigma, printed.likelihood.independence) == (7, 1)
+    walker = cases.as_printed(wires._replace(noise={}))
+    assert not walker.noise
+
+
 @pytest.mark.slow
 def test_of_two_trackers_neither_depends_on_the_other(wires):
     """Another start of the second target moves the first only where one filter tracks both."""

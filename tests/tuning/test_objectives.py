@@ -146,7 +146,7 @@ def test_crps_asks_for_an_honest_spread():
 
 
 @pytest.mark.slow
-def test_overlap_loss_skips_what_is_not_labelled(summaries):
+def test_iou_loss_skips_what_is_not_labelled(summaries):
     found, slope = with_gradient(tuning.iou_loss, tracker(), BOXES, SIZES)
     estimates = boxes_from_substates(summaries.estimate[:, [1, 4]], SIZES)
     iou = measures.iou(estimates, BOXES[[1, 4]])

@@ -346,10 +346,18 @@ def test_earlier_figures_on_the_page_of_papers():
 
     *two, last = re.findall(r": (.*?\])", earlier("smith2004", "real_dps"))
     assert f"for three objects: {', '.join(two)} and {last})" in text
-    less = re.findall(r": (\S+) \[", earlier("gonzales2011", "equal_time_sorted"))
-    least, most = min(map(float, less)), max(map(float, less))
-    assert f"{most:.0f}% smaller to {-least:.0f}% larger" in text
-    assert f"with 3000: {earlier('maccormick1999', 'leaves_fewer_particles')} points" in text
+
+    def span(key):
+        found = [float(each) for each in re.findall(r": (\S+) \[", earlier("gonzales2011", key))]
+        return min(found), max(found)
+
+    least, most = (100 * (each - 1) for each in span("time_of_equal_n"))
+    assert f"takes {least:.0f} to {most:.0f}% longer than PS" in text
+    least, most = span("time_of_twice_ps")
+    assert f"(SPS: {least:.2f} to {most:.2f} times)" in text
+    figures = earlier("gonzales2011", "equal_time_twice_sorted")
+    with_ten = sorted(-float(each) for each in re.findall(r"N = 10: (\S+) \[", figures))
+    assert f"is {with_ten[0]:.0f} and {with_ten[1]:.0f}% larger with 10 particles" in text
 
 
 def test_figures_of_questions_and_tasks():

@@ -107,7 +107,7 @@ def _read_points(path: Path, first, until) -> dict[tuple[int, str], np.ndarray]:
             continue
         number, k, x, y = (
             parse_number(field, f"{where}: {name} is", "give a number", whole=name not in "xy")
-            for name, field in zip(_HEADER, fields, strict=False)
+            for name, field in zip(_HEADER, fields[: len(_HEADER)], strict=True)
             if name != "id"
         )
         if first <= number <= until:

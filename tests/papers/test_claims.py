@@ -8,6 +8,7 @@ import pytest
 from jaxpf.measures import difference_interval, mean_interval
 from jaxpf.papers.judging.claims import (
     CONTRADICTED,
+    EQUAL,
     NOT_SEEN,
     OPEN,
     PAPERS_OWN,
@@ -125,6 +126,20 @@ def test_an_open_claim_says_how_many_scenes_would_resolve_it():
     assert judge(claim(at_least=0), [fixed(0, 1)]).remark == "more scenes would not resolve it"
     assert judge(claim(at_least=0), [fixed(5, 0)]).remark == "too few scenes to say more"
     assert judge(claim(at_least=0, margin=3), [fixed(-0.5, 2)]).remark == ""
+
+
+@pytest.mark.parametrize(
+    ("value", "reach", "at_least", "margin", "resolved"),
+    [(62, 14.5, 90, 40, WEAKER), (-4, 11, 0, 5, f"{EQUAL} 5")],
+)
+def test_a_figure_within_the_margin_is_weaker_with_more_scenes(
+    value, reach, at_least, margin, resolved
+):
+    claimed = {"at_least": at_least, "margin": margin}
+    assert verdict(fixed(value, reach), **claimed) == OPEN
+    root = growth(claim(**claimed), [fixed(value, reach)]) ** 0.5
+    assert verdict(fixed(value, 0.99 * reach / root), **claimed) == resolved
+    assert verdict(fixed(value, 1.01 * reach / root), **claimed) == OPEN
 
 
 def test_that_many_scenes_do_resolve_it():

@@ -1,6 +1,5 @@
 """Targets that meet or pass, tracked by several methods: figures 1, 4, 6, 7, 11."""
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -27,7 +26,7 @@ class Method(NamedTuple):
         num_particles: N.
         one_in: tracks only the first 1 / one_in of the sequences, since slow filters take long.
         flip: see ``tracker_of``.
-        all_printed: whether lines, edges and resampling are the paper's, too.
+        all_printed: whether labels, lines, edges and resampling are the paper's.
     """
 
     exclusion: str
@@ -54,7 +53,7 @@ LEAVES = {
     PARTITIONED: Method("opaque", "ps", 750),
     "PS, 750, delta .01": Method("opaque", "ps", 750, 2, FLIP),
     PARTITIONED + PRINTED: Method("opaque-literal", "ps", 750),
-    PARTITIONED + ALL_PRINTED: Method("opaque-literal", "ps", 750, 1, FLIP, all_printed=True),
+    PARTITIONED + ALL_PRINTED: Method("opaque-literal", "ps", 750, all_printed=True),
     AS_MANY: Method("opaque", "sir", 750),
     FOUR_TIMES: Method("opaque", "sir", 3000),
     ENOUGH: Method("opaque", "sir", 4000, 2),
@@ -70,7 +69,7 @@ OCCLUSION, INDEPENDENT = "occlusion", "two trackers"
 #: N of figure 6, and ours for each tracker of figure 1.
 WALKERS = {
     OCCLUSION: Method("opaque", "sir", 2000),
-    OCCLUSION + ALL_PRINTED: Method("opaque-literal", "sir", 2000, 2, FLIP, all_printed=True),
+    OCCLUSION + ALL_PRINTED: Method("opaque-literal", "sir", 2000, 2, all_printed=True),
     INDEPENDENT: Method("none", "independent", 2000, 2),
 }
 
@@ -156,10 +155,11 @@ def _on_scene(
         if seed not in tracked[name]:
             continue
         kind, ordering, particles, _, flip, all_printed = method
-        used = as_printed(case) if all_printed else case
-        tracker = tracker_of(used, kind, particles, ordering, flip)
         if all_printed:
-            tracker = dataclasses.replace(tracker, resampling="multinomial")
+            used = as_printed(case)
+            tracker = tracker_of(used, kind, particles, ordering, FLIP, "multinomial")
+        else:
+            tracker = tracker_of(case, kind, particles, ordering, flip)
         outcome = track(case, tracker, 1, seed)
         arrays = measures(case, outcome) | {"N": particles, "ess curve": outcome.ess[0]}
         if ordering == "independent":

@@ -46,7 +46,12 @@ class Outcome(NamedTuple):
 
 
 def tracker_of(
-    case: Case, exclusion: str, num_particles: int, method: str = "ps", flip: float = REDRAWN
+    case: Case,
+    exclusion: str,
+    num_particles: int,
+    method: str = "ps",
+    flip: float = REDRAWN,
+    resampling: str = "systematic",
 ) -> Partitioned:
     """Build a tracker of both targets of a case.
 
@@ -60,6 +65,7 @@ def tracker_of(
             front (figure 8).
         flip: for opaque targets, probability per frame that their depth order changes while they do
             not overlap.
+        resampling: see ``jaxpf.Partitioned``.
     """
     likelihood = contours(case.space, 2, exclusion=exclusion, **case.options)
     dynamics, label = case.dynamics, None
@@ -83,7 +89,7 @@ def tracker_of(
         initial=case.start,
         initial_label=label,
         num_particles=num_particles,
-        resampling="systematic",
+        resampling=resampling,
     )
 
 

@@ -204,6 +204,13 @@ def is_left_over(path: Path) -> bool:
     return path.name == LOCK or (path.name.startswith(".") and PARTIAL in path.name)
 
 
+def check_output_folder(path: Path) -> None:
+    """Refuse, before the work, a folder that cannot be: its name is too long, or below a file."""
+    # Path.exists hides such errors from Python 3.14 on.
+    with report_os_errors("create the output folder", path), suppress(FileNotFoundError):
+        path.stat()
+
+
 def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     """Create the folder for a run's results; refuse to mix them with other files.
 

@@ -64,9 +64,10 @@ def state_space(
     ``parameters`` are traced: ``vmap`` over calls of ``state_space`` to sweep them, use ``grad`` to
     differentiate; new values do not recompile.  ``jaxpf.tune`` names them ``parameters.a``.
 
-    Another function recompiles, unless it does the same (``jaxpf.contract.recognised``), as the
-    lambdas above do at every evaluation.  Functions should read all varying values from
-    ``parameters``; ``jaxpf.tuning.replace(tracker, {"parameters.a": 0.5})`` changes them.
+    A new function recompiles, unless it has the same code and values
+    (``jaxpf.contract.recognised``), as the lambdas above do at every evaluation.  Functions should
+    read all varying values from ``parameters``;
+    ``jaxpf.tuning.replace(tracker, {"parameters.a": 0.5})`` changes them.
 
     Args:
         initial: ``(key, parameters) -> x``, draws the state just before the first frame; or that

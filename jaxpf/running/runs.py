@@ -52,8 +52,9 @@ def run(
         key: the run's random key; frame t uses ``fold_in(key, t + 1)``.
         frames: array or pytree with a leading time axis ``[T, ...]``; also a pandas Series or
             DataFrame.
-        record: function of ``(state, summary)`` that returns what to keep of each frame.  Another
-            function recompiles, unless it does the same (``jaxpf.contract.recognised``).
+        record: function of ``(state, summary)`` that returns what to keep of each frame.  A new
+            function recompiles, unless it has the same code and values
+            (``jaxpf.contract.recognised``).
         observed: ``[T]`` bool, false for a missing frame, in which particles move by their dynamics
             alone; or ``[T, P]``, false for a missing partition, such as a landmark out of view; or
             of the shape of ``frames``, false for a missing component, with a likelihood that
@@ -61,12 +62,13 @@ def run(
             entirely NaN are missing.  The log-evidence increment of
             a missing frame is 0, unless it is random (``jaxpf.running.gaps``).
         state: state after the previous frames, to resume; None starts with ``tracker.init``.
-            It must say its ``time``, see ``jaxpf.contract.Tracker``.
+            It must have a field ``time``, see ``jaxpf.contract.Tracker``.
         inputs: known inputs of these frames, a pytree of arrays ``[T, ...]``; functions of
             ``jaxpf.state_space`` receive a frame's row as ``u``.
 
     Returns:
-        The final state, and the recorded values with a leading axis T.
+        The final state, and the recorded values with a leading axis T.  A frame that no particle
+        explains is skipped: ``log_evidence`` is -inf, and ``status`` has ``STATUS_IMPOSSIBLE``.
 
     Raises:
         InputError: no frames, arrays with different numbers of frames, or an iterable of single

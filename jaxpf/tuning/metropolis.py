@@ -88,8 +88,8 @@ def pmmh(
         posterior.parameters["a"].mean()
 
     Args:
-        build: parameters -> tracker with an unbiased ``log_evidence``, such as
-            ``jaxpf.state_space(..., parameters=p)``.
+        build: parameters -> tracker, such as ``jaxpf.state_space(..., parameters=p)``, whose
+            estimate of the marginal likelihood, ``exp(log_evidence.sum())``, is unbiased.
         log_prior: parameters -> log prior density ``[]``, up to a constant; -inf outside its
             support.
         key: random key.
@@ -128,7 +128,10 @@ def pmmh(
         check_whole(name, value, most=_MOST)
     for name, function in (("build", build), ("log_prior", log_prior)):
         if not callable(function):
-            raise InputError(f"{name}={function!r:.60} must be a function of the parameters.")
+            raise InputError(
+                f"{name} is a {type(function).__name__} and must be a function of the parameters; "
+                "call pmmh(build, log_prior, key, frames, initial)."
+            )
     if not all(jnp.issubdtype(jnp.result_type(x), jnp.floating) for x in jax.tree.leaves(initial)):
         raise InputError(f"initial={initial!r} must hold floats alone; write 1.0 for 1.")
     initial = jax.tree.map(lambda x: jnp.asarray(x, float), initial)

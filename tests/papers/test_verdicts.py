@@ -116,7 +116,8 @@ def test_the_summary_counts_the_papers_own_claims():
         *(each._replace(verdict=OPEN) for each in own[1:3]),
     ]
     doubted += [each._replace(verdict=SUPPORTED) for each in own[3:5]]
-    assert verdicts.summary("rowe2005", doubted) == "rowe2005: 2 of 5 hold, 1 contradicted, 2 open"
+    said = verdicts.summary("rowe2005", doubted)
+    assert said == "rowe2005: 2 of 5 supported, 1 contradicted, 2 open"
     doubted[1] = doubted[1]._replace(verdict="equal within 3")
     assert verdicts.summary("rowe2005", doubted).endswith("1 weaker than claimed, 1 open")
 

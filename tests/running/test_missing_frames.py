@@ -334,3 +334,15 @@ def test_a_likelihood_that_is_nan_for_all_particles_warns_once():
             call()
         assert len(warned) == 1
         assert warned[0].filename == __file__
+
+
+def test_a_likelihood_that_is_nan_for_some_particles_says_for_how_many():
+    def partly(y, x, p):
+        return jnp.where(x[0] > y, jnp.nan, 0.0)
+
+    its, frames = of_pairs(partly), np.array([1e6, 0.0, 1e6])
+    with pytest.warns(UserWarning, match="frame 1 is NaN or .inf [0-9]+ times") as warned:
+        summary = jaxpf.run(its, KEY, frames)[1]
+    assert len(warned) == 1
+    assert 0 < summary.num_invalid[1] < its.num_particles
+    assert f"{summary.num_invalid[1]} times" in str(warned[0].message)

@@ -16,6 +16,7 @@ from jaxpf.cli.shared.flags import report_implied
 from jaxpf.cli.shared.scene_options import SceneCommand, SceneOptions
 from jaxpf.cli.shared.startup import start_jax, use_compile_cache
 from jaxpf.files.locking import LOCK, locked
+from jaxpf.files.writing import check_output_folder
 from jaxpf.running.memory import check_memory
 
 _LESS_MEMORY = "ask for fewer particles, workers or frames, or a smaller --memory"
@@ -43,6 +44,7 @@ def _evaluate(request: Request) -> Any:
 
 def _is_finished(request: Request) -> bool:
     """Whether nothing is left to do; if so, print the results again."""
+    check_output_folder(request.output)
     if (request.output / LOCK).exists():  # fail early: planning takes minutes
         with locked(request.output, "evaluating"):
             pass

@@ -1,4 +1,4 @@
-"""Tracks in the formats of other projects: COCO, CVAT and MOT.
+"""Tracks in the formats of other projects: COCO, CVAT, MOT, DeepLabCut and SLEAP.
 
 All read the output folder of ``jaxpf track``, without the video, and keep the objects' ids.  In
 memory, frames and pixels count from 0, and pixel (0, 0) is the square [0, 1) x [0, 1).  File
@@ -10,6 +10,7 @@ format          first frame  first pixel  position
 mot             1            1            top left corner, width and height
 coco            image id 1   0            top left corner, width and height
 cvat (MOT 1.1)  1            0            top left corner, width and height
+dlc, sleap      0            0            keypoints
 ==============  ===========  ===========  =================================
 
 COCO's times are frame timestamps, which differ from index / fps where the frame rate varies.
@@ -28,7 +29,7 @@ from jaxpf.boxes.tracks import read_tracks, write_mot
 from jaxpf.contract.errors import InputError
 from jaxpf.files.digests import SUMMARY
 from jaxpf.files.reading import read_rows, read_text
-from jaxpf.files.writing import atomic_write, write_text
+from jaxpf.files.writing import atomic_write, csv_text, write_text
 
 #: Category of all tracked objects.
 _LABEL = "object"
@@ -269,6 +270,43 @@ def write_motchallenge(path: Path, tracked: Tracked) -> None:
     write_mot(path, times + tracked.first, ids, boxes, confidence)
 
 
+def write_deeplabcut(path: Path, tracked: Tracked) -> None:
+    """Write the CSV table of predictions of one animal as DeepLabCut writes it."""
+    _check_points(tracked, "DeepLabCut")
+    header = [
+        ["scorer"] + 3 * len(tracked.names) * ["jaxpf"],
+        ["bodyparts", *(name for name in tracked.names for _ in range(3))],
+        ["coords"] + len(tracked.names) * ["x", "y", "likelihood"],
+    ]
+    rows = ([frame, *cells] for frame, cells in _keypoints(tracked))
+    write_text(path, csv_text([*header, *rows]))
+
+
+def write_sleap(path: Path, tracked: Tracked) -> None:
+    """Write the CSV table of SLEAP's "Export Analysis CSV", with one instance."""
+    _check_points(tracked, "SLEAP")
+    columns = (f"{name}.{what}" for name in tracked.names for what in ("x", "y", "score"))
+    header = ["track", "frame_idx", "instance.score", *columns]
+    score = tracked.confidence.mean(axis=1).round(4)
+    rows = (["jaxpf", frame, score[frame - tracked.first], *c] for frame, c in _keypoints(tracked))
+    write_text(path, csv_text([header, *rows]))
+
+
+def _check_points(tracked: Tracked, program: str) -> None:
+    if tracked.target != "points":
+        raise InputError(
+            f"{program} has keypoints, and these are tracks of {tracked.target}; choose coco."
+        )
+
+
+def _keypoints(tracked: Tracked) -> Iterator[tuple[int, list[Any]]]:
+    """Each frame's number, and x, y and confidence of each point; empty where not reported."""
+    values = np.concatenate([tracked.lines[:, :, 0], tracked.confidence[..., None]], axis=-1)
+    values[~np.isfinite(values).all(axis=-1)] = np.nan
+    for frame, row in enumerate(values, start=tracked.first):
+        yield frame, ["" if np.isnan(value) else round(float(value), 4) for value in row.ravel()]
+
+
 def _rounded(values: Any) -> list[float]:
     return [round(float(value), 3) for value in values]
 
@@ -278,4 +316,6 @@ FORMATS: dict[str, tuple[str, Callable[[Path, Tracked], None]]] = {
     "coco": (".json", write_coco),
     "cvat": (".zip", write_cvat),
     "mot": (".txt", write_motchallenge),
+    "dlc": (".csv", write_deeplabcut),
+    "sleap": (".csv", write_sleap),
 }

@@ -42,7 +42,7 @@ class Run:
     seed: int = option(0, "Random seed: same seed, same tracks.", least=0, most=2**32 - 1)
     runs: int | None = option(
         None,
-        "Track N times and report the mean and its standard error.  The runs share each frame's "
+        "Number of runs; reports their mean and its standard error.  The runs share each frame's "
         "work: ten cost two to nine times as much as one.",
         least=2,
         most=10_000,

@@ -1,6 +1,7 @@
 """``jaxpf track`` in steps: open, build, stream and write, report; ``request_of`` parses."""
 
 import contextlib
+import warnings
 
 from jaxpf.cli.shared.startup import use_compile_cache
 from jaxpf.cli.tracking.finishing import finish
@@ -21,7 +22,10 @@ def track(request: Request) -> None:
     session.build()
     existed = session.output.is_dir()
     writing.prepare_output_folder(session.output, request.run.overwrite)
-    record(session)
+    with warnings.catch_warnings():
+        # At the end, the program says how many there were.
+        warnings.filterwarnings("ignore", "the log-likelihood of frame", UserWarning)
+        record(session)
     if not session.is_kept and not existed:
         with contextlib.suppress(OSError):
             session.output.rmdir()

@@ -25,7 +25,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import GRADIENTS, OBJECTIVES
 from jaxpf.contract.options import OPEN, chosen, option, options_of
 from jaxpf.files.locking import locked
-from jaxpf.files.writing import prepare_output_folder, report_os_errors
+from jaxpf.files.writing import check_output_folder, prepare_output_folder
 from jaxpf.running.memory import check_memory, needed_by
 from jaxpf.targets import all_targets, target_of_scene
 from jaxpf.targets.building import filter_for
@@ -112,8 +112,8 @@ def _command(**values: Any) -> None:
     options, source = picked(values, Options, _DEFAULTS), resolved_scene(values["scene"])
     _check_names(options.parameters)
     folder = options.output or Path(f"jaxpf-tune-{scene_name(source)}")
-    with report_os_errors("write into the output folder", folder):
-        continues = (folder / NAME).is_file()
+    check_output_folder(folder)
+    continues = (folder / NAME).is_file()
     scenes = scenes_to_tune_on(source, options)
     # A gradient needs all frames both in memory and on the device.
     num_bytes = 2 * sum(scene.frames.nbytes for scene in scenes)

@@ -110,7 +110,7 @@ def of_group(judged: Iterable[Judged], group: str) -> list[Judged]:
 
 
 def summary(paper: str, judged: Sequence[Judged]) -> str:
-    """Count the paper's own claims that hold, such as "rowe2005: 9 of 12 hold, 3 open"."""
+    """Count the paper's own supported claims: "rowe2005: 9 of 12 supported, 3 open"."""
     own = [each.verdict for each in of_group(judged, "paper")]
     if PREVIEW in own:
         return f"{paper}: a preview, too few scenes to judge its claims"
@@ -120,7 +120,7 @@ def summary(paper: str, judged: Sequence[Judged]) -> str:
         if word in words:
             words[word] += 1
     others = "".join(f", {count} {word}" for word, count in words.items() if count)
-    return f"{paper}: {own.count(SUPPORTED)} of {len(own)} hold{others}"
+    return f"{paper}: {own.count(SUPPORTED)} of {len(own)} supported{others}"
 
 
 def origin(judged: Sequence[Judged]) -> str:

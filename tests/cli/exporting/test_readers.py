@@ -4,6 +4,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from command_line import refusal_of
 
 #: Two objects in three frames; the second is lost in the last one and absent from the first.
 TRACKS = """frame,time,id,x,y,w,h,speed,confidence,lost
@@ -105,3 +106,51 @@ def test_cvat_imports_the_archive_by_its_documented_layout(export):
     for *_, not_ignored, class_id, visibility in rows:
         assert (int(not_ignored), int(class_id)) == (1, 1)
         assert 0 <= float(visibility) <= 1
+
+
+POINTS = """frame,time,id,x,y,speed,confidence,lost
+5,0.20,nose,1.5,2,,0.9,0
+5,0.20,tail,3,4,,0.2,1
+6,0.24,nose,2.5,2,,0.8,0
+"""
+
+
+@pytest.fixture
+def keypoints(result, exported):
+    """A function that exports keypoints; the tail is not reported in the second frame."""
+    folder = result("points", POINTS, start=5, times=[0.2, 0.24])
+    return lambda form: exported(folder, form, f"{form}.csv")
+
+
+def test_pandas_reads_deeplabcut_predictions(keypoints):
+    """DeepLabCut: index the frame, columns scorer, body part, and x, y or likelihood."""
+    pandas = pytest.importorskip("pandas")
+    table = pandas.read_csv(keypoints("dlc"), header=[0, 1, 2], index_col=0)
+    assert table.columns.names == ["scorer", "bodyparts", "coords"]
+    assert table.index.tolist() == [5, 6]
+    nose = table["jaxpf", "nose"]
+    np.testing.assert_allclose(nose[["x", "y", "likelihood"]], [[1.5, 2, 0.9], [2.5, 2, 0.8]])
+    np.testing.assert_allclose(table["jaxpf", "tail"], [[3, 4, 0.2], 3 * [np.nan]])
+
+
+def test_sleap_analysis_has_a_row_per_frame(keypoints):
+    """SLEAP: track, frame_idx, instance.score, then x, y and score of each node."""
+    lines = keypoints("sleap").read_text().splitlines()
+    assert lines == [
+        "track,frame_idx,instance.score,nose.x,nose.y,nose.score,tail.x,tail.y,tail.score",
+        "jaxpf,5,0.55,1.5,2.0,0.9,3.0,4.0,0.2",
+        "jaxpf,6,0.4,2.5,2.0,0.8,,,",
+    ]
+
+
+def test_sleap_io_reads_keypoints(keypoints):
+    sleap = pytest.importorskip("sleap_io", reason="sleap-io is not installed")
+    labels = sleap.load_csv(str(keypoints("sleap")), format="sleap", video="clip.mp4")
+    assert [frame.frame_idx for frame in labels] == [5, 6]
+    np.testing.assert_allclose(labels[0].instances[0].numpy(), [[1.5, 2], [3, 4]])
+
+
+@pytest.mark.parametrize("form", ["dlc", "sleap"])
+def test_boxes_are_no_keypoints(result, form):
+    folder = result("boxes", TRACKS, times=[0, 0.04, 0.08])
+    assert "choose coco" in refusal_of("export", folder, form, folder / "new.csv")

@@ -33,10 +33,12 @@ def test_other_commits_choose_other_tests_and_leave_none_out():
     assert {name for part in parts for name in part} == set(NAMES)
 
 
-def test_cases_of_a_function_stay_together_unless_they_are_many():
-    names = [f"test_a[{n}]" for n in range(4)] + [f"test_b[{n}]" for n in range(8)]
-    for commit in range(5):
-        assert chosen(names, (), f"{commit:x}")[1] in (names[:4], names[4:8])
+@pytest.mark.parametrize(("place", "number"), [("{}.py::test", 9), ("it.py::test_{}", 12)])
+def test_tests_of_a_file_stay_together_and_in_a_large_one_those_of_a_function(place, number):
+    groups = a, b, c = [[f"{place.format(name)}[{n}]" for n in range(number)] for name in "abc"]
+    parts = [chosen([*a, *b, *c], (), f"{commit:x}")[1] for commit in range(30)]
+    assert all(part in groups for part in parts)
+    assert {part[0] for part in parts} == {group[0] for group in groups}
 
 
 def test_every_worker_begins_with_its_part():

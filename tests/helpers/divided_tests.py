@@ -1,8 +1,9 @@
 """Options of pytest with which one run takes a part of the tests, and ends in time.
 
 ``--share HASH`` keeps the tests that are marked ``always``, those of changed code, but no more than
-a third of all, and a third of the others, both chosen by the hash: that of each commit chooses
-others.  ``--changed-since REV`` names the commit since which code has changed.
+a third of all, and a third of the others.  The hash chooses both, so that each commit has others,
+and whole files where those are small.  ``--changed-since REV`` names the commit since which code
+has changed.
 ``JAXPF_TESTS_UNTIL``, in seconds since 1970, is when no further test begins; those that did not run
 are named, and do not fail the run.
 """
@@ -20,8 +21,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 UNTIL = "JAXPF_TESTS_UNTIL"
 SHARE = 1 / 3
-#: A function with more cases than this is divided.
-_MANY_CASES = 20
+#: Tests of a file go together, since they share what they compile, unless there are more of them;
+#: then those of a function do, unless it has more cases.
+_MANY = 20
 #: Every filter stands on them, and the statistical tests are about filters.
 _KERNEL = {"contract", "filters", "gradients", "lowering", "ordering", "proposals", "resampling"}
 _NOT_RUN = "not run: the time was up"
@@ -103,18 +105,19 @@ def users_of(helper):
 
 def chosen(names, beginnings, share):
     """Tests of changed code, and of the others, that the hash chooses; in their order."""
-    functions = Counter(name.partition("[")[0] for name in names)
+    place = {name: number for number, name in enumerate(names)}
+    groups = [(name.partition("::")[0], name.partition("[")[0]) for name in names]
+    sizes = Counter(group for pair in groups for group in pair)
 
     def drawn(name):
-        function = name.partition("[")[0]
-        unit = name if functions[function] > _MANY_CASES else function
-        return hashlib.sha256(f"{share} {unit}".encode()).digest(), names.index(name)
+        unit = next((g for g in groups[place[name]] if sizes[g] <= _MANY), name)
+        return hashlib.sha256(f"{share} {unit}".encode()).digest(), place[name]
 
     changed = sorted((name for name in names if name.startswith(beginnings)), key=drawn)
     others = sorted((name for name in names if not name.startswith(beginnings)), key=drawn)
     first = changed[: round(SHARE * len(names))]
     rest = others[: round(SHARE * len(others))]
-    return sorted(first, key=names.index), sorted(rest, key=names.index)
+    return sorted(first, key=place.get), sorted(rest, key=place.get)
 
 
 @pytest.hookimpl(tryfirst=True)

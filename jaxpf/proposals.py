@@ -49,6 +49,11 @@ class Mixture(Proposal):
             raise InputError(f"proposal is {self.proposal!r:.60}, without a method propose.")
         check_number("share", self.share, least=0, below=1)
 
+    @property
+    def needs_noise(self) -> bool:
+        """Whether the other proposal moves coordinates that have no noise."""
+        return getattr(self.proposal, "needs_noise", False)
+
     def of_model(self, dynamics, likelihood):
         """See ``jaxpf.contract.Proposal``."""
         return Mixture(
@@ -77,9 +82,13 @@ class Mixture(Proposal):
 class _Normal(Proposal):
     """A normal density for each particle, given by ``_moments``; its parameters are constants.
 
+    It moves every coordinate, so that each must have noise.
+
     Derivatives of the evidence therefore flow only through the transition density and the
     likelihood, which is exact, and not through the proposal's mean and covariance.
     """
+
+    needs_noise = True
 
     def propose_all(self, key, observation, partition, current, previous, parent):
         """Draw normal substates, ``[D, N]``."""
@@ -134,7 +143,7 @@ class LocallyOptimal(_Normal):
         partitions, zeros = jnp.arange(count), jnp.zeros((current.shape[0], count), current.dtype)
         transition = _transition(self.dynamics, partitions, zeros, zeros, zeros)
         evidence = _evidence(self.likelihood, observation, partitions)
-        precision = _curvature(transition, zeros) + _curvature(evidence, zeros)
+        precision = _of_full_rank(_curvature(transition, zeros)) + _curvature(evidence, zeros)
         slope = _slope(_transition(self.dynamics, partition, current, previous, parent), current)
         slope += _slope(_evidence(self.likelihood, observation, partition), current)
         return (
@@ -172,7 +181,7 @@ class Linearised(_Normal):
     def _moments(self, observation, partition, current, previous, parent):
         index = jnp.arange(current.shape[1])
         transition = _transition(self.dynamics, partition, current, previous, parent)
-        precision = _curvature(transition, current)
+        precision = _of_full_rank(_curvature(transition, current))
         expected = current + _solve(precision, index, _slope(transition, current))
         # Axes: the residual [N, E] and its derivative [N, E, D].
         seen = observation, partition, expected
@@ -216,6 +225,15 @@ def _curvature(log_density: Callable, places: jax.Array) -> jax.Array:
 
     second = -jax.vmap(along)(jnp.eye(places.shape[0], dtype=places.dtype))  # [D, D, N]
     return jnp.moveaxis(jnp.where(jnp.isfinite(second), second, 0.0), -1, 0)
+
+
+def _of_full_rank(precision: jax.Array) -> jax.Array:
+    """The transition's precisions ``[K, D, D]``, NaN where a coordinate has no noise.
+
+    Such a coordinate cannot move, and a density that leaves it out would not weigh its moves.
+    """
+    has_noise = jnp.all(jnp.diagonal(precision, axis1=1, axis2=2) > 0, axis=1)
+    return jnp.where(has_noise[:, None, None], precision, jnp.nan)
 
 
 def _solve(precision: jax.Array, index: jax.Array, vectors: jax.Array) -> jax.Array:

@@ -219,7 +219,7 @@ class _BoxTarget(Target):
             raise InputError("--ids names objects of a CSV file; give the file with --boxes.")
         if given["boxes"]:
             table = read_truth(given["boxes"])
-            ids, boxes = tracks.start_boxes(table, number, given["ids"])
+            ids, boxes = tracks.start_boxes(table, number, _starting(table, number, given["ids"]))
         elif given["box"]:
             boxes = np.stack([tracks.parse_box(text) for text in given["box"]])
             ids = np.arange(1, len(boxes) + 1)
@@ -237,9 +237,11 @@ class _BoxTarget(Target):
         self, given: Mapping[str, Any], number: int, source: "FrameSource"
     ) -> tuple[dict[int, Start], str | None]:
         """Boxes of later frames in the file of --boxes."""
+        from jaxpf.sequences.layouts import read_truth
+
         if not given["boxes"]:
             return {}, None
-        table = tracks.read_boxes(given["boxes"])
+        table = read_truth(given["boxes"])
         ids = table.id if given["ids"] is None else given["ids"]
         named = np.isin(table.id, ids)
 
@@ -249,7 +251,15 @@ class _BoxTarget(Target):
             tracks.check_boxes(table.box[rows], source.width, source.height, names)
             return self.start(table.box[rows], table.id[rows])
 
-        return starts_by_frame(table.frame[named], table.id[named], number, start_at)
+        later, note = starts_by_frame(table.frame[named], table.id[named], number, start_at)
+        here = table.id[table.frame == number]
+        absent = np.setdiff1d(ids, np.concatenate([here, *(each.ids for each in later.values())]))
+        if given["ids"] is not None and len(absent):
+            raise InputError(
+                f"id {absent[0]} has no box in frame {number} of {table.source}, which holds whole "
+                "tracks, whose later boxes start no object; choose another --start."
+            )
+        return later, note
 
     def fits_scene(self, scene: "Scene") -> bool:
         """Every scene has boxes."""
@@ -272,6 +282,14 @@ class _BoxTarget(Target):
 
 
 BOXES = _BoxTarget()
+
+
+def _starting(table: "tracks.BoxTable", number: int, ids: Any) -> Any:
+    """Those of the ids asked for that do not start in a later frame."""
+    if ids is None:
+        return None
+    here, later = table.id[table.frame == number], table.id[table.frame > number]
+    return [each for each in ids if each in here or each not in later]
 
 
 def _names(start: Start) -> list[str]:

@@ -90,6 +90,8 @@ def start_boxes(
     if ids is not None:
         check_array("ids", ids, "the ids of the objects, [N]")
     row_of = {int(table.id[row]): row for row in np.flatnonzero(table.frame == frame)}
+    if not len(table.frame):
+        raise InputError(f"{table.source} has no box with an area; give widths and heights above 0")
     if not row_of:
         raise InputError(
             f"{table.source} has no box in frame {frame}; choose a start frame among "

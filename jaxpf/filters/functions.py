@@ -128,9 +128,15 @@ def state_space(
     transition_log_density = recognised("transition_log_density", transition_log_density)
     optional = {name: recognised(name, function) for name, function in optional.items()}
     layout = layout_of(initial, transition, transition_log_density, parameters, num_values)
-    copies = 2 if asks_for(log_likelihood, "previous") else 1
+    copies = 2 if any(asks_for(f, "previous") for f in (log_likelihood, observation)) else 1
     if copies == 2 and options.get("proposal") is not None:
         options["proposal"] = FunctionProposal(options["proposal"])
+    gradient = options.get("gradient")
+    if getattr(gradient, "blends", False) and any(leaf.dtype is not None for leaf in layout.leaves):
+        raise InputError(
+            "gradient Transport blends particles, and the state holds integers or bools, which "
+            "have no values between; use jaxpf.gradients.StopGradient()."
+        )
     if callable(initial):
         start: Any = FunctionSampler(parameters, initial, layout, copies)
     else:
@@ -238,6 +244,11 @@ class FunctionProposal(contract.Proposal):
     """A proposal of the state, for substates that hold the state and its predecessor."""
 
     proposal: Any
+
+    @property
+    def needs_noise(self) -> bool:
+        """Whether the proposal moves coordinates that have no noise."""
+        return getattr(self.proposal, "needs_noise", False)
 
     def of_model(self, dynamics, likelihood):
         """See ``jaxpf.contract.Proposal``."""

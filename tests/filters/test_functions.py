@@ -367,3 +367,14 @@ def test_a_likelihood_that_sees_the_state_before_is_not_smoothed_with_a_lag():
     ):
         with pytest.raises(InputError, match=r"over the whole clip alone; use jaxpf\.smooth"):
             smooth()
+
+
+def test_a_frame_may_be_drawn_by_the_state_before_without_a_likelihood_that_sees_it():
+    its = jaxpf.state_space(
+        initial=1.0,
+        transition=lambda key, x, p: x + 1.0,
+        log_likelihood=lambda y, x, p: jax.scipy.stats.norm.logpdf(y, x),
+        observation=lambda key, x, p, previous: x - previous,
+    )
+    _, frames = jaxpf.simulate(its, jax.random.key(0), 3)
+    np.testing.assert_array_equal(np.ravel(frames), [1, 1, 1])

@@ -98,3 +98,13 @@ def test_reliability_of_streamed_runs_is_that_of_pooled_frames():
         assert shares.lower[place] < 0.1 + 0.2 * place < shares.upper[place] + 0.05
     pairs = confidence[known & (on_object == 1)][:, None] - confidence[known & (on_object == 0)]
     assert streamed.area() == pytest.approx(np.mean(pairs > 0), abs=0.01)
+
+
+def test_levels_in_hundredths_count_whole_bins():
+    confidence = (np.arange(100) / 100)[None]
+    counts = confidence_counts(confidence, np.zeros((1, 100)))
+    assert counts[0, 0].tolist() == 100 * [1]
+    reliability = Reliability()
+    reliability.add(counts)
+    for number in range(101):
+        assert reliability.silent(number / 100) == pytest.approx(1 - number / 100)

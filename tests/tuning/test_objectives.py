@@ -184,3 +184,11 @@ def test_bad_input_is_refused_in_one_sentence(call, arguments, what):
 def test_a_tracker_that_is_none_is_refused():
     assert "tracker is None" in message_of(tuning.log_evidence, None, KEYS, FRAMES)
     assert "tracker is None" in message_of(tuning.crps, None, KEYS, FRAMES, PAIRS)
+
+
+def test_a_missing_frame_changes_no_evidence():
+    frames = np.where(np.arange(T)[:, None, None] == 1, np.nan, FRAMES).astype(np.float32)
+    expected = quick(jaxpf.monte_carlo)(tracker(), KEYS, frames).log_evidence
+    found = quick(tuning.log_evidence)(tracker(), KEYS, frames)
+    assert (expected[:, 1] == 0).all()
+    np.testing.assert_allclose(found, expected.sum(1), rtol=1e-5)

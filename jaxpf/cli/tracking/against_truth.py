@@ -1,7 +1,8 @@
 """``jaxpf track --truth``: print and write how close tracks are to the ground truth."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,8 @@ def report_truth(
     first: int,
     truth: BoxTable,
     which: str = "",
+    given: Mapping[int, Sequence[Any]] = MappingProxyType({}),
+    late: Collection[Any] = (),
 ) -> None:
     """Report metrics over the frames with ground truth, as a table and as metrics.csv.
 
@@ -38,11 +41,19 @@ def report_truth(
         first: start frame; metrics cover the frames after it.
         truth: boxes, as returned by ``read_boxes``.
         which: "smoothed" for smoothed tracks.
+        given: later frame -> ids of the objects whose boxes the user gave there; such a frame does
+            not count for them.
+        late: ids of those that start in the first such frame; none before it counts, either.
     """
     last = int(table["frame"].max())
     shared = [int(i) for i in ids if i in set(truth.id.tolist())]
     estimate = dense(_boxes(table), shared, last + 1)[first + 1 :]
     target = dense(truth, shared, last + 1)[first + 1 :]
+    for number, name in enumerate(shared):
+        at = np.array([frame for frame, ids in given.items() if name in ids and frame <= last], int)
+        if name in late and len(at):
+            at = np.arange(first + 1, at.min() + 1).tolist() + at.tolist()
+        target[np.asarray(at, int) - first - 1, number] = np.nan
     measures = metrics.summarise(estimate[None], target)
     columns = {
         "frames": np.asarray(metrics.has_truth(target)).sum(axis=0),

@@ -60,7 +60,9 @@ def _finish(session: Session) -> None:
     if session.population is not None:
         against_truth.report_identities(output, first, count, table, session.truth)
         return
-    against_truth.report_truth(output, table, names, first, session.truth)
+    given = {at: each.ids.tolist() for at, each in session.later.items()}
+    late = set(names) - set(session.start.ids.tolist())
+    against_truth.report_truth(output, table, names, first, session.truth, given=given, late=late)
     if session.smoothed is not None:
         smoothed = session.smoothed.table
         against_truth.report_truth(output, smoothed, names, first, session.truth, "smoothed")
@@ -77,7 +79,7 @@ def _summary(
     population, stopped = session.population, session.stopped
     first, rest = session.seconds
     start = session.request.run.start
-    frames = slice(start, start + session.before[1] + counts.tracked + 1)
+    frames = slice(start, max(start, counts.last) + 1)
     kept = {} if population is None else vars(population)
     started = session.start.ids.tolist()
     model_errors = contract.model_error(session.filter, len(started))

@@ -159,14 +159,18 @@ def open_session(request: Request) -> Session:
     first = used_to_the_light(frames) if source.is_camera else next(frames)
     start = request.target.read_start(request.starts, run_options.start, source)
     later, note = request.target.later_starts(request.starts, run_options.start, source)
+    remarks = [*start.remarks, *([note] if note else [])]
     if run_options.frames is not None:
-        later = {at: s for at, s in later.items() if at <= run_options.start + run_options.frames}
+        end = run_options.start + run_options.frames
+        if beyond := [at for at in later if at > end]:
+            remarks.append(f"what the start file names in frame {beyond[0]} comes after --frames")
+        later = {at: each for at, each in later.items() if at <= end}
     check_together(request, later=later)
-    for remark in (*start.remarks, *([note] if note else [])):
+    for remark in remarks:
         say(f"Note: {remark}", err=True)
     if request.detector is not None:
         detector_of.check_detector(request.detector, start, run_options.start, source)
-    truth = _read_truth(request, start)
+    truth = _read_truth(request, all_names(start, later))
     output = run_options.output or Path(f"jaxpf-{source.name}")
     if isinstance(source.path, Path):
         _check_output(output, source.path)
@@ -199,19 +203,19 @@ def _state_before(request: Request, tracker: Any) -> tuple[Any, int]:
     return state, time
 
 
-def _read_truth(request: Request, start: Start) -> BoxTable | None:
+def _read_truth(request: Request, names: np.ndarray) -> BoxTable | None:
     """Read the boxes of --truth, which must cover some object and frame of this run."""
     if request.run.truth is None:
         return None
     first, count = request.run.start, request.run.frames
     truth = read_truth(request.run.truth)
-    ids = start.ids if request.detector is None else np.unique(truth.id)
-    names = ", ".join(map(str, ids))
+    ids = names if request.detector is None else np.unique(truth.id)
+    shown = ", ".join(map(str, ids))
     last = np.inf if count is None else first + count
     if not (np.isin(truth.id, ids) & (truth.frame > first) & (truth.frame <= last)).any():
         until = "on" if count is None else f"to {last}"
         raise InputError(
-            f"--truth {truth.source} has no box of object {names}, which this run tracks, in the "
+            f"--truth {truth.source} has no box of object {shown}, which this run tracks, in the "
             f"frames from {first + 1} {until} (counting from 0); give another start or the truth "
             "of these objects, or leave it out."
         )

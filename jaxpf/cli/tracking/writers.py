@@ -227,12 +227,13 @@ class Counts:
     """Counts frames, likelihood failures, and frames with lost objects."""
 
     def __init__(self, ids: Any):
-        self.tracked = self.invalid = self.impossible = 0
+        self.tracked = self.invalid = self.impossible = self.last = 0
         self.outside: dict[str, list[int]] = {str(name): [] for name in ids}
         self.without_likelihood: dict[str, list[int]] = {str(name): [] for name in ids}
 
     def __call__(self, record: Record) -> None:
-        """Count a frame."""
+        """Count a frame; ``last`` is its number, also where objects only start again."""
+        self.last = record.number
         if not record.filtered:
             return
         self.tracked += 1

@@ -19,13 +19,14 @@ from jaxpf.contract.errors import InputError, check_has, choice
 from jaxpf.contract.numbers import FINITE, check_array
 from jaxpf.contract.options import check_declared
 from jaxpf.contract.pytree import as_array, compiled_alone, pytree_dataclass, static_field
-from jaxpf.contract.refusals import Bias
+from jaxpf.contract.refusals import Bias, refused
 from jaxpf.contract.state import Summary
 from jaxpf.filters import confidence
 from jaxpf.filters.factored import cloud, drift, shape
 from jaxpf.filters.factored.cloud import FactoredState
 from jaxpf.filters.factored.options import Options
 from jaxpf.filters.initial import initial_rows
+from jaxpf.filters.noiseless import noiseless, without_noise
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
 
@@ -205,6 +206,8 @@ def _check(tracker: Eskil) -> None:
     if tracker.proper:
         has_density = contract.has_log_density(tracker.dynamics)
         check_has("proper=True", tracker.dynamics, "log_density of the dynamics", has_density)
+        if tracker.drift != "none":  # which moves the places
+            refused(without_noise("proper=True", tracker, noiseless(tracker).ignored[:, :2]))
     if tracker.shape == "none":
         return
     if tracker.reference is None:

@@ -8,7 +8,9 @@ from jaxpf.contract.calls import check_factors
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.numbers import TINY, check_array
 from jaxpf.contract.options import check_declared
+from jaxpf.contract.refusals import refused
 from jaxpf.filters.labelled.options import Options
+from jaxpf.filters.noiseless import noiseless, without_noise
 from jaxpf.filters.relocation import check_relocation
 from jaxpf.gradients import check_gradients
 
@@ -39,6 +41,8 @@ def check_tracker(tracker: "Labelled") -> None:
             "motion_gradient='score' needs the density of a move, and feedback='estimate' changes "
             "the move; use feedback='none' or motion_gradient='pathwise'."
         )
+    if tracker.motion_gradient == "score":
+        refused(without_noise("motion_gradient='score'", tracker, noiseless(tracker).moved))
     check_relocation(tracker)
 
 

@@ -4,7 +4,7 @@
 the strategy corrects for it by a weight per draw, ``Drawn.log_weight``.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import check_has, check_separate
 from jaxpf.contract.state import ParticleState
 from jaxpf.filters import relocation
+from jaxpf.filters.noiseless import noiseless, without_noise
 from jaxpf.filters.partitioned import labels
 from jaxpf.filters.partitioned.carry import Drawn, Shared, Turn
 from jaxpf.lowering.branches import computed_once
@@ -31,6 +32,10 @@ class Motion:
 
     def check(self, tracker: "Partitioned") -> None:
         """Refuse a tracker that is incompatible with the strategy."""
+
+    def cases(self, tracker: "Partitioned") -> Iterator[Any]:
+        """Cases to refuse that depend on values, for ``contract.refusals.refused``."""
+        return iter(())
 
     def begin(
         self, tracker: "Partitioned", key: jax.Array, state: ParticleState, observation: Any
@@ -104,6 +109,12 @@ class Proposed(Motion):
         check_separate("a proposal", (tracker.relocation is not None, "relocation"))
         contract.proposal_of(self.proposal, tracker.dynamics, tracker.likelihood)
 
+    def cases(self, tracker: "Partitioned") -> Iterator[Any]:
+        """See ``Motion``."""
+        if getattr(self.proposal, "needs_noise", False):
+            what = f"proposal {type(self.proposal).__name__}"
+            yield without_noise(what, tracker, noiseless(tracker).ignored)
+
     def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
         """See ``Motion``: the weight is the transition density over the proposal density."""
         dynamics, partition, conditions = shared.tracker.dynamics, turn.partition, turn.conditions
@@ -156,6 +167,11 @@ class Scored(Motion):
             method = "log_label(new, label, substates) -> [] of the dynamics"
             has_label = contract.has_log_label(tracker.dynamics)
             check_has("motion_gradient='score'", tracker.dynamics, method, has_label)
+
+    def cases(self, tracker: "Partitioned") -> Iterator[Any]:
+        """See ``Motion``."""
+        yield from self.inner.cases(tracker)
+        yield without_noise("motion_gradient='score'", tracker, noiseless(tracker).moved)
 
     def begin(self, tracker, key, state, observation) -> "Scored":
         """See ``Motion``."""

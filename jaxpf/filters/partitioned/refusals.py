@@ -24,7 +24,7 @@ def check_tracker(tracker: "Partitioned") -> Any:
     """Refuse settings that cannot work or would be silently wrong.
 
     Returns:
-        Bool, whether a traced ordering is one to refuse; None if it is known.
+        Bool, whether traced values make one to refuse; None if they are known.
     """
     check_declared(tracker, Options, "ess_threshold", "num_particles")
     check_gradients(tracker)
@@ -41,7 +41,8 @@ def check_tracker(tracker: "Partitioned") -> Any:
     check_labels(tracker)
     tracker.motion.check(tracker)
     tracker.weighing.check(tracker)
-    return refused(*_of_ordering(tracker), *_of_exchange(tracker))
+    of_motion = tracker.motion.cases(tracker)
+    return refused(*_of_ordering(tracker), *_of_exchange(tracker), *of_motion)
 
 
 def _of_ordering(tracker: "Partitioned") -> Iterator[tuple[Any, tuple[Any, ...]]]:

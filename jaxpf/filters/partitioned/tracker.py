@@ -76,9 +76,9 @@ class Partitioned(Tracker):
             which a ``record`` may keep; ``jaxpf.smooth(..., method="genealogy")`` sets it.
         motion_gradient: static, gradient strategy for the motion, one of
             ``jaxpf.gradients.MOTION_GRADIENTS``.
-        refused: set by the constructor: ``[]`` bool, whether an ordering that is traced there, in a
-            user's ``jit``, ``vmap`` or ``scan``, does not work with the rest.  Summaries are then
-            NaN with ``STATUS_UNSUPPORTED``.  None if the ordering is known, and was checked.
+        refused: set by the constructor: ``[]`` bool, whether values that are traced there, in a
+            user's ``jit``, ``vmap`` or ``scan``, do not work with the rest.  Summaries are then
+            NaN with ``STATUS_UNSUPPORTED``.  None if all are known, and were checked.
     """
 
     dynamics: Any

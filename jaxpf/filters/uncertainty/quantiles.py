@@ -43,7 +43,8 @@ def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> Any:
     weights = xp.where(xp.isnan(values), 0.0, weights)
     order = xp.argsort(values, axis=-1)
     reached = xp.cumsum(xp.take_along_axis(weights, order, axis=-1), axis=-1)
-    below = [xp.sum(reached < level * reached[..., -1:], axis=-1) for level in shares]
+    short = [(reached < level * reached[..., -1:]) | (reached <= 0) for level in shares]
+    below = [xp.sum(each, axis=-1) for each in short]
     places = xp.minimum(xp.stack(below), values.shape[-1] - 1)
     in_order = xp.take_along_axis(values, order, axis=-1)[None]
     chosen = xp.take_along_axis(in_order, places[..., None], axis=-1)

@@ -1,5 +1,8 @@
 """Objects that a start file names in later frames."""
 
+import json
+import shutil
+
 import numpy as np
 import pytest
 from command_line import jaxpf
@@ -69,6 +72,64 @@ def test_options_of_one_tracker_are_refused_with_later_starts(refuse, tmp_path):
     rows = ((0, 1, true_boxes(0)[0]), (4, 2, true_boxes(4)[1]))
     starts = boxes_at(tmp_path / "starts.csv", *rows)
     assert "--smooth works with objects that all start" in refuse("--boxes", starts, "--smooth")
+
+
+QUICKLY = ("--method", "sir", "-n", 20, "--no-overlay")
+
+
+def test_a_frame_counts_for_an_object_that_was_tracked_into_it(track, tmp_path, place):
+    """Not those before its start, nor those in which its box was given."""
+    rows = [(0, 1), (4, 2), (6, 1), (6, 2)]
+    given = ((frame, name, true_boxes(frame)[name - 1]) for frame, name in rows)
+    starts = boxes_at(tmp_path / "starts.csv", *given)
+    outcome = track(
+        *("--boxes", starts, "--ids", "1,2", "--truth", place / "gt.csv", "--frames", 8, *QUICKLY)
+    )
+    assert outcome.code == 0, outcome.err
+    first, second = (tmp_path / "out" / "metrics.csv").read_text().splitlines()[1:]
+    assert first.split(",")[:2] == ["1", "7"]
+    assert second.split(",")[:2] == ["2", "3"]
+
+
+def test_truth_of_an_object_that_starts_later_is_enough(track, tmp_path, place):
+    header, *lines = (place / "gt.csv").read_text().splitlines()
+    of_second = [line for line in lines if line.split(",")[1] == "2"]
+    (tmp_path / "truth.csv").write_text("\n".join([header, *of_second]))
+    starts = boxes_at(tmp_path / "s.csv", (0, 1, true_boxes(0)[0]), (2, 2, true_boxes(2)[1]))
+    outcome = track("--boxes", starts, "--truth", tmp_path / "truth.csv", "--frames", 4, *QUICKLY)
+    assert outcome.code == 0, outcome.err
+
+
+def test_the_only_object_may_be_put_right_and_is_exported(track, tmp_path):
+    rows = ((frame, 1, true_boxes(frame)[0]) for frame in (0, 3, 9))
+    outcome = track("--boxes", boxes_at(tmp_path / "s.csv", *rows), "--frames", 5, *QUICKLY)
+    assert outcome.code == 0, outcome.err
+    assert "names in frame 9 comes after --frames" in outcome.err
+    out = tmp_path / "out"
+    assert jaxpf("export", out, "coco", tmp_path / "t.json").code == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert (len(summary["times"]), rows_of(out, 1)["frame"].tolist()) == (6, [*range(6)])
+
+
+def test_a_sequences_folder_names_the_start(track, tmp_path, place):
+    folder = tmp_path / "sequence"
+    shutil.copytree(place / "images", folder / "img")
+    lines = (",".join(map(str, true_boxes(time)[0])) for time in range(LENGTH))
+    (folder / "groundtruth_rect.txt").write_text("\n".join(lines))
+    outcome = track("--boxes", folder, "--frames", 2, *QUICKLY)
+    assert outcome.code == 0, outcome.err
+    assert "holds whole tracks" in outcome.err
+    assert rows_of(tmp_path / "out", 1)["frame"].tolist() == [0, 1, 2]
+
+
+def test_ids_without_a_start_are_refused(refuse, tmp_path, place):
+    starts = boxes_at(tmp_path / "s.csv", (0, 1, true_boxes(0)[0]), (2, 2, true_boxes(2)[1]))
+    assert "id 3 has no box in frame 0" in refuse("--boxes", starts, "--ids", "1,3")
+    lines = [line for line in (place / "gt.csv").read_text().splitlines() if line[:4] != "0,2,"]
+    (tmp_path / "whole.csv").write_text("\n".join(lines))
+    sentence = refuse("--boxes", tmp_path / "whole.csv", "--ids", "1,2")
+    assert "id 2 has no box in frame 0" in sentence
+    assert "which holds whole tracks" in sentence
 
 
 def test_a_start_after_the_last_frame_is_an_error_and_the_tracks_are_kept(track, tmp_path):

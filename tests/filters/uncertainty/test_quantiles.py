@@ -28,3 +28,10 @@ def test_quantiles_in_a_record_are_those_of_the_states():
         state = jax.tree.map(lambda x, t=time: x[t], states)
         expected = quantiles(state.substates, state.log_weights, LEVELS)
         np.testing.assert_array_equal(found[time], expected)
+
+
+def test_no_quantile_is_a_particle_without_weight():
+    values = np.array([0.0, 1.0, 2.0])[:, None, None]
+    log_weights = np.log([1e-300, 0.5, 0.5])
+    log_weights[0] = -np.inf
+    assert quantiles(values, log_weights, [0.0, 0.5, 1.0]).ravel().tolist() == [1, 1, 2]

@@ -1,0 +1,68 @@
+"""Coordinates whose moves have no noise, so that the transition density leaves them out."""
+
+import contextlib
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf import contract
+from jaxpf.contract.pytree import is_concrete
+
+
+class Noiseless(NamedTuple):
+    """Coordinates that a transition density ignores; traced if the dynamics are.
+
+    Attributes:
+        ignored: bool ``[P, D]``, changing the new value changes no density.
+        moved: bool ``[P, D]``, those that move all the same.
+    """
+
+    ignored: Any
+    moved: Any
+
+
+def noiseless(tracker: Any) -> Noiseless:
+    """Find them by one move of every partition from a place near the initial one.
+
+    Where a density is not finite there, nothing is known of it, and nothing found.
+
+    Args:
+        tracker: with ``initial``, and ``dynamics`` that have a density.
+    """
+    dynamics, initial = contract.first_motion(tracker.dynamics), tracker.initial
+    known = is_concrete(dynamics, initial)
+    with jax.ensure_compile_time_eval() if known else contextlib.nullcontext():
+        keys = jax.random.split(jax.random.key(0), 3)
+        start = jnp.asarray(initial(keys[0]) if callable(initial) else initial, float).T  # [D, P]
+        # Apart from one another, so that velocities are not 0.
+        past = start + jax.random.normal(keys[1], (3, *start.shape), start.dtype)
+        partition = jnp.arange(start.shape[1])
+        new = contract.propagate_all(dynamics, keys[2], partition, *past).astype(start.dtype)
+
+        def density(new):
+            return contract.log_density_all(dynamics, partition, new, *past)
+
+        base, slope = density(new), jax.grad(lambda new: jnp.sum(density(new)))(new)
+        far = 1e3 * (1 + jnp.abs(new))
+        others = jnp.stack([density(new.at[d].add(far[d])) for d in range(len(new))])
+        # Compiled differently, equal densities differ in their last bits.
+        same = jnp.abs(others - base) <= 1e-4 * (1 + jnp.abs(base))
+        ignored = (slope == 0) & same & jnp.isfinite(base)
+        # A model of functions may hold the state before, too, which is given.
+        size = dynamics.layout.size if hasattr(dynamics, "layout") else None
+        found = Noiseless(ignored[:size].T, (ignored & (new != past[0]))[:size].T)
+        return jax.tree.map(np.asarray, found) if known else found
+
+
+def without_noise(what: str, tracker: Any, wrong: Any) -> tuple[Any, tuple[str, ...]]:
+    """The case that coordinates ``wrong``, bool ``[P, D]``, have no noise, for ``refused``."""
+    where = "a coordinate"
+    if is_concrete(wrong) and wrong.any():
+        where = "coordinate {1} of partition {0}".format(*np.argwhere(wrong)[0])
+    name = type(tracker.dynamics).__name__
+    return wrong.any(), (
+        f"{what} needs noise in the motion of every coordinate, and the density of {name} leaves "
+        f"out {where}; give it some noise, or leave {what} out.",
+    )

@@ -1,0 +1,117 @@
+"""Motion without noise in some coordinate: refused where a density that leaves it out is wrong."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.scipy.stats import norm
+
+import jaxpf
+from jaxpf import InputError, contract, ordering, proposals
+from jaxpf.contract import pytree_dataclass
+from jaxpf.dynamics import FirstOrder, RandomWalk
+from jaxpf.likelihoods import Gaussian
+
+KEY = jax.random.key(0)
+FRAMES = np.random.default_rng(0).normal(size=(4, 1, 2)).astype(np.float32)
+FIXED_SIZE = RandomWalk(np.array([1.0, 0.0], np.float32))
+LOCALLY_OPTIMAL = proposals.LocallyOptimal()
+
+
+def of_frames(dynamics=FIXED_SIZE, **options):
+    return jaxpf.Partitioned(
+        dynamics=dynamics,
+        likelihood=Gaussian(noise=0.7 * np.eye(2, dtype=np.float32)[None]),
+        ordering=ordering.sir(1),
+        initial=np.zeros((1, 2), np.float32),
+        num_particles=20,
+        **options,
+    )
+
+
+def residual(observation, partition, substate):
+    return (observation[partition] - substate) / 0.7
+
+
+@pytest.mark.parametrize(
+    "proposal",
+    [LOCALLY_OPTIMAL, proposals.Linearised(residual), proposals.Mixture(LOCALLY_OPTIMAL)],
+)
+def test_a_normal_proposal_would_move_what_the_motion_cannot(proposal):
+    with pytest.raises(InputError, match="leaves out coordinate 1 of partition 0; give it some"):
+        of_frames(proposal=proposal)
+    of_frames(RandomWalk(np.ones(2, np.float32)), proposal=proposal)
+
+    def traced(scale):
+        its = of_frames(RandomWalk(jnp.stack([1.0, scale])), proposal=proposal)
+        return jaxpf.run(its, KEY, FRAMES)[1]
+
+    summary = jax.jit(jax.vmap(traced))(jnp.array([0.0, 1.0]))
+    assert np.isnan(summary.log_evidence[0]).all()
+    assert (summary.status[0] & contract.STATUS_UNSUPPORTED).all()
+    assert np.isfinite(summary.log_evidence[1]).all()
+
+
+@pytree_dataclass
+class Shrinking(contract.Dynamics):
+    """A random walk whose noise in the second coordinate ends after two frames."""
+
+    def at_frame(self, time):
+        return RandomWalk(jnp.stack([1.0, jnp.where(time < 2, 1.0, 0.0)]))
+
+
+def test_noise_that_ends_on_the_way_ends_the_evidence():
+    summary = jaxpf.run(of_frames(Shrinking(), proposal=LOCALLY_OPTIMAL), KEY, FRAMES)[1]
+    assert np.isfinite(summary.log_evidence[:2]).all()
+    assert np.isneginf(summary.log_evidence[2:]).all()
+
+
+def moving(speed, **options):
+    """Position and velocity, with noise on the velocity alone."""
+    return jaxpf.state_space(
+        initial=np.zeros(2, np.float32),
+        transition=lambda key, x, p: jnp.stack([x[0] + p * x[1], x[1] + jax.random.normal(key)]),
+        transition_log_density=lambda new, x, p: norm.logpdf(new[1], x[1]),
+        log_likelihood=lambda y, x, p: norm.logpdf(y, x[0]),
+        parameters=speed,
+        num_particles=20,
+        **options,
+    )
+
+
+def test_the_score_would_miss_parameters_that_act_through_it():
+    with pytest.raises(InputError, match=r"score' needs noise .* coordinate 0 of partition 0"):
+        moving(1.0, motion_gradient="score")
+    moving(1.0)
+    frames = FRAMES[:, 0, 0]
+    traced = jax.jit(lambda a: jaxpf.run(moving(a, motion_gradient="score"), KEY, frames)[1])
+    assert np.isnan(traced(1.0).log_evidence).all()
+
+
+def test_the_score_is_right_where_such_a_coordinate_stays():
+    of_frames(motion_gradient="score")
+
+
+def test_a_drift_would_move_places_that_cannot():
+    start = np.array([[0, 0, 1, 0], [3, 0, 1, 0]], np.float32)
+    seen = np.tile(np.eye(2, 4, dtype=np.float32), (2, 1, 1))
+    likelihood = Gaussian(noise=np.tile(np.eye(2, dtype=np.float32), (2, 1, 1)), observation=seen)
+
+    def proper(noise, **options):
+        scale = np.array([noise, noise, 0.3, 0.3], np.float32)
+        return jaxpf.Eskil(FirstOrder(scale), likelihood, start, proper=True, **options)
+
+    with pytest.raises(InputError, match=r"proper=True needs noise .* coordinate 0 of partition 0"):
+        proper(0.0)
+    proper(0.0, drift="none")
+    proper(0.5)
+
+
+def test_blended_particles_have_no_integers():
+    with pytest.raises(InputError, match="blends particles, and the state holds integers or bools"):
+        jaxpf.state_space(
+            initial=jnp.int32(0),
+            transition=lambda key, x, p: 1 - x,
+            log_likelihood=lambda y, x, p: norm.logpdf(y, x),
+            gradient=jaxpf.gradients.Transport(),
+        )

@@ -71,7 +71,8 @@ def state_space(
 
     Args:
         initial: ``(key, parameters) -> x``, draws the state just before the first frame; or that
-            state itself, an array.
+            state itself, an array.  Derivatives in its parameters go through the drawn values
+            alone, so that those of the probabilities of integers are 0.
         transition: ``(key, x, parameters) -> x``, draws the next state.  An argument named
             ``previous`` receives the state before x; one named ``time`` the number of the frame
             that the transition leads to, from 0; one named ``u`` that frame's known input, a row of
@@ -83,8 +84,8 @@ def state_space(
             ``handles_nan`` is true.
         parameters: pytree of numbers and arrays, the last positional argument of every function.
         transition_log_density: ``(new, x, parameters) -> []``, the log-density of ``transition``,
-            for ``jaxpf.smooth`` and ``motion_gradient="score"``; may take ``previous``, ``time``
-            and ``u``.
+            for ``jaxpf.smooth``, a ``proposal`` and ``motion_gradient="score"``; the last two need
+            noise in every number that moves.  It may take ``previous``, ``time`` and ``u``.
         observation: ``(key, x, parameters) -> y``, draws a frame, for ``jaxpf.simulate`` and the
             predictive draws of ``jaxpf.pmmh``; may take ``previous``, ``time`` and ``u``.
         guide: ``(y, x, parameters) -> []``, log of a first-stage weight of the state before it

@@ -30,8 +30,9 @@ component's size.
     transport (Corenflos et al. 2021).  Differentiable, biased, O(N^2).  Particles have no single
     ancestor, so it refuses every swap.
 
-``motion_gradient="pathwise"`` differentiates the *motion* along the particles' paths.  It needs a
-likelihood that is differentiable in the state.  A likelihood that reads whole pixels has zero
+``motion_gradient="pathwise"`` differentiates the *motion* along the particles' paths.  It needs
+draws that are differentiable in the parameters, not integers, and a likelihood that is
+differentiable in the state.  A likelihood that reads whole pixels has zero
 derivative almost everywhere, so the gradient of noise scales is wrongly zero.
 ``motion_gradient="score"`` stops the drawn substates and gives the weights the derivative of
 ``dynamics.log_density`` at them instead; with ``StopGradient`` it is exact in expectation for any

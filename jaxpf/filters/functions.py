@@ -64,8 +64,8 @@ def state_space(
     ``parameters`` are traced: ``vmap`` over calls of ``state_space`` to sweep them, use ``grad`` to
     differentiate; new values do not recompile.  ``jaxpf.tune`` names them ``parameters.a``.
 
-    A new function recompiles, unless it has the same code and values
-    (``jaxpf.contract.recognised``), as the lambdas above do at every evaluation.  Functions should
+    A function recompiles if its code, or a value that it closes over, has changed
+    (``jaxpf.contract.recognised``).  Functions should
     read all varying values from ``parameters``;
     ``jaxpf.tuning.replace(tracker, {"parameters.a": 0.5})`` changes them.
 

@@ -1,9 +1,9 @@
 """Posterior of a model's parameters by particle marginal Metropolis-Hastings.
 
 The likelihood is a particle filter's unbiased estimate of the evidence.  The chain then targets the
-exact posterior for any number of particles (Andrieu, Doucet & Holenstein 2010).  The number of
-particles only affects mixing, which is best where the log evidence has a variance of about 1
-(Doucet, Pitt, Deligiannidis & Kohn 2015).
+exact posterior for any number of particles (Andrieu, Doucet & Holenstein 2010).  More particles mix
+better and cost more: the time per effective draw is near its least where the log evidence has a
+variance of about 1 to 3 (Doucet, Pitt, Deligiannidis & Kohn 2015).
 
 With several blocks, a move redraws the random numbers of one block of frames alone (Tran, Kohn,
 Quiroz & Villani 2016), so that most noise is common to the current and the proposed evidence.  This

@@ -417,7 +417,7 @@ def test_dps_and_sps_differ_little_on_film():
     assert len(both) == 6
     faq = prose(read(SITE / "faq.md"))
     assert "On six clips of several objects" in faq
-    assert f"by at most {most} points" in faq
+    assert f"by at most {most} percentage points" in faq
 
 
 def test_where_pretrained_features_lose_more():
@@ -440,3 +440,22 @@ def test_points_by_a_network():
     lists = [[f"{float(of[clip]):.2f}" for clip in both] for of in (network, windows)]
     words = "{}, {} and {} of the labels within 21 pixels, with windows {}, {} and {}"
     assert words.format(*lists[0], *lists[1]) in result
+
+
+def test_points_by_a_network_on_the_page_of_animals():
+    network = rows(section(DEFAULTS, "A network's features, by name"))
+    errors, lost = (
+        [network[name][clip] for clip in ("cows", "flies")]
+        for name in ("median error: network", "said lost: network")
+    )
+    shares = " and ".join(f"{100 * float(share):.0f}" for share in lost)
+    words = (
+        f"the median errors were {' and '.join(errors)} pixels, and {shares}% were reported lost"
+    )
+    assert words in prose(read(SITE / "howto" / "animals.md"))
+
+
+def test_what_the_long_steps_gain_stands_beside_the_overlap():
+    (former,) = re.findall(r"single object before, the overlap is (\S+):", prose(DEFAULTS))
+    assert f"with the former, IoU {former}" in prose(read(ROOT / "README.md"))
+    assert f"with the former steps {former}" in prose(read(SITE / "choices.md"))

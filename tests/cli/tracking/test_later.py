@@ -77,6 +77,8 @@ def test_options_of_one_tracker_are_refused_with_later_starts(refuse, tmp_path):
 QUICKLY = ("--method", "sir", "-n", 20, "--no-overlay")
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_a_frame_counts_for_an_object_that_was_tracked_into_it(track, tmp_path, place):
     """Not those before its start, nor those in which its box was given."""
     rows = [(0, 1), (4, 2), (6, 1), (6, 2)]
@@ -91,6 +93,7 @@ def test_a_frame_counts_for_an_object_that_was_tracked_into_it(track, tmp_path, 
     assert second.split(",")[:2] == ["2", "3"]
 
 
+@pytest.mark.slow
 def test_truth_of_an_object_that_starts_later_is_enough(track, tmp_path, place):
     header, *lines = (place / "gt.csv").read_text().splitlines()
     of_second = [line for line in lines if line.split(",")[1] == "2"]

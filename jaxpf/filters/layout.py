@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
@@ -71,6 +72,14 @@ class Layout(NamedTuple):
     def size(self) -> int:
         """Number of floats."""
         return sum(math.prod(leaf.columns) for leaf in self.leaves)
+
+    @property
+    def is_float(self) -> np.ndarray:
+        """Bool ``[D]``, whether a number belongs to floats rather than to integers or bools."""
+        return np.repeat(
+            [leaf.dtype is None for leaf in self.leaves],
+            [math.prod(leaf.columns) for leaf in self.leaves],
+        )
 
     @property
     def is_array(self) -> bool:

@@ -46,13 +46,16 @@ def noiseless(tracker: Any) -> Noiseless:
 
         base, slope = density(new), jax.grad(lambda new: jnp.sum(density(new)))(new)
         far = 1e3 * (1 + jnp.abs(new))
-        others = jnp.stack([density(new.at[d].add(far[d])) for d in range(len(new))])
+        moves = [new.at[d].add(sign * far[d]) for sign in (1, -1) for d in range(len(new))]
+        others = jnp.stack(list(map(density, moves))).reshape(2, *new.shape)
         # Compiled differently, equal densities differ in their last bits.
-        same = jnp.abs(others - base) <= 1e-4 * (1 + jnp.abs(base))
+        same = jnp.all(jnp.abs(others - base) <= 1e-4 * (1 + jnp.abs(base)), axis=0)
         ignored = (slope == 0) & same & jnp.isfinite(base)
-        # A model of functions may hold the state before, too, which is given.
-        size = dynamics.layout.size if hasattr(dynamics, "layout") else None
-        found = Noiseless(ignored[:size].T, (ignored & (new != past[0]))[:size].T)
+        if hasattr(dynamics, "layout"):
+            # Integers have no slope; a model of functions may hold the state before, too.
+            is_float = dynamics.layout.is_float
+            ignored, new = ignored[: len(is_float)] & is_float[:, None], new[: len(is_float)]
+        found = Noiseless(ignored.T, (ignored & (new != past[0][: len(new)])).T)
         return jax.tree.map(np.asarray, found) if known else found
 
 

@@ -94,6 +94,18 @@ def test_the_score_is_right_where_such_a_coordinate_stays():
     of_frames(motion_gradient="score")
 
 
+@pytest.mark.parametrize("num_values", [None, 2])
+def test_integers_have_probabilities_in_place_of_noise(num_values):
+    jaxpf.state_space(
+        initial=jnp.int32(0),
+        transition=lambda key, x, p: jax.random.bernoulli(key, 0.5).astype(jnp.int32),
+        transition_log_density=lambda new, x, p: jnp.log(jnp.array([0.5, 0.5]))[new],
+        log_likelihood=lambda y, x, p: norm.logpdf(y, x),
+        num_values=num_values,
+        motion_gradient="score",
+    )
+
+
 def test_a_drift_would_move_places_that_cannot():
     start = np.array([[0, 0, 1, 0], [3, 0, 1, 0]], np.float32)
     seen = np.tile(np.eye(2, 4, dtype=np.float32), (2, 1, 1))

@@ -65,8 +65,7 @@ def state_space(
     differentiate; new values do not recompile.  ``jaxpf.tune`` names them ``parameters.a``.
 
     A function recompiles if its code, or a value that it closes over, has changed
-    (``jaxpf.contract.recognised``).  Functions should
-    read all varying values from ``parameters``;
+    (``jaxpf.contract.recognised``).  Functions should read all varying values from ``parameters``;
     ``jaxpf.tuning.replace(tracker, {"parameters.a": 0.5})`` changes them.
 
     Args:

@@ -3,6 +3,7 @@
 Frames are uint8 RGB arrays [H, W, 3].  See :mod:`jaxpf.media.live` for live sources.
 """
 
+import errno
 import itertools
 import os
 from collections.abc import Generator, Sequence
@@ -81,7 +82,9 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
         try:
             with open(path, "rb") as file:
                 beginning = file.read(16)
-        except FileNotFoundError:
+        except OSError as error:
+            if error.errno not in (errno.ENOENT, errno.ENOTDIR, errno.ELOOP):
+                raise
             raise InputError(
                 f"there is no video or folder at '{path}'; check the path (current folder: "
                 f"'{Path.cwd()}')"

@@ -177,7 +177,7 @@ def test_an_image_that_contradicts_12_bits_is_refused(tmp_path):
 def test_links_in_a_circle_and_images_beyond_all_limits_are_one_sentence(tmp_path):
     (tmp_path / "here").symlink_to(tmp_path / "there")
     (tmp_path / "there").symlink_to(tmp_path / "here")
-    assert "too many levels of symbolic links" in message_of(open_frames, tmp_path / "here")
+    assert "there is no video or folder at" in message_of(open_frames, tmp_path / "here")
     folder = tmp_path / "frames"
     folder.mkdir()
     (folder / "0.png").symlink_to(folder / "0.png")

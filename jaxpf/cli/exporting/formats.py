@@ -288,7 +288,8 @@ def write_sleap(path: Path, tracked: Tracked) -> None:
     columns = (f"{name}.{what}" for name in tracked.names for what in ("x", "y", "score"))
     header = ["track", "frame_idx", "instance.score", *columns]
     score = tracked.confidence.mean(axis=1).round(4)
-    rows = (["jaxpf", frame, score[frame - tracked.first], *c] for frame, c in _keypoints(tracked))
+    points = zip(score, _keypoints(tracked), strict=True)
+    rows = (["jaxpf", frame, mean, *cells] for mean, (frame, cells) in points)
     write_text(path, csv_text([header, *rows]))
 
 

@@ -50,10 +50,10 @@ def report_truth(
     estimate = dense(_boxes(table), shared, last + 1)[first + 1 :]
     target = dense(truth, shared, last + 1)[first + 1 :]
     for number, name in enumerate(shared):
-        at = np.array([frame for frame, ids in given.items() if name in ids and frame <= last], int)
-        if name in late and len(at):
-            at = np.arange(first + 1, at.min() + 1).tolist() + at.tolist()
-        target[np.asarray(at, int) - first - 1, number] = np.nan
+        at = [frame for frame, ids in given.items() if name in ids and frame <= last]
+        if name in late and at:
+            at += range(first + 1, min(at))
+        target[np.array(at, int) - first - 1, number] = np.nan
     measures = metrics.summarise(estimate[None], target)
     columns = {
         "frames": np.asarray(metrics.has_truth(target)).sum(axis=0),

@@ -128,9 +128,10 @@ def pmmh(
         check_whole(name, value, most=_MOST)
     for name, function in (("build", build), ("log_prior", log_prior)):
         if not callable(function):
+            given = " ".join(repr(function).split())
             raise InputError(
-                f"{name} is a {type(function).__name__} and must be a function of the parameters; "
-                "call pmmh(build, log_prior, key, frames, initial)."
+                f"{name}={given:.60} must be a function of the parameters; call pmmh(build, "
+                "log_prior, key, frames, initial)."
             )
     if not all(jnp.issubdtype(jnp.result_type(x), jnp.floating) for x in jax.tree.leaves(initial)):
         raise InputError(f"initial={initial!r} must hold floats alone; write 1.0 for 1.")

@@ -52,7 +52,6 @@ class _BoxTarget(Target):
     has_boxes = True
     example = "--box 120,80,40,90 --box 300,85,42,88"
     columns = ("x", "y", "w", "h")
-    place = "upper left corner"
     start_flags: Mapping[str, Mapping[str, Any]] = {
         "box": {"multiple": True, "metavar": "X,Y,W,H", "help": "A start box; repeat it."},
         "boxes": {

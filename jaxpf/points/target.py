@@ -108,6 +108,7 @@ class _PointTarget(Target):
     """Points as a target; shapes are x, y in pixels."""
 
     name = "points"
+    place = "point"
     options = Options
     coordinates = ("x", "y")
     defaults: Mapping[str, Any] = {"method": "sps", "num_particles": 1000}

@@ -113,7 +113,7 @@ class Target(abc.ABC):
         example: arguments of ``jaxpf track`` after the video, for its help.
         columns: columns of tracks.csv that hold an object's position; angles in degrees, all
             others in pixels.
-        place: what x and y are of an object, for messages.
+        place: what the interval that a verdict names is of.
         fixed_columns: those columns that never change, and so have no interval.
     """
 

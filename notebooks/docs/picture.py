@@ -61,11 +61,13 @@ def draw(folder: Path, output: Path) -> None:
     numbers, widths = np.unique(table["id"]), []
     for number, colour in zip(numbers, media.colours(len(numbers)), strict=True):
         rows = table["id"] == number
-        time, low, high = (table[name][rows] for name in ("time", "x_2.5", "x_97.5"))
-        right.plot(time, table["x"][rows], color=colour, label=f"object {number}")
+        time, low, high = (table[name][rows] for name in ("time", "centre_x_2.5", "centre_x_97.5"))
+        right.plot(
+            time, (table["x"] + table["w"] / 2)[rows], color=colour, label=f"object {number}"
+        )
         right.fill_between(time, low, high, color=colour, alpha=0.3, linewidth=0)
         widths.append(f"{np.nanmedian(high - low):.0f}")
-    right.set(xlabel="time (s)", ylabel="x of the left edge (pixels)")
+    right.set(xlabel="time (s)", ylabel="x of the centre (pixels)")
     right.set_title("trajectories and their 95% intervals", fontsize=9)
     right.grid(alpha=0.3)
     right.legend(fontsize=8)

@@ -111,7 +111,7 @@ def places_of(
     """Places of one frame, and the centres ``[P, 2]`` for the next.
 
     Places are columns of tracks.csv, ``[P]`` each: values in pixels and degrees, their quantiles at
-    ``LEVELS``, the speed in pixels per second, and its quantiles.
+    ``LEVELS``, those of a box's centre, the speed in pixels per second, and its quantiles.
 
     Args:
         scene: settings of the run.
@@ -138,17 +138,24 @@ def places_of(
     levels = [level / 100 for level in LEVELS]
     # Sort only the reported partitions.
     shown = weights if weights.ndim == 1 else weights[slots]
-    interval = quantiles(particles[:, slots], shown, levels)
-    error = scene.model_error(len(shapes))
-    if error.any():
-        interval = _widened(values[slots], interval, error[slots], target.has_boxes)
     middles = centres_of(target, particles)
     centres = _mean(middles, weights)
+    interval = quantiles(particles[:, slots], shown, levels)
+    around_centre = quantiles(middles[:, slots], shown, levels) if target.has_boxes else None
+    error = scene.model_error(len(shapes))[slots]
+    if error.any():
+        interval = _widened(values[slots], interval, error, target.has_boxes)
+        if around_centre is not None:
+            middle = centres_of(target, values[slots])
+            around_centre = _widened(middle, around_centre, error, False)
     moved = (centres - before) / step
     speed = np.linalg.norm(moved, axis=-1)
     for column, name in enumerate(target.columns):
         if name not in target.fixed_columns:
             places |= _ends(name, interval[..., column])
+    if around_centre is not None:
+        places |= _ends("centre_x", around_centre[..., 0])
+        places |= _ends("centre_y", around_centre[..., 1])
     places["speed"] = speed[slots]
     previous = getattr(state, "previous_substates", None)
     if previous is None:

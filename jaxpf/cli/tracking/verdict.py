@@ -20,7 +20,7 @@ def object_verdicts(table: Mapping[str, np.ndarray], ids: Any) -> dict[str, dict
         id -> ``frames``, their number; ``tracked_until``, the last frame before the object was
         first lost (None if lost from the beginning); ``frames_lost``, their number; ``lost``, pairs
         of first and last frames; ``interval_width``, the median widths in pixels of the 95%
-        intervals of the table's x and y where the object is not lost (None if unknown);
+        intervals of the centre's x and y where the object is not lost (None if unknown);
         ``mean_confidence`` (None if the likelihood defines none).
     """
     names = np.array([str(name) for name in table["id"].tolist()])
@@ -60,9 +60,13 @@ def _stretches(frames: np.ndarray) -> list[list[int]]:
 
 
 def _widths(table: Mapping[str, np.ndarray], rows: list[int]) -> dict[str, float] | None:
-    if "x_2.5" not in table:
+    before = "centre_" if "centre_x_2.5" in table else ""  # x and y of a box are a corner's
+    if f"{before}x_2.5" not in table:
         return None
-    widths = {axis: table[f"{axis}_97.5"][rows] - table[f"{axis}_2.5"][rows] for axis in "xy"}
+    widths = {
+        axis: table[f"{before}{axis}_97.5"][rows] - table[f"{before}{axis}_2.5"][rows]
+        for axis in "xy"
+    }
     if not all(np.isfinite(width).any() for width in widths.values()):
         return None
     return {axis: round(float(np.nanmedian(width)), 3) for axis, width in widths.items()}
@@ -80,7 +84,7 @@ def sentences(
         verdicts: see ``object_verdicts``.
         ess: median effective sample size; None if unknown.
         num_particles: N.
-        place: what x and y are of an object.
+        place: what the intervals are of.
     """
     lines, some_lost = [], False
     for name, about in verdicts.items():

@@ -202,12 +202,11 @@ function drawRow(pen, result, row) {
   else if ("w" in row) path(pen, rectangle(x + row.w / 2, y + row.h / 2, row.w, row.h, 0), true);
   else { pen.beginPath(); pen.arc(x, y, HANDLE / view.scale, 0, 7); }
   if (line || "w" in row || row.lost) pen.stroke(); else pen.fill();
-  if ($("intervals").checked && Number.isFinite(row["x_2.5"])) {
-    const isBox = "w" in row && !("angle" in row);
-    const [cx, cy] = isBox ? [row.w / 2, row.h / 2] : [0, 0];
-    const [rx, ry] = [(row["x_97.5"] - row["x_2.5"]) / 2, (row["y_97.5"] - row["y_2.5"]) / 2];
+  const at = "centre_x_2.5" in row ? "centre_" : "";
+  if ($("intervals").checked && Number.isFinite(row[`${at}x_2.5`])) {
+    const [left, right, top, bottom] = ["x_2.5", "x_97.5", "y_2.5", "y_97.5"].map((name) => row[at + name]);
     pen.beginPath();
-    pen.ellipse((row["x_2.5"] + row["x_97.5"]) / 2 + cx, (row["y_2.5"] + row["y_97.5"]) / 2 + cy, rx, ry, 0, 0, 7);
+    pen.ellipse((left + right) / 2, (top + bottom) / 2, (right - left) / 2, (bottom - top) / 2, 0, 0, 7);
     pen.setLineDash([2 / view.scale, 3 / view.scale]);
     pen.stroke();
   }

@@ -46,6 +46,7 @@ def test_tracks_are_one_tidy_table_that_begins_with_the_given_boxes(whole_run):
     assert list(table) == [
         *("frame", "time", "id", "x", "y", "w", "h"),
         *(f"{name}_{level}" for name in "xywh" for level in ("2.5", "97.5")),
+        *(f"centre_{name}_{level}" for name in "xy" for level in ("2.5", "97.5")),
         *("speed", "speed_2.5", "speed_97.5", "confidence", "lost"),
     ]
     np.testing.assert_array_equal(table["frame"], np.repeat(np.arange(LENGTH), 2))
@@ -75,13 +76,11 @@ def test_the_verdict_of_each_object_is_printed_and_kept(whole_run):
         assert about["tracked_until"] == LENGTH - 1
         assert about["lost"] == []
         rows = table["id"] == int(name)
-        x, y = (
-            float(f"{np.nanmedian(table[f'{c}_97.5'][rows] - table[f'{c}_2.5'][rows]):.2g}")
-            for c in "xy"
-        )
+        widths = (table[f"centre_{c}_97.5"][rows] - table[f"centre_{c}_2.5"][rows] for c in "xy")
+        x, y = (float(f"{np.nanmedian(width):.2g}") for width in widths)
         assert (
-            f"Object {name}: tracked confidently to the end (frame 9); 95% interval of the upper "
-            f"left corner: {x:g} pixels wide along x, {y:g} along y\n" in outcome.out
+            f"Object {name}: tracked confidently to the end (frame 9); 95% interval of the centre: "
+            f"{x:g} pixels wide along x, {y:g} along y\n" in outcome.out
         )
     assert summary_of(output)["effective_sample_size"] > 2
     assert "near 1" not in outcome.out

@@ -17,6 +17,8 @@ _COMPILE_QUICKLY = (
     "--xla_cpu_parallel_codegen_split_count=1"
 )
 _OLDER_EMITTERS = " --xla_cpu_use_fusion_emitters=false"
+#: Read by JAX when it starts.
+_QUICKLY = "JAX_DISABLE_MOST_OPTIMIZATIONS"
 
 
 #: Python looks for garbage so often that it takes a tenth of all time while JAX traces.
@@ -36,17 +38,19 @@ def pytest_configure(config: pytest.Config) -> None:
     """Share one compile cache: what a test compiles, workers and started programs find again.
 
     So do later runs: the next try, and other files' tests (``--cache-clear`` empties it).  The
-    first test command runs programs that cost more to compile than to run, and compiles quickly;
-    the second compiles as users do, but for tests that ask for ``compiled_quickly``.
+    first test command compiles all programs quickly; see also ``compiled_quickly``.
     """
     gc.set_threshold(*_GARBAGE)
     if hasattr(config, "workerinput"):
         return  # pytest-xdist's workers inherit the environment
     # Workers of the next run find the tests' bytecode: rewriting assertions takes 8 seconds each.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-    if "not slow" in config.option.markexpr and not _has_accelerator():
-        flags = _COMPILE_QUICKLY + _OLDER_EMITTERS * HAS_OLDER_EMITTERS
-        os.environ.setdefault("XLA_FLAGS", flags)
+    if "not slow" in config.option.markexpr:
+        if not _has_accelerator():
+            flags = _COMPILE_QUICKLY + _OLDER_EMITTERS * HAS_OLDER_EMITTERS
+            os.environ.setdefault("XLA_FLAGS", flags)
+    elif not _has_accelerator():
+        os.environ[_QUICKLY] = "True"
     folder = str(config.cache.mkdir("jaxpf-compiled"))
     os.environ |= {
         "JAXPF_CACHE_DIR": folder,
@@ -74,18 +78,20 @@ def few_programs():
             gc.collect()
 
 
-@pytest.fixture(scope="module")
-def compiled_quickly():
-    """Compile as the first test command does, for slow tests at sizes where compiling is the work.
+@pytest.fixture(autouse=True, scope="module")
+def compiled_quickly(request):
+    """Compile slow tests, too, as the first test command does: they compile longer than they run.
 
-    Not for what is compared bit by bit with another process.
+    Programs that they start do the same.  Modules with the mark ``compiled_as_by_users`` compare
+    bits, take their time to run, or are about what users start.
     """
-    import jax
+    quickly = str(request.node.get_closest_marker("compiled_as_by_users") is None)
+    if os.environ.get(_QUICKLY, quickly) != quickly:
+        import jax
 
-    jax.config.update("jax_disable_most_optimizations", True)
-    yield
-    jax.config.update("jax_disable_most_optimizations", False)
-    jax.clear_caches()  # other modules' programs are optimised
+        os.environ[_QUICKLY] = quickly
+        jax.config.update(_QUICKLY.lower(), quickly == "True")
+        jax.clear_caches()
 
 
 @pytest.fixture(scope="session")

@@ -39,7 +39,7 @@ _COMMANDS = {
     ),
     "export": (
         "jaxpf.cli.exporting.command",
-        "Write tracks in the formats of MOT, COCO and CVAT.",
+        "Write tracks for COCO, CVAT, MOT, DeepLabCut and SLEAP.",
     ),
     "demo": ("jaxpf.cli.demo", "Compare SIR, PS, DPS and SPS on a synthetic scene."),
     "reproduce": ("jaxpf.cli.reproduce", "Repeat a paper's experiment; judge its claims."),

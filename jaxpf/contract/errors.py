@@ -86,8 +86,10 @@ def check_names(names: Any, count: int) -> None:
         )
 
 
-def check_fields(owner: str, given: Collection[str], fields: Collection[str]) -> None:
-    """Refuse keyword arguments that are no fields.
+def check_fields(
+    owner: str, given: Collection[str], fields: Collection[str], kind: str = "field"
+) -> None:
+    """Refuse keyword arguments that are no fields, or what else they are called.
 
     Raises:
         InputError: suggests the fields that resemble the name.
@@ -96,7 +98,7 @@ def check_fields(owner: str, given: Collection[str], fields: Collection[str]) ->
         if name not in fields:
             near = resembling(name, fields)
             remedy = f"did you mean {near[0]}?" if near else f"there are {', '.join(fields)}."
-            raise InputError(f"{owner} has no field {name!r}; {remedy}")
+            raise InputError(f"{owner} has no {kind} {name!r}; {remedy}")
 
 
 def check_type(name: str, value: Any, *kinds: type) -> None:

@@ -117,15 +117,15 @@ def compiled_alone(method: Callable) -> Callable:
     return call
 
 
-def check_not_traced(what: str, remedy: str, *values: Any) -> None:
-    """Refuse tracers for a function that loops over frames in Python and yields NumPy arrays.
+def check_not_traced(what: str, remedy: str, *values: Any, over: str = "frames") -> None:
+    """Refuse tracers for a function that loops in Python and returns NumPy arrays.
 
     Raises:
         InputError: a value is traced.
     """
     if not is_concrete(*values):
         raise InputError(
-            f"{what} loops over frames in Python and cannot be traced; call it outside of jit, "
+            f"{what} loops over {over} in Python and cannot be traced; call it outside of jit, "
             f"vmap, grad and scan, or use {remedy}."
         )
 

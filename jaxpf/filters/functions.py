@@ -1,6 +1,7 @@
 """A particle filter from plain functions: a state-space model with a single state, no classes."""
 
 import dataclasses
+import inspect
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -9,7 +10,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxpf import contract
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_fields
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.recognised import recognised
 from jaxpf.filters.layout import Layout
@@ -116,12 +117,9 @@ def state_space(
             raise InputError(
                 f"parameters{jax.tree_util.keystr(path)} is {leaf!r:.40}; give numbers and arrays."
             )
-    options_of_filters = Partitioned.__dataclass_fields__.keys() - _NO_OPTIONS
-    if unknown := sorted(options.keys() - options_of_filters):
-        raise InputError(
-            f"state_space has no option {unknown[0]!r}; besides its own arguments it takes "
-            f"{', '.join(sorted(options_of_filters))}."
-        )
+    own = [name for name in inspect.signature(state_space).parameters if name != "options"]
+    fields = sorted(Partitioned.__dataclass_fields__.keys() - _NO_OPTIONS)
+    check_fields("state_space", options, [*own, *fields], "option")
     initial = recognised("initial", initial)
     transition = recognised("transition", transition)
     log_likelihood = recognised("log_likelihood", log_likelihood)

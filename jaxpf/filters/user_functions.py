@@ -91,12 +91,20 @@ def check_arguments(name: str, function: Any) -> None:
     except (TypeError, ValueError):
         return
     try:
-        signature.bind(*arguments, **{x: None for x in extras if x in signature.parameters})
+        bound = signature.bind(*arguments, **{x: None for x in extras if x in signature.parameters})
+        # argument -> its name in the function
+        names = {place: name for name, place in bound.arguments.items() if place in arguments}
+        is_right = not any(
+            name != place and (name == "key" or names.get(name) == place)
+            for place, name in names.items()
+        )
     except TypeError:
+        is_right = False
+    if not is_right:
         optional = f"; it may also take {', '.join(extras)}" if extras else ""
         raise InputError(
             f"{name} takes {signature}, but must take ({', '.join(arguments)}){optional}."
-        ) from None
+        )
 
 
 def layout_of(initial, transition, log_density, parameters, num_values=None) -> Layout:

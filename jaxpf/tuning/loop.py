@@ -13,6 +13,7 @@ import numpy as np
 import optax
 
 from jaxpf.contract.errors import InputError, check_type
+from jaxpf.contract.pytree import check_not_traced
 from jaxpf.lowering.programs import compiled
 from jaxpf.tuning import checkpoint
 from jaxpf.tuning.parameters import Parameter, check_apart, parameter, read
@@ -76,6 +77,9 @@ def tune(
     sequences = [sequences] if isinstance(sequences, TrainingSequence) else list(sequences)
     for number, sequence in enumerate(sequences):
         check_type(f"sequences[{number}]", sequence, TrainingSequence)
+    traced = [(each.tracker, each.frames, each.truth, each.sizes) for each in sequences]
+    remedy = "the gradient of jaxpf.tuning.log_mean_evidence"
+    check_not_traced("tune", remedy, *traced, over="steps")
     if folder is not None:
         check_type("folder", folder, str, os.PathLike)
     if progress is not None and not callable(progress):

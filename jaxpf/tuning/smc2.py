@@ -74,6 +74,13 @@ def smc2(
 ) -> Online:
     """Draw parameters from their posterior after every frame.
 
+    Source: Chopin, Jacob & Papaspiliopoulos 2013.
+
+    Example::
+
+        online = jaxpf.tuning.smc2(build, log_prior, draw_prior, key, y)
+        online.mean["a"], online.spread["a"]  # [T], given the frames so far
+
     Args:
         build: as for ``jaxpf.pmmh``.
         log_prior: parameters -> log prior density ``[]``, up to a constant.
@@ -88,6 +95,9 @@ def smc2(
         inputs: as for ``jaxpf.run``.
         progress: called with the number of frames done, and of all.
         folder: as for ``jaxpf.pmmh``.
+
+    Returns:
+        M weighted draws, their moments after every frame, and the evidence.
 
     Raises:
         InputError: a number out of range, a function or parameters of the wrong kind, a biased

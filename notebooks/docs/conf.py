@@ -16,6 +16,7 @@ sys.path.insert(0, str(HERE))
 import pages  # noqa: E402
 
 import jaxpf  # noqa: E402
+from jaxpf.contract.options import options_of  # noqa: E402
 
 project, version, release = "jaxpf", jaxpf.__version__, jaxpf.__version__
 author = "The jaxpf developers"
@@ -62,9 +63,11 @@ ARRAY = re.compile(r"jax\.jaxlib\._jax\.Array( \| numpy\.ndarray( \| [\w.]+)*)?"
 
 
 def readable_text(app, what, name, obj, options, lines):
-    """Name the type of arrays, and leave out the sentence that Python writes for named tuples."""
+    """Name the type of arrays, describe options, and leave out Python's word on named tuples."""
     kept = [line for line in lines if not line.startswith("Create new instance of ")]
     lines[:] = [ARRAY.sub(_array, line) for line in kept]
+    if what == "class" and dataclasses.is_dataclass(obj):
+        lines += [f":ivar {each.name}: {each.help}" for each in options_of(obj).values()]
 
 
 def _array(found):

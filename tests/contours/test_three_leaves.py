@@ -14,6 +14,8 @@ from jaxpf.contours import Contours
 from jaxpf.dynamics import LinearGaussian, WithOcclusion
 from jaxpf.shapes import fit_spline, in_front
 
+pytestmark = pytest.mark.compiled_as_by_users
+
 #: Nothing was chosen on these sequences.
 SEEDS, PARTICLES, MUCH, ON_TARGET = range(40, 48), 750, 0.2, 10.0
 #: All three are kept on 11 of 18 sequences: fewer than this on 8 would be a chance of 1%.

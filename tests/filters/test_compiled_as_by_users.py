@@ -12,6 +12,8 @@ from jaxpf import ordering
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian
 
+pytestmark = pytest.mark.compiled_as_by_users
+
 START = np.array([[0.0], [3.0]], np.float32)
 MODEL = RandomWalk(np.float32(1.0)), Gaussian(noise=np.ones((2, 1, 1), np.float32))
 FRAMES = START + np.random.default_rng(0).normal(size=(3, 2, 1)).astype(np.float32)

@@ -158,7 +158,7 @@ def test_what_is_no_scheme_is_refused(scheme, sentence, scene):
 
 
 @pytest.fixture(scope="module")
-def evaluated(tmp_path_factory, compiled_quickly):
+def evaluated(tmp_path_factory):
     """The folder of an evaluation of all three beside a built-in method."""
     folder = tmp_path_factory.mktemp("house") / "out"
     own = [("--tracker", f"{HERE / name}.py:{OWN[name][0]}") for name in OWN]
@@ -198,7 +198,6 @@ def test_one_tracks_a_video(tmp_path, scene):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_quickly")
 def test_one_is_tuned(scene):
     tracker = function_of("own_likelihood")(scene)
     sequence = tuning.TrainingSequence(tracker, np.asarray(scene.frames[1:4]), name="own")

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.compiled_as_by_users
+
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("jaxpf", "scenes")
 #: Compiling is most of the work; the installed library is imported, not the clone.

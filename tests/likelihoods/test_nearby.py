@@ -138,7 +138,6 @@ def trackers():
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_quickly")
 def test_a_run_sees_whole_frames_only_when_an_object_is_lost():
     frames = scene()[0][1:]
     windowed, whole, blind = (
@@ -165,7 +164,6 @@ def test_windows_that_save_little_are_not_used():
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_quickly")
 def test_runs_under_vmap_equal_single_runs():
     frames, windowed = scene()[0][1:4], trackers()[0]
     keys = jax.random.split(jax.random.key(0), 2)

@@ -7,6 +7,8 @@ import pytest
 from nbclient import NotebookClient
 from quoted_numbers import unprinted
 
+pytestmark = pytest.mark.compiled_as_by_users
+
 FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 # A home or working folder of Linux or macOS, a temporary folder, or a Windows drive.

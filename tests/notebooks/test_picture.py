@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+pytestmark = pytest.mark.compiled_as_by_users
+
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = ROOT / "notebooks" / "docs" / "picture.py"
 REMAKE = f"look at it after `python {PROGRAM.relative_to(ROOT)}`"

@@ -8,6 +8,8 @@ from jaxpf.papers.eskil2014 import PAPER, measures, methods
 from jaxpf.papers.eskil2014.scenes import study
 from jaxpf.papers.judging.claims import NOT_SEEN, SUPPORTED
 
+pytestmark = pytest.mark.compiled_as_by_users
+
 FISH = ("nose", "eye", "dorsal front", "tail")
 DIVERS = ("head", "left hand", "right hand")
 

@@ -12,6 +12,8 @@ from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian
 from jaxpf.running.chunks import chunk_length, in_chunks
 
+pytestmark = pytest.mark.compiled_as_by_users
+
 T, P, D = 7, 3, 2
 START = np.array([[0.0, 0.0], [20.0, 0.0], [0.0, 20.0]], np.float32)
 FRAMES = START + np.random.default_rng(0).normal(size=(T, P, D)).astype(np.float32).cumsum(axis=0)

@@ -11,7 +11,7 @@ from jaxpf.gradients import StopGradient
 from jaxpf.likelihoods import Gaussian
 from jaxpf.tuning import log_evidence
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_quickly")]
+pytestmark = pytest.mark.slow
 
 
 def model(count):

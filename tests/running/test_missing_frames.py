@@ -187,7 +187,6 @@ def test_whole_numbers_are_missing_by_word_alone():
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_quickly")
 def test_every_way_to_run_leaves_the_same_frames_out():
     its = partitioned(ordering.ps([0, 1, 2]))
     expected = jaxpf.run(its, KEY, GAPS)[1].estimate
@@ -227,7 +226,6 @@ def test_nothing_of_a_missing_frame_gets_into_a_derivative():
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_quickly")
 def test_smoothing_with_a_lag_goes_through_a_gap():
     its = partitioned(ordering.ps([0, 1, 2]))
     lagged = list(smoothing.stream(its, KEY, iter(GAPS), 2))

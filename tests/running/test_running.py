@@ -14,6 +14,8 @@ from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian
 from jaxpf.running.widths import WIDE, blocks_of
 
+pytestmark = pytest.mark.compiled_as_by_users
+
 FRAMES = np.random.default_rng(0).normal(size=(4, 3, 1))
 
 

@@ -191,7 +191,6 @@ ARRAY = list(covering_array())
 
 
 @pytest.mark.parametrize("config", ARRAY, ids=shown)
-@pytest.mark.usefixtures("compiled_quickly")
 def test_what_is_combined_is_right(config):
     worst = np.nan_to_num(proof(config), nan=np.inf).max()
     assert worst < LIMIT, f"{shown(config)}: |z| = {worst:.1f}"

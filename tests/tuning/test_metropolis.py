@@ -104,7 +104,6 @@ def chosen_number(blocks):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_quickly")
 def test_the_number_of_particles_makes_the_variance_of_the_evidence_about_one():
     middle = {"a": 0.6, "s": 0.6}
     tracker = jaxpf.tuning.replace(
@@ -116,7 +115,6 @@ def test_the_number_of_particles_makes_the_variance_of_the_evidence_about_one():
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_quickly")
 def test_fewer_particles_serve_in_blocks():
     """Most noise is common to both ends of a move."""
     assert chosen_number(10) < chosen_number(1)

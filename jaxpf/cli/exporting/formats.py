@@ -296,7 +296,8 @@ def write_sleap(path: Path, tracked: Tracked) -> None:
 def _check_points(tracked: Tracked, program: str) -> None:
     if tracked.target != "points":
         raise InputError(
-            f"{program} has keypoints, and these are tracks of {tracked.target}; choose coco."
+            f"{program} has keypoints, and these are tracks of {tracked.target}; "
+            "choose coco, cvat or mot."
         )
 
 

@@ -33,7 +33,9 @@ _kind = click.option(
 @click.argument("video")
 @_kind
 @plain.whole("--start", default=0, most=2**31 - 1, help="Frame shown first, from 0.")
-@plain.output("Start file to write, or to edit.  [default: NAME-TARGET.csv beside VIDEO]")
+@plain.output(
+    "Start file to write, or to edit.  [default: NAME-TARGET.csv beside VIDEO; .json of contours]"
+)
 @_open
 @_keep
 def mark(

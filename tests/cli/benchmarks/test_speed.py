@@ -11,7 +11,7 @@ import pytest
 from jaxpf.cli.benchmarks import measurements
 from jaxpf.measures.timing import interleaved
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_quickly")]
+pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize(

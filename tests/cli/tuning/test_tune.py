@@ -24,7 +24,7 @@ def written_in(folder, name="tuned.toml"):
 
 
 @pytest.fixture(scope="module")
-def tuned(tmp_path_factory, compiled_quickly):
+def tuned(tmp_path_factory):
     """A folder with the output of a tuning on the small scene, its outcome and its arguments."""
     output = tmp_path_factory.mktemp("tune") / "out"
     arguments = (*SCENE, "--steps", "4", "-o", output)
@@ -86,7 +86,6 @@ def test_evaluate_and_track_take_the_values(tuned, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_quickly")
 def test_a_folder_is_tuned_on_its_first_frames(tmp_path):
     folder = write_sequence(tmp_path / "two")
     options = "--objective iou --steps 2 --labels 1 --frames 3 --appearance colour"
@@ -161,7 +160,6 @@ def test_a_loss_that_is_not_finite_keeps_the_last_values(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_quickly")
 def test_parts_are_tuned_on_their_outlines(tmp_path):
     """A target without boxes: its own options are written."""
     options = shlex.split(

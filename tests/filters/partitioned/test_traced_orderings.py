@@ -175,7 +175,6 @@ def test_what_is_refused_outside_is_known_inside(name):
         for name in CASES
     ],
 )
-@pytest.mark.usefixtures("compiled_quickly")
 def test_what_is_refused_outside_is_no_number_inside(name, transform):
     (use, _), fine, wrong = CASES[name]
     found = TRANSFORMS[transform](use)([*fine, *wrong])

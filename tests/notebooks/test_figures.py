@@ -136,6 +136,7 @@ def test_readme_gives_the_figures_of_its_sources():
     of_readme = rows(section(read(ROOT / "README.md"), "Figures"))
     cows, flies = map(covered, points_reported().values())
     card = GPU["1000 x 1000"]
+    beyond = float(card["blackjax 1.7.1"]) / float(card["jaxpf"])
     expected = {
         "How well are boxes tracked?": f"IoU {TEST_CLIPS['overlap']['jaxpf']}",
         "... compared with CSRT?": (
@@ -153,13 +154,19 @@ def test_readme_gives_the_figures_of_its_sources():
         "... and a keypoint's x and y?": f"in {cows}% and {flies}% where not reported lost, "
         f"as almost half ({POINTS_LOST}) are; at least {math.floor(least_width())} pixels wide",
         "How fast is the bootstrap filter?": f"{SERIES['jaxpf']['one run, s']} s; "
-        f"blackjax takes {SERIES[BLACKJAX]['ratio']} times as long",
+        f"blackjax's SMC step takes {SERIES[BLACKJAX]['ratio']} times as long",
         "... and on a GPU?": f"{float(card['jaxpf']) / 1000:.2f} ms a frame; "
-        f"blackjax takes {float(card['blackjax 1.7.1']) / float(card['jaxpf']):.1f} times as long",
+        f"blackjax's SMC step takes {beyond:.1f} times as long",
     }
     answers = {question: row["answer"] for question, row in of_readme.items()}
     without_figures = answers.keys() - expected.keys()
+    difference = re.search(r"difference to CSRT is (\S+ \[.*?\])", HELD_OUT)[1]
+    protocol = of_readme["... compared with CSRT?"]["protocol"]
+    assert f"earlier default: {difference} on [44 clips]" in protocol
     assert answers == expected | {question: answers[question] for question in without_figures}
+    ours, former = by_clip("pretrained", "iou"), by_clip("default", "iou")
+    better = sum(ours[clip] > former[clip] for clip in ours)
+    assert f"better on {better} of {len(ours)} clips" in prose(read(ROOT / "README.md"))
     assert not any(re.search(r"\d", answers[question]) for question in without_figures)
 
 
@@ -296,6 +303,9 @@ def test_sentences_on_the_page_of_uncertainty():
         [f"{100 * float(row[name]):.0f}%" for row in reported]
         for name in ("large errors said lost", "near labels said lost")
     )
+    x, y, width, silent = (
+        np.mean([*by_clip("default", name).values()]) for name in ("x", "y", "width", "silent")
+    )
     for words in (
         f"box was covered in {percent(CENTRE_COVERED)} of these frames",
         f"from 1/{least_factor()} to {least_factor()} times the size, or wider",
@@ -304,6 +314,9 @@ def test_sentences_on_the_page_of_uncertainty():
         f"with an AUC of {CONFIDENCE} on the four test clips",
         f"{' and '.join(lost)} were reported as lost on two test clips",
         f"so were {' to '.join(sorted(near))} of the points near their labels",
+        f"On 13 further clips x and y of the centre were covered in {100 * x:.0f}% and "
+        f"{100 * y:.0f}% of the tracked frames, by intervals as wide as {width:.2f} of the box, "
+        f"and in {100 * silent:.0f}% of all frames",
     ):
         assert words in text
     correlation = re.search(
@@ -419,6 +432,19 @@ def test_dps_and_sps_differ_little_on_film():
     assert f"by at most {most} percentage points" in faq
 
 
+def test_boxes_on_a_clip_of_flies():
+    def shown(tracker):
+        iou, silent = (by_clip(tracker, name)["sleap_fly_pair"] for name in ("iou", "silent"))
+        return f"{iou:.2f}", f"{100 * silent:.0f}%"
+
+    (iou, silent), (more, fewer) = shown("default"), shown("pretrained")
+    words = (
+        f"the mean IoU was {iou}, and in {silent} of the frames the box was off its fly without "
+        f"being reported lost; with pretrained features {more} and {fewer}."
+    )
+    assert words in prose(read(SITE / "howto" / "animals.md"))
+
+
 def test_where_pretrained_features_lose_more():
     pets = (by_clip(name, "iou")["pets09_first400"] for name in ("pretrained", "default"))
     words = "(IoU {:.3f}, by default {:.3f}, on one of the clips)".format(*pets)
@@ -448,8 +474,14 @@ def test_points_by_a_network_on_the_page_of_animals():
         for name in ("median error: network", "said lost: network")
     )
     shares = " and ".join(f"{100 * float(share):.0f}" for share in lost)
+    windows, both = (
+        [network[name][clip] for clip in ("cows", "flies")]
+        for name in ("median error: windows", "said lost: windows")
+    )
+    (share,) = {f"{100 * float(each):.0f}" for each in both}
     words = (
-        f"the median errors were {' and '.join(errors)} pixels, and {shares}% were reported lost"
+        f"the median errors were {' and '.join(errors)} pixels, and {shares}% were reported lost "
+        f"(in the same runs without it {' and '.join(windows)} pixels, and {share}%)"
     )
     assert words in prose(read(SITE / "howto" / "animals.md"))
 

@@ -9,8 +9,6 @@ import nbformat
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.compiled_as_by_users
-
 FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
 PAGE = (FOLDER / "docs" / "state_space.md").read_text()
 MODEL, EXACT, ESTIMATES, NUTS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)

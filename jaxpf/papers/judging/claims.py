@@ -39,7 +39,8 @@ GROUPS: Mapping[str, str] = {
 }
 #: The rule in one sentence, for reports.
 RULE = (
-    "A claim is supported if the 95% interval of every figure lies in the claimed range.  It is "
+    "A claim is supported if the 95% interval of every figure lies in the claimed range, which may "
+    "be a direction alone.  It is "
     "not seen with our settings if that of one (Bonferroni-corrected) lies outside by more than "
     "our margin, and contradicted if no setting is ours.  It is weaker than claimed, or equal "
     "within a number, if every interval lies within the margin; otherwise open.  "

@@ -1,23 +1,22 @@
 import gc
 import os
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from older_emitters import HAS_OLDER_EMITTERS
 
 pytest_plugins = ["divided_tests"]
 _BESIDE_THE_PROJECT = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
-#: A third less to do in all; the arithmetic is the same, but for the last bits.  Programs are
-#: compiled in one piece: a worker has one core.
-_COMPILE_QUICKLY = (
-    "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true "
-    "--xla_cpu_parallel_codegen_split_count=1"
-)
+#: Programs are compiled in one piece: a worker has one core.
+_ONE_PIECE = "--xla_cpu_parallel_codegen_split_count=1"
+#: Where little is optimised, the older emitters take half as long as the new ones.  jaxlib 0.11 has
+#: none, and ends a process that asks for them.
 _OLDER_EMITTERS = " --xla_cpu_use_fusion_emitters=false"
-#: Read by JAX when it starts.
+_HAS_OLDER_EMITTERS = tuple(map(int, version("jaxlib").split(".")[:2])) < (0, 11)
+#: Read by JAX when it starts.  The arithmetic is the same, but for the last bits.
 _QUICKLY = "JAX_DISABLE_MOST_OPTIMIZATIONS"
 
 
@@ -37,19 +36,16 @@ def _has_accelerator() -> bool:
 def pytest_configure(config: pytest.Config) -> None:
     """Share one compile cache: what a test compiles, workers and started programs find again.
 
-    So do later runs: the next try, and other files' tests (``--cache-clear`` empties it).  The
-    first test command compiles all programs quickly; see also ``compiled_quickly``.
+    So do later runs: the next try, and other files' tests (``--cache-clear`` empties it).  Programs
+    are compiled quickly, since they cost more to compile than to run; see ``compiled_by_users``.
     """
     gc.set_threshold(*_GARBAGE)
     if hasattr(config, "workerinput"):
         return  # pytest-xdist's workers inherit the environment
     # Workers of the next run find the tests' bytecode: rewriting assertions takes 8 seconds each.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-    if "not slow" in config.option.markexpr:
-        if not _has_accelerator():
-            flags = _COMPILE_QUICKLY + _OLDER_EMITTERS * HAS_OLDER_EMITTERS
-            os.environ.setdefault("XLA_FLAGS", flags)
-    elif not _has_accelerator():
+    if not _has_accelerator():
+        os.environ.setdefault("XLA_FLAGS", _ONE_PIECE + _OLDER_EMITTERS * _HAS_OLDER_EMITTERS)
         os.environ[_QUICKLY] = "True"
     folder = str(config.cache.mkdir("jaxpf-compiled"))
     os.environ |= {
@@ -79,19 +75,25 @@ def few_programs():
 
 
 @pytest.fixture(autouse=True, scope="module")
-def compiled_quickly(request):
-    """Compile slow tests, too, as the first test command does: they compile longer than they run.
+def compiled_by_users(request):
+    """Optimise the programs of slow tests in modules with the mark ``compiled_as_by_users``.
 
-    Programs that they start do the same.  Modules with the mark ``compiled_as_by_users`` compare
-    bits, take their time to run, or are about what users start.
+    These compare bits, take their time to run, or start programs as users do.
     """
-    quickly = str(request.node.get_closest_marker("compiled_as_by_users") is None)
-    if os.environ.get(_QUICKLY, quickly) != quickly:
-        import jax
+    by_users = request.node.get_closest_marker("compiled_as_by_users") is not None
+    if not by_users or _has_accelerator() or "not slow" in request.config.option.markexpr:
+        yield
+        return
+    import jax
 
-        os.environ[_QUICKLY] = quickly
-        jax.config.update(_QUICKLY.lower(), quickly == "True")
-        jax.clear_caches()
+    jax.devices()  # JAX reads the flags when it starts
+    flags = {name: os.environ.pop(name) for name in (_QUICKLY, "XLA_FLAGS") if name in os.environ}
+    jax.config.update(_QUICKLY.lower(), False)
+    jax.clear_caches()
+    yield
+    os.environ |= flags
+    jax.config.update(_QUICKLY.lower(), True)
+    jax.clear_caches()
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from csv_rows import rows_of
-from quick_compiling import quick
 from refusals import message_of
 
 import jaxpf
@@ -23,7 +22,7 @@ from jaxpf.shapes import fit_spline
 from jaxpf.targets.target import Looks, Start
 
 
-@quick
+@jax.jit
 def log_odds(likelihood, frame, places):
     """Log odds of both wires at their places ``[2, D]``."""
     return likelihood.log_odds_all(likelihood.observe(frame), jnp.arange(2), places.T)

@@ -4,11 +4,11 @@ import errno
 import math
 import os
 
+import jax
 import numpy as np
 import pytest
 from csv_rows import rows_of
 from made_results import DPS, OTHER, PARAMETERS, PS, SIR, batch, imported, make, walks
-from quick_compiling import quick
 from small_evaluation import small_scene
 from two_objects import BOXES, FAR, NAN, TRUE, TRUTH, found, numbers
 
@@ -153,12 +153,12 @@ def test_methods_are_compared_on_common_runs_at_equal_parameters(tmp_path):
     assert [s.reference for s in made.summaries] == [None, 0, 0, 2]
     difference = made.summaries[1].differences["tracked_share"]
     assert difference.runs.tolist() == [8, 8, 8]
-    tracked = np.asarray(quick(metrics.track_state)(boxes[:8], truth))
+    tracked = np.asarray(jax.jit(metrics.track_state)(boxes[:8], truth))
     assert difference.value[0] == pytest.approx(-tracked[:, :, 0].mean(), rel=1e-6)
     assert difference.value[1] == 0
     assert made.summaries[0].estimates["success"].value[0] > 0
     rate = made.summaries[1].differences["success"]
-    wins = int(np.asarray(quick(metrics.success)(boxes[:8], truth))[:, 0].sum())
+    wins = int(np.asarray(jax.jit(metrics.success)(boxes[:8], truth))[:, 0].sum())
     assert (rate.gained[0], rate.lost[0]) == (0, wins)
     for remark in ("DPS shifts, sharpness 20: 0 of 16", "PS 21, sharpness 20: 12 of 16"):
         assert any(remark in one for one in made.remarks)

@@ -4,13 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick_compiling import quick
 
 import jaxpf
 from jaxpf import stream
 from jaxpf.dynamics import RandomWalk
 
-run, monte_carlo = quick(jaxpf.run), quick(jaxpf.monte_carlo)
+run, monte_carlo = jax.jit(jaxpf.run), jax.jit(jaxpf.monte_carlo)
 
 START = np.array([[0.0, 0.0], [20.0, 0.0], [0.0, 20.0]])
 
@@ -174,7 +173,7 @@ def test_one_point_with_one_particle_stays_finite_and_so_do_gradients():
         (jaxpf.Eskil(RandomWalk(1.0), Seen(when_hidden=-np.inf), START), hidden),
         (jaxpf.Eskil(RandomWalk(1.0), Seen(), START), shown),
     ]
-    differentiated = quick(jax.value_and_grad(total))
+    differentiated = jax.jit(jax.value_and_grad(total))
     for tracker, frames in cases:
         value, gradient = differentiated(tracker, frames)
         assert np.isfinite(value)

@@ -6,7 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick_compiling import quick
 
 import jaxpf
 from jaxpf import stream
@@ -29,20 +28,20 @@ def tracker(num_targets=3, num_particles=60, **settings):
     return jaxpf.Labelled(**(defaults | {"num_particles": num_particles} | settings))
 
 
-_run = quick(jaxpf.run, static_argnames="record")
-monte_carlo = quick(jaxpf.monte_carlo)
+_run = jax.jit(jaxpf.run, static_argnames="record")
+monte_carlo = jax.jit(jaxpf.monte_carlo)
 
 
 def run(*arguments):
     return jax.device_get(_run(*arguments))
 
 
-@quick
+@jax.jit
 def step(chosen, key, state, frame):
     return chosen.step(key, state, frame)
 
 
-@quick
+@jax.jit
 def start(chosen):
     return chosen.init(jax.random.key(0))
 
@@ -199,9 +198,9 @@ def test_many_targets_are_weighed_as_few_are(monkeypatch):
             by_label.log_sums(jnp.asarray(values[0]), jnp.asarray(labels), 6),
         )
 
-    expected = quick(lambda: weighed())()
+    expected = jax.jit(lambda: weighed())()
     monkeypatch.setattr(by_label, "FEW", 1)
-    found = quick(lambda: weighed())()
+    found = jax.jit(lambda: weighed())()
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-5)
     assert np.isneginf(np.asarray(found[2])[4:]).all()
@@ -228,6 +227,6 @@ def test_the_evidence_has_a_gradient(motion):
         keys = jax.random.split(jax.random.key(0), 4)
         return jnp.mean(jaxpf.tuning.log_evidence(changed, keys, FRAMES))
 
-    slope = quick(jax.grad(loss))(jnp.array([1.0, 1.0]))
+    slope = jax.jit(jax.grad(loss))(jnp.array([1.0, 1.0]))
     assert np.all(np.isfinite(slope))
     assert np.all(np.abs(slope) > 1e-3)

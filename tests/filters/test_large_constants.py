@@ -12,7 +12,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from proposed import Bad
-from quick_compiling import quick
 
 import jaxpf
 from jaxpf import contract, gradients, ordering, pytree_dataclass
@@ -142,7 +141,7 @@ def with_constant(tracker, constant):
     return contract.changed_inside(tracker, "likelihood", change)
 
 
-@quick
+@jax.jit
 def runs(tracker):
     """One program for all constants: rounding is then the same."""
     return jax.lax.map(
@@ -176,7 +175,7 @@ def test_a_constant_changes_the_evidence_alone(name):
     assert np.all(np.abs(moved - evidence[0]) <= 2 * np.spacing(CONSTANTS)[:, None] + 1e-5)
 
 
-@quick
+@jax.jit
 def slopes(tracker):
     """Derivatives of the evidence and of the estimates in the noise."""
 
@@ -229,6 +228,6 @@ def test_a_constant_changes_no_smoothed_estimate():
             FRAMES[:, 0, 0],
         ).estimate
 
-    found = quick(lambda: jax.lax.map(smoothed, CONSTANTS))()
+    found = jax.jit(lambda: jax.lax.map(smoothed, CONSTANTS))()
     assert np.ptp(found) > 0.1
     assert_same(found)

@@ -5,7 +5,6 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 import numpy as np
-from quick_compiling import quick
 
 import jaxpf
 from jaxpf import ordering, pytree_dataclass, tuning
@@ -63,7 +62,7 @@ FENCES = {
 }
 
 
-@quick
+@jax.jit
 def value_and_gradient(made, keys, seen):
     def mean_of_possible(scale, noise):
         changed = dataclasses.replace(

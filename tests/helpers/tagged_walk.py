@@ -6,7 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick_compiling import quick
 from records import everything
 
 import jaxpf
@@ -75,7 +74,7 @@ def tracker(order, **settings):
     return jaxpf.Partitioned(ordering=order, **(defaults | settings))
 
 
-@quick
+@jax.jit
 def _run(made, key, observed):
     return jaxpf.run(made, key, observed, everything)[1]
 
@@ -105,7 +104,7 @@ METHODS = {
 every_method = pytest.mark.parametrize("method", METHODS)
 
 
-@quick
+@jax.jit
 def start(made, key):
     """The state before the first frame."""
     return made.init(key)

@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 from command_line import jaxpf as command
 from csv_rows import rows_of
-from quick_compiling import quick
 from scipy.stats import multivariate_normal
 
 import jaxpf
@@ -86,7 +85,7 @@ def test_a_scheme_is_unbiased_within_components(sizes):
     components = resampling.components_of_sizes(np.array(sizes), 8)
     keys = jax.random.split(jax.random.key(0), 20_000)
 
-    @quick
+    @jax.jit
     def ancestors(keys):
         draw = partial(resampling.ancestors, scheme=scheme, components=components)
         return jax.vmap(lambda key: draw(key, jnp.log(weights)))(keys)

@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from histograms import numpy_bins
-from quick_compiling import quick
 
 import jaxpf
 from jaxpf import InputError
@@ -23,11 +22,11 @@ from jaxpf.likelihoods.discriminative.training import (
 HEIGHT, WIDTH = 70, 91  # odd, so that the shrunk frame is filled up
 #: One object that is shrunk by 2, and one that is not.
 BOXES = np.array([[20.0, 12.0, 44.0, 40.0], [60.0, 40.0, 14.0, 22.0]])
-_OBSERVE = quick(DiscriminativeLikelihood.observe)
-_LOG_PROBS = quick(DiscriminativeLikelihood.log_prob_all)
-_LOG_ODDS = quick(DiscriminativeLikelihood.log_odds_all)
-_FEATURES = quick(DiscriminativeLikelihood.features_all)
-_SCORES = quick(lambda *args: DiscriminativeLikelihood.scores_all(*args)[0])
+_OBSERVE = jax.jit(DiscriminativeLikelihood.observe)
+_LOG_PROBS = jax.jit(DiscriminativeLikelihood.log_prob_all)
+_LOG_ODDS = jax.jit(DiscriminativeLikelihood.log_odds_all)
+_FEATURES = jax.jit(DiscriminativeLikelihood.features_all)
+_SCORES = jax.jit(lambda *args: DiscriminativeLikelihood.scores_all(*args)[0])
 #: Places of a grid of shifts; fewer are filled up to as many, so that tests share a program.
 _NUM_PLACES = 625
 
@@ -168,7 +167,7 @@ def test_ridge_is_the_solution_of_the_normal_equations():
     rng = np.random.default_rng(1)
     features, labels = rng.normal(size=(40, 70)), rng.normal(size=40)
     with jax.enable_x64(True):
-        weights, offset, residual = map(np.asarray, quick(ridge)(features, labels))
+        weights, offset, residual = map(np.asarray, jax.jit(ridge)(features, labels))
     # With a free offset: features and labels less their means.
     centred = features - features.mean(axis=0)
     expected = np.linalg.solve(centred.T @ centred + 0.5 * np.eye(70), centred.T @ labels)
@@ -184,7 +183,7 @@ def test_labels_are_overlaps():
     assert labels.max() == labels[np.all(boxes == [0, 0, 1, 1], axis=1)] == 1
     ours = np.column_stack([boxes[:, :2] - boxes[:, 2:] / 2, boxes[:, 2:]])
     truth = np.broadcast_to([-0.5, -0.5, 1, 1], ours.shape)
-    np.testing.assert_allclose(labels, quick(jaxpf.measures.iou)(ours, truth), atol=1e-6)
+    np.testing.assert_allclose(labels, jax.jit(jaxpf.measures.iou)(ours, truth), atol=1e-6)
 
 
 def test_the_score_peaks_where_the_object_went_over_another_background(learned):
@@ -207,7 +206,7 @@ def test_the_score_peaks_where_the_object_went_over_another_background(learned):
 def composed_of(frame, box, shift):
     """The whole frame, with the object before another part of it."""
     corner, shape = np.zeros(2, int), frame.shape[:2]
-    return quick(before_background, static_argnums=4)(frame, box, shift, corner, shape)
+    return jax.jit(before_background, static_argnums=4)(frame, box, shift, corner, shape)
 
 
 def test_an_object_stays_before_another_background():
@@ -222,7 +221,7 @@ def test_an_object_stays_before_another_background():
     low, high = np.minimum(FRAME, behind), np.maximum(FRAME, behind)
     assert ((low <= composed) & (composed <= high))[between].all()
     np.testing.assert_array_equal(composed_of(FRAME, box, np.zeros(2)), FRAME)
-    window = quick(before_background, static_argnums=4)(
+    window = jax.jit(before_background, static_argnums=4)(
         FRAME, box, shift, np.array([7, 9]), (30, 40)
     )
     np.testing.assert_array_equal(window, composed[9:39, 7:47])
@@ -278,7 +277,7 @@ def test_the_gradient_is_that_of_the_value_in_double_precision():
         points = [[43.3, 30.2, 1.07], [40.1, 36.4, 0.93], [66.4, 50.8, 1.1], [300.0, 20.0, 1.0]]
         numbers, x = np.array([0, 0, 1, 0]), np.array(points).T
 
-        @quick
+        @jax.jit
         @jax.value_and_grad
         def value_and_gradient(x):
             return jnp.sum(smooth.log_prob_all(seen, numbers, x))
@@ -296,7 +295,7 @@ def test_the_gradient_is_that_of_the_value_in_double_precision():
         # A ratio of likelihoods: to boxes anywhere, on average.
         usual = np.clip(np.asarray(smooth.background[0]), -0.2, 1.2)
         trust = 4 / max(float(smooth.residual[0]), 0.03)
-        at_best = quick(smooth.log_prob)(seen, np.int32(0), x[:, 0])
+        at_best = jax.jit(smooth.log_prob)(seen, np.int32(0), x[:, 0])
         score = np.clip(_SCORES(smooth, seen, numbers, x)[0], -0.2, 1.2)
         expected = trust * score - np.log(np.mean(np.exp(trust * usual)))
         assert float(at_best) == pytest.approx(float(expected), rel=1e-6)

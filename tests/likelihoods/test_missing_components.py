@@ -5,7 +5,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import LIMIT
-from quick_compiling import quick
 from scipy.stats import multivariate_normal
 
 import jaxpf
@@ -23,7 +22,7 @@ SEEN[1], SEEN[2, 0], SEEN[3] = False, False, True
 LIKELIHOOD = Gaussian(NOISE, SEES)
 
 
-@quick
+@jax.jit
 def densities(frame, partition, points):
     """Log densities, and the slopes of their sum."""
 

@@ -7,7 +7,6 @@ import jax
 import numpy as np
 import pytest
 from histograms import texture
-from quick_compiling import quick
 
 import jaxpf
 from jaxpf import pytree_dataclass
@@ -20,10 +19,10 @@ HEIGHT, WIDTH = 241, 323  # odd, so that the shrunk frame is filled up
 #: The second object is shrunk by 2.
 BOXES = np.array([[100.0, 80.0, 12.0, 12.0], [200.0, 120.0, 44.0, 40.0]])
 SHAPE = WindowShape(rows=64, columns=80, height=30, width=33)
-_WHOLE = quick(DiscriminativeLikelihood.observe)
-_NEARBY = quick(DiscriminativeLikelihood.observe_nearby)
-_LOG_PROBS = quick(DiscriminativeLikelihood.log_prob_all)
-_LOG_ODDS = quick(DiscriminativeLikelihood.log_odds_all)
+_WHOLE = jax.jit(DiscriminativeLikelihood.observe)
+_NEARBY = jax.jit(DiscriminativeLikelihood.observe_nearby)
+_LOG_PROBS = jax.jit(DiscriminativeLikelihood.log_prob_all)
+_LOG_ODDS = jax.jit(DiscriminativeLikelihood.log_odds_all)
 
 
 FRAME = texture(0, HEIGHT, WIDTH)

@@ -11,7 +11,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick_compiling import quick
 
 from jaxpf import InputError
 from jaxpf.likelihoods import efficientnet_lite0
@@ -80,7 +79,7 @@ def test_the_network_is_efficientnet_lite0(tmp_path):
     np.savez(tmp_path / "weights.npz", **weights)
     network = efficientnet_lite0(tmp_path / "weights.npz")
     window = np.random.default_rng(1).random((64, 96, 3), np.float32)
-    maps, expected = quick(network)(window), quick(reference_maps)(weights, window)
+    maps, expected = jax.jit(network)(window), jax.jit(reference_maps)(weights, window)
     assert [each.shape for each in maps] == [(8, 12, 40), (4, 6, 112)]
     for one, other in zip(maps, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-3, atol=1e-3 * np.abs(other).max())

@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from histograms import texture
-from quick_compiling import quick
 
 import jaxpf
 import jaxpf.boxes
@@ -19,8 +18,8 @@ from jaxpf.likelihoods.pretrained.windows import SIDE, window_around
 HEIGHT, WIDTH = 96, 128
 BOXES = np.array([[50.0, 30.0, 24.0, 24.0]])
 
-_LOOK = quick(PretrainedLikelihood.look_near)
-_LOG_PROBS = quick(PretrainedLikelihood.log_prob_all)
+_LOOK = jax.jit(PretrainedLikelihood.look_near)
+_LOG_PROBS = jax.jit(PretrainedLikelihood.log_prob_all)
 
 
 def edges(window):
@@ -232,7 +231,9 @@ def test_the_integral_table_gives_the_scores_of_the_features():
     boxes = np.stack([*rng.uniform(-6, 14, (2, 40)), *rng.uniform(0.5, 12, (2, 40))])
     partition = rng.integers(0, 2, 40)
     tables = jnp.stack([score_table(m, w) for m, w in zip(maps, weights, strict=True)])
-    scores = quick(score_in_boxes, static_argnums=3)(tables, partition, jnp.asarray(boxes), (3, 4))
+    scores = jax.jit(score_in_boxes, static_argnums=3)(
+        tables, partition, jnp.asarray(boxes), (3, 4)
+    )
     for number in range(2):
         features = cell_features(jnp.asarray(maps[number]), jnp.asarray(boxes.T), (3, 4))
         expected = np.sum(features * weights[number], axis=(1, 2, 3))

@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from histograms import texture
-from quick_compiling import quick
 
 import jaxpf
 import jaxpf.points
@@ -18,9 +17,9 @@ HEIGHT, WIDTH = 90, 130  # filled up to 96 x 160
 FRAME, OTHER = texture(0, HEIGHT, WIDTH, 1), texture(3, HEIGHT, WIDTH, 1)
 POINTS = np.array([[61.3, 40.2], [100.0, 70.5], [3.0, 88.0]])
 
-_OBSERVE = quick(PretrainedPoints.observe)
-_LOG_PROBS = quick(PretrainedPoints.log_prob_all)
-_LOG_ODDS = quick(PretrainedPoints.log_odds_all)
+_OBSERVE = jax.jit(PretrainedPoints.observe)
+_LOG_PROBS = jax.jit(PretrainedPoints.log_prob_all)
+_LOG_ODDS = jax.jit(PretrainedPoints.log_odds_all)
 
 
 def blocks(picture, side):

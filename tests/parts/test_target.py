@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick_compiling import quick
 from refusals import message_of
 
 import jaxpf
@@ -24,7 +23,7 @@ def seen(part, frame, numbers, states):
     return part.log_odds_all(part.observe(frame), numbers, states)
 
 
-log_odds = quick(seen)
+log_odds = jax.jit(seen)
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +113,7 @@ def test_a_part_torn_off_its_parent_is_doubtful_though_it_matches(scene, likelih
     mixed = log_odds(part, frame, numbers, states[:, numbers])
     np.testing.assert_allclose(mixed, whole[numbers], rtol=1e-5)
     worse = whole - log_odds(torn, frame, np.arange(5), states)
-    slope = quick(jax.grad(lambda x: seen(part, frame, np.arange(5), x).sum()))(states)
+    slope = jax.jit(jax.grad(lambda x: seen(part, frame, np.arange(5), x).sum()))(states)
     assert np.isfinite(slope).all()
     # Stretch 2/3 instead of 0, so log odds lower by 1.6 log((2/3 + .05) / .05).
     np.testing.assert_allclose(worse, [0, 0, 1.6 * np.log(43 / 3), 0, 0], atol=1e-4)

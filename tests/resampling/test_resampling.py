@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.stats
-from quick_compiling import quick
 
 from jaxpf import InputError
 from jaxpf.resampling import (
@@ -28,8 +27,8 @@ KEYS = 20_000
 schemes = pytest.mark.parametrize("scheme", SCHEMES)
 
 
-few = quick(few_effective)
-divide = quick(components_of_sizes, static_argnums=1)
+few = jax.jit(few_effective)
+divide = jax.jit(components_of_sizes, static_argnums=1)
 KEYS_OF_ALL = jax.random.split(jax.random.key(0), KEYS)
 
 
@@ -43,7 +42,7 @@ def offspring(chosen, num_particles):
     return np.sum(np.asarray(chosen)[..., None] == np.arange(num_particles), axis=-2)
 
 
-@partial(quick, static_argnames="scheme")
+@partial(jax.jit, static_argnames="scheme")
 def _resample(keys, log_weights, log_selection, scheme, components):
     selection = log_weights if log_selection is None else log_selection
 
@@ -164,7 +163,7 @@ def test_residual_keeps_every_particle_of_equal_weights(rounding, monkeypatch):
         return found if rounding == 0 else jnp.nextafter(found, found + step)
 
     monkeypatch.setattr(schemes_of, "_expected", rounded)
-    draw = quick(lambda key, x: ancestors(key, x, "residual"))
+    draw = jax.jit(lambda key, x: ancestors(key, x, "residual"))
     for given in (weights, np.ones(300, np.float32)):
         chosen = draw(jax.random.key(0), np.log(given))
         np.testing.assert_array_equal(np.sort(chosen), np.arange(300))
@@ -304,7 +303,7 @@ def test_a_dead_component_stays_beside_a_living_one(scheme):
 @schemes
 def test_infinite_weights_share_all_offspring(scheme):
     log_weights = np.float32([0, np.inf, -np.inf, np.inf, 1, 1, np.nan, 3])
-    draw = quick(ancestors, static_argnums=2)
+    draw = jax.jit(ancestors, static_argnums=2)
     halves, whole = (
         draw(jax.random.key(0), log_weights, scheme, divide(np.array(sizes), 8))
         for sizes in ([0, 4, 4], [0, 8, 0])

@@ -6,7 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick_compiling import quick
 
 import jaxpf
 from jaxpf import ordering
@@ -176,7 +175,7 @@ def test_a_particle_of_zero_weight_has_no_offspring_in_either_form(scheme, no_ac
         log_weights = np.log(weights).astype(np.float32)
 
     def drawn():
-        draw = quick(lambda key, weights: jaxpf.resampling.ancestors(key, weights, scheme))
+        draw = jax.jit(lambda key, weights: jaxpf.resampling.ancestors(key, weights, scheme))
         return draw(KEYS[0], log_weights)
 
     found = [drawn()]

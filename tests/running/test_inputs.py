@@ -5,7 +5,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import LIMIT, rauch_tung_striebel
-from quick_compiling import quick
 
 import jaxpf
 from jaxpf import InputError
@@ -78,7 +77,7 @@ def test_evidence_with_inputs_is_that_of_a_kalman_filter():
 def test_smoothing_with_inputs_is_exact():
     _, smoothed = exact()
     its = model(num_particles=100)
-    means = quick(
+    means = jax.jit(
         jax.vmap(lambda key: jaxpf.smooth(its, key, FRAMES, inputs=INPUTS).estimate[:, 0, 0])
     )(jax.random.split(KEY, 40))
     error = means.std(axis=0) / len(means) ** 0.5

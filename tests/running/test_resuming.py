@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import LIMIT
-from quick_compiling import quick
 from records import everything
 
 import jaxpf
@@ -120,7 +119,7 @@ def test_the_evidence_of_a_run_resumed_after_every_frame_is_unbiased():
     one = np.eye(1)
     exact = kalman(one, one, one, one, np.zeros(1), 0 * one, frames[:, None])[0]
 
-    @quick
+    @jax.jit
     @jax.vmap
     def evidence(key):
         state, first = jaxpf.run(its, key, frames[:1])

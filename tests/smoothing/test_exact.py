@@ -6,7 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick_compiling import quick
 
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass, smoothing
@@ -99,7 +98,7 @@ def test_smoothing_knows_that_labels_move(method):
     def one(key):
         return jaxpf.smooth(its, key, frames, 200, method=method).estimate
 
-    smooth = quick(lambda keys: jax.lax.map(one, keys))
+    smooth = jax.jit(lambda keys: jax.lax.map(one, keys))
     estimates = np.asarray(smooth(keys), float)[..., 0, 0]
     assert z_scores(estimates, expected).max() < LIMIT
 
@@ -238,7 +237,7 @@ def test_a_conditional_sweep_leaves_the_posterior_of_trajectories_as_it_is():
     drawn = np.random.default_rng(3).choice(len(paths), runs, p=posterior)
     references = np.pad(paths[drawn], ((0, 0), (1, 0)))[..., None, None].astype(np.float32)
     frames = jnp.asarray(SEEN, jnp.float32)
-    sweep = quick(jax.vmap(lambda key, reference: gibbs.sweep(its, key, frames, reference, True)))
+    sweep = jax.jit(jax.vmap(lambda key, reference: gibbs.sweep(its, key, frames, reference, True)))
     swept = np.asarray(sweep(jax.random.split(jax.random.key(0), runs), references))
     number = swept[:, 1:, 0, 0].astype(int) @ [8, 4, 2, 1]
     frequency = np.bincount(number, minlength=len(paths)) / runs

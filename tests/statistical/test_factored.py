@@ -6,13 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import LIMIT, OBJECTS, RUNS, WRONG, monte_carlo, problem
-from quick_compiling import quick
 
 import jaxpf
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian, kalman
 
-run = quick(jaxpf.run)
+run = jax.jit(jaxpf.run)
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 

@@ -26,7 +26,6 @@ from featured_trackers import (
     tracker_of,
 )
 from features import PAIRS_REFUSED, covering_array, default_with, shown
-from quick_compiling import quick
 
 import jaxpf
 from jaxpf import InputError, smoothing
@@ -118,7 +117,7 @@ def of_filter(config):
 
 
 def mapped(function, keys):
-    return quick(lambda keys: jax.lax.map(function, keys, batch_size=500))(keys)
+    return jax.jit(lambda keys: jax.lax.map(function, keys, batch_size=500))(keys)
 
 
 def truth_of(config, factors=(1.0, 1.0)):

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from exact import monte_carlo
 from places_in_a_row import PLACES, ReadFromTables, StepsInARow
-from quick_compiling import quick
 from records import z_score
 
 import jaxpf
@@ -127,7 +126,7 @@ def labelled(chosen):
 def test_a_label_that_moves_after_the_last_stage_counts():
     """Without resampling inside the frame, a weight is the joint likelihood by the new label."""
     made, frame = labelled(ordering.sir(3)), (jnp.asarray(WEIGHTING[0]), jnp.asarray(JOINT[0]))
-    state, _ = quick(lambda key: made.step(key, made.init(key), frame))(jax.random.key(0))
+    state, _ = jax.jit(lambda key: made.step(key, made.init(key), frame))(jax.random.key(0))
     assert np.ptp(state.label) == 1
 
     def log_joint(substates, label):
@@ -228,7 +227,7 @@ def test_of_two_partitions_only_what_is_expected_of_the_other_makes_a_difference
             num_particles=50,
             **options,
         )
-        _, summary = quick(jaxpf.run)(two, jax.random.key(1), jnp.asarray(WEIGHTING[:, :2]))
+        _, summary = jax.jit(jaxpf.run)(two, jax.random.key(1), jnp.asarray(WEIGHTING[:, :2]))
         return summary
 
     plain = run(dynamics=Steps())

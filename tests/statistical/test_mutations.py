@@ -25,7 +25,6 @@ from exact import (
     scores_of,
 )
 from proposed import Bad
-from quick_compiling import quick
 
 from jaxpf import contract, ordering
 from jaxpf.filters.partitioned import ending, exchange, selection
@@ -48,7 +47,7 @@ def mutant_scores(exact, order, **settings):
 
     keys = jax.random.split(jax.random.key(1), RUNS).reshape(-1, BATCH)
     tracker = exact.tracker(order, **settings)
-    recorded = quick(monte_carlo)(tracker, keys, exact.frames)
+    recorded = jax.jit(monte_carlo)(tracker, keys, exact.frames)
     return scores_of(jax.tree.map(lambda x: x.reshape(RUNS, *x.shape[2:]), recorded), exact)
 
 

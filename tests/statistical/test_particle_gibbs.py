@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from exact import LIMIT, TREE, WRONG, problem
 from proposed import Bad
-from quick_compiling import quick
 
 from jaxpf import ordering
 from jaxpf.proposals import Mixture
@@ -75,7 +74,7 @@ def drift(case):
         return jnp.concatenate([product.reshape(-1) for product in products])
 
     keys = jax.random.split(jax.random.key(1), CHAINS)
-    off = np.asarray(quick(lambda keys: jax.lax.map(chain, keys, batch_size=1000))(keys))
+    off = np.asarray(jax.jit(lambda keys: jax.lax.map(chain, keys, batch_size=1000))(keys))
     return off.mean(0) / (off.std(0, ddof=1) / CHAINS**0.5)
 
 

@@ -18,7 +18,6 @@ from exact import (
     scores,
 )
 from proposed import Bad, residual
-from quick_compiling import quick
 
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass
@@ -126,7 +125,7 @@ def test_linearised_is_optimal_for_a_linear_gaussian_model():
     rng, partition = np.random.default_rng(0), jnp.array([0, 1, 2, 1])
     new, *past = jnp.asarray(rng.normal(size=(4, 1, 4)))
 
-    @quick
+    @jax.jit
     def density(proposal):
         proposal = proposal.of_model(exact.dynamics, exact.likelihood)
         return proposal.log_density_all(jnp.asarray(exact.frames[0]), partition, new, *past)

@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import monte_carlo
-from quick_compiling import quick
 from records import z_score
 
 import jaxpf
@@ -198,7 +197,7 @@ def whole(state, summary):
 @pytest.mark.slow
 def test_nothing_changes_while_nobody_is_lost():
     frames = jnp.asarray(TABLES, jnp.float32), jnp.full(ODDS.shape, 4.0)
-    once = quick(jaxpf.run, static_argnames="record")
+    once = jax.jit(jaxpf.run, static_argnames="record")
     with_it, without = (
         once(tracker("dps", **settings), jax.random.key(3), frames, record=whole)[1]
         for settings in ({}, {"relocation": None})

@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick_compiling import quick
 from refusals import message_of
 
 import jaxpf
@@ -35,7 +34,7 @@ def tracker(**settings):
 
 @pytest.fixture(scope="module")
 def summaries():
-    return jax.device_get(quick(jaxpf.monte_carlo)(tracker(), KEYS, FRAMES))
+    return jax.device_get(jax.jit(jaxpf.monte_carlo)(tracker(), KEYS, FRAMES))
 
 
 TRUTH = np.full((T, 1, 2), np.nan, np.float32)
@@ -58,7 +57,7 @@ class Never:
         return jnp.where(substate[0] < jnp.inf, -jnp.inf, self.noise)
 
 
-@partial(quick, static_argnames=("objective", "checkpoint"))
+@partial(jax.jit, static_argnames=("objective", "checkpoint"))
 def with_gradient(objective, made, *labels, checkpoint=False):
     """An objective's values, and the gradient of their mean in the motion's scale."""
 
@@ -132,7 +131,7 @@ def test_crps_asks_for_an_honest_spread():
     truth = np.float32(np.cumsum(rng.normal(0, 2, (60, 1, 3)), axis=0))
     frames = truth + np.float32(rng.normal(0, 1, truth.shape))
 
-    @quick
+    @jax.jit
     def score(noise):
         likelihood = Gaussian(noise=noise * np.eye(3, dtype=np.float32)[None])
         walk = RandomWalk(scale=np.full(3, 2.0, np.float32))
@@ -188,7 +187,7 @@ def test_a_tracker_that_is_none_is_refused():
 
 def test_a_missing_frame_changes_no_evidence():
     frames = np.where(np.arange(T)[:, None, None] == 1, np.nan, FRAMES).astype(np.float32)
-    expected = quick(jaxpf.monte_carlo)(tracker(), KEYS, frames).log_evidence
-    found = quick(tuning.log_evidence)(tracker(), KEYS, frames)
+    expected = jax.jit(jaxpf.monte_carlo)(tracker(), KEYS, frames).log_evidence
+    found = jax.jit(tuning.log_evidence)(tracker(), KEYS, frames)
     assert (expected[:, 1] == 0).all()
     np.testing.assert_allclose(found, expected.sum(1), rtol=1e-5)

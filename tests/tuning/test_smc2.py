@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import scipy.special
 from autoregression import FRAMES, KEY, START, build, exact_margins, exact_on_grid, log_prior
-from quick_compiling import quick
 
 import jaxpf
 from jaxpf import InputError
@@ -34,7 +33,7 @@ def test_smc2_has_the_exact_posterior_and_evidence(ratio):
         )
 
     keys = jax.random.split(KEY, num_runs)
-    found = quick(lambda keys: jax.lax.map(one, keys))(keys)
+    found = jax.jit(lambda keys: jax.lax.map(one, keys))(keys)
     scores = []
     for name, (grid, exact) in zip("as", exact_margins(), strict=True):
         places = np.interp(np.linspace(0.05, 0.95, 19), exact, grid)

@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import LIMIT, WRONG
-from quick_compiling import quick
 
 import jaxpf
 from jaxpf import InputError, contract
@@ -80,7 +79,7 @@ def last_means(size, width, num_particles=1000, num_runs=50):
         return jaxpf.run(its, key, frames)[1].estimate[-1].reshape(size)
 
     keys = jax.random.split(KEY, num_runs)
-    return np.asarray(quick(lambda keys: jax.lax.map(last, keys))(keys), float)
+    return np.asarray(jax.jit(lambda keys: jax.lax.map(last, keys))(keys), float)
 
 
 @pytest.mark.parametrize("size", [16, pytest.param(64, marks=pytest.mark.slow)])

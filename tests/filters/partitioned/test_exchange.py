@@ -4,7 +4,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick_compiling import quick
 
 from jaxpf import ordering
 from jaxpf.filters.partitioned import exchange
@@ -37,14 +36,14 @@ def layout(group):
     )
 
 
-@quick
+@jax.jit
 def weigh(log_probs, groups, is_root=False):
     """Factors ``[N]`` of the combinatorial rule, and the offer that a draw needs."""
     key, lineage = jax.random.key(0), groups.order  # which the other rules use
     return exchange.weigh(key, COMBINATORIAL, log_probs, groups, lineage, jnp.bool_(is_root))
 
 
-families = quick(exchange.families)
+families = jax.jit(exchange.families)
 
 
 def draw(key, offer, groups, slots, is_root=False):
@@ -52,14 +51,14 @@ def draw(key, offer, groups, slots, is_root=False):
     return exchange.draw(key, COMBINATORIAL, offer, groups, slots, jnp.bool_(is_root))
 
 
-one_draw = quick(draw)
+one_draw = jax.jit(draw)
 
 
 def draw_many(keys, offer, groups, slots, is_root=False):
     return jax.vmap(lambda key: draw(key, offer, groups, slots, is_root))(keys)
 
 
-many_draws = quick(draw_many)
+many_draws = jax.jit(draw_many)
 
 
 def draws(likelihood=LIKELIHOOD, group=GROUP, seed=0, many=many_draws):
@@ -136,7 +135,7 @@ def test_the_offset_is_what_makes_them_so(monkeypatch):
         return original(key, shape, dtype).at[1].set(0)
 
     monkeypatch.setattr(jax.random, "bits", without_offset)
-    anew = quick(lambda *given: draw_many(*given))
+    anew = jax.jit(lambda *given: draw_many(*given))
     giver, _, ancestors = draws(many=anew)
     hits = (giver[..., None] == np.arange(8)).mean(axis=0)
     assert worst_score(hits, law(LIKELIHOOD, GROUP)[ancestors]) > 4 * SIGMAS
@@ -172,7 +171,7 @@ def test_families_bring_ancestors_in_order():
     found = families(ANCESTORS)
     np.testing.assert_array_equal(found.ancestors, np.sort(ANCESTORS))
     np.testing.assert_array_equal(found.size, np.bincount(ANCESTORS, minlength=8))
-    groups = quick(exchange.Families.groups)(found)
+    groups = jax.jit(exchange.Families.groups)(found)
     np.testing.assert_array_equal(groups.order, np.arange(8))
     np.testing.assert_array_equal(groups.rank, [0, 1, 2, 0, 0, 0, 0, 0])
     np.testing.assert_array_equal(groups.last, [2, 2, 2, 3, 4, 5, 6, 7])

@@ -20,7 +20,6 @@ from fenced_trackers import (
     value_and_gradient,
 )
 from proposed import Bad
-from quick_compiling import quick
 
 import jaxpf
 from jaxpf import InputError, gradients, ordering, pytree_dataclass, tuning
@@ -100,7 +99,7 @@ class WholePixels:
         return -0.5 * ((observation[0, 0] - jnp.round(substate[0])) / self.noise) ** 2
 
 
-@quick
+@jax.jit
 def mean_evidence(made, scale, keys, seen):
     """Mean evidence over runs, and per run its gradient in the scale."""
 
@@ -155,7 +154,7 @@ def test_every_draw_counts_once_in_the_slope_of_the_evidence():
         slopes = one.log_evidence + two.log_evidence, second.log_weights, second.path_scores
         return slopes, (first, second)
 
-    @quick
+    @jax.jit
     def slopes_of(threshold):
         two = partial(two_frames, threshold=threshold)
         return jax.jvp(two, (1.0,), (1.0,), has_aux=True)[1:]

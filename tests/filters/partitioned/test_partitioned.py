@@ -3,7 +3,6 @@
 import jax
 import numpy as np
 import pytest
-from quick_compiling import quick
 from tagged_walk import (
     CHAIN,
     METHODS,
@@ -94,7 +93,7 @@ def test_substates_keep_their_axes_under_vmap_and_without_it():
     lagged = np.asarray(state.lagged)
     np.testing.assert_array_equal(now[4, 2], lagged[0, :, 2, 4])
     np.testing.assert_array_equal(before[4, 2], lagged[1, :, 2, 4])
-    many = quick(jax.vmap(made.init))(jax.random.split(jax.random.key(0), 5))
+    many = jax.jit(jax.vmap(made.init))(jax.random.split(jax.random.key(0), 5))
     assert many.substates.shape == (5, N, P, D)
     now, lagged = jax.device_get((many.substates, many.lagged))
     np.testing.assert_array_equal(now[3, 4, 2], lagged[3, 0, :, 2, 4])
@@ -144,7 +143,7 @@ def test_uniqueness_tells_which_partition_went_last():
 
 def test_count_unique_by_hand():
     lineage = np.array([[0, 0, 0, 0], [3, 1, 3, 1], [0, 1, 2, 3]])
-    np.testing.assert_array_equal(quick(count_unique)(lineage), [1, 2, 4])
+    np.testing.assert_array_equal(jax.jit(count_unique)(lineage), [1, 2, 4])
 
 
 @every_method
@@ -205,7 +204,7 @@ def test_dps_components_differ_in_size_by_at_most_one(num_particles, parts):
         initial=np.zeros((parts, 1), np.float32),
         num_particles=num_particles,
     )
-    begin = quick(lambda key: kernel.begin(small, key, small.init(key))[1].size)
+    begin = jax.jit(lambda key: kernel.begin(small, key, small.init(key))[1].size)
     sizes = np.asarray(begin(jax.random.key(0)))
     assert sizes.sum() == num_particles
     assert np.ptp(sizes) <= 1

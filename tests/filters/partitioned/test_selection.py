@@ -15,7 +15,6 @@ from fenced_trackers import (
     tracker,
     value_and_gradient,
 )
-from quick_compiling import quick
 
 import jaxpf
 from jaxpf import ordering, resampling
@@ -26,7 +25,7 @@ from jaxpf.resampling.weighted import keep_total
 
 
 def test_the_gradient_of_a_source_is_lent_and_its_value_is_not():
-    lent = quick(jax.value_and_grad(lambda x: with_gradient_of(3.0 * x, jnp.log(x - 2.0))))
+    lent = jax.jit(jax.value_and_grad(lambda x: with_gradient_of(3.0 * x, jnp.log(x - 2.0))))
     assert lent(4.0) == (12.0, 3.5)
     assert with_gradient_of(1.0, -jnp.inf) == 1.0
 
@@ -45,7 +44,7 @@ def test_soft_resampling_is_properly_weighted_and_keeps_a_gradient(scheme):
         new = keep_total(new, log_weights, whole)
         return jnp.sum(jnp.exp(new) * jnp.asarray(values)[chosen])
 
-    means = quick(lambda w, keys: jax.vmap(mean, in_axes=(None, 0))(jnp.log(w), keys))
+    means = jax.jit(lambda w, keys: jax.vmap(mean, in_axes=(None, 0))(jnp.log(w), keys))
     value, slope = jax.device_get(means(weights, keys))
     expected = np.sum(weights * values)
     assert abs(value.mean() - expected) < 4.5 * value.std() / len(keys) ** 0.5
@@ -54,7 +53,7 @@ def test_soft_resampling_is_properly_weighted_and_keeps_a_gradient(scheme):
 
 
 def test_soft_selection_leaves_a_dead_component_dead():
-    @quick
+    @jax.jit
     def mix(weights):
         components = resampling.components_of_sizes(jnp.array([2, 2]), 4)
         return resampling.soft_selection(jnp.log(weights), 0.5, components)
@@ -130,7 +129,7 @@ def test_soft_resampling_leaves_out_every_exchange(scheme):
     """Its weights stay unequal, slot by slot, and no exchange may renumber the slots."""
     tree = (-1, 0, 0)
     soft = partial(tracker, gradient=Soft(), resampling=scheme, parents=tree)
-    run = quick(jaxpf.run)
+    run = jax.jit(jaxpf.run)
     expected, *others = (
         run(soft(ordering.sps(tree, swap)), jax.random.key(3), frames(np.inf, 3))
         for swap in ("none", "combinatorial", "sorted")

@@ -5,7 +5,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from correlated import CorrelatedGaussian
-from quick_compiling import quick
 from unsuited_dynamics import Coupled
 
 import jaxpf
@@ -123,7 +122,7 @@ def is_fine(result):
 
 
 def one_by_one(use):
-    compiled = quick(lambda given: use(given))  # programs of its own, whatever else used ``use``
+    compiled = jax.jit(lambda given: use(given))  # programs of its own, whatever else used ``use``
 
     def results(given):
         found = [compiled(each) for each in given]
@@ -137,7 +136,7 @@ def stacked(transformed):
     def of_use(use):
         def results(given):
             stack = jax.tree.map(lambda *x: jnp.stack(x), *given)
-            found = quick(transformed(use))(stack)
+            found = jax.jit(transformed(use))(stack)
             return [
                 jax.tree.map(lambda x, place=place: x[place], found) for place in range(len(given))
             ]

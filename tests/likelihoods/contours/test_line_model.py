@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick_compiling import quick
 
 from jaxpf.likelihoods import (
     Features,
@@ -200,7 +199,7 @@ def test_what_a_line_shows_is_a_density_to_the_last_feature(boundaries):
     with jax.enable_x64(True):
         nu = np.reshape(boundaries, (c, 1)) * np.ones_like(share)
 
-        @quick
+        @jax.jit
         def log_ratios_of(present):
             weights = line_weights(clutter, detection_probabilities(max(c, 1)), LENGTH)
             features = Features(places, present)

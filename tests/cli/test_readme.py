@@ -12,8 +12,6 @@ import pytest
 
 from jaxpf.cli import group
 
-pytestmark = pytest.mark.compiled_as_by_users
-
 ROOT = Path(__file__).resolve().parents[2]
 SITE = ROOT / "notebooks" / "docs"
 #: Page -> what its commands leave behind.

@@ -9,14 +9,10 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.compiled_as_by_users
-
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("jaxpf", "scenes")
-#: Compiling is most of the work; the installed library is imported, not the clone.
-ENVIRONMENT = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | {
-    "JAX_DISABLE_MOST_OPTIMIZATIONS": "1"
-}
+#: The installed library is imported, not the clone.
+ENVIRONMENT = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
 
 
 def run(folder, *command):

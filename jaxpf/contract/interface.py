@@ -135,7 +135,11 @@ class Dynamics:
         previous: jax.Array,
         parent: jax.Array,
     ) -> jax.Array:
-        """Draw the new substate ``[D]``; ``parent`` ``[D]`` is already moved, zeros for a root."""
+        """Draw the new substate ``[D]``, x_t.
+
+        ``current`` is x_{t-1} and ``previous`` x_{t-2}; ``parent`` is already moved, zeros for a
+        root; ``[D]`` each.
+        """
         _check_defined(self, Dynamics, "propagate", "propagate_all")
         columns = (x[:, None] for x in (current, previous, parent))
         return self.propagate_all(key, jnp.asarray(partition)[None], *columns)[:, 0]
@@ -327,7 +331,7 @@ class Proposal:
     """
 
     def propose(self, key, observation, partition, current, previous, parent) -> jax.Array:
-        """Draw the new substate ``[D]``; ``parent`` ``[D]`` is already moved, zeros for a root."""
+        """Draw the new substate ``[D]``; the past is as for ``Dynamics.propagate``."""
         _check_defined(self, Proposal, "propose", "propose_all")
         columns = (x[:, None] for x in (current, previous, parent))
         return self.propose_all(key, observation, jnp.asarray(partition)[None], *columns)[:, 0]

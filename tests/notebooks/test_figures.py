@@ -105,6 +105,11 @@ def gained(other, part="report"):
     return with_ends([ours[clip] - theirs[clip] for clip in ours], 3)
 
 
+def silent(tracker):
+    """Share of all frames, in percent, in which a box is off its object and not reported lost."""
+    return f"{100 * np.mean([*by_clip(tracker, 'silent').values()]):.0f}%"
+
+
 def points_reported():
     """Clip -> row of the points' new defaults, on test clips."""
     table = next(tables(section(section(DEFAULTS, "Points"), "Before and after")))
@@ -147,7 +152,8 @@ def test_readme_gives_the_figures_of_its_sources():
             f"IoU {PRETRAINED['overlap']['pretrained'].split()[0]}; "
             f"default {PRETRAINED['overlap']['default'].split()[0]}, "
             f"difference +{gained('default')}; "
-            f"CSRT {PRETRAINED['overlap']['CSRT'].split()[0]}, difference +{gained('csrt')}"
+            f"CSRT {PRETRAINED['overlap']['CSRT'].split()[0]}, difference +{gained('csrt')}; "
+            f"off, unreported, in {silent('pretrained')} of frames (default {silent('default')})"
         ),
         "Do intervals cover a box's size?": f"in {percent(SIZE_COVERED)} of the tracked frames; "
         f"from 1/{least_factor()} to {least_factor()} times the size, or wider",
@@ -155,7 +161,7 @@ def test_readme_gives_the_figures_of_its_sources():
         f"as almost half ({POINTS_LOST}) are; at least {math.floor(least_width())} pixels wide",
         "How fast is the bootstrap filter?": f"{SERIES['jaxpf']['one run, s']} s; "
         f"blackjax's SMC step takes {SERIES[BLACKJAX]['ratio']} times as long",
-        "... and on a GPU?": f"{float(card['jaxpf']) / 1000:.2f} ms a frame; "
+        "... and on a GPU?": f"{float(card['jaxpf']) / 1000:.2f} ms a frame, all runs together; "
         f"blackjax's SMC step takes {beyond:.1f} times as long",
     }
     answers = {question: row["answer"] for question, row in of_readme.items()}
@@ -303,9 +309,7 @@ def test_sentences_on_the_page_of_uncertainty():
         [f"{100 * float(row[name]):.0f}%" for row in reported]
         for name in ("large errors said lost", "near labels said lost")
     )
-    x, y, width, silent = (
-        np.mean([*by_clip("default", name).values()]) for name in ("x", "y", "width", "silent")
-    )
+    x, y, width = (np.mean([*by_clip("default", name).values()]) for name in ("x", "y", "width"))
     for words in (
         f"box was covered in {percent(CENTRE_COVERED)} of these frames",
         f"from 1/{least_factor()} to {least_factor()} times the size, or wider",
@@ -316,7 +320,7 @@ def test_sentences_on_the_page_of_uncertainty():
         f"so were {' to '.join(sorted(near))} of the points near their labels",
         f"On 13 further clips x and y of the centre were covered in {100 * x:.0f}% and "
         f"{100 * y:.0f}% of the tracked frames, by intervals as wide as {width:.2f} of the box, "
-        f"and in {100 * silent:.0f}% of all frames",
+        f"and in {silent('default')} of all frames",
     ):
         assert words in text
     correlation = re.search(
@@ -434,12 +438,12 @@ def test_dps_and_sps_differ_little_on_film():
 
 def test_boxes_on_a_clip_of_flies():
     def shown(tracker):
-        iou, silent = (by_clip(tracker, name)["sleap_fly_pair"] for name in ("iou", "silent"))
-        return f"{iou:.2f}", f"{100 * silent:.0f}%"
+        iou, off = (by_clip(tracker, name)["sleap_fly_pair"] for name in ("iou", "silent"))
+        return f"{iou:.2f}", f"{100 * off:.0f}%"
 
-    (iou, silent), (more, fewer) = shown("default"), shown("pretrained")
+    (iou, many), (more, fewer) = shown("default"), shown("pretrained")
     words = (
-        f"the mean IoU was {iou}, and in {silent} of the frames the box was off its fly without "
+        f"the mean IoU was {iou}, and in {many} of the frames the box was off its fly without "
         f"being reported lost; with pretrained features {more} and {fewer}."
     )
     assert words in prose(read(SITE / "howto" / "animals.md"))

@@ -20,8 +20,6 @@ from small_evaluation import (
 from jaxpf.cli.tracking.user_tracker import OwnTracker
 from jaxpf.evaluation import Limits, Plan, Results, evaluate, local_pool
 
-pytestmark = pytest.mark.compiled_as_by_users
-
 #: A user's own files.
 HOUSE = Path(__file__).parents[1] / "house"
 

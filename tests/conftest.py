@@ -47,6 +47,8 @@ def pytest_configure(config: pytest.Config) -> None:
     if not _has_accelerator():
         os.environ.setdefault("XLA_FLAGS", _ONE_PIECE + _OLDER_EMITTERS * _HAS_OLDER_EMITTERS)
         os.environ[_QUICKLY] = "True"
+        if "jax" in sys.modules:  # by a plugin
+            sys.modules["jax"].config.update(_QUICKLY.lower(), True)
     folder = str(config.cache.mkdir("jaxpf-compiled"))
     os.environ |= {
         "JAXPF_CACHE_DIR": folder,

@@ -103,7 +103,7 @@ def pmmh(
             of about 2, that is 1 for each end.  Inside a user's ``jit`` the default is the
             trackers' own number.
         blocks: number of blocks of frames, of which a move redraws the random numbers of one, in
-            turn; 10 needs fewer particles than 1, which redraws all.
+            turn; 10 may need fewer particles than 1, which redraws all.
         observed: as for ``jaxpf.run``.
         paths: whether to keep a trajectory of the states with each draw of parameters; the pairs
             are draws from their joint posterior.  Missing frames at the end of ``frames`` are

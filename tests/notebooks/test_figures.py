@@ -153,7 +153,8 @@ def test_readme_gives_the_figures_of_its_sources():
             f"default {PRETRAINED['overlap']['default'].split()[0]}, "
             f"difference +{gained('default')}; "
             f"CSRT {PRETRAINED['overlap']['CSRT'].split()[0]}, difference +{gained('csrt')}; "
-            f"off, unreported, in {silent('pretrained')} of frames (default {silent('default')})"
+            f"off-object, unreported, in {silent('pretrained')} of frames "
+            f"(default {silent('default')})"
         ),
         "Do intervals cover a box's size?": f"in {percent(SIZE_COVERED)} of the tracked frames; "
         f"from 1/{least_factor()} to {least_factor()} times the size, or wider",
@@ -492,5 +493,5 @@ def test_points_by_a_network_on_the_page_of_animals():
 
 def test_what_the_long_steps_gain_stands_beside_the_overlap():
     (former,) = re.findall(r"single object before, the overlap is (\S+):", prose(DEFAULTS))
-    assert f"with the former, IoU {former}" in prose(read(ROOT / "README.md"))
+    assert f"too (before: IoU {former})" in prose(read(ROOT / "README.md"))
     assert f"with the former steps {former}" in prose(read(SITE / "choices.md"))

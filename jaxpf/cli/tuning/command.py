@@ -75,7 +75,8 @@ class Tuned:
     )
     gradient: str = option(
         "stop_gradient",
-        "Through resampling: stop_gradient (unbiased), none (less noise), soft or transport.",
+        "Through resampling: stop_gradient (a bias of order 1/N), none (less noise), soft or "
+        "transport.",
         choices=GRADIENTS,
     )
 

@@ -12,7 +12,7 @@ _BESIDE_THE_PROJECT = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 #: Programs are compiled in one piece: a worker has one core.
 _ONE_PIECE = "--xla_cpu_parallel_codegen_split_count=1"
-#: Where little is optimised, the older emitters take half as long as the new ones.  jaxlib 0.11 has
+#: Where little is optimised, the older emitters take half as long as the new ones.  jaxlib 0.12 has
 #: none, and ends a process that asks for them.
 _OLDER_EMITTERS = " --xla_cpu_use_fusion_emitters=false"
 _HAS_OLDER_EMITTERS = tuple(map(int, version("jaxlib").split(".")[:2])) < (0, 11)

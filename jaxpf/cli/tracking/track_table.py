@@ -140,22 +140,21 @@ def places_of(
     shown = weights if weights.ndim == 1 else weights[slots]
     middles = centres_of(target, particles)
     centres = _mean(middles, weights)
-    interval = quantiles(particles[:, slots], shown, levels)
-    around_centre = quantiles(middles[:, slots], shown, levels) if target.has_boxes else None
     error = scene.model_error(len(shapes))[slots]
-    if error.any():
-        interval = _widened(values[slots], interval, error, target.has_boxes)
-        if around_centre is not None:
-            middle = centres_of(target, values[slots])
-            around_centre = _widened(middle, around_centre, error, False)
+
+    def interval_of(values: np.ndarray, particles: np.ndarray, has_boxes: bool) -> np.ndarray:
+        interval = quantiles(particles[:, slots], shown, levels)
+        return _widened(values, interval, error, has_boxes) if error.any() else interval
+
+    interval = interval_of(values[slots], particles, target.has_boxes)
     moved = (centres - before) / step
     speed = np.linalg.norm(moved, axis=-1)
     for column, name in enumerate(target.columns):
         if name not in target.fixed_columns:
             places |= _ends(name, interval[..., column])
-    if around_centre is not None:
-        places |= _ends("centre_x", around_centre[..., 0])
-        places |= _ends("centre_y", around_centre[..., 1])
+    if target.has_boxes:  # x, y is a corner
+        interval = interval_of(centres_of(target, values[slots]), middles, False)
+        places |= _ends("centre_x", interval[..., 0]) | _ends("centre_y", interval[..., 1])
     places["speed"] = speed[slots]
     previous = getattr(state, "previous_substates", None)
     if previous is None:

@@ -22,7 +22,7 @@ from jaxpf.contract.interface import (
 from jaxpf.contract.numbers import returned
 
 #: Least log of a first-stage weight, relative to the largest.
-_LEAST_GUIDE = -30.0
+_LEAST_FIRST_STAGE = -30.0
 
 
 def observed_apart(tracker: Any) -> tuple[Callable, Callable]:
@@ -258,25 +258,25 @@ def log_prob_all(likelihood, observation, partition, substates) -> jax.Array:
     return method(observation, partition, substates)
 
 
-def has_log_guide(likelihood: Any) -> bool:
-    """Whether a likelihood offers first-stage weights, see ``log_guide_all``."""
-    return hasattr(likelihood, "log_guide")
+def has_log_first_stage(likelihood: Any) -> bool:
+    """Whether a likelihood offers first-stage weights, see ``log_first_stage_all``."""
+    return hasattr(likelihood, "log_first_stage")
 
 
-def log_guide_all(likelihood, observation, substates) -> jax.Array | None:
+def log_first_stage_all(likelihood, observation, substates) -> jax.Array | None:
     """First-stage log-weights ``[N]`` of particles before they move, ``[D, P, N]``; or None.
 
-    Any positive guide leaves the evidence unbiased, so those that are not finite or too small for
+    Any positive weights leave the evidence unbiased, so those that are not finite or too small for
     their weights are raised, and a frame that was not seen in full has none.
     """
     likelihood, observation, seen = as_seen(likelihood, observation)
-    if seen is np.False_ or not has_log_guide(likelihood):
+    if seen is np.False_ or not has_log_first_stage(likelihood):
         return None
-    guide = jax.vmap(likelihood.log_guide, in_axes=(None, 2))
-    values = lax.stop_gradient(guide(observation, jnp.swapaxes(substates, 0, 1)))
+    weigh = jax.vmap(likelihood.log_first_stage, in_axes=(None, 2))
+    values = lax.stop_gradient(weigh(observation, jnp.swapaxes(substates, 0, 1)))
     values = jnp.where(jnp.isfinite(values), values, -jnp.inf)
     largest = jnp.max(values)
-    values = jnp.maximum(values - jnp.where(jnp.isfinite(largest), largest, 0), _LEAST_GUIDE)
+    values = jnp.maximum(values - jnp.where(jnp.isfinite(largest), largest, 0), _LEAST_FIRST_STAGE)
     values = values.astype(substates.dtype)
     return values if seen is None else jnp.where(jnp.all(seen), values, 0)
 

@@ -33,7 +33,7 @@ likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log
                                                                            ``same_place``,
                                                                            ``model_error``,
                                                                            ``handles_nan``,
-                                                                           ``log_guide``,
+                                                                           ``log_first_stage``,
                                                                            ``sample``,
                                                                            ``at_frame``,
                                                                            ``with_inputs``
@@ -275,8 +275,9 @@ class Likelihood:
       same, if it also depends on the particle's label.  Used when particles carry labels.
     * ``log_joint_all`` and ``log_joint_labelled_all``: the same for all particles at once, with
       ``substates [P, D, N]``, ``log_probs [P, N]``, ``label [N]`` and result ``[N]``.
-    * ``log_guide(observation, substates [P, D]) -> []``: log of a first-stage weight of a particle
-      before it moves, such as a rough predictive density of the frame (auxiliary particle filter).
+    * ``log_first_stage(observation, substates [P, D]) -> []``: log of the weight by which the
+      auxiliary particle filter selects a particle before it moves, such as a rough predictive
+      density of the frame.
     * ``sample(key, substates [P, D]) -> frame``: draws an observation, for ``jaxpf.simulate``.
     * ``look_near(observation, estimates [P, D]) -> observation``: what is costly to see and is
       needed near the objects only; the estimates are those of the previous frame.

@@ -41,7 +41,7 @@ def state_space(
     parameters: Any = None,
     transition_log_density: Callable | None = None,
     observation: Callable | None = None,
-    guide: Callable | None = None,
+    first_stage: Callable | None = None,
     num_values: int | Mapping[str, int] | None = None,
     num_particles: int = 1000,
     **options: Any,
@@ -88,9 +88,10 @@ def state_space(
             noise in every number that moves.  It may take ``previous``, ``time`` and ``u``.
         observation: ``(key, x, parameters) -> y``, draws a frame, for ``jaxpf.simulate`` and the
             predictive draws of ``jaxpf.pmmh``; may take ``previous``, ``time`` and ``u``.
-        guide: ``(y, x, parameters) -> []``, log of a first-stage weight of the state before it
-            moves to frame y, such as a rough log-density of y given it: the auxiliary particle
-            filter.  Any guide leaves the evidence unbiased.  It may take ``time`` and ``u``.
+        first_stage: ``(y, x, parameters) -> []``, log of the first-stage weight of an
+            auxiliary particle filter, of the state before it moves to frame y, such as a rough
+            log-density of y given it.  Any such weight leaves the evidence unbiased.  It may take
+            ``time`` and ``u``.
         num_values: K, if integers in the state take the values 0 to K - 1; or K by name of a leaf,
             such as ``{"regime": 3}``.  The estimate of an integer is then the probability of each
             value, ``[..., K]``, instead of the mean.
@@ -108,7 +109,7 @@ def state_space(
     check_arguments("log_likelihood", log_likelihood)
     if callable(initial):
         check_arguments("initial", initial)
-    optional = {"observation": observation, "guide": guide}
+    optional = {"observation": observation, "first_stage": first_stage}
     for name, function in (optional | {"transition_log_density": transition_log_density}).items():
         if function is not None:
             check_arguments(name, function)
@@ -273,7 +274,7 @@ class FunctionLikelihood(contract.Likelihood):
     function: Callable = static_field()
     layout: Layout = static_field()
     observation: Callable | None = static_field(default=None)
-    guide: Callable | None = static_field(default=None)
+    first_stage: Callable | None = static_field(default=None)
     inputs: Any = None
     frame: Any = None
 
@@ -285,12 +286,12 @@ class FunctionLikelihood(contract.Likelihood):
     @property
     def at_frame(self):
         """Return the likelihood of a frame."""
-        return _at_frame(self, self.function, self.observation, self.guide)
+        return _at_frame(self, self.function, self.observation, self.first_stage)
 
     @property
     def with_inputs(self):
         """Return the likelihood with known inputs."""
-        return _with_inputs(self, self.function, self.observation, self.guide)
+        return _with_inputs(self, self.function, self.observation, self.first_stage)
 
     def log_prob(self, observation, partition, substate):
         """Log-likelihood ``[]`` of a substate ``[D]``."""
@@ -298,12 +299,12 @@ class FunctionLikelihood(contract.Likelihood):
         return number(name, self._called(name, self.function, observation, substate))
 
     @property
-    def log_guide(self):
-        """Log of a first-stage weight; exists only with a ``guide``."""
-        if self.guide is None:
-            raise AttributeError("log_guide")
+    def log_first_stage(self):
+        """Log of a first-stage weight; exists only with ``first_stage``."""
+        if self.first_stage is None:
+            raise AttributeError("log_first_stage")
         return lambda observation, substates: number(
-            "guide", self._called("guide", self.guide, observation, substates[0])
+            "first_stage", self._called("first_stage", self.first_stage, observation, substates[0])
         )
 
     @property

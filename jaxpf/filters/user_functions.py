@@ -76,7 +76,7 @@ _ARGUMENTS = {
     "transition": (("key", "x", "parameters"), ("previous", "time", "u")),
     "log_likelihood": (("y", "x", "parameters"), ("previous", "time", "u")),
     "observation": (("key", "x", "parameters"), ("previous", "time", "u")),
-    "guide": (("y", "x", "parameters"), ("time", "u")),
+    "first_stage": (("y", "x", "parameters"), ("time", "u")),
     "transition_log_density": (("new", "x", "parameters"), ("previous", "time", "u")),
 }
 

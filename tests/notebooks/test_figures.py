@@ -153,16 +153,16 @@ def test_readme_gives_the_figures_of_its_sources():
             f"default {PRETRAINED['overlap']['default'].split()[0]}, "
             f"difference +{gained('default')}; "
             f"CSRT {PRETRAINED['overlap']['CSRT'].split()[0]}, difference +{gained('csrt')}; "
-            f"off-object, unreported, in {silent('pretrained')} of frames "
+            f"off-object but not reported lost in {silent('pretrained')} of frames "
             f"(default {silent('default')})"
         ),
         "Do intervals cover a box's size?": f"in {percent(SIZE_COVERED)} of the tracked frames; "
-        f"from 1/{least_factor()} to {least_factor()} times the size, or wider",
-        "... and a keypoint's x and y?": f"in {cows}% and {flies}% where not reported lost, "
-        f"as almost half ({POINTS_LOST}) are; at least {math.floor(least_width())} pixels wide",
+        f"spanning 1/{least_factor()} to {least_factor()} times the size or more",
+        "... and a keypoint's coordinates?": f"on the two clips in {cows}% and {flies}%, without "
+        f"the {POINTS_LOST} reported lost; at least {math.floor(least_width())} pixels wide",
         "How fast is the bootstrap filter?": f"{SERIES['jaxpf']['one run, s']} s; "
         f"blackjax's SMC step takes {SERIES[BLACKJAX]['ratio']} times as long",
-        "... and on a GPU?": f"{float(card['jaxpf']) / 1000:.2f} ms a frame, all runs together; "
+        "... and on a GPU?": f"{float(card['jaxpf']) / 1000:.2f} ms per observation for all runs; "
         f"blackjax's SMC step takes {beyond:.1f} times as long",
     }
     answers = {question: row["answer"] for question, row in of_readme.items()}
@@ -252,7 +252,7 @@ def test_ratios_of_the_gpu_page_are_those_of_its_times():
 def test_ratios_of_other_libraries_are_those_of_the_times(name):
     """To 6%: a median of ratios is not the ratio of medians."""
     page = prose(read(SITE / "state_space.md"))
-    ours = re.search(rf"([\d.]+)(?: s)? beside {name}", page)[1]
+    ours = re.search(rf"([\d.]+) s against {name}", page)[1]
     row = next(row for library, row in SERIES.items() if library.startswith(name))
     ratio = float(row["one run, s"]) / float(ours)
     assert float(row["ratio"]) == pytest.approx(ratio, rel=0.06)
@@ -312,22 +312,23 @@ def test_sentences_on_the_page_of_uncertainty():
     )
     x, y, width = (np.mean([*by_clip("default", name).values()]) for name in ("x", "y", "width"))
     for words in (
-        f"box was covered in {percent(CENTRE_COVERED)} of these frames",
+        f"covered the centre of a box in {percent(CENTRE_COVERED)} of these frames",
         f"from 1/{least_factor()} to {least_factor()} times the size, or wider",
         f"at least {math.floor(least_width())} pixels (an error of 8 pixels is included)",
         f"within about {least_width() / 2:.0f} pixels",
-        f"with an AUC of {CONFIDENCE} on the four test clips",
-        f"{' and '.join(lost)} were reported as lost on two test clips",
+        f"On the four test clips that have both kinds, its AUC is {CONFIDENCE}.",
+        f"on two test clips, {' and '.join(lost)} of the points with an error above 42 pixels were "
+        "reported as lost",
         f"so were {' to '.join(sorted(near))} of the points near their labels",
-        f"On 13 further clips x and y of the centre were covered in {100 * x:.0f}% and "
-        f"{100 * y:.0f}% of the tracked frames, by intervals as wide as {width:.2f} of the box, "
-        f"and in {silent('default')} of all frames",
+        f"On 13 further clips, they covered x of the centre in {100 * x:.0f}% and y in "
+        f"{100 * y:.0f}% of the tracked frames, and were {width:.2f} of the box wide. There the "
+        f"box was off its object, without being reported lost, in {silent('default')} of all",
     ):
         assert words in text
     correlation = re.search(
         r"Errors of x ten frames apart are correlated by (\S+)", prose(DEFAULTS)
     )
-    assert f"(correlation {correlation[1]} ten frames apart)" in text
+    assert f"({correlation[1]} at a lag of ten frames)" in text
 
 
 def test_confidence_on_the_page_of_uncertainty():
@@ -348,11 +349,12 @@ def test_results_on_the_page_of_defaults():
     folded = rows(section(DEFAULTS, "Contours: each edge counts once"))["worm_crossing_long"]
     expected = {
         "300 particles for boxes": f"IoU {' and '.join(more)}",
-        "long steps of 0.6 of the size for a single box": (
+        "process noise of a single box: long steps with standard deviation 0.6 of its size": (
             f"IoU {steps['21 clips of one object'].split(': ')[1]} over 0.18"
         ),
         "long steps of 0.18 for several boxes": (
-            f"0.6 loses {negated(steps['4 clips of several'].split(': ')[1]).lstrip('+')}"
+            "with 0.6 the IoU is lower by "
+            + negated(steps["4 clips of several"].split(": ")[1]).lstrip("+")
         ),
         "contours: noise as shares of the size": (
             f"share near the truth from {car['near before']} to {car['near']} on one clip, from "
@@ -383,7 +385,7 @@ def test_earlier_figures_on_the_page_of_papers():
     least, most = (100 * (each - 1) for each in span("time_of_equal_n"))
     assert f"takes {least:.0f} to {most:.0f}% longer than PS" in text
     least, most = span("time_of_twice_ps")
-    assert f"(SPS: {least:.2f} to {most:.2f} times)" in text
+    assert f"SPS takes {least:.2f} to {most:.2f} times as long as PS with twice as many" in text
     figures = earlier("gonzales2011", "equal_time_twice_sorted")
     with_ten = sorted(-float(each) for each in re.findall(r"N = 10: (\S+) \[", figures))
     assert f"is {with_ten[0]:.0f} and {with_ten[1]:.0f}% larger with 10 particles" in text
@@ -400,20 +402,22 @@ def test_figures_of_questions_and_tasks():
     more = re.search(r"change it from (\S+) to (\S+) with 0\.6", prose(DEFAULTS)).groups()
     for page, words in {
         "faq.md": (
-            f"it was on 13 test clips, by a mean IoU of {gained('csrt')}. On the 15 clips used to "
-            f"choose how they are used, the difference was {gained('csrt', 'choose')}. By default "
-            "it is not: on 11 test clips no difference was shown. On 44 clips, CSRT was better "
-            f"than an earlier default by {negated(csrt).lstrip('+')}"
+            f"it was better on 13 test clips, by {gained('csrt')} in mean IoU. On the 15 clips "
+            "used to choose how these features are used, the difference was "
+            f"{gained('csrt', 'choose')}. With the default appearance, no difference was shown on "
+            "11 test clips. On 44 clips, CSRT was better than an earlier default, by "
+            + negated(csrt).lstrip("+")
         ),
         "howto/animals.md": (
             f"the median error was {' and '.join(errors)} pixels. Of the labelled keypoints, "
-            f"{POINTS_LOST} were reported lost; of the coordinates of the others, the 95% "
-            f"intervals, at least {math.floor(least_width())} pixels wide, covered {cows}% and "
-            f"{flies}%"
+            f"{POINTS_LOST} were reported lost. For the others, the 95% intervals covered {cows}% "
+            f"and {flies}% of the coordinates, and were at least {math.floor(least_width())} "
+            "pixels wide"
         ),
         "howto/pretrained.md": (
-            f"the IoU was {PRETRAINED['overlap']['pretrained'].split()[0]}, and "
-            f"{PRETRAINED['overlap']['default'].split()[0]} by default: +{gained('default')}"
+            f"the mean IoU was {PRETRAINED['overlap']['pretrained'].split()[0]}, compared with "
+            f"{PRETRAINED['overlap']['default'].split()[0]} by default, a difference of "
+            f"+{gained('default')}"
         ),
         "choices.md": f"IoU +{gained('default')} on 13 test clips",
         "howto/lost.md": (
@@ -444,8 +448,8 @@ def test_boxes_on_a_clip_of_flies():
 
     (iou, many), (more, fewer) = shown("default"), shown("pretrained")
     words = (
-        f"the mean IoU was {iou}, and in {many} of the frames the box was off its fly without "
-        f"being reported lost; with pretrained features {more} and {fewer}."
+        f"the mean IoU was {iou} by default and {more} with pretrained features. The box was off "
+        f"its fly, without being reported lost, in {many} and {fewer} of the frames."
     )
     assert words in prose(read(SITE / "howto" / "animals.md"))
 
@@ -466,9 +470,12 @@ def test_points_by_a_network():
     words = "{} ({}) of the joints of cows, {} ({}) of flies, {} ({}) of points along two worms"
     shown = words.format(*both["cows"], *both["flies"], *both["worms"])
     assert shown in prose(read(SITE / "howto" / "pretrained.md"))
-    result = rows(read(SITE / "choices.md"))["points by a pretrained network, by name"]["result"]
+    result = rows(read(SITE / "choices.md"))["points by a pretrained network, on request"]["result"]
     lists = [[f"{float(of[clip]):.2f}" for clip in both] for of in (network, windows)]
-    words = "{}, {} and {} of the labels within 21 pixels, with windows {}, {} and {}"
+    words = (
+        "{}, {} and {} of the points are within 21 pixels of their labels "
+        "({}, {} and {} with windows)"
+    )
     assert words.format(*lists[0], *lists[1]) in result
 
 
@@ -485,13 +492,14 @@ def test_points_by_a_network_on_the_page_of_animals():
     )
     (share,) = {f"{100 * float(each):.0f}" for each in both}
     words = (
-        f"the median errors were {' and '.join(errors)} pixels, and {shares}% were reported lost "
-        f"(in the same runs without it {' and '.join(windows)} pixels, and {share}%)"
+        f"the median errors were {' and '.join(errors)} pixels, and {shares}% of the keypoints "
+        f"were reported lost. In the same runs without it, the errors were {' and '.join(windows)} "
+        f"pixels, and {share}% were reported lost."
     )
     assert words in prose(read(SITE / "howto" / "animals.md"))
 
 
 def test_what_the_long_steps_gain_stands_beside_the_overlap():
     (former,) = re.findall(r"single object before, the overlap is (\S+):", prose(DEFAULTS))
-    assert f"too (before: IoU {former})" in prose(read(ROOT / "README.md"))
-    assert f"with the former steps {former}" in prose(read(SITE / "choices.md"))
+    assert f"on these clips (before: IoU {former})" in prose(read(ROOT / "README.md"))
+    assert f"{former} with the former noise" in prose(read(SITE / "choices.md"))

@@ -45,8 +45,8 @@ def step(
     """Advance the weighted set by one frame."""
     begin_key, stages_key = jax.random.split(key)
     motion = tracker.motion.begin(tracker, stages_key, state, observation)
-    log_guide = contract.log_guide_all(tracker.likelihood, observation, state.lagged[0])
-    state, components, carry = begin(tracker, begin_key, state, log_guide)
+    log_first_stage = contract.log_first_stage_all(tracker.likelihood, observation, state.lagged[0])
+    state, components, carry = begin(tracker, begin_key, state, log_first_stage)
     shared = Shared(tracker, state, observation, components, motion)
     # All stages' keys before the loop: on a CPU a key costs as much as a gather per particle.
     keys = jax.vmap(lambda stage: jax.random.split(jax.random.fold_in(stages_key, stage), 4))(
@@ -70,12 +70,12 @@ def begin(
     tracker: "Partitioned",
     key: jax.Array,
     state: ParticleState,
-    log_guide: jax.Array | None = None,
+    log_first_stage: jax.Array | None = None,
 ) -> tuple[ParticleState, Components, Carry]:
     """Resample all particles jointly, then split them into the ordering's components."""
     num_particles, ordering = tracker.num_particles, tracker.ordering
     select_key, split_key = jax.random.split(key)
-    state, selected = selection.select_between_frames(tracker, select_key, state, log_guide)
+    state, selected = selection.select_between_frames(tracker, select_key, state, log_first_stage)
     ancestors, log_weights = selected.ancestors, selected.log_weights
     identity = jnp.arange(num_particles, dtype=jnp.int32)
     if ordering.keeps_components:

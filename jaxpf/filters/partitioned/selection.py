@@ -44,14 +44,15 @@ def select_between_frames(
     tracker: "Partitioned",
     key: jax.Array,
     state: ParticleState,
-    log_guide: jax.Array | None = None,
+    log_first_stage: jax.Array | None = None,
 ) -> tuple[ParticleState, Selected]:
     """Select among all particles of the previous frame; also return that state, maybe blended.
 
     The initial set has equal weights: resampling it would only lose particles.
 
-    With ``log_guide``, ``[N]``, particles are selected by weight times guide, and the guide is
-    divided out of the weights (auxiliary particle filter, Pitt & Shephard 1999).
+    With ``log_first_stage``, ``[N]``, particles are selected by weight times first-stage
+    weight, which is then divided out of the weights (auxiliary particle filter, Pitt & Shephard
+    1999).
     """
     if tracker.gradient.blends:
         state = tracker.gradient.blend_state(state, tracker.ess_threshold)
@@ -59,9 +60,9 @@ def select_between_frames(
     if state.path_scores is not None:
         incoming = lax.stop_gradient(incoming)  # the scores hold their derivative
     whole = one_component(tracker.num_particles)
-    selection = incoming if log_guide is None else incoming + log_guide
+    selection = incoming if log_first_stage is None else incoming + log_first_stage
     ancestors, log_weights, equal, share = resample(tracker, key, incoming, selection, whole)
-    equal &= log_guide is None
+    equal &= log_first_stage is None
     uniform = jnp.full_like(log_weights, -np.log(tracker.num_particles))
     return state, Selected(
         ancestors=jnp.where(state.weighted, ancestors, _slots(tracker)),

@@ -1,4 +1,4 @@
-"""The auxiliary particle filter: unbiased with any guide, and less variable with a good one."""
+"""The auxiliary particle filter: unbiased; less variable with good first-stage weights."""
 
 import jax
 import jax.numpy as jnp
@@ -32,7 +32,7 @@ def walk(**changes):
         "log_likelihood": lambda y, x, p: norm.logpdf(y, x, NOISE),
         "transition_log_density": lambda new, x, p: norm.logpdf(new, A * x, S),
         "parameters": 1.0,
-        "guide": predictive,
+        "first_stage": predictive,
         "num_particles": 12,
     }
     return jaxpf.state_space(**settings | changes)
@@ -59,13 +59,13 @@ def scores(tracker, num_runs=4000):
     "scheme",
     [pytest.param(x, marks=[pytest.mark.slow] * (x != "systematic")) for x in SCHEMES],
 )
-def test_evidence_with_a_guide_is_unbiased(scheme):
+def test_evidence_is_unbiased(scheme):
     assert scores(walk(resampling=scheme)) < LIMIT
 
 
 @pytest.mark.slow
 @pytest.mark.always
-def test_a_guide_that_is_not_divided_out_is_noticed(monkeypatch):
+def test_first_stage_weights_that_are_not_divided_out_are_noticed(monkeypatch):
     resample = selection.resample
 
     def undivided(tracker, key, log_weights, by, *rest):
@@ -80,25 +80,27 @@ def test_a_guide_that_is_not_divided_out_is_noticed(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("guide", [lambda y, x, p: -jnp.inf, lambda y, x, p: 1.5 * jnp.sin(9 * x)])
+@pytest.mark.parametrize(
+    "first_stage", [lambda y, x, p: -jnp.inf, lambda y, x, p: 1.5 * jnp.sin(9 * x)]
+)
 @pytest.mark.parametrize("threshold", [None, 0.5])
 @pytest.mark.parametrize("proposal", [None, residual])
-def test_evidence_is_unbiased_with_a_bad_guide(guide, threshold, proposal):
+def test_evidence_is_unbiased_with_bad_first_stage_weights(first_stage, threshold, proposal):
     proposal = proposal and jaxpf.proposals.Linearised(proposal)
-    assert scores(walk(guide=guide, ess_threshold=threshold, proposal=proposal)) < LIMIT
+    assert scores(walk(first_stage=first_stage, ess_threshold=threshold, proposal=proposal)) < LIMIT
 
 
 @jaxpf.pytree_dataclass
 class Guided(Gaussian):
-    """Guides by the first object."""
+    """First-stage weights by the first object."""
 
-    def log_guide(self, observation, substates):
+    def log_first_stage(self, observation, substates):
         return norm.logpdf(observation[0, 0], substates[0, 0], 2.0)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("order", ["ps", "sps"])
-def test_a_guide_of_several_objects_leaves_the_evidence_unbiased(order):
+def test_first_stage_weights_of_several_objects_leave_the_evidence_unbiased(order):
     its = problem((-1, -1), initial_scale=1.0)
     its = its._replace(likelihood=Guided(its.likelihood.noise, its.likelihood.observation))
     ordering = jaxpf.ordering.ps([0, 1]) if order == "ps" else jaxpf.ordering.sps((-1, -1))

@@ -40,7 +40,7 @@ likelihood.
 """
 
 import importlib.util
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 
@@ -53,6 +53,10 @@ from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import ParticleState
 from jaxpf.resampling import transport, weighted
 from jaxpf.resampling.components import Components
+
+if TYPE_CHECKING:
+    from jaxpf.filters.labelled.tracker import Labelled
+    from jaxpf.filters.partitioned.tracker import Partitioned
 
 
 class Gradient:
@@ -77,7 +81,7 @@ class Gradient:
         """Return the log-weights ``[N]`` after a selection, given those ``before`` it."""
         return log_weights
 
-    def check(self, tracker: Any) -> None:
+    def check(self, tracker: "Partitioned | Labelled") -> None:
         """Refuse settings that are incompatible with the strategy.
 
         Raises:
@@ -92,7 +96,7 @@ class Gradient:
 class NoGradient(Gradient):
     """Differentiates weights but not ancestors."""
 
-    def check(self, tracker: Any) -> None:
+    def check(self, tracker: "Partitioned | Labelled") -> None:
         """See ``Gradient``: compatible with all settings."""
 
 
@@ -126,7 +130,7 @@ class Soft(Gradient):
         """See ``Gradient``: adds the derivative of the total before the selection."""
         return weighted.keep_total(log_weights, before, components)
 
-    def check(self, tracker: Any) -> None:
+    def check(self, tracker: "Partitioned | Labelled") -> None:
         """See ``Gradient``."""
         super().check(tracker)
         check_array("Soft's share", self.share, "above 0 and at most 1", TINY, 1)
@@ -186,7 +190,7 @@ def named(name: str) -> Gradient:
     return _NAMED[name]()
 
 
-def check_gradients(tracker: Any) -> None:
+def check_gradients(tracker: "Partitioned | Labelled") -> None:
     """Refuse gradient settings that are incompatible with the rest of a tracker.
 
     Raises:

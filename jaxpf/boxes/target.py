@@ -35,6 +35,7 @@ from jaxpf.targets.later import starts_by_frame
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
+    from jaxpf.contract.types import TrackerLike
     from jaxpf.media.frame_source import FrameSource
     from scenes import Scene
 
@@ -183,7 +184,7 @@ class _BoxTarget(Target):
         method = self.likelihood(options, start, looks).method
         return dataclasses.replace(options, likelihood=method)
 
-    def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
+    def shapes(self, start: Start, estimate: Any, tracker: "TrackerLike") -> np.ndarray:
         return boxes_at(estimate, start.sizes)
 
     def outlines(self, start: Start, shapes: Any) -> Any:

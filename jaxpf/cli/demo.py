@@ -3,7 +3,7 @@
 import dataclasses
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -17,6 +17,9 @@ from jaxpf.contract.options import options_of
 from jaxpf.files.writing import prepare_output_folder
 from jaxpf.filters.partitioned.options import Options
 from jaxpf.running.memory import check_memory, needed_by
+
+if TYPE_CHECKING:
+    from jaxpf.contract.types import TrackerLike
 
 #: Method shown in the video.
 _SHOWN = "DPS"
@@ -104,7 +107,7 @@ def _cells(boxes: np.ndarray, truth: Any, measures: dict[str, Any], summary: Any
     ]
 
 
-def _overlay(scene: Any, tracker: Any, seeds: list[int], path: Path) -> None:
+def _overlay(scene: Any, tracker: "TrackerLike", seeds: list[int], path: Path) -> None:
     """Repeat the first run and draw its particles, enlarged, with the method's name in a corner."""
     import cv2
     import jax

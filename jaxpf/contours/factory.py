@@ -1,6 +1,6 @@
 """Builds trackers of contours: targets recognised by their outlines."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,6 +9,9 @@ from jaxpf.contours.data import Contours, Learned
 from jaxpf.contours.target import CONTOURS, contour_start, polylines, shapes_of
 from jaxpf.contract.errors import check_type
 from jaxpf.targets import building
+
+if TYPE_CHECKING:
+    from jaxpf.contract.types import TrackerLike
 
 
 def tracker(
@@ -60,7 +63,7 @@ def tracker(
     return building.make(CONTOURS, frame, start, given, likelihood=likelihood, ordering=ordering)
 
 
-def to_contours(tracker: Any, estimate: ArrayLike) -> np.ndarray:
+def to_contours(tracker: "TrackerLike", estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to polylines ``[..., P, V, 2]``, pixels.
 
     A closed contour's last point equals its first.

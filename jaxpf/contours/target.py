@@ -23,6 +23,7 @@ from jaxpf.shapes.splines import basis, even_places, fit_spline, points_on, resa
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
+    from jaxpf.contract.types import TrackerLike
     from jaxpf.media.frame_source import FrameSource
     from scenes import Scene
 
@@ -145,7 +146,7 @@ class _ContourTarget(Target):
         """Every shape space begins with the shift of the centre."""
         return True
 
-    def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
+    def shapes(self, start: Start, estimate: Any, tracker: "TrackerLike") -> np.ndarray:
         return shapes_of(tracker, estimate)
 
     def outlines(self, start: Start, shapes: Any) -> Any:

@@ -20,6 +20,7 @@ from jaxpf.contract.interface import (
     Proposal,
 )
 from jaxpf.contract.numbers import returned
+from jaxpf.contract.types import TrackerLike
 
 #: Least log of a first-stage weight, relative to the largest.
 _LEAST_FIRST_STAGE = -30.0
@@ -49,12 +50,12 @@ def time_of(state: Any) -> Any:
     return time
 
 
-def moments(tracker: Any, values: Any) -> Any:
+def moments(tracker: TrackerLike, values: Any) -> Any:
     """Name means or standard deviations ``[..., P, D]``, if the tracker's states are pytrees."""
     return tracker.moments(values) if hasattr(tracker, "moments") else values
 
 
-def states(tracker: Any, substates: Any) -> Any:
+def states(tracker: TrackerLike, substates: Any) -> Any:
     """Return substates ``[..., P, D]`` as the tracker's states, if those are pytrees."""
     return tracker.states(substates) if hasattr(tracker, "states") else substates
 
@@ -88,7 +89,7 @@ def is_coupled(dynamics: Any) -> bool:
     return getattr(dynamics, "coupled", False)
 
 
-def at_frame(tracker: Any, time: Any) -> Any:
+def at_frame(tracker: TrackerLike, time: Any) -> Any:
     """Return the tracker with the dynamics leading to frame ``time``, and the frame's likelihood.
 
     Frames are counted from 0.  A part without ``at_frame`` stays unchanged.
@@ -96,7 +97,7 @@ def at_frame(tracker: Any, time: Any) -> Any:
     return _parts_changed(tracker, "at_frame", time)
 
 
-def with_inputs(tracker: Any, inputs: Any, first: Any = 0) -> Any:
+def with_inputs(tracker: TrackerLike, inputs: Any, first: Any = 0) -> Any:
     """Return the tracker with known inputs of its model, such as controls or frame intervals.
 
     Dynamics and likelihoods that take inputs define ``with_inputs(inputs, first)``; their
@@ -121,7 +122,7 @@ def with_inputs(tracker: Any, inputs: Any, first: Any = 0) -> Any:
     return changed
 
 
-def _parts_changed(tracker: Any, method: str, *arguments: Any) -> Any:
+def _parts_changed(tracker: TrackerLike, method: str, *arguments: Any) -> Any:
     """Replace the dynamics and the likelihood by what their optional method returns."""
     inner = tracker
     while not hasattr(inner, "dynamics") and hasattr(inner, "tracker"):
@@ -142,7 +143,7 @@ def first_motion(dynamics: Any) -> Any:
     return of_frame(dynamics, 0)
 
 
-def handles_nan(tracker: Any) -> bool:
+def handles_nan(tracker: TrackerLike) -> bool:
     """Whether a tracker's likelihood declares that it understands NaN, see ``Likelihood``."""
     while not hasattr(tracker, "likelihood") and hasattr(tracker, "tracker"):
         tracker = tracker.tracker
@@ -367,7 +368,7 @@ def has_places(likelihood: Any) -> bool:
     return hasattr(likelihood, "same_place")
 
 
-def model_error(tracker: Any, num_partitions: int) -> np.ndarray:
+def model_error(tracker: TrackerLike, num_partitions: int) -> np.ndarray:
     """Errors ``[P, 3]`` that a tracker's likelihood declares, see ``Likelihood``; else 0.
 
     Raises:

@@ -124,7 +124,7 @@ def check_path(name: str, value: Any) -> Path:
     return Path(path)
 
 
-def check_tracker(tracker: Any) -> None:
+def check_tracker(tracker: object) -> None:
     """Refuse what has no method ``init``, and so is no tracker.
 
     Raises:

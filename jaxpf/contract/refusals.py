@@ -12,6 +12,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.near import looks_near
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.state import STATUS_OK, STATUS_UNSUPPORTED, Summary
+from jaxpf.contract.types import TrackerLike
 
 
 def refused(*cases: tuple[Any, Iterable[Any]]) -> Any:
@@ -54,7 +55,7 @@ class Bias(NamedTuple):
     gross: bool = True
 
 
-def evidence_biases(tracker: Any) -> Sequence[Bias]:
+def evidence_biases(tracker: TrackerLike) -> Sequence[Bias]:
     """Settings that bias a tracker's evidence, of a wrapper those inside.
 
     They are its property ``evidence_biases``, without which its evidence is unbiased, and a
@@ -72,7 +73,7 @@ def evidence_biases(tracker: Any) -> Sequence[Bias]:
     return *biases, Bias(True, cause, "a likelihood of the frame alone", gross=False)
 
 
-def biased_evidence(tracker: Any, what: str, otherwise: str, tuning: bool = False) -> Any:
+def biased_evidence(tracker: TrackerLike, what: str, otherwise: str, tuning: bool = False) -> Any:
     """Refuse a tracker with a biased evidence for ``what``; see ``refused`` for what is returned.
 
     Args:

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_path, check_tracker
+from jaxpf.contract.types import TrackerLike
 from jaxpf.files.pieces import DIGEST
 from jaxpf.files.writing import atomic_write
 
@@ -46,7 +47,7 @@ def save(path: str | os.PathLike[str], state: Any) -> None:
         np.savez(file, allow_pickle=False, **{_FORMAT_NAME: np.array(_FORMAT)}, **arrays)
 
 
-def load(path: str | os.PathLike[str], tracker: Any) -> Any:
+def load(path: str | os.PathLike[str], tracker: TrackerLike) -> Any:
     """Load the state that ``save`` wrote.
 
     Example::

@@ -1,7 +1,7 @@
 """Coordinates whose moves have no noise, so that the transition density leaves them out."""
 
 import contextlib
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +9,11 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.pytree import is_concrete
+
+if TYPE_CHECKING:
+    from jaxpf.filters.factored.eskil import Eskil
+    from jaxpf.filters.labelled.tracker import Labelled
+    from jaxpf.filters.partitioned.tracker import Partitioned
 
 
 class Noiseless(NamedTuple):
@@ -23,7 +28,7 @@ class Noiseless(NamedTuple):
     moved: Any
 
 
-def noiseless(tracker: Any) -> Noiseless:
+def noiseless(tracker: "Partitioned | Labelled | Eskil") -> Noiseless:
     """Find them by one move of every partition from a place near the initial one.
 
     Where a density is not finite there, nothing is known of it, and nothing found.
@@ -59,7 +64,9 @@ def noiseless(tracker: Any) -> Noiseless:
         return jax.tree.map(np.asarray, found) if known else found
 
 
-def without_noise(what: str, tracker: Any, wrong: Any) -> tuple[Any, tuple[str, ...]]:
+def without_noise(
+    what: str, tracker: "Partitioned | Labelled | Eskil", wrong: Any
+) -> tuple[Any, tuple[str, ...]]:
     """The case that coordinates ``wrong``, bool ``[P, D]``, have no noise, for ``refused``."""
     where = "a coordinate"
     if is_concrete(wrong) and wrong.any():

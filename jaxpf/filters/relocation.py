@@ -17,7 +17,7 @@ dynamics, and also sets the substate before the jump.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -31,6 +31,10 @@ from jaxpf.contract.lost import LOST_BELOW
 from jaxpf.contract.numbers import check_array
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.lowering.prefix import running_sum
+
+if TYPE_CHECKING:
+    from jaxpf.filters.labelled.tracker import Labelled
+    from jaxpf.filters.partitioned.tracker import Partitioned
 
 #: Approximate number of cells of the grid.
 _CELLS = 800
@@ -70,7 +74,7 @@ def relocation_in(frame_shape: tuple[int, int], epsilon: ArrayLike) -> Relocatio
     return Relocation(epsilon, extent, (rows, max(round(_CELLS / rows), 1)))
 
 
-def check_relocation(tracker: Any) -> None:
+def check_relocation(tracker: "Partitioned | Labelled") -> None:
     """Refuse relocation if no confidence is reported, or if it would be wrong."""
     relocation, likelihood = tracker.relocation, tracker.likelihood
     if relocation is None:

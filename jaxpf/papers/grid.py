@@ -8,6 +8,7 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
+from jaxpf.contract.interface import Tracker
 from jaxpf.contract.pytree import pytree_dataclass
 
 
@@ -41,7 +42,7 @@ class Grid(contract.Tracker):
     def step_observed(self, key: jax.Array, state: Any, observation: Any) -> tuple[Any, Any]:
         """See ``Tracker``."""
 
-        def step(tracker: Any, state: Any) -> Any:
+        def step(tracker: Tracker, state: Any) -> Any:
             return tracker.step_observed(key, state, observation)
 
         return self._each(step, state)

@@ -1,6 +1,6 @@
 """Builds trackers of articulated objects: trees of rectangles at any angle."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,6 +9,9 @@ from jaxpf.contract.numbers import check_array
 from jaxpf.parts.data import Parts
 from jaxpf.parts.target import PARTS
 from jaxpf.targets import building
+
+if TYPE_CHECKING:
+    from jaxpf.contract.types import TrackerLike
 
 
 def tracker(
@@ -63,7 +66,7 @@ def tracker(
     return building.make(PARTS, frame, PARTS.start(parts), given, **own)
 
 
-def to_parts(tracker: Any, estimate: ArrayLike) -> np.ndarray:
+def to_parts(tracker: "TrackerLike", estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to poses x, y (pixels), theta (radians) ``[..., P, 3]``."""
     check_array("estimate", estimate, "x, y, theta, [..., P, >= 3]")
     return np.asarray(estimate)[..., :3]

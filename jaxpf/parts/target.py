@@ -32,6 +32,7 @@ from jaxpf.targets.later import check_inside
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
+    from jaxpf.contract.types import TrackerLike
     from jaxpf.media.frame_source import FrameSource
     from scenes import Scene
 
@@ -188,7 +189,7 @@ class _PartTarget(Target):
             return options
         return dataclasses.replace(options, likelihood="sampled")
 
-    def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
+    def shapes(self, start: Start, estimate: Any, tracker: "TrackerLike") -> np.ndarray:
         return np.asarray(estimate)[..., :3]
 
     def outlines(self, start: Start, shapes: Any) -> Any:

@@ -1,6 +1,6 @@
 """Builds trackers of points on deforming bodies."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -8,6 +8,9 @@ from numpy.typing import ArrayLike
 from jaxpf.contract.numbers import check_array
 from jaxpf.points.target import POINTS
 from jaxpf.targets import building
+
+if TYPE_CHECKING:
+    from jaxpf.contract.types import TrackerLike
 
 
 def tracker(
@@ -55,7 +58,7 @@ def tracker(
     return building.make(POINTS, frame, start, given, **own)
 
 
-def to_points(tracker: Any, estimate: ArrayLike) -> np.ndarray:
+def to_points(tracker: "TrackerLike", estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to points x, y in pixels, ``[..., P, 2]``."""
     check_array("estimate", estimate, "x, y, [..., P, >= 2]")
     return np.asarray(estimate)[..., :2]

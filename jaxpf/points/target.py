@@ -22,6 +22,7 @@ from jaxpf.targets.later import check_inside, starts_by_frame
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
+    from jaxpf.contract.types import TrackerLike
     from jaxpf.media.frame_source import FrameSource
     from scenes import Scene
 
@@ -179,7 +180,7 @@ class _PointTarget(Target):
             parents=start.parents,
         )
 
-    def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
+    def shapes(self, start: Start, estimate: Any, tracker: "TrackerLike") -> np.ndarray:
         return np.asarray(estimate)[..., :2]
 
     def outlines(self, start: Start, shapes: Any) -> Any:

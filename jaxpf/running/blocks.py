@@ -15,6 +15,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.recognised import recognised
+from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering import platform
 from jaxpf.lowering.programs import compiled
 from jaxpf.running import (
@@ -39,7 +40,7 @@ _OF_GROUPS = PartitionSpec(None, _AXIS)
 
 
 def monte_carlo(
-    tracker: Any,
+    tracker: TrackerLike,
     keys: jax.Array,
     frames: Any,
     record: Callable[[Any, Any], Any] = summary_only,
@@ -111,7 +112,7 @@ def monte_carlo(
 
 
 def run_blocks(
-    tracker: Any,
+    tracker: TrackerLike,
     keys: jax.Array,
     frames: Any,
     blocks: Blocks,
@@ -170,7 +171,7 @@ def run_blocks(
 
 
 def _begin(
-    tracker: Any,
+    tracker: TrackerLike,
     keys: jax.Array,
     blocks: Blocks,
     grouped: tuple,
@@ -277,7 +278,7 @@ def in_groups(first: int, frames: Any, devices: tuple) -> tuple[np.ndarray, Any]
     return times, groups
 
 
-def begin_batches(tracker: Any, keys: Sequence[jax.Array], devices: tuple = ()) -> Any:
+def begin_batches(tracker: TrackerLike, keys: Sequence[jax.Array], devices: tuple = ()) -> Any:
     """For each width, initial states ``[B, W, ...]`` of runs with keys ``[B, W]``."""
 
     def begin(tracker, keys):
@@ -289,7 +290,7 @@ def begin_batches(tracker: Any, keys: Sequence[jax.Array], devices: tuple = ()) 
 
 
 def advance_batches(
-    tracker: Any,
+    tracker: TrackerLike,
     keys: Sequence[jax.Array],
     states: Any,
     times: Any,

@@ -15,6 +15,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_tracker
 from jaxpf.contract.numbers import returned
 from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.types import TrackerLike
 from jaxpf.running.chunks import come_one_by_one
 
 #: Number of particles in a trial call, chosen to differ from other axes.
@@ -28,7 +29,7 @@ _METHODS = (
 )
 
 
-def check_run(tracker: Any, frames: Any) -> None:
+def check_run(tracker: TrackerLike, frames: Any) -> None:
     """Refuse a tracker or frames that cannot run.
 
     Args:
@@ -60,7 +61,7 @@ def check_run(tracker: Any, frames: Any) -> None:
     _check_methods(structure, shapes, frame_structure, frame_shapes, num_partitions)
 
 
-def check_order(tracker: Any, key: Any, frames: Any) -> None:
+def check_order(tracker: TrackerLike, key: Any, frames: Any) -> None:
     """Refuse a tracker, keys and frames that were given in another order.
 
     Raises:
@@ -75,7 +76,7 @@ def check_order(tracker: Any, key: Any, frames: Any) -> None:
         )
 
 
-def check_pytree(tracker: Any) -> None:
+def check_pytree(tracker: TrackerLike) -> None:
     """Refuse what is no tracker, and a tracker that contains an object that is not a pytree.
 
     Raises:

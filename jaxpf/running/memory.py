@@ -7,13 +7,16 @@ import os
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.lowering import platform
+
+if TYPE_CHECKING:
+    from jaxpf.contract.types import TrackerLike
 
 #: Memory of JAX, its libraries and a compiled kernel, bytes.
 _BASE = 450 * 2**20
@@ -42,7 +45,7 @@ def check_memory(needed: float, remedy: str) -> None:
         )
 
 
-def needed_by(tracker: Any, runs: int = 1, kept_frames: int = 1) -> float:
+def needed_by(tracker: "TrackerLike", runs: int = 1, kept_frames: int = 1) -> float:
     """Estimate the memory that a tracker needs, in bytes.
 
     Args:

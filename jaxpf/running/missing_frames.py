@@ -16,11 +16,14 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.numbers import check_array
 from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.types import TrackerLike
 from jaxpf.running.chunks import come_one_by_one
 from jaxpf.running.gaps import OF_OBSERVATIONS, WithGaps
 
 
-def marked(tracker: Any, frames: Any, observed: Any = None, first: int = 0) -> tuple[Any, Any]:
+def marked(
+    tracker: TrackerLike, frames: Any, observed: Any = None, first: int = 0
+) -> tuple[Any, Any]:
     """Mark missing frames; return tracker and frames unchanged if none is missing.
 
     Args:
@@ -71,14 +74,14 @@ def marked(tracker: Any, frames: Any, observed: Any = None, first: int = 0) -> t
     return WithGaps(tracker), (frames, _as_bool(observed))
 
 
-def unmarked(tracker: Any, frames: Any) -> tuple[Any, Any]:
+def unmarked(tracker: TrackerLike, frames: Any) -> tuple[Any, Any]:
     """Undo ``marked``: return the original tracker and frames."""
     if not isinstance(tracker, WithGaps):
         return tracker, frames
     return tracker.tracker, frames if come_one_by_one(frames) else frames[0]
 
 
-def marked_one_by_one(tracker: Any, frames: Any, observed: Any = None) -> Iterator[Any]:
+def marked_one_by_one(tracker: TrackerLike, frames: Any, observed: Any = None) -> Iterator[Any]:
     """Yield each frame, the tracker for it, and the frame in that tracker's format."""
     check_type("frames", frames, Iterable)
     if observed is not None:
@@ -95,7 +98,7 @@ def marked_one_by_one(tracker: Any, frames: Any, observed: Any = None) -> Iterat
         yield frame, marked_tracker, frame if marked_tracker is tracker else (frame, False)
 
 
-def _pairs(tracker: Any, frames: Any, observed: Any) -> Iterator[Any]:
+def _pairs(tracker: TrackerLike, frames: Any, observed: Any) -> Iterator[Any]:
     shapes = (), (getattr(tracker, "num_partitions", None),)
     for frame, seen in itertools.zip_longest(frames, observed):
         if frame is None or seen is None or np.shape(seen) not in shapes:
@@ -105,7 +108,7 @@ def _pairs(tracker: Any, frames: Any, observed: Any) -> Iterator[Any]:
         yield frame, _as_bool(seen)
 
 
-def _names_components(tracker: Any, frames: Any, shape: tuple[int, ...]) -> bool:
+def _names_components(tracker: TrackerLike, frames: Any, shape: tuple[int, ...]) -> bool:
     """Whether an ``observed`` of this shape names components of frames, not partitions."""
     parts = getattr(tracker, "num_partitions", None)
     return (
@@ -143,7 +146,7 @@ def _nan_throughout(library: Any, leaves: list[Any]) -> Any:
     return library.all(library.stack(of_leaves), axis=0)
 
 
-def _check_nan(tracker: Any, frames: Any, seen: Any, first: int) -> None:
+def _check_nan(tracker: TrackerLike, frames: Any, seen: Any, first: int) -> None:
     """Refuse concrete frames, seen ``[T]`` or ``[T, P]``, of which a part is NaN.
 
     Raises:
@@ -172,13 +175,13 @@ def _check_nan(tracker: Any, frames: Any, seen: Any, first: int) -> None:
             )
 
 
-def _can_have_gaps(tracker: Any) -> bool:
+def _can_have_gaps(tracker: TrackerLike) -> bool:
     return hasattr(tracker, "likelihood") or (
         hasattr(tracker, "tracker") and _can_have_gaps(tracker.tracker)
     )
 
 
-def check_gaps(tracker: Any) -> None:
+def check_gaps(tracker: TrackerLike) -> None:
     """Refuse a tracker that does not support missing frames.
 
     Raises:

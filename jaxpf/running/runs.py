@@ -13,6 +13,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.recognised import recognised
+from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.running import gaps, missing_frames
 from jaxpf.running.checks import as_arrays, check_frames, check_order, check_run, warn_if_nan
@@ -25,7 +26,7 @@ def summary_only(state: Any, summary: Any) -> Any:
 
 
 def run(
-    tracker: Any,
+    tracker: TrackerLike,
     key: jax.Array,
     frames: Any,
     record: Callable[[Any, Any], Any] = summary_only,
@@ -96,7 +97,7 @@ def run(
 
 
 def forecast(
-    tracker: Any,
+    tracker: TrackerLike,
     key: jax.Array,
     state: Any,
     steps: int,
@@ -139,7 +140,7 @@ def forecast(
     return run_compiled(blind, key, (nothing, nothing), record, state)
 
 
-def with_inputs(tracker: Any, inputs: Any, frames: Any, first: Any = 0) -> Any:
+def with_inputs(tracker: TrackerLike, inputs: Any, frames: Any, first: Any = 0) -> Any:
     """Return the tracker with the inputs of frames ``[T, ...]``; unchanged if there are none.
 
     Args:
@@ -174,7 +175,7 @@ def frame_key(key: jax.Array, time: Any) -> jax.Array:
     return jax.random.fold_in(key, time + 1)
 
 
-def init(tracker: Any, key: jax.Array) -> Any:
+def init(tracker: TrackerLike, key: jax.Array) -> Any:
     """Return a run's initial state, as in ``run``."""
     return tracker.init(jax.random.fold_in(key, 0))
 
@@ -182,7 +183,7 @@ def init(tracker: Any, key: jax.Array) -> Any:
 init_compiled = compiled(init)
 
 
-def check_resumed(tracker: Any, key: jax.Array, state: Any, record: Any) -> Any:
+def check_resumed(tracker: TrackerLike, key: jax.Array, state: Any, record: Any) -> Any:
     """Refuse a state that is not one of the tracker, and what cannot record; return its time.
 
     Raises:
@@ -269,7 +270,7 @@ def frame_step(
         time, frame = item
         observation = observe(frame)
 
-        def advance(tracker: Any, key: jax.Array, state: Any) -> Any:
+        def advance(tracker: TrackerLike, key: jax.Array, state: Any) -> Any:
             step = contract.observed_apart(contract.at_frame(tracker, time))[1]
             state, summary = step(frame_key(key, time), state, observation)
             return state, record(state, summary)
@@ -279,7 +280,7 @@ def frame_step(
     return step_all
 
 
-def one_run(tracker: Any, key: jax.Array, record: Callable[[Any, Any], Any]) -> Callable:
+def one_run(tracker: TrackerLike, key: jax.Array, record: Callable[[Any, Any], Any]) -> Callable:
     """Return the ``frame_step`` of a single run.
 
     If the tracker can observe only what is near its estimates, each frame is first tried so, and
@@ -304,7 +305,7 @@ def one_run(tracker: Any, key: jax.Array, record: Callable[[Any, Any], Any]) -> 
     return step_one
 
 
-def together(tracker: Any, keys: jax.Array) -> Callable[[Callable, Any], Any]:
+def together(tracker: TrackerLike, keys: jax.Array) -> Callable[[Callable, Any], Any]:
     """Return ``of_every_run`` for vectorised runs of one tracker, with keys and states ``[R]``."""
 
     def of_every_run(advance: Callable, states: Any) -> Any:
@@ -315,7 +316,7 @@ def together(tracker: Any, keys: jax.Array) -> Callable[[Callable, Any], Any]:
 
 @partial(compiled, static_argnames="record")
 def run_compiled(
-    tracker: Any, key: jax.Array, frames: Any, record: Callable, state: Any = None
+    tracker: TrackerLike, key: jax.Array, frames: Any, record: Callable, state: Any = None
 ) -> Any:
     """``run`` without its checks."""
     first = 0 if state is None else state.time

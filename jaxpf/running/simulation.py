@@ -13,6 +13,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array, check_whole
 from jaxpf.contract.state import ParticleState
+from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.running.gaps import WithoutFrames
 from jaxpf.running.runs import as_key, check_resumed, init, one_run, summary_only, with_inputs
@@ -45,7 +46,7 @@ def central_interval(draws: Any, level: float, axes: Any) -> tuple[Any, Any]:
 
 
 def simulate(
-    tracker: Any,
+    tracker: TrackerLike,
     key: jax.Array,
     num_frames: int,
     *,

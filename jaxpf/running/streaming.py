@@ -9,6 +9,7 @@ import numpy as np
 from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import check_not_traced
+from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.running import missing_frames
 from jaxpf.running.checks import as_arrays, check_order, check_pytree, warn_if_nan
@@ -33,7 +34,7 @@ class TrackedFrame(NamedTuple):
 
 
 def stream(
-    tracker: Any,
+    tracker: TrackerLike,
     key: jax.Array,
     frames: Iterable[np.ndarray],
     observed: Iterable[bool] | None = None,
@@ -102,6 +103,6 @@ def _one_by_one(inputs: Any) -> Iterator[Any]:
 
 
 @compiled
-def step(tracker: Any, key: jax.Array, time: int, state: Any, frame: np.ndarray) -> Any:
+def step(tracker: TrackerLike, key: jax.Array, time: int, state: Any, frame: np.ndarray) -> Any:
     """Return state and summary of frame ``time`` (from 0) of a run, as in ``stream``."""
     return running.one_run(tracker, key, running.summary_only)(state, (time, frame))

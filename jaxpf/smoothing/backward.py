@@ -21,7 +21,7 @@ renew paths that would coalesce (Dau & Chopin 2023).
 import dataclasses
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -31,9 +31,13 @@ from jaxpf import contract
 from jaxpf.contract.logs import finite
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import sanitised
+from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering import platform
 from jaxpf.lowering.prefix import running_sum
 from jaxpf.running import gaps, missing_frames
+
+if TYPE_CHECKING:
+    from jaxpf.filters.partitioned.tracker import Partitioned
 
 #: Array size in a pass over particles and trajectories: fits into a core's cache, or a small part
 #: of an accelerator's memory.
@@ -109,7 +113,7 @@ class SeenMoves(contract.DynamicsWithDensity):
     time: Any = 0
 
     @classmethod
-    def of(cls, tracker: Any, frames: Any) -> "SeenMoves":
+    def of(cls, tracker: TrackerLike, frames: Any) -> "SeenMoves":
         """Take dynamics and likelihood from what ``missing_frames.marked`` returns."""
         model = missing_frames.unmarked(tracker, frames)[0]
         likelihood = model.likelihood
@@ -136,7 +140,7 @@ class SeenMoves(contract.DynamicsWithDensity):
 
 
 def backward(
-    tracker: Any,
+    tracker: "Partitioned",
     key: jax.Array,
     history: History,
     parts: jax.Array,
@@ -226,7 +230,7 @@ def backward(
 
 
 def log_densities(
-    tracker: Any,
+    tracker: "Partitioned",
     here: History,
     drawn: Drawn,
     parts: jax.Array,

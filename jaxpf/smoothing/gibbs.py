@@ -18,7 +18,7 @@ because no rule has been proved for the partitions still to be processed.
 
 import dataclasses
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -38,6 +38,9 @@ from jaxpf.running.checks import check_frames, check_run
 from jaxpf.running.chunks import come_one_by_one
 from jaxpf.smoothing.backward import Drawn, History, log_densities
 from jaxpf.smoothing.groups import check_smoothing, looks_back
+
+if TYPE_CHECKING:
+    from jaxpf.filters.partitioned.tracker import Partitioned
 
 
 @pytree_dataclass
@@ -74,7 +77,7 @@ class _HoldsFirst:
 
 
 def particle_gibbs(
-    tracker: Any,
+    tracker: "Partitioned",
     key: jax.Array,
     frames: Any,
     num_sweeps: int,
@@ -136,7 +139,7 @@ def particle_gibbs(
     return poisoned(refuse, drawn)
 
 
-def check_conditional(tracker: Any) -> Any:
+def check_conditional(tracker: "Partitioned") -> Any:
     """Refuse trackers for which no conditional sweep has been proved.
 
     Returns:

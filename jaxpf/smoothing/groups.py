@@ -17,6 +17,7 @@ from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.refusals import refused
+from jaxpf.contract.types import TrackerLike
 from jaxpf.filters.functions import FunctionDynamics
 from jaxpf.filters.partitioned.labels import moves_labels
 from jaxpf.filters.partitioned.tracker import Partitioned
@@ -82,12 +83,12 @@ def looks_back(tracker: Partitioned) -> bool:
     return any(previous is used for equation in program.eqns for used in equation.invars)
 
 
-def sees_previous(tracker: Any) -> bool:
+def sees_previous(tracker: Partitioned) -> bool:
     """Whether the likelihood depends on the previous state, which a particle then holds too."""
     return isinstance(tracker.dynamics, FunctionDynamics) and tracker.dynamics.copies == 2
 
 
-def check_genealogy(tracker: Any) -> Any:
+def check_genealogy(tracker: TrackerLike) -> Any:
     """Refuse trackers whose particles have no ancestors, or the wrong weights.
 
     Returns:
@@ -131,7 +132,7 @@ def check_genealogy(tracker: Any) -> Any:
     )
 
 
-def check_smoothing(tracker: Any, whole: bool = False) -> Any:
+def check_smoothing(tracker: Partitioned, whole: bool = False) -> Any:
     """Refuse trackers whose smoothed distribution is undefined or would be wrong.
 
     Args:

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import numpy as np
@@ -16,6 +16,9 @@ from jaxpf.running.chunks import come_one_by_one
 from jaxpf.smoothing import passes
 from jaxpf.smoothing.backward import History
 from jaxpf.smoothing.groups import check_smoothing, looks_back
+
+if TYPE_CHECKING:
+    from jaxpf.filters.partitioned.tracker import Partitioned
 
 
 class SmoothedFrame(NamedTuple):
@@ -37,7 +40,7 @@ class SmoothedFrame(NamedTuple):
 
 
 def stream(
-    tracker: Any,
+    tracker: "Partitioned",
     key: jax.Array,
     frames: Any,
     lag: int,
@@ -89,7 +92,7 @@ class LookBack:
 
     def __init__(
         self,
-        tracker: Any,
+        tracker: "Partitioned",
         key: jax.Array,
         lag: int | None = None,
         num_frames: int | None = None,

@@ -1,7 +1,7 @@
 """What the backward passes over a filter's weighted sets share: what to keep, keys and memory."""
 
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +14,9 @@ from jaxpf.lowering.programs import compiled
 from jaxpf.running import memory
 from jaxpf.smoothing.backward import History, Pass, backward
 from jaxpf.smoothing.groups import together
+
+if TYPE_CHECKING:
+    from jaxpf.filters.partitioned.tracker import Partitioned
 
 #: Index of the key for backward passes; frames use indices from 0.
 _BACKWARD = np.uint32(2**32 - 1)
@@ -73,7 +76,7 @@ def back_over(tracker, key, history, num_trajectories, num_paths=0, first=0, num
     )
 
 
-def checked_number(tracker: Any, num_trajectories: int | None, num_paths: int = 0) -> int:
+def checked_number(tracker: "Partitioned", num_trajectories: int | None, num_paths: int = 0) -> int:
     """Return the number of trajectories; refuse fewer than one, and fewer than paths."""
     if num_trajectories is None:
         return max(tracker.num_particles, num_paths)
@@ -85,7 +88,9 @@ def checked_number(tracker: Any, num_trajectories: int | None, num_paths: int = 
     return num_trajectories
 
 
-def check_length(tracker: Any, num_frames: int, lags: int = 1, num_paths: int = 0) -> None:
+def check_length(
+    tracker: "Partitioned", num_frames: int, lags: int = 1, num_paths: int = 0
+) -> None:
     """Refuse a clip whose weighted sets do not fit into memory, before tracking it."""
     state = jax.eval_shape(tracker.init, jax.random.key(0))
     _, dimension, num_partitions, num_particles = state.lagged.shape

@@ -1,7 +1,7 @@
 """Smooth a clip, whole or with a fixed lag: run the filter forward, then go back over it."""
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -26,6 +26,9 @@ from jaxpf.smoothing.groups import (
     together,
 )
 from jaxpf.smoothing.look_back import stream
+
+if TYPE_CHECKING:
+    from jaxpf.filters.partitioned.tracker import Partitioned
 
 #: How trajectories are found: drawn backward exactly or by Metropolis steps, or traced back.
 METHODS = ("backward", "metropolis", "genealogy")
@@ -57,7 +60,7 @@ class Smoothed:
 
 
 def smooth(
-    tracker: Any,
+    tracker: "Partitioned",
     key: jax.Array,
     frames: Any,
     num_trajectories: int | None = None,
@@ -197,7 +200,7 @@ def _traced(tracker, key, frames, num_paths, observed) -> Smoothed:
     return Smoothed(estimate, spread, summaries, none, paths, num_ancestors)
 
 
-def _check_one_ancestor(tracker: Any) -> None:
+def _check_one_ancestor(tracker: "Partitioned") -> None:
     """Refuse Metropolis steps of parts smoothed together that each have an ancestor of their own.
 
     Raises:

@@ -18,6 +18,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
 
 if TYPE_CHECKING:
+    from jaxpf.contract.types import TrackerLike
     from jaxpf.media.frame_source import FrameSource
     from scenes import Scene
 
@@ -185,7 +186,7 @@ class Target(abc.ABC):
         return self.resolved(options, looks.settings)
 
     @abc.abstractmethod
-    def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
+    def shapes(self, start: Start, estimate: Any, tracker: "TrackerLike") -> np.ndarray:
         """Shapes ``[..., P, S]`` of a tracker's estimates ``[..., P, D]``."""
 
     @abc.abstractmethod
@@ -263,7 +264,12 @@ class Target(abc.ABC):
         """
 
     def draw_particles(
-        self, frame: np.ndarray, start: Start, tracker: Any, state: Any, colours: np.ndarray
+        self,
+        frame: np.ndarray,
+        start: Start,
+        tracker: "TrackerLike",
+        state: Any,
+        colours: np.ndarray,
     ) -> np.ndarray:
         """The frame with a tracker's particles drawn on it, by default one dot each."""
         from jaxpf.media.overlay import draw_particles

@@ -14,6 +14,7 @@ import optax
 
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.pytree import check_not_traced
+from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.tuning import checkpoint
 from jaxpf.tuning.parameters import Parameter, check_apart, parameter, read
@@ -146,7 +147,7 @@ def _shown(value: Any) -> str:
     return ", ".join(f"{x:.6g}" for x in numbers[:6]) + (", ..." if len(numbers) > 6 else "")
 
 
-def _check_gradients(tracker: Any, wanted: Sequence[Parameter]) -> None:
+def _check_gradients(tracker: TrackerLike, wanted: Sequence[Parameter]) -> None:
     """Refuse motion parameters whose gradient would silently be zero."""
     if not any(parameter.name.startswith("dynamics.") for parameter in wanted):
         return

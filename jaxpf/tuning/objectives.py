@@ -36,6 +36,7 @@ from jaxpf.contract import logs
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array
 from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.types import TrackerLike
 from jaxpf.filters.partitioned.selection import ANCESTORS
 from jaxpf.measures import metrics
 from jaxpf.measures.outlines import iou as iou_of_outlines
@@ -45,7 +46,7 @@ from jaxpf.shapes.rectangles import boxes_from_substates, is_proper
 
 
 def log_evidence(
-    tracker: Any, keys: jax.Array, frames: Any, *, checkpoint: bool | int = True
+    tracker: TrackerLike, keys: jax.Array, frames: Any, *, checkpoint: bool | int = True
 ) -> jax.Array:
     """Log of each run's estimate of ``p(y_1:T)``; -inf if a frame was impossible for all particles.
 
@@ -62,7 +63,7 @@ def log_evidence(
 
 
 def log_mean_evidence(
-    tracker: Any, keys: jax.Array, frames: Any, *, checkpoint: bool | int = True
+    tracker: TrackerLike, keys: jax.Array, frames: Any, *, checkpoint: bool | int = True
 ) -> jax.Array:
     """Log of the mean over runs of the estimates of ``p(y_1:T)``, ``[]``.
 
@@ -74,7 +75,12 @@ def log_mean_evidence(
 
 
 def position_error(
-    tracker: Any, keys: jax.Array, frames: Any, truth: ArrayLike, *, checkpoint: bool | int = True
+    tracker: TrackerLike,
+    keys: jax.Array,
+    frames: Any,
+    truth: ArrayLike,
+    *,
+    checkpoint: bool | int = True,
 ) -> jax.Array:
     """Mean distance of the estimate from labelled positions, in the substates' units (pixels).
 
@@ -89,7 +95,12 @@ def position_error(
 
 
 def crps(
-    tracker: Any, keys: jax.Array, frames: Any, truth: ArrayLike, *, checkpoint: bool | int = True
+    tracker: TrackerLike,
+    keys: jax.Array,
+    frames: Any,
+    truth: ArrayLike,
+    *,
+    checkpoint: bool | int = True,
 ) -> jax.Array:
     """Mean continuous ranked probability score of labelled positions, in pixels.
 
@@ -195,7 +206,7 @@ def keep_moments(state: Any, summary: Any) -> tuple[jax.Array, jax.Array]:
 
 
 def _record(
-    tracker: Any,
+    tracker: TrackerLike,
     keys: jax.Array,
     frames: Any,
     record: Callable[[Any, Any], Any],
@@ -245,7 +256,7 @@ def _record(
     return jax.tree.map(lambda x, y: jnp.concatenate([x, y]), recorded, last)
 
 
-def _checked_length(tracker: Any, frames: Any) -> int:
+def _checked_length(tracker: TrackerLike, frames: Any) -> int:
     """Number of frames, of which the tracker's methods take each."""
     check_frames(frames)
     length = running.num_frames(frames)
@@ -266,7 +277,7 @@ def _truth(name: str, truth: ArrayLike, tracker: Any, frames: Any, at_least: int
     return truth
 
 
-def _places(truth: ArrayLike, tracker: Any, frames: Any) -> tuple[jax.Array, jax.Array]:
+def _places(truth: ArrayLike, tracker: TrackerLike, frames: Any) -> tuple[jax.Array, jax.Array]:
     """Labelled positions ``[T, P, 2]``, 0 where missing, and a mask of the labels."""
     truth = _truth("truth", truth, tracker, frames, at_least=2)[..., :2]
     _check_labelled("truth", truth)

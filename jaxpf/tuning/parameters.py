@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_type
+from jaxpf.contract.types import TrackerLike
 
 _PATH = re.compile(r"(?P<name>[A-Za-z_][\w.]*)(?P<index>(\[\d+\])*)")
 #: Fields of a tracker whose floats are whole numbers in disguise.
@@ -127,12 +128,12 @@ def parameter(text: str) -> Parameter:
         ) from None
 
 
-def names(tracker: Any) -> list[str]:
+def names(tracker: TrackerLike) -> list[str]:
     """Paths of all tunable parameters: the float leaves of the tracker."""
     return [name for name, leaf in _leaves(tracker).items() if _is_tunable(name, leaf)]
 
 
-def read(tracker: Any, wanted: Parameter | str) -> jax.Array:
+def read(tracker: TrackerLike, wanted: Parameter | str) -> jax.Array:
     """Read a parameter's value from the tracker; refuse values outside its bounds."""
     check_type("wanted", wanted, Parameter, str)
     wanted = parameter(wanted) if isinstance(wanted, str) else wanted
@@ -161,7 +162,7 @@ def read(tracker: Any, wanted: Parameter | str) -> jax.Array:
     return value
 
 
-def replace(tracker: Any, values: Mapping[str, Any]) -> Any:
+def replace(tracker: TrackerLike, values: Mapping[str, Any]) -> Any:
     """Replace parameter values, path -> value; values may be traced."""
     wanted = [Parameter(path) for path in values]
     leaves = _leaves(tracker)
@@ -195,7 +196,7 @@ def check_apart(wanted: Sequence[Parameter]) -> None:
                 )
 
 
-def _leaves(tracker: Any) -> dict[str, Any]:
+def _leaves(tracker: TrackerLike) -> dict[str, Any]:
     return {_name(path): leaf for path, leaf in jax.tree_util.tree_flatten_with_path(tracker)[0]}
 
 
@@ -210,7 +211,7 @@ def _is_tunable(name: str, leaf: Any) -> bool:
     return is_float and name.partition(".")[0] not in _NO_PARAMETERS
 
 
-def _why_not(tracker: Any, name: str, leaf: Any) -> str:
+def _why_not(tracker: TrackerLike, name: str, leaf: Any) -> str:
     choices = f"choose among {', '.join(names(tracker))}."
     if leaf is not None and name.partition(".")[0] not in _NO_PARAMETERS:
         kind = jnp.result_type(leaf)

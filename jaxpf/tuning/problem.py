@@ -15,6 +15,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import OBJECTIVES
 from jaxpf.contract.pytree import described, pytree_dataclass
 from jaxpf.contract.refusals import biased_evidence
+from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.tuning import objectives
 from jaxpf.tuning.parameters import Parameter, replace
@@ -133,7 +134,7 @@ def free_loss(
     return compiled(jax.value_and_grad(of_free))
 
 
-def _with(tracker: Any, values: Mapping[str, Any]) -> Any:
+def _with(tracker: TrackerLike, values: Mapping[str, Any]) -> Any:
     if isinstance(tracker, Observed):
         return Observed(replace(tracker.tracker, values))
     return replace(tracker, values)

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.special import stdtrit
@@ -10,6 +10,9 @@ from scipy.special import stdtrit
 from jaxpf.contract.pytree import described
 from jaxpf.tuning.parameters import Parameter, replace
 from jaxpf.tuning.settings import Settings
+
+if TYPE_CHECKING:
+    from jaxpf.contract.types import TrackerLike
 
 #: Maximum number of array entries that are printed.
 _SHOWN = 6
@@ -153,7 +156,7 @@ class Result:
         low, high = map(self._values, ends)
         return {name: (low[name], high[name]) for name in self.free}
 
-    def apply(self, tracker: Any) -> Any:
+    def apply(self, tracker: "TrackerLike") -> Any:
         """The tracker with the tuned values."""
         return replace(tracker, self.values)
 

@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -19,6 +19,9 @@ from jaxpf.likelihoods.gaussian import Gaussian
 from jaxpf.likelihoods.histogram import histogram
 from jaxpf.measures.intervals import Interval, median_interval
 from jaxpf.measures.timing import interleaved
+
+if TYPE_CHECKING:
+    from jaxpf.filters.partitioned.tracker import Partitioned
 
 RUNS, PARTICLES, OBJECTS = 50, 300, 7
 #: Noise of x, y (pixels) and of the scale.
@@ -88,7 +91,7 @@ def kernel(num_frames: int = 24) -> Section:
     return Section("Whole kernel: 50 runs, 300 particles, 7 objects, 360x288", cases)
 
 
-def _case(what: str, tracker: Any, frames: Any, baseline: str, goal: str) -> Case:
+def _case(what: str, tracker: "Partitioned", frames: Any, baseline: str, goal: str) -> Case:
     """All runs of a tracker over all frames."""
     run = partial(jaxpf.monte_carlo, tracker, _keys(), frames, _record)
     units = RUNS * tracker.num_particles * tracker.num_partitions * len(frames)

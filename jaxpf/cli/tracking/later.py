@@ -14,6 +14,7 @@ import numpy as np
 
 from jaxpf.cli.tracking.records import Record, Scene, fixed_population
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.types import TrackerLike
 from jaxpf.media.overlay import object_colours
 from jaxpf.targets.target import Start
 
@@ -38,7 +39,7 @@ class _Group(NamedTuple):
 
 def starting_later(
     scene: Scene,
-    tracker: Any,
+    tracker: TrackerLike,
     key: Any,
     frame: np.ndarray,
     frames: Any,

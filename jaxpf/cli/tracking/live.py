@@ -10,6 +10,7 @@ import numpy as np
 
 from jaxpf.cli.shared.console import say
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.types import TrackerLike
 from jaxpf.media.live import LiveSource
 from jaxpf.running.streaming import stream
 
@@ -51,7 +52,7 @@ def start_when_compiled(session: "Session") -> None:
     session.source.count_from(session.request.run.start)
 
 
-def _kind(tracker: Any) -> Any:
+def _kind(tracker: TrackerLike) -> Any:
     """Structure and shapes for which a tracker is compiled; learned arrays may vary in length."""
     leaves, structure = jax.tree.flatten(tracker)
     return structure, [np.shape(leaf) for leaf in leaves]

@@ -3,7 +3,7 @@
 import dataclasses
 import itertools
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,10 @@ from jaxpf.evaluation.work.trackers import shapes_of
 from jaxpf.media.overlay import NUM_COLOURS, object_colours
 from jaxpf.running.streaming import stream
 from jaxpf.targets.target import Start, Target
+
+if TYPE_CHECKING:
+    from jaxpf.contract.types import TrackerLike
+    from jaxpf.filters.labelled.tracker import Labelled
 
 #: All partitions.
 _ALL = slice(None)
@@ -120,7 +124,7 @@ class Scene:
 
 
 def fixed_population(
-    scene: Scene, tracker: Any, key: Any, frame: Any, frames: Any, before: tuple[Any, int]
+    scene: Scene, tracker: "TrackerLike", key: Any, frame: Any, frames: Any, before: tuple[Any, int]
 ) -> Iterator[Record]:
     """Records of objects that exist from the start.
 
@@ -177,7 +181,7 @@ def fixed_population(
 
 
 def changing_population(
-    scene: Scene, tracker: Any, key: Any, frame: Any, frames: Any, detector: Detector
+    scene: Scene, tracker: "Labelled", key: Any, frame: Any, frames: Any, detector: Detector
 ) -> Iterator[Record]:
     """Records of objects that come and go; an object has rows only while it exists.
 

@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Generator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -28,6 +28,9 @@ from jaxpf.sequences.layouts import read_truth
 from jaxpf.sequences.tables import BoxTable
 from jaxpf.targets.building import build, looks_of_frame
 from jaxpf.targets.target import Start
+
+if TYPE_CHECKING:
+    from jaxpf.contract.types import TrackerLike
 
 #: All files that a run may leave in its output folder.
 OUTPUTS = (
@@ -188,7 +191,7 @@ def _after(frame: np.ndarray, frames: Generator[np.ndarray]) -> Generator[np.nda
     yield from frames
 
 
-def _state_before(request: Request, tracker: Any) -> tuple[Any, int]:
+def _state_before(request: Request, tracker: "TrackerLike") -> tuple[Any, int]:
     """State of --resume and its number of frames; else None and 0."""
     if request.run.resume is None:
         return None, 0

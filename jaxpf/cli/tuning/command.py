@@ -4,7 +4,7 @@ import dataclasses
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -31,6 +31,9 @@ from jaxpf.targets import all_targets, target_of_scene
 from jaxpf.targets.building import filter_for
 from jaxpf.tuning.declared import tuned_by_default
 from jaxpf.tuning.settings import Settings
+
+if TYPE_CHECKING:
+    from jaxpf.contract.types import TrackerLike
 
 #: Default number of particles: a gradient costs more than a run.
 _PARTICLES = 100
@@ -230,7 +233,7 @@ def _check_names(parameters: str | None) -> None:
             raise InputError(f"there is no parameter {name} to tune; did you mean {near[0]}?")
 
 
-def _check_parameters(tracker: Any, target: Any, wanted: list[Any]) -> None:
+def _check_parameters(tracker: "TrackerLike", target: Any, wanted: list[Any]) -> None:
     """Refuse parameters without an option of `jaxpf track` and `jaxpf evaluate`."""
     from jaxpf.tuning.parameters import check_apart
 

@@ -11,6 +11,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from jaxpf.contract.types import TrackerLike
 from jaxpf.evaluation.work.results import SPEEDS, Results
 from jaxpf.evaluation.work.schedule import shape_of
 from jaxpf.evaluation.work.trackers import tracker_of
@@ -72,7 +73,7 @@ def _write(results: Results, speeds: Sequence[float]) -> None:
     write_text(results.folder / SPEEDS, json.dumps(rounded))
 
 
-def _frames_per_second(tracker: Any, key: Any, frames: Sequence[np.ndarray]) -> float:
+def _frames_per_second(tracker: TrackerLike, key: Any, frames: Sequence[np.ndarray]) -> float:
     """Frames per second of a single run; NaN if there is no second frame to time."""
     seconds, clock, until = [], time.perf_counter(), np.inf
     for tracked in stream(tracker, key, frames):

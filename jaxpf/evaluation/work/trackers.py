@@ -7,7 +7,7 @@ target (for boxes: u, v, scale) unless the tracker has a method
 ``boxes(estimate [..., P, D]) -> [..., P, 4]``.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from jaxpf.contract.options import chosen
 from jaxpf.evaluation.work.results import BUILT_IN, Configuration
 from jaxpf.targets import building
 from jaxpf.targets.target import Looks, Start, Target
+
+if TYPE_CHECKING:
+    from jaxpf.contract.types import TrackerLike
 
 #: One frame in this many samples the appearance of a scene.
 _EVERY = 8
@@ -70,7 +73,7 @@ def own_tracker(name: str, function: Any, scene: Any) -> Any:
     )
 
 
-def shapes_of(tracker: Any, target: Target, start: Start, estimate: Any) -> np.ndarray:
+def shapes_of(tracker: "TrackerLike", target: Target, start: Start, estimate: Any) -> np.ndarray:
     """Convert estimates to shapes ``[..., P, S]``, by the tracker if it can, else by the target."""
     if target.has_boxes and hasattr(tracker, "boxes"):
         return np.asarray(tracker.boxes(estimate))

@@ -5,7 +5,7 @@ has its own random keys, so partitions do not affect each other.
 """
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import chex
 import jax
@@ -25,6 +25,10 @@ from jaxpf.contract.state import (
 from jaxpf.filters import confidence
 from jaxpf.filters.initial import as_floats
 from jaxpf.resampling import weighted as resampling
+
+if TYPE_CHECKING:
+    from jaxpf.filters.factored.eskil import Eskil
+    from jaxpf.filters.factored.pffl import PFFL
 
 
 @pytree_dataclass
@@ -71,7 +75,7 @@ def count_partitions(initial: Any) -> int:
     return jax.eval_shape(initial, jax.random.key(0)).shape[0]
 
 
-def start(key: jax.Array, tracker: Any) -> FactoredState:
+def start(key: jax.Array, tracker: "PFFL | Eskil") -> FactoredState:
     """Draw a tracker's particles from its initial state, with equal weights."""
     initial, num = tracker.initial, tracker.num_particles * tracker.upsampling
     if callable(initial):
@@ -177,7 +181,7 @@ def multiplied(log_weights: jax.Array, log_factor: jax.Array) -> tuple[jax.Array
     return jnp.where(possible, weighted, logs.normalised(log_weights)[0]), totals
 
 
-def looked_near(tracker: Any, state: FactoredState, observation: Any) -> Any:
+def looked_near(tracker: "PFFL | Eskil", state: FactoredState, observation: Any) -> Any:
     """The observation near the estimates of a state, see ``jaxpf.contract.looked_near``."""
     return contract.looked_near(
         tracker.likelihood, observation, lambda: means(state.log_weights, state.lagged[0]).T

@@ -195,7 +195,7 @@ def grid(scene: Any, motion: str, num_particles: int) -> Grid:
     return Grid(jax.tree_util.Partial(_built, tracker), stacked(orderings), stacked(dynamics))
 
 
-def _built(tracker: Any, ordering: Ordering, dynamics: Any) -> Partitioned:
+def _built(tracker: Partitioned, ordering: Ordering, dynamics: Any) -> Partitioned:
     initial = dataclasses.replace(tracker.initial, dynamics=dynamics)
     return dataclasses.replace(tracker, ordering=ordering, dynamics=dynamics, initial=initial)
 

@@ -182,7 +182,7 @@ def grid(
     return Grid(build, stacked(orderings.values()), np.array(sharpness, np.float32))
 
 
-def _built(tracker: Any, ending: Any, ordering: Ordering, sharpness: Any) -> Any:
+def _built(tracker: Partitioned, ending: Any, ordering: Ordering, sharpness: Any) -> Any:
     likelihood = dataclasses.replace(tracker.likelihood, sharpness=sharpness)
     tracker = dataclasses.replace(tracker, likelihood=likelihood, ordering=ordering)
     return tracker if ending is None else dataclasses.replace(ending, tracker=tracker)

@@ -1,7 +1,7 @@
 """Builds trackers of boxes: one upright rectangle per object."""
 
 import os
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,9 @@ from jaxpf.contract.numbers import check_array, numbers_in
 from jaxpf.likelihoods.pixels import PixelLikelihood
 from jaxpf.targets import building
 
+if TYPE_CHECKING:
+    from jaxpf.contract.types import LikelihoodLike
+
 
 def tracker(
     frame: Any,
@@ -22,7 +25,7 @@ def tracker(
     like: str | None = None,
     method: str | None = None,
     num_particles: int | None = None,
-    likelihood: Any = None,
+    likelihood: "LikelihoodLike | None" = None,
     ordering: Any = None,
     patches: Any = None,
     **options: Any,

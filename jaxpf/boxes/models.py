@@ -1,7 +1,7 @@
 """Models of boxes for any likelihood."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +10,9 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import check_array
 from jaxpf.contract.options import plain
+
+if TYPE_CHECKING:
+    from jaxpf.contract.types import LikelihoodLike
 
 #: Noise of centre (pixels) and scale per frame: wide enough for walking people in video.
 DEFAULT_SCALE = (4.0, 2.0, 0.003)
@@ -22,7 +25,9 @@ LONE_STEPS = (0.045, 0.6, 0.02)
 DEFAULT_MOMENTUM = 0.3
 
 
-def box_model(likelihood: Any, boxes: ArrayLike, scale: ArrayLike = DEFAULT_SCALE) -> Model:
+def box_model(
+    likelihood: "LikelihoodLike", boxes: ArrayLike, scale: ArrayLike = DEFAULT_SCALE
+) -> Model:
     """Boxes that move from their start by smith2004's AR2 dynamics.
 
     Args:
@@ -46,7 +51,7 @@ def box_model(likelihood: Any, boxes: ArrayLike, scale: ArrayLike = DEFAULT_SCAL
 
 
 def relative_box_model(
-    likelihood: Any,
+    likelihood: "LikelihoodLike",
     boxes: ArrayLike,
     steps: ArrayLike = DEFAULT_STEPS,
     momentum: ArrayLike = DEFAULT_MOMENTUM,

@@ -35,7 +35,7 @@ from jaxpf.targets.later import starts_by_frame
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
-    from jaxpf.contract.types import TrackerLike
+    from jaxpf.contract.types import LikelihoodLike, TrackerLike
     from jaxpf.media.frame_source import FrameSource
     from scenes import Scene
 
@@ -170,7 +170,7 @@ class _BoxTarget(Target):
         check_contrast(frame, start.shapes, shown)
         return likelihood if options.exclusion == NONE else excluding(likelihood)
 
-    def model(self, options: Options, start: Start, likelihood: Any) -> Model:
+    def model(self, options: Options, start: Start, likelihood: "LikelihoodLike") -> Model:
         """Substates are (u, v, a)."""
         if options.motion != RELATIVE:
             return box_model(likelihood, start.shapes, options.noise_pixels)

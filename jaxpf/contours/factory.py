@@ -11,7 +11,7 @@ from jaxpf.contract.errors import check_type
 from jaxpf.targets import building
 
 if TYPE_CHECKING:
-    from jaxpf.contract.types import TrackerLike
+    from jaxpf.contract.types import LikelihoodLike, TrackerLike
 
 
 def tracker(
@@ -21,7 +21,7 @@ def tracker(
     like: str | None = None,
     method: str | None = None,
     num_particles: int | None = None,
-    likelihood: Any = None,
+    likelihood: "LikelihoodLike | None" = None,
     ordering: Any = None,
     learned: Learned | None = None,
     **options: Any,

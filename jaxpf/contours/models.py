@@ -1,6 +1,6 @@
 """Models of contours with given start contours (maccormick1999)."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,13 +14,16 @@ from jaxpf.dynamics.occlusion import WithOcclusion
 from jaxpf.shapes.depth import depth_orders
 from jaxpf.shapes.spaces import ShapeSpace, space_of
 
+if TYPE_CHECKING:
+    from jaxpf.contract.types import DynamicsLike, LikelihoodLike
+
 
 def contours_model(
-    likelihood: Any,
+    likelihood: "LikelihoodLike",
     start: Contours,
     space: Any = "similarity",
     *,
-    dynamics: Any = None,
+    dynamics: "DynamicsLike | None" = None,
     scale: ArrayLike | None = None,
     flip: Any = None,
 ) -> Model:

@@ -23,7 +23,7 @@ from jaxpf.shapes.splines import basis, even_places, fit_spline, points_on, resa
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
-    from jaxpf.contract.types import TrackerLike
+    from jaxpf.contract.types import LikelihoodLike, TrackerLike
     from jaxpf.media.frame_source import FrameSource
     from scenes import Scene
 
@@ -112,7 +112,7 @@ class _ContourTarget(Target):
             return likelihood
         return likelihood.started(looks.frame, space.project(start.contours.points))
 
-    def model(self, options: Options, start: Start, likelihood: Any) -> Model:
+    def model(self, options: Options, start: Start, likelihood: "LikelihoodLike") -> Model:
         """Substates are points of a shape space.
 
         Raises:

@@ -20,7 +20,7 @@ from jaxpf.contract.interface import (
     Proposal,
 )
 from jaxpf.contract.numbers import returned
-from jaxpf.contract.types import TrackerLike
+from jaxpf.contract.types import DynamicsLike, LikelihoodLike, ProposalLike, TrackerLike
 
 #: Least log of a first-stage weight, relative to the largest.
 _LEAST_FIRST_STAGE = -30.0
@@ -84,7 +84,7 @@ def propagate_all(dynamics, key, partition, current, previous, parent, *others) 
     return method(key, partition, current, previous, parent, *others)
 
 
-def is_coupled(dynamics: Any) -> bool:
+def is_coupled(dynamics: DynamicsLike) -> bool:
     """Whether motion depends on the whole previous state, see ``CoupledDynamics``."""
     return getattr(dynamics, "coupled", False)
 
@@ -138,7 +138,7 @@ def of_frame(part: Any, time: Any) -> Any:
     return part.at_frame(time) if hasattr(part, "at_frame") else part
 
 
-def first_motion(dynamics: Any) -> Any:
+def first_motion(dynamics: DynamicsLike) -> Any:
     """Return the dynamics leading to frame 0; unchanged if they have no ``at_frame``."""
     return of_frame(dynamics, 0)
 
@@ -163,7 +163,7 @@ def changed_inside(tracker: Any, name: str, change: Callable[[Any], Any]) -> Any
     return changed
 
 
-def check_factors(dynamics: Any, likelihood: Any, holder: str) -> None:
+def check_factors(dynamics: DynamicsLike, likelihood: LikelihoodLike, holder: str) -> None:
     """Refuse a model that does not factor over partitions, for particles that hold one each.
 
     Args:
@@ -179,7 +179,7 @@ def check_factors(dynamics: Any, likelihood: Any, holder: str) -> None:
         )
 
 
-def check_uncoupled(dynamics: Any, what: str | Argument) -> None:
+def check_uncoupled(dynamics: DynamicsLike, what: str | Argument) -> None:
     """Refuse coupled dynamics if ``what`` splits particles or does not keep whole states.
 
     Raises:
@@ -189,7 +189,7 @@ def check_uncoupled(dynamics: Any, what: str | Argument) -> None:
         raise InputError(*coupled_with(dynamics, what))
 
 
-def coupled_with(dynamics: Any, what: str | Argument) -> tuple[str | Argument, ...]:
+def coupled_with(dynamics: DynamicsLike, what: str | Argument) -> tuple[str | Argument, ...]:
     """The pieces of the message of ``check_uncoupled``."""
     return (
         f"{type(dynamics).__name__} moves a partition by all the others, which does not work with ",
@@ -198,7 +198,7 @@ def coupled_with(dynamics: Any, what: str | Argument) -> tuple[str | Argument, .
     )
 
 
-def has_log_density(dynamics: Any) -> bool:
+def has_log_density(dynamics: DynamicsLike) -> bool:
     """Whether the dynamics define their transition density."""
     dynamics = first_motion(dynamics)
     return hasattr(dynamics, "log_density") or hasattr(dynamics, "log_density_all")
@@ -210,7 +210,7 @@ def log_density_all(dynamics, partition, new, current, previous, parent) -> jax.
     return method(partition, new, current, previous, parent)
 
 
-def has_prediction(dynamics: Any) -> bool:
+def has_prediction(dynamics: DynamicsLike) -> bool:
     """Whether the dynamics define a noise-free prediction."""
     dynamics = first_motion(dynamics)
     return hasattr(dynamics, "predict") or hasattr(dynamics, "predict_all")
@@ -222,7 +222,7 @@ def predict_all(dynamics, partition, current, previous) -> jax.Array:
     return method(partition, current, previous)
 
 
-def proposal_of(proposal: Any, dynamics: Any, likelihood: Any) -> Any:
+def proposal_of(proposal: ProposalLike, dynamics: DynamicsLike, likelihood: LikelihoodLike) -> Any:
     """Give the proposal its model if it defines ``of_model``."""
     return proposal.of_model(dynamics, likelihood) if hasattr(proposal, "of_model") else proposal
 
@@ -242,7 +242,7 @@ def proposal_log_density_all(
     return method(observation, partition, new, current, previous, parent)
 
 
-def as_seen(likelihood: Any, observation: Any) -> tuple[Any, Any, Any]:
+def as_seen(likelihood: LikelihoodLike, observation: Any) -> tuple[Any, Any, Any]:
     """Unwrap a likelihood for missing frames: inner likelihood, inner observation, seen mask.
 
     The mask is bool, ``[]`` or ``[P]``; None means that everything was seen.  Wrappers for missing
@@ -259,7 +259,7 @@ def log_prob_all(likelihood, observation, partition, substates) -> jax.Array:
     return method(observation, partition, substates)
 
 
-def has_log_first_stage(likelihood: Any) -> bool:
+def has_log_first_stage(likelihood: LikelihoodLike) -> bool:
     """Whether a likelihood offers first-stage weights, see ``log_first_stage_all``."""
     return hasattr(likelihood, "log_first_stage")
 
@@ -282,7 +282,7 @@ def log_first_stage_all(likelihood, observation, substates) -> jax.Array | None:
     return values if seen is None else jnp.where(jnp.all(seen), values, 0)
 
 
-def has_log_joint(likelihood: Any) -> bool:
+def has_log_joint(likelihood: LikelihoodLike) -> bool:
     """Whether the likelihood does not factor over partitions."""
     return hasattr(likelihood, "log_joint") or hasattr(likelihood, "log_joint_labelled")
 
@@ -317,7 +317,7 @@ def propagate_label_all(dynamics, key, label, substates) -> jax.Array:
     return moved.astype(label.dtype)
 
 
-def has_log_label(dynamics: Any) -> bool:
+def has_log_label(dynamics: DynamicsLike) -> bool:
     """Whether the dynamics define the transition probabilities of labels.
 
     The method ``log_label(new [], label [], substates [P, D]) -> []`` returns the log-probability
@@ -333,7 +333,7 @@ def log_label(dynamics, new, label, substates) -> jax.Array:
     return dynamics.log_label(new, label, substates)
 
 
-def has_log_odds(likelihood: Any) -> bool:
+def has_log_odds(likelihood: LikelihoodLike) -> bool:
     """Whether a likelihood defines the log odds that an object is at its estimate.
 
     Filters that report a confidence evaluate ``log_odds(observation, partition [], substate [D])
@@ -350,7 +350,7 @@ def log_odds_all(likelihood, observation, partition, substates) -> jax.Array:
     return jax.vmap(likelihood.log_odds, in_axes=(None, 0, 1))(observation, partition, substates)
 
 
-def has_border(likelihood: Any) -> bool:
+def has_border(likelihood: LikelihoodLike) -> bool:
     """Whether a likelihood knows which objects may be leaving the frame.
 
     Filters that report a confidence then ask for stronger evidence that an object is back, by
@@ -359,7 +359,7 @@ def has_border(likelihood: Any) -> bool:
     return hasattr(likelihood, "reaches_border")
 
 
-def has_places(likelihood: Any) -> bool:
+def has_places(likelihood: LikelihoodLike) -> bool:
     """Whether a likelihood knows which objects are in one place.
 
     Filters that report a confidence then doubt the less likely one, by ``same_place(partition
@@ -385,7 +385,7 @@ def model_error(tracker: TrackerLike, num_partitions: int) -> np.ndarray:
     return np.broadcast_to(declared, (num_partitions, 3))
 
 
-def has_state_gradient(likelihood: Any) -> bool:
+def has_state_gradient(likelihood: LikelihoodLike) -> bool:
     """Whether ``log_prob`` is more than piecewise constant in the substate."""
     return getattr(likelihood, "state_gradient", True)
 

@@ -6,6 +6,8 @@ from typing import Any
 import jax
 from jax import lax
 
+from jaxpf.contract.types import LikelihoodLike
+
 
 def observe_nearby(observer: Any, frame: Any, near: Any) -> Any:
     """The observation of some parts of a frame, by a tracker or likelihood; None if it has none.
@@ -17,7 +19,7 @@ def observe_nearby(observer: Any, frame: Any, near: Any) -> Any:
     return observer.observe_nearby(frame, near) if hasattr(observer, "observe_nearby") else None
 
 
-def expecting(likelihood: Any, estimates: jax.Array) -> Any:
+def expecting(likelihood: LikelihoodLike, estimates: jax.Array) -> Any:
     """Pass the filter's last estimates ``[P, D]`` to the likelihood if it defines ``expecting``.
 
     Filters that keep an estimate call ``expecting(estimates [P, D]) -> likelihood`` once per frame;
@@ -26,7 +28,7 @@ def expecting(likelihood: Any, estimates: jax.Array) -> Any:
     return likelihood.expecting(estimates) if hasattr(likelihood, "expecting") else likelihood
 
 
-def looks_near(likelihood: Any) -> bool:
+def looks_near(likelihood: LikelihoodLike | None) -> bool:
     """Whether what a likelihood sees depends on the filter's last estimates."""
     return hasattr(likelihood, "look_near")
 

@@ -29,6 +29,7 @@ from jax.typing import DTypeLike
 
 from jaxpf import contract
 from jaxpf.contract.state import Summary
+from jaxpf.contract.types import LikelihoodLike
 
 #: Weight of the previous frames' smoothed log odds.
 _MEMORY = 0.5
@@ -42,7 +43,9 @@ _RETURN = 4.0
 _TOGETHER, _RECENT = 4.0, 0.03
 
 
-def at_start(likelihood: Any, num_partitions: int, dtype: DTypeLike) -> dict[str, jax.Array]:
+def at_start(
+    likelihood: LikelihoodLike, num_partitions: int, dtype: DTypeLike
+) -> dict[str, jax.Array]:
     """Fields ``log_odds``, ``left`` and ``together`` ``[P]`` of a state before the first frame.
 
     Only those that the likelihood defines.

@@ -44,7 +44,7 @@ def as_floats(values: jax.Array) -> jax.Array:
     return values.astype(jnp.result_type(float))
 
 
-def _check(initial: Any, may_be_empty: bool) -> None:
+def _check(initial: object, may_be_empty: bool) -> None:
     try:
         values = np.asarray(initial)
     except ValueError:  # rows of different lengths

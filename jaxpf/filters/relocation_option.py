@@ -1,9 +1,12 @@
 """The option ``relocate``, shared by several filters."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jaxpf.contract.errors import Argument, InputError, choice
 from jaxpf.contract.options import option, plain
+
+if TYPE_CHECKING:
+    from jaxpf.contract.types import LikelihoodLike
 
 
 def relocate_option() -> Any:
@@ -19,7 +22,7 @@ def relocate_option() -> Any:
     )
 
 
-def relocation_of(likelihood: Any, epsilon: float) -> Any:
+def relocation_of(likelihood: "LikelihoodLike", epsilon: float) -> Any:
     """Build the relocation for a likelihood's frames; None if ``epsilon`` is 0."""
     if epsilon == 0:
         return None

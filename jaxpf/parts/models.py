@@ -16,6 +16,7 @@ from jaxpf.contract.model import Model, check_tree
 from jaxpf.contract.names import PART_DYNAMICS
 from jaxpf.contract.numbers import FINITE, check_array, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass
+from jaxpf.contract.types import LikelihoodLike
 from jaxpf.dynamics.gaussian import RandomWalk
 from jaxpf.dynamics.joints import (
     RelativeToParent,
@@ -129,7 +130,11 @@ class OfFixedSize(WrappedLikelihood):
 
 
 def with_log_odds(
-    likelihood: Any, frame: Any, poses: ArrayLike, sizes: ArrayLike, parents: Sequence[int]
+    likelihood: LikelihoodLike,
+    frame: Any,
+    poses: ArrayLike,
+    sizes: ArrayLike,
+    parents: Sequence[int],
 ) -> OfFixedSize:
     """The likelihood of parts with log odds; without them if the frame shows parts alone.
 
@@ -164,7 +169,7 @@ def with_log_odds(
 
 
 def parts_model(
-    likelihood: Any,
+    likelihood: LikelihoodLike,
     poses: ArrayLike,
     sizes: ArrayLike,
     parents: Sequence[int],

@@ -32,7 +32,7 @@ from jaxpf.targets.later import check_inside
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
-    from jaxpf.contract.types import TrackerLike
+    from jaxpf.contract.types import LikelihoodLike, TrackerLike
     from jaxpf.media.frame_source import FrameSource
     from scenes import Scene
 
@@ -141,7 +141,7 @@ class _PartTarget(Target):
         bilinear = {"interpolation": "bilinear", "form": "ratio", "background_frames": frames}
         return self._histogram(options, start, looks, **bilinear)
 
-    def model(self, options: Options, start: Start, likelihood: Any) -> Model:
+    def model(self, options: Options, start: Start, likelihood: "LikelihoodLike") -> Model:
         """The likelihood is of (u, v, scale, theta), or wrapped for parts."""
         from jaxpf.parts.models import parts_model
 

@@ -10,7 +10,7 @@ from jaxpf.points.target import POINTS
 from jaxpf.targets import building
 
 if TYPE_CHECKING:
-    from jaxpf.contract.types import TrackerLike
+    from jaxpf.contract.types import LikelihoodLike, TrackerLike
 
 
 def tracker(
@@ -20,7 +20,7 @@ def tracker(
     like: str | None = None,
     method: str | None = None,
     num_particles: int | None = None,
-    likelihood: Any = None,
+    likelihood: "LikelihoodLike | None" = None,
     ordering: Any = None,
     **options: Any,
 ) -> Any:

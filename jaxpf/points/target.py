@@ -22,7 +22,7 @@ from jaxpf.targets.later import check_inside, starts_by_frame
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
-    from jaxpf.contract.types import TrackerLike
+    from jaxpf.contract.types import LikelihoodLike, TrackerLike
     from jaxpf.media.frame_source import FrameSource
     from scenes import Scene
 
@@ -168,7 +168,7 @@ class _PointTarget(Target):
             return windows_from_pictures(looks.patches, **settings)
         return windows(looks.start_frame, start.shapes, window=side, **settings)
 
-    def model(self, options: Options, start: Start, likelihood: Any) -> Model:
+    def model(self, options: Options, start: Start, likelihood: "LikelihoodLike") -> Model:
         """Substates are (u, v)."""
         from jaxpf.dynamics.gaussian import AR2
 

@@ -15,6 +15,7 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
+from jaxpf.contract.types import DynamicsLike, Initial
 from jaxpf.filters.initial import as_floats
 from jaxpf.lowering.programs import compiled
 
@@ -44,7 +45,7 @@ class _Moves(NamedTuple):
 
 
 def singular_partitions(
-    dynamics: Any, initial: Any, parents: tuple[int, ...], dimension: int | None = None
+    dynamics: DynamicsLike, initial: Initial, parents: tuple[int, ...], dimension: int | None = None
 ) -> list[int]:
     """Partitions whose density is positive for moves that the dynamics cannot make.
 
@@ -68,7 +69,7 @@ def singular_partitions(
         "xla_llvm_disable_expensive_passes": True,
     },
 )
-def _trial(dynamics: Any, initial: Any, parents: tuple[int, ...]) -> _Moves:
+def _trial(dynamics: DynamicsLike, initial: Initial, parents: tuple[int, ...]) -> _Moves:
     start_key, frames_key, end_key = jax.random.split(jax.random.key(0), 3)
     shape = jax.eval_shape(initial, start_key).shape if callable(initial) else jnp.shape(initial)
     count, parent_of = _PARTICLES + 2 * shape[1], np.asarray(parents)

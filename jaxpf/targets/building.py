@@ -19,6 +19,7 @@ from jaxpf.filters.filter import Filter
 from jaxpf.targets.target import Looks, Start, Target
 
 if TYPE_CHECKING:
+    from jaxpf.contract.types import LikelihoodLike
     from scenes import Scene
 
 #: Number of particles assumed when a histogram method is chosen, if the filter sets its own.
@@ -135,7 +136,7 @@ def make(
     start: Start,
     given: Mapping[str, Any],
     *,
-    likelihood: Any = None,
+    likelihood: "LikelihoodLike | None" = None,
     ordering: Any = None,
     patches: Any = None,
 ) -> Any:

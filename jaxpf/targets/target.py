@@ -18,7 +18,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
 
 if TYPE_CHECKING:
-    from jaxpf.contract.types import TrackerLike
+    from jaxpf.contract.types import LikelihoodLike, TrackerLike
     from jaxpf.media.frame_source import FrameSource
     from scenes import Scene
 
@@ -157,7 +157,7 @@ class Target(abc.ABC):
         """
 
     @abc.abstractmethod
-    def model(self, options: Any, start: Start, likelihood: Any) -> Model:
+    def model(self, options: Any, start: Start, likelihood: "LikelihoodLike") -> Model:
         """The model: dynamics and initial state, with the given (or a user's own) likelihood."""
 
     def training_likelihood(self, options: Any, start: Start, looks: Looks, frames: Any) -> Any:

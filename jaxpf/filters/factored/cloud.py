@@ -22,6 +22,7 @@ from jaxpf.contract.state import (
     moments,
     sanitised,
 )
+from jaxpf.contract.types import Initial
 from jaxpf.filters import confidence
 from jaxpf.filters.initial import as_floats
 from jaxpf.resampling import weighted as resampling
@@ -68,7 +69,7 @@ class FactoredState:
         return jnp.moveaxis(self.lagged[..., 1, :, :, :], (-1, -2, -3), (-3, -2, -1))
 
 
-def count_partitions(initial: Any) -> int:
+def count_partitions(initial: Initial) -> int:
     """Number of partitions, P, of an initial state."""
     if not callable(initial):
         return initial.shape[0]

@@ -17,6 +17,7 @@ from jax import lax
 from jaxpf import contract
 from jaxpf.contract.errors import check_has, check_separate
 from jaxpf.contract.state import ParticleState
+from jaxpf.contract.types import ProposalLike
 from jaxpf.filters import relocation
 from jaxpf.filters.noiseless import noiseless, without_noise
 from jaxpf.filters.partitioned import labels
@@ -97,7 +98,7 @@ class Relocating(Motion):
 class Proposed(Motion):
     """Draws from a ``jaxpf.contract.Proposal``, or from the dynamics for missing partitions."""
 
-    def __init__(self, proposal: Any):
+    def __init__(self, proposal: ProposalLike):
         self.proposal = proposal
 
     def check(self, tracker: "Partitioned") -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 import jaxpf
 import scenes
+from jaxpf.contract.types import DynamicsLike
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
 from jaxpf.lowering.programs import compiled
@@ -195,7 +196,7 @@ def grid(scene: Any, motion: str, num_particles: int) -> Grid:
     return Grid(jax.tree_util.Partial(_built, tracker), stacked(orderings), stacked(dynamics))
 
 
-def _built(tracker: Partitioned, ordering: Ordering, dynamics: Any) -> Partitioned:
+def _built(tracker: Partitioned, ordering: Ordering, dynamics: DynamicsLike) -> Partitioned:
     initial = dataclasses.replace(tracker.initial, dynamics=dynamics)
     return dataclasses.replace(tracker, ordering=ordering, dynamics=dynamics, initial=initial)
 

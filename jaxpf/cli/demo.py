@@ -20,6 +20,7 @@ from jaxpf.running.memory import check_memory, needed_by
 
 if TYPE_CHECKING:
     from jaxpf.contract.types import TrackerLike
+    from scenes import Scene
 
 #: Method shown in the video.
 _SHOWN = "DPS"
@@ -107,7 +108,7 @@ def _cells(boxes: np.ndarray, truth: Any, measures: dict[str, Any], summary: Any
     ]
 
 
-def _overlay(scene: Any, tracker: "TrackerLike", seeds: list[int], path: Path) -> None:
+def _overlay(scene: "Scene", tracker: "TrackerLike", seeds: list[int], path: Path) -> None:
     """Repeat the first run and draw its particles, enlarged, with the method's name in a corner."""
     import cv2
     import jax

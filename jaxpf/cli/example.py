@@ -3,7 +3,8 @@
 import shlex
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 import numpy as np
@@ -19,14 +20,17 @@ from jaxpf.media.video_writer import VideoWriter
 from jaxpf.parts.files import HEADER
 from jaxpf.targets import all_targets
 
+if TYPE_CHECKING:
+    from scenes import Scene
+
 _SEED = 1
 
 
 class _Example(NamedTuple):
     """Contents of an example: the clip, its files, and how to track it."""
 
-    scene: Callable[[Any], Any]
-    write: Callable[[Path, Any], None]
+    scene: "Callable[[ModuleType], Scene]"
+    write: "Callable[[Path, Scene], None]"
     track: str
 
 
@@ -60,18 +64,18 @@ def command(kind: str, folder: Path, overwrite: bool) -> None:
     say(f"  jaxpf {example.track.format(place)} -o {place}/tracks")
 
 
-def _write_boxes(folder: Path, scene: Any) -> None:
+def _write_boxes(folder: Path, scene: "Scene") -> None:
     _table(folder / "start.csv", "frame,id,x,y,w,h", _box_rows(scene.boxes[:1]))
     _table(folder / "truth.csv", "frame,id,x,y,w,h", _box_rows(scene.boxes))
 
 
-def _write_detections_of(folder: Path, scene: Any) -> None:
+def _write_detections_of(folder: Path, scene: "Scene") -> None:
     detections = simulated_detections(scene.boxes, scene.frames.shape[1:3], seed=_SEED)
     write_detections(folder / "det.txt", detections)
     _table(folder / "truth.csv", "frame,id,x,y,w,h", _box_rows(scene.boxes))
 
 
-def _write_parts(folder: Path, scene: Any) -> None:
+def _write_parts(folder: Path, scene: "Scene") -> None:
     names = ["body", *(f"{side} {at}" for at in (1, 2, 3) for side in ("left", "right"))]
     poses, parents = scene.extras["poses"], scene.extras["parents"]
     places = [
@@ -92,7 +96,7 @@ def _write_parts(folder: Path, scene: Any) -> None:
     _table(folder / "truth.csv", "frame,part,x,y,w,h,angle", rows)
 
 
-def _write_points(folder: Path, scene: Any) -> None:
+def _write_points(folder: Path, scene: "Scene") -> None:
     names, points = scene.extras["point_names"], scene.extras["points"]
     start = ([*_rounded(*place), name] for name, place in zip(names, points[0], strict=True))
     _table(folder / "points.csv", None, start)
@@ -104,7 +108,7 @@ def _write_points(folder: Path, scene: Any) -> None:
     _table(folder / "truth.csv", "frame,point,x,y,hidden", rows)
 
 
-def _write_contours(folder: Path, scene: Any) -> None:
+def _write_contours(folder: Path, scene: "Scene") -> None:
     start: Any = all_targets()["contours"].scene_start(scene)
     write_contours(folder / "wires.json", start.contours)
     rows = (

@@ -9,7 +9,7 @@ import contextlib
 import dataclasses
 import os
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jaxpf import filters
 from jaxpf._resembling import renamed
@@ -20,6 +20,9 @@ from jaxpf.contract.options import Option, check_distinct, counting, options_of
 from jaxpf.filters.filter import Filter
 from jaxpf.targets import DEFAULT, all_targets, find_target
 from jaxpf.targets.target import Target
+
+if TYPE_CHECKING:
+    from scenes import Scene
 
 #: Largest number of runs per configuration; planning more batches would take minutes.
 _MOST_RUNS = 10**6
@@ -59,7 +62,7 @@ class Plan:
         InputError: a value is out of range or occurs twice.
     """
 
-    scene: Any
+    scene: "Scene | Callable[[], Scene]"
     methods: Sequence[str] | None = None
     orders: Sequence[Any] = (GIVEN,)
     swaps: Sequence[str] = SWAPS[-1:]
@@ -68,7 +71,7 @@ class Plan:
     runs: int = 50
     seed: int = 0
     tracks: Mapping[str, str | os.PathLike[str]] = dataclasses.field(default_factory=dict)
-    trackers: Mapping[str, Callable[[Any], Any]] = dataclasses.field(default_factory=dict)
+    trackers: "Mapping[str, Callable[[Scene], Any]]" = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("grid", "tracks", "trackers"):
@@ -117,7 +120,7 @@ class Plan:
                     f"none of {', '.join(built_in)}."
                 )
 
-    def _keep(self, name: str, values: Iterable[Any]) -> None:
+    def _keep(self, name: str, values: Iterable[object]) -> None:
         object.__setattr__(self, name, check_distinct(name, values))
 
     def targets(self) -> list[Target]:
@@ -229,7 +232,7 @@ class Limits:
 DEFAULT_LIMITS = Limits()
 
 
-def _allowed(options: Sequence[Option], value: Any) -> Any:
+def _allowed(options: Sequence[Option], value: object) -> Any:
     """Return the value in normal form if any of the options allows it."""
     for option in options[1:]:
         with contextlib.suppress(InputError):
@@ -237,7 +240,7 @@ def _allowed(options: Sequence[Option], value: Any) -> Any:
     return options[0].checked(value)
 
 
-def _order(value: Any) -> Any:
+def _order(value: object) -> Any:
     if value in ORDERS:
         return value
     entries = tuple(value) if isinstance(value, Sequence) and not isinstance(value, str) else ()

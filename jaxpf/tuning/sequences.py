@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
@@ -14,6 +14,9 @@ from jaxpf.targets import building, find_target
 from jaxpf.targets.target import Looks, Start, Target
 from jaxpf.tuning.declared import with_tuned
 from jaxpf.tuning.problem import TrainingSequence
+
+if TYPE_CHECKING:
+    from scenes import Scene
 
 #: Number of frames from which the background is learned.
 _BACKGROUND_FRAMES = 3
@@ -68,7 +71,7 @@ class Recipe:
 
 
 def training_sequence(
-    scene: Any, recipe: Recipe, objective: Any, labels: int | None = None
+    scene: "Scene", recipe: Recipe, objective: Any, labels: int | None = None
 ) -> TrainingSequence:
     """Build a sequence with a tracker that is differentiable in parameters and state.
 

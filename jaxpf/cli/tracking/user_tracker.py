@@ -3,13 +3,16 @@
 import hashlib
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import scenes
 from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.opening import as_input_error
 from jaxpf.evaluation.work.trackers import own_tracker
 from jaxpf.files.reading import read_text
+
+if TYPE_CHECKING:
+    from scenes import Scene
 
 
 class OwnTracker:
@@ -39,7 +42,7 @@ class OwnTracker:
         self.place = f"{self.path}:{self.function}"
         self.sha256 = hashlib.sha256(self.text.encode()).hexdigest()
 
-    def __call__(self, scene: Any) -> Any:
+    def __call__(self, scene: "Scene") -> Any:
         """Call the function with a scene."""
         try:
             function = scenes.function_of_text(self.text, self.path, self.function)

@@ -34,6 +34,7 @@ from jaxpf.tuning.settings import Settings
 
 if TYPE_CHECKING:
     from jaxpf.contract.types import TrackerLike
+    from scenes import Scene
 
 #: Default number of particles: a gradient costs more than a run.
 _PARTICLES = 100
@@ -250,7 +251,7 @@ def _check_parameters(tracker: "TrackerLike", target: Any, wanted: list[Any]) ->
 
 
 def _recipe(
-    values: Mapping[str, Any], options: Options, scene: Any
+    values: Mapping[str, Any], options: Options, scene: "Scene"
 ) -> tuple[Any, Options, dict[str, Any]]:
     """The recipe of the tracker before tuning, the options with their default parameters, and the
     recipe's options in command-line notation.

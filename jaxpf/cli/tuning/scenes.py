@@ -1,15 +1,18 @@
 """Open the scenes to tune on, and name those that stay unseen."""
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jaxpf.cli.shared.scene_options import scene_parameters
 from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.opening import load_scene
 from jaxpf.evaluation.work.scene import check_scene
 
+if TYPE_CHECKING:
+    from scenes import Scene
 
-def scenes_to_tune_on(source: str, options: Any) -> list[Any]:
+
+def scenes_to_tune_on(source: str, options: Any) -> "list[Scene]":
     """Synthetic scenes with consecutive seeds, or the first frames of a folder."""
     first, *others = range(options.scene_seed, options.scene_seed + options.train_scenes)
     parameters = scene_parameters(options.set)
@@ -32,7 +35,7 @@ def scenes_to_tune_on(source: str, options: Any) -> list[Any]:
     ]
 
 
-def _cut(scene: Any, count: int | None) -> Any:
+def _cut(scene: "Scene", count: int | None) -> "Scene":
     """The first frames of a sequence, by default half."""
     total = len(scene.frames)
     count = total // 2 if count is None else count
@@ -50,7 +53,7 @@ def _cut(scene: Any, count: int | None) -> Any:
     )
 
 
-def unseen(scenes: list[Any], options: Any) -> list[str]:
+def unseen(scenes: "list[Scene]", options: Any) -> list[str]:
     """Flags of `jaxpf evaluate` for frames after a folder's, or for the next seed."""
     extras = scenes[0].extras
     if "source" in extras:

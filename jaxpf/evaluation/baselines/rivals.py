@@ -17,7 +17,7 @@ import importlib.util
 import time
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -25,6 +25,9 @@ import numpy as np
 from jaxpf.contract.errors import InputError, import_extra
 from jaxpf.evaluation.baselines.optical_flow import follow_points
 from jaxpf.evaluation.baselines.spot import spot
+
+if TYPE_CHECKING:
+    from scenes import Scene
 
 _SHIFTS = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.5)
 
@@ -35,7 +38,7 @@ class Baseline:
 
     name: str
 
-    def __call__(self, scene: Any) -> np.ndarray:
+    def __call__(self, scene: "Scene") -> np.ndarray:
         """Track the scene; returns boxes ``[T, P, 4]`` or points ``[T, P, 2]``, start included.
 
         Raises:
@@ -43,7 +46,7 @@ class Baseline:
         """
         return _followed(scene, self.name)[0].copy()
 
-    def seconds(self, scene: Any) -> float | None:
+    def seconds(self, scene: "Scene") -> float | None:
         """Seconds that tracking the scene took; None for a box that never moves."""
         return None if self.name == "still" else _followed(scene, self.name)[1]
 
@@ -82,7 +85,7 @@ def available() -> list[str]:
 
 # Cached because an evaluation needs the result several times: for its type, boxes and time.
 @functools.lru_cache(maxsize=8)
-def _followed(scene: Any, baseline: str) -> tuple[np.ndarray, float]:
+def _followed(scene: "Scene", baseline: str) -> tuple[np.ndarray, float]:
     began = time.perf_counter()
     if baseline in POINT_BASELINES:
         if "points" not in scene.extras:

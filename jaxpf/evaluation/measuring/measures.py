@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -275,7 +275,7 @@ def _compiled_measures(
     target: Target, parents: tuple[int, ...], shapes: Array, truth: Array, sizes: Array
 ) -> dict[str, Array]:
     names = np.arange(len(parents))
-    start: Any = Start(names, np.zeros(0), sizes, parents)  # type: ignore[arg-type]
+    start: Start = Start(names, np.zeros(0), sizes, parents)  # type: ignore[arg-type]
     measures = target.measures(start, shapes, truth)
     shape = shapes.shape[:-1]
     offset = jnp.full((*shape, 2), jnp.nan)

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from jaxpf.evaluation.measuring.collection import (
 from jaxpf.evaluation.measuring.conclusion import conclude
 from jaxpf.evaluation.measuring.summary import summarise
 from jaxpf.evaluation.work.results import BUILT_IN, Results
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: Remark for scenes with a single object.
 ONE_OBJECT = (
@@ -41,7 +44,7 @@ class Overview:
     remarks: list[str]
     conclusion: str
     ranking: list[int]
-    tables: dict[str, Any] = dataclasses.field(default_factory=dict)
+    tables: "dict[str, pd.DataFrame]" = dataclasses.field(default_factory=dict)
 
     @property
     def ranked(self) -> list[Summary]:

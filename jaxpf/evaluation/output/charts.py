@@ -2,7 +2,7 @@
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.ticker import LogLocator, NullLocator
@@ -12,13 +12,18 @@ from jaxpf.evaluation.measuring.measures import CURVES, DISTANCE, by_name
 from jaxpf.evaluation.output.layout import heading, triples
 from jaxpf.media.plotting import new_figure
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
 #: Okabe and Ito (2008): the colours visible on white, most distinct first.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 #: Most configurations in the figures, the best ones.
 MOST_LINES = 8
 
 
-def accuracy_curves(methods: Sequence[str], curves: Mapping[tuple[str, str], Any]) -> Any:
+def accuracy_curves(methods: Sequence[str], curves: Mapping[tuple[str, str], Any]) -> "Figure":
     """Draw success and precision curves (wu2013) with their intervals.
 
     Args:
@@ -40,7 +45,7 @@ def accuracy_curves(methods: Sequence[str], curves: Mapping[tuple[str, str], Any
     return figure
 
 
-def error_over_time(first_frame: int, summaries: Sequence[Summary]) -> Any:
+def error_over_time(first_frame: int, summaries: Sequence[Summary]) -> "Figure":
     """Draw quantiles of the centre error of all objects, with a panel per configuration."""
     columns = min(len(summaries), 4)
     rows = -(-len(summaries) // columns)
@@ -62,7 +67,7 @@ def error_over_time(first_frame: int, summaries: Sequence[Summary]) -> Any:
     return figure
 
 
-def against_time(lines: Mapping[str, Sequence[Summary]]) -> Any:
+def against_time(lines: Mapping[str, Sequence[Summary]]) -> "Figure":
     """Draw success AUC and centre error against time per frame.
 
     Args:
@@ -106,7 +111,7 @@ def speed_of(summary: Summary) -> float:
     return float(summary.estimates["frames_per_second"].value[-1])
 
 
-def calibration(summaries: Sequence[Summary]) -> Any:
+def calibration(summaries: Sequence[Summary]) -> "Figure":
     """Draw coverage of central regions of x and y against their probability."""
     figure, (axis,) = _axes(len(summaries))
     for summary in summaries:
@@ -119,7 +124,7 @@ def calibration(summaries: Sequence[Summary]) -> Any:
     return figure
 
 
-def confidence(summaries: Sequence[Summary]) -> Any:
+def confidence(summaries: Sequence[Summary]) -> "Figure":
     """Draw the share of boxes on their object against the confidence."""
     figure, (axis,) = _axes(len(summaries))
     bins = summaries[0].confidence.bins
@@ -133,25 +138,27 @@ def confidence(summaries: Sequence[Summary]) -> Any:
     return figure
 
 
-def _axes(lines: int, columns: int = 1) -> tuple[Any, Any]:
+def _axes(lines: int, columns: int = 1) -> "tuple[Figure, Any]":
     """A figure with axes side by side and room for a legend of so many lines below each."""
     figure, axes = new_figure(1, columns, figsize=(4.6 * columns, 3.9 + 0.17 * lines))
     return figure, axes[0]
 
 
-def _error_bars(axis: Any, x: Any, values: Any, reach: Any, name: str) -> None:
+def _error_bars(
+    axis: "Axes", x: "ArrayLike", values: "ArrayLike", reach: "ArrayLike", name: str
+) -> None:
     """Draw values with bars that reach as far below and above, ``[2, ...]``."""
     axis.errorbar(x, values, reach, label=_wrapped(name), marker="o", markersize=3.5, capsize=2)
 
 
-def _finish_diagonal(axis: Any, xlabel: str, ylabel: str) -> None:
+def _finish_diagonal(axis: "Axes", xlabel: str, ylabel: str) -> None:
     """Finish a chart of shares, in per cent, that should lie on the diagonal."""
     axis.plot([0, 100], [0, 100], ":", color="0.4", zorder=1)
     axis.set(xlabel=xlabel, ylabel=ylabel, xlim=(0, 100), ylim=(-2, 102))
     _legend_below(axis)
 
 
-def _legend_below(axis: Any) -> None:
+def _legend_below(axis: "Axes") -> None:
     """Place the legend below the axes, where it covers no curve."""
     axis.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16))
 

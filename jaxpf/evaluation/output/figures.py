@@ -3,8 +3,9 @@
 import base64
 import os
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from matplotlib import rc_context
 from matplotlib.rcsetup import cycler
@@ -13,6 +14,9 @@ from jaxpf.evaluation.measuring.overview import Overview
 from jaxpf.evaluation.output import charts
 from jaxpf.evaluation.work.results import Results
 from jaxpf.files.writing import atomic_write, remove_leavings, report_os_errors
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
 
 _STYLE: dict[Any, Any] = {
     "text.parse_math": False,  # names may contain dollar signs
@@ -68,14 +72,14 @@ def write_figures(results: Results, overview: Overview) -> list[Figure]:
     return written
 
 
-def in_style() -> Any:
+def in_style() -> AbstractContextManager[None]:
     """Context manager with the style for drawing and saving figures."""
     # Seven colours, then the same colours dashed.
     styles = cycler(linestyle=("-", "--")) * cycler(color=charts.COLOURS)
     return rc_context({**_STYLE, "axes.prop_cycle": styles})
 
 
-def save(figure: Any, png: str | os.PathLike[str]) -> None:
+def save(figure: "Drawing", png: str | os.PathLike[str]) -> None:
     """Write ``png`` and a PDF next to it, both without a creation date."""
     # Lay out once for both files, because the layout is slow.
     figure.draw_without_rendering()
@@ -87,7 +91,7 @@ def save(figure: Any, png: str | os.PathLike[str]) -> None:
         figure.savefig(file, format="pdf", metadata=metadata)
 
 
-def _drawn(results: Results, overview: Overview) -> Iterator[tuple[str, str, str, Any]]:
+def _drawn(results: Results, overview: Overview) -> "Iterator[tuple[str, str, str, Drawing]]":
     """Yield name, title, caption and drawing of each figure of the best configurations."""
     summaries, best = overview.summaries, overview.ranked[: charts.MOST_LINES]
     calibrated = [summary for summary in best if summary.pit_values.any()]

@@ -7,7 +7,7 @@ wide for few sequences, regardless of the number of runs.
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pandas import DataFrame, MultiIndex, concat
@@ -31,6 +31,9 @@ from jaxpf.evaluation.output.tables import write_csv
 from jaxpf.files.tables import Table
 from jaxpf.files.writing import remove_leavings, write_text
 from jaxpf.measures.intervals import DECISIVE
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: Measures in the terminal's tables.
 PRINTED = (
@@ -119,7 +122,9 @@ def about_units(sequences: int) -> str:
     return text + few * (sequences < DECISIVE)
 
 
-def _by_sequence(tables: Tables, name: str, varied: Sequence[str], rows: Sequence[str]) -> Any:
+def _by_sequence(
+    tables: Tables, name: str, varied: Sequence[str], rows: Sequence[str]
+) -> "pd.DataFrame":
     """Values over all objects: a row per method and ``rows``, a column per sequence."""
     table = concat({key: each[name] for key, each in tables.items()}, names=["sequence"])
     table = table[table.object == "all"].reset_index()
@@ -130,12 +135,12 @@ def _by_sequence(tables: Tables, name: str, varied: Sequence[str], rows: Sequenc
     return table.reindex(columns=list(tables))
 
 
-def _units(rows: Any) -> tuple[np.ndarray, np.ndarray]:
+def _units(rows: "pd.DataFrame") -> tuple[np.ndarray, np.ndarray]:
     """Values and weights of the sequences, ``[S, K]`` each, of K rows of ``_by_sequence``."""
     return rows.to_numpy().T, np.ones(rows.shape[::-1])
 
 
-def _draw(folder: Path, curves: Any, methods: Sequence[str]) -> None:
+def _draw(folder: Path, curves: "pd.DataFrame", methods: Sequence[str]) -> None:
     """Draw success and precision curves: means over sequences with intervals."""
     found = {
         (method, curve): estimate(*_units(curves.loc[method, curve].dropna(axis=1)), (0, 1))

@@ -16,7 +16,7 @@ import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -37,6 +37,9 @@ from jaxpf.evaluation.output.layout import (
 from jaxpf.evaluation.work.results import Configuration, Results
 from jaxpf.files.tables import Table
 from jaxpf.files.writing import atomic_write, csv_text, write_text
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _KEYS = ("scene", "method", "ordering")
 
@@ -72,7 +75,7 @@ def write_tables(results: Results) -> Overview:
     return overview
 
 
-def stored_tables(folder: Path) -> dict[str, Any]:
+def stored_tables(folder: Path) -> "dict[str, pd.DataFrame]":
     """``Overview.tables`` as ``write_tables`` wrote them into an evaluation's folder."""
     from pandas import read_csv
 
@@ -80,7 +83,7 @@ def stored_tables(folder: Path) -> dict[str, Any]:
     return {name: read_csv(folder / f"{name}.csv", **stored) for name in ("summary", "curves")}
 
 
-def write_csv(path: Path, table: Any) -> None:
+def write_csv(path: Path, table: "pd.DataFrame") -> None:
     """Write a data frame with seven digits; undefined numbers are empty."""
     with atomic_write(path) as file:
         table.to_csv(file, index=False, float_format="%.7g", lineterminator="\n")
@@ -172,7 +175,7 @@ def _keys(results: Results, configuration: Configuration) -> list[Any]:
     return [results.scene_name, configuration.method, configuration.ordering, *values]
 
 
-def _cell(value: Any) -> Any:
+def _cell(value: object) -> object:
     """Format an option's value for a CSV field."""
     return "" if value is None else plain(value) if isinstance(value, tuple) else value
 

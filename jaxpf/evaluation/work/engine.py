@@ -34,6 +34,7 @@ from jaxpf.targets.target import Target
 
 if TYPE_CHECKING:
     from jaxpf.evaluation.work.worker import Work
+    from scenes import Scene
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,7 +56,7 @@ class Prepared:
     """
 
     plan: Plan
-    scene: Any
+    scene: "Scene"
     target: Target
     results: Results
     done: list[np.ndarray]
@@ -208,7 +209,7 @@ def carry_out(
 
 
 def _imported(
-    plan: Plan, scene: Any, target: Target, configuration: Configuration
+    plan: Plan, scene: "Scene", target: Target, configuration: Configuration
 ) -> tuple[Batch, float | None]:
     """Read or compute another tracker's tracks; also the seconds that computing them took."""
     from jaxpf.evaluation.work.trackers import own_tracker

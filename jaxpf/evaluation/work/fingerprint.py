@@ -3,13 +3,16 @@
 import functools
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jaxpf.evaluation.plan import Plan
 from jaxpf.files.writing import report_os_errors
 from jaxpf.sequences.layouts import layout_of
+
+if TYPE_CHECKING:
+    from scenes import Scene
 
 #: Small text files, compared by content; image and video files are compared by size and mtime.
 _TEXTS = {".csv", ".json", ".txt", ".ini", ".py"}
@@ -34,7 +37,7 @@ def describe_plan(plan: Plan) -> dict[str, Any]:
     }
 
 
-def fingerprint(scene: Any) -> str | None:
+def fingerprint(scene: "Scene | Callable[[], Scene]") -> str | None:
     """Digest of the files behind a scene; None if there are no files or they are unknown.
 
     Equal fingerprints mean the same files.  Different ones do not imply different pictures; the
@@ -83,7 +86,7 @@ def _describe_scene(scene: Any) -> dict[str, Any]:
     return {"name": scene.name, "parameters": _plain(scene.parameters)}
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Any:
     """Convert a value to its form after a round trip through JSON."""
     if isinstance(value, Mapping):
         return {str(name): _plain(entry) for name, entry in value.items()}
@@ -102,7 +105,7 @@ def _describe_file(path: str | os.PathLike[str]) -> dict[str, str]:
     return {"file": os.fspath(path), "sha256": hashlib.sha256(content).hexdigest()}
 
 
-def _describe_function(function: Any) -> dict[str, Any]:
+def _describe_function(function: Callable[..., Any]) -> dict[str, Any]:
     """Describe a user's function, with the digest of its source if it has one."""
     digest = getattr(function, "sha256", None)
     return _describe_scene(function) | ({"sha256": digest} if digest else {})

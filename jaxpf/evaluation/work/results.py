@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from jaxpf.evaluation.work.batches import Batch, batch_files, read_batch
 from jaxpf.files.pieces import SETTINGS, Damaged, Pieces
 from jaxpf.targets import find_target
 from jaxpf.targets.target import Start, Target
+
+if TYPE_CHECKING:
+    from scenes import Scene
 
 #: Name of the stored file with the ground truth.
 TRUTH = "truth"
@@ -27,7 +30,7 @@ _KEYS = {"versions", "asked", "runs", "float64", "scene", "configurations"}
 BUILT_IN, OWN, IMPORTED = "built in", "own", "imported"
 
 
-def _tuples(value: Any) -> Any:
+def _tuples(value: object) -> Any:
     if isinstance(value, dict):
         return {name: _tuples(entry) for name, entry in value.items()}
     return tuple(map(_tuples, value)) if isinstance(value, list) else value
@@ -84,7 +87,7 @@ class Results:
         settings: dict[str, Any],
         truth: np.ndarray,
         start: Start,
-        load_scene: Callable[[], Any] | None = None,
+        load_scene: "Callable[[], Scene] | None" = None,
     ):
         self.folder = folder
         self.settings = settings
@@ -94,7 +97,7 @@ class Results:
 
     @classmethod
     def open(
-        cls, folder: str | os.PathLike[str], load_scene: Callable[[], Any] | None = None
+        cls, folder: str | os.PathLike[str], load_scene: "Callable[[], Scene] | None" = None
     ) -> "Results":
         """Open the folder of an evaluation.
 
@@ -230,7 +233,7 @@ class Results:
             )
         return configurations.index(configuration)
 
-    def scene(self) -> Any:
+    def scene(self) -> "Scene":
         """Open the scene again.
 
         Raises:

@@ -1,14 +1,18 @@
 """Opens an evaluation's scene once per process, checks it, and identifies it by a digest."""
 
 import hashlib
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
 
+if TYPE_CHECKING:
+    from scenes import Scene
 
-def open_scene(scene: Any) -> Any:
+
+def open_scene(scene: "Scene | Callable[[], Scene]") -> "Scene":
     """Return the plan's scene, calling it if it is a function.
 
     Raises:
@@ -20,7 +24,7 @@ def open_scene(scene: Any) -> Any:
     return opened
 
 
-def scene_digest(scene: Any) -> str:
+def scene_digest(scene: "Scene") -> str:
     """Digest of a scene's frames, boxes and patches."""
     digest = hashlib.sha256()
     for array in (scene.frames, scene.boxes, *scene.patches):
@@ -30,12 +34,12 @@ def scene_digest(scene: Any) -> str:
     return digest.hexdigest()
 
 
-def remember_scene(scene: Any, digest: str) -> None:
+def remember_scene(scene: "Scene", digest: str) -> None:
     """Cache an open scene so that ``same_scene`` in this process does not open it again."""
     _last_scene[:] = [(digest, scene)]
 
 
-def same_scene(scene: Any, digest: str) -> Any:
+def same_scene(scene: "Scene | Callable[[], Scene]", digest: str) -> "Scene":
     """This process's open scene with a digest; without one, the plan's scene is opened.
 
     Raises:
@@ -56,10 +60,10 @@ def same_scene(scene: Any, digest: str) -> Any:
 
 
 #: The scene that this process used last, as (digest, scene).
-_last_scene: list[tuple[str, Any]] = []
+_last_scene: "list[tuple[str, Scene]]" = []
 
 
-def check_scene(scene: Any) -> None:
+def check_scene(scene: "Scene") -> None:
     """Check that trackers can start in a scene.
 
     Raises:
@@ -79,11 +83,11 @@ def check_scene(scene: Any) -> None:
         )
 
 
-def object_ids(scene: Any) -> list[int]:
+def object_ids(scene: "Scene") -> list[int]:
     """Ground-truth ids of the objects; counted from 1 if the scene has none."""
     return [int(number) for number in scene.extras.get("ids", range(1, scene.boxes.shape[1] + 1))]
 
 
-def start_frame(scene: Any) -> int:
+def start_frame(scene: "Scene") -> int:
     """First frame of a scene in its source."""
     return int(scene.extras.get("start_frame", 0))

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -18,6 +18,9 @@ from jaxpf.lowering import platform
 from jaxpf.running.chunks import chunk_length
 from jaxpf.running.widths import WIDE, Blocks, blocks_of
 from jaxpf.targets.target import Target
+
+if TYPE_CHECKING:
+    from scenes import Scene
 
 #: Largest number of likelihoods per batch and core, which an interrupted process can lose: about 15
 #: seconds of colour histograms.
@@ -48,7 +51,7 @@ class Costs(NamedTuple):
 
 def batches(
     plan: Plan,
-    scene: Any,
+    scene: "Scene",
     target: Target,
     digest: str,
     configurations: list[Configuration],
@@ -112,7 +115,7 @@ def double_precision() -> bool:
     return jnp.zeros(()).dtype == jnp.float64
 
 
-def costs(configuration: Configuration, scene: Any, target: Target) -> Costs | None:
+def costs(configuration: Configuration, scene: "Scene", target: Target) -> Costs | None:
     """Estimate the cost of a configuration's runs; None for user-defined trackers."""
     if configuration.kind != BUILT_IN:
         return None
@@ -163,7 +166,7 @@ def divide(done: np.ndarray, largest: int) -> Iterator[tuple[int, int, Blocks]]:
             start = end
 
 
-def _bytes(tree: Any) -> int:
+def _bytes(tree: object) -> int:
     """Total bytes of the arrays in a pytree of shapes."""
     arrays = [leaf for leaf in jax.tree.leaves(tree) if hasattr(leaf, "shape")]
     return sum(math.prod(x.shape) * np.dtype(x.dtype).itemsize for x in arrays)

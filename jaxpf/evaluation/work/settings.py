@@ -1,7 +1,8 @@
 """Stored settings of an evaluation: its scene and configurations, checked on resuming."""
 
 import dataclasses
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,8 +17,11 @@ from jaxpf.evaluation.work.trackers import looks_of, own_tracker
 from jaxpf.files.versions import versions
 from jaxpf.targets.target import Start, Target
 
+if TYPE_CHECKING:
+    from scenes import Scene
 
-def new_settings(plan: Plan, scene: Any, of: Target, start: Start) -> dict[str, Any]:
+
+def new_settings(plan: Plan, scene: "Scene", of: Target, start: Start) -> dict[str, Any]:
     """Make the content of ``settings.json``.
 
     Raises:
@@ -56,7 +60,7 @@ def new_settings(plan: Plan, scene: Any, of: Target, start: Start) -> dict[str, 
     }
 
 
-def check_continues(settings: dict[str, Any], scene: Any, folder: Any) -> None:
+def check_continues(settings: dict[str, Any], scene: "Scene", folder: Path) -> None:
     """Check that the scene and the precision match the finished batches.
 
     Raises:

@@ -6,7 +6,7 @@ Speeds are stored apart from the results, because only the results are reproduci
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
@@ -17,6 +17,9 @@ from jaxpf.evaluation.work.schedule import shape_of
 from jaxpf.evaluation.work.trackers import tracker_of
 from jaxpf.files.writing import write_text
 from jaxpf.running.streaming import stream
+
+if TYPE_CHECKING:
+    from scenes import Scene
 
 #: Timing of a run stops after this many frames or about this many seconds.
 _FRAMES, _SECONDS = 60, 3.0
@@ -37,7 +40,7 @@ def keep_speeds(results: Results, seconds: Mapping[int, float]) -> None:
 
 def measure_speeds(
     results: Results,
-    trackers: Mapping[str, Any],
+    trackers: "Mapping[str, Callable[[Scene], Any]]",
     on_begin: Callable[[str], None] = lambda label: None,
 ) -> None:
     """Time a single run of each method, as in ``jaxpf track``, and store the speeds.
@@ -73,7 +76,7 @@ def _write(results: Results, speeds: Sequence[float]) -> None:
     write_text(results.folder / SPEEDS, json.dumps(rounded))
 
 
-def _frames_per_second(tracker: TrackerLike, key: Any, frames: Sequence[np.ndarray]) -> float:
+def _frames_per_second(tracker: TrackerLike, key: jax.Array, frames: Sequence[np.ndarray]) -> float:
     """Frames per second of a single run; NaN if there is no second frame to time."""
     seconds, clock, until = [], time.perf_counter(), np.inf
     for tracked in stream(tracker, key, frames):

@@ -7,6 +7,7 @@ target (for boxes: u, v, scale) unless the tracker has a method
 ``boxes(estimate [..., P, D]) -> [..., P, 4]``.
 """
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,18 +20,21 @@ from jaxpf.targets import building
 from jaxpf.targets.target import Looks, Start, Target
 
 if TYPE_CHECKING:
+    from jax.typing import ArrayLike
+
     from jaxpf.contract.types import TrackerLike
+    from scenes import Scene
 
 #: One frame in this many samples the appearance of a scene.
 _EVERY = 8
 
 
-def looks_of(scene: Any, num_particles: int) -> Looks:
+def looks_of(scene: "Scene", num_particles: int) -> Looks:
     """Appearance of a scene's objects."""
     return building.looks_of_scene(scene, num_particles, scene.frames[::_EVERY])
 
 
-def built_in_tracker(scene: Any, target: Target, configuration: Configuration) -> Any:
+def built_in_tracker(scene: "Scene", target: Target, configuration: Configuration) -> Any:
     """Build the tracker of one configuration: its filter on the scene's target."""
     values = configuration.parameters | configuration.variant
     filter_ = filters.filter_of(values["method"])
@@ -73,7 +77,9 @@ def own_tracker(name: str, function: Any, scene: Any) -> Any:
     )
 
 
-def shapes_of(tracker: "TrackerLike", target: Target, start: Start, estimate: Any) -> np.ndarray:
+def shapes_of(
+    tracker: "TrackerLike", target: Target, start: Start, estimate: "ArrayLike"
+) -> np.ndarray:
     """Convert estimates to shapes ``[..., P, S]``, by the tracker if it can, else by the target."""
     if target.has_boxes and hasattr(tracker, "boxes"):
         return np.asarray(tracker.boxes(estimate))
@@ -81,7 +87,10 @@ def shapes_of(tracker: "TrackerLike", target: Target, start: Start, estimate: An
 
 
 def tracker_of(
-    scene: Any, target: Target, configuration: Configuration, function: Any = None
+    scene: "Scene",
+    target: Target,
+    configuration: Configuration,
+    function: Callable[[Any], Any] | None = None,
 ) -> Any:
     """Make the tracker of a configuration, built in or from a user's function."""
     if configuration.kind == BUILT_IN:

@@ -1,13 +1,15 @@
 """Runs one batch of an evaluation, in this process or another."""
 
 import dataclasses
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import model_error
+from jaxpf.contract.state import Summary
 from jaxpf.evaluation.work.batches import Batch
 from jaxpf.evaluation.work.results import BUILT_IN, Configuration
 from jaxpf.evaluation.work.scene import same_scene
@@ -15,6 +17,9 @@ from jaxpf.evaluation.work.trackers import shapes_of, tracker_of
 from jaxpf.running.blocks import run_blocks
 from jaxpf.running.widths import Blocks
 from jaxpf.targets import find_target
+
+if TYPE_CHECKING:
+    from scenes import Scene
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,10 +49,10 @@ class Work:
     frames_per_chunk: int
     seed: int
     float64: bool
-    scene: Any
+    scene: "Scene | Callable[[], Scene]"
     digest: str
     target: str
-    function: Any = None
+    function: Callable[[Any], Any] | None = None
 
     @property
     def width(self) -> int:
@@ -96,7 +101,7 @@ def run_batch(work: Work, attempt: int = 0) -> Batch:
     )
 
 
-def keep_measures(state: Any, summary: Any) -> dict[str, jax.Array]:
+def keep_measures(state: object, summary: Summary) -> dict[str, jax.Array]:
     """Select the values of a frame to store; values missing from a user's summary are NaN."""
     estimate = summary.estimate
 
@@ -145,7 +150,7 @@ def imported_batch(shapes: np.ndarray, seed: int) -> Batch:
     )
 
 
-def _tracker(scene: Any, work: Work) -> Any:
+def _tracker(scene: "Scene", work: Work) -> Any:
     """Make the tracker; a user's function is called once per scene and its tracker reused."""
     if work.configuration.kind == BUILT_IN:
         return tracker_of(scene, find_target(work.target), work.configuration)

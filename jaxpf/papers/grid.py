@@ -26,7 +26,7 @@ class Grid(contract.Tracker):
         columns: pytree with leading axis ``[columns]``.
     """
 
-    build: Any
+    build: Callable[..., Tracker]
     rows: Any
     columns: Any
 

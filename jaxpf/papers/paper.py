@@ -13,7 +13,7 @@ import importlib
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jaxpf.files.tables import Table
 from jaxpf.papers.judging.claims import Judged, claims_of, judge_all, read_rows
@@ -22,6 +22,9 @@ from jaxpf.papers.judging.estimates import Quantity
 from jaxpf.papers.judging.verdicts import judged_again, stored
 from jaxpf.papers.study import Study
 from jaxpf.papers.tables import tables
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Papers that can be repeated; each is a module here with a ``PAPER``.
 PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")
@@ -45,7 +48,7 @@ class Paper:
 
     name: str
     measure: Callable[[range, bool, Callable[[str], None]], Study]
-    figures: Callable[[Study], Mapping[str, Any]]
+    figures: "Callable[[Study], Mapping[str, Figure]]"
     computed: Callable[[], Mapping[str, Sequence[Quantity]]] = dict
 
     @functools.cached_property

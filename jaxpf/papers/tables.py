@@ -112,7 +112,7 @@ def _cell(measured: Measured, digits: int, published: float | None) -> Cell | st
     return "-" if math.isnan(measured.value) else Cell(published, measured, digits)
 
 
-def table_rows(table: Table) -> Iterable[Sequence[Any]]:
+def table_rows(table: Table) -> Iterable[Sequence[object]]:
     """Long format: one line per cell, with columns for the published and the measured figure."""
     yield "row", "column", "published", "measured", "low", "high", "text"
     for label, cells in table.rows:

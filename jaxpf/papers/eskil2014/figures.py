@@ -1,13 +1,16 @@
 """Figures 3 to 10: errors over time."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jaxpf.media import plotting
 from jaxpf.papers.eskil2014 import methods
 from jaxpf.papers.study import Study
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _SHOWN = {
     "fish": ("nose", "eye", "dorsal front"),
@@ -18,7 +21,7 @@ _NUMBERS = {"fish": (3, 4), "skydivers": (6, 7), "face": (9, 10)}
 _COMPARED = (methods.PROPOSED, methods.PFFL, methods.SPOT, methods.FLOW, "PS", "SPS")
 
 
-def figures(study: Study) -> dict[str, Any]:
+def figures(study: Study) -> "dict[str, Figure]":
     """Figures 3, 6, 9 (errors of single points) and 4, 7, 10 (mean errors) of the paper."""
     drawn = {}
     for scene, arrays in study.shown.items():
@@ -40,7 +43,7 @@ def figures(study: Study) -> dict[str, Any]:
 
 def _curves(
     series: Mapping[str, np.ndarray], visible: np.ndarray, title: str, yscale: str = "linear"
-) -> Any:
+) -> "Figure":
     """Errors over time, on grey that darkens with the share of hidden points."""
     figure, axes = plotting.new_figure(figsize=(8, 3.5))
     axis = axes[0, 0]

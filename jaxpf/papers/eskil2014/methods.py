@@ -2,12 +2,15 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import jaxpf.points
 from jaxpf.dynamics.gaussian import AR2
+
+if TYPE_CHECKING:
+    from jaxpf.filters.factored.eskil import Eskil
 
 #: M of PFFL; sigma_o.
 PFFL_PARTICLES = 50
@@ -57,7 +60,7 @@ def tracker(
     frame: np.ndarray,
     points: np.ndarray,
     scale: float,
-) -> Any:
+) -> "Eskil":
     """Build the tracker of a method.
 
     Args:

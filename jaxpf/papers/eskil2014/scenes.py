@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import scenes
+from jaxpf.contract.state import Summary
 from jaxpf.evaluation.baselines.optical_flow import follow_points
 from jaxpf.evaluation.baselines.spot import spot
 from jaxpf.measures.points import point_distances
@@ -89,5 +90,5 @@ def _on_scene(
     }
 
 
-def _estimate(state: Any, summary: Any) -> Any:
+def _estimate(state: object, summary: Summary) -> jax.Array:
     return summary.estimate

@@ -1,7 +1,7 @@
 """Figures 8 to 11: curves over time."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,8 +9,11 @@ from jaxpf.media import plotting
 from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, Curves
 from jaxpf.papers.study import Study
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-def figures(study: Study) -> dict[str, Any]:
+
+def figures(study: Study) -> "dict[str, Figure]":
     """Curves over time, as in the paper: one column per panel, one row per dynamics."""
     outcomes: Curves = study.shown
     smooth = [key for key in outcomes if key[0] == "smooth"]
@@ -35,7 +38,7 @@ _LABELS = {"error": "sum of corner distances (pixels)", "variance": "variance (p
 
 def _curves(
     outcomes: Curves, cells: Sequence[tuple[str, int, int]], measures: Sequence[str]
-) -> Any:
+) -> "Figure":
     columns = len(cells) * len(measures)
     figure, axes = plotting.new_figure(
         len(DYNAMICS), columns, figsize=(1.5 + 3.1 * columns, 5.6), share_x=True

@@ -4,7 +4,7 @@ import dataclasses
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -12,6 +12,7 @@ import numpy as np
 
 import jaxpf
 import scenes
+from jaxpf.contract.state import Summary
 from jaxpf.contract.types import DynamicsLike
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
@@ -24,6 +25,9 @@ from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.study import Study, tidy
 from jaxpf.parts.models import parts_model
 from jaxpf.shapes.rectangles import corners_from_poses
+
+if TYPE_CHECKING:
+    from scenes import Scene
 
 FRAMES = 300
 #: Lambda of the likelihood exp(-lambda d^2).
@@ -153,16 +157,16 @@ def _on_scene(
 # Eighteen kernels are compiled for few particles each: here compile time matters more than the
 # speed of the code.
 @partial(compiled, compiler_options={"xla_backend_optimization_level": 1})
-def _track(tracker: Grid, key: jax.Array, frames: jax.Array) -> Any:
+def _track(tracker: Grid, key: jax.Array, frames: jax.Array) -> tuple[jax.Array, ...]:
     """Estimates and spreads of the poses, ``[1, T, M, K, P, 3]``."""
     return jaxpf.monte_carlo(tracker, key[None], frames, _record, batch_size=1)
 
 
-def _record(state: Any, summary: Any) -> Any:
+def _record(state: object, summary: Summary) -> tuple[jax.Array, ...]:
     return summary.estimate[..., :3], summary.spread[..., :3]
 
 
-def grid(scene: Any, motion: str, num_particles: int) -> Grid:
+def grid(scene: "Scene", motion: str, num_particles: int) -> Grid:
     """All trackers of a scene: a row for each of ``METHODS``, a column for each of ``DYNAMICS``."""
     parents, noise = scene.extras["parents"], NOISE[motion]
     model = parts_model(
@@ -201,7 +205,7 @@ def _built(tracker: Partitioned, ordering: Ordering, dynamics: DynamicsLike) -> 
     return dataclasses.replace(tracker, ordering=ordering, dynamics=dynamics, initial=initial)
 
 
-def learn(scene: Any, samples: int = SAMPLES) -> HistogramLikelihood:
+def learn(scene: "Scene", samples: int = SAMPLES) -> HistogramLikelihood:
     """Learn the likelihood of the scene's parts: one histogram per part, as in the paper."""
     likelihood = histogram_from_patches(
         scene.patches,

@@ -1,7 +1,7 @@
 """The paper's figures, repeated."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,8 +13,12 @@ from jaxpf.papers.maccormick1999.one_line import FEATURES, likelihood
 from jaxpf.papers.maccormick1999.passing import AS_MANY, ENOUGH, PARTITIONED, Passing
 from jaxpf.papers.study import Study
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-def figures(study: Study) -> dict[str, Any]:
+
+def figures(study: Study) -> "dict[str, Figure]":
     """File-name stem -> figure."""
     shown = study.shown
     return {
@@ -27,7 +31,7 @@ def figures(study: Study) -> dict[str, Any]:
     }
 
 
-def line_figure() -> Any:
+def line_figure() -> "Figure":
     """Figure 3 as drawn in the paper: one target above, two below."""
     grid = np.linspace(-80, 80, 161)
     drawing, axes = plotting.new_figure(1, 2, figsize=(11, 4.6))
@@ -46,7 +50,7 @@ def line_figure() -> Any:
     return drawing
 
 
-def toy_figure(steps: Mapping[str, Sequence[toy.Step]]) -> Any:
+def toy_figure(steps: Mapping[str, Sequence[toy.Step]]) -> "Figure":
     """All steps of both figures for one run, with y in black and grey."""
     drawing, axes = plotting.new_figure(2, 4, figsize=(16, 8.4))
     for row, (method, shown) in zip(axes, steps.items(), strict=True):
@@ -70,7 +74,7 @@ def toy_figure(steps: Mapping[str, Sequence[toy.Step]]) -> Any:
     return drawing
 
 
-def ess_figure(leaves: Passing) -> Any:
+def ess_figure(leaves: Passing) -> "Figure":
     """Effective sample size over the frames: mean and 95% interval over sequences."""
     drawing, axes = plotting.new_figure(1, 1, figsize=(8, 4.6))
     (axis,) = axes[0]
@@ -87,13 +91,13 @@ def ess_figure(leaves: Passing) -> Any:
     return drawing
 
 
-def meeting_figure(meeting: Passing) -> Any:
+def meeting_figure(meeting: Passing) -> "Figure":
     """Three frames of the first sequence with the contours of each likelihood."""
     times = [round(time) for time in np.linspace(0, len(meeting.case.frames) - 1, 3)]
     return _frames_figure(meeting, times, "Figure 4 repeated: A and B by colour")
 
 
-def passing_figure(passing: Passing, methods: Sequence[str] = ()) -> Any:
+def passing_figure(passing: Passing, methods: Sequence[str] = ()) -> "Figure":
     """The first sequence before, during and after the occlusion, with the estimated contours.
 
     Shows all methods, or the named ones that were measured.
@@ -106,7 +110,7 @@ def passing_figure(passing: Passing, methods: Sequence[str] = ()) -> Any:
     return _frames_figure(passing, times, f"{case.name}: A and B by colour")
 
 
-def _frames_figure(passing: Passing, times: Sequence[int], title: str) -> Any:
+def _frames_figure(passing: Passing, times: Sequence[int], title: str) -> "Figure":
     case, size = passing.case, (12, 3.2 * len(passing.outlines))
     drawing, axes = plotting.new_figure(len(passing.outlines), len(times), figsize=size)
     for row, (name, outlines) in zip(axes, passing.outlines.items(), strict=True):
@@ -117,7 +121,7 @@ def _frames_figure(passing: Passing, times: Sequence[int], title: str) -> Any:
     return drawing
 
 
-def draw_contours(axis: Any, frame: np.ndarray, outlines: np.ndarray, closed: bool) -> None:
+def draw_contours(axis: "Axes", frame: np.ndarray, outlines: np.ndarray, closed: bool) -> None:
     """Draw contours ``[R, 2, M, 2]`` of several runs on a frame."""
     axis.imshow(frame, extent=(0, frame.shape[1], frame.shape[0], 0))
     for pair in outlines:

@@ -1,10 +1,9 @@
 """Figure 3: the one-target and two-target likelihoods on one measurement line."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from jaxpf.likelihoods.contours import (
     Features,
@@ -20,7 +19,7 @@ FEATURES = (-50.0, -15.0, 20.0, 55.0)
 _LENGTH, _SIGMA, _CLUTTER = 161, 7.0, 2.0
 
 
-def likelihood(boundaries: Any) -> np.ndarray:
+def likelihood(boundaries: ArrayLike) -> np.ndarray:
     """``p~_c / p_0`` ``[...]`` of the line for boundaries ``[c, ...]``, pixels from its middle."""
     return np.asarray(_likelihood(jnp.asarray(boundaries, jnp.float32)))
 

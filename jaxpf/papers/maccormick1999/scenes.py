@@ -6,7 +6,7 @@ themselves, as the paper learns from "typical images".
 
 import functools
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,11 @@ from jaxpf.evaluation.opening import load_scene
 from jaxpf.likelihoods.contours import EdgeDetector, learn_clutter
 from jaxpf.shapes.spaces import key_frame_space, space_of
 from jaxpf.shapes.splines import fit_spline, resample_polyline
+
+if TYPE_CHECKING:
+    from jax.typing import ArrayLike
+
+    from jaxpf.shapes.spaces import ShapeSpace
 
 #: Number of frames over which figure 11 averages.
 FIRST_FRAMES = 10
@@ -57,7 +62,7 @@ class Case(NamedTuple):
     frames: np.ndarray
     truth: np.ndarray
     start: np.ndarray
-    space: Any
+    space: "ShapeSpace"
     dynamics: Any
     options: dict[str, Any]
     on_target: float
@@ -127,7 +132,7 @@ def as_printed(case: Case) -> Case:
     return case._replace(options=options, noise=NOISE_AS_PRINTED if case.noise else {})
 
 
-def distances(case: Case, outlines: Any) -> np.ndarray:
+def distances(case: Case, outlines: "ArrayLike") -> np.ndarray:
     """Distance ``[..., T, i, j]`` between estimate i and the outline of target j, pixels.
 
     The larger of two mean distances: from the estimate's points to the outline, and from the

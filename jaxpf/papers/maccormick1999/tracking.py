@@ -1,7 +1,7 @@
 """Track a case many times, and judge where the contours end."""
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +9,7 @@ import numpy as np
 
 import jaxpf
 from jaxpf import ordering as orderings
+from jaxpf.contract.state import Summary
 from jaxpf.dynamics.occlusion import WithOcclusion
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods.contours import contours
@@ -121,7 +122,7 @@ def judged(case: Case, outlines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
     return on & (first < second), on & (first == second), on & (first > second)
 
 
-def _keep(state: Any, summary: Any) -> Any:
+def _keep(state: object, summary: Summary) -> tuple[jax.Array, ...]:
     labels = summary.label_probabilities
     in_front = jnp.nan * summary.ess if labels is None else labels[0]
     return summary.estimate, summary.ess, summary.spread, in_front

@@ -1,14 +1,17 @@
 """Figures 2 to 4: samples per target, lost samples and the error of the size."""
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jaxpf.media import plotting
 from jaxpf.papers.study import Study
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-def figures(study: Study) -> dict[str, Any]:
+
+def figures(study: Study) -> "dict[str, Figure]":
     """File-name stem -> figure."""
     shown = study.shown
     return {
@@ -18,7 +21,7 @@ def figures(study: Study) -> dict[str, Any]:
     }
 
 
-def figure_2(shares: dict[str, np.ndarray]) -> Any:
+def figure_2(shares: dict[str, np.ndarray]) -> "Figure":
     """Share of samples on target 1 per frame: the first run of every scene."""
     figure, axes = plotting.new_figure(1, 2, figsize=(10, 3.6))
     titles = ("without eq. 4", "with eq. 4")
@@ -29,7 +32,7 @@ def figure_2(shares: dict[str, np.ndarray]) -> Any:
     return figure
 
 
-def figure_3(astray: dict[str, np.ndarray]) -> Any:
+def figure_3(astray: dict[str, np.ndarray]) -> "Figure":
     """Share of lost samples per frame, mean over runs."""
     figure, axes = plotting.new_figure(figsize=(7, 3.6))
     axis = axes[0, 0]
@@ -41,7 +44,7 @@ def figure_3(astray: dict[str, np.ndarray]) -> Any:
     return figure
 
 
-def figure_4(ratio: np.ndarray) -> Any:
+def figure_4(ratio: np.ndarray) -> "Figure":
     """Error of the area in six runs, both targets."""
     figure, axes = plotting.new_figure(figsize=(7, 3.6))
     axis = axes[0, 0]

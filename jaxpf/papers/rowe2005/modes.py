@@ -4,8 +4,6 @@ Of N particles on two modes that explain every frame equally well, one mode dies
 the end, as by genetic drift.  A run then looks stable, while runs differ by the mode that is left.
 """
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -52,7 +50,7 @@ def _expectations(keys: jax.Array) -> jax.Array:
     return summaries.estimate[..., 0, 0]
 
 
-def _either(key: jax.Array, parameters: Any) -> jax.Array:
+def _either(key: jax.Array, parameters: object) -> jax.Array:
     """A state near one mode or the other, with equal chances."""
     side, near = jax.random.split(key)
     return jnp.where(jax.random.bernoulli(side), 1.0, -1.0) + _WIDTH * jax.random.normal(near)

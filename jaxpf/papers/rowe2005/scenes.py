@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +11,7 @@ import numpy as np
 import jaxpf
 import scenes
 from jaxpf.boxes.rowe2005 import Rowe2005Settings
+from jaxpf.contract.state import Summary
 from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.lowering.programs import compiled
 from jaxpf.papers.checkpoints import of_scenes
@@ -18,6 +19,10 @@ from jaxpf.papers.rowe2005 import modes
 from jaxpf.papers.rowe2005.measures import measures
 from jaxpf.papers.study import Study, tidy
 from jaxpf.shapes.rectangles import area, intersection_area
+
+if TYPE_CHECKING:
+    from jaxpf.filters.labelled.state import LabelledState
+    from scenes import Scene
 
 #: N of the synthetic test.
 PARTICLES = 100
@@ -66,7 +71,7 @@ def settings_of(variant: str) -> Rowe2005Settings:
     return TUNED.get(variant, SETTINGS)
 
 
-def tracker_of(scene: Any, variant: str) -> jaxpf.Labelled:
+def tracker_of(scene: "Scene", variant: str) -> jaxpf.Labelled:
     """The tracker of a variant on a scene whose targets have patches."""
     return jaxpf.boxes.tracker(
         scene.frames[0],
@@ -150,14 +155,14 @@ def _in_strip(boxes: np.ndarray, strips: np.ndarray) -> np.ndarray:
     return np.any((left < strips[:, 1]) & (right > strips[:, 0]), axis=-1)
 
 
-def _record(state: Any, summary: Any) -> Any:
+def _record(state: "LabelledState", summary: Summary) -> tuple[jax.Array, ...]:
     """Reported values, and every particle's box and label."""
     reported = summary.estimate, summary.distinct_share, summary.spread[..., :2]
     return *reported, state.lagged[0, :4], state.labels
 
 
 @compiled
-def _measures(recorded: Any, truth: jax.Array) -> dict[str, jax.Array]:
+def _measures(recorded: tuple[jax.Array, ...], truth: jax.Array) -> dict[str, jax.Array]:
     estimate, share, spread, particles, labels = recorded
     centres = truth[..., :2] + truth[..., 2:] / 2
     error = jnp.linalg.norm(estimate[..., :2] - centres, axis=-1) / jnp.sqrt(area(truth))

@@ -24,7 +24,7 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.pytree import pytree_dataclass, static_field
-from jaxpf.contract.state import Summary
+from jaxpf.contract.state import ParticleState, Summary
 from jaxpf.papers.smith2004.scenes import Outcome, all_orderings, measure
 from jaxpf.resampling.weighted import ancestors
 
@@ -49,7 +49,7 @@ class OtherEnding(contract.Tracker):
     draws_again: bool = static_field(default=False)
     reads_late: bool = static_field(default=False)
 
-    def init(self, key: jax.Array) -> Any:
+    def init(self, key: jax.Array) -> ParticleState:
         """See ``Tracker``."""
         return self.tracker.init(key)
 
@@ -57,7 +57,9 @@ class OtherEnding(contract.Tracker):
         """See ``Tracker``."""
         return self.tracker.observe(frame)
 
-    def step_observed(self, key: jax.Array, state: Any, observation: Any) -> tuple[Any, Summary]:
+    def step_observed(
+        self, key: jax.Array, state: ParticleState, observation: Any
+    ) -> tuple[ParticleState, Summary]:
         """See ``Tracker``."""
         step_key, draw_key = jax.random.split(key)
         state, summary = self.tracker.step_observed(step_key, state, observation)
@@ -80,7 +82,7 @@ class OtherEnding(contract.Tracker):
             estimate = state.lagged[0].mean(axis=-1).T
         return state, dataclasses.replace(summary, estimate=estimate)
 
-    def _before_the_last(self, state: Any, observation: Any) -> jax.Array:
+    def _before_the_last(self, state: ParticleState, observation: Any) -> jax.Array:
         """Log-likelihoods ``[N]`` of each particle's partitions, except the last of its order."""
         last = self.tracker.ordering.order[state.component, -1]
 

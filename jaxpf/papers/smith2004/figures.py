@@ -1,6 +1,6 @@
 """Figure 4."""
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -8,13 +8,16 @@ from jaxpf.media import plotting
 from jaxpf.papers.smith2004.scenes import NUM_OBJECTS, SHARPNESS, Outcome, order_name, shifted
 from jaxpf.papers.study import Study
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-def figures(study: Study) -> dict[str, Any]:
+
+def figures(study: Study) -> "dict[str, Figure]":
     """File-name stem -> figure."""
     return {"figure_4": figure_4(study.shown)}
 
 
-def figure_4(outcome: Outcome) -> Any:
+def figure_4(outcome: Outcome) -> "Figure":
     """Uniqueness and effective dynamics in u and v for all objects, as in the paper."""
     rows = ["Non-PS", order_name(shifted(0)), order_name(shifted(1)), "DPS", "SPS"]
     figure, axes = plotting.new_figure(len(rows), 3, figsize=(10, 10))

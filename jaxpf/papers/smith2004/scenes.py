@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +13,8 @@ import jaxpf
 import scenes
 from jaxpf import ordering
 from jaxpf.boxes import tracker as box_tracker
+from jaxpf.contract.interface import Tracker
+from jaxpf.contract.state import Summary
 from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods.histogram import histogram_from_patches
@@ -22,6 +24,10 @@ from jaxpf.ordering import Ordering
 from jaxpf.papers.checkpoints import of_scenes
 from jaxpf.papers.grid import Grid, stacked
 from jaxpf.shapes.rectangles import boxes_from_substates
+
+if TYPE_CHECKING:
+    from jaxpf.papers.smith2004.conditions import OtherEnding
+    from scenes import Scene
 
 NUM_OBJECTS = 7
 #: Lambda of the likelihood exp(-lambda d^2), the rows of tables 1 and 2.
@@ -106,7 +112,7 @@ def measure(
     num_particles: int | None = None,
     report: Callable[[str], None] = lambda line: None,
     name: str = "distracter",
-    ending: Any = None,
+    ending: "OtherEnding | None" = None,
 ) -> Outcome:
     """Run every ordering and sharpness ``RUNS_PER_SCENE`` times on the scene of each seed.
 
@@ -132,7 +138,7 @@ def _on_scene(
     orderings: Mapping[str, Ordering],
     sharpness: Sequence[float],
     num_particles: int | None,
-    ending: Any,
+    ending: "OtherEnding | None",
     seed: int,
 ) -> dict[str, Any]:
     """All fields of an ``Outcome`` except the names, for one scene."""
@@ -150,7 +156,7 @@ def _on_scene(
 
 
 def scene_tracker(
-    scene: Any, ordering: Ordering | None = None, *, num_particles: int | None = None
+    scene: "Scene", ordering: Ordering | None = None, *, num_particles: int | None = None
 ) -> Partitioned:
     """The paper's tracker of a scene's patches; by default DPS with 300 particles."""
     return box_tracker(
@@ -163,7 +169,7 @@ def scene_tracker(
     )
 
 
-def tracker_of(scene: Any, num_particles: int | None = None) -> Partitioned:
+def tracker_of(scene: "Scene", num_particles: int | None = None) -> Partitioned:
     """The paper's tracker; an integral histogram counts the pixels, whatever their number."""
     likelihood = histogram_from_patches(scene.patches, scene.sizes, method="integral")
     return dataclasses.replace(
@@ -175,26 +181,28 @@ def grid(
     tracker: Partitioned,
     orderings: Mapping[str, Ordering],
     sharpness: Sequence[float],
-    ending: Any = None,
+    ending: "OtherEnding | None" = None,
 ) -> Grid:
     """Variants of a tracker: a row for each ordering, a column for each sharpness."""
     build = jax.tree_util.Partial(_built, tracker, ending)
     return Grid(build, stacked(orderings.values()), np.array(sharpness, np.float32))
 
 
-def _built(tracker: Partitioned, ending: Any, ordering: Ordering, sharpness: Any) -> Any:
+def _built(
+    tracker: Partitioned, ending: "OtherEnding | None", ordering: Ordering, sharpness: jax.Array
+) -> Tracker:
     likelihood = dataclasses.replace(tracker.likelihood, sharpness=sharpness)
     tracker = dataclasses.replace(tracker, likelihood=likelihood, ordering=ordering)
     return tracker if ending is None else dataclasses.replace(ending, tracker=tracker)
 
 
-def _record(state: Any, summary: Any) -> Any:
+def _record(state: object, summary: Summary) -> tuple[jax.Array, ...]:
     return summary.estimate, summary.distinct_share, summary.spread
 
 
 @compiled
 def _measures(
-    recorded: Any, truth: jax.Array, sizes: jax.Array, noise: jax.Array
+    recorded: tuple[jax.Array, ...], truth: jax.Array, sizes: jax.Array, noise: jax.Array
 ) -> tuple[jax.Array, ...]:
     """Compiled as a whole: a cold start would otherwise compile every operation separately."""
     # [R, T, O, L, ...] to [O, L, R, T, ...]

@@ -9,13 +9,16 @@ import json
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import plain
 from jaxpf.files.writing import atomic_write, report_os_errors, write_text
+
+if TYPE_CHECKING:
+    from jax.typing import ArrayLike
 
 SETTINGS = "settings.json"
 #: How the digest of arrays in settings begins, see ``jaxpf.files.states.digest``.
@@ -48,13 +51,13 @@ class Pieces:
         except (OSError, ValueError, RecursionError) as error:
             raise InputError(f"'{path}' cannot be read ({error}); {self.remedy}.") from None
 
-    def begin(self, settings: Mapping[str, Any]) -> None:
+    def begin(self, settings: Mapping[str, object]) -> None:
         """Create the folder and write the settings, which must be JSON-serialisable."""
         with report_os_errors("create the folder", self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
         write_text(self.folder / SETTINGS, json.dumps(settings, indent=1))
 
-    def check_same(self, old: Mapping[str, Any], new: Mapping[str, Any]) -> None:
+    def check_same(self, old: Mapping[str, object], new: Mapping[str, object]) -> None:
         """Refuse a job that differs from the one begun in the folder."""
         for change in differences(old, new):
             raise InputError(
@@ -66,7 +69,7 @@ class Pieces:
         """Return the path of a piece."""
         return self.folder / f"{name}.npz"
 
-    def write(self, name: str, arrays: Mapping[str, Any]) -> Path:
+    def write(self, name: str, arrays: "Mapping[str, ArrayLike]") -> Path:
         """Write a piece, whose name is valid as a file name, and return its path."""
         with atomic_write(self.path(name), "wb") as file:
             np.savez(file, allow_pickle=False, **arrays)
@@ -92,7 +95,7 @@ class Pieces:
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterable[str]:
+def differences(old: Mapping[str, object], new: Mapping[str, object]) -> Iterable[str]:
     """Yield the differences between two settings, as "name = old, now new"."""
     for name in dict.fromkeys([*old, *new]):
         before, after = old.get(name), new.get(name)

@@ -18,7 +18,7 @@ _FORMAT = 2
 _STATE, _FORMAT_NAME = "state", "format"
 
 
-def save(path: str | os.PathLike[str], state: Any) -> None:
+def save(path: str | os.PathLike[str], state: object) -> None:
     """Write a tracker's state to a file, which appears under its name only when complete.
 
     The file is a NumPy ``.npz`` archive of arrays.  It contains neither code nor the tracker
@@ -101,7 +101,7 @@ def load_like(path: str | os.PathLike[str], wanted: Any, kind: str) -> Any:
     return jax.tree.unflatten(jax.tree.structure(wanted), leaves)
 
 
-def digest(tree: Any) -> str:
+def digest(tree: object) -> str:
     """A digest of a pytree's structure and arrays, for the settings of a job."""
     found = hashlib.sha256(str(jax.tree.structure(tree)).encode())
     for leaf in jax.tree.leaves(tree):
@@ -130,7 +130,7 @@ def _content(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     return content
 
 
-def _leaves(state: Any) -> list[tuple[str, Any]]:
+def _leaves(state: object) -> list[tuple[str, Any]]:
     """Arrays of a state, each with its path in the pytree, such as ``.log_weights``."""
     leaves = jax.tree_util.tree_leaves_with_path(state)
     return [(jax.tree_util.keystr(path), leaf) for path, leaf in leaves]

@@ -26,7 +26,7 @@ class Table:
     rows: Rows
     note: str = ""
 
-    def add(self, column: str, cells: Iterable[Any]) -> None:
+    def add(self, column: str, cells: Iterable[object]) -> None:
         """Append a column with one cell per row."""
         self.columns.append(column)
         for (_, others), cell in zip(self.rows, cells, strict=True):

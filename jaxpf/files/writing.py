@@ -100,7 +100,7 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
         file.write(text)
 
 
-def csv_text(rows: Iterable[Iterable[Any]]) -> str:
+def csv_text(rows: Iterable[Iterable[object]]) -> str:
     """Format rows as CSV lines; ``jaxpf.files.reading.read_rows`` reads the same texts.
 
     A text that a spreadsheet would take for a formula gets an apostrophe before it.
@@ -111,7 +111,7 @@ def csv_text(rows: Iterable[Iterable[Any]]) -> str:
     return buffer.getvalue()
 
 
-def _no_formula(cell: Any) -> Any:
+def _no_formula(cell: object) -> object:
     if not isinstance(cell, str) or not cell.lstrip("'").startswith(FORMULA):
         return cell
     return cell if _NUMBERS.fullmatch(cell) else f"'{cell}"
@@ -140,7 +140,7 @@ class LineWriter:
         if self.header:
             self.write_lines(f"{self.header}\n")
 
-    def write_rows(self, rows: Iterable[Iterable[Any]]) -> None:
+    def write_rows(self, rows: Iterable[Iterable[object]]) -> None:
         """Append CSV lines, all of them or none; errors as for ``write_lines``."""
         self.write_lines(csv_text(rows))
 

@@ -3,11 +3,14 @@
 import os
 from collections.abc import Generator
 from fractions import Fraction
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from jaxpf.contract.errors import import_extra
+
+if TYPE_CHECKING:
+    import av
 
 #: Formats that a file may have.  Others name further files or addresses (playlists), or show text.
 _FORMATS = (
@@ -109,7 +112,7 @@ class Decoder:
             raise NoFilm("its codec is unknown")
         return films[0]
 
-    def frames(self) -> Generator[tuple[float | None, Any]]:
+    def frames(self) -> "Generator[tuple[float | None, av.VideoFrame]]":
         """Yield time stamps in seconds, None where missing, and frames for ``upright``."""
         streams = self._container.streams
         try:
@@ -125,7 +128,7 @@ class Decoder:
         except self._av.FFmpegError:
             self.damaged += 1
 
-    def _decoded(self, packet: Any) -> Generator[tuple[float | None, Any]]:
+    def _decoded(self, packet: Any) -> "Generator[tuple[float | None, av.VideoFrame]]":
         self._num_packets += packet.dts is not None  # as in the packet that ends all
         # Not every codec marks the frame of a packet that is cut off.  In transport streams, whole
         # packets are marked where two films are joined.

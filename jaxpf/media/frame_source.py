@@ -4,12 +4,15 @@ from collections.abc import Generator
 from fractions import Fraction
 from numbers import Integral
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.media.clock import Clock
+
+if TYPE_CHECKING:
+    from jaxpf.media.decoder import Decoder
 
 #: Frames per second if the source does not specify it.
 DEFAULT_FPS = 25.0
@@ -114,7 +117,7 @@ class FrameSource:
                 f"{self.width}x{self.height} to {width}x{height}; convert it to one size"
             )
 
-    def _describe(self, film: Any) -> None:
+    def _describe(self, film: "Decoder") -> None:
         """Take what a ``Decoder`` knows once its first frame is upright."""
         self.frames_expected = film.frames_expected
         self.pixel_aspect = film.pixel_aspect
@@ -124,7 +127,7 @@ class FrameSource:
                 "high; coordinates count pixels"
             )
 
-    def _reached_end(self, film: Any, count: int) -> None:
+    def _reached_end(self, film: "Decoder", count: int) -> None:
         """Judge a ``Decoder`` that has yielded all ``count`` frames."""
         self.num_frames = count
         self.truncated = film.is_cut(self._clock.rate)

@@ -1,10 +1,13 @@
 """Writes names of objects on frames: readable, no wider than their objects, and apart."""
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import cv2
 import numpy as np
+
+if TYPE_CHECKING:
+    from jax.typing import ArrayLike
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 #: Colour of rims, which keep lines visible on any background.
@@ -30,7 +33,9 @@ class Label(NamedTuple):
     colour: tuple[int, int, int]
 
     @classmethod
-    def around(cls, text: str, low: Any, high: Any, colour: tuple[int, int, int]) -> "Label":
+    def around(
+        cls, text: str, low: "ArrayLike", high: "ArrayLike", colour: tuple[int, int, int]
+    ) -> "Label":
         """The label of an object from corner ``low`` to corner ``high``, each x, y."""
         (left, top), (right, bottom) = np.floor(low).astype(int), np.ceil(high).astype(int)
         return cls(text, int(left), int(top), int(right), int(bottom), colour)

@@ -4,7 +4,7 @@ Every function takes a uint8 RGB frame [H, W, 3] and returns a new one.  Coordin
 continuous pixels: pixel (0, 0) is the square [0, 1) x [0, 1).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import cv2
@@ -56,7 +56,7 @@ def object_colours(num_objects: int) -> np.ndarray:
 def draw_boxes(
     frame: np.ndarray,
     boxes: ArrayLike,
-    ids: Any = None,
+    ids: Sequence[object] | np.ndarray | None = None,
     colours: np.ndarray | None = None,
     lost: ArrayLike | None = None,
     doubtful: ArrayLike | None = None,
@@ -87,7 +87,7 @@ def draw_boxes(
 def draw_outlines(
     frame: np.ndarray,
     lines: ArrayLike,
-    names: Any,
+    names: Sequence[object] | np.ndarray,
     colours: np.ndarray | None = None,
     lost: ArrayLike | None = None,
     doubtful: ArrayLike | None = None,
@@ -110,7 +110,7 @@ def draw_outlines(
 def _draw_outlines(
     frame: np.ndarray,
     lines: np.ndarray,
-    names: Any,
+    names: Sequence[object] | np.ndarray,
     colours: np.ndarray | None,
     lost: ArrayLike | None,
     doubtful: ArrayLike | None,
@@ -145,7 +145,7 @@ def _draw_outlines(
     return picture
 
 
-def check_frame(frame: Any) -> None:
+def check_frame(frame: np.ndarray) -> None:
     """Refuse what is no picture of uint8 RGB ``[H, W, 3]``."""
     check_array("frame", frame, "a picture of uint8 RGB, [>= 1, >= 1, 3]")
     if getattr(frame, "dtype", None) != np.uint8:

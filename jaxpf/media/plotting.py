@@ -4,13 +4,17 @@ import contextlib
 import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jaxpf.contract.numbers import check_whole
 from jaxpf.files.writing import atomic_write
 from jaxpf.media.overlay import object_colours
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 #: Largest number of rows or columns of a figure.
 _MOST_AXES = 1000
@@ -23,7 +27,7 @@ _LIGHTEST = 0.475
 
 def new_figure(
     rows: int = 1, columns: int = 1, share_x: bool = False, **options: Any
-) -> tuple[Any, Any]:
+) -> "tuple[Figure, Any]":
     """Create a figure for a file, not a window; return it and its axes ``[rows, columns]``."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -35,7 +39,7 @@ def new_figure(
     return figure, figure.subplots(rows, columns, squeeze=False, sharex=share_x)
 
 
-def save_figure(figure: Any, path: str | os.PathLike[str], dpi: int = 120) -> None:
+def save_figure(figure: "Figure", path: str | os.PathLike[str], dpi: int = 120) -> None:
     """Write a figure as a PNG file, completely or not at all."""
     check_whole("dpi", dpi, most=10_000)
     with atomic_write(path, "wb") as file, _names_as_they_are(figure):
@@ -43,7 +47,7 @@ def save_figure(figure: Any, path: str | os.PathLike[str], dpi: int = 120) -> No
 
 
 @contextlib.contextmanager
-def _names_as_they_are(figure: Any) -> Iterator[None]:
+def _names_as_they_are(figure: "Figure") -> Iterator[None]:
     """Save a figure whose titles and legends hold users' names: no formulas, no missing glyphs."""
     for axis in figure.axes:
         legends = [axis.get_legend(), *figure.legends]
@@ -113,7 +117,7 @@ def trajectories(
 
 
 def bars_with_intervals(
-    axis: Any, values: Mapping[str, tuple[float, float, float]], ylabel: str
+    axis: "Axes", values: Mapping[str, tuple[float, float, float]], ylabel: str
 ) -> None:
     """Draw bars with asymmetric intervals: name -> (value, low, high)."""
     names = list(values)

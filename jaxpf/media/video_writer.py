@@ -2,9 +2,11 @@
 
 import math
 import os
+from collections.abc import Callable
 from contextlib import suppress
 from fractions import Fraction
 from numbers import Real
+from types import TracebackType
 from typing import Any
 
 import cv2
@@ -194,7 +196,7 @@ class VideoWriter:
             frame.duration = round(self._period / _TICK)
         self._container.mux(self._stream.encode(frame))
 
-    def _attempt(self, action: Any, *arguments: Any) -> None:
+    def _attempt(self, action: Callable[..., object], *arguments: Any) -> None:
         try:
             action(*arguments)
         except Exception as error:  # ``write`` or ``close`` reports it
@@ -203,7 +205,12 @@ class VideoWriter:
     def __enter__(self) -> "VideoWriter":
         return self
 
-    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         try:
             self.close()
         except InputError:

@@ -2,11 +2,15 @@
 
 import collections
 import threading
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 
 from jaxpf.contract.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+
 
 #: Number of pictures kept, and of frames decoded before one that is asked for out of order.
 _KEPT, _BEFORE = 400, 40
@@ -50,7 +54,7 @@ class Pictures:
                 self._next += 1
             return self._kept[number]
 
-    def _keep(self, number: int, frame: Any) -> None:
+    def _keep(self, number: int, frame: "np.ndarray") -> None:
         self._kept[number] = cv2.imencode(".jpg", frame[..., ::-1])[1].tobytes()
         if len(self._kept) > _KEPT:
             self._kept.popitem(last=False)

@@ -12,11 +12,14 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from importlib import resources
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jaxpf.contract.errors import InputError
 from jaxpf.media.overlay import NUM_COLOURS, object_colours
 from jaxpf.media.page.pictures import Pictures
+
+if TYPE_CHECKING:
+    from jaxpf.media.frame_source import FrameSource
 
 #: The page's own files and their kinds.
 _FILES = {
@@ -43,8 +46,8 @@ class Server:
 
     def __init__(
         self,
-        source: Any,
-        about: Mapping[str, Any],
+        source: "FrameSource",
+        about: Mapping[str, object],
         answers: Mapping[str, Callable[[Any], Any]],
     ):
         """Start to serve.
@@ -80,7 +83,7 @@ class Server:
         self.pictures.close()
 
 
-def described(source: Any, **more: Any) -> dict[str, Any]:
+def described(source: "FrameSource", **more: Any) -> dict[str, Any]:
     """What the page knows of a film at once; ``more`` adds to it or replaces it."""
     about = {
         "name": source.name,
@@ -158,7 +161,7 @@ def _handler(server: Server) -> type[http.server.BaseHTTPRequestHandler]:
                 return self._send(404, str(error).encode(), "text/plain; charset=utf-8")
             return self._send(200, picture, "image/jpeg", "private, max-age=3600")
 
-        def _send_json(self, status: int, content: Any) -> None:
+        def _send_json(self, status: int, content: object) -> None:
             self._send(status, json.dumps(content).encode(), "application/json")
 
         def _send(self, status: int, body: bytes, kind: str, keep: str = "no-store") -> None:

@@ -19,7 +19,9 @@ from jaxpf.filters.partitioned.options import Options
 from jaxpf.running.memory import check_memory, needed_by
 
 if TYPE_CHECKING:
+    from jaxpf.contract.state import Summary
     from jaxpf.contract.types import TrackerLike
+    from jaxpf.measures.intervals import Interval
     from scenes import Scene
 
 #: Method shown in the video.
@@ -91,12 +93,14 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, num_particles: 
     say(f"{output}/: overlay.mp4 (a run of {_SHOWN}, the default of `jaxpf track`)")
 
 
-def _percent(interval: Any, index: Any) -> str:
+def _percent(interval: "Interval", index: Any) -> str:
     value, low, high = (100 * np.asarray(x)[index] for x in (interval[0], *interval[2:]))
     return f"{value:.0f}% [{low:.0f}, {high:.0f}]" if low < high else f"{value:.0f}%"
 
 
-def _cells(boxes: np.ndarray, truth: Any, measures: dict[str, Any], summary: Any) -> list[str]:
+def _cells(
+    boxes: np.ndarray, truth: np.ndarray, measures: dict[str, Any], summary: "Summary"
+) -> list[str]:
     from jaxpf.measures import mean_interval, success
 
     others_tracked = np.asarray(success(boxes, truth))[:, 1:].mean(axis=1)

@@ -151,7 +151,7 @@ _EXAMPLES = {
 }
 
 
-def _box_rows(boxes: Any) -> Iterable[list[Any]]:
+def _box_rows(boxes: np.ndarray) -> Iterable[list[object]]:
     for frame, person in np.argwhere(np.isfinite(boxes).all(axis=-1)):
         yield [frame, person + 1, *_rounded(*boxes[frame, person])]
 
@@ -160,5 +160,5 @@ def _rounded(*numbers: float) -> list[str]:
     return [f"{number:.3f}" for number in numbers]
 
 
-def _table(path: Path, header: str | None, rows: Iterable[Iterable[Any]]) -> None:
+def _table(path: Path, header: str | None, rows: Iterable[Iterable[object]]) -> None:
     write_text(path, (f"{header}\n" if header else "") + csv_text(rows))

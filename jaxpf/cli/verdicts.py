@@ -2,7 +2,7 @@
 
 import textwrap
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,6 +11,9 @@ from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import PlainCommand
 from jaxpf.files.writing import report_os_errors, write_text
+
+if TYPE_CHECKING:
+    from jaxpf.papers.judging.claims import Judged
 
 
 @click.command("verdicts", cls=PlainCommand)
@@ -42,7 +45,7 @@ def command(papers: tuple[str, ...], output: Path | None, details: bool) -> None
     say(textwrap.fill(RULE, 100))
 
 
-def _written(paper: str, output: Path) -> list[Any]:
+def _written(paper: str, output: Path) -> "list[Judged]":
     """Judge a paper's stored figures again, and write them."""
     from jaxpf.papers.judging.comparison_table import verdicts_csv
     from jaxpf.papers.paper import paper_of

@@ -14,6 +14,7 @@ from jaxpf import ordering as orderings
 from jaxpf.boxes.models import box_model
 from jaxpf.cli.benchmarks import rivals
 from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.contract.state import Summary
 from jaxpf.dynamics.gaussian import LinearGaussian
 from jaxpf.likelihoods.gaussian import Gaussian
 from jaxpf.likelihoods.histogram import histogram
@@ -91,14 +92,14 @@ def kernel(num_frames: int = 24) -> Section:
     return Section("Whole kernel: 50 runs, 300 particles, 7 objects, 360x288", cases)
 
 
-def _case(what: str, tracker: "Partitioned", frames: Any, baseline: str, goal: str) -> Case:
+def _case(what: str, tracker: "Partitioned", frames: jax.Array, baseline: str, goal: str) -> Case:
     """All runs of a tracker over all frames."""
     run = partial(jaxpf.monte_carlo, tracker, _keys(), frames, _record)
     units = RUNS * tracker.num_particles * tracker.num_partitions * len(frames)
     return Case(what, run, units, baseline, goal)
 
 
-def _record(state: Any, summary: Any) -> Any:
+def _record(state: object, summary: Summary) -> tuple[jax.Array, ...]:
     return summary.estimate, summary.log_evidence, summary.ess
 
 

@@ -1,7 +1,6 @@
 """Baselines of the benchmarks: the usual OpenCV loop, and a filter for a single model."""
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -38,7 +37,7 @@ def opencv_loop(frame: np.ndarray, box: np.ndarray) -> Callable[[], None]:
     return loop
 
 
-def minimal_filter(key: jax.Array, frames: jax.Array, num_particles: int) -> Any:
+def minimal_filter(key: jax.Array, frames: jax.Array, num_particles: int) -> jax.Array:
     """A bootstrap filter written by hand for the model of ``measurements.generic``."""
 
     def step(carry, item):

@@ -3,7 +3,7 @@
 A request is parsed, prepared, run and finished; each step returns a new value.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,6 +18,12 @@ from jaxpf.cli.shared.startup import start_jax, use_compile_cache
 from jaxpf.files.locking import LOCK, locked
 from jaxpf.files.writing import check_output_folder
 from jaxpf.running.memory import check_memory
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from jaxpf.evaluation.work.engine import Prepared
+    from jaxpf.evaluation.work.results import Results
 
 _LESS_MEMORY = "ask for fewer particles, workers or frames, or a smaller --memory"
 
@@ -34,7 +40,7 @@ def _command(**values: Any) -> None:
         _evaluate(request)
 
 
-def _evaluate(request: Request) -> Any:
+def _evaluate(request: Request) -> "dict[str, pd.DataFrame] | None":
     """Evaluate one scene; returns its tables, or None if nothing was left to do or is done."""
     if _is_finished(request):
         return None
@@ -56,7 +62,7 @@ def _is_finished(request: Request) -> bool:
     return not request.options.speed and print_again(request.output, request.plan.runs)
 
 
-def _prepare(request: Request) -> tuple[Any, Any]:
+def _prepare(request: Request) -> "tuple[Prepared, Any]":
     """Start JAX, connect to workers, open the scene and print the plan of what is missing.
 
     Returns:
@@ -88,7 +94,7 @@ def _prepare(request: Request) -> tuple[Any, Any]:
     return prepared, pool
 
 
-def _run(request: Request, prepared: Any, pool: Any) -> Any:
+def _run(request: Request, prepared: "Prepared", pool: Any) -> "Results":
     """Run the missing work behind a progress bar, then measure speeds.
 
     An interruption keeps the finished runs and says how to resume.
@@ -119,7 +125,7 @@ def _run(request: Request, prepared: Any, pool: Any) -> Any:
     return results
 
 
-def _finish(request: Request, results: Any) -> Any:
+def _finish(request: Request, results: "Results") -> "dict[str, pd.DataFrame]":
     """Write tables, report and the file that repeats the evaluation; then print the results."""
     from jaxpf.evaluation.output.report import write_report
     from jaxpf.evaluation.output.tables import write_tables

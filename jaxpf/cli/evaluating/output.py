@@ -2,11 +2,16 @@
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jaxpf.cli.shared.console import print_table, say
 from jaxpf.contract.options import chosen, counting, plain
 from jaxpf.files.writing import write_text
+
+if TYPE_CHECKING:
+    from jaxpf.evaluation.measuring.overview import Overview
+    from jaxpf.evaluation.work.engine import Prepared
+    from jaxpf.evaluation.work.results import Results
 
 #: The printed output of a finished evaluation; written last, after tables and report.
 FINISHED = "finished.json"
@@ -21,7 +26,7 @@ _WRITTEN = (
 )
 
 
-def show_plan(prepared: Any, workers: int, devices: int) -> None:
+def show_plan(prepared: "Prepared", workers: int, devices: int) -> None:
     """Print what is compared, and its cost."""
     from jaxpf.evaluation.work.results import OWN
 
@@ -48,7 +53,7 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
     )
 
 
-def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, str]]:
+def _plan_table(prepared: "Prepared") -> tuple[list[str], list[list[str]], dict[str, str]]:
     """A row per method, and the parameters that all configurations share."""
     of, configurations = prepared.target, prepared.results.configurations
     by_method: dict[str, list[int]] = {}
@@ -73,7 +78,7 @@ def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, st
     return ["method", "ordering", *varied, "runs", "done"], rows, common_to_all
 
 
-def print_results(results: Any, overview: Any) -> None:
+def print_results(results: "Results", overview: "Overview") -> None:
     """Print the summary and store it for ``print_again``."""
     from jaxpf.evaluation.output.tables import printed_tables
 

@@ -4,7 +4,7 @@ import dataclasses
 import functools
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jaxpf import filters
 from jaxpf.cli.shared.flags import as_typed, given_in, picked
@@ -20,6 +20,9 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import GIVEN, ORDERS, SHIFTS
 from jaxpf.contract.options import check_options, option, options_of
 from jaxpf.targets import all_targets
+
+if TYPE_CHECKING:
+    from jaxpf.evaluation.plan import Plan
 
 #: Options that choose output or computing resources and do not affect results.
 _NOT_REPEATED = ("output", "dry_run", "dask", "speed")
@@ -180,7 +183,7 @@ def parse(values: Mapping[str, Any]) -> Request:
     return Request(scene, options, grid, _plan(scene, options, grid))
 
 
-def _plan(scene: str, options: Options, grid: Mapping[str, Any]) -> Any:
+def _plan(scene: str, options: Options, grid: Mapping[str, Any]) -> "Plan":
     """The library's plan of a request."""
     from jaxpf.cli.tracking.user_tracker import OwnTracker
     from jaxpf.evaluation import Plan

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from jaxpf.cli.evaluating.request import Request
 from jaxpf.cli.shared.config import write_config
@@ -14,12 +14,17 @@ from jaxpf.evaluation.work.scene import start_frame
 from jaxpf.sequences import open_sequence
 from jaxpf.targets import target_of_scene
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 #: Options that apply to a single sequence only.
 _OF_ONE = ("ids", "start_frame", "tracks")
 
 
 def evaluate_each(
-    request: Request, folders: Sequence[Path], evaluate: Callable[[Request], Any]
+    request: Request,
+    folders: Sequence[Path],
+    evaluate: "Callable[[Request], dict[str, pd.DataFrame] | None]",
 ) -> None:
     """Evaluate sequences one after another, then print results over all of them.
 

@@ -19,7 +19,7 @@ COCO's times are frame timestamps, which differ from index / fps where the frame
 import dataclasses
 import json
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -309,7 +309,7 @@ def _keypoints(tracked: Tracked) -> Iterator[tuple[int, list[Any]]]:
         yield frame, ["" if np.isnan(value) else round(float(value), 4) for value in row.ravel()]
 
 
-def _rounded(values: Any) -> list[float]:
+def _rounded(values: Iterable[float]) -> list[float]:
     return [round(float(value), 3) for value in values]
 
 

@@ -184,7 +184,7 @@ class _Marking:
 
 
 def _serve(
-    marking: _Marking, shapes: Shapes, runs: list[Any], start: int, opens: bool, keep: bool
+    marking: _Marking, shapes: Shapes, runs: list[Run | _Truth], start: int, opens: bool, keep: bool
 ) -> None:
     source, shown = marking.source, list(runs)
 

@@ -115,7 +115,7 @@ def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
     return options
 
 
-def _as_typed(value: Any) -> str:
+def _as_typed(value: object) -> str:
     """A TOML value as it is typed on the command line."""
     if isinstance(value, list):
         return ",".join(map(_as_typed, value))

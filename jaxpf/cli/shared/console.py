@@ -3,9 +3,13 @@
 import re
 import sys
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, Task
+    from rich.text import Text
 
 #: Controls, overrides of the direction, and halves of characters, which cannot be encoded.
 _CONTROLS = re.compile(
@@ -110,7 +114,7 @@ def _terms(names: Iterable[str]) -> str:
     return "; ".join([*used.values(), *needs]) + "."
 
 
-def progress_bar(unit: str) -> Any:
+def progress_bar(unit: str) -> "Progress":
     """A progress bar on standard error, with ``unit`` per second and the remaining time."""
     from rich.console import Console
     from rich.progress import (
@@ -122,7 +126,7 @@ def progress_bar(unit: str) -> Any:
     )
 
     class Rate(TextColumn):
-        def render(self, task: Any) -> Any:
+        def render(self, task: "Task") -> "Text":
             from rich.text import Text
 
             return Text("" if task.speed is None else f"{task.speed:.1f} {unit}/s")

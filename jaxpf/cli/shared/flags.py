@@ -10,7 +10,7 @@ import inspect
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -23,6 +23,10 @@ from jaxpf.targets import all_targets
 from jaxpf.targets.appearance import COLOUR
 from jaxpf.targets.building import filled
 
+if TYPE_CHECKING:
+    from jaxpf.filters.filter import Filter
+    from jaxpf.targets.target import Target
+
 
 class NumberList(click.ParamType):
     """Numbers separated by commas, such as ``4,2,0.003``."""
@@ -31,7 +35,7 @@ class NumberList(click.ParamType):
         self.kind, self.length, self.opens = kind, length, opens
         self.name = "whole numbers" if kind is int else "numbers"
 
-    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Convert text or a TOML list to numbers; keeps "auto" if the option allows it."""
         if self.opens and value == OPEN:
             return value
@@ -235,7 +239,7 @@ def filter_flags(
     grid: bool = False,
     without: Sequence[str] = (),
     methods: Sequence[str] = (),
-    family: Any = None,
+    family: "Filter | None" = None,
     unsuited: Sequence[str] = (),
 ) -> list[Flag]:
     """Make the flags of all filters: first those shared by several filters, then those of each.
@@ -282,7 +286,7 @@ def filter_flags(
     return flags
 
 
-def _section(family: Any) -> str:
+def _section(family: "Filter") -> str:
     """Title of the help section for a filter's own options."""
     return _FOR + ", ".join(family.methods)
 
@@ -306,7 +310,7 @@ def given_in(values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value not in (None, ())}
 
 
-def as_typed(options: Any) -> dict[str, Any]:
+def as_typed(options: object) -> dict[str, Any]:
     """Applicable options in command-line notation, by name; None for the rest."""
     counts, typed = counting(options), {}
     for name, option in options_of(options).items():
@@ -339,7 +343,7 @@ def _from_people(option: Option, value: Any) -> Any:
     return tuple(place - 1 for place in value)
 
 
-def refuse_others(values: Mapping[str, Any], target: Any, filter_: Any) -> None:
+def refuse_others(values: Mapping[str, Any], target: "Target", filter_: "Filter") -> None:
     """Refuse options of another target or another filter.
 
     Args:
@@ -348,7 +352,7 @@ def refuse_others(values: Mapping[str, Any], target: Any, filter_: Any) -> None:
         filter_: the filter that tracks it.
     """
     own = options_of(target.options, filter_.options)
-    every: dict[str, Any] = {**all_targets(), **filters.all_filters()}
+    every: dict[str, Target | Filter] = {**all_targets(), **filters.all_filters()}
     for name in [name for name in given_in(values) if name not in own]:
         having = {n: options_of(owner.options) for n, owner in every.items()}
         owners = [n for n, options in having.items() if name in options]

@@ -17,7 +17,7 @@ class GivenPath(click.Path):
     def __init__(self) -> None:
         super().__init__(path_type=Path)
 
-    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Convert text to a ``Path``."""
         if value == "":
             self.fail("it is empty; give a path, or . for this folder.", param, ctx)

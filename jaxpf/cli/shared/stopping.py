@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from typing import Any
+from types import FrameType
 
 from jaxpf.cli.shared.console import say
 
@@ -37,7 +37,7 @@ def heed_ctrl_c() -> None:
         return  # SIGINT is ignored, or another program handles it
     usual = sys.unraisablehook
 
-    def lost(unraisable: Any) -> None:
+    def lost(unraisable: "sys.UnraisableHookArgs") -> None:
         if issubclass(unraisable.exc_type, KeyboardInterrupt):
             threading.Timer(0.01, _thread.interrupt_main).start()
         else:
@@ -51,7 +51,7 @@ def heed_ctrl_c() -> None:
     threading.Thread(target=_end_at_second, args=(read, written), daemon=True).start()
 
 
-def _interrupt(number: int, frame: Any) -> None:
+def _interrupt(number: int, frame: FrameType | None) -> None:
     """Raise ``KeyboardInterrupt``, or end the program if JAX is being imported."""
     spec = getattr(sys.modules.get("jax"), "__spec__", None)
     if getattr(spec, "_initializing", False):
@@ -87,7 +87,7 @@ def announced_stop(saying: str) -> Iterator[None]:
         yield
         return
 
-    def stop(number: int, frame: Any) -> None:
+    def stop(number: int, frame: FrameType | None) -> None:
         try:
             say(f"\n{saying}", err=True)
         except OSError:  # the terminal is gone, and later messages must not fail either

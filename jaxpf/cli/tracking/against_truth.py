@@ -29,8 +29,8 @@ def report_truth(
     first: int,
     truth: BoxTable,
     which: str = "",
-    given: Mapping[int, Sequence[Any]] = MappingProxyType({}),
-    late: Collection[Any] = (),
+    given: Mapping[int, Sequence[object]] = MappingProxyType({}),
+    late: Collection[object] = (),
 ) -> None:
     """Report metrics over the frames with ground truth, as a table and as metrics.csv.
 

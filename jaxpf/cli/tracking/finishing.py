@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,7 @@ def _finish(session: Session) -> None:
 
 def _summary(
     session: Session,
-    names: list[Any],
+    names: Sequence[object],
     verdicts: dict[str, dict[str, Any]],
     table: dict[str, np.ndarray],
     ess: float | None,
@@ -121,7 +122,7 @@ def _summary(
 
 
 def _mean_mc_errors(
-    table: dict[str, np.ndarray], names: list[Any]
+    table: dict[str, np.ndarray], names: Sequence[object]
 ) -> dict[str, float | None] | None:
     """Mean Monte Carlo standard error of x and y in pixels by object; None unless requested."""
     if "x_mc_error" not in table:

@@ -40,11 +40,11 @@ class _Group(NamedTuple):
 def starting_later(
     scene: Scene,
     tracker: TrackerLike,
-    key: Any,
+    key: jax.Array,
     frame: np.ndarray,
-    frames: Any,
+    frames: Iterable[np.ndarray],
     later: Mapping[int, Start],
-    make: Callable[[np.ndarray, Start], Any],
+    make: Callable[[np.ndarray, Start], TrackerLike],
 ) -> Iterator[Record]:
     """Records of objects that start, or start again, in later frames.
 

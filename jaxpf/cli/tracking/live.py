@@ -3,7 +3,7 @@
 import collections
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
@@ -52,7 +52,7 @@ def start_when_compiled(session: "Session") -> None:
     session.source.count_from(session.request.run.start)
 
 
-def _kind(tracker: TrackerLike) -> Any:
+def _kind(tracker: TrackerLike) -> tuple[jax.tree_util.PyTreeDef, list[tuple[int, ...]]]:
     """Structure and shapes for which a tracker is compiled; learned arrays may vary in length."""
     leaves, structure = jax.tree.flatten(tracker)
     return structure, [np.shape(leaf) for leaf in leaves]

@@ -5,7 +5,6 @@ import itertools
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import jax
 
@@ -100,7 +99,7 @@ def _record_frames(session: Session, stack: contextlib.ExitStack) -> None:
         raise nothing_follows(session.source, run.start + before[1])
 
 
-def _records(session: Session, scene: Scene, key: Any) -> Iterator[Record]:
+def _records(session: Session, scene: Scene, key: jax.Array) -> Iterator[Record]:
     """The records of all frames, as they are tracked."""
     run, detector = session.request.run, session.request.detector
     frames = itertools.islice(session.frames, session.before[1], run.frames)

@@ -2,7 +2,7 @@
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -19,6 +19,9 @@ from jaxpf.running.streaming import stream
 from jaxpf.targets.target import Start, Target
 
 if TYPE_CHECKING:
+    import jax
+    from jax.typing import ArrayLike
+
     from jaxpf.contract.types import TrackerLike
     from jaxpf.filters.labelled.tracker import Labelled
 
@@ -118,13 +121,18 @@ class Scene:
         lowest, highest = corners.min(axis=1), corners.max(axis=1)
         return ~np.all((lowest < np.array(self.size)) & (highest > 0), axis=1)
 
-    def shapes(self, start: Start, estimate: Any) -> np.ndarray:
+    def shapes(self, start: Start, estimate: "ArrayLike") -> np.ndarray:
         """Shapes ``[..., P, S]`` of estimates or particles ``[..., P, D]``."""
         return np.asarray(shapes_of(self.tracker, self.target, start, estimate), float)
 
 
 def fixed_population(
-    scene: Scene, tracker: "TrackerLike", key: Any, frame: Any, frames: Any, before: tuple[Any, int]
+    scene: Scene,
+    tracker: "TrackerLike",
+    key: "jax.Array",
+    frame: np.ndarray,
+    frames: Iterable[np.ndarray],
+    before: tuple[Any, int],
 ) -> Iterator[Record]:
     """Records of objects that exist from the start.
 
@@ -181,7 +189,12 @@ def fixed_population(
 
 
 def changing_population(
-    scene: Scene, tracker: "Labelled", key: Any, frame: Any, frames: Any, detector: Detector
+    scene: Scene,
+    tracker: "Labelled",
+    key: "jax.Array",
+    frame: np.ndarray,
+    frames: Iterable[np.ndarray],
+    detector: Detector,
 ) -> Iterator[Record]:
     """Records of objects that come and go; an object has rows only while it exists.
 

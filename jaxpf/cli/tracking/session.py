@@ -128,7 +128,7 @@ class Session:
             smoothing.check_smoothing(self.filter)
         self.before = _state_before(self.request, self.tracker)
 
-    def tracker_at(self, frame: np.ndarray, start: Start) -> Any:
+    def tracker_at(self, frame: np.ndarray, start: Start) -> "TrackerLike":
         """Build the tracker of objects that start at a frame, uint8 RGB ``[H, W, 3]``."""
         request, options = self.request, self.request.filter_options
         if request.run.tracker:

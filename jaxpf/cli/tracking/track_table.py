@@ -106,7 +106,7 @@ def places_of(
     shapes: np.ndarray,
     state: Any = None,
     before: np.ndarray | None = None,
-    slots: Any = slice(None),
+    slots: np.ndarray | slice = slice(None),
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Places of one frame, and the centres ``[P, 2]`` for the next.
 
@@ -180,7 +180,7 @@ def _widened(
     Exact if the particles are normally distributed around the values.
     """
 
-    def around(values: np.ndarray, interval: np.ndarray, deviation: Any) -> np.ndarray:
+    def around(values: np.ndarray, interval: np.ndarray, deviation: np.ndarray) -> np.ndarray:
         reach = np.hypot(interval - values, 1.96 * deviation)
         return np.stack([values - reach[0], values + reach[1]])
 

@@ -12,6 +12,8 @@ from jaxpf.evaluation.work.trackers import own_tracker
 from jaxpf.files.reading import read_text
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from scenes import Scene
 
 
@@ -65,7 +67,7 @@ def own_tracker_of(place: str, scene: scenes.Scene) -> Any:
     raise InputError(f"the tracker {place!r} returned boxes; for a video return a tracker.")
 
 
-def start_scene(name: str, frame: Any, boxes: Any, fps: float) -> scenes.Scene:
+def start_scene(name: str, frame: "np.ndarray", boxes: "np.ndarray", fps: float) -> scenes.Scene:
     """A scene that consists of the start frame of a video."""
     return scenes.Scene(
         name=name,

@@ -1,6 +1,6 @@
 """A verdict on each object of a run: where to trust its track, and what to try."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,9 @@ import numpy as np
 _NEAR_ONE = 2.0
 
 
-def object_verdicts(table: Mapping[str, np.ndarray], ids: Any) -> dict[str, dict[str, Any]]:
+def object_verdicts(
+    table: Mapping[str, np.ndarray], ids: Sequence[object]
+) -> dict[str, dict[str, Any]]:
     """Judge each object of tracks.csv.
 
     Args:

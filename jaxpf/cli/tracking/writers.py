@@ -2,7 +2,7 @@
 
 import collections
 import contextlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +43,7 @@ class Diagnostics:
         ess: effective sample sizes of the frames, rounded as in the file.
     """
 
-    def __init__(self, output: Path, names: list[Any], stack: contextlib.ExitStack):
+    def __init__(self, output: Path, names: Sequence[object], stack: contextlib.ExitStack):
         self._file = stack.enter_context(LineWriter(output / "diagnostics.csv"))
         self._names, self._is_new = names, True
         self.ess: list[float] = []
@@ -226,7 +226,7 @@ class Population:
 class Counts:
     """Counts frames, likelihood failures, and frames with lost objects."""
 
-    def __init__(self, ids: Any):
+    def __init__(self, ids: Sequence[object] | np.ndarray):
         self.tracked = self.invalid = self.impossible = self.last = 0
         self.outside: dict[str, list[int]] = {str(name): [] for name in ids}
         self.without_likelihood: dict[str, list[int]] = {str(name): [] for name in ids}

@@ -34,6 +34,11 @@ from jaxpf.tuning.settings import Settings
 
 if TYPE_CHECKING:
     from jaxpf.contract.types import TrackerLike
+    from jaxpf.targets.target import Target
+    from jaxpf.tuning.parameters import Parameter
+    from jaxpf.tuning.problem import TrainingSequence
+    from jaxpf.tuning.result import Descent, Result
+    from jaxpf.tuning.sequences import Recipe
     from scenes import Scene
 
 #: Default number of particles: a gradient costs more than a run.
@@ -198,15 +203,19 @@ command = SceneCommand(
 
 
 def _tune(
-    sequences: list[Any], wanted: list[Any], settings: Any, objective: str, output: Path
-) -> Any:
+    sequences: "list[TrainingSequence]",
+    wanted: "list[Parameter]",
+    settings: Settings,
+    objective: str,
+    output: Path,
+) -> "Result":
     """Tune with a progress bar."""
     from jaxpf.tuning import loop
 
     with progress_bar("steps") as bar:
         task = bar.add_task("compiling", total=settings.steps * settings.repeats)
 
-        def progress(descent: Any) -> None:
+        def progress(descent: "Descent") -> None:
             done = settings.steps if descent.stopped else descent.num_steps
             bar.update(
                 task,
@@ -234,7 +243,7 @@ def _check_names(parameters: str | None) -> None:
             raise InputError(f"there is no parameter {name} to tune; did you mean {near[0]}?")
 
 
-def _check_parameters(tracker: "TrackerLike", target: Any, wanted: list[Any]) -> None:
+def _check_parameters(tracker: "TrackerLike", target: "Target", wanted: "list[Parameter]") -> None:
     """Refuse parameters without an option of `jaxpf track` and `jaxpf evaluate`."""
     from jaxpf.tuning.parameters import check_apart
 
@@ -252,7 +261,7 @@ def _check_parameters(tracker: "TrackerLike", target: Any, wanted: list[Any]) ->
 
 def _recipe(
     values: Mapping[str, Any], options: Options, scene: "Scene"
-) -> tuple[Any, Options, dict[str, Any]]:
+) -> "tuple[Recipe, Options, dict[str, Any]]":
     """The recipe of the tracker before tuning, the options with their default parameters, and the
     recipe's options in command-line notation.
     """

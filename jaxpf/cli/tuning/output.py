@@ -1,7 +1,7 @@
 """Output of `jaxpf tune`: values and traces."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import tomli_w
@@ -13,10 +13,16 @@ from jaxpf.media.plotting import save_figure
 from jaxpf.targets import DEFAULT
 from jaxpf.tuning.plot import traces
 
+if TYPE_CHECKING:
+    from jax.typing import ArrayLike
+
+    from jaxpf.tuning.result import Result
+    from jaxpf.tuning.sequences import Recipe
+
 TUNED, TRACES = "tuned.toml", "tuning.png"
 
 
-def write_tuned(path: Path, result: Any, values: dict[str, Any], before: Any) -> None:
+def write_tuned(path: Path, result: "Result", values: dict[str, Any], before: "Recipe") -> None:
     """Write the values as options of `track` and `evaluate`, with their uncertainty."""
     after = before.with_values(values)
     named = {path.partition("[")[0] for path in values}
@@ -46,12 +52,12 @@ def write_tuned(path: Path, result: Any, values: dict[str, Any], before: Any) ->
             file.write(f"# {remark}\n".encode())
 
 
-def _numbers(value: Any) -> Any:
+def _numbers(value: "ArrayLike") -> Any:
     """Round to six digits, for TOML."""
     return np.vectorize(lambda x: float(f"{x:.6g}"))(np.asarray(value, float)).tolist()
 
 
-def write_traces(path: Path, result: Any, objective: str) -> None:
+def write_traces(path: Path, result: "Result", objective: str) -> None:
     """Write the figure of the descents."""
     names = {
         "evidence": "- log evidence per frame",
@@ -62,7 +68,7 @@ def write_traces(path: Path, result: Any, objective: str) -> None:
     save_figure(traces(result, names[objective]), path)
 
 
-def show(result: Any) -> None:
+def show(result: "Result") -> None:
     """Print the table of values, and how the descents ended."""
     values, intervals = result.values, result.intervals()
     rows = []

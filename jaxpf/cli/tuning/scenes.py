@@ -1,7 +1,7 @@
 """Open the scenes to tune on, and name those that stay unseen."""
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jaxpf.cli.shared.scene_options import scene_parameters
 from jaxpf.contract.errors import InputError
@@ -9,10 +9,11 @@ from jaxpf.evaluation.opening import load_scene
 from jaxpf.evaluation.work.scene import check_scene
 
 if TYPE_CHECKING:
+    from jaxpf.cli.tuning.command import Options
     from scenes import Scene
 
 
-def scenes_to_tune_on(source: str, options: Any) -> "list[Scene]":
+def scenes_to_tune_on(source: str, options: "Options") -> "list[Scene]":
     """Synthetic scenes with consecutive seeds, or the first frames of a folder."""
     first, *others = range(options.scene_seed, options.scene_seed + options.train_scenes)
     parameters = scene_parameters(options.set)
@@ -53,7 +54,7 @@ def _cut(scene: "Scene", count: int | None) -> "Scene":
     )
 
 
-def unseen(scenes: "list[Scene]", options: Any) -> list[str]:
+def unseen(scenes: "list[Scene]", options: "Options") -> list[str]:
     """Flags of `jaxpf evaluate` for frames after a folder's, or for the next seed."""
     extras = scenes[0].extras
     if "source" in extras:

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.interface import (
@@ -33,7 +34,7 @@ def observed_apart(tracker: Any) -> tuple[Callable, Callable]:
     return (lambda frame: frame), tracker.step
 
 
-def time_of(state: Any) -> Any:
+def time_of(state: object) -> Any:
     """Number of frames that led to a state, ``[]`` int32; see ``Tracker``.
 
     Raises:
@@ -50,12 +51,12 @@ def time_of(state: Any) -> Any:
     return time
 
 
-def moments(tracker: TrackerLike, values: Any) -> Any:
+def moments(tracker: TrackerLike, values: jax.Array) -> Any:
     """Name means or standard deviations ``[..., P, D]``, if the tracker's states are pytrees."""
     return tracker.moments(values) if hasattr(tracker, "moments") else values
 
 
-def states(tracker: TrackerLike, substates: Any) -> Any:
+def states(tracker: TrackerLike, substates: jax.Array | None) -> Any:
     """Return substates ``[..., P, D]`` as the tracker's states, if those are pytrees."""
     return tracker.states(substates) if hasattr(tracker, "states") else substates
 
@@ -89,7 +90,7 @@ def is_coupled(dynamics: DynamicsLike) -> bool:
     return getattr(dynamics, "coupled", False)
 
 
-def at_frame(tracker: TrackerLike, time: Any) -> Any:
+def at_frame(tracker: TrackerLike, time: ArrayLike) -> Any:
     """Return the tracker with the dynamics leading to frame ``time``, and the frame's likelihood.
 
     Frames are counted from 0.  A part without ``at_frame`` stays unchanged.
@@ -97,7 +98,7 @@ def at_frame(tracker: TrackerLike, time: Any) -> Any:
     return _parts_changed(tracker, "at_frame", time)
 
 
-def with_inputs(tracker: TrackerLike, inputs: Any, first: Any = 0) -> Any:
+def with_inputs(tracker: TrackerLike, inputs: Any, first: ArrayLike = 0) -> Any:
     """Return the tracker with known inputs of its model, such as controls or frame intervals.
 
     Dynamics and likelihoods that take inputs define ``with_inputs(inputs, first)``; their
@@ -133,7 +134,7 @@ def _parts_changed(tracker: TrackerLike, method: str, *arguments: Any) -> Any:
     return tracker
 
 
-def of_frame(part: Any, time: Any) -> Any:
+def of_frame(part: Any, time: ArrayLike) -> Any:
     """Return dynamics or a likelihood for frame ``time``; unchanged without ``at_frame``."""
     return part.at_frame(time) if hasattr(part, "at_frame") else part
 
@@ -390,7 +391,7 @@ def has_state_gradient(likelihood: LikelihoodLike) -> bool:
     return getattr(likelihood, "state_gradient", True)
 
 
-def draws_independently(sampler: Any) -> bool:
+def draws_independently(sampler: object) -> bool:
     """Whether an initial sampler declares that it draws partitions independently."""
     return getattr(sampler, "independent", False)
 
@@ -404,6 +405,6 @@ def of_partition(values: jax.Array, partition: jax.Array) -> jax.Array:
     return values if values.shape[0] == 1 else values[partition]
 
 
-def method_of(part: Any, base: type, name: str) -> Callable:
+def method_of(part: object, base: type, name: str) -> Callable:
     """Return the object's own method, or the base class's default bound to the object."""
     return getattr(part, name, None) or partial(getattr(base, name), part)

@@ -20,7 +20,7 @@ class Argument(NamedTuple):
     """
 
     name: str
-    value: Any = ""
+    value: object = ""
     joint: str = " = "
     typed: str = ""
 
@@ -73,7 +73,7 @@ def import_extra(module: str, need: str, install: str = "'jaxpf[cli]'") -> Any:
         raise InputError(f"{need}, which is missing; pip install {install}.") from None
 
 
-def check_names(names: Any, count: int) -> None:
+def check_names(names: object, count: int) -> None:
     """Refuse names that are not one for each of ``count`` objects.
 
     Raises:
@@ -101,7 +101,7 @@ def check_fields(
             raise InputError(f"{owner} has no {kind} {name!r}; {remedy}")
 
 
-def check_type(name: str, value: Any, *kinds: type) -> None:
+def check_type(name: str, value: object, *kinds: type) -> None:
     """Refuse a ``value`` of the argument ``name`` that is of none of these ``kinds``.
 
     Raises:
@@ -137,7 +137,7 @@ def check_tracker(tracker: object) -> None:
         )
 
 
-def check_separate(what: str, *others: tuple[Any, str]) -> None:
+def check_separate(what: str, *others: tuple[object, str]) -> None:
     """Refuse a setting together with others that it does not work with.
 
     Args:
@@ -152,7 +152,7 @@ def check_separate(what: str, *others: tuple[Any, str]) -> None:
             raise InputError(f"{what} does not work with {other}; leave one of them out.")
 
 
-def check_has(what: str, part: Any, method: str, has: bool) -> None:
+def check_has(what: str, part: object, method: str, has: bool) -> None:
     """Refuse a part of a model without an optional method that ``what`` needs.
 
     Raises:
@@ -165,7 +165,7 @@ def check_has(what: str, part: Any, method: str, has: bool) -> None:
         )
 
 
-def check_known(shown: str, value: Any, known: Collection[str]) -> None:
+def check_known(shown: str, value: object, known: Collection[str]) -> None:
     """Refuse a name that is not in ``known``.
 
     Args:

@@ -71,7 +71,7 @@ class Tracker:
     cannot, define ``init`` and ``step``.
     """
 
-    def __new__(cls, *_: Any, **options: Any):
+    def __new__(cls, *_: object, **options: object):
         """Refuse a proposal by name: a missing field alone would not name the remedy."""
         fields = getattr(cls, "__dataclass_fields__", options)
         if options.get("proposal") is not None and "proposal" not in fields:
@@ -369,7 +369,7 @@ class Proposal:
         )
 
 
-def _check_defined(part: Any, base: type, one: str, every: str) -> None:
+def _check_defined(part: object, base: type, one: str, every: str) -> None:
     """Refuse a class that defines neither of two methods that default to each other."""
     if all(getattr(type(part), name, None) is getattr(base, name) for name in (one, every)):
         raise TypeError(f"{type(part).__name__} must define {one} or {every}")

@@ -3,15 +3,20 @@
 Imports no JAX.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from jax.typing import ArrayLike
 
 #: Objects with confidence (``jaxpf.Summary``) below this level are lost.
 LOST_BELOW = 0.5
 
 
-def judge(outside: Any, without_likelihood: Any, confidence: Any = None) -> tuple[Any, np.ndarray]:
+def judge(
+    outside: "ArrayLike", without_likelihood: "ArrayLike", confidence: "ArrayLike | None" = None
+) -> tuple[Any, np.ndarray]:
     """Confidence in the reported positions of P objects in one frame, and whether they are lost.
 
     An object is lost where it is outside the picture, where no particle has any likelihood, or

@@ -9,7 +9,7 @@ from jax import lax
 from jaxpf.contract.types import LikelihoodLike
 
 
-def observe_nearby(observer: Any, frame: Any, near: Any) -> Any:
+def observe_nearby(observer: object, frame: Any, near: Any) -> Any:
     """The observation of some parts of a frame, by a tracker or likelihood; None if it has none.
 
     ``observe_nearby(frame, near)`` of a likelihood takes estimates ``[P, D]``, that of a tracker

@@ -4,11 +4,14 @@ import math
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jaxpf.contract.errors import Argument, InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 #: Largest count: indices are int32.
 MOST = 2**31 - 1
@@ -66,7 +69,7 @@ def check_array(
             raise InputError(f"{name}={_shown(value)} must be {wanted}.")
 
 
-def coordinates_in(name: str, value: Any) -> tuple[int, ...]:
+def coordinates_in(name: str, value: object) -> tuple[int, ...]:
     """Convert indices of coordinates to a tuple; refuse what is not a list of whole numbers."""
     wanted = "whole numbers, the coordinates of a substate counted from 0, [n]"
     numbers = numbers_in(name, value, wanted)
@@ -83,7 +86,7 @@ def numbers_in(
     return np.asarray(value).astype(float)
 
 
-def check_whole(name: str, value: Any, least: int = 1, most: int = MOST) -> None:
+def check_whole(name: str, value: object, least: int = 1, most: int = MOST) -> None:
     """Refuse a ``value`` of the argument ``name`` that is not a whole number in these bounds.
 
     A traced value passes.
@@ -101,7 +104,7 @@ def check_whole(name: str, value: Any, least: int = 1, most: int = MOST) -> None
 
 def check_number(
     name: str,
-    value: Any,
+    value: object,
     *,
     above: float = -np.inf,
     least: float = -np.inf,
@@ -131,7 +134,7 @@ def bounds_in_words(
     return " and".join(f" {word} {plain(bound)}" for word, bound in bounds if np.isfinite(bound))
 
 
-def plain(value: Any) -> str:
+def plain(value: object) -> str:
     """Format a value as a user types it: no trailing ".0", lists with commas."""
     if isinstance(value, list | tuple):
         return ",".join(map(plain, value)) or "none"
@@ -170,7 +173,7 @@ def returned(
     raise InputError(f"{function} returns {what}; return {wanted or list(sizes)}.")
 
 
-def check_together(**arrays: Any) -> None:
+def check_together(**arrays: "ArrayLike") -> None:
     """Refuse arrays, by the names of their arguments, whose shapes do not broadcast.
 
     Raises:
@@ -194,11 +197,11 @@ def _is_size(axis: str, size: int) -> bool:
     return not axis.isdigit() or size == int(axis)
 
 
-def _shown(value: Any) -> str:
+def _shown(value: object) -> str:
     return " ".join(repr(value).split())[:60]
 
 
-def _is_traced(value: Any) -> bool:
+def _is_traced(value: object) -> bool:
     if isinstance(value, list | tuple):
         return any(map(_is_traced, value))
     jax = sys.modules.get("jax")

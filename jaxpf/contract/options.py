@@ -8,7 +8,7 @@ import dataclasses
 import math
 import sys
 import typing
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -83,7 +83,7 @@ class Option:
         """The flag, such as ``--ess-threshold``."""
         return f"--{self.name.replace('_', '-')}"
 
-    def applies_with(self, value: Any) -> bool:
+    def applies_with(self, value: object) -> bool:
         """Whether the option applies with this value of the one that it implies."""
         return self.implies is None or value in (self.implies[1], *self.also_with)
 
@@ -128,14 +128,14 @@ class Option:
         example = f", such as {plain(self.default)}" if self.length > 0 and self.default else ""
         return f"{noun}{bounds}{example}"
 
-    def _fits(self, values: tuple[Any, ...], many: bool) -> bool:
+    def _fits(self, values: tuple[object, ...], many: bool) -> bool:
         if self.length <= 0 or not many:
             return many == (self.length != 0)
         if self.per_object:
             return len(values) > 0 and len(values) % self.length == 0
         return len(values) == self.length
 
-    def _allows(self, value: Any) -> bool:
+    def _allows(self, value: object) -> bool:
         if self.kind in (str, bool, Path):
             return isinstance(value, self.kind)
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -173,7 +173,7 @@ def options_of(*owners: Any) -> dict[str, Option]:
     return options
 
 
-def check_options(options: Any) -> None:
+def check_options(options: object) -> None:
     """Convert every field to its type, or refuse it; for ``__post_init__``.
 
     Raises:
@@ -238,7 +238,7 @@ def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
     return values
 
 
-def counting(options: Any) -> dict[str, bool]:
+def counting(options: object) -> dict[str, bool]:
     """Map each name to whether the option applies, given the values of the others."""
     declared = options_of(options)
     return {
@@ -254,7 +254,7 @@ def chosen(owner: type, values: Mapping[str, Any]) -> Any:
     return owner(**{name: values[name] for name in options_of(owner) if name in values})
 
 
-def check_distinct(name: str, values: Iterable[Any]) -> tuple[Any, ...]:
+def check_distinct(name: str, values: Iterable[Hashable]) -> tuple[Any, ...]:
     """Return the values as a tuple.
 
     Raises:

@@ -14,6 +14,7 @@ from typing import Any, TypeVar, dataclass_transform
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import DTypeLike
 
 from jaxpf.contract.errors import InputError, check_fields
 from jaxpf.lowering.programs import compiled, in_full
@@ -81,7 +82,7 @@ def pytree_dataclass(cls: type[T]) -> type[T]:
     return cls
 
 
-def _checked(cls: Any) -> Any:
+def _checked(cls: Any) -> Callable[..., None]:
     """The constructor of a dataclass, which suggests a name for a misspelt field."""
     construct, names = cls.__init__, [x.name for x in dataclasses.fields(cls) if x.init]
 
@@ -93,7 +94,7 @@ def _checked(cls: Any) -> Any:
     return constructor
 
 
-def is_concrete(*values: Any) -> bool:
+def is_concrete(*values: object) -> bool:
     """Whether no leaf is a tracer, so that values can be checked, not only shapes."""
     leaves = jax.tree_util.tree_leaves(values)
     return not any(isinstance(leaf, jax.core.Tracer) for leaf in leaves)
@@ -117,7 +118,7 @@ def compiled_alone(method: Callable) -> Callable:
     return call
 
 
-def check_not_traced(what: str, remedy: str, *values: Any, over: str = "frames") -> None:
+def check_not_traced(what: str, remedy: str, *values: object, over: str = "frames") -> None:
     """Refuse tracers for a function that loops in Python and returns NumPy arrays.
 
     Raises:
@@ -130,7 +131,7 @@ def check_not_traced(what: str, remedy: str, *values: Any, over: str = "frames")
         )
 
 
-def as_array(value: Any, dtype: Any = None) -> jax.Array:
+def as_array(value: Any, dtype: DTypeLike | None = None) -> jax.Array:
     """``jnp.asarray(value, dtype)``, but NumPy converts values that are not JAX arrays.
 
     JAX would compile a conversion for every new shape and dtype, about 20 ms each in every process.
@@ -144,7 +145,7 @@ def as_array(value: Any, dtype: Any = None) -> jax.Array:
         return jax.device_put(value.astype(wanted))
 
 
-def described(value: Any, first: str = "", nested: bool = False) -> str:
+def described(value: object, first: str = "", nested: bool = False) -> str:
     """Describe a value in a few lines.
 
     Arrays show their dtype and shape, and their values, or for longer arrays the range.  Values of
@@ -179,7 +180,7 @@ def described(value: Any, first: str = "", nested: bool = False) -> str:
     return line
 
 
-def _is_default(node: Any, field: Any) -> bool:
+def _is_default(node: object, field: dataclasses.Field) -> bool:
     value = getattr(node, field.name, None)
     return value is None or (
         field.metadata.get("static", False)
@@ -188,7 +189,7 @@ def _is_default(node: Any, field: Any) -> bool:
     )
 
 
-def _described_leaf(value: Any) -> str:
+def _described_leaf(value: object) -> str:
     if isinstance(value, jax.ShapeDtypeStruct | jax.Array | np.ndarray):
         kind = str(value.dtype)
         for long, short in _SHORT_KINDS:

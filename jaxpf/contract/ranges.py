@@ -1,7 +1,5 @@
 """Ranges of numbers that options and the functions that take them share.  Imports no JAX."""
 
-from typing import Any
-
 from jaxpf.contract.numbers import check_number, check_whole
 
 #: Argument -> bounds, as ``option``, ``check_number`` and ``check_whole`` take them.
@@ -21,7 +19,7 @@ RANGES: dict[str, dict[str, int]] = {
 }
 
 
-def check_ranges(**values: Any) -> None:
+def check_ranges(**values: object) -> None:
     """Refuse arguments outside their ``RANGES``; traced values pass."""
     for name, value in values.items():
         check = check_whole if name in ("num_lines", "length") else check_number

@@ -11,7 +11,7 @@ import types
 import warnings
 import weakref
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from typing import Any
 
 import jax
@@ -24,7 +24,7 @@ _MOST_BYTES = 2**16
 #: From this number of functions of one code, each compiled, a warning tells the line.
 _TOO_MANY = 3
 
-_known: dict[Any, Callable] = {}
+_known: dict[object, Callable] = {}
 #: Every function met: one is known by the values that it read at first, as JAX's program of it is.
 _met: weakref.WeakSet[Callable] = weakref.WeakSet()
 _made: Counter[types.CodeType] = Counter()
@@ -80,7 +80,7 @@ class _UnknownError(Exception):
 class _Same:
     """Equal to the same object only, which it keeps alive."""
 
-    value: Any
+    value: object
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Same) and self.value is other.value
@@ -89,7 +89,7 @@ class _Same:
         return id(self.value)
 
 
-def _key_of(value: Any, seen: set[Callable]) -> Any:
+def _key_of(value: Any, seen: set[Callable]) -> Hashable:
     """A hashable key that is equal for values that a program cannot tell apart.
 
     Args:
@@ -124,7 +124,7 @@ def _key_of(value: Any, seen: set[Callable]) -> Any:
     raise _UnknownError(f"a {kind.__name__}")
 
 
-def _values_read_by(function: types.FunctionType) -> Iterator[tuple[str, Any]]:
+def _values_read_by(function: types.FunctionType) -> Iterator[tuple[str, object]]:
     """Names and values of defaults, attributes, closure and globals."""
     yield "defaults", function.__defaults__
     yield "keywords", tuple(sorted((function.__kwdefaults__ or {}).items()))
@@ -144,7 +144,7 @@ def _global_names(code: types.CodeType) -> Iterator[str]:
     yield from itertools.chain(code.co_names, *map(_global_names, inner))
 
 
-def _is_fixed(value: Any) -> bool:
+def _is_fixed(value: object) -> bool:
     """Whether a value belongs to a package that does not change."""
     if isinstance(value, types.ModuleType):
         return value.__name__.partition(".")[0] in _FIXED

@@ -8,14 +8,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.near import looks_near
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.state import STATUS_OK, STATUS_UNSUPPORTED, Summary
 from jaxpf.contract.types import TrackerLike
 
 
-def refused(*cases: tuple[Any, Iterable[Any]]) -> Any:
+def refused(*cases: tuple[Any, Iterable[str | Argument]]) -> Any:
     """Refuse the first case that is known to hold; return whether a traced one holds.
 
     Args:
@@ -49,7 +49,7 @@ class Bias(NamedTuple):
         gross: whether the evidence is of no use at any number of particles, for tuning either.
     """
 
-    applies: Any
+    applies: jax.Array | bool
     cause: str
     remedy: str
     gross: bool = True
@@ -73,7 +73,9 @@ def evidence_biases(tracker: TrackerLike) -> Sequence[Bias]:
     return *biases, Bias(True, cause, "a likelihood of the frame alone", gross=False)
 
 
-def biased_evidence(tracker: TrackerLike, what: str, otherwise: str, tuning: bool = False) -> Any:
+def biased_evidence(
+    tracker: TrackerLike, what: str, otherwise: str, tuning: bool = False
+) -> jax.Array | None:
     """Refuse a tracker with a biased evidence for ``what``; see ``refused`` for what is returned.
 
     Args:
@@ -97,16 +99,16 @@ def biased_evidence(tracker: TrackerLike, what: str, otherwise: str, tuning: boo
     )
 
 
-def poisoned(refused: Any, tree: Any) -> Any:
+def poisoned(refused: jax.Array | None, tree: Any) -> Any:
     """Replace a tree's floats by NaN, and mark its summaries, where ``refused``, ``[]`` or None."""
     if refused is None:
         return tree
 
-    def with_nan(leaf: Any) -> Any:
+    def with_nan(leaf: jax.Array) -> Any:
         is_float = jnp.issubdtype(leaf.dtype, jnp.floating)
         return jnp.where(refused, jnp.nan, leaf).astype(leaf.dtype) if is_float else leaf
 
-    def marked(node: Any) -> Any:
+    def marked(node: object) -> Any:
         if not isinstance(node, Summary):
             return node
         bit = jnp.where(refused, STATUS_UNSUPPORTED, STATUS_OK).astype(node.status.dtype)

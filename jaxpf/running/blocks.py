@@ -293,7 +293,7 @@ def advance_batches(
     tracker: TrackerLike,
     keys: Sequence[jax.Array],
     states: Any,
-    times: Any,
+    times: jax.Array,
     groups: Any,
     record: Callable,
     devices: tuple = (),

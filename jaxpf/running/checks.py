@@ -61,7 +61,7 @@ def check_run(tracker: TrackerLike, frames: Any) -> None:
     _check_methods(structure, shapes, frame_structure, frame_shapes, num_partitions)
 
 
-def check_order(tracker: TrackerLike, key: Any, frames: Any) -> None:
+def check_order(tracker: TrackerLike, key: object, frames: Any) -> None:
     """Refuse a tracker, keys and frames that were given in another order.
 
     Raises:
@@ -100,7 +100,7 @@ def as_arrays(frames: Any) -> Any:
     return jax.tree.map(lambda x: x.to_numpy() if hasattr(x, "to_numpy") else x, frames)
 
 
-def warn_if_nan(summary: Any, first: int = 0) -> bool:
+def warn_if_nan(summary: object, first: int = 0) -> bool:
     """Warn of the first frame with log-likelihoods that are NaN or +inf, and how many they are.
 
     Args:
@@ -130,7 +130,7 @@ def warn_if_nan(summary: Any, first: int = 0) -> bool:
     return True
 
 
-def check_frames(frames: Any) -> None:
+def check_frames(frames: object) -> None:
     """Refuse frames that are a list, not numbers, or complex.
 
     Raises:
@@ -242,7 +242,7 @@ def _check_methods(
     )
 
 
-def _defines(part: Any, base: type, name: str) -> bool:
+def _defines(part: object, base: type, name: str) -> bool:
     own = getattr(type(part), name, None)
     return own is not None and own is not getattr(base, name)
 

@@ -17,7 +17,7 @@ CHUNK_BYTES = 64 * 2**20
 _LEAST = 2
 
 
-def come_one_by_one(frames: Any) -> bool:
+def come_one_by_one(frames: object) -> bool:
     """Whether frames are an iterable that is neither an array nor a pytree of arrays."""
     return (
         isinstance(frames, Iterable)

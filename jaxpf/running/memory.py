@@ -7,7 +7,7 @@ import os
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from jaxpf.contract.numbers import check_whole
 from jaxpf.lowering import platform
 
 if TYPE_CHECKING:
+    import jax
+
     from jaxpf.contract.types import TrackerLike
 
 #: Memory of JAX, its libraries and a compiled kernel, bytes.
@@ -142,7 +144,7 @@ def machine_memory() -> int | None:
     return min(limits, default=None)
 
 
-def device_memory(devices: Sequence[Any]) -> float:
+def device_memory(devices: "Sequence[jax.Device]") -> float:
     """Free memory of the fullest device, in bytes; infinite if unknown, as on a CPU."""
     known = [stats for device in devices if (stats := device.memory_stats())]
     free = [x["bytes_limit"] - x.get("bytes_in_use", 0) for x in known if "bytes_limit" in x]

@@ -6,11 +6,13 @@
 import inspect
 import itertools
 from collections.abc import Iterable, Iterator
+from types import ModuleType
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_type
@@ -98,7 +100,7 @@ def marked_one_by_one(tracker: TrackerLike, frames: Any, observed: Any = None) -
         yield frame, marked_tracker, frame if marked_tracker is tracker else (frame, False)
 
 
-def _pairs(tracker: TrackerLike, frames: Any, observed: Any) -> Iterator[Any]:
+def _pairs(tracker: TrackerLike, frames: Iterable[Any], observed: Any) -> Iterator[Any]:
     shapes = (), (getattr(tracker, "num_partitions", None),)
     for frame, seen in itertools.zip_longest(frames, observed):
         if frame is None or seen is None or np.shape(seen) not in shapes:
@@ -119,11 +121,11 @@ def _names_components(tracker: TrackerLike, frames: Any, shape: tuple[int, ...])
     )
 
 
-def _as_bool(observed: Any) -> Any:
+def _as_bool(observed: ArrayLike) -> Any:
     return observed.astype(bool) if isinstance(observed, jax.Array) else np.asarray(observed, bool)
 
 
-def _seen(frames: Any) -> Any:
+def _seen(frames: Any) -> np.ndarray | None:
     """``[T]`` bool, which frames are not entirely NaN; None if all are seen."""
     leaves = jax.tree.leaves(frames)
     if not leaves or not all(jnp.issubdtype(jnp.result_type(x), jnp.floating) for x in leaves):
@@ -141,7 +143,7 @@ def _seen(frames: Any) -> Any:
     return ~missing if missing.any() else None
 
 
-def _nan_throughout(library: Any, leaves: list[Any]) -> Any:
+def _nan_throughout(library: ModuleType, leaves: list[Any]) -> Any:
     of_leaves = [library.isnan(x).reshape(len(x), -1).all(axis=1) for x in leaves]
     return library.all(library.stack(of_leaves), axis=0)
 

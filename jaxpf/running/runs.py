@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
@@ -20,7 +21,7 @@ from jaxpf.running.checks import as_arrays, check_frames, check_order, check_run
 from jaxpf.running.chunks import come_one_by_one
 
 
-def summary_only(state: Any, summary: Any) -> Any:
+def summary_only(state: object, summary: Any) -> Any:
     """Record each frame's summary; the default of ``record``."""
     return summary
 
@@ -140,7 +141,7 @@ def forecast(
     return run_compiled(blind, key, (nothing, nothing), record, state)
 
 
-def with_inputs(tracker: TrackerLike, inputs: Any, frames: Any, first: Any = 0) -> Any:
+def with_inputs(tracker: TrackerLike, inputs: Any, frames: Any, first: ArrayLike = 0) -> Any:
     """Return the tracker with the inputs of frames ``[T, ...]``; unchanged if there are none.
 
     Args:
@@ -170,7 +171,7 @@ def with_inputs(tracker: TrackerLike, inputs: Any, frames: Any, first: Any = 0) 
     return contract.with_inputs(tracker, inputs, first)
 
 
-def frame_key(key: jax.Array, time: Any) -> jax.Array:
+def frame_key(key: jax.Array, time: ArrayLike) -> jax.Array:
     """Return the key of frame ``time`` (from 0) of a run; index 0 is reserved for ``init``."""
     return jax.random.fold_in(key, time + 1)
 
@@ -183,7 +184,7 @@ def init(tracker: TrackerLike, key: jax.Array) -> Any:
 init_compiled = compiled(init)
 
 
-def check_resumed(tracker: TrackerLike, key: jax.Array, state: Any, record: Any) -> Any:
+def check_resumed(tracker: TrackerLike, key: jax.Array, state: Any, record: object) -> Any:
     """Refuse a state that is not one of the tracker, and what cannot record; return its time.
 
     Raises:

@@ -1,10 +1,14 @@
 """Interface of a filter family for commands and evaluations."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
+
+if TYPE_CHECKING:
+    from jaxpf.contract.state import Summary
+    from jaxpf.contract.types import TrackerLike
 
 
 class Variant(NamedTuple):
@@ -41,7 +45,7 @@ class Filter:
     opens: bool = False
     takes_trees: bool = True
 
-    def tracker(self, model: Model, options: Any) -> Any:
+    def tracker(self, model: Model, options: Any) -> "TrackerLike":
         """Build the tracker for a model."""
         raise TypeError(f"{type(self).__name__} must define tracker")
 
@@ -57,7 +61,7 @@ class Filter:
                 "tree; choose sir, ps or sps."
             )
 
-    def check_first(self, summary: Any, ids: Sequence[Any]) -> None:
+    def check_first(self, summary: "Summary", ids: Sequence[object]) -> None:
         """Refuse an initial state that does not fit the first frame, judged by its summary.
 
         ``ids`` are the partitions' names.

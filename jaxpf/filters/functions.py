@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from jax import lax
+from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_fields
@@ -316,7 +317,7 @@ class FunctionLikelihood(contract.Likelihood):
             jnp.asarray, self._called("observation", self.observation, key, substates[0])
         )
 
-    def _called(self, name: str, function: Callable, first: Any, substate: jax.Array) -> Any:
+    def _called(self, name: str, function: Callable, first: Any, substate: jax.Array) -> jax.Array:
         """Call a function with the state of a substate ``[D]``, and what it asks for."""
         previous = substate[self.layout.size :]
         extras = extras_of(function, self.frame, lambda: self.layout.unpack(previous))
@@ -324,12 +325,12 @@ class FunctionLikelihood(contract.Likelihood):
         return call(name, function, first, x, self.parameters, **extras)
 
 
-def _at_frame(part: Any, *functions: Any) -> Callable:
+def _at_frame(part: Any, *functions: Callable | None) -> Callable:
     """``part.at_frame``, which exists only if a function asks for the time or for an input."""
     if not any(asks_for(f, name) for f in functions for name in ("time", "u")):
         raise AttributeError("at_frame")
 
-    def at_frame(time: Any) -> Any:
+    def at_frame(time: ArrayLike) -> Any:
         frame = {"time": time}
         if part.inputs is not None:
             values, first = part.inputs
@@ -342,7 +343,7 @@ def _at_frame(part: Any, *functions: Any) -> Callable:
     return at_frame
 
 
-def _with_inputs(part: Any, *functions: Any) -> Callable:
+def _with_inputs(part: Any, *functions: Callable | None) -> Callable:
     """``part.with_inputs``, which exists only if a function asks for an input."""
     if not any(asks_for(function, "u") for function in functions):
         raise AttributeError("with_inputs")

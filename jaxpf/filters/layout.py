@@ -39,7 +39,7 @@ class Layout(NamedTuple):
     Substates may hold more behind the state, such as the state before.
     """
 
-    structure: Any
+    structure: jax.tree_util.PyTreeDef
     leaves: tuple[Leaf, ...]
 
     @staticmethod

@@ -24,8 +24,8 @@ class Noiseless(NamedTuple):
         moved: bool ``[P, D]``, those that move all the same.
     """
 
-    ignored: Any
-    moved: Any
+    ignored: jax.Array | np.ndarray
+    moved: jax.Array | np.ndarray
 
 
 def noiseless(tracker: "Partitioned | Labelled | Eskil") -> Noiseless:
@@ -65,7 +65,7 @@ def noiseless(tracker: "Partitioned | Labelled | Eskil") -> Noiseless:
 
 
 def without_noise(
-    what: str, tracker: "Partitioned | Labelled | Eskil", wrong: Any
+    what: str, tracker: "Partitioned | Labelled | Eskil", wrong: jax.Array | np.ndarray
 ) -> tuple[Any, tuple[str, ...]]:
     """The case that coordinates ``wrong``, bool ``[P, D]``, have no noise, for ``refused``."""
     where = "a coordinate"

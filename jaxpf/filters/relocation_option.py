@@ -7,6 +7,7 @@ from jaxpf.contract.options import option, plain
 
 if TYPE_CHECKING:
     from jaxpf.contract.types import LikelihoodLike
+    from jaxpf.filters.relocation import Relocation
 
 
 def relocate_option() -> Any:
@@ -22,7 +23,7 @@ def relocate_option() -> Any:
     )
 
 
-def relocation_of(likelihood: "LikelihoodLike", epsilon: float) -> Any:
+def relocation_of(likelihood: "LikelihoodLike", epsilon: float) -> "Relocation | None":
     """Build the relocation for a likelihood's frames; None if ``epsilon`` is 0."""
     if epsilon == 0:
         return None

@@ -81,7 +81,7 @@ _ARGUMENTS = {
 }
 
 
-def check_arguments(name: str, function: Any) -> None:
+def check_arguments(name: str, function: object) -> None:
     """Refuse a value that is not a function, or a function with other arguments."""
     arguments, extras = _ARGUMENTS[name]
     if not callable(function):
@@ -216,7 +216,7 @@ def of_state(new: Any, layout: Layout) -> Any:
 
 
 def _state(name: str, state: Any) -> Any:
-    def array(value: Any) -> Any:
+    def array(value: object) -> Any:
         if isinstance(value, int | float):
             value = np.asarray(value)
         return returned(value, None, name, "arrays")
@@ -226,7 +226,7 @@ def _state(name: str, state: Any) -> Any:
     return jax.tree.map(array, state)
 
 
-def number(name: str, value: Any) -> Any:
+def number(name: str, value: object) -> jax.Array:
     """Return what a density returns; refuse what is not one real number."""
     wanted = "one number, for example the sum of independent terms"
     return returned(value, (), name, wanted)

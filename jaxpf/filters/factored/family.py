@@ -1,13 +1,17 @@
 """The factored filters as a family, with separate particles per partition."""
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jaxpf.contract.model import Model
 from jaxpf.filters.factored.options import METHODS, Options
 from jaxpf.filters.filter import Filter
+
+if TYPE_CHECKING:
+    from jaxpf.filters.factored.eskil import Eskil
+    from jaxpf.filters.factored.pffl import PFFL
 
 #: Published numbers of particles per partition.
 _PARTICLES = {"eskil": 10, "pffl": 50}
@@ -22,7 +26,7 @@ class _FactoredFilter(Filter):
     options = Options
     takes_trees = False  # partitions share no particles
 
-    def tracker(self, model: Model, options: Options) -> Any:
+    def tracker(self, model: Model, options: Options) -> "PFFL | Eskil":
         from jaxpf.dynamics.gaussian import AR2
         from jaxpf.filters.factored.eskil import Eskil
         from jaxpf.filters.factored.pffl import PFFL

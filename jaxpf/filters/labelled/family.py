@@ -1,13 +1,17 @@
 """The labelled filter as a family, for commands and evaluations."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
 from jaxpf.filters.filter import Filter
 from jaxpf.filters.labelled.options import METHODS, Options
 from jaxpf.filters.relocation_option import relocation_of
+
+if TYPE_CHECKING:
+    from jaxpf.contract.state import Summary
+    from jaxpf.filters.labelled.tracker import Labelled
 
 
 class _LabelledFilter(Filter):
@@ -19,7 +23,7 @@ class _LabelledFilter(Filter):
     opens = True
     takes_trees = False  # each particle holds one object
 
-    def tracker(self, model: Model, options: Options) -> Any:
+    def tracker(self, model: Model, options: Options) -> "Labelled":
         import numpy as np
 
         from jaxpf.filters.labelled.tracker import Labelled
@@ -49,7 +53,7 @@ class _LabelledFilter(Filter):
                 "each, better some fifty.",
             )
 
-    def check_first(self, summary: Any, ids: Sequence[Any]) -> None:
+    def check_first(self, summary: "Summary", ids: Sequence[object]) -> None:
         from jaxpf.filters.labelled.refusals import check_started
 
         check_started(summary, ids)

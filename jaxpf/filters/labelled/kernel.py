@@ -259,7 +259,7 @@ def report(
     )
 
 
-def _of_living(alive: Any, summary: Any) -> LabelledSummary:
+def _of_living(alive: jax.Array, summary: Any) -> LabelledSummary:
     """Mask the empty slots in the summary of an open population."""
     smallest = jnp.min(jnp.where(alive, summary.ess_parts, jnp.inf))
     return dataclasses.replace(

@@ -1,6 +1,7 @@
 """Checks of a labelled tracker at construction."""
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from jaxpf.filters.relocation import check_relocation
 from jaxpf.gradients import check_gradients
 
 if TYPE_CHECKING:
+    from jaxpf.contract.state import Summary
     from jaxpf.filters.labelled.tracker import Labelled
 
 
@@ -92,7 +94,7 @@ def _check_coordinates(tracker: "Labelled") -> None:
         )
 
 
-def check_started(summary: Any, ids: Any = None) -> None:
+def check_started(summary: "Summary", ids: Sequence[object] | np.ndarray | None = None) -> None:
     """Refuse the summary of a first frame in which a target has no weight.
 
     ``ids`` are the targets' names; default their numbers.

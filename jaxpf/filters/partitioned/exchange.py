@@ -13,12 +13,13 @@ The combinatorial rule sorts nothing: drawing a part lays out the slots group by
 are the groups for its children.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.typing import DTypeLike
 
 from jaxpf.lowering.derivatives import weighted, with_gradient_of
 from jaxpf.lowering.integers import EXACT, modulo, order_by_group
@@ -110,7 +111,7 @@ class Offer(NamedTuple):
     giver: jax.Array
 
 
-def no_offers(shape: tuple[int, ...], dtype: Any) -> Offer:
+def no_offers(shape: tuple[int, ...], dtype: DTypeLike) -> Offer:
     """Allocate the offers of several parts, every entry of the given shape."""
     return Offer(jnp.zeros(shape, dtype), jnp.zeros(shape, jnp.int32))
 

@@ -1,7 +1,7 @@
 """SIR, PS, DPS and SPS as a filter family, and the ordering of each method."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
@@ -9,6 +9,9 @@ from jaxpf.contract.names import GIVEN, METHODS, ORDERS, SHIFTS
 from jaxpf.filters.filter import Filter, Variant
 from jaxpf.filters.partitioned.options import Options
 from jaxpf.filters.relocation_option import relocation_of
+
+if TYPE_CHECKING:
+    from jaxpf.filters.partitioned.tracker import Partitioned
 
 
 class _PartitionedFilter(Filter):
@@ -20,7 +23,7 @@ class _PartitionedFilter(Filter):
     varied = ("method", "order", "swap")
     by_default = True
 
-    def tracker(self, model: Model, options: Options) -> Any:
+    def tracker(self, model: Model, options: Options) -> "Partitioned":
         from jaxpf.filters.partitioned.tracker import Partitioned
         from jaxpf.ordering import branched, named
 

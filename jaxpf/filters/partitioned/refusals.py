@@ -17,10 +17,12 @@ from jaxpf.filters.partitioned.options import Options
 from jaxpf.gradients import check_gradients
 
 if TYPE_CHECKING:
+    import jax
+
     from jaxpf.filters.partitioned.tracker import Partitioned
 
 
-def check_tracker(tracker: "Partitioned") -> Any:
+def check_tracker(tracker: "Partitioned") -> "jax.Array | None":
     """Refuse settings that cannot work or would be silently wrong.
 
     Returns:

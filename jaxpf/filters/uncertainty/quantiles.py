@@ -1,7 +1,7 @@
 """Quantiles of weighted particles."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,8 +9,13 @@ import numpy as np
 from jaxpf.contract.numbers import check_array
 from jaxpf.contract.pytree import is_concrete
 
+if TYPE_CHECKING:
+    import jax
 
-def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> Any:
+
+def quantiles(
+    values: "jax.Array | np.ndarray", log_weights: "jax.Array | np.ndarray", levels: Sequence[float]
+) -> Any:
     """Quantiles of weighted particles: the smallest values that reach each share of the weight.
 
     Also inside a ``record`` of ``jaxpf.run``: ``record=lambda state, summary:

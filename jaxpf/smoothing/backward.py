@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import jax
 import jax.numpy as jnp
 from jax import lax
+from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract.logs import finite
@@ -147,7 +148,7 @@ def backward(
     parents: jax.Array,
     num_trajectories: int,
     num_paths: int,
-    first: Any = 0,
+    first: ArrayLike = 0,
     num_steps: int = 0,
 ) -> Pass:
     """Draw trajectories of one group of partitions.
@@ -236,7 +237,7 @@ def log_densities(
     parts: jax.Array,
     parents: jax.Array,
     frames_left: jax.Array,
-    time: Any,
+    time: ArrayLike,
 ) -> jax.Array:
     """Log-densities ``[N]`` of a trajectory's next moves from every particle of a frame.
 

@@ -22,7 +22,9 @@ from jaxpf.lowering.programs import compiled
 
 
 @compiled
-def trace_back(current: Any, sources: Any, log_weights: jax.Array) -> tuple[jax.Array, ...]:
+def trace_back(
+    current: jax.Array, sources: jax.Array, log_weights: jax.Array
+) -> tuple[jax.Array, ...]:
     """Follow all particles of the last frame back.
 
     Returns:
@@ -42,14 +44,14 @@ def trace_back(current: Any, sources: Any, log_weights: jax.Array) -> tuple[jax.
 
 @partial(compiled, static_argnames="num_paths")
 def draw_paths(
-    key: jax.Array, current: Any, sources: Any, log_weights: jax.Array, num_paths: int
+    key: jax.Array, current: jax.Array, sources: jax.Array, log_weights: jax.Array, num_paths: int
 ) -> jax.Array:
     """Draw K trajectories ``[K, T, P, D]``: the paths of particles drawn by their weight."""
     ends = jax.random.categorical(key, log_weights, shape=(num_paths,)).astype(jnp.int32)
     return jnp.transpose(_follow(ends, current, sources, lambda values, _: values), (3, 0, 2, 1))
 
 
-def _follow(ends: jax.Array, current: Any, sources: Any, of_frame: Callable) -> Any:
+def _follow(ends: jax.Array, current: jax.Array, sources: jax.Array, of_frame: Callable) -> Any:
     """``of_frame(substates [D, P, K], particles [P, K])`` of paths to ``ends`` ``[K]``."""
 
     def step_back(index: jax.Array, item: Any) -> Any:

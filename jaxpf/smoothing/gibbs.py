@@ -24,6 +24,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.typing import ArrayLike
 
 from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
@@ -81,7 +82,7 @@ def particle_gibbs(
     key: jax.Array,
     frames: Any,
     num_sweeps: int,
-    reference: Any = None,
+    reference: ArrayLike | None = None,
     *,
     observed: Any = None,
 ) -> jax.Array:
@@ -139,7 +140,7 @@ def particle_gibbs(
     return poisoned(refuse, drawn)
 
 
-def check_conditional(tracker: "Partitioned") -> Any:
+def check_conditional(tracker: "Partitioned") -> jax.Array | None:
     """Refuse trackers for which no conditional sweep has been proved.
 
     Returns:

@@ -6,8 +6,6 @@ smoothed together: given only its parent's current value, a part still depends o
 (a pass per part was biased, z = 10.6 where the joint pass had 2.3).
 """
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -88,7 +86,7 @@ def sees_previous(tracker: Partitioned) -> bool:
     return isinstance(tracker.dynamics, FunctionDynamics) and tracker.dynamics.copies == 2
 
 
-def check_genealogy(tracker: TrackerLike) -> Any:
+def check_genealogy(tracker: TrackerLike) -> jax.Array | None:
     """Refuse trackers whose particles have no ancestors, or the wrong weights.
 
     Returns:
@@ -132,7 +130,7 @@ def check_genealogy(tracker: TrackerLike) -> Any:
     )
 
 
-def check_smoothing(tracker: Partitioned, whole: bool = False) -> Any:
+def check_smoothing(tracker: Partitioned, whole: bool = False) -> jax.Array | None:
     """Refuse trackers whose smoothed distribution is undefined or would be wrong.
 
     Args:

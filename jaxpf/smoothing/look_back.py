@@ -11,6 +11,7 @@ from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import check_not_traced
+from jaxpf.contract.state import ParticleState, Summary
 from jaxpf.running.checks import check_frames, check_run
 from jaxpf.running.chunks import come_one_by_one
 from jaxpf.smoothing import passes
@@ -72,7 +73,7 @@ def stream(
         check_run(tracker, frames)
         whole, length = frames, running.num_frames(frames)
         frames = (jax.tree.map(lambda x, time=time: x[time], whole) for time in range(length))
-    summaries: deque[Any] = deque()
+    summaries: deque[Summary] = deque()
     for tracked in running.stream(tracker, key, frames, observed):
         summaries.append(tracked.summary)
         for smoothed in look_back.add(tracked.state):
@@ -126,7 +127,7 @@ class LookBack:
         self._kept: list[History] = []
         self._start, self._passes, self.broken = first, 0, 0
 
-    def add(self, state: Any) -> list[SmoothedFrame]:
+    def add(self, state: ParticleState) -> list[SmoothedFrame]:
         """Add the next frame's ``ParticleState``; return the frames that are now complete."""
         check_not_traced("LookBack", "jaxpf.smooth", state)
         lagged = np.asarray(state.lagged)

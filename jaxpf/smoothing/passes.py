@@ -10,6 +10,7 @@ from jax import lax
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.state import ParticleState, Summary
 from jaxpf.lowering.programs import compiled
 from jaxpf.running import memory
 from jaxpf.smoothing.backward import History, Pass, backward
@@ -22,12 +23,12 @@ if TYPE_CHECKING:
 _BACKWARD = np.uint32(2**32 - 1)
 
 
-def keep_substates(state: Any, summary: Any) -> Any:
+def keep_substates(state: ParticleState, summary: Summary) -> tuple:
     """Record a frame's weighted set and its summary."""
     return History(state.lagged[0], None, state.log_weights, state.label, state.sources), summary
 
 
-def keep_both_lags(state: Any, summary: Any) -> Any:
+def keep_both_lags(state: ParticleState, summary: Summary) -> Any:
     """Record the substates of the previous frame too, for second-order motion."""
     history, summary = keep_substates(state, summary)
     return history._replace(previous=state.lagged[1]), summary

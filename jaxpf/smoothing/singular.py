@@ -7,7 +7,7 @@ which all particles hold the same value does no harm.
 """
 
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -36,12 +36,12 @@ class _Moves(NamedTuple):
         log_same: ``[n]``, log-density of ``same``.
     """
 
-    own: Any
-    same: Any
-    apart: Any
-    ignored: Any
-    log_from_first: Any
-    log_same: Any
+    own: jax.Array
+    same: jax.Array
+    apart: jax.Array
+    ignored: jax.Array
+    log_from_first: jax.Array
+    log_same: jax.Array
 
 
 def singular_partitions(

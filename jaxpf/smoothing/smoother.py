@@ -12,6 +12,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass
 from jaxpf.contract.refusals import poisoned
+from jaxpf.contract.state import Summary
 from jaxpf.running import missing_frames
 from jaxpf.running.checks import as_arrays, check_frames
 from jaxpf.running.chunks import come_one_by_one
@@ -53,7 +54,7 @@ class Smoothed:
 
     estimate: jax.Array
     spread: jax.Array
-    summaries: Any
+    summaries: Summary
     broken: jax.Array
     paths: jax.Array | None = None
     num_ancestors: jax.Array | None = None

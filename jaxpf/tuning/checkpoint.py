@@ -5,7 +5,7 @@ import itertools
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from jaxpf.tuning.problem import TrainingSequence
 from jaxpf.tuning.result import Descent
 from jaxpf.tuning.settings import Settings
 
+if TYPE_CHECKING:
+    from jax.typing import ArrayLike
+
 #: Name of the checkpoint in the folder's store.
 _PIECE = "checkpoint"
 NAME = f"{_PIECE}.npz"
@@ -26,7 +29,7 @@ _TRACES = ("loss", "gradient_norm", "stopped")
 
 def asked(
     wanted: Sequence[Parameter],
-    start: Mapping[str, Any],
+    start: "Mapping[str, ArrayLike]",
     objective: Any,
     settings: Settings,
     sequences: Sequence[TrainingSequence],

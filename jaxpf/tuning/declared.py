@@ -2,13 +2,16 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import Option, counting, options_of
 
+if TYPE_CHECKING:
+    from jax.typing import ArrayLike
 
-def tuned_by_default(options: Any) -> tuple[str, ...]:
+
+def tuned_by_default(options: object) -> tuple[str, ...]:
     """Paths of the parameters that are tuned by default."""
     counts = counting(options)
     return tuple(
@@ -19,7 +22,7 @@ def tuned_by_default(options: Any) -> tuple[str, ...]:
     )
 
 
-def with_tuned(options: Any, values: Mapping[str, Any], target: str) -> Any:
+def with_tuned(options: Any, values: "Mapping[str, ArrayLike]", target: str) -> Any:
     """Replace a target's options by tuned values.
 
     Args:

@@ -3,6 +3,7 @@
 The pieces' results are those of one scan, bit for bit.
 """
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -32,7 +33,13 @@ class LongScans:
         done: number of steps done.
     """
 
-    def __init__(self, progress: Progress | None, folder: Any, total: int, asked: dict[str, Any]):
+    def __init__(
+        self,
+        progress: Progress | None,
+        folder: str | os.PathLike[str] | None,
+        total: int,
+        asked: dict[str, Any],
+    ):
         """Begin the job, or go on with that of the folder.
 
         Args:
@@ -94,6 +101,6 @@ class LongScans:
         return result
 
 
-def _shown(value: Any) -> Any:
+def _shown(value: object) -> Any:
     """Plain values as they are, arrays and random keys by a digest."""
     return value if isinstance(value, int | float | str | None) else digest(value)

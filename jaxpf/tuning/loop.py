@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
+from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.pytree import check_not_traced
@@ -142,7 +143,7 @@ class _NotFinite(Exception):
         self.value = value
 
 
-def _shown(value: Any) -> str:
+def _shown(value: ArrayLike) -> str:
     numbers = np.ravel(value)
     return ", ".join(f"{x:.6g}" for x in numbers[:6]) + (", ..." if len(numbers) > 6 else "")
 

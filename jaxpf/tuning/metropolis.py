@@ -28,6 +28,7 @@ from jaxpf.contract.logs import sum_evenly
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.refusals import biased_evidence, poisoned
+from jaxpf.contract.state import Summary
 from jaxpf.lowering import platform
 from jaxpf.lowering.programs import compiled
 from jaxpf.running import gaps, missing_frames
@@ -243,7 +244,7 @@ class _Model(NamedTuple):
         return increments, path[..., : path.shape[-1] // halves]
 
 
-def _keep_ancestors(state: Any, summary: Any) -> Any:
+def _keep_ancestors(state: Any, summary: Summary) -> Any:
     return summary.log_evidence, state.lagged[0], state.sources
 
 

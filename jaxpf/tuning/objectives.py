@@ -36,6 +36,7 @@ from jaxpf.contract import logs
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array
 from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.state import Summary
 from jaxpf.contract.types import TrackerLike
 from jaxpf.filters.partitioned.selection import ANCESTORS
 from jaxpf.measures import metrics
@@ -190,17 +191,17 @@ def _loss(iou: jax.Array, labelled: jax.Array) -> jax.Array:
     return jnp.sum(jnp.where(labelled[:, None], 1 - iou, 0.0), axis=(0, 2)) / jnp.sum(labelled)
 
 
-def keep_log_evidence(state: Any, summary: Any) -> jax.Array:
+def keep_log_evidence(state: object, summary: Summary) -> jax.Array:
     """``record`` function for the log evidence."""
     return summary.log_evidence
 
 
-def keep_estimate(state: Any, summary: Any) -> jax.Array:
+def keep_estimate(state: object, summary: Summary) -> jax.Array:
     """``record`` function for the estimate."""
     return summary.estimate
 
 
-def keep_moments(state: Any, summary: Any) -> tuple[jax.Array, jax.Array]:
+def keep_moments(state: object, summary: Summary) -> tuple[jax.Array, jax.Array]:
     """``record`` function for the estimate and its spread."""
     return summary.estimate, summary.spread
 

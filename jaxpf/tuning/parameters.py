@@ -10,6 +10,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.types import TrackerLike
@@ -66,7 +67,7 @@ class Parameter:
     # The optimiser works on unconstrained numbers z: x = low + e^z, or a logistic curve between
     # bounds.
 
-    def to_free(self, value: Any) -> jax.Array:
+    def to_free(self, value: ArrayLike) -> jax.Array:
         """Map a value within the bounds to its unconstrained number z."""
         value = jnp.asarray(value, float)
         if self._is_unbounded:
@@ -77,7 +78,7 @@ class Parameter:
             return -jnp.log(self.high - value)
         return jnp.log(value - self.low) - jnp.log(self.high - value)
 
-    def to_value(self, free: Any) -> jax.Array:
+    def to_value(self, free: ArrayLike) -> jax.Array:
         """Map an unconstrained number to its value."""
         free = jnp.asarray(free)
         if self._is_unbounded:
@@ -88,7 +89,7 @@ class Parameter:
             return self.high - jnp.exp(-free)
         return self.low + (self.high - self.low) * jax.nn.sigmoid(free)
 
-    def slope(self, free: Any) -> jax.Array:
+    def slope(self, free: ArrayLike) -> jax.Array:
         """d value / d free."""
         free = jnp.asarray(free, float)
         derivative = jax.grad(lambda z: jnp.sum(self.to_value(z)))
@@ -200,18 +201,18 @@ def _leaves(tracker: TrackerLike) -> dict[str, Any]:
     return {_name(path): leaf for path, leaf in jax.tree_util.tree_flatten_with_path(tracker)[0]}
 
 
-def _name(path: Any) -> str:
+def _name(path: jax.tree_util.KeyPath) -> str:
     """Path joined by dots, without a leading ``parameters``."""
     names = [str(getattr(k, "name", getattr(k, "key", getattr(k, "idx", k)))) for k in path]
     return ".".join(names[1:] if names[1:2] == ["parameters"] else names)
 
 
-def _is_tunable(name: str, leaf: Any) -> bool:
+def _is_tunable(name: str, leaf: object) -> bool:
     is_float = jnp.issubdtype(jnp.result_type(leaf), jnp.floating)
     return is_float and name.partition(".")[0] not in _NO_PARAMETERS
 
 
-def _why_not(tracker: TrackerLike, name: str, leaf: Any) -> str:
+def _why_not(tracker: TrackerLike, name: str, leaf: object) -> str:
     choices = f"choose among {', '.join(names(tracker))}."
     if leaf is not None and name.partition(".")[0] not in _NO_PARAMETERS:
         kind = jnp.result_type(leaf)

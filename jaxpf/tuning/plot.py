@@ -1,14 +1,17 @@
 """Plot traces of loss, gradient norm and parameters."""
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jaxpf.media.plotting import colours, new_figure
 from jaxpf.tuning.result import Result
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-def traces(result: Result, loss_name: str = "loss") -> Any:
+
+def traces(result: Result, loss_name: str = "loss") -> "Figure":
     """Plot loss, gradient norm and every parameter over the steps, one line per repeat.
 
     A dashed line marks the tuned value, with its 95% interval if known.

@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
@@ -41,8 +42,8 @@ class TrainingSequence:
 
     tracker: Any
     frames: Any
-    truth: Any = None
-    sizes: Any = None
+    truth: ArrayLike | None = None
+    sizes: ArrayLike | None = None
     name: str = "the sequence"
     outlines: Callable | None = None
 
@@ -54,7 +55,7 @@ class TrainingSequence:
         return len(jax.tree.leaves(self.frames)[0])
 
 
-def check_objective(objective: Any, sequences: Sequence[TrainingSequence]) -> None:
+def check_objective(objective: object, sequences: Sequence[TrainingSequence]) -> None:
     """Refuse an unknown objective, or one whose labels are missing."""
     if not sequences:
         raise InputError("there is no sequence to tune on; give at least one.")
@@ -134,7 +135,7 @@ def free_loss(
     return compiled(jax.value_and_grad(of_free))
 
 
-def _with(tracker: TrackerLike, values: Mapping[str, Any]) -> Any:
+def _with(tracker: TrackerLike, values: Mapping[str, ArrayLike]) -> Any:
     if isinstance(tracker, Observed):
         return Observed(replace(tracker.tracker, values))
     return replace(tracker, values)

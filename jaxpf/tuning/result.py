@@ -12,6 +12,8 @@ from jaxpf.tuning.parameters import Parameter, replace
 from jaxpf.tuning.settings import Settings
 
 if TYPE_CHECKING:
+    from jax.typing import ArrayLike
+
     from jaxpf.contract.types import TrackerLike
 
 #: Maximum number of array entries that are printed.
@@ -115,7 +117,7 @@ class Result:
         """path -> value of the last step with a finite loss."""
         return self._values({name: z[-1] for name, z in self.descents[-1].free.items()})
 
-    def _values(self, free: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    def _values(self, free: "Mapping[str, ArrayLike]") -> dict[str, np.ndarray]:
         return {
             parameter.path: np.asarray(parameter.to_value(free[parameter.path]))
             for parameter in self.parameters
@@ -163,7 +165,7 @@ class Result:
 
 def summarise(
     wanted: Sequence[Parameter],
-    start: Mapping[str, Any],
+    start: "Mapping[str, ArrayLike]",
     descents: list[Descent],
     settings: Settings,
 ) -> Result:

@@ -1,7 +1,7 @@
 """Prepare scenes for tuning."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -71,7 +71,7 @@ class Recipe:
 
 
 def training_sequence(
-    scene: "Scene", recipe: Recipe, objective: Any, labels: int | None = None
+    scene: "Scene", recipe: Recipe, objective: str | Callable, labels: int | None = None
 ) -> TrainingSequence:
     """Build a sequence with a tracker that is differentiable in parameters and state.
 
@@ -118,7 +118,7 @@ def _at_hand(frames: Any) -> Any:
     return frames if isinstance(frames, np.ndarray) else jax.device_put(np.asarray(frames))
 
 
-def _as_values(options: Any) -> dict[str, Any]:
+def _as_values(options: object) -> dict[str, Any]:
     return {name: getattr(options, name) for name in options_of(options)}
 
 

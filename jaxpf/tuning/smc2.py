@@ -25,6 +25,7 @@ from jaxpf.contract.logs import normalised
 from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.refusals import biased_evidence, poisoned
 from jaxpf.contract.state import moments
+from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.resampling.weighted import ancestors
 from jaxpf.running import gaps, missing_frames
@@ -147,7 +148,7 @@ class _Filters(NamedTuple):
     has_gaps: bool
     num_particles: int | None
 
-    def tracker(self, parameters: Any, inputs: Any) -> Any:
+    def tracker(self, parameters: Any, inputs: Any) -> TrackerLike:
         """Return the filter of some parameters."""
         tracker = self.build(parameters)
         if self.num_particles is not None:

@@ -43,6 +43,7 @@ import importlib.util
 from typing import TYPE_CHECKING, Any
 
 import jax
+from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
@@ -116,7 +117,7 @@ class Soft(Gradient):
         share: share of the weights in the mixture, above 0 and at most 1.
     """
 
-    share: Any = 0.5
+    share: ArrayLike = 0.5
 
     equalises = False
 
@@ -144,7 +145,7 @@ class Transport(Gradient):
         epsilon: strength of the entropy regularisation, above 0.
     """
 
-    epsilon: Any = 0.5
+    epsilon: ArrayLike = 0.5
 
     blends = True
 

@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract.errors import InputError, check_known, choice
+from jaxpf.contract.errors import Argument, InputError, check_known, choice
 from jaxpf.contract.model import check_tree
 from jaxpf.contract.names import METHODS, REASSEMBLIES, SWAPS
 from jaxpf.contract.numbers import check_whole
@@ -81,28 +81,28 @@ class Ordering:
         return jax.tree.map(np.asarray, self) if is_concrete(self) else self
 
     @property
-    def exchanges(self) -> Any:
+    def exchanges(self) -> jax.Array:
         """``[]`` bool: whether parts are exchanged."""
         return self.known.exchanged.any(-1)
 
     @property
-    def exchanges_roots(self) -> Any:
+    def exchanges_roots(self) -> jax.Array:
         """``[]`` bool: whether roots, the first level, are exchanged."""
         return (self.known.exchanged & (self.known.level == 0)).any(-1)
 
     @property
-    def exchanges_best(self) -> Any:
+    def exchanges_best(self) -> jax.Array:
         """``[]`` bool: whether best is paired with best, which biases the evidence."""
         return self.exchanges & (self.known.swap == SWAPS.index("sorted"))
 
     @property
-    def swap_shown(self) -> Any:
+    def swap_shown(self) -> Argument:
         """The swap in a message."""
         swap = self.known.swap
         return choice("swap", SWAPS[int(swap.max())] if is_concrete(swap) else "")
 
     @property
-    def divides(self) -> Any:
+    def divides(self) -> jax.Array:
         """``[]`` bool: whether a random split gives more than one component."""
         return self.known.fractions[..., 0] < 1
 

@@ -1,13 +1,17 @@
 """Argument checks shared by the image likelihoods."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_names
 from jaxpf.contract.numbers import FINITE, numbers_in
 from jaxpf.likelihoods.color import check_frame
+
+if TYPE_CHECKING:
+    import jax
+    from jax.typing import ArrayLike
 
 #: What ``boxes`` are, in messages.
 BOXES = "finite x, y, w, h in pixels of every object, [>= 1, 4]"
@@ -20,7 +24,7 @@ _WIDEST = 1000
 INTERPOLATIONS = ("nearest", "bilinear")
 
 
-def check_window(window: Any, example: str, name: str = "window") -> None:
+def check_window(window: object, example: str, name: str = "window") -> None:
     """Reject a grid that is not two whole numbers from 1, columns and rows."""
     sides = window if isinstance(window, tuple | list) else ()
     if len(sides) != 2 or not all(isinstance(n, int) and 1 <= n <= _WIDEST for n in sides):
@@ -36,7 +40,7 @@ def shown_as(name: str, count: int, names: Sequence[str] | None = None) -> list[
 
 
 def checked_sizes(
-    name: str, sizes: Any, count: int, bands: int = 1, names: Sequence[str] | None = None
+    name: str, sizes: "ArrayLike", count: int, bands: int = 1, names: Sequence[str] | None = None
 ) -> np.ndarray:
     """Convert widths and heights ``[count, 2]``; refuse those below one pixel, or one per band."""
     wanted = f"finite width and height of every object, [{count}, 2]"
@@ -61,7 +65,7 @@ def check_not_black(windows: np.ndarray, names: Sequence[str]) -> None:
 
 
 def check_coordinates(
-    substates: Any, owner: str, wanted: str, least: int, most: int | None = None
+    substates: "jax.Array", owner: str, wanted: str, least: int, most: int | None = None
 ) -> None:
     """Refuse substates ``[D, N]`` whose D is not from ``least`` to ``most``; default any above."""
     length = substates.shape[0]
@@ -69,7 +73,7 @@ def check_coordinates(
         raise InputError(f"a substate has {length} values: {owner} takes {wanted}.")
 
 
-def check_pictures(name: str, pictures: Any) -> None:
+def check_pictures(name: str, pictures: Sequence[np.ndarray]) -> None:
     """Refuse what is no list of pictures, uint8 RGB ``[h, w, 3]``."""
     if not hasattr(pictures, "__len__") or len(pictures) == 0:
         raise InputError(f"{name}={pictures!r:.60} must be a list with a picture of every object.")
@@ -77,7 +81,7 @@ def check_pictures(name: str, pictures: Any) -> None:
         check_frame(picture, f"{name}[{i}]")
 
 
-def points_in(points: Any, frame_shape: tuple[int, int]) -> np.ndarray:
+def points_in(points: "ArrayLike", frame_shape: tuple[int, int]) -> np.ndarray:
     """Convert points ``[P, 2]`` to float32; refuse those outside the frame."""
     points = numbers_in("points", points, "x, y in pixels of every point, [>= 1, 2]")
     points = points.astype(np.float32)

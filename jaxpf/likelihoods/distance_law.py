@@ -42,7 +42,7 @@ the others.
 """
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
@@ -102,7 +102,7 @@ def log_density(form, sharpness, bands, background, partition, squared_distance)
 
 
 def learn_background(
-    likelihood: "HistogramLikelihood", frames: Any, *, num_boxes: int = 100_000
+    likelihood: "HistogramLikelihood", frames: ArrayLike, *, num_boxes: int = 100_000
 ) -> jax.Array:
     """Each object's distribution of d^2 over whole frames, for ``form="ratio"``.
 

@@ -266,7 +266,7 @@ def histogram_from_patches(
     frame_shape: tuple[int, int] = (288, 360),
     interpolation: str = "nearest",
     form: str = "exponential",
-    background_frames: Any = None,
+    background_frames: np.ndarray | None = None,
     names: Sequence[str] | None = None,
 ) -> HistogramLikelihood:
     """Learn the likelihood of P objects from one picture of each.

@@ -81,7 +81,7 @@ class Own:
         return jnp.clip(chosen, start, start + size - 1)
 
 
-def scheme_of(given: Any) -> BuiltIn | Own:
+def scheme_of(given: object) -> BuiltIn | Own:
     """Return a scheme from a name or a custom scheme, after checking it."""
     if isinstance(given, BuiltIn | Own):
         return given

@@ -18,6 +18,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from jax import lax
+from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.state import ParticleState
@@ -30,7 +31,9 @@ MAX_ITERATIONS = 500
 MISSING = "gradient Transport needs the package ott-jax; pip install 'jaxpf[transport]'."
 
 
-def blend_state(epsilon: Any, state: ParticleState, ess_threshold: Any = None) -> ParticleState:
+def blend_state(
+    epsilon: ArrayLike, state: ParticleState, ess_threshold: Any = None
+) -> ParticleState:
     """Blend a frame's weighted set into particles of equal weight, in place of resampling."""
     whole = one_component(state.log_weights.shape[0])
     lagged, log_weights, blended = blend(
@@ -49,7 +52,7 @@ def blend_state(epsilon: Any, state: ParticleState, ess_threshold: Any = None) -
 
 
 def blend(
-    epsilon: Any,
+    epsilon: ArrayLike,
     lagged: jax.Array,
     log_weights: jax.Array,
     components: Components,

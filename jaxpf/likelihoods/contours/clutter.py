@@ -6,11 +6,10 @@ that no line has an infinite log-ratio.  Counts above the largest that is kept a
 one; ``lost_tail`` gives their probability.
 """
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.numbers import TINY, check_array, check_number, check_whole, numbers_in
@@ -52,7 +51,7 @@ def poisson_clutter(mean: float, max_features: int) -> jax.Array:
 
 
 def learn_clutter(
-    frames: Any,
+    frames: ArrayLike,
     detector: EdgeDetector,
     *,
     num_lines: int = 4000,
@@ -107,7 +106,7 @@ def learn_clutter(
     return as_array(smoothed / smoothed.sum(), float)
 
 
-def lost_tail(clutter: Any, num_boundaries: int = 0) -> float:
+def lost_tail(clutter: ArrayLike, num_boundaries: int = 0) -> float:
     """Probability that a line shows more features than are kept.
 
     Args:
@@ -119,7 +118,7 @@ def lost_tail(clutter: Any, num_boundaries: int = 0) -> float:
     return float(1 - kept[: len(kept) - num_boundaries].sum())
 
 
-def check_clutter(clutter: Any, max_features: int) -> jax.Array:
+def check_clutter(clutter: ArrayLike, max_features: int) -> jax.Array:
     """Validate b(n) for n = 0 .. max_features.
 
     Raises:

@@ -45,7 +45,7 @@ def discriminative(
     grid: tuple[int, int] = (4, 4),
     penalty: float = RIDGE,
     interpolation: str = "nearest",
-    background_frames: Any = None,
+    background_frames: np.ndarray | None = None,
     reach: float | None = None,
     names: Sequence[str] | None = None,
 ) -> DiscriminativeLikelihood:
@@ -101,7 +101,7 @@ def discriminative(
 
 
 def untrained(
-    frame: Any,
+    frame: np.ndarray,
     boxes: np.ndarray,
     features: Sequence[str | Callable] = USUAL_FEATURES,
     sharpness: float = 1.0,

@@ -7,7 +7,6 @@ are stacked vertically, so that one table serves all of them.
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -63,7 +62,7 @@ def shrunk(frame: jax.Array, factor: int) -> jax.Array:
     return sums.astype(jnp.float32) / np.float32(factor**2)
 
 
-def shrunk_part(frame: jax.Array, factor: int, rows: Any, columns: Any) -> jax.Array:
+def shrunk_part(frame: jax.Array, factor: int, rows: np.ndarray, columns: np.ndarray) -> jax.Array:
     """Some rows and columns of ``shrunk(frame, factor)``, computed from their pixels alone.
 
     Args:

@@ -97,7 +97,9 @@ def window_shape(likelihood: "DiscriminativeLikelihood", reach: float) -> Window
     return shape if cost <= _LARGEST_SHARE * whole else None
 
 
-def observe(likelihood: "DiscriminativeLikelihood", frame: Any, estimates: jax.Array) -> Nearby:
+def observe(
+    likelihood: "DiscriminativeLikelihood", frame: jax.Array, estimates: jax.Array
+) -> Nearby:
     """Tables of windows around estimates, [P, D], and the pixels of tiles.
 
     The window of an estimate that is not finite contains no box.

@@ -2,11 +2,11 @@
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import FINITE, check_number, numbers_in
@@ -36,8 +36,8 @@ LEAST_SPREAD = 1e-3
 
 
 def pretrained(
-    frame: Any,
-    boxes: Any,
+    frame: np.ndarray,
+    boxes: ArrayLike,
     *,
     network: Callable | None = None,
     sharpness: float = 1.0,

@@ -21,7 +21,6 @@ head with two hands, each with the same weight; points further off count 1.25 ti
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -126,8 +125,8 @@ class PretrainedPoints(Likelihood):
 
 
 def pretrained_points(
-    frame: Any,
-    points: Any,
+    frame: np.ndarray,
+    points: ArrayLike,
     *,
     network: Callable | None = None,
     sharpness: float = 40.0,

@@ -11,7 +11,7 @@ import math
 import os
 import pickle
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -98,12 +98,12 @@ class _TensorsAlone(pickle.Unpickler):
             return np.dtype(_DTYPES[name])
         raise pickle.UnpicklingError(f"it would run {module}.{name}")
 
-    def persistent_load(self, pid: Any) -> Any:
+    def persistent_load(self, pid: tuple) -> Any:
         _, dtype, key, *_ = pid
         return dtype, key
 
 
-def _tensors(loaded: Any, values_of: Callable[[np.dtype, str], np.ndarray]) -> dict:
+def _tensors(loaded: Mapping, values_of: Callable[[np.dtype, str], np.ndarray]) -> dict:
     tensors = {name: each for name, each in loaded.items() if isinstance(each, _Tensor)}
     return {name: each.read(values_of(*each.storage)) for name, each in tensors.items()}
 

@@ -1,6 +1,7 @@
 """Builds trackers of boxes: one upright rectangle per object."""
 
 import os
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,18 +17,20 @@ from jaxpf.targets import building
 
 if TYPE_CHECKING:
     from jaxpf.contract.types import LikelihoodLike
+    from jaxpf.ordering import Ordering
+    from jaxpf.targets.target import Start
 
 
 def tracker(
-    frame: Any,
+    frame: np.ndarray | None,
     boxes: ArrayLike,
     *,
     like: str | None = None,
     method: str | None = None,
     num_particles: int | None = None,
     likelihood: "LikelihoodLike | None" = None,
-    ordering: Any = None,
-    patches: Any = None,
+    ordering: "Ordering | None" = None,
+    patches: Sequence[np.ndarray] | None = None,
     **options: Any,
 ) -> Any:
     """Build the tracker of ``jaxpf track``, with its defaults unless options override them.
@@ -105,7 +108,7 @@ def to_boxes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     return boxes_at(estimate, sizes)
 
 
-def _start(boxes: ArrayLike) -> Any:
+def _start(boxes: ArrayLike) -> "Start":
     array = numbers_in("boxes", boxes, "x, y, w, h in pixels of every object, [>= 1, 4]")
     for number, box in enumerate(array):
         if not (np.isfinite(box).all() and (box[2:] > 0).all()):

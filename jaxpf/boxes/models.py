@@ -1,7 +1,7 @@
 """Models of boxes for any likelihood."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -112,7 +112,7 @@ def reach_of(steps: np.ndarray) -> float:
     return float(4.3 * np.max(steps[..., 1]) + 0.4)
 
 
-def boxes_at(estimate: Any, sizes: ArrayLike) -> np.ndarray:
+def boxes_at(estimate: ArrayLike, sizes: ArrayLike) -> np.ndarray:
     """Convert substates (u, v, a) to boxes x, y, w, h ``[..., P, 4]``.
 
     It uses NumPy, so that every caller gets bitwise equal results.

@@ -1,5 +1,6 @@
 """The system of rowe2005: labelled particles, pixels under a box, and speed feedback."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,7 +34,12 @@ class Rowe2005Settings(NamedTuple):
 
 
 def rowe2005_tracker(
-    frame: Any, boxes: ArrayLike, *, patches: Any = None, pool: str = "mean", **options: Any
+    frame: np.ndarray | None,
+    boxes: ArrayLike,
+    *,
+    patches: Sequence[np.ndarray] | None = None,
+    pool: str = "mean",
+    **options: Any,
 ) -> Labelled:
     """Build the tracker of rowe2005, eq. 2 to 8, or a variant of it.
 

@@ -4,7 +4,7 @@ A substate is (u, v, a): centre in pixels and scale relative to the start (smith
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +35,8 @@ from jaxpf.targets.later import starts_by_frame
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
+    from jax.typing import ArrayLike
+
     from jaxpf.contract.types import LikelihoodLike, TrackerLike
     from jaxpf.media.frame_source import FrameSource
     from scenes import Scene
@@ -70,7 +72,7 @@ class _BoxTarget(Target):
         },
     }
 
-    def start(self, given: Any, names: Any = None) -> Start:
+    def start(self, given: Any, names: Sequence[object] | np.ndarray | None = None) -> Start:
         """Boxes ``[P, 4]``; default names are numbers from 1."""
         boxes = np.asarray(given, np.float64)
         ids = np.arange(1, len(boxes) + 1) if names is None else np.asarray(names)
@@ -117,7 +119,9 @@ class _BoxTarget(Target):
             looks.patches, start.sizes, frame_shape=looks.frame_shape, **settings
         )
 
-    def training_likelihood(self, options: Options, start: Start, looks: Looks, frames: Any) -> Any:
+    def training_likelihood(
+        self, options: Options, start: Start, looks: Looks, frames: np.ndarray
+    ) -> "LikelihoodLike":
         """Bilinear features, as a ratio to those of random background boxes."""
         from jaxpf.likelihoods.histogram import histogram_from_patches
 
@@ -146,7 +150,9 @@ class _BoxTarget(Target):
             background_frames=frames,
         )
 
-    def _discriminative(self, options: Options, start: Start, looks: Looks, **settings: Any) -> Any:
+    def _discriminative(
+        self, options: Options, start: Start, looks: Looks, **settings: Any
+    ) -> "LikelihoodLike":
         from jaxpf.likelihoods.discriminative import discriminative
         from jaxpf.likelihoods.exclusion import excluding
 
@@ -158,7 +164,7 @@ class _BoxTarget(Target):
         check_contrast(looks.start_frame, start.shapes, _names(start))
         return likelihood if options.exclusion == NONE else excluding(likelihood)
 
-    def _pretrained(self, options: Options, start: Start, looks: Looks) -> Any:
+    def _pretrained(self, options: Options, start: Start, looks: Looks) -> "LikelihoodLike":
         from jaxpf.likelihoods.exclusion import excluding
         from jaxpf.likelihoods.pretrained import efficientnet_lite0, pretrained
 
@@ -170,7 +176,7 @@ class _BoxTarget(Target):
         check_contrast(frame, start.shapes, shown)
         return likelihood if options.exclusion == NONE else excluding(likelihood)
 
-    def model(self, options: Options, start: Start, likelihood: "LikelihoodLike") -> Model:
+    def model(self, options: Options, start: Start, likelihood: Any) -> Model:
         """Substates are (u, v, a)."""
         if options.motion != RELATIVE:
             return box_model(likelihood, start.shapes, options.noise_pixels)
@@ -184,17 +190,17 @@ class _BoxTarget(Target):
         method = self.likelihood(options, start, looks).method
         return dataclasses.replace(options, likelihood=method)
 
-    def shapes(self, start: Start, estimate: Any, tracker: "TrackerLike") -> np.ndarray:
+    def shapes(self, start: Start, estimate: "ArrayLike", tracker: "TrackerLike") -> np.ndarray:
         return boxes_at(estimate, start.sizes)
 
-    def outlines(self, start: Start, shapes: Any) -> Any:
+    def outlines(self, start: Start, shapes: "ArrayLike") -> Any:
         import jax.numpy as jnp
 
         x, y, w, h = jnp.moveaxis(jnp.asarray(shapes), -1, 0)
         corners = [(x, y), (x + w, y), (x + w, y + h), (x, y + h)]
         return jnp.stack([jnp.stack(corner, axis=-1) for corner in corners], axis=-2)
 
-    def measures(self, start: Start, shapes: Any, truth: Any) -> dict[str, Any]:
+    def measures(self, start: Start, shapes: "ArrayLike", truth: "ArrayLike") -> dict[str, Any]:
         """Exact measures for boxes."""
         import jax.numpy as jnp
 
@@ -284,7 +290,7 @@ class _BoxTarget(Target):
 BOXES = _BoxTarget()
 
 
-def _starting(table: "tracks.BoxTable", number: int, ids: Any) -> Any:
+def _starting(table: "tracks.BoxTable", number: int, ids: Sequence[int]) -> Any:
     """Those of the ids asked for that do not start in a later frame."""
     if ids is None:
         return None

@@ -9,7 +9,6 @@ import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -199,7 +198,7 @@ def _rows(frames: np.ndarray, ids: np.ndarray, boxes: np.ndarray, confidence: np
 
 def to_supervision(
     boxes: ArrayLike, ids: ArrayLike | None = None, confidence: ArrayLike | None = None
-) -> Any:
+) -> BoxTable:
     """Convert the boxes of one frame to ``supervision.Detections``.
 
     Args:

@@ -12,17 +12,18 @@ from jaxpf.targets import building
 
 if TYPE_CHECKING:
     from jaxpf.contract.types import LikelihoodLike, TrackerLike
+    from jaxpf.ordering import Ordering
 
 
 def tracker(
-    frame: Any,
+    frame: np.ndarray | None,
     contours: Contours,
     *,
     like: str | None = None,
     method: str | None = None,
     num_particles: int | None = None,
     likelihood: "LikelihoodLike | None" = None,
-    ordering: Any = None,
+    ordering: "Ordering | None" = None,
     learned: Learned | None = None,
     **options: Any,
 ) -> Any:

@@ -14,6 +14,7 @@ wire of that width in pixels, with two visible edges.
 import dataclasses
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -97,7 +98,13 @@ class ContourTrackWriter(LineWriter):
 
     header = TRACK_HEADER
 
-    def append(self, frame: int, names: Any, control: Any, outlines: Any) -> None:
+    def append(
+        self,
+        frame: int,
+        names: Sequence[object] | np.ndarray,
+        control: np.ndarray,
+        outlines: np.ndarray,
+    ) -> None:
         """Write the contours of one frame.
 
         Args:
@@ -144,7 +151,7 @@ def _unique(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return dict(pairs)
 
 
-def _points(path: Path, name: str, rows: Any) -> np.ndarray:
+def _points(path: Path, name: str, rows: object) -> np.ndarray:
     if not isinstance(rows, list):
         raise InputError(f"'{path}': contour '{name}' is no list of points [x, y].")
     for number, row in enumerate(rows):
@@ -156,7 +163,7 @@ def _points(path: Path, name: str, rows: Any) -> np.ndarray:
     return np.array(rows, float)
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: object) -> bool:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return abs(value) <= _FARTHEST

@@ -8,7 +8,7 @@ holds the arrays of ``jaxpf.shapes.ShapeSpace``; ``"dynamics"``, unless null, th
 import json
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from jaxpf.dynamics.gaussian import LinearGaussian
 from jaxpf.files.reading import read_text
 from jaxpf.files.writing import write_text
 from jaxpf.shapes.spaces import ShapeSpace
+
+if TYPE_CHECKING:
+    from jax.typing import ArrayLike
 
 
 def write_learned(path: str | os.PathLike[str], learned: Learned) -> None:
@@ -97,12 +100,12 @@ def _dynamics(about: dict[str, Any] | None, size: int) -> LinearGaussian | None:
     return LinearGaussian(**fields)
 
 
-def _numbers(name: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
+def _numbers(name: str, values: object, shape: tuple[int, ...]) -> np.ndarray:
     array = np.asarray(values, float)
     if array.shape != shape or not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite numbers of shape {list(shape)}")
     return array
 
 
-def _list(values: Any) -> Any:
+def _list(values: "ArrayLike") -> Any:
     return np.asarray(values, float).tolist()

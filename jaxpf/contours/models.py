@@ -1,6 +1,6 @@
 """Models of contours with given start contours (maccormick1999)."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 def contours_model(
     likelihood: "LikelihoodLike",
     start: Contours,
-    space: Any = "similarity",
+    space: ShapeSpace | str = "similarity",
     *,
     dynamics: "DynamicsLike | None" = None,
     scale: ArrayLike | None = None,
-    flip: Any = None,
+    flip: float | None = None,
 ) -> Model:
     """Contours that move from given start contours.
 
@@ -62,7 +62,7 @@ def contours_model(
     )
 
 
-def start_space(start: Contours, space: Any = "similarity") -> Any:
+def start_space(start: Contours, space: ShapeSpace | str = "similarity") -> ShapeSpace:
     """Return the shape space of contours.
 
     Args:

@@ -23,8 +23,11 @@ from jaxpf.shapes.splines import basis, even_places, fit_spline, points_on, resa
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
+    from jax.typing import ArrayLike
+
     from jaxpf.contract.types import LikelihoodLike, TrackerLike
     from jaxpf.media.frame_source import FrameSource
+    from jaxpf.shapes.spaces import ShapeSpace
     from scenes import Scene
 
 #: Number of segments of a reported polyline.
@@ -80,7 +83,7 @@ class _ContourTarget(Target):
             given = dataclasses.replace(given, names=tuple(names))
         return contour_start(given)
 
-    def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
+    def likelihood(self, options: Options, start: Start, looks: Looks) -> "LikelihoodLike":
         """Clutter is learned from ``looks.typical``."""
         from jaxpf.contract.pytree import as_array
         from jaxpf.likelihoods.contours import EdgeDetector, contours
@@ -146,10 +149,10 @@ class _ContourTarget(Target):
         """Every shape space begins with the shift of the centre."""
         return True
 
-    def shapes(self, start: Start, estimate: Any, tracker: "TrackerLike") -> np.ndarray:
+    def shapes(self, start: Start, estimate: "ArrayLike", tracker: "TrackerLike") -> np.ndarray:
         return shapes_of(tracker, estimate)
 
-    def outlines(self, start: Start, shapes: Any) -> Any:
+    def outlines(self, start: Start, shapes: "ArrayLike") -> Any:
         """Polylines there and back, so that closing the polygon adds no line.
 
         These outlines are not convex; ``measures`` accounts for that.
@@ -159,7 +162,7 @@ class _ContourTarget(Target):
         lines = polylines(jnp.asarray(shapes))
         return jnp.concatenate([lines, jnp.flip(lines, axis=-2)], axis=-2)
 
-    def measures(self, start: Start, shapes: Any, truth: Any) -> dict[str, Any]:
+    def measures(self, start: Start, shapes: "ArrayLike", truth: "ArrayLike") -> dict[str, Any]:
         import jax.numpy as jnp
 
         from jaxpf.measures.polylines import measure_polylines
@@ -214,7 +217,7 @@ class _ContourTarget(Target):
         return polylines(shapes).mean(axis=-2)
 
     @contextlib.contextmanager
-    def outline_file(self, path: Path, start: Start) -> Iterator[Callable[[int, Any], None]]:
+    def outline_file(self, path: Path, start: Start) -> Iterator[Callable[[int, np.ndarray], None]]:
         """CSV with the header ``frame,id,k,x,y,kind``."""
         inverse = np.zeros((0, PIECES + 1))  # without splines there are no control points
         contours = getattr(start, "contours", None)
@@ -226,7 +229,7 @@ class _ContourTarget(Target):
 
         with ContourTrackWriter(path) as writer:
 
-            def append(frame: int, shapes: Any) -> None:
+            def append(frame: int, shapes: np.ndarray) -> None:
                 lines = polylines(np.asarray(shapes, float))
                 writer.append(frame, start.ids, inverse @ lines, lines)
 
@@ -297,7 +300,7 @@ def shapes_of(tracker: Any, estimate: Any) -> np.ndarray:
     return lines.reshape(*lines.shape[:-2], -1)
 
 
-def _space(options: Options, start: ContourStart) -> Any:
+def _space(options: Options, start: ContourStart) -> "ShapeSpace":
     """Return the learned shape space, or the requested one."""
     from jaxpf.contours.models import start_space
 

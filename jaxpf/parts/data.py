@@ -1,7 +1,6 @@
 """Data of articulated objects."""
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ class Parts:
         sizes: ``[P, 2]``: width and height in pixels.
     """
 
-    names: tuple[Any, ...]
+    names: tuple[object, ...]
     parents: tuple[int, ...]
     poses: np.ndarray
     sizes: np.ndarray

@@ -1,5 +1,6 @@
 """Builds trackers of articulated objects: trees of rectangles at any angle."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,18 +13,19 @@ from jaxpf.targets import building
 
 if TYPE_CHECKING:
     from jaxpf.contract.types import LikelihoodLike, TrackerLike
+    from jaxpf.ordering import Ordering
 
 
 def tracker(
-    frame: Any,
+    frame: np.ndarray | None,
     parts: Parts,
     *,
     like: str | None = None,
     method: str | None = None,
     num_particles: int | None = None,
     likelihood: "LikelihoodLike | None" = None,
-    ordering: Any = None,
-    patches: Any = None,
+    ordering: "Ordering | None" = None,
+    patches: Sequence[np.ndarray] | None = None,
     **options: Any,
 ) -> Any:
     """Build the part tracker of ``jaxpf track``.

@@ -131,7 +131,7 @@ class OfFixedSize(WrappedLikelihood):
 
 def with_log_odds(
     likelihood: LikelihoodLike,
-    frame: Any,
+    frame: np.ndarray,
     poses: ArrayLike,
     sizes: ArrayLike,
     parents: Sequence[int],
@@ -226,7 +226,7 @@ def parts_model(
     return Model(moves, fixed, initial, tree)
 
 
-def cut_pictures(frame: Any, poses: ArrayLike, sizes: ArrayLike) -> list[np.ndarray]:
+def cut_pictures(frame: np.ndarray, poses: ArrayLike, sizes: ArrayLike) -> list[np.ndarray]:
     """Cut upright pictures out of rectangles at any angle, for learning likelihoods.
 
     Args:

@@ -8,7 +8,7 @@ radians, clockwise in the image.  Options and files use degrees.
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +32,8 @@ from jaxpf.targets.later import check_inside
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
+    from jax.typing import ArrayLike
+
     from jaxpf.contract.types import LikelihoodLike, TrackerLike
     from jaxpf.media.frame_source import FrameSource
     from scenes import Scene
@@ -46,7 +48,7 @@ _SLIP = 0.6
 _DEGREES = np.array([1, 1, math.pi / 180])
 
 
-def _outlines(poses: Any, sizes: Any) -> Any:
+def _outlines(poses: "ArrayLike", sizes: "ArrayLike") -> Any:
     from jaxpf.shapes.rectangles import corners_from_poses
 
     return corners_from_poses(poses, sizes)
@@ -112,7 +114,7 @@ class _PartTarget(Target):
         }
     }
 
-    def start(self, given: Parts, names: Any = None) -> Start:
+    def start(self, given: Parts, names: Sequence[object] | None = None) -> Start:
         check_type("parts", given, Parts)
         poses = numbers_in("poses", given.poses, "numbers x, y, theta of every part, [P, 3]")
         sizes = numbers_in("sizes", given.sizes, "numbers width, height of every part, [P, 2]")
@@ -120,7 +122,7 @@ class _PartTarget(Target):
         check_names(names, len(parents))
         return Start(np.array(names), poses, sizes, parents)
 
-    def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
+    def likelihood(self, options: Options, start: Start, looks: Looks) -> "LikelihoodLike":
         """Parts learned from the start frame get log odds and a slip."""
         from jaxpf.contract.pytree import as_array
         from jaxpf.parts.models import with_log_odds
@@ -136,7 +138,9 @@ class _PartTarget(Target):
         part = with_log_odds(learned, looks.frame, start.shapes, start.sizes, start.parents)
         return dataclasses.replace(part, slip=as_array(slip, float))
 
-    def training_likelihood(self, options: Options, start: Start, looks: Looks, frames: Any) -> Any:
+    def training_likelihood(
+        self, options: Options, start: Start, looks: Looks, frames: np.ndarray
+    ) -> "LikelihoodLike":
         """Bilinear histograms, as a ratio to those of random background boxes."""
         bilinear = {"interpolation": "bilinear", "form": "ratio", "background_frames": frames}
         return self._histogram(options, start, looks, **bilinear)
@@ -155,7 +159,7 @@ class _PartTarget(Target):
             joint_scale=_DEGREES * options.noise_joints,
         )
 
-    def _patch(self, options: Options, start: Start, looks: Looks) -> Any:
+    def _patch(self, options: Options, start: Start, looks: Looks) -> "LikelihoodLike":
         from jaxpf.likelihoods import patch, patch_from_pictures
 
         settings: dict[str, Any] = {
@@ -166,7 +170,9 @@ class _PartTarget(Target):
             return patch_from_pictures(looks.patches, start.sizes, **settings)
         return patch(looks.frame, start.shapes, start.sizes, **settings, names=_names(start))
 
-    def _histogram(self, options: Options, start: Start, looks: Looks, **settings: Any) -> Any:
+    def _histogram(
+        self, options: Options, start: Start, looks: Looks, **settings: Any
+    ) -> "LikelihoodLike":
         from jaxpf.likelihoods import histogram_from_patches
         from jaxpf.parts.models import cut_pictures
 
@@ -189,10 +195,10 @@ class _PartTarget(Target):
             return options
         return dataclasses.replace(options, likelihood="sampled")
 
-    def shapes(self, start: Start, estimate: Any, tracker: "TrackerLike") -> np.ndarray:
+    def shapes(self, start: Start, estimate: "ArrayLike", tracker: "TrackerLike") -> np.ndarray:
         return np.asarray(estimate)[..., :3]
 
-    def outlines(self, start: Start, shapes: Any) -> Any:
+    def outlines(self, start: Start, shapes: "ArrayLike") -> Any:
         return _outlines(shapes, start.sizes)
 
     def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:

@@ -11,17 +11,18 @@ from jaxpf.targets import building
 
 if TYPE_CHECKING:
     from jaxpf.contract.types import LikelihoodLike, TrackerLike
+    from jaxpf.ordering import Ordering
 
 
 def tracker(
-    frame: Any,
+    frame: np.ndarray | None,
     points: ArrayLike,
     *,
     like: str | None = None,
     method: str | None = None,
     num_particles: int | None = None,
     likelihood: "LikelihoodLike | None" = None,
-    ordering: Any = None,
+    ordering: "Ordering | None" = None,
     **options: Any,
 ) -> Any:
     """Build the point tracker of ``jaxpf track``.

@@ -4,7 +4,7 @@ A point is a partition with substate (u, v), pixels.
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,8 +22,11 @@ from jaxpf.targets.later import check_inside, starts_by_frame
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
+    from jax.typing import ArrayLike
+
     from jaxpf.contract.types import LikelihoodLike, TrackerLike
     from jaxpf.media.frame_source import FrameSource
+    from jaxpf.points.files import Points
     from scenes import Scene
 
 #: Side in pixels of the square that represents a point where an area is needed.
@@ -129,7 +132,7 @@ class _PointTarget(Target):
         "mask_step": {"type": float, "help": "Pixels between points of that grid.  [default: 20]"},
     }
 
-    def start(self, given: Any, names: Any = None) -> Start:
+    def start(self, given: Any, names: Sequence[object] | None = None) -> Start:
         """X and y ``[P, 2]``, pixels; default names are numbers from 0."""
         places = numbers_in("points", given, "x, y in pixels of every point, [>= 1, 2]")
         names = range(len(places)) if names is None else names
@@ -144,7 +147,7 @@ class _PointTarget(Target):
             return options
         return dataclasses.replace(options, slip=settings.get("slip", _SLIP))
 
-    def likelihood(self, options: Any, start: Start, looks: Looks) -> Any:
+    def likelihood(self, options: Any, start: Start, looks: Looks) -> "LikelihoodLike":
         """The patches if they have the window's size, else windows or maps of the frame."""
         if options.appearance == PRETRAINED:
             from jaxpf.likelihoods.pretrained import efficientnet_lite0, pretrained_points
@@ -180,10 +183,10 @@ class _PointTarget(Target):
             parents=start.parents,
         )
 
-    def shapes(self, start: Start, estimate: Any, tracker: "TrackerLike") -> np.ndarray:
+    def shapes(self, start: Start, estimate: "ArrayLike", tracker: "TrackerLike") -> np.ndarray:
         return np.asarray(estimate)[..., :2]
 
-    def outlines(self, start: Start, shapes: Any) -> Any:
+    def outlines(self, start: Start, shapes: "ArrayLike") -> Any:
         """Squares around the points, where polygons are needed."""
         import jax.numpy as jnp
 
@@ -282,7 +285,7 @@ def _check_apart(start: Start) -> None:
                 )
 
 
-def _on_mask(path: Path, step: float, source: "FrameSource") -> Any:
+def _on_mask(path: Path, step: float, source: "FrameSource") -> "Points":
     """Return points on a grid within a mask of the frame's size."""
     from jaxpf.media.images import read_mask
 

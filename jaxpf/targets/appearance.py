@@ -109,7 +109,7 @@ def likelihood_option(*choices: str) -> Any:
     )
 
 
-def check_contrast(frame: Any, boxes: np.ndarray, names: Sequence[str]) -> None:
+def check_contrast(frame: np.ndarray, boxes: np.ndarray, names: Sequence[str]) -> None:
     """Reject boxes of one uniform colour on a background of the same colour.
 
     Args:

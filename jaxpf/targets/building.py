@@ -5,7 +5,7 @@ factories such as ``jaxpf.boxes.tracker`` build their trackers here.
 """
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from jaxpf.filters.filter import Filter
 from jaxpf.targets.target import Looks, Start, Target
 
 if TYPE_CHECKING:
-    from jaxpf.contract.types import LikelihoodLike
+    from jaxpf.contract.model import Model
     from scenes import Scene
 
 #: Number of particles assumed when a histogram method is chosen, if the filter sets its own.
@@ -78,7 +78,7 @@ def filled(owner: type, given: Mapping[str, Any], defaults: Mapping[str, Any] | 
 
 
 def build(
-    target: Target, model: Any, filter_: Filter, options: Any, start: Start, looks: Looks
+    target: Target, model: "Model", filter_: Filter, options: Any, start: Start, looks: Looks
 ) -> Any:
     """The tracker of a filter and a target.
 
@@ -99,7 +99,9 @@ def build(
     return filter_.tracker(target.model(model, start, likelihood), options)
 
 
-def looks_of_frame(frame: Any, num_particles: int | None, patches: Any = None) -> Looks:
+def looks_of_frame(
+    frame: np.ndarray, num_particles: int | None, patches: Sequence[np.ndarray] | None = None
+) -> Looks:
     """Learn the likelihood from the start frame, or from patches.
 
     Args:
@@ -117,7 +119,7 @@ def looks_of_frame(frame: Any, num_particles: int | None, patches: Any = None) -
     )
 
 
-def looks_of_scene(scene: "Scene", num_particles: int, typical: Any = None) -> Looks:
+def looks_of_scene(scene: "Scene", num_particles: int, typical: np.ndarray | None = None) -> Looks:
     """A scene's reference patches and first frame, to learn a likelihood from."""
     return Looks(
         frame=None,
@@ -132,11 +134,11 @@ def looks_of_scene(scene: "Scene", num_particles: int, typical: Any = None) -> L
 
 def make(
     target: Target,
-    frame: Any,
+    frame: np.ndarray | None,
     start: Start,
     given: Mapping[str, Any],
     *,
-    likelihood: "LikelihoodLike | None" = None,
+    likelihood: Any = None,
     ordering: Any = None,
     patches: Any = None,
 ) -> Any:
@@ -200,7 +202,7 @@ def make(
     return dataclasses.replace(tracker, **own) if own else tracker
 
 
-def _checked(frame: Any) -> np.ndarray:
+def _checked(frame: object) -> np.ndarray:
     """The start frame as an array, checked to be uint8 RGB."""
     wanted = "the frame in which tracking starts, uint8 RGB [H, W, 3], or a likelihood of your own"
     check_array("frame", frame, wanted)
@@ -210,6 +212,6 @@ def _checked(frame: Any) -> np.ndarray:
     return frame
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Any:
     """Arrays as plain numbers and lists."""
     return value.tolist() if hasattr(value, "tolist") else value

@@ -1,18 +1,23 @@
 """What start files of several kinds share: places inside the frame, and later frames."""
 
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.targets.target import Start
 
+if TYPE_CHECKING:
+    from jaxpf.media.frame_source import FrameSource
+
 #: Frames in a row with a start of one object, from which on a file holds whole tracks.
 _WHOLE = 3
 
 
-def check_inside(what: str, names: Iterable[Any], places: np.ndarray, source: Any) -> None:
+def check_inside(
+    what: str, names: Iterable[object], places: np.ndarray, source: "FrameSource"
+) -> None:
     """Refuse x and y ``[P, 2]`` outside the frame; ``what`` they are, such as ``"point"``."""
     for name, (x, y) in zip(names, places, strict=True):
         if not (0 <= x < source.width and 0 <= y < source.height):

@@ -8,7 +8,7 @@ can list its options quickly.
 import abc
 import contextlib
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,6 +18,9 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
 
 if TYPE_CHECKING:
+    import jax
+    from jax.typing import ArrayLike
+
     from jaxpf.contract.types import LikelihoodLike, TrackerLike
     from jaxpf.media.frame_source import FrameSource
     from scenes import Scene
@@ -66,8 +69,8 @@ class Looks(NamedTuple):
     patches: Any
     frame_shape: tuple[int, int]
     num_particles: int
-    typical: Any = None
-    surroundings: Any = None
+    typical: np.ndarray | None = None
+    surroundings: np.ndarray | None = None
     settings: Mapping[str, Any] = {}
 
     @property
@@ -124,7 +127,7 @@ class Target(abc.ABC):
     unsuited: tuple[str, ...] = ()
     coordinates: tuple[str, ...] = ()
     has_boxes: bool = False
-    outlines_of_estimates: Callable[[Any, Any], Any] | None = None
+    outlines_of_estimates: "Callable[[jax.Array, jax.Array], jax.Array] | None" = None
     start_flags: Mapping[str, Mapping[str, Any]] = {}
     example: str = ""
     columns: tuple[str, ...] = ("x", "y")
@@ -132,7 +135,7 @@ class Target(abc.ABC):
     fixed_columns: tuple[str, ...] = ()
 
     @abc.abstractmethod
-    def start(self, given: Any, names: Any = None) -> Start:
+    def start(self, given: Any, names: Sequence[object] | None = None) -> Start:
         """Where objects start, from the argument of the target's public factory.
 
         Args:
@@ -144,7 +147,7 @@ class Target(abc.ABC):
         """
 
     @abc.abstractmethod
-    def likelihood(self, options: Any, start: Start, looks: Looks) -> Any:
+    def likelihood(self, options: Any, start: Start, looks: Looks) -> "LikelihoodLike":
         """The likelihood of the objects' appearance.
 
         Args:
@@ -160,7 +163,9 @@ class Target(abc.ABC):
     def model(self, options: Any, start: Start, likelihood: "LikelihoodLike") -> Model:
         """The model: dynamics and initial state, with the given (or a user's own) likelihood."""
 
-    def training_likelihood(self, options: Any, start: Start, looks: Looks, frames: Any) -> Any:
+    def training_likelihood(
+        self, options: Any, start: Start, looks: Looks, frames: np.ndarray
+    ) -> "LikelihoodLike":
         """A normalised likelihood, differentiable in its parameters and the state, for tuning.
 
         Args:
@@ -186,11 +191,11 @@ class Target(abc.ABC):
         return self.resolved(options, looks.settings)
 
     @abc.abstractmethod
-    def shapes(self, start: Start, estimate: Any, tracker: "TrackerLike") -> np.ndarray:
+    def shapes(self, start: Start, estimate: "ArrayLike", tracker: "TrackerLike") -> np.ndarray:
         """Shapes ``[..., P, S]`` of a tracker's estimates ``[..., P, D]``."""
 
     @abc.abstractmethod
-    def outlines(self, start: Start, shapes: Any) -> Any:
+    def outlines(self, start: Start, shapes: "ArrayLike") -> Any:
         """Corners ``[..., P, V, 2]`` of convex polygons, in order, in pixels."""
 
     @property
@@ -198,7 +203,7 @@ class Target(abc.ABC):
         """Whether a substate begins with x and y, a position or its shift in pixels."""
         return tuple(self.coordinates[:2]) == ("x", "y")
 
-    def measures(self, start: Start, shapes: Any, truth: Any) -> dict[str, Any]:
+    def measures(self, start: Start, shapes: "ArrayLike", truth: "ArrayLike") -> dict[str, Any]:
         """Error measures per frame, see ``jaxpf.measures.outlines``."""
         from jaxpf.measures.outlines import measure_outlines
 
@@ -245,7 +250,7 @@ class Target(abc.ABC):
 
     def outline_file(
         self, path: Path, start: Start
-    ) -> contextlib.AbstractContextManager[Callable[[int, Any], None] | None]:
+    ) -> contextlib.AbstractContextManager[Callable[[int, np.ndarray], None] | None]:
         """Open a new outlines.csv; as a context it is a function of a frame's number and shapes.
 
         By default there is no such file, and the context is None.

@@ -15,7 +15,7 @@ def attach(package: str, path: str) -> tuple[Callable[[str], Any], Callable, lis
     """
     getter, lister, names = lazy_loader.attach_stub(package, path)
 
-    def get(name: str) -> Any:
+    def get(name: str) -> object:
         try:
             return getter(name)
         except AttributeError:

@@ -34,7 +34,7 @@ def noisy(picture: np.ndarray, noise: float, rng: np.random.Generator) -> np.nda
     return np.repeat(with_noise(picture, noise, rng)[..., None], 3, axis=-1)
 
 
-def paint_inside(picture: np.ndarray, outline: np.ndarray, colour: Any) -> None:
+def paint_inside(picture: np.ndarray, outline: np.ndarray, colour: float | np.ndarray) -> None:
     """Fill a closed outline ``[S, 2]`` in a float picture ``[H, W]``, antialiased, in place.
 
     Args:
@@ -51,7 +51,12 @@ def paint_inside(picture: np.ndarray, outline: np.ndarray, colour: Any) -> None:
     )
 
 
-def paint_body(picture: np.ndarray, outline: np.ndarray, colour: Any, seam: float) -> None:
+def paint_body(
+    picture: np.ndarray,
+    outline: np.ndarray,
+    colour: float | np.ndarray,
+    seam: float,
+) -> None:
     """Fill a closed outline as ``paint_inside`` does, and draw a seam around it, 2 pixels wide.
 
     Without a seam, two bodies of equal grey would have no edge between them.

@@ -61,7 +61,7 @@ def check_parameters(
             require(scene, parameters, name, enough, f"must be at least {least.get(name)}")
 
 
-def require(scene: str, parameters: Any, name: str, holds: bool, remedy: str) -> None:
+def require(scene: str, parameters: object, name: str, holds: bool, remedy: str) -> None:
     """Refuse the parameters unless ``holds``; ``remedy`` says what must hold of ``name``.
 
     Raises:

@@ -11,7 +11,7 @@ rules.  The appearance of an object is learned from its box in its first frame. 
 
 import dataclasses
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -24,6 +24,7 @@ from jaxpf.contract.errors import Argument, InputError, check_type
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import check_array, numbers_in
 from jaxpf.contract.options import OPEN, chosen
+from jaxpf.contract.state import Summary
 from jaxpf.detections import lifetimes
 from jaxpf.detections.lifetimes import EMPTY, Changes, Living, Refusal, Rules
 from jaxpf.filters.labelled.family import LABELLED
@@ -39,6 +40,9 @@ from jaxpf.running import streaming
 from jaxpf.running.runs import init_compiled
 from jaxpf.targets.appearance import COLOUR, RELATIVE
 from jaxpf.targets.building import check_names
+
+if TYPE_CHECKING:
+    from jaxpf.filters.labelled.state import LabelledState
 
 
 class TrackedObjects(NamedTuple):
@@ -62,8 +66,8 @@ class TrackedObjects(NamedTuple):
     boxes: np.ndarray
     without_likelihood: np.ndarray
     changes: Changes
-    summary: Any
-    state: Any
+    summary: Summary
+    state: "LabelledState"
 
 
 def open_model(
@@ -235,7 +239,7 @@ def _of_frame(detections: Sequence[np.ndarray | None] | None, time: int) -> np.n
 
 def _changed(
     tracker: Labelled,
-    state: Any,
+    state: "LabelledState",
     living: Living,
     changes: Changes,
     frame: np.ndarray,

@@ -212,7 +212,7 @@ def check_level(level: Any) -> None:
         raise InputError(f"level={level!r} must be above 0 and below 1, such as 0.95.")
 
 
-def _checked(bounds: Any) -> Bounds:
+def _checked(bounds: Bounds) -> Bounds:
     low, high = numbers_in("bounds", bounds, "the smallest and the largest value, [2]")
     if not low < high:
         raise InputError(f"bounds={bounds} must be a smaller number and a larger one.")
@@ -231,7 +231,7 @@ def _counted(
     return np.where(counts, values, 0.0), np.where(counts, mass, 0.0), counts.sum(axis=0)
 
 
-def _student(units: Any, level: float) -> Any:
+def _student(units: int | np.ndarray, level: float) -> Any:
     """t with P(|T| < t) = level for Student's T over so many units."""
     return stdtrit(np.maximum(units - 1, 1), 0.5 + level / 2)
 

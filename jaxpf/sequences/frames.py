@@ -4,13 +4,16 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.media.frame_source import FrameSource
 from jaxpf.media.video import open_frames, open_pictures
+
+if TYPE_CHECKING:
+    from jax.typing import DTypeLike
 
 
 class Frames:
@@ -74,7 +77,7 @@ class Frames:
                 position = number + 1
                 yield picture
 
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+    def __array__(self, dtype: "DTypeLike | None" = None, copy: bool | None = None) -> np.ndarray:
         frames = np.empty(self.shape, self.dtype)
         for place, picture in enumerate(self):
             frames[place] = picture

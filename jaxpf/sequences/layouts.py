@@ -9,7 +9,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -220,7 +220,9 @@ def _pictures_of(folder: Path) -> list[Path]:
     return [file for file in pictures if file.stem.isdecimal()] or pictures
 
 
-def _described(path: Path, about: Any, keys: tuple[str, ...], place: Any) -> tuple[Frames, float]:
+def _described(
+    path: Path, about: Mapping[str, str], keys: tuple[str, ...], place: Callable[[Any], Path]
+) -> tuple[Frames, float]:
     """The frames that a description announces, and their rate per second.
 
     Args:

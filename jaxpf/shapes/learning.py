@@ -7,7 +7,6 @@ whose points already correspond.
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -86,7 +85,7 @@ def augment(examples: ArrayLike, turns: int) -> np.ndarray:
     return np.concatenate([(every - middles) @ matrix + middles for matrix in matrices])
 
 
-def outline_of(mask: Any, number: int = 0) -> np.ndarray:
+def outline_of(mask: ArrayLike, number: int = 0) -> np.ndarray:
     """Outline ``[S, 2]`` of the largest piece of a mask ``[H, W]``, in continuous pixels.
 
     Args:

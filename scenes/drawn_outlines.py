@@ -121,7 +121,7 @@ def _blend(
     points: np.ndarray,
     colour: Any,
     margin: int,
-    draw: Callable[[np.ndarray, np.ndarray], Any],
+    draw: Callable[[np.ndarray, np.ndarray], object],
 ) -> None:
     """Blend a colour into the part of a picture that ``draw`` covers, in place."""
     height, width = picture.shape

@@ -35,6 +35,7 @@ from jaxpf.targets.later import starts_by_frame
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
+    import jax
     from jax.typing import ArrayLike
 
     from jaxpf.contract.types import LikelihoodLike, TrackerLike
@@ -193,7 +194,7 @@ class _BoxTarget(Target):
     def shapes(self, start: Start, estimate: "ArrayLike", tracker: "TrackerLike") -> np.ndarray:
         return boxes_at(estimate, start.sizes)
 
-    def outlines(self, start: Start, shapes: "ArrayLike") -> Any:
+    def outlines(self, start: Start, shapes: "ArrayLike") -> "jax.Array | np.ndarray":
         import jax.numpy as jnp
 
         x, y, w, h = jnp.moveaxis(jnp.asarray(shapes), -1, 0)

@@ -93,7 +93,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, num_particles: 
     say(f"{output}/: overlay.mp4 (a run of {_SHOWN}, the default of `jaxpf track`)")
 
 
-def _percent(interval: "Interval", index: Any) -> str:
+def _percent(interval: "Interval", index: int | tuple[()]) -> str:
     value, low, high = (100 * np.asarray(x)[index] for x in (interval[0], *interval[2:]))
     return f"{value:.0f}% [{low:.0f}, {high:.0f}]" if low < high else f"{value:.0f}%"
 

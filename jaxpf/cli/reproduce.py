@@ -4,7 +4,6 @@ import textwrap
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -97,7 +96,7 @@ def command(
     say(f"{folder}/: {', '.join([*written, 'run.toml'])} ({seconds:.0f} s)")
 
 
-def _typed(options: Mapping[str, Any]) -> str:
+def _typed(options: Mapping[str, object]) -> str:
     """The command as text, with scenes and seed."""
     words = [f"jaxpf reproduce {options['paper']}"]
     for name, value in options.items():

@@ -23,6 +23,7 @@ from jaxpf.shapes.splines import basis, even_places, fit_spline, points_on, resa
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
+    import jax
     from jax.typing import ArrayLike
 
     from jaxpf.contract.types import LikelihoodLike, TrackerLike
@@ -152,7 +153,7 @@ class _ContourTarget(Target):
     def shapes(self, start: Start, estimate: "ArrayLike", tracker: "TrackerLike") -> np.ndarray:
         return shapes_of(tracker, estimate)
 
-    def outlines(self, start: Start, shapes: "ArrayLike") -> Any:
+    def outlines(self, start: Start, shapes: "ArrayLike") -> "jax.Array | np.ndarray":
         """Polylines there and back, so that closing the polygon adds no line.
 
         These outlines are not convex; ``measures`` accounts for that.

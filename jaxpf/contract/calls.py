@@ -21,6 +21,7 @@ from jaxpf.contract.interface import (
     Proposal,
 )
 from jaxpf.contract.numbers import returned
+from jaxpf.contract.pytree import T
 from jaxpf.contract.types import DynamicsLike, LikelihoodLike, ProposalLike, TrackerLike
 
 #: Least log of a first-stage weight, relative to the largest.
@@ -34,7 +35,7 @@ def observed_apart(tracker: Any) -> tuple[Callable, Callable]:
     return (lambda frame: frame), tracker.step
 
 
-def time_of(state: object) -> Any:
+def time_of(state: object) -> jax.Array:
     """Number of frames that led to a state, ``[]`` int32; see ``Tracker``.
 
     Raises:
@@ -90,7 +91,7 @@ def is_coupled(dynamics: DynamicsLike) -> bool:
     return getattr(dynamics, "coupled", False)
 
 
-def at_frame(tracker: TrackerLike, time: ArrayLike) -> Any:
+def at_frame(tracker: T, time: ArrayLike) -> T:
     """Return the tracker with the dynamics leading to frame ``time``, and the frame's likelihood.
 
     Frames are counted from 0.  A part without ``at_frame`` stays unchanged.
@@ -98,7 +99,7 @@ def at_frame(tracker: TrackerLike, time: ArrayLike) -> Any:
     return _parts_changed(tracker, "at_frame", time)
 
 
-def with_inputs(tracker: TrackerLike, inputs: Any, first: ArrayLike = 0) -> Any:
+def with_inputs(tracker: T, inputs: Any, first: ArrayLike = 0) -> T:
     """Return the tracker with known inputs of its model, such as controls or frame intervals.
 
     Dynamics and likelihoods that take inputs define ``with_inputs(inputs, first)``; their
@@ -123,7 +124,7 @@ def with_inputs(tracker: TrackerLike, inputs: Any, first: ArrayLike = 0) -> Any:
     return changed
 
 
-def _parts_changed(tracker: TrackerLike, method: str, *arguments: Any) -> Any:
+def _parts_changed(tracker: T, method: str, *arguments: Any) -> T:
     """Replace the dynamics and the likelihood by what their optional method returns."""
     inner = tracker
     while not hasattr(inner, "dynamics") and hasattr(inner, "tracker"):
@@ -134,12 +135,12 @@ def _parts_changed(tracker: TrackerLike, method: str, *arguments: Any) -> Any:
     return tracker
 
 
-def of_frame(part: Any, time: ArrayLike) -> Any:
+def of_frame(part: T, time: ArrayLike) -> T:
     """Return dynamics or a likelihood for frame ``time``; unchanged without ``at_frame``."""
     return part.at_frame(time) if hasattr(part, "at_frame") else part
 
 
-def first_motion(dynamics: DynamicsLike) -> Any:
+def first_motion(dynamics: T) -> T:
     """Return the dynamics leading to frame 0; unchanged if they have no ``at_frame``."""
     return of_frame(dynamics, 0)
 

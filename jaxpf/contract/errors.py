@@ -4,6 +4,7 @@ import importlib
 import os
 from collections.abc import Callable, Collection
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple
 
 from jaxpf._resembling import resembling
@@ -56,7 +57,7 @@ class InputError(ValueError):
         return "".join(show(x) if isinstance(x, Argument) else x for x in self.pieces)
 
 
-def import_extra(module: str, need: str, install: str = "'jaxpf[cli]'") -> Any:
+def import_extra(module: str, need: str, install: str = "'jaxpf[cli]'") -> ModuleType:
     """Import an optional module.
 
     Args:

@@ -3,7 +3,7 @@
 Imports no JAX.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +16,7 @@ LOST_BELOW = 0.5
 
 def judge(
     outside: "ArrayLike", without_likelihood: "ArrayLike", confidence: "ArrayLike | None" = None
-) -> tuple[Any, np.ndarray]:
+) -> tuple[np.ndarray | None, np.ndarray]:
     """Confidence in the reported positions of P objects in one frame, and whether they are lost.
 
     An object is lost where it is outside the picture, where no particle has any likelihood, or

@@ -6,6 +6,7 @@ from typing import Any
 import jax
 from jax import lax
 
+from jaxpf.contract.pytree import T
 from jaxpf.contract.types import LikelihoodLike
 
 
@@ -19,7 +20,7 @@ def observe_nearby(observer: object, frame: Any, near: Any) -> Any:
     return observer.observe_nearby(frame, near) if hasattr(observer, "observe_nearby") else None
 
 
-def expecting(likelihood: LikelihoodLike, estimates: jax.Array) -> Any:
+def expecting(likelihood: T, estimates: jax.Array) -> T:
     """Pass the filter's last estimates ``[P, D]`` to the likelihood if it defines ``expecting``.
 
     Filters that keep an estimate call ``expecting(estimates [P, D]) -> likelihood`` once per frame;

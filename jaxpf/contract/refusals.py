@@ -10,7 +10,7 @@ import numpy as np
 
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.near import looks_near
-from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.pytree import T, is_concrete
 from jaxpf.contract.state import STATUS_OK, STATUS_UNSUPPORTED, Summary
 from jaxpf.contract.types import TrackerLike
 
@@ -99,7 +99,7 @@ def biased_evidence(
     )
 
 
-def poisoned(refused: jax.Array | None, tree: Any) -> Any:
+def poisoned(refused: jax.Array | None, tree: T) -> T:
     """Replace a tree's floats by NaN, and mark its summaries, where ``refused``, ``[]`` or None."""
     if refused is None:
         return tree

@@ -1,7 +1,7 @@
 """Coordinates whose moves have no noise, so that the transition density leaves them out."""
 
 import contextlib
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -66,7 +66,7 @@ def noiseless(tracker: "Partitioned | Labelled | Eskil") -> Noiseless:
 
 def without_noise(
     what: str, tracker: "Partitioned | Labelled | Eskil", wrong: jax.Array | np.ndarray
-) -> tuple[Any, tuple[str, ...]]:
+) -> tuple[jax.Array | np.bool_, tuple[str, ...]]:
     """The case that coordinates ``wrong``, bool ``[P, D]``, have no noise, for ``refused``."""
     where = "a coordinate"
     if is_concrete(wrong) and wrong.any():

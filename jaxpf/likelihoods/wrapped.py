@@ -8,7 +8,7 @@ from jaxpf import contract
 from jaxpf.contract import Likelihood
 
 
-def _forwarded(name: str) -> property:
+def _forwarded(name: str) -> Any:
     """An attribute of the inner likelihood, or else its default; only if one of them defines it."""
 
     def get(self):

@@ -231,7 +231,7 @@ def _counted(
     return np.where(counts, values, 0.0), np.where(counts, mass, 0.0), counts.sum(axis=0)
 
 
-def _student(units: int | np.ndarray, level: float) -> Any:
+def _student(units: int | np.ndarray, level: float) -> np.ndarray:
     """t with P(|T| < t) = level for Student's T over so many units."""
     return stdtrit(np.maximum(units - 1, 1), 0.5 + level / 2)
 

@@ -83,7 +83,7 @@ def trajectories(
     table: Mapping[str, np.ndarray],
     columns: Sequence[str],
     lost: Mapping[str, Sequence[Sequence[int]]],
-) -> Any:
+) -> "Figure":
     """Plot coordinates and speed over time with 95% intervals; shade frames of lost objects.
 
     Args:

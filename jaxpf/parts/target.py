@@ -32,6 +32,7 @@ from jaxpf.targets.later import check_inside
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
+    import jax
     from jax.typing import ArrayLike
 
     from jaxpf.contract.types import LikelihoodLike, TrackerLike
@@ -48,7 +49,7 @@ _SLIP = 0.6
 _DEGREES = np.array([1, 1, math.pi / 180])
 
 
-def _outlines(poses: "ArrayLike", sizes: "ArrayLike") -> Any:
+def _outlines(poses: "ArrayLike", sizes: "ArrayLike") -> "jax.Array":
     from jaxpf.shapes.rectangles import corners_from_poses
 
     return corners_from_poses(poses, sizes)
@@ -198,7 +199,7 @@ class _PartTarget(Target):
     def shapes(self, start: Start, estimate: "ArrayLike", tracker: "TrackerLike") -> np.ndarray:
         return np.asarray(estimate)[..., :3]
 
-    def outlines(self, start: Start, shapes: "ArrayLike") -> Any:
+    def outlines(self, start: Start, shapes: "ArrayLike") -> "jax.Array | np.ndarray":
         return _outlines(shapes, start.sizes)
 
     def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:

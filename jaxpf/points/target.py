@@ -22,6 +22,7 @@ from jaxpf.targets.later import check_inside, starts_by_frame
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
 if TYPE_CHECKING:
+    import jax
     from jax.typing import ArrayLike
 
     from jaxpf.contract.types import LikelihoodLike, TrackerLike
@@ -186,7 +187,7 @@ class _PointTarget(Target):
     def shapes(self, start: Start, estimate: "ArrayLike", tracker: "TrackerLike") -> np.ndarray:
         return np.asarray(estimate)[..., :2]
 
-    def outlines(self, start: Start, shapes: "ArrayLike") -> Any:
+    def outlines(self, start: Start, shapes: "ArrayLike") -> "jax.Array | np.ndarray":
         """Squares around the points, where polygons are needed."""
         import jax.numpy as jnp
 

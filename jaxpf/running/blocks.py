@@ -1,6 +1,6 @@
 """Many independent runs of any tracker, vectorised in blocks across devices."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from functools import partial
 from typing import Any
 
@@ -224,7 +224,7 @@ def _begin_narrowing(tracker, keys, blocks, grouped, record, used) -> Any:
 
 
 #: What ``_bytes_needed`` has found, by program: asking takes longer than many a run.
-_FOUND: dict[Any, float] = {}
+_FOUND: dict[Hashable, float] = {}
 
 
 def _bytes_needed(*arguments: Any) -> float:

@@ -5,6 +5,7 @@ JAX would detect most errors too, but later and with messages about its internal
 
 import functools
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -173,7 +174,7 @@ def _check_methods(
     many = jax.ShapeDtypeStruct((size, _TRIED), kind)
     places = jax.ShapeDtypeStruct((_TRIED,), jnp.int32)
 
-    def tried(part: Any, method: Any, *arguments: Any) -> Any:
+    def tried(part: object, method: Callable, *arguments: Any) -> Any:
         """Shapes that a method returns; errors of a class of ours come from shapes of arrays."""
         try:
             return jax.eval_shape(method, *arguments)
@@ -191,7 +192,7 @@ def _check_methods(
     motion = jax.eval_shape(lambda filter_: contract.first_motion(filter_.dynamics), tracker)
     coupled = contract.is_coupled(motion)
 
-    def others(substates: Any) -> list[Any]:
+    def others(substates: Any) -> list[jax.ShapeDtypeStruct]:
         whole = jax.ShapeDtypeStruct((num_partitions, *substates.shape), kind)
         return [whole] if coupled else []
 

@@ -121,7 +121,7 @@ def _names_components(tracker: TrackerLike, frames: Any, shape: tuple[int, ...])
     )
 
 
-def _as_bool(observed: ArrayLike) -> Any:
+def _as_bool(observed: ArrayLike) -> np.ndarray | jax.Array:
     return observed.astype(bool) if isinstance(observed, jax.Array) else np.asarray(observed, bool)
 
 

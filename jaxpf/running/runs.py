@@ -13,6 +13,7 @@ from jax.typing import ArrayLike
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.pytree import T
 from jaxpf.contract.recognised import recognised
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
@@ -141,7 +142,7 @@ def forecast(
     return run_compiled(blind, key, (nothing, nothing), record, state)
 
 
-def with_inputs(tracker: TrackerLike, inputs: Any, frames: Any, first: ArrayLike = 0) -> Any:
+def with_inputs(tracker: T, inputs: Any, frames: Any, first: ArrayLike = 0) -> T:
     """Return the tracker with the inputs of frames ``[T, ...]``; unchanged if there are none.
 
     Args:
@@ -203,7 +204,7 @@ def check_resumed(tracker: TrackerLike, key: jax.Array, state: Any, record: obje
     return contract.time_of(state)
 
 
-def as_key(key: Any) -> jax.Array:
+def as_key(key: object) -> jax.Array:
     """Convert a typed or legacy key to one typed key, ``[]``.
 
     Raises:

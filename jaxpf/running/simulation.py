@@ -35,7 +35,7 @@ class Simulated(NamedTuple):
         return central_interval(self.frames, level, 0)
 
 
-def central_interval(draws: Any, level: float, axes: Any) -> tuple[Any, Any]:
+def central_interval(draws: Any, level: float, axes: int | tuple[int, ...]) -> tuple[Any, Any]:
     """Ends of the intervals that contain the share ``level`` of the draws along some axes."""
     check_array("level", level, "a share from 0 to 1, []", least=0, most=1)
     lower, upper = (

@@ -1,7 +1,7 @@
 """What the backward passes over a filter's weighted sets share: what to keep, keys and memory."""
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
@@ -28,7 +28,7 @@ def keep_substates(state: ParticleState, summary: Summary) -> tuple:
     return History(state.lagged[0], None, state.log_weights, state.label, state.sources), summary
 
 
-def keep_both_lags(state: ParticleState, summary: Summary) -> Any:
+def keep_both_lags(state: ParticleState, summary: Summary) -> tuple:
     """Record the substates of the previous frame too, for second-order motion."""
     history, summary = keep_substates(state, summary)
     return history._replace(previous=state.lagged[1]), summary

@@ -195,7 +195,7 @@ class Target(abc.ABC):
         """Shapes ``[..., P, S]`` of a tracker's estimates ``[..., P, D]``."""
 
     @abc.abstractmethod
-    def outlines(self, start: Start, shapes: "ArrayLike") -> Any:
+    def outlines(self, start: Start, shapes: "ArrayLike") -> "jax.Array | np.ndarray":
         """Corners ``[..., P, V, 2]`` of convex polygons, in order, in pixels."""
 
     @property

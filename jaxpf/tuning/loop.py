@@ -171,12 +171,12 @@ def _optimiser(clip: float, learning_rate: float) -> tuple[Any, Callable]:
     return adam, step
 
 
-def _norm(tree: Any) -> jax.Array:
+def _norm(tree: object) -> jax.Array:
     return jnp.sqrt(sum(jnp.sum(leaf**2) for leaf in jax.tree.leaves(tree)))
 
 
 def _begin(
-    wanted: Sequence[Parameter], start: dict[str, Any], settings: Settings, repeat: int
+    wanted: Sequence[Parameter], start: dict[str, jax.Array], settings: Settings, repeat: int
 ) -> Descent:
     rng = np.random.default_rng([settings.seed, repeat])
     free = {}

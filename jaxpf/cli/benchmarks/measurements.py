@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -41,7 +41,7 @@ class Case(NamedTuple):
     """
 
     what: str
-    run: Callable[[], Any]
+    run: Callable[[], object]
     units: float
     baseline: str = ""
     goal: str = ""

@@ -301,7 +301,7 @@ def _check_points(tracked: Tracked, program: str) -> None:
         )
 
 
-def _keypoints(tracked: Tracked) -> Iterator[tuple[int, list[Any]]]:
+def _keypoints(tracked: Tracked) -> Iterator[tuple[int, list[str | float]]]:
     """Each frame's number, and x, y and confidence of each point; empty where not reported."""
     values = np.concatenate([tracked.lines[:, :, 0], tracked.confidence[..., None]], axis=-1)
     values[~np.isfinite(values).all(axis=-1)] = np.nan

@@ -199,7 +199,7 @@ def declared_flags(
     return flags
 
 
-def _help(option: Option, default: Any, *, states_off: bool) -> str:
+def _help(option: Option, default: object, *, states_off: bool) -> str:
     """What the option does, its choices, and its default; of a boolean "off" only on request."""
     text = option.help
     if option.name != "method" and not all(choice in text for choice in option.choices):
@@ -365,7 +365,7 @@ def refuse_others(values: Mapping[str, Any], target: "Target", filter_: "Filter"
             )
 
 
-def report_implied(values: Mapping[str, Any], usual: Any) -> None:
+def report_implied(values: Mapping[str, Any], usual: object) -> None:
     """Report options, such as --bands, that change other options left at ``auto``.
 
     Args:

@@ -6,7 +6,7 @@ An object that starts again leaves its former group, whose other objects go on a
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import jax
@@ -81,7 +81,7 @@ def starting_later(
         )
 
 
-def _part(group: _Group, colours: Mapping[Any, np.ndarray]) -> Record:
+def _part(group: _Group, colours: Mapping[Hashable, np.ndarray]) -> Record:
     """The next record of a group, of the objects that it still tracks."""
     record = next(group.records)
     kept = np.flatnonzero(np.isin(record.start.ids, group.ids))

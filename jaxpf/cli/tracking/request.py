@@ -227,7 +227,7 @@ _EXCLUSIONS = (
 )
 
 
-def check_together(request: Request, video: Any = None, **known: Any) -> None:
+def check_together(request: Request, video: object = None, **known: object) -> None:
     """Refuse options that exclude each other, or what is ``known`` of the opened ``video``."""
     values = vars(request.run) | {"detections": request.detector} | known
     for names, other, why in _EXCLUSIONS:

@@ -2,9 +2,8 @@
 
 import collections
 import contextlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -102,7 +101,7 @@ class Overlay:
         )
         self._began: float | None = None
         self._past: collections.deque[np.ndarray] = collections.deque(maxlen=_TRAIL)
-        self._unconfirmed: dict[Any, int] = {}
+        self._unconfirmed: dict[Hashable, int] = {}
 
     def __call__(self, record: Record) -> None:
         """Draw a frame."""

@@ -23,7 +23,9 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 MOST_LINES = 8
 
 
-def accuracy_curves(methods: Sequence[str], curves: Mapping[tuple[str, str], Any]) -> "Figure":
+def accuracy_curves(
+    methods: Sequence[str], curves: Mapping[tuple[str, str], Sequence[np.ndarray] | np.ndarray]
+) -> "Figure":
     """Draw success and precision curves (wu2013) with their intervals.
 
     Args:
@@ -95,7 +97,7 @@ def lines_over_particles(summaries: Sequence[Summary]) -> dict[str, list[Summary
     Each group, keyed by the common name, is sorted by that number and has at least two entries.
     """
 
-    def number(summary: Summary) -> Any:
+    def number(summary: Summary) -> float:
         return summary.configuration.parameters["num_particles"]
 
     lines: dict[str, list[Summary]] = {}

@@ -99,7 +99,7 @@ def printed_tables(results: Results, overview: Overview) -> list[Table]:
     return printed
 
 
-def _run_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[list[Any]]]:
+def _run_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[list[object]]]:
     """Yield the rows of one run of one configuration at a time; the header comes first."""
     yield [[*_KEYS, *_parameters(results), "seed", "run", "object", *COLUMNS]]
     for summary in summaries:
@@ -111,7 +111,7 @@ def _run_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[l
             ]
 
 
-def _summary_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[Any]]:
+def _summary_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[object]]:
     fields = ("runs", "value", "standard_error", "lower", "upper")
     yield [*_KEYS, *_parameters(results), "object", "measure", *fields]
     for summary in summaries:
@@ -125,7 +125,7 @@ def _summary_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[li
                 yield [*keys, "all", f"on_object_{place}", *numbers]
 
 
-def _curve_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[Any]]:
+def _curve_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[object]]:
     yield [*_KEYS, *_parameters(results), "object", "curve", "threshold", "value", "lower", "upper"]
     for summary in summaries:
         keys = _keys(results, summary.configuration)
@@ -138,7 +138,7 @@ def _curve_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list
                     yield [*keys, identity, name, f"{threshold:g}", *ends]
 
 
-def _difference_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[Any]]:
+def _difference_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[object]]:
     fields = ("runs", "value", "standard_error", "lower", "upper", "gained", "lost", "p", "p_holm")
     names = ("runs", "difference", *fields[2:])
     yield [*_KEYS, *_parameters(results), "reference", "object", "measure", *names]
@@ -149,8 +149,8 @@ def _difference_rows(results: Results, summaries: Sequence[Summary]) -> Iterator
 
 
 def _object_rows(
-    results: Results, keys: list[Any], found: Mapping[str, Any], fields: Sequence[str]
-) -> Iterator[list[Any]]:
+    results: Results, keys: list[object], found: Mapping[str, Any], fields: Sequence[str]
+) -> Iterator[list[object]]:
     """A row for every measure and object with a value."""
     for measure, each in found.items():
         for place, identity in _known(results, each.value):
@@ -170,7 +170,7 @@ def _parameters(results: Results) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def _keys(results: Results, configuration: Configuration) -> list[Any]:
+def _keys(results: Results, configuration: Configuration) -> list[object]:
     values = [_cell(configuration.parameters.get(name)) for name in _parameters(results)]
     return [results.scene_name, configuration.method, configuration.ordering, *values]
 

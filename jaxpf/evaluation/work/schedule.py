@@ -1,8 +1,8 @@
 """Divides an evaluation into batches by the memory and the work of their runs."""
 
 import math
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Hashable, Iterator
+from typing import TYPE_CHECKING, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -68,7 +68,7 @@ def batches(
     missing = sum(int(np.sum(~done[index])) for index in ours)
     share = max(1, math.ceil(missing / limits.workers))
     devices = limits.devices or jax.local_device_count()
-    cost_by_shape: dict[Any, Costs | None] = {}
+    cost_by_shape: dict[tuple[Hashable, ...], Costs | None] = {}
     work, largest = [], 0
     frame_bytes = math.prod(scene.frames.shape[1:])
     length = chunk_length(len(scene.frames) - 1, frame_bytes, int(_SHARE_OF_FRAMES * limits.memory))
@@ -172,7 +172,7 @@ def _bytes(tree: object) -> int:
     return sum(math.prod(x.shape) * np.dtype(x.dtype).itemsize for x in arrays)
 
 
-def shape_of(configuration: Configuration, target: Target) -> tuple[Any, ...]:
+def shape_of(configuration: Configuration, target: Target) -> tuple[Hashable, ...]:
     """Values on which the compiled kernel depends; equal ones share a kernel."""
     if configuration.kind != BUILT_IN:
         return (configuration.method,)

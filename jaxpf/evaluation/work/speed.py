@@ -5,7 +5,7 @@ Speeds are stored apart from the results, because only the results are reproduci
 
 import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -56,7 +56,7 @@ def measure_speeds(
     """
     configurations = results.configurations
     speeds = results.speeds
-    measured: dict[Any, float] = {}
+    measured: dict[Hashable, float] = {}
     for index, configuration in enumerate(configurations):
         if configuration.is_imported or np.isfinite(speeds[index]):
             continue

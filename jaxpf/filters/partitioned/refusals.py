@@ -19,6 +19,7 @@ from jaxpf.gradients import check_gradients
 if TYPE_CHECKING:
     import jax
 
+    from jaxpf.contract.errors import Argument
     from jaxpf.filters.partitioned.tracker import Partitioned
 
 
@@ -47,7 +48,7 @@ def check_tracker(tracker: "Partitioned") -> "jax.Array | None":
     return refused(*_of_ordering(tracker), *_of_exchange(tracker), *of_motion)
 
 
-def _of_ordering(tracker: "Partitioned") -> Iterator[tuple[Any, tuple[Any, ...]]]:
+def _of_ordering(tracker: "Partitioned") -> "Iterator[tuple[Any, tuple[str | Argument, ...]]]":
     """Cases in which the ordering's components do not fit the rest, for ``refused``."""
     ordering = tracker.ordering.known
     used = (ordering.fractions > 0).sum(-1)
@@ -128,5 +129,5 @@ def _of_exchange(tracker: "Partitioned") -> Iterator[tuple[Any, tuple[Any, ...]]
         )
 
 
-def _largest(counts: Any) -> Any:
+def _largest(counts: "jax.Array") -> Any:
     return counts.max() if is_concrete(counts) else ""

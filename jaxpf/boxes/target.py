@@ -291,7 +291,7 @@ class _BoxTarget(Target):
 BOXES = _BoxTarget()
 
 
-def _starting(table: "tracks.BoxTable", number: int, ids: Sequence[int]) -> Any:
+def _starting(table: "tracks.BoxTable", number: int, ids: Sequence[int] | None) -> list[int] | None:
     """Those of the ids asked for that do not start in a later frame."""
     if ids is None:
         return None

@@ -9,6 +9,7 @@ import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +19,9 @@ from jaxpf.contract.numbers import FINITE, check_array, check_number, check_whol
 from jaxpf.files.reading import parse_number, read_rows
 from jaxpf.files.writing import write_text
 from jaxpf.sequences.tables import BoxTable, dense, listed, read_boxes
+
+if TYPE_CHECKING:
+    import supervision
 
 __all__ = [
     "BoxTable",
@@ -198,7 +202,7 @@ def _rows(frames: np.ndarray, ids: np.ndarray, boxes: np.ndarray, confidence: np
 
 def to_supervision(
     boxes: ArrayLike, ids: ArrayLike | None = None, confidence: ArrayLike | None = None
-) -> BoxTable:
+) -> "supervision.Detections":
     """Convert the boxes of one frame to ``supervision.Detections``.
 
     Args:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from jax.typing import ArrayLike
+    from numpy.typing import ArrayLike
 
 #: Objects with confidence (``jaxpf.Summary``) below this level are lost.
 LOST_BELOW = 0.5

@@ -18,7 +18,7 @@ from jaxpf.contract.options import plain
 from jaxpf.files.writing import atomic_write, report_os_errors, write_text
 
 if TYPE_CHECKING:
-    from jax.typing import ArrayLike
+    from numpy.typing import ArrayLike
 
 SETTINGS = "settings.json"
 #: How the digest of arrays in settings begins, see ``jaxpf.files.states.digest``.

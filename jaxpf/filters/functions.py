@@ -317,7 +317,7 @@ class FunctionLikelihood(contract.Likelihood):
             jnp.asarray, self._called("observation", self.observation, key, substates[0])
         )
 
-    def _called(self, name: str, function: Callable, first: Any, substate: jax.Array) -> jax.Array:
+    def _called(self, name: str, function: Callable, first: Any, substate: jax.Array) -> Any:
         """Call a function with the state of a substate ``[D]``, and what it asks for."""
         previous = substate[self.layout.size :]
         extras = extras_of(function, self.frame, lambda: self.layout.unpack(previous))

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 if TYPE_CHECKING:
-    from jax.typing import ArrayLike
+    from numpy.typing import ArrayLike
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 #: Colour of rims, which keep lines visible on any background.

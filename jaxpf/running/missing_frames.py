@@ -125,7 +125,7 @@ def _as_bool(observed: ArrayLike) -> np.ndarray | jax.Array:
     return observed.astype(bool) if isinstance(observed, jax.Array) else np.asarray(observed, bool)
 
 
-def _seen(frames: Any) -> np.ndarray | None:
+def _seen(frames: Any) -> np.ndarray | jax.Array | None:
     """``[T]`` bool, which frames are not entirely NaN; None if all are seen."""
     leaves = jax.tree.leaves(frames)
     if not leaves or not all(jnp.issubdtype(jnp.result_type(x), jnp.floating) for x in leaves):

@@ -221,7 +221,10 @@ def _pictures_of(folder: Path) -> list[Path]:
 
 
 def _described(
-    path: Path, about: Mapping[str, str], keys: tuple[str, ...], place: Callable[[Any], Path]
+    path: Path,
+    about: Mapping[str, object],
+    keys: tuple[str, ...],
+    place: Path | Callable[[int], Path],
 ) -> tuple[Frames, float]:
     """The frames that a description announces, and their rate per second.
 

@@ -32,7 +32,7 @@ class Posterior:
     log_prior: jax.Array
     accepted: jax.Array
     num_particles: int = static_field()
-    paths: jax.Array | None = None
+    paths: Any = None
     frames: Any = None
 
     def interval(self, level: float = 0.95) -> tuple[Any, Any]:

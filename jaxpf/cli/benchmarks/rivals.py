@@ -37,7 +37,7 @@ def opencv_loop(frame: np.ndarray, box: np.ndarray) -> Callable[[], None]:
     return loop
 
 
-def minimal_filter(key: jax.Array, frames: jax.Array, num_particles: int) -> jax.Array:
+def minimal_filter(key: jax.Array, frames: jax.Array, num_particles: int) -> tuple[jax.Array, ...]:
     """A bootstrap filter written by hand for the model of ``measurements.generic``."""
 
     def step(carry, item):

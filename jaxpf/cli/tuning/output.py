@@ -14,7 +14,7 @@ from jaxpf.targets import DEFAULT
 from jaxpf.tuning.plot import traces
 
 if TYPE_CHECKING:
-    from jax.typing import ArrayLike
+    from numpy.typing import ArrayLike
 
     from jaxpf.tuning.result import Result
     from jaxpf.tuning.sequences import Recipe

@@ -12,14 +12,11 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from jaxpf.contract.errors import InputError
 from jaxpf.media.overlay import NUM_COLOURS, object_colours
 from jaxpf.media.page.pictures import Pictures
-
-if TYPE_CHECKING:
-    from jaxpf.media.frame_source import FrameSource
 
 #: The page's own files and their kinds.
 _FILES = {
@@ -46,7 +43,7 @@ class Server:
 
     def __init__(
         self,
-        source: "FrameSource",
+        source: Any,
         about: Mapping[str, object],
         answers: Mapping[str, Callable[[Any], Any]],
     ):
@@ -83,7 +80,7 @@ class Server:
         self.pictures.close()
 
 
-def described(source: "FrameSource", **more: Any) -> dict[str, Any]:
+def described(source: Any, **more: Any) -> dict[str, Any]:
     """What the page knows of a film at once; ``more`` adds to it or replaces it."""
     about = {
         "name": source.name,

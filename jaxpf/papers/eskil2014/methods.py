@@ -2,15 +2,12 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 import jaxpf.points
 from jaxpf.dynamics.gaussian import AR2
-
-if TYPE_CHECKING:
-    from jaxpf.filters.factored.eskil import Eskil
 
 #: M of PFFL; sigma_o.
 PFFL_PARTICLES = 50
@@ -60,7 +57,7 @@ def tracker(
     frame: np.ndarray,
     points: np.ndarray,
     scale: float,
-) -> "Eskil":
+) -> Any:
     """Build the tracker of a method.
 
     Args:

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from jaxpf.measures.intervals import difference_interval, mean_interval
 
 if TYPE_CHECKING:
-    from jax.typing import ArrayLike
+    from numpy.typing import ArrayLike
 
 
 class Measured(NamedTuple):
@@ -54,9 +54,7 @@ def computed(value: float, what: str = "") -> Quantity:
     return Quantity(value, lambda level: (value, value), 0, what)
 
 
-def mean_of(
-    values: "ArrayLike", what: str = "", bounds: tuple[float, float] | None = None
-) -> Quantity:
+def mean_of(values: Any, what: str = "", bounds: tuple[float, float] | None = None) -> Quantity:
     """The mean of the scenes' values ``[S]``, ignoring NaN.  See ``mean_interval``."""
     values = np.asarray(values, float)
     values = values[np.isfinite(values)]

@@ -34,7 +34,7 @@ class Rowe2005Settings(NamedTuple):
 
 
 def rowe2005_tracker(
-    frame: np.ndarray | None,
+    frame: ArrayLike | None,
     boxes: ArrayLike,
     *,
     patches: Sequence[np.ndarray] | None = None,

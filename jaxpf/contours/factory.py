@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 
 def tracker(
-    frame: np.ndarray | None,
+    frame: ArrayLike | None,
     contours: Contours,
     *,
     like: str | None = None,
     method: str | None = None,
     num_particles: int | None = None,
-    likelihood: "LikelihoodLike | None" = None,
+    likelihood: "LikelihoodLike | str | None" = None,
     ordering: "Ordering | None" = None,
     learned: Learned | None = None,
     **options: Any,

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 
 def tracker(
-    frame: np.ndarray | None,
+    frame: ArrayLike | None,
     parts: Parts,
     *,
     like: str | None = None,
     method: str | None = None,
     num_particles: int | None = None,
-    likelihood: "LikelihoodLike | None" = None,
+    likelihood: "LikelihoodLike | str | None" = None,
     ordering: "Ordering | None" = None,
     patches: Sequence[np.ndarray] | None = None,
     **options: Any,

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 def tracker(
-    frame: np.ndarray | None,
+    frame: ArrayLike | None,
     points: ArrayLike,
     *,
     like: str | None = None,
     method: str | None = None,
     num_particles: int | None = None,
-    likelihood: "LikelihoodLike | None" = None,
+    likelihood: "LikelihoodLike | str | None" = None,
     ordering: "Ordering | None" = None,
     **options: Any,
 ) -> Any:

@@ -134,7 +134,7 @@ def looks_of_scene(scene: "Scene", num_particles: int, typical: np.ndarray | Non
 
 def make(
     target: Target,
-    frame: np.ndarray | None,
+    frame: object,
     start: Start,
     given: Mapping[str, Any],
     *,

@@ -131,7 +131,7 @@ def ranks(components: Components) -> jax.Array | None:
 
 
 def few_effective(
-    log_weights: jax.Array, components: Components, threshold: jax.Array
+    log_weights: jax.Array, components: Components, threshold: "jax.Array | float"
 ) -> jax.Array:
     """``[C]`` bool: whether the component's effective sample size is <= threshold * n_c."""
     cdf = component_cdf(log_weights, components)

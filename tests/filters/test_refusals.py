@@ -213,6 +213,7 @@ def test_what_is_refused_with_an_exchange_is_fine_without():
     (lambda: labelled(num_particles=2), "fewer than the 3 targets"),
     (lambda: labelled(gradient="soft"), "give NoGradient(), StopGradient()"),
     (lambda: labelled(gradient=Soft()), "use NoGradient() or StopGradient()"),
+    (lambda: labelled(gradient=Transport()), "use NoGradient() or StopGradient()"),
     (lambda: labelled(initial=np.zeros(3)), "initial has shape [3]; give [3, D]"),
     (lambda: labelled(initial=sampler, num_targets=None), "num_targets=None"),
     (lambda: labelled(regularise=(0.0, 1.0)), "two rates above 0"),

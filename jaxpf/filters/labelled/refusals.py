@@ -13,7 +13,7 @@ from jaxpf.contract.refusals import refused
 from jaxpf.filters.labelled.options import Options
 from jaxpf.filters.noiseless import noiseless, without_noise
 from jaxpf.filters.relocation import check_relocation
-from jaxpf.gradients import check_gradients
+from jaxpf.gradients import Gradient, check_gradients
 
 if TYPE_CHECKING:
     from jaxpf.contract.state import Summary
@@ -24,12 +24,13 @@ def check_tracker(tracker: "Labelled") -> None:
     """Refuse settings that cannot work or would be silently wrong."""
     check_declared(tracker, Options, "weights", "feedback", "num_particles")
     check_known("population=", tracker.population, ("fixed", "open"))
-    check_gradients(tracker)
-    if tracker.gradient.blends or not tracker.gradient.equalises:
+    gradient = tracker.gradient
+    if isinstance(gradient, Gradient) and (gradient.blends or not gradient.equalises):
         raise InputError(
-            f"gradient {type(tracker.gradient).__name__} needs particles that hold all targets; "
+            f"gradient {type(gradient).__name__} needs particles that hold all targets; "
             "use NoGradient() or StopGradient() of jaxpf.gradients."
         )
+    check_gradients(tracker)
     _check_targets(tracker)
     if tracker.population == "open":
         _check_open(tracker)

@@ -111,7 +111,7 @@ def main(arguments: list[str] | None = None) -> Any:
             sys.exit(error.exit_code)
         context = getattr(error, "ctx", None)
         more = f"  See `{context.command_path} --help`." if context else ""
-        _refuse(error.format_message() + more, error.exit_code)
+        _refuse(" ".join(error.format_message().split()) + more, error.exit_code)
     except (KeyboardInterrupt, click.Abort) as stop:
         # click wraps KeyboardInterrupt.
         terminated = "Terminated" in (type(stop).__name__, type(stop.__cause__).__name__)

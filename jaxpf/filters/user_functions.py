@@ -46,7 +46,7 @@ _NEEDS_VALUES = (jax.errors.ConcretizationTypeError, jax.errors.TracerArrayConve
 
 
 def call(name: str, function: Callable, *arguments: Any, **extras: Any) -> Any:
-    """Call a user's function; say what to write if it needs values that JAX traces."""
+    """Call a user's function, its parameters last; say what it lacks: values, or parameters."""
     try:
         return function(*arguments, **extras)
     except _NEEDS_VALUES as error:
@@ -58,6 +58,10 @@ def call(name: str, function: Callable, *arguments: Any, **extras: Any) -> Any:
         raise InputError(
             f"{name} ({getattr(function, '__name__', function)}) {problem}, as JAX compiles it."
         ) from error
+    except TypeError as error:
+        if arguments[-1] is None and "'NoneType'" in str(error):
+            raise InputError(f"{name} reads parameters; give them as parameters=....") from error
+        raise
 
 
 def asks_for(function: Callable | None, name: str) -> bool:

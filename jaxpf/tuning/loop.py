@@ -157,6 +157,17 @@ def _check_gradients(tracker: TrackerLike, wanted: Sequence[Parameter]) -> None:
     check_motion_gradient(tracker)
 
 
+def _check_moved(gradients: Sequence[dict[str, jax.Array]]) -> None:
+    """Refuse a parameter that no particle's path depends on: its gradient is 0 in every run."""
+    for name in gradients[0]:
+        if not any(np.any(np.asarray(each[name])) for each in gradients):
+            raise InputError(
+                f"the gradient in {name} is exactly 0 in the first step, so nothing would tune it. "
+                "Either nothing uses it, or it acts through integers or steps, which have no "
+                "slope: use a tracker with motion_gradient='score', or leave it out."
+            )
+
+
 @functools.lru_cache(maxsize=8)
 def _optimiser(clip: float, learning_rate: float) -> tuple[Any, Callable]:
     """Adam with gradient clipping, and its compiled update."""
@@ -225,6 +236,8 @@ def _descend(descent, wanted, sequences, value_and_gradient, settings):
                 raise _NotFinite(sequence.name, value)
             losses.append(float(loss))
             gradients.append(gradient)
+        if step == 0:
+            _check_moved(gradients)
         free, moments, norm = take_step(gradients, free, moments)
         descent = dataclasses.replace(
             descent,

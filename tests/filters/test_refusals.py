@@ -255,6 +255,7 @@ def test_eskil_says_why_it_cannot_be_checked_for_nan():
     (lambda: space(transition=with_numpy), "transition (with_numpy) calls NumPy"),
     (lambda: space(transition=lambda key, x, p: float(x)), "float(x), int(x)"),
     (lambda: space(initial=lambda key, p: max(p["a"], 0)), "max; use jnp.where"),
+    (lambda: space(initial=lambda key, p: p["a"], parameters=None), "initial reads parameters"),
     (lambda: space(transition=drawn_by_numpy), "transition gives another result at every call"),
     (lambda: space(transition=lambda key, x: x), "transition takes (key, x), but must"),
     (lambda: space(transition=lambda key, x, p: jnp.ones(3)), "returns shape [3], and initial []"),

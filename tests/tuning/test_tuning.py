@@ -2,13 +2,15 @@
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.scipy.stats import norm
 from refusals import message_of
 from small_tuning import QUICK, SCALE, made_sequence, tracker
 
-from jaxpf import tune, tuning
+from jaxpf import state_space, tune, tuning
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian, histogram
 from jaxpf.tuning import Settings, TrainingSequence
@@ -56,6 +58,31 @@ def test_histograms_without_a_density_or_a_gradient_of_motion_are_refused(form, 
 def test_what_is_no_sequence_setting_or_function_is_refused(given, words):
     given = {"sequences": made_sequence(), "parameters": SCALE} | given
     assert words in message_of(tune, **given)
+
+
+def test_a_parameter_that_acts_through_integers_needs_the_score():
+    """A regime that stays with probability q: no particle's path has a slope in it."""
+
+    def model(**options):
+        return state_space(
+            initial=jnp.int32(0),
+            transition=lambda key, x, p: jnp.where(jax.random.bernoulli(key, p["q"]), x, 1 - x),
+            transition_log_density=lambda new, x, p: jnp.log(
+                jnp.where(new == x, p["q"], 1 - p["q"])
+            ),
+            log_likelihood=lambda y, x, p: norm.logpdf(y, 2.0 * x, 0.7),
+            parameters={"q": 0.7},
+            num_particles=50,
+            **options,
+        )
+
+    frames = np.zeros(5, np.float32)
+    wanted, settings = ["parameters.q=0:1"], Settings(steps=2)
+    words = "the gradient in parameters.q is exactly 0 in the first step"
+    refused = TrainingSequence(model(), frames)
+    assert words in message_of(tune, refused, wanted, settings=settings)
+    by_score = TrainingSequence(model(motion_gradient="score"), frames)
+    assert tune(by_score, wanted, settings=settings).values["parameters.q"] > 0.7
 
 
 # Descent

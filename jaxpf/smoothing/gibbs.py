@@ -90,7 +90,8 @@ def particle_gibbs(
 
     Args:
         tracker: a ``jaxpf.Partitioned`` with ``resampling="multinomial"``, an ordering from ``sir``
-            or ``ps``, and dynamics with ``log_density``.  A handful of particles is enough.
+            or ``ps``, and dynamics with ``log_density``.  The draws are right for any number of
+            particles, and mix faster with more.
         key: a random key.
         frames: ``[T, ...]``, as for ``jaxpf.run``.
         num_sweeps: S.

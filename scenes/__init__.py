@@ -139,7 +139,7 @@ def _look_up(name: str) -> tuple[type, Callable[[Any, int], Scene]]:
         near = difflib.get_close_matches(name, names(), n=1)
         meant = f"did you mean {near[0]!r}?  The" if near else "the"
         raise SceneError(
-            f"no scene {name!r}; {meant} scenes are {', '.join(names())}, and a folder with an "
-            "annotated sequence or a function, file.py:function, can be given as well"
+            f"no scene {name!r}; {meant} scenes are {', '.join(names())}.  You can also "
+            "give a folder with an annotated sequence, or a function, file.py:function"
         )
     return _REGISTRY[name]

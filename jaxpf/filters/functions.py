@@ -72,8 +72,8 @@ def state_space(
 
     Args:
         initial: ``(key, parameters) -> x``, draws the state just before the first frame; or that
-            state itself, an array.  Derivatives in its parameters go through the drawn values
-            alone, so that those of the probabilities of integers are 0.
+            state itself, an array or a pytree.  Derivatives in its parameters go through the drawn
+            values alone, so that those of the probabilities of integers are 0.
         transition: ``(key, x, parameters) -> x``, draws the next state.  An argument named
             ``previous`` receives the state before x; one named ``time`` the number of the frame
             that the transition leads to, from 0; one named ``u`` that frame's known input, a row of

@@ -36,7 +36,7 @@ def run(
     state: Any = None,
     inputs: Any = None,
 ) -> tuple[Any, Any]:
-    """Track one sequence once.
+    """Run a filter once over a sequence of frames or observations.
 
     The first call for a kind of tracker and a shape of frames compiles silently, for seconds or,
     with many objects, minutes.  ``jax.config.update("jax_log_compiles", True)`` logs compilation;

@@ -47,7 +47,9 @@ def tune(
 ) -> Result:
     """Find the parameter values that fit sequences best.
 
-    The trackers determine what the gradient means, see ``jaxpf.gradients``.  Tuning a motion noise
+    The gradient is that of the trackers' field ``gradient`` (``jaxpf.gradients``).  By default it
+    leaves out resampling: the result then differs from the maximum of the likelihood, however many
+    particles there are; ``StopGradient()`` has a bias of order 1/N.  Tuning a motion noise
     requires a likelihood that is differentiable in the state (``interpolation="bilinear"``) or
     dynamics with ``log_density``.
 

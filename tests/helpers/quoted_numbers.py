@@ -22,7 +22,7 @@ QUOTED = {
     },
     "helping_points": {
         "from 0.02 to 0.1 it ties two bodies": (
-            r"scale 0\.02 6\.3 .* scale 0\.05 5\.7 .* scale 0\.1 2\.6 .* scale 0\.2 0\.8"
+            r"scale 0\.02 6\.3 .* scale 0\.05 5\.7 .* scale 0\.1 2\.7 .* scale 0\.2 0\.8"
         ),
         "its error is below a pixel": r"Lucas-Kanade 0\.4 \[.*\] 0\.2",
     },

@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -132,10 +133,19 @@ def state_space(
     if copies == 2 and options.get("proposal") is not None:
         options["proposal"] = FunctionProposal(options["proposal"])
     gradient = options.get("gradient")
-    if getattr(gradient, "blends", False) and any(leaf.dtype is not None for leaf in layout.leaves):
+    has_integers = any(leaf.dtype is not None for leaf in layout.leaves)
+    if has_integers and getattr(gradient, "blends", False):
         raise InputError(
             "gradient Transport blends particles, and the state holds integers or bools, which "
             "have no values between; use jaxpf.gradients.StopGradient()."
+        )
+    along_paths = options.get("motion_gradient", "pathwise") == "pathwise"
+    if has_integers and getattr(gradient, "keeps_scores", False) and along_paths:
+        warnings.warn(
+            "no derivative passes through the integers or bools of the state, so those in the "
+            "parameters that move them are 0; give transition_log_density and "
+            "motion_gradient='score'.",
+            stacklevel=2,
         )
     if callable(initial):
         start: Any = FunctionSampler(parameters, initial, layout, copies)

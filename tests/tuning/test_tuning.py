@@ -12,6 +12,7 @@ from small_tuning import QUICK, SCALE, made_sequence, tracker
 
 from jaxpf import state_space, tune, tuning
 from jaxpf.dynamics import RandomWalk
+from jaxpf.gradients import StopGradient
 from jaxpf.likelihoods import Gaussian, histogram
 from jaxpf.tuning import Settings, TrainingSequence
 from jaxpf.tuning.checkpoint import NAME
@@ -79,6 +80,8 @@ def test_a_parameter_that_acts_through_integers_needs_the_score():
     frames = np.zeros(5, np.float32)
     wanted, settings = ["parameters.q=0:1"], Settings(steps=2)
     words = "the gradient in parameters.q is exactly 0 in the first step"
+    with pytest.warns(UserWarning, match="give transition_log_density and motion_gradient='score'"):
+        model(gradient=StopGradient())
     refused = TrainingSequence(model(), frames)
     assert words in message_of(tune, refused, wanted, settings=settings)
     by_score = TrainingSequence(model(motion_gradient="score"), frames)

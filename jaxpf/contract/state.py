@@ -151,6 +151,9 @@ def moments(
 ) -> tuple[jax.Array, jax.Array]:
     """Mean and standard deviation of weighted particles; particles of zero weight may hold NaN.
 
+    Weights sum to one but for rounding, which a mean far from 0 multiplies: so the mean is
+    corrected by that of the deviations from it (Chan, Golub & LeVeque 1983).
+
     Args:
         values: ``[..., N]``.
         weights: ``[N]`` or with more axes, summing to one over each set.
@@ -161,8 +164,12 @@ def moments(
     values = jnp.where(alive, values, 0.0)
     mean = weighted_sum(values, weights)
     deviation = jnp.where(alive, values - spread(mean), 0.0)
+    correction = weighted_sum(deviation, weights)
+    deviation = jnp.where(alive, deviation - spread(correction), 0.0)
     variance = weighted_sum(deviation**2, weights)
-    return mean, jnp.where(variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1.0)), 0.0)
+    return mean + correction, jnp.where(
+        variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1.0)), 0.0
+    )
 
 
 def count_unique(lineage: jax.Array) -> jax.Array:

@@ -87,7 +87,8 @@ def state_space(
         parameters: pytree of numbers and arrays, the last positional argument of every function.
         transition_log_density: ``(new, x, parameters) -> []``, the log-density of ``transition``,
             for ``jaxpf.smooth``, a ``proposal`` and ``motion_gradient="score"``; the last two need
-            noise in every number that moves.  It may take ``previous``, ``time`` and ``u``.
+            noise in every number that moves, and no ``u``.  It may take ``previous``, ``time`` and,
+            for ``jaxpf.smooth``, ``u``.
         observation: ``(key, x, parameters) -> y``, draws a frame, for ``jaxpf.simulate`` and the
             predictive draws of ``jaxpf.pmmh``; may take ``previous``, ``time`` and ``u``.
         first_stage: ``(y, x, parameters) -> []``, log of the first-stage weight of an

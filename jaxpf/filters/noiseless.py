@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import is_concrete
 
 if TYPE_CHECKING:
@@ -35,7 +36,16 @@ def noiseless(tracker: "Partitioned | Labelled | Eskil") -> Noiseless:
 
     Args:
         tracker: with ``initial``, and ``dynamics`` that have a density.
+
+    Raises:
+        InputError: the dynamics ask for inputs, which nobody knows yet.
     """
+    if hasattr(tracker.dynamics, "with_inputs") and getattr(tracker.dynamics, "inputs", ()) is None:
+        raise InputError(
+            "a transition that takes u cannot be checked for noise, which motion_gradient='score' "
+            "and linearised proposals need; let it take time instead, and read row time of an "
+            "array in parameters."
+        )
     dynamics, initial = contract.first_motion(tracker.dynamics), tracker.initial
     known = is_concrete(dynamics, initial)
     with jax.ensure_compile_time_eval() if known else contextlib.nullcontext():

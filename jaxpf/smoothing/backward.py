@@ -31,7 +31,7 @@ from jax.typing import ArrayLike
 from jaxpf import contract
 from jaxpf.contract.logs import finite
 from jaxpf.contract.pytree import pytree_dataclass
-from jaxpf.contract.state import sanitised
+from jaxpf.contract.state import moments, sanitised
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering import platform
 from jaxpf.lowering.prefix import running_sum
@@ -214,8 +214,8 @@ def backward(
             after=None if drawn.after is None else drawn.next,
             label=None if label is None else label[index],
         )
-        estimate = jnp.mean(chosen, axis=0)
-        spread = jnp.sqrt(jnp.mean((chosen - estimate) ** 2, axis=0))
+        shares = jnp.full(len(chosen), 1 / len(chosen), chosen.dtype)
+        estimate, spread = moments(jnp.moveaxis(chosen, 0, -1), shares, jnp.matmul)
         broken = jnp.sum(broken, dtype=jnp.int32)
         return (drawn, origin), (estimate, spread, chosen[:num_paths], broken)
 

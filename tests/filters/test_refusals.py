@@ -108,6 +108,14 @@ def space(**changes):
     return jaxpf.state_space(**model | changes)
 
 
+#: The noise of a motion by known inputs cannot be checked before they are given.
+PUSHED = {
+    "transition": lambda key, x, p, u: x + u + jax.random.normal(key),
+    "transition_log_density": lambda new, x, p, u: norm.logpdf(new, x + u),
+    "motion_gradient": "score",
+}
+
+
 def run(tracker, **options):
     return jaxpf.run(tracker, KEY, np.zeros(4), **options)
 
@@ -256,6 +264,7 @@ def test_eskil_says_why_it_cannot_be_checked_for_nan():
     (lambda: space(transition=lambda key, x, p: float(x)), "float(x), int(x)"),
     (lambda: space(initial=lambda key, p: max(p["a"], 0)), "max; use jnp.where"),
     (lambda: space(initial=lambda key, p: p["a"], parameters=None), "initial reads parameters"),
+    (lambda: space(**PUSHED), "read row time of an array in parameters"),
     (lambda: space(transition=drawn_by_numpy), "transition gives another result at every call"),
     (lambda: space(transition=lambda key, x: x), "transition takes (key, x), but must"),
     (lambda: space(transition=lambda key, x, p: jnp.ones(3)), "returns shape [3], and initial []"),

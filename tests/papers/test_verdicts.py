@@ -139,7 +139,7 @@ def test_details_fit_the_screen_too(paper):
 
 def test_the_readme_quotes_the_first_lines():
     readme = (Path(__file__).parents[2] / "README.md").read_text()
-    quoted = readme.split("prints stored results:\n\n```\n")[1].split("\n```")[0]
+    quoted = readme.split("`jaxpf verdicts` prints:\n\n```\n")[1].split("\n```")[0]
     assert quoted.splitlines() == [verdicts.summary(each, verdicts.stored(each)) for each in PAPERS]
 
 

@@ -38,7 +38,7 @@ def noiseless(tracker: "Partitioned | Labelled | Eskil") -> Noiseless:
         tracker: with ``initial``, and ``dynamics`` that have a density.
 
     Raises:
-        InputError: the dynamics ask for inputs, which nobody knows yet.
+        InputError: the dynamics ask for inputs, which are not given yet.
     """
     if hasattr(tracker.dynamics, "with_inputs") and getattr(tracker.dynamics, "inputs", ()) is None:
         raise InputError(

@@ -200,7 +200,7 @@ def check_gradients(tracker: "Partitioned | Labelled") -> None:
     """
     if not isinstance(tracker.gradient, Gradient):
         raise InputError(
-            f"gradient={tracker.gradient!r} is no strategy of jaxpf.gradients; give "
+            f"gradient={tracker.gradient!r} is not a strategy of jaxpf.gradients; give "
             f"{', '.join(f'{each.__name__}()' for each in _NAMED.values())}."
         )
     tracker.gradient.check(tracker)

@@ -67,7 +67,9 @@ def tracker(
     """
     if like == "rowe2005":
         if method is not None or likelihood is not None or ordering is not None:
-            raise InputError("like='rowe2005' has a method and likelihood of its own; leave them.")
+            raise InputError(
+                "like='rowe2005' has a method and likelihood of its own; leave those out."
+            )
         if num_particles is not None:
             options["num_particles"] = num_particles
         return rowe2005_tracker(frame, _start(boxes).shapes, patches=patches, **options)

@@ -44,9 +44,10 @@ class Options:
     )
     noise_relative: tuple[float, ...] | None = option(
         None,
-        "Noise per frame: of usual steps and of long ones, as shares of the object's size, and of "
-        f"the size's logarithm; by default {plain(DEFAULT_STEPS)}, and {plain(LONE_STEPS)} for a "
-        "single object (relative motion only).  Three numbers for all objects, or three for each.",
+        "Noise per frame, three standard deviations: of usual steps and of occasional long ones, "
+        "as shares of the object's size, and of the logarithm of the size; by default "
+        f"{plain(DEFAULT_STEPS)}, and {plain(LONE_STEPS)} for a single object (relative motion "
+        "only).  Three numbers for all objects, or three for each.",
         kind=float,
         length=3,
         least=0,
@@ -65,8 +66,8 @@ class Options:
     exclusion: str = option(
         NONE,
         "boxes keeps two boxes from explaining the same pixels, for look-alikes that meet; none "
-        "does not (discriminative and pretrained appearance only).  What one box covers of "
-        "another, if it is most of it, does not count for that one.",
+        "does not (discriminative and pretrained appearance only).  If one box hides most of "
+        "another, the hidden part does not count for the other.",
         choices=(NONE, BOXES),
         compiles=True,
         implies=("appearance", DISCRIMINATIVE),

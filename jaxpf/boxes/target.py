@@ -62,14 +62,14 @@ class _BoxTarget(Target):
             "type": Path,
             "help": "CSV of start boxes, such as frame,id,x,y,w,h.  With that header, or that of a "
             "tracks.csv, frames and x, y count from 0; without a header, as in MOT files, from 1.  "
-            "A box in a later frame starts its object there, or puts it right.",
+            "A box in a later frame starts its object there, or corrects it.",
         },
         "ids": {"type": [int], "help": "Objects of --boxes, such as 1,2,5."},
         "detections": {
             "type": Path,
-            "help": "Objects come and go by detections: a MOT det.txt.  They are tracked by colour "
-            "and the labelled filter.  A line with an id in the place of -1 starts that object "
-            "there, detected or not.",
+            "help": "Detections that start and end tracks: a MOT det.txt.  Objects are tracked by "
+            "colour and the labelled filter.  A line with an id in the place of -1 starts that "
+            "object there, detected or not.",
         },
     }
 

@@ -46,7 +46,7 @@ _COMMANDS = {
     "verdicts": ("jaxpf.cli.verdicts", "Print the stored verdicts on the papers' claims."),
     "bench": (
         "jaxpf.cli.benchmarks.command",
-        "Measure speed on this machine, beside baselines.",
+        "Measure speed on this machine, compared with baselines.",
     ),
 }
 
@@ -134,7 +134,7 @@ def main(arguments: list[str] | None = None) -> Any:
     except (MemoryError, RuntimeError) as error:
         if not (isinstance(error, MemoryError) or "RESOURCE_EXHAUSTED" in str(error)):
             raise
-        _refuse("there is not enough memory; ask for fewer particles, or for smaller frames.")
+        _refuse("there is not enough memory; use fewer particles (-n), or smaller frames.")
 
 
 def _refuse(sentence: str, code: int = 2) -> NoReturn:

@@ -78,7 +78,7 @@ def learn(
     A CSV file has the header frame,id,k,x,y: the k-th point of a target's outline or centreline
     in a frame, in pixels.  Frames need not all be annotated; all targets are learned as one kind.
 
-    Example: jaxpf contour learn worms --turns 36 -d 10 --points 8 --last 40 -o worm.json
+    Example: jaxpf contour learn worms --turns 36 -d 10 --last 40 -o worm.json
     """
     from jaxpf.contours.annotated_files import read_annotated
     from jaxpf.contours.learned_files import write_learned

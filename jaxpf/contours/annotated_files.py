@@ -53,7 +53,9 @@ def read_annotated(
         there = [name for name in ANNOTATIONS[1:] if (folder / f"{name}.csv").is_file()]
         kind = there[-1] if there else "masks"
     if value is not None and kind != "masks":
-        raise InputError(f"object {value} is of masks, and '{folder}' gives {kind}; leave it out.")
+        raise InputError(
+            f"object {value} selects a mask, and '{folder}' holds {kind}; leave it out."
+        )
     until = np.inf if last is None else last
     if kind == "masks":
         outlines = _read_masks(folder, value, first, until)

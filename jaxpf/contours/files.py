@@ -153,7 +153,7 @@ def _unique(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _points(path: Path, name: str, rows: object) -> np.ndarray:
     if not isinstance(rows, list):
-        raise InputError(f"'{path}': contour '{name}' is no list of points [x, y].")
+        raise InputError(f"'{path}': contour '{name}' is not a list of points [x, y].")
     for number, row in enumerate(rows):
         if not (isinstance(row, list) and len(row) == 2 and all(_is_number(v) for v in row)):
             raise InputError(

@@ -68,7 +68,7 @@ def read_learned(path: str | os.PathLike[str]) -> Learned:
 
 def _refusal(path: Path, cause: str) -> InputError:
     return InputError(
-        f"'{path}' is no file of a learned shape space ({cause}); write one with "
+        f"'{path}' is not a file of a learned shape space ({cause}); write one with "
         "`jaxpf contour learn`."
     )
 

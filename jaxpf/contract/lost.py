@@ -19,7 +19,7 @@ def judge(
 ) -> tuple[np.ndarray | None, np.ndarray]:
     """Confidence in the reported positions of P objects in one frame, and whether they are lost.
 
-    An object is lost where it is outside the picture, where no particle has any likelihood, or
+    An object is lost where it is outside the picture, where all particles have likelihood zero, or
     where its confidence is below ``LOST_BELOW``.  In the first two cases its confidence is 0.
 
     Args:

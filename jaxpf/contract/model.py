@@ -57,7 +57,7 @@ def check_tree(
         tree = tuple(operator.index(parent) for parent in parents)
     except TypeError:
         raise InputError(
-            f"parents {parents!r} is no list of whole numbers; give every part's parent by its "
+            f"parents {parents!r} is not a list of whole numbers; give every part's parent by its "
             "place from 0, and -1 for a root, such as [-1, 0, 0]."
         ) from None
     if not tree:

@@ -89,7 +89,8 @@ def biased_evidence(
             (
                 bias.applies,
                 [
-                    f"{what} needs an unbiased evidence, and {bias.cause} biases it; use "
+                    f"{what} needs an unbiased estimate of the marginal likelihood, and "
+                    f"{bias.cause} biases it; use "
                     f"{bias.remedy}, or {otherwise}."
                 ],
             )

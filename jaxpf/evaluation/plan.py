@@ -164,7 +164,7 @@ class Plan:
         whose = f" of {self.target}" if self.target else ""
         if having:
             return InputError(
-                f"{name} is no option{whose}, but of {' and '.join(having)}; leave it out."
+                f"{name} is not an option{whose}, but of {' and '.join(having)}; leave it out."
             )
         for filter_ in filters.all_filters().values():
             if name in options_of(filter_.options) and name not in filter_.varied:
@@ -176,7 +176,7 @@ class Plan:
                 )
         near = renamed(name, known)
         remedy = f"did you mean {near[0]}?" if near else f"the options are {', '.join(known)}."
-        return InputError(f"{name} is no option{whose}; {remedy}")
+        return InputError(f"{name} is not an option{whose}; {remedy}")
 
 
 def _listed(name: str, values: Any) -> tuple[Any, ...]:
@@ -247,7 +247,8 @@ def _order(value: object) -> Any:
     if not entries or not all(isinstance(entry, int) for entry in entries):
         raise InputError(
             Argument("orders", repr(value), ": "),
-            f" is no order; give {', '.join(map(repr, ORDERS))}, or the objects by their place, "
+            " is not an order; give "
+            f"{', '.join(map(repr, ORDERS))}, or the objects by their place, "
             "such as (2, 0, 1).",
         )
     return entries

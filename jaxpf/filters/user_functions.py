@@ -89,7 +89,7 @@ def check_arguments(name: str, function: object) -> None:
     """Refuse a value that is not a function, or a function with other arguments."""
     arguments, extras = _ARGUMENTS[name]
     if not callable(function):
-        raise InputError(f"{name} is {function!r:.40}, which is no function.")
+        raise InputError(f"{name} is {function!r:.40}, which is not a function.")
     try:
         signature = inspect.signature(function)
     except (TypeError, ValueError):

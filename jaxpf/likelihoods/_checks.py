@@ -74,7 +74,7 @@ def check_coordinates(
 
 
 def check_pictures(name: str, pictures: Sequence[np.ndarray]) -> None:
-    """Refuse what is no list of pictures, uint8 RGB ``[h, w, 3]``."""
+    """Refuse what is not a list of pictures, uint8 RGB ``[h, w, 3]``."""
     if not hasattr(pictures, "__len__") or len(pictures) == 0:
         raise InputError(f"{name}={pictures!r:.60} must be a list with a picture of every object.")
     for i, picture in enumerate(pictures):

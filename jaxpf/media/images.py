@@ -220,7 +220,7 @@ def _decode(path: Path) -> np.ndarray:
         data = path.read_bytes()
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise InputError(f"cannot read image '{path}': {reason}; remove it") from error
+        raise InputError(f"cannot read image '{path}': {reason}; check or remove it") from error
     image = None
     if data:
         flags = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH

@@ -113,7 +113,9 @@ class LiveSource(FrameSource):
 
     def _frames(self, start: int) -> Generator[np.ndarray]:
         if self._begun:
-            raise InputError(f"the frames of {self._noun} '{self.path}' come once; open it again")
+            raise InputError(
+                f"the frames of {self._noun} '{self.path}' can be read only once; open it again"
+            )
         self._begun = True
         count, following = 0, self._first
         self._first = None
@@ -240,7 +242,7 @@ def _names(address: str | int) -> tuple[str, str]:
     try:
         parts = urlsplit(address)
     except ValueError as error:
-        raise InputError(f"'{address}' is no address of a stream: {error}") from None
+        raise InputError(f"'{address}' is not an address of a stream: {error}") from None
     user, at, host = parts.netloc.rpartition("@")
     user = f"{user.partition(':')[0]}:***" if ":" in user else user
     name = Path(parts.path).stem or host.partition(":")[0] or parts.scheme

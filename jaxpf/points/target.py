@@ -123,7 +123,7 @@ class _PointTarget(Target):
         "points": {
             "type": Path,
             "help": "CSV of start points: lines x,y or x,y,name.  With the header frame,id,x,y a "
-            "point in a later frame starts there, or is put right.",
+            "point in a later frame starts there, or is corrected.",
         },
         "mask": {
             "type": Path,

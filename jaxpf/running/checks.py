@@ -91,7 +91,7 @@ def check_pytree(tracker: TrackerLike) -> None:
         remedy = "wrap it in jax.tree_util.Partial"
         if type(leaf).__name__ not in ("function", "method", "builtin_function_or_method"):
             remedy = "decorate the class with @jaxpf.pytree_dataclass, or give numbers"
-        raise InputError(f"{place} is {_a(type(leaf).__name__)}, which is no pytree; {remedy}.")
+        raise InputError(f"{place} is {_a(type(leaf).__name__)}, which is not a pytree; {remedy}.")
 
 
 def as_arrays(frames: Any) -> Any:

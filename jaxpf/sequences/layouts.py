@@ -71,7 +71,7 @@ def open_sequence(path: str | os.PathLike[str]) -> Sequence:
         raise InputError(f"'{folder}' {kind}; give the folder of a sequence")
     read, truth = layout_of(folder)
     if read is None:
-        raise InputError(f"'{folder}' is no sequence in a known layout; it must hold {_FORMATS}")
+        raise InputError(f"'{folder}' is not a sequence in a known layout; it must hold {_FORMATS}")
     return read(folder, truth)
 
 

@@ -85,6 +85,7 @@ def particle_gibbs(
     reference: ArrayLike | None = None,
     *,
     observed: Any = None,
+    inputs: Any = None,
 ) -> jax.Array:
     """Draw trajectories by conditional sweeps, each given the previous trajectory.
 
@@ -99,6 +100,7 @@ def particle_gibbs(
             before the first frame.  None draws it with the filter; the first sweeps still depend on
             it.
         observed: as for ``jaxpf.run``.
+        inputs: as for ``jaxpf.run``.
 
     Returns:
         ``[S, T + 1, P, D]``, trajectories that start just before the first frame.
@@ -115,6 +117,7 @@ def particle_gibbs(
             "np.stack(list(frames))."
         )
     check_frames(frames)
+    tracker = running.with_inputs(tracker, inputs, frames)
     check_run(tracker, frames)
     check_whole("num_sweeps", num_sweeps)
     num_frames, num_particles = running.num_frames(frames), tracker.num_particles
@@ -153,8 +156,8 @@ def check_conditional(tracker: "Partitioned") -> jax.Array | None:
     refuse = check_smoothing(tracker)
     if getattr(tracker.resampling, "name", "") != "multinomial":
         raise InputError(
-            f"a conditional sweep keeps its reference under multinomial resampling alone, not "
-            f"under {tracker.resampling}; give resampling='multinomial'."
+            f"conditional SMC is implemented for multinomial resampling only, not for "
+            f"{tracker.resampling}; give resampling='multinomial'."
         )
     for name, without in (
         ("ess_threshold", None),
@@ -163,11 +166,13 @@ def check_conditional(tracker: "Partitioned") -> jax.Array | None:
         ("joint_weighting", False),
     ):
         if getattr(tracker, name) is not without:
-            raise InputError(f"a conditional sweep is not proved with {name}; leave it out.")
+            raise InputError(
+                f"conditional SMC has not been proved valid with {name}; leave it out."
+            )
     if contract.looks_near(tracker.likelihood):
         raise InputError(
-            f"a conditional sweep is not proved with {type(tracker.likelihood).__name__}, which "
-            "looks near the particles' mean; use a likelihood of the frame alone."
+            f"conditional SMC has not been proved valid with {type(tracker.likelihood).__name__}, "
+            "which looks near the particles' mean; use a likelihood of the frame alone."
         )
     ordering = tracker.ordering
     one_component = (

@@ -23,7 +23,8 @@ def preset(like: Any, target: str, start: Start) -> Preset:
     known = PRESETS[target]
     if like not in known:
         raise InputError(
-            f"like={like!r:.60} is no published system of {target}; choose from {', '.join(known)}."
+            f"like={like!r:.60} is not a published system of {target}; choose from "
+            f"{', '.join(known)}."
         )
     return known[like](start)
 

@@ -41,7 +41,7 @@ class Parameter:
             check_type(name, getattr(self, name), Real)
         if not _PATH.fullmatch(self.path):
             raise InputError(
-                f"the parameter {self.path!r} is no path; write names joined by dots, such as "
+                f"the parameter {self.path!r} is not a path; write names joined by dots, such as "
                 "likelihood.sharpness or dynamics.scale[0]."
             )
         if not self.low < self.high:

@@ -39,8 +39,11 @@ def refusal(tmp_path, monkeypatch):
         ("[track]\nseed = '" + "y" * 5000 + "'", "[track]: 'yyyy"),
         ("[demo]\nruns = 2", "has no table [track]; add one"),
         ("track = 3", "has no table [track]; add one"),
-        ("[track]\nboxx = 3", "sets 'boxx' in [track], which is no option; the options are appear"),
-        ("[track]\nconfig = 'a'", "sets 'config' in [track], which is no option"),
+        (
+            "[track]\nboxx = 3",
+            "sets 'boxx' in [track], which is not an option; the options are appear",
+        ),
+        ("[track]\nconfig = 'a'", "sets 'config' in [track], which is not an option"),
         (
             "[track]\nnum_particles = 'many'",
             "sets 'num_particles' in [track]: 'many' is not a valid int",

@@ -103,7 +103,7 @@ def test_an_indexed_mask_is_read_by_its_palette_index(tmp_path):
         (["0.5,a,0,1,2"], {}, "line 2"),
         (["0,a,0,1,2"], {"first": 3}, "no centrelines in the frames from 3 on"),
         (["0,a,0,1,2"], {"first": 3, "last": 1}, "there are no frames from 3 to 1"),
-        (["0,a,0,1,2"], {"value": 1}, "object 1 is of masks"),
+        (["0,a,0,1,2"], {"value": 1}, "object 1 selects a mask"),
         (["0,a,0,1,2"], {"kind": "outlines"}, "there is no .*outlines.csv"),
         (["0,a,0,1,2"], {"kind": "masks"}, "holds no masks"),
         (

@@ -40,7 +40,10 @@ def test_what_is_written_is_read(tmp_path, learned):
         (lambda content: content.pop("space"), "it has no 'space'"),
         (lambda content: content["space"].pop("modes"), "it has no 'modes'"),
         (lambda content: content["space"].update(degree=9), "too few for degree 9"),
-        (lambda content: content["space"].update(degree=float("inf")), "is no file of a learned"),
+        (
+            lambda content: content["space"].update(degree=float("inf")),
+            "is not a file of a learned",
+        ),
         (lambda content: content["dynamics"].update(noise=[1, 2]), "noise must be finite numbers"),
         (lambda content: content["dynamics"].update(offset=[float("nan")] * 4), "offset must be"),
     ],
@@ -58,6 +61,6 @@ def test_what_is_none_is_refused(tmp_path, learned, damage, message):
 def test_files_that_are_none_are_refused(tmp_path):
     path = tmp_path / "learned.json"
     assert "there is no file of a learned" in message_of(read_learned, path)
-    for text, message in (("{closed", "it is no JSON"), ("[1]", "is no file of a learned")):
+    for text, message in (("{closed", "it is no JSON"), ("[1]", "is not a file of a learned")):
         path.write_text(text)
         assert message in message_of(read_learned, path)

@@ -61,7 +61,10 @@ def test_an_unbiased_evidence_is_not_refused(name):
 @pytest.mark.parametrize("cause", BIASED)
 def test_a_biased_evidence_is_refused_naming_the_cause_and_a_remedy(cause):
     for tracker in (BIASED[cause], SideBySide(BIASED[cause])):
-        with pytest.raises(InputError, match=rf"it needs an unbiased evidence, .*{cause}.* use "):
+        with pytest.raises(
+            InputError,
+            match=rf"it needs an unbiased estimate of the marginal likelihood, .*{cause}.* use ",
+        ):
             refuse(tracker)
 
 
@@ -79,7 +82,7 @@ def test_a_traced_ordering_is_told_apart_inside():
 def test_tuning_by_an_evidence_of_no_use_is_refused(cause):
     frames = np.zeros((2, 2, 1), np.float32)
     sequence = tuning.TrainingSequence(BIASED[cause], frames)
-    with pytest.raises(InputError, match="the objective 'evidence' needs an unbiased evidence"):
+    with pytest.raises(InputError, match="the objective 'evidence' needs an unbiased estimate"):
         jaxpf.tune(sequence, ["dynamics.scale"])
     assert refuse(BIASED["literal"], tuning=True) is None  # vanishes with more particles
 

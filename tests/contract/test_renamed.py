@@ -41,12 +41,12 @@ def test_a_flag_and_a_key_are_refused_with_the_new_name(kind, old, new, tmp_path
     assert f"{flag}; did you mean {new_flag}?" in refusal_of("track", kind, "clip.mp4", flag, 1)
     (tmp_path / "run.toml").write_text(f"[track]\n{old} = 1")
     sentence = refusal_of("track", kind, "clip.mp4", "--config", "run.toml")
-    assert f"'{old}' in [track], which is no option; did you mean '{new}'?" in sentence
+    assert f"'{old}' in [track], which is not an option; did you mean '{new}'?" in sentence
 
 
 @pytest.mark.parametrize(("kind", "old", "new"), OPTIONS)
 def test_an_option_of_an_evaluation_is_refused_with_its_new_name(kind, old, new):
-    with pytest.raises(InputError, match=f"{old} is no option of {kind}; did you mean {new}"):
+    with pytest.raises(InputError, match=f"{old} is not an option of {kind}; did you mean {new}"):
         jaxpf.evaluation.Plan("scene", target=kind, grid={old: [1]})
 
 

@@ -110,7 +110,10 @@ def test_auto_is_decided_once_and_merges_with_what_it_stands_for():
         ({"methods": []}, "methods is empty; give at least one value"),
         ({"methods": ["ps", "ps"]}, "methods names ps twice"),
         ({"methods": 5}, "methods is 5; give a list"),
-        ({"orders": ["3;1"]}, "orders: '3;1' is no order; give 'given', 'shifts', or the objects"),
+        (
+            {"orders": ["3;1"]},
+            "orders: '3;1' is not an order; give 'given', 'shifts', or the objects",
+        ),
         ({"swaps": ["shuffled"]}, "swaps = 'shuffled' is unknown; choose one of none, random,"),
         ({"target": "ghosts"}, "target 'ghosts' is unknown; choose one of"),
         ({"grid": 3}, "grid is int: give a Mapping"),
@@ -132,7 +135,7 @@ def test_auto_is_decided_once_and_merges_with_what_it_stands_for():
         ),
         (
             {"grid": {"colour": ["red"]}},
-            "colour is no option; the options are sharpness, noise_pixels",
+            "colour is not an option; the options are sharpness, noise_pixels",
         ),
         (
             {"methods": ["sir", "ps"], "grid": {"drift": ["clip"]}},
@@ -164,7 +167,9 @@ def test_what_cannot_be_evaluated_is_refused(tmp_path, given, words):
 
 def test_an_option_of_another_target_is_refused_once_the_target_is_known():
     plan = Plan(SCENE, grid={"noise_joints": [(1, 1, 1)]})
-    with pytest.raises(InputError, match="noise_joints is no option of boxes, but of parts; leave"):
+    with pytest.raises(
+        InputError, match="noise_joints is not an option of boxes, but of parts; leave"
+    ):
         complete(plan, "boxes")
 
 

@@ -50,5 +50,5 @@ def test_a_start_at_which_a_target_fits_nothing_is_refused():
         without_likelihood: list
 
     check_started(Summary([False, False]))
-    with pytest.raises(jaxpf.InputError, match="no particle of target 7 has any likelihood"):
+    with pytest.raises(jaxpf.InputError, match="every particle of target 7 has likelihood zero"):
         check_started(Summary([False, True]), ids=[3, 7])

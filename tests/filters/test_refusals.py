@@ -166,7 +166,7 @@ def tree(**changes):
     (lambda: ordering.sps([-1, 0], "best"), "swap='best' is unknown"),
     (lambda: ordering.sps([-1, 5]), "parents[1]=5 is not a part; use 0..1"),
     (lambda: ordering.sps([-2, 0]), "parents[0]=-2 is not a part"),
-    (lambda: ordering.sps([1, 0, None]), "parents [1, 0, None] is no list of whole numbers"),
+    (lambda: ordering.sps([1, 0, None]), "parents [1, 0, None] is not a list of whole numbers"),
     (lambda: ordering.sps([-1, 2, 1]), "parents=[-1, 2, 1] hang in a circle, 1 on 2 on 1"),
     (lambda: ordering.sps([0]), "parents=[0] hang in a circle, 0 on 0"),
 ])  # fmt: skip
@@ -268,7 +268,7 @@ def test_eskil_says_why_it_cannot_be_checked_for_nan():
     (lambda: space(transition=drawn_by_numpy), "transition gives another result at every call"),
     (lambda: space(transition=lambda key, x: x), "transition takes (key, x), but must"),
     (lambda: space(transition=lambda key, x, p: jnp.ones(3)), "returns shape [3], and initial []"),
-    (lambda: space(transition=0.9), "transition is 0.9, which is no function"),
+    (lambda: space(transition=0.9), "transition is 0.9, which is not a function"),
     (lambda: space(initial={}), "initial is a dict; give the state as one array, or a pytree"),
     (lambda: space(initial=None), "initial is a NoneType; give the state as one array"),
     (lambda: space(initial=[[1.0], [1.0, 2.0]]), "initial is list, not an array of numbers"),

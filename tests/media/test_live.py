@@ -38,7 +38,7 @@ def test_a_stream_and_a_pipe_give_every_frame_once_and_in_order(clip, tmp_path):
             expected = list(open_frames(clip).frames(2))
             np.testing.assert_array_equal(list(source.frames(2)), expected)
             assert (source.num_frames, source.note) == (LENGTH, None)
-            with pytest.raises(InputError, match="come once; open it again"):
+            with pytest.raises(InputError, match="can be read only once; open it again"):
                 next(source.frames())
 
 
@@ -123,7 +123,7 @@ def test_what_does_not_open_or_gives_nothing_is_one_sentence(tmp_path, monkeypat
             assert f"stream '{server}/{name}' does not open" in message_of(f"{server}/{name}")
     message = message_of("rtsp://me:secret@127.0.0.1:1/door")
     assert "stream 'rtsp://me:***@127.0.0.1:1/door' does not open" in message
-    assert "is no address of a stream" in message_of("http://[::1/door")
+    assert "is not an address of a stream" in message_of("http://[::1/door")
     put_camera(monkeypatch, lambda number: None)
     assert "camera '0' opens but gives no picture" in message_of(0)
 

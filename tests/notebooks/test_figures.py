@@ -42,7 +42,7 @@ def test_readme_stays_short():
 
 
 def test_readme_gives_the_figures_of_its_sources():
-    of_readme = rows(section(read(ROOT / "README.md"), "Figures"))
+    of_readme = rows(section(read(ROOT / "README.md"), "Measurements"))
     cows, flies = map(covered, points_reported().values())
     card = GPU["1000 x 1000"]
     beyond = float(card["blackjax 1.7.1"]) / float(card["jaxpf"])
@@ -57,12 +57,12 @@ def test_readme_gives_the_figures_of_its_sources():
             f"default {PRETRAINED['overlap']['default'].split()[0]}, "
             f"difference +{gained('default')}; "
             f"CSRT {PRETRAINED['overlap']['CSRT'].split()[0]}, difference +{gained('csrt')}; "
-            f"off-object but not reported lost in {silent('pretrained')} of frames "
+            f"misplaced but not reported lost in {silent('pretrained')} of frames "
             f"(default {silent('default')})"
         ),
-        "Do intervals cover a box's size?": f"in {percent(SIZE_COVERED)} of the tracked frames; "
-        f"spanning 1/{least_factor()} to {least_factor()} times the size or more",
-        "... and a keypoint's coordinates?": f"on the two clips in {cows}% and {flies}%, without "
+        "Do intervals cover a box's size?": f"in {percent(SIZE_COVERED)} of frames with any "
+        f"overlap; at least 1/{least_factor()} to {least_factor()} times the size",
+        "... and a keypoint's coordinates?": f"{cows}% and {flies}%, excluding "
         f"the {POINTS_LOST} reported lost; at least {math.floor(least_width())} pixels wide",
         "How fast is the bootstrap filter?": f"{SERIES['jaxpf']['one run, s']} s; "
         f"blackjax's SMC step takes {SERIES[BLACKJAX]['ratio']} times as long",

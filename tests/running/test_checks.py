@@ -97,8 +97,11 @@ def test_what_is_right_passes():
         ({"dynamics": Drift("one")}, "returns shape []; return the moved"),
         ({"dynamics": Drift("nothing")}, "Drift.propagate returns nothing; return the moved"),
         ({"dynamics": Drift("complex")}, "Drift.propagate returns complex numbers"),
-        ({"likelihood": NoPytree()}, "likelihood is a NoPytree, which is no pytree; decorate the"),
-        ({"dynamics": NoPytree()}, "tracker.dynamics is a NoPytree, which is no pytree"),
+        (
+            {"likelihood": NoPytree()},
+            "likelihood is a NoPytree, which is not a pytree; decorate the",
+        ),
+        ({"dynamics": NoPytree()}, "tracker.dynamics is a NoPytree, which is not a pytree"),
         (
             {"initial": lambda key: jnp.zeros((2, 2))},
             "wrap it in jax.tree_util.Partial.",

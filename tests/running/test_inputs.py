@@ -112,6 +112,15 @@ def test_smoothing_with_a_lag_reads_the_rows_of_its_blocks():
 
 
 @pytest.mark.slow
+def test_particle_gibbs_with_inputs_is_exact():
+    _, smoothed = exact()
+    drawn = jaxpf.smoothing.particle_gibbs(model(), KEY, FRAMES, 4200, inputs=INPUTS)
+    batches = np.asarray(drawn[200:, 1:, 0, 0]).reshape(40, 100, len(FRAMES)).mean(axis=1)
+    error = batches.std(axis=0, ddof=1) / 40**0.5
+    assert np.abs((batches.mean(axis=0) - smoothed) / error).max() < LIMIT
+
+
+@pytest.mark.slow
 def test_the_posterior_of_the_gain_of_an_input():
     def prior(p):
         return jax.scipy.stats.norm.logpdf(p, 1.0, 1.0)

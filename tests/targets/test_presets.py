@@ -94,5 +94,7 @@ def test_maccormick1999_has_the_printed_products(closed, rule):
 
 
 def test_an_unknown_system_is_refused():
-    with pytest.raises(InputError, match="is no published system of boxes; choose from smith2004"):
+    with pytest.raises(
+        InputError, match="is not a published system of boxes; choose from smith2004"
+    ):
         jaxpf.boxes.tracker(FRAME, BOXES, like="kalman1960")

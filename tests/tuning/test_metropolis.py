@@ -180,7 +180,10 @@ def test_a_biased_evidence_is_refused_unless_it_is_asked_for():
     def biased(applies):
         return lambda p: Noise(p, evidence_biases=(Bias(applies, "swap='x'", "swap='y'"),))
 
-    with pytest.raises(InputError, match="needs an unbiased evidence, and swap='x' biases it; use"):
+    with pytest.raises(
+        InputError,
+        match="needs an unbiased estimate of the marginal likelihood, and swap='x' biases it; use",
+    ):
         jaxpf.pmmh(biased(True), triangle, KEY, frames, 0.5, **few)
     drawn = jaxpf.pmmh(biased(True), triangle, KEY, frames, 0.5, biased=True, **few)
     assert np.isfinite(drawn.parameters).all()

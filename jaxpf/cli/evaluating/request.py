@@ -96,8 +96,7 @@ class Work:
     )
     speed: bool = option(
         False,
-        "Also measure the speed of a single run.  Of each method, in frames per second; compiles "
-        "again.",
+        "Also measure each method's speed in a single run, in frames per second (compiles again).",
     )
     dry_run: bool = option(False, "Show the plan only.")
 
@@ -238,7 +237,7 @@ def _order(text: str) -> Any:
     entries = text.split(",")
     if not all(entry.strip().isdecimal() and int(entry) > 0 for entry in entries):
         raise InputError(
-            f"--orders {text!r} is no order; write {', '.join(map(repr, ORDERS))}, or the "
+            f"--orders {text!r} is not an order; write {', '.join(map(repr, ORDERS))}, or the "
             "objects by their place from 1, such as 3,1,2."
         )
     return tuple(int(entry) - 1 for entry in entries)

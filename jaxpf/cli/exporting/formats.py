@@ -98,7 +98,7 @@ def read_tracked(folder: Path) -> Tracked:
             raise ValueError
     except (ValueError, KeyError, TypeError, RecursionError):
         raise InputError(
-            f"'{folder / SUMMARY}' is no summary of this version of `jaxpf track`; give its "
+            f"'{folder / SUMMARY}' is not a summary of this version of `jaxpf track`; give its "
             "output folder, or track again."
         ) from None
     table = read_tracks(folder / "tracks.csv")
@@ -296,7 +296,7 @@ def write_sleap(path: Path, tracked: Tracked) -> None:
 def _check_points(tracked: Tracked, program: str) -> None:
     if tracked.target != "points":
         raise InputError(
-            f"{program} has keypoints, and these are tracks of {tracked.target}; "
+            f"{program} holds only keypoints, and these are tracks of {tracked.target}; "
             "choose coco, cvat or mot."
         )
 

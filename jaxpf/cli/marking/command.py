@@ -22,7 +22,7 @@ from jaxpf.media.video import open_frames
 #: Lines of a run's output that the page shows.
 _LINES = 8
 
-_keep = click.option("--keep", is_flag=True, help="Go on when the page has been closed.")
+_keep = click.option("--keep", is_flag=True, help="Keep serving after the page is closed.")
 _open = click.option("--open/--no-open", "opens", default=True, help="Open the browser.")
 _kind = click.option(
     "--target", "kind", type=click.Choice(list(SUFFIXES)), help="Kind of target.  [default: boxes]"
@@ -34,7 +34,7 @@ _kind = click.option(
 @_kind
 @plain.whole("--start", default=0, most=2**31 - 1, help="Frame shown first, from 0.")
 @plain.output(
-    "Start file to write, or to edit.  [default: NAME-TARGET.csv beside VIDEO; .json of contours]"
+    "Start file to write, or to edit.  [default: NAME-TARGET.csv beside VIDEO; .json for contours]"
 )
 @_open
 @_keep

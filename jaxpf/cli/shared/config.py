@@ -96,8 +96,8 @@ def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
                 else f"the options are {', '.join(sorted(accepted))}."
             )
             raise InputError(
-                f"the configuration '{path}' sets '{key[:40]}' in [{name}], which is no option; "
-                f"{remedy}"
+                f"the configuration '{path}' sets '{key[:40]}' in [{name}], which is not an "
+                f"option; {remedy}"
             )
         several = isinstance(param, click.Option) and param.multiple
         keeps_list = isinstance(value, list) and (several or isinstance(param.type, NumberList))

@@ -49,7 +49,7 @@ _TERMS = {
     "compared with": "differences are paired by run",
     "ns": "nanoseconds, without compilation",
     "ratio": "median of interleaved pairs",
-    "ordering": "the order in which objects are searched",
+    "ordering": "the order in which objects are sampled",
     "done": "finished runs on disk",
     "goal": "this project's own limit",
     "frames/s": "of a single run, without compilation",

@@ -339,7 +339,7 @@ def _from_people(option: Option, value: Any) -> Any:
     if not option.places or value == OPEN:
         return value
     if any(place < 1 for place in value):
-        raise InputError(f"{option.flag} {plain(value)} counts from 1; use no smaller number.")
+        raise InputError(f"{option.flag} {plain(value)} is too small; it counts from 1.")
     return tuple(place - 1 for place in value)
 
 

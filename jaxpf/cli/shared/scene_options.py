@@ -27,7 +27,7 @@ class SceneOptions:
         None, f"Kind of target: {', '.join(all_targets())}; by default that of the truth."
     )
     set: tuple[str, ...] = option(
-        (), "NAME=VALUE, parameter of a synthetic scene, repeatable.  Such as lead_distance=60."
+        (), "Parameter of a synthetic scene as NAME=VALUE, such as lead_distance=60; repeat it."
     )
     scene_seed: int = option(0, "Seed of a synthetic scene, or of the first one.")
     ids: tuple[int, ...] | None = option(

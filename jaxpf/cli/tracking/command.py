@@ -48,8 +48,8 @@ class TrackCommand(Command):
         others = [name for name in all_targets() if name != self.target.name]
         if flag == "--target":
             return (
-                f"--target is no option: name the kind of target before the video, as in `jaxpf "
-                f"track {others[0]} VIDEO ...`."
+                "--target is not an option: name the kind of target before the video, as in "
+                f"`jaxpf track {others[0]} VIDEO ...`."
             )
         having = [name for name in others if _has(find_target(name), flag)]
         if not having or _has(self.target, flag):
@@ -66,8 +66,8 @@ camera index, a stream (http://, rtsp://, ...) or a pipe.
 The output folder receives tracks.csv (a row per frame and object, with 95% intervals),
 overlay.mp4, trajectories.png, summary.json (a verdict on each object), diagnostics.csv, and
 run.toml, which repeats the run: `jaxpf track --config run.toml -o ANOTHER`.  An object is lost in a
-frame where it is outside the picture, no particle has any likelihood, or its confidence is below
-0.5.
+frame where it is outside the picture, all its particles have likelihood zero, or its confidence is
+below 0.5.
 
 """
 _OTHERS = """Other kinds of target: `jaxpf track {others} VIDEO`.

@@ -63,7 +63,10 @@ def read_detector(options: Mapping[str, Any]) -> Detector | None:
         return None
     detector = Detector(read_detections(options["detections"]), picked(options, Rules))
     if not len(detector.table):
-        raise InputError(f"{detector.table.source} holds no boxes; leave --detections out.")
+        raise InputError(
+            f"{detector.table.source} holds no boxes; give a file with detections, or leave "
+            "--detections out."
+        )
     _check_confidence(detector)
     if options["truth"]:
         from jaxpf.measures.scores import import_trackeval

@@ -77,7 +77,8 @@ def starting_later(
     missed = [at for at in later if at > number]
     if missed:
         raise InputError(
-            f"the start file names frame {missed[0]}, and the last frame is {number}; correct it."
+            f"the start file has a row for frame {missed[0]}, but the last frame is {number}; "
+            "remove or correct that row."
         )
 
 

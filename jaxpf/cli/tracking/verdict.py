@@ -115,8 +115,8 @@ def sentences(
         )
     if any(about["frames"] and about["mean_confidence"] is None for about in verdicts.values()):
         lines.append(
-            "This likelihood offers no confidence: an object in a wrong place is not said to be "
-            "lost.  Try: look at the overlay."
+            "This likelihood offers no confidence: a misplaced object is not reported as lost.  "
+            "Try: look at the overlay."
         )
     if is_degenerate(ess, num_particles):
         lines.append(

@@ -74,7 +74,8 @@ class Options:
     )
     form: str = option(
         "auxiliary",
-        "How pffl weights: as a sound auxiliary particle filter, or literally as published.",
+        "How pffl weights: as a properly weighted auxiliary particle filter, or literally as "
+        "published.",
         choices=("auxiliary", "literal"),
         compiles=True,
         implies=("method", "pffl"),

@@ -104,6 +104,6 @@ def check_started(summary: "Summary", ids: Sequence[object] | np.ndarray | None 
     if lost:
         names = ", ".join(str(number if ids is None else ids[number]) for number in lost)
         raise InputError(
-            f"in the first frame no particle of target {names} has any likelihood; check its box, "
-            "or widen the noise of position and size."
+            f"in the first frame every particle of target {names} has likelihood zero; check its "
+            "box, or widen the noise of position and size."
         )

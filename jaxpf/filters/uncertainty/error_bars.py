@@ -116,8 +116,8 @@ class WithErrorBars(contract.Tracker):
         if not isinstance(tracker, Partitioned):
             raise InputError(
                 "Monte Carlo standard errors from one run follow the ancestors of whole particles, "
-                f"which {type(tracker).__name__} has not; use jaxpf.Partitioned, or compare many "
-                "runs."
+                f"which {type(tracker).__name__} does not keep; use jaxpf.Partitioned, or compare "
+                "many runs."
             )
         if hasattr(tracker, "moments"):
             raise InputError(

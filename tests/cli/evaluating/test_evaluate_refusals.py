@@ -17,7 +17,7 @@ pytestmark = pytest.mark.usefixtures("started_jax")
     ("arguments", "sentence"),
     [
         ("--orders 1,2,3", "the order 1,2,3 is not a permutation of the 2 object(s)"),
-        ("--orders first", "--orders 'first' is no order"),
+        ("--orders first", "--orders 'first' is not an order"),
         ("--methods sir --orders 2,1", "orders are those of ps, which is not among"),
         ("--methods dps --swaps none", "swaps are those of sps, which is not among"),
         ("--sharpness 20,many", "'20,many' is not numbers separated by commas"),

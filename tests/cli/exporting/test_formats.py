@@ -226,7 +226,7 @@ def test_a_missing_table_and_a_summary_of_another_run_are_refused(result):
     assert "outlines.csv" in refused(folder)
     assert "are of different runs" in refused(result("boxes", BOXES, start=1))
     more = result("boxes", BOXES, pictures=["a.png"])
-    assert "is no summary of this version" in refused(more)
+    assert "is not a summary of this version" in refused(more)
 
 
 def test_names_that_look_like_formulas_come_back(result, exported):

@@ -264,7 +264,7 @@ class _BoxTarget(Target):
         if given["ids"] is not None and len(absent):
             raise InputError(
                 f"id {absent[0]} has no box in frame {number} of {table.source}, which holds whole "
-                "tracks, whose later boxes start no object; choose another --start."
+                "tracks, so that only its start frame is used; choose another --start."
             )
         return later, note
 

@@ -146,7 +146,7 @@ _EXAMPLES = {
     "detections": _Example(
         lambda scenes: scenes.street_scene(120, seed=_SEED, come_and_go=True),
         _write_detections_of,
-        "track {0}/clip.mp4 --detections {0}/det.txt --truth {0}/truth.csv",
+        "track {0}/clip.mp4 --detections {0}/det.txt",
     ),
 }
 

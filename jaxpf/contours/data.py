@@ -52,7 +52,9 @@ class Contours:
         if self.width is not None:
             check_ranges(width=self.width)
             if self.closed:
-                raise InputError(f"width {self.width:g} is of open contours only; leave it out.")
+                raise InputError(
+                    f"width {self.width:g} works only with open contours; leave it out."
+                )
         object.__setattr__(self, "points", points)
 
     @property

@@ -114,14 +114,14 @@ class Options:
         if self.flip is not None and not self.hides:
             raise InputError(
                 Argument("flip", plain(self.flip)),
-                f" is of contours that hide one another, and exclusion is {self.exclusion!r}; "
-                "choose exclusion 'opaque', or leave it out.",
+                " works only with contours that hide one another, but exclusion is "
+                f"{self.exclusion!r}; choose exclusion 'opaque', or leave it out.",
             )
         if self.noise_bend is not None and self.shape_space == "translation":
             raise InputError(
                 Argument("noise_bend", plain(self.noise_bend)),
-                " is of shapes that change, and 'translation' only shifts them; leave one of them "
-                "out.",
+                " works only with shapes that change, but 'translation' only shifts them; leave "
+                "one of them out.",
             )
 
     @property

@@ -75,7 +75,7 @@ def check_tree(
                 circle = trail[trail.index(trail[-1]) :]
                 shown = [f"{step}" if names is None else f"'{names[step]}'" for step in circle]
                 raise InputError(
-                    f"{what or f'parents={list(tree)}'} hang in a circle, {' on '.join(shown)}; "
+                    f"{what or f'parents={list(tree)}'} form a cycle, {' on '.join(shown)}; "
                     "every part must lead to a root, which has no parent (-1)."
                 )
     return tree

@@ -109,7 +109,8 @@ class FirstOrder(_NoisyDrift):
             object.__setattr__(self, name, coordinates_in(name, getattr(self, name)))
         if len(self.position) != len(self.speed):
             raise InputError(
-                f"position={self.position} and speed={self.speed} must name as many coordinates."
+                f"position={self.position} and speed={self.speed} must name the same "
+                "number of coordinates."
             )
 
     def _drift(self, current, previous):

@@ -289,7 +289,7 @@ def _frames_that_count(estimate: ArrayLike, truth: ArrayLike, over: Over) -> Arr
         return track_state(estimate, truth)
     if over == "all":
         return _presence(estimate, truth)
-    raise InputError(f'over = {over!r} must be "tracked" or "all"')
+    raise InputError(f'over={over!r} is unknown; choose "tracked" or "all".')
 
 
 def _rate(outcome: Array, truth: ArrayLike, level: float) -> Interval:

@@ -205,7 +205,9 @@ class _PointTarget(Target):
                 f"PICTURE.  Draw the points with `jaxpf mark {source.path} --target points`."
             )
         if given["mask_step"] is not None and not given["mask"]:
-            raise InputError("--mask-step is about the grid on a --mask, and none was given.")
+            raise InputError(
+                "--mask-step works only with --mask; add --mask PICTURE, or leave it out."
+            )
         if given["mask"]:
             step = _MASK_STEP if given["mask_step"] is None else given["mask_step"]
             points = _on_mask(given["mask"], step, source)

@@ -42,8 +42,9 @@ class Online(NamedTuple):
         log_weights: ``[M]``, their normalised log-weights.
         mean: pytree ``[T, ...]``, posterior mean given the frames so far.
         spread: pytree ``[T, ...]``, posterior standard deviation given the frames so far.
-        log_evidence: ``[T]``, each frame's factor in an unbiased estimate of the evidence of the
-            model, with the parameters integrated out.
+        log_evidence: ``[T]``, each frame's factor in an estimate of the evidence of the model, with
+            the parameters integrated out: consistent as M grows, but not exactly unbiased, since
+            the moves adapt to the draws (Beskos, Jasra, Kantas & Thiery 2016).
         ess: ``[T]``, effective number of draws, before a move.
         acceptance: ``[T]``, share of accepted moves; NaN in frames without.
     """

@@ -1,9 +1,11 @@
-"""Draw the README's picture from a run of ``jaxpf track``: python notebooks/docs/picture.py.
+"""Draw the README's picture, and photograph the page of ``jaxpf view``, from a run.
 
-The PNG's text says which code drew it, and how wide the bands are that it shows.
+``python notebooks/docs/picture.py`` needs chromium and its driver.  A PNG's text says which code
+drew it, and how wide the bands are that the README's shows.
 """
 
 import hashlib
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -11,12 +13,18 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
+from selenium import webdriver
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import WebDriverWait
 
 from jaxpf import media
 from jaxpf.boxes import read_tracks
 
 ROOT = Path(__file__).resolve().parents[2]
 PICTURE = ROOT / ".assets" / "track.png"
+REVIEW = ROOT / ".assets" / "view.png"
 FRAME = 42
 #: The code whose change may make another picture of the same tracks.
 DRAWN_BY = (
@@ -28,24 +36,26 @@ DRAWN_BY = (
     "scenes/drawn_outlines.py",
     "scenes/street.py",
 )
+PAGE = tuple(f"jaxpf/media/page/page.{kind}" for kind in ("html", "css", "js"))
 COMMANDS = (
     "example boxes street",
     "track street/clip.mp4 --boxes street/start.csv -o street/tracks",
 )
 
 
-def digest() -> str:
-    """Return a digest of the code that draws the picture."""
-    return hashlib.sha256(b"".join((ROOT / name).read_bytes() for name in DRAWN_BY)).hexdigest()
+def digest(names: tuple[str, ...] = DRAWN_BY) -> str:
+    """Return a digest of the code that draws a picture."""
+    return hashlib.sha256(b"".join((ROOT / name).read_bytes() for name in names)).hexdigest()
 
 
-def main(output: Path = PICTURE) -> None:
-    """Track the example, and draw a frame of its overlay beside x of all objects."""
+def main() -> None:
+    """Track the example; draw a frame of its overlay beside x of all objects, and its review."""
     with tempfile.TemporaryDirectory() as folder:
         for command in COMMANDS:
             program = [sys.executable, "-m", "jaxpf", *command.split()]
             subprocess.run(program, cwd=folder, check=True)
-        draw(Path(folder, "street", "tracks"), output)
+        draw(Path(folder, "street", "tracks"), PICTURE)
+        review(Path(folder, "street", "tracks"), REVIEW)
 
 
 def draw(folder: Path, output: Path) -> None:
@@ -73,6 +83,31 @@ def draw(folder: Path, output: Path) -> None:
     right.legend(fontsize=8)
     made = {"Drawn by": digest(), "Median widths in pixels": " ".join(widths)}
     figure.savefig(output, dpi=100, metadata=made)
+
+
+def review(folder: Path, output: Path) -> None:
+    """Photograph ``jaxpf view`` at the first doubtful frame of a folder of tracks."""
+    options = webdriver.ChromeOptions()
+    for argument in ("--headless=new", "--no-sandbox", "--window-size=1100,800"):
+        options.add_argument(argument)
+    options.binary_location = shutil.which("chromium") or ""
+    service = webdriver.ChromeService(shutil.which("chromedriver"))
+    command = [sys.executable, "-m", "jaxpf", "view", str(folder), "--no-open"]
+    with (
+        subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program,
+        webdriver.Chrome(options=options, service=service) as browser,
+    ):
+        browser.get((program.stdout or sys.stdin).readline().strip())
+        until = WebDriverWait(browser, 20).until
+        until(lambda browser: browser.execute_script("return results[0]?.rows.size > 80"))
+        browser.find_element(By.TAG_NAME, "body").send_keys("n")
+        until(lambda browser: "doubtful" in browser.find_element(By.ID, "status").text)
+        browser.execute_async_script("setTimeout(arguments[0], 1000)")  # the picture has come
+        browser.save_screenshot(str(output))
+        program.terminate()
+    about = PngInfo()
+    about.add_text("Drawn by", digest(PAGE))
+    Image.open(output).convert("P", palette=Image.Palette.ADAPTIVE).save(output, pnginfo=about)
 
 
 if __name__ == "__main__":

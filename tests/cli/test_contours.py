@@ -160,11 +160,11 @@ def test_three_opaque_contours_are_tracked_and_drawn(tmp_path):
         ({}, "--wire-width 30 --clutter 1", "width 30 does not fit on lines of 21 pixels"),
         ({}, "--line-length 20", "length 20 of the measurement lines must be an odd number"),
         ({}, "--edge-threshold 1000", "clutter cannot be learned; lower the threshold"),
-        ({}, "--flip 0.1", "--flip 0.1 is of contours that hide one another"),
+        ({}, "--flip 0.1", "--flip 0.1 works only with contours that hide one another"),
         (
             {},
             "--shape-space translation --noise-bend 1",
-            "--noise-bend 1 is of shapes that change",
+            "--noise-bend 1 works only with shapes that change",
         ),
         ({}, "--method sps", "--swap combinatorial needs a likelihood of single objects"),
         ({}, "--method labelled", "log_joint"),

@@ -167,8 +167,8 @@ def tree(**changes):
     (lambda: ordering.sps([-1, 5]), "parents[1]=5 is not a part; use 0..1"),
     (lambda: ordering.sps([-2, 0]), "parents[0]=-2 is not a part"),
     (lambda: ordering.sps([1, 0, None]), "parents [1, 0, None] is not a list of whole numbers"),
-    (lambda: ordering.sps([-1, 2, 1]), "parents=[-1, 2, 1] hang in a circle, 1 on 2 on 1"),
-    (lambda: ordering.sps([0]), "parents=[0] hang in a circle, 0 on 0"),
+    (lambda: ordering.sps([-1, 2, 1]), "parents=[-1, 2, 1] form a cycle, 1 on 2 on 1"),
+    (lambda: ordering.sps([0]), "parents=[0] form a cycle, 0 on 0"),
 ])  # fmt: skip
 def test_a_wrong_ordering_is_refused(call, named):
     assert named in message_of(call)
@@ -187,7 +187,7 @@ def test_a_wrong_ordering_is_refused(call, named):
     (lambda: partitioned(ordering.sps(TREE), parents=(-1, 0, 1)), "unlike the model's [-1, 0, 1]"),
     (lambda: partitioned(EXCHANGE, initial=sampler), "exchanges roots, but the initial sampler"),
     (lambda: partitioned(initial_label=[[1], []]), "must be the probability"),
-    (lambda: partitioned(gradient="exact"), "gradient='exact' is no strategy"),
+    (lambda: partitioned(gradient="exact"), "gradient='exact' is not a strategy"),
     (lambda: partitioned(gradient=Soft(share=1.5)), "Soft's share=1.5"),
     (lambda: partitioned(motion_gradient="both"), "motion_gradient='both' is unknown"),
     (lambda: partitioned(motion_gradient="score", dynamics=Blind()), "log_density of the dynamics"),
@@ -199,7 +199,7 @@ def test_a_wrong_ordering_is_refused(call, named):
     (lambda: bars(lag=-1), "lag = -1"),
     (lambda: bars(lag=1.5), "lag = 1.5 must be a whole number"),
     (lambda: bars(gradient=Transport()), "WithErrorBars does not work with gradient Transport"),
-    (lambda: WithErrorBars(pffl()), "PFFL has not"),
+    (lambda: WithErrorBars(pffl()), "PFFL does not keep"),
     (lambda: SideBySide(partitioned(), 1), "num_runs = 1"),
     (lambda: SideBySide(3), "tracker is 3; give a tracker"),
     *((lambda levels=levels: quantiles(np.ones((3, 1, 1)), np.zeros(3), levels), "from 0 to 1")

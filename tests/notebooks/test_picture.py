@@ -1,4 +1,4 @@
-"""README's picture is that of the present code, and its bands are those that the program prints."""
+"""Pictures are those of the present code, and README's bands those that the program prints."""
 
 import importlib.util
 import re
@@ -24,10 +24,9 @@ def program():
     return module
 
 
-def said(path):
-    """The code that drew a picture, and the widths of its bands in pixels."""
-    text = Image.open(path).text
-    return text["Drawn by"], [int(x) for x in text["Median widths in pixels"].split()]
+def widths(path):
+    """The widths of a picture's bands in pixels."""
+    return [int(x) for x in Image.open(path).text["Median widths in pixels"].split()]
 
 
 def test_readme_has_no_other_picture(program):
@@ -35,9 +34,10 @@ def test_readme_has_no_other_picture(program):
     assert [ROOT / name for name in shown] == [program.PICTURE]
 
 
-def test_the_picture_was_drawn_by_the_present_code(program):
-    drawn_by, _ = said(program.PICTURE)
-    assert drawn_by == program.digest(), f"README's picture is older than its code; {REMAKE}"
+@pytest.mark.parametrize(("name", "code"), [("PICTURE", "DRAWN_BY"), ("REVIEW", "PAGE")])
+def test_a_picture_was_drawn_by_the_present_code(program, name, code):
+    drawn_by = Image.open(getattr(program, name)).text["Drawn by"]
+    assert drawn_by == program.digest(getattr(program, code)), REMAKE
 
 
 @pytest.mark.slow
@@ -53,6 +53,6 @@ def test_the_picture_shows_the_bands_that_the_program_prints(program, tmp_path):
     printed = [int(x) for x in re.findall(r"(\d+) pixels wide along x", done.stdout)]
     assert len(printed) == 3
     # Other machines round otherwise.
-    assert said(program.PICTURE)[1] == pytest.approx(printed, abs=2), REMAKE
+    assert widths(program.PICTURE) == pytest.approx(printed, abs=2), REMAKE
     program.draw(tmp_path / "street" / "tracks", tmp_path / "new.png")
-    assert said(tmp_path / "new.png")[1] == pytest.approx(printed, abs=1)
+    assert widths(tmp_path / "new.png") == pytest.approx(printed, abs=1)

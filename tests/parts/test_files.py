@@ -55,8 +55,8 @@ ROOT = "a,,1,1,2,2,0\n"
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("a,c,1,1,2,2,0\nb,a,1,1,2,2,0\nc,b,1,1,2,2,0\n", "in a circle, 'a' on 'c' on 'b' on 'a'"),
-        ("a,a,1,1,2,2,0\n", "hang in a circle, 'a' on 'a'"),
+        ("a,c,1,1,2,2,0\nb,a,1,1,2,2,0\nc,b,1,1,2,2,0\n", "a cycle, 'a' on 'c' on 'b' on 'a'"),
+        ("a,a,1,1,2,2,0\n", "form a cycle, 'a' on 'a'"),
         ("r,,1,1,2,2,0\nx,a,1,1,2,2,0\na,b,1,1,2,2,0\nb,a,1,1,2,2,0\n", "'a' on 'b' on 'a'"),
         (f"{ROOT}b,c,1,1,2,2,0\n", r"line 3 of .*: part 'b' hangs on 'c', .* are a, b"),
         ("a,,1,1,0,2,0\n", "line 2 of .*: part 'a' has a box of 0 x 2 pixels, which has no area"),

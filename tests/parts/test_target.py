@@ -155,7 +155,7 @@ BLACK = np.zeros((9, 9, 3), np.uint8)
     [
         (lambda: named("dps", TREE), "method 'dps' goes through circular shifts.*choose one of si"),
         (lambda: named("sps", TREE, swap="best"), "swap='best' is unknown"),
-        (lambda: named("ps", (-1, 2, 1)), "in a circle, 1 on 2 on 1"),
+        (lambda: named("ps", (-1, 2, 1)), "a cycle, 1 on 2 on 1"),
         (lambda: named("ps", (-1, 7)), r"parents\[1\]=7 is not a part"),
         (lambda: build(dynamics="free"), "dynamics 'free' is unknown; choose one of relative"),
         (lambda: build(sizes=SIZES * [1, 0]), "part 0 measures 1 x 0 pixels, which is no area"),
@@ -178,7 +178,7 @@ def test_every_mistake_has_one_clear_sentence(call, words):
     ("changes", "message"),
     [
         ({"names": None}, "names=None must be one"),
-        ({"parents": 3}, "parents 3 is no list"),
+        ({"parents": 3}, "parents 3 is not a list"),
         ({"poses": "x"}, "poses='x' must be numbers"),
         ({"sizes": None}, "sizes=None must be numbers"),
     ],

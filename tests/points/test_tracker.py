@@ -122,7 +122,7 @@ def test_the_target_says_where_points_start():
         ({"point": ("1,2",), "points": "file"}, "both given"),
         ({}, "no start point"),
         ({"point": ("200,3,nose",)}, "point 'nose' is at (200, 3), outside"),
-        ({"point": ("1,2",), "mask_step": 5.0}, "--mask-step is about the grid on a --mask"),
+        ({"point": ("1,2",), "mask_step": 5.0}, "--mask-step works only with --mask"),
     ):
         assert message in message_of(start_of, **wrong)
     tuned = with_tuned(Options(), {"likelihood.sigma": 0.2, "dynamics.scale": 3.0}, "points")

@@ -61,7 +61,7 @@ def sweeps(number=2, reference=None, order=None, **changes):
     (lambda: smooth(frames=iter(FRAMES)), "give a lag"),
     (lambda: smooth(frames=iter(()), lag=2), "no frame"),
     (lambda: smoothing.LookBack(tracker(), KEY, num_frames=2 * 10**9), "--smooth-lag 50"),
-    (lambda: sweeps(resampling="systematic"), "under systematic; give resampling='multinomial'"),
+    (lambda: sweeps(resampling="systematic"), "not for systematic; give resampling='multinomial'"),
     (lambda: sweeps(order=ordering.sps([-1, -1])), "use jaxpf.ordering.ps or sir"),
     (lambda: sweeps(order=ordering.dps(2)), "use jaxpf.ordering.ps or sir"),
     (lambda: sweeps(ess_threshold=0.5), "ess_threshold; leave it out"),

@@ -76,7 +76,7 @@ def test_bounds_are_written_beside_the_path():
         (["ordering.order"], "no parameter ordering.order to tune; choose"),
         (["dynamics"], "no parameter dynamics to tune; choose"),
         (["dynamics.scale[1]"], "outside dynamics.scale, whose shape is [1]"),
-        (["dynamics.scale[a]"], "is no path"),
+        (["dynamics.scale[a]"], "is not a path"),
         (["dynamics.scale=2:5"], "starts at 1, but must lie between 2 and 5"),
         (["dynamics.scale=5:2"], "the first must be the smaller"),
         (["dynamics.scale=5"], "must have the form PATH or PATH=LOW:HIGH"),

@@ -249,7 +249,9 @@ def _skeletons(tracked: Tracked) -> Iterator[dict[str, Any]]:
 def write_cvat(path: Path, tracked: Tracked) -> None:
     """Write CVAT's "MOT 1.1" archive."""
     if tracked.target == "points":
-        raise InputError("CVAT's MOT archive holds boxes, and points have none; choose coco.")
+        raise InputError(
+            "CVAT's MOT archive holds boxes, and points have none; choose coco, dlc or sleap."
+        )
     boxes = tracked.boxes
     lines = (
         ",".join(map(str, [t + tracked.first + 1, tracked.ids[p], *_rounded(boxes[t, p]), 1, 1, 1]))
@@ -263,7 +265,7 @@ def write_cvat(path: Path, tracked: Tracked) -> None:
 def write_motchallenge(path: Path, tracked: Tracked) -> None:
     """Write MOT lines ``frame,id,x,y,w,h,confidence,-1,-1,-1``; frames and x, y count from 1."""
     if tracked.target == "points":
-        raise InputError("MOT files hold boxes, and points have none; choose coco.")
+        raise InputError("MOT files hold boxes, and points have none; choose coco, dlc or sleap.")
     times, objects = tracked.places.T
     ids = np.array(tracked.ids)[objects]
     boxes, confidence = tracked.boxes[times, objects], tracked.confidence[times, objects]

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from jaxpf.boxes.tracks import read_boxes
-from jaxpf.cli.marking.starts import SUFFIXES, Shapes, read_start, write_start
+from jaxpf.cli.marking.starts import SUFFIXES, Shapes, read_start, typed_start, write_start
 from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand
@@ -44,8 +44,8 @@ def mark(
     """Draw boxes, points, part trees or contours on VIDEO in the browser.
 
     The start file is written as you draw, and an existing one is opened for editing.  The page
-    prints the command that tracks from it, and its button Track runs it.  The page is served on
-    this machine alone, until it has been closed for a minute.
+    prints the command that tracks from it, and its button Track runs it, replacing earlier results
+    in jaxpf-NAME.  The page is served on this machine alone, until it has been closed for a minute.
     """
     marking = _Marking(video, kind, output)
     shapes = marking.existing(start)
@@ -63,11 +63,11 @@ def view(folder: Path, beside: Path | None, video: str | None, opens: bool, keep
 
     BESIDE is a second run's folder, or a CSV of true boxes, shown beside the first.  A box or
     point drawn in a doubtful frame corrects its object there: it is added to the start file, and
-    the button Track runs again.
+    the button Track repeats the run with its options, replacing its results.
     """
     run = Run(folder)
     second = [] if beside is None else [Run(beside) if beside.is_dir() else _Truth(beside)]
-    marking = _Marking(video or run.video, run.kind, run.start_file, folder)
+    marking = _Marking(video or run.video, run.kind, run.start_file, run)
     _serve(marking, marking.existing(run.start), [run, *second], run.start, opens, keep)
 
 
@@ -102,7 +102,7 @@ class _Marking:
     """What is drawn on a film, where it is written, and the run that tracks from it."""
 
     def __init__(
-        self, video: str, kind: str | None, output: Path | None, folder: Path | None = None
+        self, video: str, kind: str | None, output: Path | None, reviewed: Run | None = None
     ):
         self.source = open_frames(video)
         if self.source.is_live:
@@ -110,7 +110,10 @@ class _Marking:
         self.video = video
         self.kind = kind or ("contours" if output and output.suffix == ".json" else "boxes")
         self.output = output
-        self.folder = folder or Path(f"jaxpf-{self.source.name}")
+        self.reviewed = reviewed
+        self.folder = reviewed.folder if reviewed else Path(f"jaxpf-{self.source.name}")
+        if reviewed is not None and output is None:  # objects were typed, not read from a file
+            self.output = reviewed.folder.with_name(f"{reviewed.folder.name}-{kind}.csv")
         self.run: subprocess.Popen[str] | None = None
 
     def file(self, kind: str) -> Path:
@@ -121,23 +124,39 @@ class _Marking:
         return beside / f"{self.source.name}-{kind}{SUFFIXES[kind]}"
 
     def existing(self, frame: int) -> Shapes:
-        """The shapes of start files that exist."""
+        """The shapes of start files that exist; of a run without one, those that were typed."""
         kinds = [kind for kind in SUFFIXES if self.file(kind).is_file()]
-        return [shape for kind in kinds for shape in read_start(self.file(kind), kind, frame)]
+        read = [shape for kind in kinds for shape in read_start(self.file(kind), kind, frame)]
+        if self.reviewed is None or self.kind in kinds:
+            return read
+        return [*typed_start(self.reviewed.table, frame), *read]
 
     def command(self, kind: str, shapes: Shapes) -> list[str]:
-        """Arguments of the command that tracks from the start file."""
-        first = min(shape["frame"] for shape in shapes)
-        named = [] if kind == "boxes" else [kind]
-        start = ["--start", str(first)] if first else []
-        file = str(self.file(kind))
-        return ["track", *named, str(self.video), f"--{kind}", file, *start]
+        """Arguments of the command that tracks from the start file, as the reviewed run did."""
+        first, usual = min(shape["frame"] for shape in shapes), 0
+        given = [] if kind == "boxes" else [kind]
+        given += [str(self.video)]
+        run = self.reviewed if kind == self.kind else None
+        if run is not None:
+            given += ["--config", str(run.folder / "run.toml")]
+            usual = run.start
+        if run is None or run.start_file is None:
+            given += [f"--{kind}", str(self.file(kind))]
+        if first != usual:
+            given += ["--start", str(first)]
+        return ["track", *given]
 
     def save(self, content: Any) -> dict[str, str]:
         """Write the start file, as the page asks; an emptied drawing removes it."""
         kind, shapes = content["kind"], content["items"]
         if kind not in SUFFIXES:
             raise InputError(f"there is no kind of target {kind!r:.60}.")
+        for name in ("detections", "mask"):
+            if self.reviewed is not None and name in self.reviewed.table:
+                raise InputError(
+                    f"the objects of this run come from --{name}, and cannot be corrected here; "
+                    "track from a file of start boxes or points."
+                )
         path = self.file(kind)
         if not shapes:
             path.unlink(missing_ok=True)

@@ -5,19 +5,19 @@ w, h``; for points ``x, y``; for parts the ends of a limb ``x1, y1, x2, y2``, it
 ``parent``; for contours ``points`` on the curve, ``closed`` and the ``width`` of a wire.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jaxpf.boxes.tracks import read_boxes
+from jaxpf.boxes.tracks import parse_box, read_boxes
 from jaxpf.contours.data import Contours
 from jaxpf.contours.files import read_contours, write_contours
 from jaxpf.contract.errors import InputError
 from jaxpf.files.writing import csv_text, write_text
 from jaxpf.parts.files import read_parts
-from jaxpf.points.files import read_points
+from jaxpf.points.files import parse_points, read_points
 from jaxpf.shapes.splines import fit_spline, points_on
 
 Shapes = list[dict[str, Any]]
@@ -44,6 +44,27 @@ def write_start(path: Path, kind: str, shapes: Shapes) -> None:
 def read_start(path: Path, kind: str, frame: int) -> Shapes:
     """The shapes of a start file; ``frame`` is that of files that do not name frames."""
     return [{"kind": kind, **shape} for shape in _READERS[kind](path, frame)]
+
+
+def typed_start(table: Mapping[str, Any], frame: int) -> Shapes:
+    """The shapes of --box and --point in a run's configuration."""
+    boxes = [parse_box(text).tolist() for text in table.get("box", ())]
+    shapes = [
+        {
+            "kind": "boxes",
+            "name": str(number),
+            "frame": frame,
+            **dict(zip("xywh", box, strict=True)),
+        }
+        for number, box in enumerate(boxes, 1)
+    ]
+    if "point" not in table:
+        return shapes
+    points = parse_points(table["point"])
+    return shapes + [
+        {"kind": "points", "name": name, "frame": frame, "x": x, "y": y}
+        for name, (x, y) in zip(points.names, points.places.tolist(), strict=True)
+    ]
 
 
 def _write_boxes(path: Path, shapes: Shapes) -> None:

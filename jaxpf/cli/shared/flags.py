@@ -356,13 +356,19 @@ def refuse_others(values: Mapping[str, Any], target: "Target", filter_: "Filter"
     for name in [name for name in given_in(values) if name not in own]:
         having = {n: options_of(owner.options) for n, owner in every.items()}
         owners = [n for n, options in having.items() if name in options]
-        if owners:
-            chosen = filter_.name if owners[0] in filters.all_filters() else target.name
+        if not owners:
+            continue
+        flag, families = having[owners[0]][name].flag, filters.all_filters()
+        methods = [method for n in owners if n in families for method in families[n].methods]
+        if methods:
             raise InputError(
-                f"{having[owners[0]][name].flag} works only for {' and '.join(owners)}, not for "
-                f"{chosen}, the default or the choice of --method; leave it out, or choose "
-                f"{owners[0]}."
+                f"{flag} works only with --method {' or '.join(methods)}, and this run uses the "
+                f"{filter_.name} filter; leave it out, or add --method {methods[0]}."
             )
+        raise InputError(
+            f"{flag} works only for {' and '.join(owners)}, and these are {target.name}; leave it "
+            "out."
+        )
 
 
 def report_implied(values: Mapping[str, Any], usual: object) -> None:

@@ -27,7 +27,7 @@ class SceneOptions:
         None, f"Kind of target: {', '.join(all_targets())}; by default that of the truth."
     )
     set: tuple[str, ...] = option(
-        (), "Parameter of a synthetic scene as NAME=VALUE, such as lead_distance=60; repeat it."
+        (), "A synthetic scene's parameter, NAME=VALUE; repeat it.  Such as lead_distance=60."
     )
     scene_seed: int = option(0, "Seed of a synthetic scene, or of the first one.")
     ids: tuple[int, ...] | None = option(

@@ -93,7 +93,7 @@ def sentences(
         if not about["frames"]:
             continue
         sure = about["mean_confidence"] is not None
-        tracked = "tracked confidently" if sure else "tracked"
+        tracked = "tracked with a confidence of 0.5 or more" if sure else "tracked"
         until, pieces = about["tracked_until"], about["lost"]
         some_lost |= bool(pieces)
         if not pieces:
@@ -109,9 +109,9 @@ def sentences(
         lines.append(f"Object {name}: {text}")
     if some_lost:
         lines.append(
-            "Try: check those frames in the overlay, and those after them, where the object may be "
-            "another one that looks alike; track with more particles (-n); or start the "
-            "object again where it is seen well (--start)."
+            "Try: look at those frames, and at those after them, with `jaxpf view` and this folder "
+            "(the object may be another one that looks alike), and draw the object again there; or "
+            "track with more particles (-n)."
         )
     if any(about["frames"] and about["mean_confidence"] is None for about in verdicts.values()):
         lines.append(
@@ -121,8 +121,8 @@ def sentences(
     if is_degenerate(ess, num_particles):
         lines.append(
             f"The effective sample size stays near 1 (median {ess:.2g} of {num_particles} "
-            "particles), so intervals are too narrow.  Try: more particles (-n), or a likelihood "
-            "that is trusted less (see --help)."
+            "particles), so intervals are too narrow.  Try: more particles (-n), or a less "
+            "sharp likelihood (smaller --sharpness, larger --sigma)."
         )
     return lines
 

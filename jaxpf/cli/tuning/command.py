@@ -84,8 +84,8 @@ class Tuned:
     )
     gradient: str = option(
         "stop_gradient",
-        "Through resampling: stop_gradient (a bias of order 1/N), none (less noise), soft or "
-        "transport.",
+        "Gradient through resampling: stop_gradient (a bias of order 1/N), none (less noise, but a "
+        "bias that more particles do not remove), soft or transport (both biased).",
         choices=GRADIENTS,
     )
 

@@ -15,8 +15,8 @@ class Options:
 
     method: str = option(
         "eskil",
-        "eskil (every object has its own particles; objects drift together and keep a shape), "
-        "pffl (the same without drift and shape, and without its authors' learned prior).",
+        "eskil (every object has its own particles; objects drift together and keep a shape; "
+        "biased), pffl (the same without drift and shape, and without its authors' learned prior).",
         choices=METHODS,
     )
     num_particles: int | None = option(

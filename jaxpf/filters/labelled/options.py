@@ -23,8 +23,9 @@ class Options:
     resampling: str = option("systematic", "Resampling scheme.", choices=SCHEMES, compiles=True)
     weights: str = option(
         "equal_share",
-        "How labelled particles are shared: equal_share (the same number for each object), plain "
-        "(in proportion to their likelihoods), corrected (equal shares, weights kept).",
+        "How labelled particles are shared: equal_share (the same number for each object, as "
+        "published; biases the evidence), plain (in proportion to their likelihoods), corrected "
+        "(equal shares, weights kept).",
         choices=("equal_share", "plain", "corrected"),
         compiles=True,
     )

@@ -31,7 +31,8 @@ class Options:
     )
     swap: str = option(
         "combinatorial",
-        "How sps exchanges parts between particles.",
+        "How sps exchanges parts between particles: combinatorial (unbiased), sorted (as "
+        "published in 2011; biased), random or none.",
         choices=SWAPS,
         implies=("method", "sps"),
     )

@@ -501,6 +501,7 @@ function doubtful(step) {
   if (found === undefined) { say(step > 0 ? "No doubtful frame follows." : "No doubtful frame before this one."); return; }
   const rows = results[0].rows.get(found).filter((row) => row.doubtful);
   say(rows.map((row) => `${row.id} is ${row.lost ? "lost" : "doubtful"} in frame ${found}.`).join("  "));
+  selected = null;
   wanted = { frame: found, name: rows[0].id }; // what is drawn here corrects it
   go(found);
 }

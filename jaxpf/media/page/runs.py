@@ -25,6 +25,7 @@ class Run:
                     f"'{folder}' holds no run.toml of `jaxpf track`; give the folder of a run."
                 ) from None
             table = {"video": "", "target": "boxes"}
+        self.table = table
         self.video, self.kind = str(table["video"]), table["target"]
         self.start = table.get("start", 0)
         file = table.get(self.kind)  # as its flag

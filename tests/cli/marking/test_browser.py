@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 import time
+import tomllib
 
 import numpy as np
 import pytest
@@ -166,6 +167,49 @@ def test_from_a_film_to_a_reviewed_and_corrected_track(opened, street, tmp_path,
     )
     assert float(again["x"]) == pytest.approx(x, abs=1)
     assert again["x_2.5"] == ""
+
+
+def test_corrections_keep_the_options_and_the_objects_of_a_run(
+    opened, street, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    typed = ("--box", "120,80,40,90", "--box", "300,78,44,99", "-n", 40, "--frames", 9)
+    assert jaxpf("track", street / "clip.mp4", *typed, "-o", "run").code == 0
+    page = opened("view", "run")
+    page.until(lambda: page.browser.execute_script("return results[0].rows.size") == 10)
+    page.browser.execute_script(
+        "for (const [n, id] of [[4, '2'], [6, '1']])"
+        "  results[0].rows.get(n).find(row => row.id === id).doubtful = true"
+    )
+    for number, x in (("4", 302), ("6", 124)):
+        page.keys("n")
+        page.until(lambda at=number: page.canvas.get_attribute("data-shown") == at)
+        page.mouse((x, 80), (x + 44, 179))
+    drawn = [("0", "1"), ("0", "2"), ("4", "2"), ("6", "1")]
+    page.until(
+        lambda: [(row["frame"], row["id"]) for row in rows_of(tmp_path / "run-boxes.csv")] == drawn
+    )
+    page.one("#track").click()
+    page.until(lambda: "frames tracked" in page.status, 400)
+    again = tomllib.loads((tmp_path / "run" / "run.toml").read_text())["track"]
+    assert (again["num_particles"], again["frames"], "box" in again) == (40, 9, False)
+    rows = rows_of(tmp_path / "run" / "tracks.csv")
+    assert len(rows) == 2 * 10
+    (corrected,) = (row for row in rows if (row["frame"], row["id"]) == ("6", "1"))
+    assert float(corrected["x"]) == pytest.approx(124, abs=1)
+
+
+def test_objects_of_a_detector_are_not_corrected(opened, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert jaxpf("example", "detections", "crossing").code == 0
+    given = ("crossing/clip.mp4", "--detections", "crossing/det.txt", "--frames", 5, "-o", "run")
+    assert jaxpf("track", *given).code == 0
+    page = opened("view", "run")
+    page.mouse((60, 60), (90, 120))
+    page.until(lambda: "come from --detections, and cannot be corrected here" in page.status)
+    (refused,) = page.browser.get_log("browser")  # and forget it
+    assert "400" in refused["message"]
+    assert not (tmp_path / "run-boxes.csv").exists()
 
 
 def test_points_keep_names_that_look_like_markup(opened, street, tmp_path):

@@ -120,4 +120,4 @@ def test_a_start_at_which_an_object_fits_nothing_is_refused_in_its_first_frame(r
     # One particle for each object, and sizes so uncertain that half of them are below nothing.
     start = ("--box", "6,8,12,16", "--box", "40,22,12,16", "--method", "labelled", "-n", "2")
     said = refuse(*start, "--noise-pixels", "1,1,1000", "--seed", "1")
-    assert "in the first frame no particle of target" in said
+    assert "in the first frame every particle of target" in said

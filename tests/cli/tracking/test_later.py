@@ -140,7 +140,7 @@ def test_a_start_after_the_last_frame_is_an_error_and_the_tracks_are_kept(track,
     rows = ((0, 1, first), (0, 2, second), (99, 2, [1, 2, 9, 9]))
     outcome = track("--boxes", boxes_at(tmp_path / "s.csv", *rows))
     assert outcome.code == 2
-    assert f"names frame 99, and the last frame is {LENGTH - 1}" in outcome.err
+    assert f"has a row for frame 99, but the last frame is {LENGTH - 1}" in outcome.err
     assert rows_of(tmp_path / "out", 1)["frame"][-1] == LENGTH - 1
 
 

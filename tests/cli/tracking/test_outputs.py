@@ -79,7 +79,8 @@ def test_the_verdict_of_each_object_is_printed_and_kept(whole_run):
         widths = (table[f"centre_{c}_97.5"][rows] - table[f"centre_{c}_2.5"][rows] for c in "xy")
         x, y = (float(f"{np.nanmedian(width):.2g}") for width in widths)
         assert (
-            f"Object {name}: tracked confidently to the end (frame 9); 95% interval of the centre: "
+            f"Object {name}: tracked with a confidence of 0.5 or more to the end (frame 9); "
+            "95% interval of the centre: "
             f"{x:g} pixels wide along x, {y:g} along y\n" in outcome.out
         )
     assert summary_of(output)["effective_sample_size"] > 2

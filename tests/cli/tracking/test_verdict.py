@@ -34,7 +34,7 @@ def test_an_object_that_is_followed_throughout_needs_no_advice():
         "mean_confidence": 0.9,
     }
     assert sentences(verdicts, 120.0, 300) == [
-        "Object 7: tracked confidently to the end (frame 29); "
+        "Object 7: tracked with a confidence of 0.5 or more to the end (frame 29); "
         "95% interval of the centre: 5 pixels wide along x, 9 along y"
     ]
     verdicts["7"]["interval_width"] = {"x": 163.2, "y": 4.44}
@@ -57,7 +57,7 @@ def test_without_confidence_nothing_is_called_confident():
     assert verdicts["7"]["mean_confidence"] is None
     line, caution = sentences(verdicts, None, 300)
     assert line.startswith("Object 7: tracked to the end")
-    assert "no confidence: an object in a wrong place is not said to be lost" in caution
+    assert "no confidence: a misplaced object is not reported as lost" in caution
 
 
 def test_an_effective_sample_size_near_1_is_said():

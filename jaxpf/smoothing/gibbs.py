@@ -110,6 +110,7 @@ def particle_gibbs(
             sweep (``check_conditional``); an iterable of single frames; a reference of a wrong
             shape; fewer than one sweep; not enough memory.
     """
+    tracker = running.with_inputs(tracker, inputs, frames)
     refuse = check_conditional(tracker)
     if come_one_by_one(frames):
         raise InputError(
@@ -117,7 +118,6 @@ def particle_gibbs(
             "np.stack(list(frames))."
         )
     check_frames(frames)
-    tracker = running.with_inputs(tracker, inputs, frames)
     check_run(tracker, frames)
     check_whole("num_sweeps", num_sweeps)
     num_frames, num_particles = running.num_frames(frames), tracker.num_particles

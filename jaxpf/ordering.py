@@ -239,10 +239,10 @@ def blocks(num_partitions: int) -> Ordering:
     For many coupled coordinates, where filters of whole states collapse.  Every block is weighted
     by its own likelihood; a particle's next state is made of blocks of different particles.  This
     forgets the dependence between blocks after every frame.  With coupled dynamics the results are
-    biased: the bias does not vanish with more particles.  For local, well-mixing dynamics it
-    does not grow with the number of blocks, and is smaller for larger ones (Rebeschini & van Handel
-    2015).  ``log_evidence`` is
-    biased as well.  With independent partitions nothing is forgotten, and this is ``sps``.
+    biased: the bias does not vanish with more particles.  For local, well-mixing dynamics it does
+    not grow with the number of blocks, and is smaller for larger ones (Rebeschini & van Handel
+    2015).  ``log_evidence`` is biased as well.  With independent partitions nothing is forgotten,
+    and this is ``sps``.
 
     Args:
         num_partitions: P, number of blocks.

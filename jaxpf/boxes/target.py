@@ -68,8 +68,9 @@ class _BoxTarget(Target):
         "detections": {
             "type": Path,
             "help": "Detections that start and end tracks: a MOT det.txt.  Objects are tracked by "
-            "colour and the labelled filter.  A line with an id in the place of -1 starts that "
-            "object there, detected or not.",
+            "colour and the labelled filter, by default with 100 particles for each of "
+            "--capacity.  A line with an id in the place of -1 starts that object there, detected "
+            "or not.",
         },
     }
 

@@ -38,7 +38,12 @@ def command() -> None:
     "--dimension", "-d", default=8, show_default=True, help="Dimensions of the shape space."
 )
 @click.option(
-    "--points", "num_points", default=12, show_default=True, help="Control points of a contour."
+    "--points",
+    "num_points",
+    default=12,
+    show_default=True,
+    help="Control points of a contour, as many as the start contours have: `jaxpf mark` writes 12 "
+    "for open and 16 for closed ones.",
 )
 @plain.whole(
     "--turns",

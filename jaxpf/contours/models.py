@@ -82,7 +82,8 @@ def start_space(start: Contours, space: ShapeSpace | str = "similarity") -> Shap
         kinds = ["closed" if closed else "open" for closed in (start.closed, space.closed)]
         raise InputError(
             f"the start's {kinds[0]} contours have {start.points.shape[1]} control points, and the "
-            f"shape space's {kinds[1]} ones {space.num_points}; give both the same."
+            f"shape space's {kinds[1]} ones {space.num_points}; give both the same, as by "
+            f"`jaxpf contour learn --points {start.points.shape[1]}`."
         )
     return space
 

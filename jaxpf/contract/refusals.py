@@ -90,8 +90,7 @@ def biased_evidence(
                 bias.applies,
                 [
                     f"{what} needs an unbiased estimate of the marginal likelihood, and "
-                    f"{bias.cause} biases it; use "
-                    f"{bias.remedy}, or {otherwise}."
+                    f"{bias.cause} biases it; use {bias.remedy}, or {otherwise}."
                 ],
             )
             for bias in evidence_biases(tracker)

@@ -247,8 +247,7 @@ def _order(value: object) -> Any:
     if not entries or not all(isinstance(entry, int) for entry in entries):
         raise InputError(
             Argument("orders", repr(value), ": "),
-            " is not an order; give "
-            f"{', '.join(map(repr, ORDERS))}, or the objects by their place, "
-            "such as (2, 0, 1).",
+            f" is not an order; give {', '.join(map(repr, ORDERS))}, or the objects by their "
+            "place, such as (2, 0, 1).",
         )
     return entries

@@ -108,7 +108,7 @@ def particle_gibbs(
     Raises:
         InputError: a tracker that cannot be smoothed (``check_smoothing``) or has no conditional
             sweep (``check_conditional``); an iterable of single frames; a reference of a wrong
-            shape; fewer than one sweep; not enough memory.
+            shape; fewer than one sweep; not enough memory; inputs that do not fit (``jaxpf.run``).
     """
     tracker = running.with_inputs(tracker, inputs, frames)
     refuse = check_conditional(tracker)

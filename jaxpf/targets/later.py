@@ -1,7 +1,7 @@
 """What start files of several kinds share: places inside the frame, and later frames."""
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,11 @@ def check_inside(
             )
 
 
+def holds_whole_tracks(rows: set[tuple[int, Any]]) -> bool:
+    """Whether an object has rows ``(frame, name)`` in three frames in a row."""
+    return any(all((at + step, name) in rows for step in range(_WHOLE)) for at, name in rows)
+
+
 def starts_by_frame(
     frames: np.ndarray, names: np.ndarray, first: int, start_at: Callable[[int], Start]
 ) -> tuple[dict[int, Start], str | None]:
@@ -44,7 +49,6 @@ def starts_by_frame(
     Returns:
         frame -> start, and a remark for the user or None.
     """
-    rows = set(zip(frames.tolist(), names.tolist(), strict=True))
-    if any(all((at + step, name) in rows for step in range(_WHOLE)) for at, name in rows):
+    if holds_whole_tracks(set(zip(frames.tolist(), names.tolist(), strict=True))):
         return {}, f"the start file holds whole tracks; only its frame {first} is used."
     return {int(at): start_at(int(at)) for at in np.unique(frames[frames > first])}, None

@@ -50,7 +50,7 @@ def target_of_scene(scene: "Scene", name: str | None = None) -> "Target":
     of = find_target(name)
     if not of.fits_scene(scene):
         raise InputError(
-            f"scene {scene.name!r} has no truth for {of.name}; without a target, "
-            f"{own.name} is used."
+            f"scene {scene.name!r} has no truth for {of.name}; leave the "
+            f"target out, and {own.name} are tracked."
         )
     return of

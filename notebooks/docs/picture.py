@@ -36,7 +36,10 @@ DRAWN_BY = (
     "scenes/drawn_outlines.py",
     "scenes/street.py",
 )
-PAGE = tuple(f"jaxpf/media/page/page.{kind}" for kind in ("html", "css", "js"))
+PAGE = (
+    "notebooks/docs/picture.py",
+    *(f"jaxpf/media/page/page.{kind}" for kind in ("html", "css", "js")),
+)
 COMMANDS = (
     "example boxes street",
     "track street/clip.mp4 --boxes street/start.csv -o street/tracks",
@@ -97,7 +100,7 @@ def review(folder: Path, output: Path) -> None:
         subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program,
         webdriver.Chrome(options=options, service=service) as browser,
     ):
-        browser.get((program.stdout or sys.stdin).readline().strip())
+        browser.get(program.stdout.readline().strip())
         until = WebDriverWait(browser, 20).until
         until(lambda browser: browser.execute_script("return results[0]?.rows.size > 80"))
         browser.find_element(By.TAG_NAME, "body").send_keys("n")

@@ -128,7 +128,7 @@ def test_a_full_disk_is_reported_and_the_last_line_is_whole(tmp_path):
         "    for frame in range(99): writer.write_rows([[frame, 'a name of some length']])\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=600
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=500
     )
     assert "InputError: cannot write 'tracks.csv': file too large; check" in done.stderr
     text = (tmp_path / "tracks.csv").read_text()

@@ -299,7 +299,7 @@ def test_nothing_is_printed_and_standard_error_is_put_back(tmp_path):
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        timeout=600,
+        timeout=500,
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "said")
 

@@ -61,7 +61,7 @@ def test_a_killed_writer_leaves_a_playable_video(tmp_path):
         "for n in range(40): writer.write(np.full((48, 64, 3), 5 * n, np.uint8))\n"
         "os.kill(os.getpid(), 9)\n"
     )
-    subprocess.run([sys.executable, "-c", program], cwd=tmp_path, timeout=600)
+    subprocess.run([sys.executable, "-c", program], cwd=tmp_path, timeout=500)
     assert os.listdir(tmp_path) == ["out.mp4"]
     levels = [frame[0, 0, 0] for frame in open_frames(tmp_path / "out.mp4")]
     assert 20 < len(levels) <= 40
@@ -128,7 +128,7 @@ def test_a_full_disk_is_one_sentence_and_leaves_no_half_video(tmp_path):
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        timeout=600,
+        timeout=500,
     )
     assert "InputError: cannot write video 'out.mp4': file too large" in done.stderr
     assert "check the free disk space" in done.stderr

@@ -44,6 +44,7 @@ def test_readme_stays_short():
 def test_readme_gives_the_figures_of_its_sources():
     of_readme = rows(section(read(ROOT / "README.md"), "Measurements"))
     cows, flies = map(covered, points_reported().values())
+    errors = " and ".join(f"{float(row['median error']):.0f}" for row in points_reported().values())
     card = GPU["1000 x 1000"]
     beyond = float(card["blackjax 1.7.1"]) / float(card["jaxpf"])
     expected = {
@@ -57,14 +58,15 @@ def test_readme_gives_the_figures_of_its_sources():
             f"default {PRETRAINED['overlap']['default'].split()[0]}, "
             f"difference +{gained('default')}; "
             f"CSRT {PRETRAINED['overlap']['CSRT'].split()[0]}, difference +{gained('csrt')} "
-            f"(15 others: +{gained('csrt', 'choose')}); "
+            f"(15 tuning clips: +{gained('csrt', 'choose')}); "
             f"misplaced, not reported lost (earlier confidence): {silent('pretrained')} of frames "
             f"(default {silent('default')})"
         ),
         "Do intervals cover a box's size?": f"in {percent(SIZE_COVERED)} of frames with any "
         f"overlap; at least 1/{least_factor()} to {least_factor()} times the size",
         "... and a keypoint's coordinates?": f"{cows}% and {flies}%, excluding "
-        f"the {POINTS_LOST} reported lost; at least {math.floor(least_width())} pixels wide",
+        f"{POINTS_LOST} reported lost; at least {math.floor(least_width())} pixels wide; "
+        f"median error {errors}",
         "How fast is the bootstrap filter?": f"{SERIES['jaxpf']['one run, s']} s; "
         f"blackjax's SMC step takes {SERIES[BLACKJAX]['ratio']} times as long",
         "... and on a GPU?": f"{float(card['jaxpf']) / 1000:.2f} ms per observation for all runs; "

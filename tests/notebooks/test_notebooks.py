@@ -87,6 +87,6 @@ def test_the_notebook_runs(path):
         pytest.skip(f"{path.name} compiles for minutes; set JAXPF_FULL_NOTEBOOKS=1 to run it")
     notebook = nbformat.read(path, as_version=4)
     resources = {"metadata": {"path": str(FOLDER)}}
-    NotebookClient(notebook, timeout=1200, kernel_name="python3", resources=resources).execute()
+    NotebookClient(notebook, timeout=500, kernel_name="python3", resources=resources).execute()
     if "JAXPF_FULL_NOTEBOOKS" in os.environ or "JAXPF_FULL_NOTEBOOKS" not in path.read_text():
         assert unprinted(path.stem, notebook) == []  # what is quoted is of the full form

@@ -12,15 +12,30 @@ import click
 from jaxpf.boxes.tracks import read_boxes
 from jaxpf.cli.marking.starts import SUFFIXES, Shapes, read_start, typed_start, write_start
 from jaxpf.cli.shared import plain
+from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.contract.errors import InputError
 from jaxpf.media.page.runs import Run
 from jaxpf.media.page.server import Server, described
 from jaxpf.media.video import open_frames
+from jaxpf.targets.later import holds_whole_tracks
 
 #: Lines of a run's output that the page shows.
 _LINES = 8
+#: Options of runs whose objects the page cannot correct.
+_NOT_CORRECTED = (
+    "detections",
+    "mask",
+    "ids",
+    "resume",
+    "runs",
+    "mc_error_lag",
+    "smooth",
+    "smooth_lag",
+    "tracker",
+    "order",
+)
 
 _keep = click.option("--keep", is_flag=True, help="Keep serving after the page is closed.")
 _open = click.option("--open/--no-open", "opens", default=True, help="Open the browser.")
@@ -62,10 +77,10 @@ def view(folder: Path, beside: Path | None, video: str | None, opens: bool, keep
     """Review the tracks in FOLDER, finished or running, in the browser.
 
     BESIDE is a second run's folder, or a CSV of true boxes, shown beside the first.  A box or
-    point drawn in a doubtful frame corrects its object there: it is added to the start file, and
-    the button Track repeats the run with its options, replacing its results.
+    point drawn in a doubtful frame corrects the first object named below the picture: it is added
+    to the start file, and the button Track repeats the run with its options, replacing its results.
     """
-    run = Run(folder)
+    run = Run(folder.resolve() if folder.name in ("", "..") else folder)
     second = [] if beside is None else [Run(beside) if beside.is_dir() else _Truth(beside)]
     marking = _Marking(video or run.video, run.kind, run.start_file, run)
     _serve(marking, marking.existing(run.start), [run, *second], run.start, opens, keep)
@@ -112,6 +127,7 @@ class _Marking:
         self.output = output
         self.reviewed = reviewed
         self.folder = reviewed.folder if reviewed else Path(f"jaxpf-{self.source.name}")
+        self.is_gone = reviewed is not None and output is not None and not output.is_file()
         if reviewed is not None and output is None:  # objects were typed, not read from a file
             self.output = reviewed.folder.with_name(f"{reviewed.folder.name}-{kind}.csv")
         self.run: subprocess.Popen[str] | None = None
@@ -124,26 +140,32 @@ class _Marking:
         return beside / f"{self.source.name}-{kind}{SUFFIXES[kind]}"
 
     def existing(self, frame: int) -> Shapes:
-        """The shapes of start files that exist; of a run without one, those that were typed."""
-        kinds = [kind for kind in SUFFIXES if self.file(kind).is_file()]
+        """The shapes of start files; of a run without one, those that were typed."""
+        kinds = [kind for kind in SUFFIXES if self.file(kind).is_file() and not self._is_old(kind)]
         read = [shape for kind in kinds for shape in read_start(self.file(kind), kind, frame)]
         if self.reviewed is None or self.kind in kinds:
             return read
         return [*typed_start(self.reviewed.table, frame), *read]
 
+    def _is_old(self, kind: str) -> bool:
+        """Whether the file was drawn for an earlier run, since this one's objects were typed."""
+        if self.reviewed is None or kind != self.kind or self.reviewed.start_file is not None:
+            return False
+        return self.file(kind).stat().st_mtime < self.configuration.stat().st_mtime
+
     def command(self, kind: str, shapes: Shapes) -> list[str]:
         """Arguments of the command that tracks from the start file, as the reviewed run did."""
-        first, usual = min(shape["frame"] for shape in shapes), 0
+        frames, usual = {shape["frame"] for shape in shapes}, 0
         given = [] if kind == "boxes" else [kind]
         given += [str(self.video)]
         run = self.reviewed if kind == self.kind else None
         if run is not None:
-            given += ["--config", str(run.folder / "run.toml")]
+            given += ["--config", str(self.configuration)]
             usual = run.start
         if run is None or run.start_file is None:
             given += [f"--{kind}", str(self.file(kind))]
-        if first != usual:
-            given += ["--start", str(first)]
+        if usual not in frames:
+            given += ["--start", str(min(frames))]
         return ["track", *given]
 
     def save(self, content: Any) -> dict[str, str]:
@@ -151,23 +173,42 @@ class _Marking:
         kind, shapes = content["kind"], content["items"]
         if kind not in SUFFIXES:
             raise InputError(f"there is no kind of target {kind!r:.60}.")
-        for name in ("detections", "mask"):
-            if self.reviewed is not None and name in self.reviewed.table:
-                raise InputError(
-                    f"the objects of this run come from --{name}, and cannot be corrected here; "
-                    "track from a file of start boxes or points."
-                )
         path = self.file(kind)
+        if self.reviewed is not None and kind == self.kind:
+            self._check_correction(self.reviewed.table, shapes)
         if not shapes:
             path.unlink(missing_ok=True)
             return {"file": "", "command": ""}
         write_start(path, kind, shapes)
         return {"file": str(path), "command": shlex.join(["jaxpf", *self.command(kind, shapes)])}
 
+    def _check_correction(self, table: dict[str, Any], shapes: Shapes) -> None:
+        """Refuse shapes with which a run of this configuration cannot be repeated."""
+        refused = [name for name in _NOT_CORRECTED if table.get(name)]
+        if len(table.get("noise_relative", ())) > 3:  # three for each object
+            refused.append("noise_relative")
+        if refused:
+            raise InputError(
+                f"a run with --{refused[0].replace('_', '-')} cannot be corrected here; track "
+                f"without it, from a file of start {self.kind} (--{self.kind})."
+            )
+        if self.is_gone:
+            raise InputError(
+                f"the start file '{self.output}' of this run is no longer a file; put it back to "
+                "correct the run."
+            )
+        if holds_whole_tracks({(shape["frame"], shape["name"]) for shape in shapes}):
+            raise InputError(
+                "an object has shapes in three frames in a row, which count as a finished track, "
+                "not as corrections; delete some."
+            )
+
     def track(self, content: Any) -> dict[str, str]:
         """Start the run of the drawn shapes."""
         self.stop()
         self.save(content)
+        if self.reviewed is not None:  # a run that was stopped may have removed it
+            write_config(self.configuration, "track", self.reviewed.table)
         given = self.command(content["kind"], content["items"])
         with open(self.log, "w") as log:
             self.run = subprocess.Popen(
@@ -177,6 +218,11 @@ class _Marking:
                 text=True,
             )
         return {"output": str(self.folder)}
+
+    @property
+    def configuration(self) -> Path:
+        """The options of the reviewed run."""
+        return self.folder / "run.toml"
 
     @property
     def log(self) -> Path:
@@ -210,6 +256,12 @@ def _serve(
     def result(content: Any) -> dict[str, Any]:
         return shown[content["index"]].since(content["at"])
 
+    def save(content: Any) -> dict[str, str]:
+        saved = marking.save(content)
+        others = [shape for shape in shapes if shape["kind"] != content["kind"]]
+        shapes[:] = others + content["items"]  # the page may be loaded again
+        return saved
+
     def track(content: Any) -> dict[str, str]:
         started = marking.track(content)
         run = Run(marking.folder, is_waited_for=True)
@@ -221,7 +273,7 @@ def _serve(
         source, kind=marking.kind, items=shapes, start=start, results=[run.name for run in runs]
     )
     answers = {
-        "save": marking.save,
+        "save": save,
         "track": track,
         "progress": marking.progress,
         "result": result,

@@ -36,7 +36,8 @@ def write_start(path: Path, kind: str, shapes: Shapes) -> None:
     frames = sorted({shape["frame"] for shape in shapes})
     if kind in ("parts", "contours") and len(frames) > 1:
         raise InputError(
-            f"{kind} were drawn in frames {frames[0]} and {frames[1]}; draw all in one frame."
+            f"{kind} were drawn in frames {frames[0]} and {frames[1]}; draw all in one frame; to "
+            "start again in a later one, use another --output and --start."
         )
     _WRITERS[kind](path, sorted(shapes, key=lambda shape: shape["frame"]))
 
@@ -77,7 +78,7 @@ def _write_boxes(path: Path, shapes: Shapes) -> None:
 
 
 def _read_boxes(path: Path, frame: int) -> Shapes:
-    table = read_boxes(path)
+    table = read_boxes(path, truth=True)
     return [
         {"name": str(name), "frame": int(at), **dict(zip("xywh", box.tolist(), strict=True))}
         for at, name, box in zip(table.frame, table.id, table.box, strict=True)

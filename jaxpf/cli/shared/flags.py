@@ -359,15 +359,21 @@ def refuse_others(values: Mapping[str, Any], target: "Target", filter_: "Filter"
         if not owners:
             continue
         flag, families = having[owners[0]][name].flag, filters.all_filters()
-        methods = [method for n in owners if n in families for method in families[n].methods]
+        methods = [
+            method
+            for n in owners
+            if n in families
+            for method in families[n].methods
+            if having[n][name].applies_with(method) and method not in target.unsuited
+        ]
         if methods:
             raise InputError(
                 f"{flag} works only with --method {' or '.join(methods)}, and this run uses the "
-                f"{filter_.name} filter; leave it out, or add --method {methods[0]}."
+                f"{filter_.name} filter; leave it out, or use --method {methods[0]}."
             )
         raise InputError(
-            f"{flag} works only for {' and '.join(owners)}, and these are {target.name}; leave it "
-            "out."
+            f"{flag} works only for {' and '.join(owners)}, and the targets are {target.name}; "
+            "leave it out."
         )
 
 

@@ -172,7 +172,7 @@ def _tell(
         _warn(f"Note: {session.source.note}")
     for where, frames_of in (
         ("was outside the picture", counts.outside),
-        ("had no likelihood for any particle", counts.without_likelihood),
+        ("had likelihood zero for all its particles", counts.without_likelihood),
     ):
         for name, frames in frames_of.items():
             if frames:
@@ -182,8 +182,8 @@ def _tell(
                 )
     if counts.impossible:
         _warn(
-            f"Warning: {counted(counts.impossible)} had no likelihood for any particle and counted "
-            "as missing."
+            f"Warning: {counted(counts.impossible)} had likelihood zero for all particles and "
+            "counted as missing."
         )
     if counts.invalid:
         _warn(f"Warning: {counts.invalid} likelihood(s) were not a number and counted as zero.")

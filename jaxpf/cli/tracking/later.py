@@ -1,4 +1,4 @@
-"""Objects that a start file names in later frames: they start there, or are put right.
+"""Objects that a start file names in later frames: they start there, or are corrected.
 
 Objects that start in the same frame form a group with a tracker of its own, learned in that frame.
 An object that starts again leaves its former group, whose other objects go on as before.

@@ -110,8 +110,8 @@ def sentences(
     if some_lost:
         lines.append(
             "Try: look at those frames, and at those after them, with `jaxpf view` and this folder "
-            "(the object may be another one that looks alike), and draw the object again there; or "
-            "track with more particles (-n)."
+            "(the object may be another one that looks alike), and draw a box or point again "
+            "there, or start again from a later frame (--start); or track with more particles (-n)."
         )
     if any(about["frames"] and about["mean_confidence"] is None for about in verdicts.values()):
         lines.append(
@@ -122,7 +122,7 @@ def sentences(
         lines.append(
             f"The effective sample size stays near 1 (median {ess:.2g} of {num_particles} "
             "particles), so intervals are too narrow.  Try: more particles (-n), or a less "
-            "sharp likelihood (smaller --sharpness, larger --sigma)."
+            "sharp likelihood (a smaller --sharpness or a larger --sigma, whichever applies)."
         )
     return lines
 

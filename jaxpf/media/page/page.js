@@ -499,7 +499,7 @@ function doubtful(step) {
   const frames = [...results[0].rows.entries()].filter(([, rows]) => rows.some((row) => row.doubtful && !hidden.has(row.id))).map(([number]) => number).sort((a, b) => step * (a - b));
   const found = frames.find((number) => step * (number - frame) > 0);
   if (found === undefined) { say(step > 0 ? "No doubtful frame follows." : "No doubtful frame before this one."); return; }
-  const rows = results[0].rows.get(found).filter((row) => row.doubtful);
+  const rows = results[0].rows.get(found).filter((row) => row.doubtful && !hidden.has(row.id));
   say(rows.map((row) => `${row.id} is ${row.lost ? "lost" : "doubtful"} in frame ${found}.`).join("  "));
   selected = null;
   wanted = { frame: found, name: rows[0].id }; // what is drawn here corrects it
@@ -555,7 +555,7 @@ function kindChanged() {
     points: "Click on each point, then type its name.",
     parts: "Click from joint to joint; click on a joint to continue from it, Escape to begin anew.",
     contours: "Click along the outline; Enter ends a contour.",
-  }[kind] + "  Shift and drag, or the middle button, moves the picture.  A shape in a later frame starts or corrects its object there (boxes and points).";
+  }[kind] + "  Shift and drag, or the middle button, moves the picture.  A shape in a later frame starts or corrects the object whose name it has in the list (boxes and points).";
   redraw();
   list();
 }

@@ -173,11 +173,12 @@ def test_corrections_keep_the_options_and_the_objects_of_a_run(
     opened, street, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    typed = ("--box", "120,80,40,90", "--box", "300,78,44,99", "-n", 40, "--frames", 9)
-    assert jaxpf("track", street / "clip.mp4", *typed, "-o", "run").code == 0
+    typed = ("--box", "120,80,40,90", "--box", "300,78,44,99", "--start", 1, "-n", 40)
+    assert jaxpf("track", street / "clip.mp4", *typed, "--frames", 9, "-o", "run").code == 0
     page = opened("view", "run")
     page.until(lambda: page.browser.execute_script("return results[0].rows.size") == 10)
     page.browser.execute_script(
+        "for (const rows of results[0].rows.values()) for (const row of rows) row.doubtful = false;"
         "for (const [n, id] of [[4, '2'], [6, '1']])"
         "  results[0].rows.get(n).find(row => row.id === id).doubtful = true"
     )
@@ -185,14 +186,15 @@ def test_corrections_keep_the_options_and_the_objects_of_a_run(
         page.keys("n")
         page.until(lambda at=number: page.canvas.get_attribute("data-shown") == at)
         page.mouse((x, 80), (x + 44, 179))
-    drawn = [("0", "1"), ("0", "2"), ("4", "2"), ("6", "1")]
-    page.until(
-        lambda: [(row["frame"], row["id"]) for row in rows_of(tmp_path / "run-boxes.csv")] == drawn
-    )
+    drawn = [("1", "1"), ("1", "2"), ("4", "2"), ("6", "1")]
+    starts = tmp_path / "run-boxes.csv"
+    page.until(starts.exists)
+    page.until(lambda: [(row["frame"], row["id"]) for row in rows_of(starts)] == drawn)
     page.one("#track").click()
     page.until(lambda: "frames tracked" in page.status, 400)
     again = tomllib.loads((tmp_path / "run" / "run.toml").read_text())["track"]
-    assert (again["num_particles"], again["frames"], "box" in again) == (40, 9, False)
+    assert (again["num_particles"], again["start"], again["frames"]) == (40, 1, 9)
+    assert "box" not in again
     rows = rows_of(tmp_path / "run" / "tracks.csv")
     assert len(rows) == 2 * 10
     (corrected,) = (row for row in rows if (row["frame"], row["id"]) == ("6", "1"))
@@ -206,9 +208,10 @@ def test_objects_of_a_detector_are_not_corrected(opened, tmp_path, monkeypatch):
     assert jaxpf("track", *given).code == 0
     page = opened("view", "run")
     page.mouse((60, 60), (90, 120))
-    page.until(lambda: "come from --detections, and cannot be corrected here" in page.status)
-    (refused,) = page.browser.get_log("browser")  # and forget it
-    assert "400" in refused["message"]
+    page.until(lambda: "a run with --detections cannot be corrected here" in page.status)
+    refused = page.browser.get_log("browser")  # and forget it
+    assert refused
+    assert all("400" in entry["message"] for entry in refused)
     assert not (tmp_path / "run-boxes.csv").exists()
 
 

@@ -37,7 +37,7 @@ def test_a_frame_that_no_particle_explains_is_left_out_and_counted(track, tmp_pa
     scale = ("--noise-pixels", "1e4,1e4,0", "--sharpness", "3e38")
     outcome = track(*BOXES, *COLOUR, *scale, "--frames", 2, "--no-overlay")
     assert outcome.code == 0
-    assert "Warning: 2 frames had no likelihood for any particle" in outcome.err
+    assert "Warning: 2 frames had likelihood zero for all particles" in outcome.err
     summary = summary_of(tmp_path / "out")
     assert summary["impossible_frames"] == 2
     assert summary["frames_without_likelihood"] == {"1": [1, 2], "2": [1, 2]}

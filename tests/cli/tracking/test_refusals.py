@@ -28,8 +28,9 @@ NINE = ",".join("1" * 9)
         ("{both} --target points", "name the kind of target before the video"),
         (
             "{both} --drift none",
-            "--drift works only with --method eskil or pffl, and this run uses the partitioned",
+            "--drift works only with --method eskil, and this run uses the partitioned",
         ),
+        ("{both} --form literal", "or use --method pffl"),
         ("{both} --capacity 4", "--capacity works only with --detections"),
         ("{both} --exclusion boxes --appearance colour", "--exclusion works only with"),
         ("{both} --exclusion boxes --method sps", "use --swap none"),

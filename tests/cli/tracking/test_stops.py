@@ -105,7 +105,7 @@ def test_a_disk_that_fills_leaves_no_cut_overlay_under_its_final_name(place, tmp
     output = tmp_path / "out"
     command = [sys.executable, "-c", small + PROGRAM, "track", clip, *BOXES, *PARTICLES]
     command = [*map(str, command), "-o", str(output)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=600)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=500)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     assert "check the free disk space" in done.stderr

@@ -50,6 +50,7 @@ def test_stretches_in_which_an_object_is_lost_are_those_of_the_table():
     first, advice = sentences(verdicts, 120.0, 300)
     assert "until frame 9, lost in 8 of 29 frames (10 to 11, 14 and 25 to 29)" in first
     assert advice.startswith("Try: ")
+    assert "`jaxpf view`" in advice
 
 
 def test_without_confidence_nothing_is_called_confident():

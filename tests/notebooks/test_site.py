@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 
 import jaxpf
 from jaxpf.cli import group
@@ -23,9 +24,11 @@ def site(tmp_path_factory):
     pytest.importorskip("sphinx_book_theme", reason="pip install 'jaxpf[docs]' builds the site")
     folder = tmp_path_factory.mktemp("site")
     build = [sys.executable, "-m", "sphinx", "-qW", "--keep-going", "-c", "notebooks/docs"]
-    done = subprocess.run(
-        [*build, "notebooks", str(folder)], cwd=ROOT, capture_output=True, text=True
-    )
+    # Pages are first written into one folder of the project: no two workers at the same time.
+    with FileLock(tmp_path_factory.getbasetemp().parent / "site.lock"):
+        done = subprocess.run(
+            [*build, "notebooks", str(folder)], cwd=ROOT, capture_output=True, text=True
+        )
     assert done.returncode == 0, done.stderr[-3000:]
     return folder
 

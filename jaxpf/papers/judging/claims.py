@@ -45,8 +45,8 @@ RULE = (
     "our margin, and contradicted if no setting is ours.  It is weaker than claimed, or equal "
     "within a number, if every interval lies within the margin; otherwise open.  "
     f"Fewer than {DECISIVE} scenes are a preview and decide nothing.  The number of scenes is "
-    "planned, and the data are analysed once.  Rows are not independent: several may share one "
-    "claim."
+    "planned, and the data are analysed once, but for the exceptions on the page 'Five papers'.  "
+    "Rows are not independent: several may share one claim."
 )
 #: Maximum number of scenes that a remark suggests.
 _MOST_SCENES = 100_000

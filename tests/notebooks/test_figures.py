@@ -55,12 +55,10 @@ def test_readme_gives_the_figures_of_its_sources():
         ),
         "... with pretrained features?": (
             f"IoU {PRETRAINED['overlap']['pretrained'].split()[0]}; "
-            f"default {PRETRAINED['overlap']['default'].split()[0]}, "
-            f"difference +{gained('default')}; "
-            f"CSRT {PRETRAINED['overlap']['CSRT'].split()[0]}, difference +{gained('csrt')} "
-            f"(15 tuning clips: +{gained('csrt', 'choose')}); "
-            f"misplaced, not reported lost (earlier confidence): {silent('pretrained')} of frames "
-            f"(default {silent('default')})"
+            f"minus default +{gained('default')}, minus CSRT +{gained('csrt')}; "
+            f"on 15 tuning clips, minus CSRT +{gained('csrt', 'choose')}; "
+            f"misplaced and not reported lost: {silent('pretrained')} of frames "
+            f"(default {silent('default')}; earlier confidence)"
         ),
         "Do intervals cover a box's size?": f"in {percent(SIZE_COVERED)} of frames with any "
         f"overlap; at least 1/{least_factor()} to {least_factor()} times the size",
@@ -68,9 +66,9 @@ def test_readme_gives_the_figures_of_its_sources():
         f"{POINTS_LOST} reported lost; at least {math.floor(least_width())} pixels wide; "
         f"median error {errors}",
         "How fast is the bootstrap filter?": f"{SERIES['jaxpf']['one run, s']} s; "
-        f"blackjax's SMC step takes {SERIES[BLACKJAX]['ratio']} times as long",
+        f"blackjax's SMC step takes {SERIES[BLACKJAX]['ratio']} times that",
         "... and on a GPU?": f"{float(card['jaxpf']) / 1000:.2f} ms per observation for all runs; "
-        f"blackjax's SMC step takes {beyond:.1f} times as long",
+        f"blackjax's SMC step takes {beyond:.1f} times that",
     }
     answers = {question: row["answer"] for question, row in of_readme.items()}
     without_figures = answers.keys() - expected.keys()

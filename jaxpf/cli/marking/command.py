@@ -172,7 +172,7 @@ class _Marking:
         """Write the start file, as the page asks; an emptied drawing removes it."""
         kind, shapes = content["kind"], content["items"]
         if kind not in SUFFIXES:
-            raise InputError(f"there is no kind of target {kind!r:.60}.")
+            raise InputError(f"there is no kind of target {kind!r:.60}; use {', '.join(SUFFIXES)}.")
         path = self.file(kind)
         if self.reviewed is not None and kind == self.kind:
             self._check_correction(self.reviewed.table, shapes)

@@ -65,7 +65,9 @@ def _table(path: Path, name: str) -> dict[str, Any]:
         ) from None
     except ValueError as error:  # bad TOML, bad UTF-8, or a huge number
         cause = str(error).partition(";")[0]
-        raise InputError(f"the configuration '{path}' is not valid TOML: {cause}.") from None
+        raise InputError(
+            f"the configuration '{path}' is not valid TOML: {cause}; correct that line."
+        ) from None
     table = content.get(name)
     if not isinstance(table, dict):
         raise InputError(f"the configuration '{path}' has no table [{name}]; add one.")

@@ -56,7 +56,9 @@ class OwnTracker:
             raise
         except (Exception, SystemExit) as error:
             cause = scenes.cause_of(error, self.path)
-            raise InputError(f"the tracker {self.place} failed with {cause}.") from error
+            raise InputError(
+                f"the tracker {self.place} failed with {cause}; correct it."
+            ) from error
 
 
 def own_tracker_of(place: str, scene: scenes.Scene) -> Any:

@@ -82,7 +82,9 @@ def test_a_traced_ordering_is_told_apart_inside():
 def test_tuning_by_an_evidence_of_no_use_is_refused(cause):
     frames = np.zeros((2, 2, 1), np.float32)
     sequence = tuning.TrainingSequence(BIASED[cause], frames)
-    with pytest.raises(InputError, match="the objective 'evidence' needs an unbiased estimate"):
+    with pytest.raises(
+        InputError, match="the objective 'evidence' needs an unbiased estimate of the marginal"
+    ):
         jaxpf.tune(sequence, ["dynamics.scale"])
     assert refuse(BIASED["literal"], tuning=True) is None  # vanishes with more particles
 

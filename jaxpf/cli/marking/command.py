@@ -15,6 +15,7 @@ from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand
+from jaxpf.cli.tracking.request import NOT_WITH_LATER
 from jaxpf.contract.errors import InputError
 from jaxpf.media.page.runs import Run
 from jaxpf.media.page.server import Server, described
@@ -24,18 +25,7 @@ from jaxpf.targets.later import holds_whole_tracks
 #: Lines of a run's output that the page shows.
 _LINES = 8
 #: Options of runs whose objects the page cannot correct.
-_NOT_CORRECTED = (
-    "detections",
-    "mask",
-    "ids",
-    "resume",
-    "runs",
-    "mc_error_lag",
-    "smooth",
-    "smooth_lag",
-    "tracker",
-    "order",
-)
+_NOT_CORRECTED = ("detections", "mask", "ids", *NOT_WITH_LATER, "order")
 
 _keep = click.option("--keep", is_flag=True, help="Keep serving after the page is closed.")
 _open = click.option("--open/--no-open", "opens", default=True, help="Open the browser.")

@@ -175,6 +175,8 @@ def request_of(ctx: click.Context, target: Target) -> Request:
 
 
 _ERRORS, _LEAVE = ("runs", "mc_error_lag"), "leave one of them out."
+#: Options with which no object starts, or is corrected, in a later frame.
+NOT_WITH_LATER = (*_ERRORS, "smooth", "smooth_lag", "save_state", "resume", "tracker")
 #: Options, what they exclude, and why: another option, or what is known once the video is open.
 _EXCLUSIONS = (
     (
@@ -201,7 +203,7 @@ _EXCLUSIONS = (
         "jaxpf.filters.SideBySide.",
     ),
     (
-        (*_ERRORS, "smooth", "smooth_lag", "save_state", "resume", "tracker"),
+        NOT_WITH_LATER,
         "later",
         "works with objects that all start in the start frame, and the start file names later "
         "frames; leave it out, or their rows.",

@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from jaxpf.contract.lost import LOST_BELOW
+
 #: Below this effective sample size the filter relies on about a single particle.
 _NEAR_ONE = 2.0
 
@@ -93,7 +95,7 @@ def sentences(
         if not about["frames"]:
             continue
         sure = about["mean_confidence"] is not None
-        tracked = "tracked with a confidence of 0.5 or more" if sure else "tracked"
+        tracked = f"tracked with a confidence of {LOST_BELOW:g} or more" if sure else "tracked"
         until, pieces = about["tracked_until"], about["lost"]
         some_lost |= bool(pieces)
         if not pieces:

@@ -22,6 +22,8 @@ _QUICKLY = "JAX_DISABLE_MOST_OPTIMIZATIONS"
 
 #: Python looks for garbage so often that it takes a tenth of all time while JAX traces.
 _GARBAGE = 50_000, 10, 10
+#: What compiled programs may take on the disk; the oldest go first.
+_CACHE_BYTES = 2 * 2**30
 
 
 def _has_accelerator() -> bool:
@@ -33,11 +35,29 @@ def _has_accelerator() -> bool:
     return "cpu" not in wanted and Path("/dev/nvidiactl").exists()
 
 
+def _compile_cache() -> Path:
+    """The folder of compiled programs outside of the clone, one for each jaxlib, bounded in size.
+
+    Within it, JAX's own key holds the flags.
+    """
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "jaxpf-tests")
+    folder = base / f"jaxlib-{version('jaxlib')}"
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [(path, path.stat()) for path in base.rglob("*") if path.is_file()]
+    excess = sum(stat.st_size for _, stat in files) - _CACHE_BYTES
+    for path, stat in sorted(files, key=lambda file: file[1].st_mtime):
+        if excess <= 0:
+            break
+        path.unlink(missing_ok=True)
+        excess -= stat.st_size
+    return folder
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Share one compile cache: what a test compiles, workers and started programs find again.
 
-    So do later runs: the next try, and other files' tests (``--cache-clear`` empties it).  Programs
-    are compiled quickly, since they cost more to compile than to run; see ``compiled_by_users``.
+    So do later runs, in other clones as well.  Programs are compiled quickly, since they cost more
+    to compile than to run; see ``compiled_by_users``.
     """
     gc.set_threshold(*_GARBAGE)
     if hasattr(config, "workerinput"):
@@ -49,7 +69,7 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ[_QUICKLY] = "True"
         if "jax" in sys.modules:  # by a plugin
             sys.modules["jax"].config.update(_QUICKLY.lower(), True)
-    folder = str(config.cache.mkdir("jaxpf-compiled"))
+    folder = str(_compile_cache())
     os.environ |= {
         "JAXPF_CACHE_DIR": folder,
         "JAX_COMPILATION_CACHE_DIR": folder,

@@ -13,32 +13,25 @@ NAMES = [f"tests/{room}/test_it.py::test_{n}" for room in ("boxes", "media") for
 NAMES += [f"tests/running/test_it.py::test_wide[{n}]" for n in range(60)]
 
 
-def test_changed_code_is_tested_with_a_third_of_the_rest():
-    first, others = chosen(NAMES, ("tests/boxes/",), "c0ffee")
-    assert first == NAMES[:15]
-    assert len(others) == 25
-    assert set(others) <= set(NAMES[15:])
-    assert (first, others) == chosen(NAMES, ("tests/boxes/",), "c0ffee")
+def test_six_numbers_in_a_row_run_every_test_once():
+    parts = [chosen(NAMES, (), number)[0] for number in range(7, 13)]
+    assert sorted(name for part in parts for name in part) == sorted(NAMES)
+    assert all(parts)
+    assert chosen(NAMES, (), 13)[0] == parts[0]
 
 
-def test_tests_of_changed_code_are_a_third_of_all_at_most():
-    first, others = chosen(NAMES, ("tests/running/",), "c0ffee")
-    assert len(first) == 30
-    assert len(others) == 10
-
-
-def test_other_commits_choose_other_tests_and_leave_none_out():
-    parts = [chosen(NAMES, (), f"{commit:x}")[1] for commit in range(40)]
-    assert {len(part) for part in parts} == {30}
-    assert {name for part in parts for name in part} == set(NAMES)
+def test_changed_code_is_tested_after_the_sixth():
+    sixth, changed = chosen(NAMES, ("tests/boxes/",), 1)
+    assert changed == [name for name in NAMES[:15] if name not in sixth]
 
 
 @pytest.mark.parametrize(("place", "number"), [("{}.py::test", 9), ("it.py::test_{}", 12)])
 def test_tests_of_a_file_stay_together_and_in_a_large_one_those_of_a_function(place, number):
-    groups = a, b, c = [[f"{place.format(name)}[{n}]" for n in range(number)] for name in "abc"]
-    parts = [chosen([*a, *b, *c], (), f"{commit:x}")[1] for commit in range(30)]
-    assert all(part in groups for part in parts)
-    assert {part[0] for part in parts} == {group[0] for group in groups}
+    groups = [[f"{place.format(name)}[{n}]" for n in range(number)] for name in "abcdef"]
+    names = [name for group in groups for name in group]
+    for sixth in range(6):
+        part = {*chosen(names, (), sixth)[0]}
+        assert all(part.issuperset(group) or part.isdisjoint(group) for group in groups)
 
 
 def test_every_worker_begins_with_its_part():
@@ -76,22 +69,23 @@ def started(folder, *options):
 
 @pytest.mark.slow
 @pytest.mark.always
-def test_pytest_takes_a_share_and_begins_no_test_after_the_time(tmp_path):
-    """Of nine tests three are chosen; the first lets the time end while it runs."""
+def test_pytest_takes_a_sixth_and_begins_no_test_after_the_time(tmp_path):
+    """Of 60 tests some are chosen; the first lets the time end while it runs."""
     one = f"def test_{{}}():\n    os.environ['{divided_tests.UNTIL}'] = '1'\n\n"
-    (tmp_path / "test_it.py").write_text("import os\n" + "".join(map(one.format, range(9))))
-    said = started(tmp_path, "-n1", "--share=c0ffee")
-    assert said.count("NOT RUN test_it.py::test_") == 2
-    assert "1 passed, 2 not run" in said
+    (tmp_path / "test_it.py").write_text("import os\n" + "".join(map(one.format, range(60))))
+    said = started(tmp_path, "-n1", "--sixth=4")
+    number = len(chosen([f"test_it.py::test_{n}" for n in range(60)], (), 4)[0])
+    assert said.count("NOT RUN test_it.py::test_") == number - 1
+    assert f"1 passed, {number - 1} not run" in said
 
 
-def test_a_share_begins_with_tests_that_always_run(tmp_path):
+def test_a_sixth_begins_with_tests_that_always_run(tmp_path):
     marked = "@pytest.mark.always\ndef test_marked():\n    pass\n\n"
-    others = "".join(f"def test_{n}():\n    pass\n\n" for n in range(9))
+    others = "".join(f"def test_{n}():\n    pass\n\n" for n in range(30))
     (tmp_path / "test_it.py").write_text(f"import pytest\n\n{others}{marked}")
-    (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers =\n    always: in every share\n")
-    for share in ("c0ffee", "c0ffef"):
-        said = started(tmp_path, "-v", f"--share={share}")
+    (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers =\n    always: in every sixth\n")
+    for sixth in (0, 1):
+        said = started(tmp_path, "-v", f"--sixth={sixth}")
         ran = [line.split()[0] for line in said.splitlines() if " PASSED" in line]
         assert ran[0] == "test_it.py::test_marked"
-        assert len(ran) == 1 + 3  # and a third of the others
+        assert len(ran) < 31

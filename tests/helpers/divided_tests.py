@@ -1,10 +1,11 @@
 """Options of pytest with which one run takes a part of the tests, and ends in time.
 
-``--share HASH`` keeps the tests that are marked ``always``, those of changed code, but no more than
-a third of all, and a third of the others.  The hash chooses both, so that each commit has others,
-and whole files where those are small.  ``--changed-since REV`` names the commit since which code
-has changed.
-``JAXPF_TESTS_UNTIL``, in seconds since 1970, is when no further test begins; those that did not run
+``--sixth N`` keeps the tests that are marked ``always``, those of one sixth, and then those of
+changed code.  A name decides its sixth, so that six numbers in a row run every test; whole files
+stay together where those are small, since they share what they compile.  ``--changed-since REV``
+names the commit since which code has changed.
+``JAXPF_TESTS_UNTIL``, in seconds since 1970, is when no further test begins, and
+``JAXPF_CHANGED_UNTIL`` the same for those that changed code alone selects; those that did not run
 are named, and do not fail the run.
 """
 
@@ -20,7 +21,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 UNTIL = "JAXPF_TESTS_UNTIL"
-SHARE = 1 / 3
+CHANGED_UNTIL = "JAXPF_CHANGED_UNTIL"
+SIXTHS = 6
 #: Tests of a file go together, since they share what they compile, unless there are more of them;
 #: then those of a function do, unless it has more cases.
 _MANY = 20
@@ -29,34 +31,42 @@ _KERNEL = {"contract", "filters", "gradients", "lowering", "ordering", "proposal
 _NOT_RUN = "not run: the time was up"
 
 
+_changed_only = pytest.StashKey[bool]()
+
+
 def pytest_addoption(parser):
-    parser.addoption("--share", metavar="HASH", help="tests of changed code, a third of the others")
-    parser.addoption("--changed-since", metavar="REV", help="the commit that --share compares with")
+    parser.addoption(
+        "--sixth", type=int, metavar="N", help="tests of one sixth, then of changed code"
+    )
+    parser.addoption("--changed-since", metavar="REV", help="the commit that --sixth compares with")
 
 
 def beginnings(config):
-    """Where tests of changed code lie: everywhere, if no revision is named."""
+    """Where tests of changed code lie: nowhere, if no revision is named."""
     revision = config.option.changed_since
-    return touched(changed_since(revision)) if revision else ("tests/",)
+    return touched(changed_since(revision)) if revision else ()
 
 
 def pytest_report_header(config):
-    if not config.option.share:
+    if config.option.sixth is None:
         return None
     where = " ".join(sorted(beginnings(config))) or "nothing"
-    return f"share {config.option.share}, with tests of changed code first: {where}"
+    return f"sixth {config.option.sixth % SIXTHS} of 0 to 5, then tests of changed code: {where}"
 
 
 @pytest.hookimpl(trylast=True)  # after -m
 def pytest_collection_modifyitems(config, items):
-    if not (share := config.option.share):
+    if (number := config.option.sixth) is None:
         return
     by_name = {item.nodeid: item for item in items}
     always = [name for name, item in by_name.items() if item.get_closest_marker("always")]
     divided = [name for name in by_name if name not in always]
-    parts = (always, *chosen(divided, beginnings(config), share))
+    sixth, changed = chosen(divided, beginnings(config), number)
+    for name in changed:
+        by_name[name].stash[_changed_only] = True
     # xdist deals out one contiguous part to each worker: each begins with those.
     workers = getattr(config, "workerinput", {}).get("workercount", 1)
+    parts = (always, sixth, changed)
     order = [name for n in range(workers) for part in parts for name in cut(part, n, workers)]
     config.hook.pytest_deselected(items=[by_name[name] for name in by_name.keys() - {*order}])
     items[:] = [by_name[name] for name in order]
@@ -103,26 +113,24 @@ def users_of(helper):
     return {path.relative_to(ROOT).as_posix() for path in files}
 
 
-def chosen(names, beginnings, share):
-    """Tests of changed code, and of the others, that the hash chooses; in their order."""
-    place = {name: number for number, name in enumerate(names)}
+def chosen(names, beginnings, number):
+    """The tests of a sixth, and the others of changed code; in their order."""
     groups = [(name.partition("::")[0], name.partition("[")[0]) for name in names]
     sizes = Counter(group for pair in groups for group in pair)
 
-    def drawn(name):
-        unit = next((g for g in groups[place[name]] if sizes[g] <= _MANY), name)
-        return hashlib.sha256(f"{share} {unit}".encode()).digest(), place[name]
+    def is_drawn(name, pair):
+        unit = next((group for group in pair if sizes[group] <= _MANY), name)
+        return hashlib.sha256(unit.encode()).digest()[0] % SIXTHS == number % SIXTHS
 
-    changed = sorted((name for name in names if name.startswith(beginnings)), key=drawn)
-    others = sorted((name for name in names if not name.startswith(beginnings)), key=drawn)
-    first = changed[: round(SHARE * len(names))]
-    rest = others[: round(SHARE * len(others))]
-    return sorted(first, key=place.get), sorted(rest, key=place.get)
+    sixth = [name for name, pair in zip(names, groups, strict=True) if is_drawn(name, pair)]
+    others = [name for name in names if name not in {*sixth} and name.startswith(beginnings)]
+    return sixth, others
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item):
-    if time.time() > float(os.environ.get(UNTIL, "inf")):
+    limit = CHANGED_UNTIL if item.stash.get(_changed_only, False) else UNTIL
+    if time.time() > float(os.environ.get(limit, "inf")):
         pytest.skip(_NOT_RUN)
 
 

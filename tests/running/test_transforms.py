@@ -119,15 +119,20 @@ def test_every_tracker_takes_frames_that_are_closed_over(name):
     trace("run", "jit", "closed over", TRACKERS[name])
 
 
+#: Every function in every transform, and each of them with every source and every tracker.
+PAIRS = [
+    (function, transform, sources[(n + m) % 3], [*TRACKERS][(n - m) % len(TRACKERS)])
+    for sources in [["passed", "closed over", "NumPy"]]
+    for n, function in enumerate(FUNCTIONS)
+    for m, transform in enumerate(TRANSFORMS)
+]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("source", ["passed", "closed over", "NumPy"])
-@pytest.mark.parametrize("transform", TRANSFORMS)
-@pytest.mark.parametrize("function", FUNCTIONS)
-def test_every_function_works_in_every_transform(function, transform, source):
-    trace(function, transform, source)
-    if source == "closed over" and function not in ("smooth", "particle_gibbs"):
-        for make in TRACKERS.values():
-            trace(function, transform, source, make)
+@pytest.mark.parametrize(("function", "transform", "source", "tracker"), PAIRS)
+def test_every_function_works_in_every_transform(function, transform, source, tracker):
+    alone = function in ("smooth", "particle_gibbs")
+    trace(function, transform, source, partitioned if alone else TRACKERS[tracker])
 
 
 ONE_QUICKLY = pytest.mark.parametrize(

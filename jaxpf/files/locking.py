@@ -51,3 +51,18 @@ def locked(folder: Path, doing: str, *, keep: bool = True) -> Iterator[None]:
             with contextlib.suppress(OSError):
                 (folder / LOCK).unlink()
         lock.release()
+
+
+def is_locked(folder: Path) -> bool:
+    """Whether another process or thread is writing into a folder."""
+    from filelock import FileLock, Timeout
+
+    if not (folder / LOCK).is_file():
+        return False
+    try:
+        with FileLock(folder / LOCK, timeout=0):
+            return False
+    except Timeout:
+        return True
+    except OSError:  # not ours to lock, or no locks there
+        return False

@@ -1,9 +1,12 @@
 """Writes output folders and files that are either complete or absent."""
 
 import csv
+import glob
 import io
 import os
 import re
+import secrets
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -41,12 +44,13 @@ LOCK = ".lock"
 
 
 def temporary_sibling(path: Path) -> Path:
-    """Return a hidden name in the folder of ``path``, with its suffix and the process id.
+    """Return a new hidden name in the folder of ``path``, with its suffix.
 
     The same folder, because a rename is atomic only within one folder; the same suffix, because
-    some libraries choose the format by it; the process id, so that processes never collide.
+    some libraries choose the format by it; random letters, because processes and threads may write
+    the same file at once.  ``tempfile`` would create the file, readable by its owner alone.
     """
-    return path.with_name(f".{path.stem}.{os.getpid()}{PARTIAL}{path.suffix}")
+    return path.with_name(f".{path.stem}.{secrets.token_hex(4)}{PARTIAL}{path.suffix}")
 
 
 @contextmanager
@@ -190,11 +194,18 @@ def _probe(path: Path) -> None:
     probe.unlink()
 
 
-def remove_leavings(folder: Path) -> None:
-    """Remove the incomplete files of killed processes; no other may be writing there."""
-    for path in folder.glob(f".*{PARTIAL}*"):
+def remove_leavings(folder: Path, stem: str = "", older: float = 0.0) -> None:
+    """Remove the incomplete files of killed processes.
+
+    Args:
+        folder: where they lie.
+        stem: of the file that was being written; by default of any.
+        older: seconds since the last write, below which another process may still be writing.
+    """
+    for path in folder.glob(f".{glob.escape(stem)}*{PARTIAL}*"):
         with suppress(OSError):
-            path.unlink()
+            if time.time() - path.stat().st_mtime >= older:
+                path.unlink()
 
 
 def is_left_over(path: Path) -> bool:

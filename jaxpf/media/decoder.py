@@ -38,6 +38,7 @@ class Decoder:
     Attributes:
         rate: frames per second according to the header; None if unlikely.
         frames_expected: number of frames according to the header; None if it gives none.
+        is_counted: whether the header counts frames, rather than giving the duration.
         pixel_aspect: width over height of the pixels of upright frames.
         damaged: number of frames that could not be decoded, or only in part.
         was_silent: whether the pass ended because a stream sent nothing for too long.
@@ -95,6 +96,7 @@ class Decoder:
         # Of a film in fragments, the header counts the frames of the first.
         count = max(self._stream.frames, round(seconds * (self.rate or 0)))
         self.frames_expected: int | None = count or None
+        self.is_counted = 0 < self._stream.frames == count
         self._formats = self._container.format.name.split(",")
         self._is_avi = "avi" in self._formats
         if self._is_avi and self.rate:

@@ -87,6 +87,13 @@ class FrameSource:
             raise self._past_the_end(start, self.num_frames)
         return self._frames(start)
 
+    def count_frames(self) -> int:
+        """The number of frames, found by decoding the video once if its header has no count.
+
+        If that takes long and the header gives the duration, the number is an estimate.
+        """
+        return self.num_frames or self.frames_expected or 1
+
     def shown_at(self, number: int) -> float:
         """Seconds after the first frame at which a frame that has been read is shown.
 

@@ -6,6 +6,7 @@ Frames are uint8 RGB arrays [H, W, 3].  See :mod:`jaxpf.media.live` for live sou
 import errno
 import itertools
 import os
+import time
 from collections.abc import Generator, Sequence
 from pathlib import Path
 
@@ -36,6 +37,8 @@ __all__ = ["DEFAULT_FPS", "FrameSource", "VideoWriter", "open_frames"]
 _CONTAINERS = ((4, b"ftyp", "MP4"), (8, b"AVI ", "AVI"), (0, b"\x1a\x45\xdf\xa3", "WebM or MKV"))
 #: Number of frames that are decoded on opening.
 _SHOWN = 16
+#: Seconds of decoding after which an estimate of the number of frames will do.
+_PATIENCE = 5.0
 
 
 def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) -> FrameSource:
@@ -126,12 +129,24 @@ class _VideoFile(FrameSource):
                     if picture is None:
                         picture = film.upright(frame)
                         self._describe(film)
+                        self._is_counted = film.is_counted
         except NoFilm as error:
             raise _undecodable(path, beginning, str(error)) from error
         if picture is None:
             raise _undecodable(path, beginning, "")
         # From a decoded frame, because rotation can swap the header's width and height.
         self.height, self.width = picture.shape[:2]
+
+    def count_frames(self) -> int:
+        """See ``FrameSource``."""
+        if self.num_frames is None and not self._is_counted:
+            end, count = time.monotonic() + _PATIENCE, 0
+            with self._decoder() as film:
+                for count, _ in enumerate(film.frames(), 1):
+                    if self.frames_expected and time.monotonic() > end:
+                        return max(self.frames_expected, count)
+            self.num_frames = count
+        return super().count_frames()
 
     def _decoder(self) -> Decoder:
         """Open the film again, for a pass over its frames."""

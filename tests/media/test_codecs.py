@@ -43,6 +43,7 @@ FILMS = [
     ("dvvideo", "yuv420p", "avi", {}, DV),
     ("prores_ks", "yuv422p10le", "mov", INTERLACED, (64, 48)),
     ("mjpeg", "yuvj420p", "avi", {"q": "2"}, (64, 48)),
+    ("mjpeg", "yuvj420p", "mjpeg", {"q": "2"}, (64, 48)),
     ("mjpeg", "yuvj422p", "mov", {"q": "2"}, (64, 48)),
     ("wmv2", "yuv420p", "wmv", {"b": "5M"}, (64, 48)),
     ("ffv1", "bgr0", "mkv", {}, (64, 48)),
@@ -56,6 +57,15 @@ FILMS = [
 ]
 
 
+def test_frames_are_counted_where_the_header_counts_none(tmp_path):
+    """A browser's recording; the film is decoded once, unless the number need not be exact."""
+    path = tmp_path / "live.webm"
+    write_film(path, frames(), "libvpx", "yuv420p", {}, container_options={"live": "1"})
+    source = open_frames(path)
+    assert source.frames_expected is None
+    assert source.count_frames() == source.num_frames == COUNT
+
+
 @pytest.mark.parametrize(("codec", "pixels", "suffix", "options", "size"), FILMS)
 def test_every_frame_is_the_picture_that_was_encoded(
     tmp_path, monkeypatch, codec, pixels, suffix, options, size
@@ -64,6 +74,7 @@ def test_every_frame_is_the_picture_that_was_encoded(
     written = frames(size)
     path = write_film(tmp_path / f"film.{suffix}", written, codec, pixels, options)
     source = open_frames(path)
+    assert source.count_frames() == COUNT
     read = list(source)
     assert len(read) == COUNT
     assert not source.truncated

@@ -2,13 +2,15 @@
 
 import http.client
 import json
+import socket
+import struct
 
 import cv2
 import numpy as np
 import pytest
 
 from jaxpf import InputError
-from jaxpf.media.page.server import Server
+from jaxpf.media.page.server import Refusal, Server
 
 
 class Film:
@@ -79,6 +81,60 @@ def test_answers_and_refusals_are_json(server):
     answer, content = post(server, "wrong", {})
     assert (answer.status, json.loads(content)) == (400, {"error": "that is wrong."})
     assert post(server, "none", {})[0].status == 404
+
+
+def test_an_answer_may_refuse_with_a_status_and_content(server):
+    def conflict(content):
+        raise Refusal(409, error="changed.", digest="a1")
+
+    server.answers["conflict"] = conflict
+    answer, content = post(server, "conflict", {})
+    assert (answer.status, json.loads(content)) == (409, {"error": "changed.", "digest": "a1"})
+
+
+def test_what_has_changed_is_told_anew(server):
+    server.answers["about"] = lambda _: {"items": server.about["name"].upper()}
+    about = json.loads(ask(server, f"/{server.token}/about")[1])
+    assert about == {"name": "<b>film</b>", "items": "<B>FILM</B>"}
+
+
+@pytest.mark.parametrize(
+    ("line", "status"),
+    [
+        ("GET foo", 403),
+        ("GET", 400),
+        ("BREW /{0}/about", 501),
+        ("GET /{0}/frame/" + "9" * 5000, 400),
+        ("GET /{0}/frame/" + "9" * 30, 404),
+        ("POST /{0}/echo", 400),
+        ("POST /{0}/echo [", 400),
+        ("POST /{0}/echo " + "[" * 200_000, 400),
+        ("POST /{0}/echo " + "9" * 5000, 400),
+        ("POST /{0}/first {{}}", 400),
+        ("POST /{0}/first []", 400),
+        ("POST /{0}/first 3", 400),
+        ("POST /{0}/disk 3", 400),
+    ],
+    ids=lambda text: f"{text}"[:30],
+)
+def test_a_bad_request_gets_a_status_and_no_traceback(server, capfd, line, status):
+    def full(content):
+        raise OSError("no space left")
+
+    server.answers |= {"first": lambda content: content[0]["name"].upper(), "disk": full}
+    first, _, body = line.format(server.token).partition(" ")[2].partition(" ")
+    words = f"{line.split()[0]} {first}".strip()
+    head = f"Host: 127.0.0.1:{server.port}\r\nContent-Type: application/json\r\n"
+    request = f"{words} HTTP/1.1\r\n{head}Content-Length: {len(body)}\r\n\r\n{body}"
+    with socket.create_connection(("127.0.0.1", server.port), timeout=10) as connection:
+        connection.sendall(request.encode())
+        assert connection.recv(100).split()[1] == f"{status}".encode()
+    with socket.create_connection(("127.0.0.1", server.port), timeout=10) as connection:
+        # A browser that leaves in the middle: the connection is reset.
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        connection.sendall(request.encode())
+    assert post(server, "echo", 1)[0].status == 200
+    assert capfd.readouterr().err == ""
 
 
 @pytest.mark.parametrize("path", ["/", "/about", "/wrong-token/about", "/{0}", "/{0}x/about"])

@@ -5,6 +5,9 @@ w, h``; for points ``x, y``; for parts the ends of a limb ``x1, y1, x2, y2``, it
 ``parent``; for contours ``points`` on the curve, ``closed`` and the ``width`` of a wire.
 """
 
+import itertools
+import re
+import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,31 +18,106 @@ from jaxpf.boxes.tracks import parse_box, read_boxes
 from jaxpf.contours.data import Contours
 from jaxpf.contours.files import read_contours, write_contours
 from jaxpf.contract.errors import InputError
-from jaxpf.files.writing import csv_text, write_text
-from jaxpf.parts.files import read_parts
-from jaxpf.points.files import parse_points, read_points
-from jaxpf.shapes.splines import fit_spline, points_on
+from jaxpf.files.reading import read_rows
+from jaxpf.files.writing import atomic_path, csv_text, remove_leavings, write_text
+from jaxpf.parts.files import HEADER, read_parts
+from jaxpf.points.files import FRAMES_HEADER, parse_points, read_points
+from jaxpf.shapes.splines import CUBIC, fit_spline, points_on
 
 Shapes = list[dict[str, Any]]
 #: Suffix of each kind's start file, whose flag has the name of the kind.
 SUFFIXES = {"boxes": ".csv", "points": ".csv", "parts": ".csv", "contours": ".json"}
+#: Columns of each kind's table.
+HEADERS = {"boxes": "frame,id,x,y,w,h", "points": FRAMES_HEADER, "parts": HEADER}
+#: Seconds after which an incomplete file counts as left by a killed program.
+_KILLED = 60.0
 #: Number of control points of closed and of open contours.
 _CONTROL = {True: 16, False: 12}
 
 
 def write_start(path: Path, kind: str, shapes: Shapes) -> None:
-    """Write the start file of one kind of target.
+    """Write the start file of one kind of target, if its reader takes all of it.
 
     Raises:
-        InputError: a box's name is no number, or parts or contours lie in several frames.
+        InputError: the file would be refused, or lack a shape; or parts or contours lie in several
+            frames.
     """
     frames = sorted({shape["frame"] for shape in shapes})
+    for frame in frames:
+        if not isinstance(frame, int) or frame < 0:
+            raise InputError(f"{frame!r:.40} is no frame; give a whole number from 0.")
     if kind in ("parts", "contours") and len(frames) > 1:
         raise InputError(
             f"{kind} were drawn in frames {frames[0]} and {frames[1]}; draw all in one frame; to "
-            "start again in a later one, use another --output and --start."
+            "start again in a later one, use another --output."
         )
-    _WRITERS[kind](path, sorted(shapes, key=lambda shape: shape["frame"]))
+    shapes = sorted(shapes, key=lambda shape: shape["frame"])
+    with atomic_path(path) as temporary:
+        _WRITERS[kind](temporary, shapes)
+        try:
+            names = [shape["name"] for shape in read_start(temporary, kind, 0)]
+        except InputError as error:
+            raise InputError(_by_name(f"{error}", temporary, shapes)) from None
+        for shape, name in itertools.zip_longest(shapes, names):
+            if shape["name"] != name:
+                raise InputError(
+                    f"{_place(shape)} would not be read again; give it a plain name, and a width "
+                    "and height above 0"
+                )
+
+
+def save_start(path: Path, kind: str, shapes: Shapes) -> None:
+    """Write the shapes that can be read again, and raise for others, which stay as they were."""
+    remove_leavings(path.parent, f"{path.stem}.", older=_KILLED)
+    try:
+        write_start(path, kind, shapes)
+    except InputError:
+        sound = [shape for shape in shapes if _is_sound(path, kind, shape)]
+        if 0 < len(sound) < len(shapes):
+            wrong = [_place(shape) for shape in shapes if shape not in sound]
+            before = read_start(path, kind, shapes[0]["frame"]) if path.is_file() else []
+            write_start(path, kind, sound + [one for one in before if _place(one) in wrong])
+        raise
+
+
+def check_start(path: Path, kind: str) -> None:
+    """Refuse to replace a file that holds anything else than start shapes as on the page."""
+    if not path.exists():
+        return
+    if kind == "contours":
+        contours = read_contours(path)
+        number = contours.points.shape[1]
+        is_start = contours.degree == CUBIC and number == _CONTROL[contours.closed]
+        expected = "as many control points as the page writes"
+    else:
+        (_, header), *rows = read_rows(path, kind, HEADERS[kind]) or [(1, [])]
+        is_start = ",".join(header) == HEADERS[kind] and len(rows) == len(read_start(path, kind, 0))
+        expected = f"the columns {HEADERS[kind]}, and no row of an absent object"
+    if not is_start:
+        raise InputError(
+            f"'{path}' is no start file of {kind} as written by the page, which has {expected}; it "
+            "stays as it is, so choose another --output."
+        )
+
+
+def _is_sound(path: Path, kind: str, shape: dict[str, Any]) -> bool:
+    """Whether a shape can be stored by itself."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            write_start(Path(folder) / path.name, kind, [shape | {"parent": ""}])
+        except InputError:
+            return False
+    return True
+
+
+def _place(shape: dict[str, Any]) -> str:
+    return f"'{shape['name']}' in frame {shape['frame']}"
+
+
+def _by_name(sentence: str, path: Path, shapes: Shapes) -> str:
+    """A reader's sentence about a line of a file, said of the shape in that line."""
+    line = re.compile(rf"line (\d+) of '{re.escape(str(path))}'")
+    return line.sub(lambda found: _place(shapes[int(found[1]) - 2]), sentence)
 
 
 def read_start(path: Path, kind: str, frame: int) -> Shapes:
@@ -70,11 +148,11 @@ def typed_start(table: Mapping[str, Any], frame: int) -> Shapes:
 
 def _write_boxes(path: Path, shapes: Shapes) -> None:
     for shape in shapes:
-        if not shape["name"].isdigit():
+        if not re.fullmatch(r"0|[1-9]\d*", shape["name"], re.ASCII):
             raise InputError(
                 f"box '{shape['name']}' must be named by a whole number, such as 1; rename it."
             )
-    write_text(path, _table("frame,id,x,y,w,h", "frame,name,x,y,w,h", shapes))
+    write_text(path, _table("boxes", shapes))
 
 
 def _read_boxes(path: Path, frame: int) -> Shapes:
@@ -86,7 +164,7 @@ def _read_boxes(path: Path, frame: int) -> Shapes:
 
 
 def _write_points(path: Path, shapes: Shapes) -> None:
-    write_text(path, _table("frame,id,x,y", "frame,name,x,y", shapes))
+    write_text(path, _table("points", shapes))
 
 
 def _read_points(path: Path, frame: int) -> Shapes:
@@ -106,7 +184,7 @@ def _write_parts(path: Path, shapes: Shapes) -> None:
         angle = np.degrees(np.arctan2(along[1], along[0]))
         numbers = (x, y, np.hypot(*along), shape["width"], angle)
         rows.append([shape["name"], shape["parent"], *(f"{number:.2f}" for number in numbers)])
-    write_text(path, csv_text([["part", "parent", "x", "y", "w", "h", "angle"], *rows]))
+    write_text(path, csv_text([HEADERS["parts"].split(","), *rows]))
 
 
 def _read_parts(path: Path, frame: int) -> Shapes:
@@ -163,12 +241,11 @@ def _read_contours(path: Path, frame: int) -> Shapes:
     ]
 
 
-def _table(header: str, keys: str, shapes: Shapes) -> str:
-    rows = [
-        [f"{shape[key]:.2f}" if key in "xywh" else shape[key] for key in keys.split(",")]
-        for shape in shapes
-    ]
-    return csv_text([header.split(","), *rows])
+def _table(kind: str, shapes: Shapes) -> str:
+    columns = HEADERS[kind].split(",")
+    keys = ["name" if column == "id" else column for column in columns]
+    rows = [[f"{shape[k]:.10g}" if k in "xywh" else shape[k] for k in keys] for shape in shapes]
+    return csv_text([columns, *rows])
 
 
 _WRITERS: dict[str, Callable[[Path, Shapes], None]] = {

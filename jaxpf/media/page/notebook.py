@@ -34,6 +34,7 @@ class Drawn:
         runs = about.pop("runs", [])
         self.shapes: list[dict[str, Any]] = []
         answers = {
+            "about": lambda _: {"items": self.shapes},
             "save": self._save,
             "progress": lambda content: {"running": False, "text": "", "failed": False},
             "result": lambda content: runs[content["index"]].since(content["at"]),

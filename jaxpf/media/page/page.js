@@ -12,17 +12,31 @@ const pictures = new Map();
 // --- talking to the server ---
 
 async function ask(name, content = {}) {
+  const body = JSON.stringify(content);
   const answer = await fetch(name, {
-    method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content),
+    method: "POST", headers: { "Content-Type": "application/json" }, body,
+    keepalive: body.length < 60000, // also while the page is closed; browsers allow 64 KiB
   });
   const result = await answer.json();
-  if (!answer.ok) throw new Error(result.error);
+  if (!answer.ok) throw Object.assign(new Error(result.error), result, { status: answer.status });
   return result;
 }
 
 function say(text, wrong = false) {
   $("status").textContent = text;
   $("status").className = wrong ? "wrong" : "";
+}
+
+// Ask which of the answers is meant; "" if the question is dismissed.
+function choose(question, ...answers) {
+  const dialog = $("choice");
+  return new Promise((resolve) => {
+    dialog.replaceChildren(element("p", { textContent: question }), ...answers.map((answer) =>
+      element("button", { textContent: answer, onclick: () => dialog.close(answer) })));
+    dialog.returnValue = "";
+    dialog.onclose = () => resolve(dialog.returnValue);
+    dialog.showModal();
+  });
 }
 
 // --- the film ---
@@ -226,22 +240,50 @@ function remember() {
   if (past.length > 200) past.shift();
 }
 
-let saving = null;
+let soon = null, unsaved = null, writing = Promise.resolve();
 function changed() {
   redraw();
   list();
-  clearTimeout(saving);
-  saving = setTimeout(save, 300); // what is drawn is saved as it is drawn
+  clearTimeout(soon);
+  unsaved = $("kind").value;
+  soon = setTimeout(save, 300); // what is drawn is saved as it is drawn
 }
 
-async function save() {
-  clearTimeout(saving);
+function save() {
+  clearTimeout(soon);
+  const kind = unsaved || $("kind").value;
+  unsaved = null;
+  writing = writing.then(() => write(kind)); // one after the other
+  return writing;
+}
+
+async function write(kind) {
   try {
-    const done = await ask("save", { kind: $("kind").value, items: mine() });
+    const shapes = items.filter((item) => item.kind === kind);
+    const done = await ask("save", { kind, items: shapes, digest: about.digests[kind] });
+    about.digests[kind] = done.digest;
     say(done.file ? `Saved ${done.file}\n${done.command}` : "Nothing is drawn yet.");
     $("track").hidden = !about.can_track || !done.file;
     return done;
-  } catch (error) { say(error.message, true); return null; }
+  } catch (error) {
+    say(error.message, true);
+    if (!("digest" in error)) return null;
+    if (error.status === 409) {
+      const [theirs, ours] = ["Load the file", "Replace it by this page"];
+      const choice = await choose(error.message, theirs, ours);
+      if (!choice) return null;
+      about.digests[kind] = error.digest;
+      if (choice === ours) return write(kind);
+      remember();
+      items = [...items.filter((item) => item.kind !== kind), ...error.items];
+      selected = joint = null;
+      redraw();
+      list();
+      say("The file is loaded; Undo brings back what was here.");
+    }
+    about.digests[kind] = error.digest;
+    return null;
+  }
 }
 
 function newName() {
@@ -471,28 +513,35 @@ async function follow() {
   // Read results until the run that writes them has ended.
   if (busy) return;
   busy = true;
+  let was = false;
   try {
     for (;;) {
       let running = false;
       for (let index = 0; index < results.length; index++) running = (await read(index)).running || running;
       const progress = await ask("progress");
       const last = Math.max(...results[0].rows.keys());
-      if (progress.running) say(`Tracking into ${results[0].name}: ${last > 0 ? `frame ${last}` : "compiling, which takes up to a minute"}`);
+      if (progress.running) { was = true; say(`Tracking into ${results[0].name}: ${last > 0 ? `frame ${last}` : "compiling, which takes up to a minute"}`); }
       else if (progress.text) say(progress.text, progress.failed);
+      else if (was) say(`The run into ${results[0].name} has ended.`);
       if (!running && !progress.running) break;
       await new Promise((resolve) => setTimeout(resolve, 500));
     }
   } catch (error) { say(error.message, true); } finally { busy = false; }
 }
 
-async function track() {
+async function track(replaces = false) {
   if (!(await save())) return;
   try {
-    const started = await ask("track", { kind: $("kind").value, items: mine() });
+    const kind = $("kind").value;
+    const started = await ask("track", { kind, items: mine(), digest: about.digests[kind], replaces });
     say(`Tracking into ${started.output} ...`);
     showResults([started.output]);
     await follow();
-  } catch (error) { say(error.message, true); }
+  } catch (error) {
+    say(error.message, true);
+    const yes = "Replace it";
+    if (error.status === 409 && await choose(error.message, yes, "Cancel") === yes) await track(true);
+  }
 }
 
 function doubtful(step) {
@@ -546,6 +595,7 @@ function play() {
 }
 
 function kindChanged() {
+  if (unsaved) save();
   const kind = $("kind").value;
   selected = joint = null;
   $("closed-label").hidden = kind !== "contours";
@@ -561,6 +611,7 @@ function kindChanged() {
 }
 
 function key(event) {
+  if ($("choice").open) return;
   if (["INPUT", "SELECT"].includes(event.target.tagName) && event.target.type !== "range" && event.target.type !== "checkbox") return;
   const keys = {
     ArrowLeft: () => go(frame - (event.shiftKey ? 10 : 1)), ArrowRight: () => go(frame + (event.shiftKey ? 10 : 1)),
@@ -578,7 +629,9 @@ function key(event) {
 }
 
 async function start() {
-  about = await (await fetch("about")).json();
+  const answer = await fetch("about");
+  about = await answer.json();
+  if (!answer.ok) throw new Error(about.error);
   about.names = [];
   document.title = $("title").textContent = about.name;
   $("slider").max = about.frames - 1;
@@ -592,7 +645,7 @@ async function start() {
   $("number").onchange = () => go(Number($("number").value));
   $("tool").onclick = () => { drawing = !drawing; $("tool").textContent = drawing ? "Draw" : "Move"; $("tool").setAttribute("aria-pressed", drawing); };
   Object.assign($("undo"), { onclick: undo });
-  $("add").onclick = add; $("save").onclick = save; $("track").onclick = track; $("fit").onclick = fit; $("play").onclick = play;
+  $("add").onclick = add; $("save").onclick = save; $("track").onclick = () => track(); $("fit").onclick = fit; $("play").onclick = play;
   $("next").onclick = () => doubtful(1); $("previous").onclick = () => doubtful(-1);
   $("intervals").onchange = redraw;
   $("timeline").onclick = (event) => go(event.offsetX / $("timeline").clientWidth * (Number($("slider").max) + 1) - 0.5);
@@ -601,6 +654,8 @@ async function start() {
   if (about.can_draw) { $("kind").onchange = kindChanged; kindChanged(); }
   go(about.start);
   new EventSource("alive");
+  window.addEventListener("pagehide", () => unsaved && save());
+  if (about.note) say(about.note, true);
   if (results.length) follow();
 }
 

@@ -34,6 +34,21 @@ _POLICY = (
 )
 
 
+class Refusal(Exception):
+    """What an answer raises to refuse a request, with a status and content that the page knows."""
+
+    def __init__(self, status: int, **content: Any):
+        super().__init__(status)
+        self.status, self.content = status, content
+
+
+class _Http(http.server.ThreadingHTTPServer):
+    daemon_threads = True
+
+    def handle_error(self, *_: Any) -> None:
+        """A browser that drops a connection is no error."""
+
+
 class Server:
     """The page's server, which runs in threads of its own from construction to ``close``.
 
@@ -53,23 +68,22 @@ class Server:
             source: the film, from ``jaxpf.media.open_frames`` or like it.
             about: what the page needs to know at once, as JSON.
             answers: name -> function of a request's JSON that returns JSON.  An ``InputError`` is
-                shown on the page.
+                shown on the page.  The answer of "about" replaces what has changed since.
         """
         self.pictures, self.about, self.answers = Pictures(source), dict(about), answers
         self.token = secrets.token_urlsafe(16)
         self.open_pages: set[int] = set()
         self.last_seen = time.monotonic()
-        self._http = http.server.ThreadingHTTPServer(("127.0.0.1", 0), _handler(self))
-        self._http.daemon_threads = True
+        self._http = _Http(("127.0.0.1", 0), _handler(self))
         self.port = self._http.server_address[1]
         self.url = f"http://127.0.0.1:{self.port}/{self.token}/"
         self.is_closed = False
         # It looks for the end every twentieth of a second, not every half: `close` waits for it.
         threading.Thread(target=self._http.serve_forever, args=(0.05,), daemon=True).start()
 
-    def wait(self, keep: bool = False) -> None:
-        """Return a minute after the page was closed; with ``keep`` only on an interrupt."""
-        while keep or self.open_pages or time.monotonic() - self.last_seen < _CLOSED:
+    def wait(self, stays: Callable[[], bool]) -> None:
+        """Return a minute after the page was closed, but not while ``stays()``."""
+        while self.open_pages or time.monotonic() - self.last_seen < _CLOSED or stays():
             time.sleep(_BEAT / 4)
 
     def close(self) -> None:
@@ -87,9 +101,11 @@ def described(source: Any, **more: Any) -> dict[str, Any]:
         "width": source.width,
         "height": source.height,
         "fps": source.fps,
-        "frames": source.num_frames or source.frames_expected or 1,
+        "frames": source.num_frames or source.count_frames(),
         "kind": "boxes",
         "items": [],
+        "digests": {},
+        "note": "",
         "start": 0,
         "results": [],
         "colours": [f"#{bytes(rgb).hex()}" for rgb in object_colours(NUM_COLOURS)],
@@ -107,6 +123,24 @@ def _handler(server: Server) -> type[http.server.BaseHTTPRequestHandler]:
             """Requests are not logged."""
 
         def do_GET(self) -> None:
+            self._answer(self._got)
+
+        def do_POST(self) -> None:
+            self._answer(self._posted)
+
+        def _answer(self, act: Callable[[], None]) -> None:
+            """Answer a request; whatever is wrong with it becomes a status and a sentence."""
+            try:
+                act()
+            except Refusal as refusal:
+                self._send_json(refusal.status, refusal.content)
+            except InputError as error:
+                self._send_json(400, {"error": str(error)})
+            except Exception as error:
+                self.close_connection = True
+                self._send_json(400, {"error": f"the request is malformed ({error!r:.99})."})
+
+        def _got(self) -> None:
             name = self._name()
             if name is None:
                 return self._send(403, b"refused", "text/plain")
@@ -115,14 +149,15 @@ def _handler(server: Server) -> type[http.server.BaseHTTPRequestHandler]:
                 folder = resources.files("jaxpf.media.page")
                 return self._send(200, (folder / file).read_bytes(), f"{kind}; charset=utf-8")
             if name == "about":
-                return self._send_json(200, server.about)
+                now = server.answers["about"](None) if "about" in server.answers else {}
+                return self._send_json(200, server.about | now)
             if name == "alive":
                 return self._stay_alive()
             if name.startswith("frame/") and name[6:].isascii() and name[6:].isdigit():
                 return self._send_frame(int(name[6:]))
             return self._send(404, b"not found", "text/plain")
 
-        def do_POST(self) -> None:
+        def _posted(self) -> None:
             name, length = self._name(), self.headers.get("Content-Length", "")
             is_json = self.headers.get_content_type() == "application/json"
             if name is None or not is_json or not length.isdigit() or int(length) > _MOST:
@@ -131,13 +166,7 @@ def _handler(server: Server) -> type[http.server.BaseHTTPRequestHandler]:
             body = self.rfile.read(int(length))
             if name not in server.answers:
                 return self._send(404, b"not found", "text/plain")
-            try:
-                answer = server.answers[name](json.loads(body))
-            except InputError as error:
-                return self._send_json(400, {"error": str(error)})
-            except (KeyError, TypeError, ValueError) as error:
-                return self._send_json(400, {"error": f"the request is malformed ({error})."})
-            return self._send_json(200, answer)
+            return self._send_json(200, server.answers[name](json.loads(body)))
 
         def _name(self) -> str | None:
             """What is asked for; None for a request that is refused."""
@@ -147,9 +176,11 @@ def _handler(server: Server) -> type[http.server.BaseHTTPRequestHandler]:
                 return None
             if origin is not None and origin.removeprefix("http://") not in hosts:
                 return None
-            _, token, *rest = self.path.split("/", 2)
-            is_ours = secrets.compare_digest(token.encode(), server.token.encode())
-            return rest[0].partition("?")[0] if is_ours and rest else None
+            _, *parts = self.path.split("/", 2)
+            is_ours = len(parts) == 2 and secrets.compare_digest(
+                parts[0].encode(), server.token.encode()
+            )
+            return parts[1].partition("?")[0] if is_ours else None
 
         def _send_frame(self, number: int) -> None:
             try:

@@ -1,0 +1,265 @@
+"""What the page writes: only its own files, never over what it has not read, nothing unreadable."""
+
+import json
+import os
+import subprocess
+import threading
+import time
+
+import cv2
+import numpy as np
+import pytest
+
+from jaxpf import InputError
+from jaxpf.cli.marking.drawing import Marking
+from jaxpf.cli.marking.starts import read_start, write_start
+from jaxpf.cli.shared.config import write_config
+from jaxpf.media.page.runs import Run
+from jaxpf.media.page.server import Refusal
+
+SQUARE = [[9.0, 9.0], [40.0, 9.0], [40.0, 40.0], [9.0, 40.0]]
+#: Start files of other programs, by hand or by a run, each of which the page would change.
+FOREIGN = {
+    "MOT truth": ("boxes", "1,1,21,21,16,24,1,1,1\n4,1,27,21,16,24,1,1,0.5\n1,2,61,21,9,9,0,8,1\n"),
+    "MOT tracks": ("boxes", "1,1,21,21,16,24,1,-1,-1,-1\n"),
+    "whole tracks": ("boxes", "".join(f"{t},1,21,21,16,24\n" for t in range(1, 9))),
+    "occlusion": ("boxes", "frame,id,x,y,w,h,occ\n0,1,20,20,16,24,1\n"),
+    "tracks of a run": ("boxes", "frame,time,id,x,y,w,h,lost\n0,0.0,1,20,20,16,24,0\n"),
+    "absent object": ("boxes", "frame,id,x,y,w,h\n0,1,20,20,16,24\n1,1,0,0,0,0\n"),
+    "no boxes": ("boxes", "a note to myself\n"),
+    "named points": ("points", "x,y,name\n20,20,nose\n"),
+    "bare points": ("points", "20,20\n30,30\n"),
+    "no parts": ("parts", "part,x,y\narm,20,20\n"),
+    "four points": ("contours", json.dumps({"closed": True, "contours": {"1": SQUARE}})),
+    "bent": ("contours", json.dumps({"closed": True, "degree": 2, "contours": {"1": SQUARE * 4}})),
+    "settings": ("contours", '{"colour": "red"}'),
+    "empty": ("boxes", ""),
+}  # fmt: skip
+SHAPES = {
+    "boxes": {"x": 50.0, "y": 20.0, "w": 16.0, "h": 24.0},
+    "points": {"x": 50.0, "y": 20.0},
+    "parts": {"x1": 9.0, "y1": 9.0, "x2": 40.0, "y2": 9.0, "width": 6.0, "parent": ""},
+    "contours": {"points": SQUARE, "closed": True, "width": None},
+}
+
+
+def shape(kind, name="7", frame=0, **changes):
+    return {"kind": kind, "name": name, "frame": frame, **SHAPES[kind], **changes}
+
+
+def box(name, frame=0, **changes):
+    return shape("boxes", name, frame, **changes)
+
+
+@pytest.fixture
+def clip(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "clip").mkdir()
+    for number in range(4):
+        picture = np.full((64, 96, 3), 20 * number, np.uint8)
+        cv2.imwrite(str(tmp_path / "clip" / f"{number}.png"), picture)
+    return tmp_path / "clip"
+
+
+def marked_to(clip, kind, text):
+    path = clip.parent / f"given{'.json' if kind == 'contours' else '.csv'}"
+    path.write_text(text)
+    return path, Marking(str(clip), kind, path, 0)
+
+
+def marked_beside(clip, kind, text):
+    path = Marking(str(clip), kind, None, 0).file(kind)
+    path.write_text(text)
+    return path, Marking(str(clip), kind, None, 0)
+
+
+def viewed(clip, kind, text):
+    path = clip.parent / "given.txt"
+    path.write_text(text)
+    (clip.parent / "run").mkdir()
+    table = {"video": clip, "target": kind, kind: path, "num_particles": 9}
+    write_config(clip.parent / "run" / "run.toml", "track", table)
+    run = Run(clip.parent / "run")
+    return path, Marking(str(clip), kind, None, 0, run)
+
+
+def draw(marking, kind, **more):
+    shapes = [one for one in marking.existing()["items"] if one["kind"] == kind]
+    new = shape(kind, str(7 + len(shapes)))
+    marking.save({"kind": kind, "items": [*shapes, new], **more})
+
+
+def draw_over(marking, kind):
+    try:
+        draw(marking, kind)
+    except Refusal as refusal:
+        draw(marking, kind, digest=refusal.content["digest"])
+
+
+def delete_all(marking, kind):
+    marking.save({"kind": kind, "items": [], "digest": marking.existing()["digests"].get(kind, "")})
+
+
+def track(marking, kind):
+    digest = marking.existing()["digests"].get(kind, "")
+    marking.track({"kind": kind, "items": [shape(kind)], "digest": digest, "replaces": True})
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+@pytest.mark.parametrize("opened", [marked_to, marked_beside, viewed])
+def test_files_that_the_page_did_not_write_stay_as_they_are(clip, monkeypatch, name, opened):
+    monkeypatch.setattr(subprocess, "Popen", lambda command, **_: None)
+    kind, text = FOREIGN[name]
+    path, marking = opened(clip, kind, text)
+    beside = sorted(os.listdir(path.parent))
+    for way in (draw, draw_over, track, delete_all):
+        refused = ""
+        try:
+            way(marking, kind)
+        except InputError as error:
+            refused = str(error)
+        # Only a review has a file of its own, if it can read where objects started.
+        assert (opened is viewed and not refused) or str(path) in refused
+        assert path.read_text() == text
+        assert sorted(os.listdir(path.parent)) == beside
+
+
+def test_corrections_are_kept_in_the_results_and_found_again(clip):
+    _, marking = viewed(clip, "boxes", FOREIGN["whole tracks"][1])
+    (start,) = marking.existing()["items"]
+    assert (start["frame"], start["name"], start["x"]) == (0, "1", 20)
+    saved = marking.save({"kind": "boxes", "items": [start, box("1", 2)]})
+    assert f"--boxes {saved['file']}" in saved["command"]
+    again = Marking(str(clip), "boxes", None, 0, Run(clip.parent / "run"))
+    assert [one["frame"] for one in again.existing()["items"]] == [0, 2]
+    # Another run into the same folder, which does not start from them.
+    later = time.time() + 9
+    os.utime(clip.parent / "run" / "run.toml", (later, later))
+    anew = Marking(str(clip), "boxes", None, 0, Run(clip.parent / "run"))
+    assert anew.existing()["items"] == [start]
+    with pytest.raises(Refusal) as refusal:
+        anew.save({"kind": "boxes", "items": [start], "digest": ""})
+    assert len(refusal.value.content["items"]) == 2
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_a_file_that_changed_is_neither_lost_nor_overwritten_unasked(clip, kind):
+    one, other = (Marking(str(clip), kind, None, 0) for _ in range(2))
+    first = one.save({"kind": kind, "items": [shape(kind, "1")], "digest": ""})
+    mine = {"kind": kind, "items": [shape(kind, "2")], "digest": ""}
+    with pytest.raises(Refusal) as refusal:
+        other.save(mine)
+    theirs = refusal.value.content
+    assert refusal.value.status == 409
+    assert [item["name"] for item in theirs["items"]] == ["1"]
+    assert theirs["digest"] == first["digest"] == one.existing()["digests"][kind]
+    other.save(mine | {"digest": theirs["digest"]})
+    assert [item["name"] for item in one.existing()["items"]] == ["2"]
+    with pytest.raises(Refusal):
+        one.save({"kind": kind, "items": [], "digest": first["digest"]})
+    one.file(kind).unlink()
+    with pytest.raises(Refusal) as refusal:
+        one.save(mine | {"digest": theirs["digest"]})
+    assert refusal.value.content["items"] == []
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"w": -5.0},
+        {"w": 0.0},
+        {"h": 0.0},
+        {"x": float("nan")},
+        {"y": float("inf")},
+        {"x": 1e12},
+        {"name": "²"},
+        {"name": "head"},
+        {"name": "01"},
+        {"name": "9" * 30},
+        {"frame": 1.5},
+        {"frame": -1},
+    ],
+    ids=str,
+)
+def test_a_shape_that_could_not_be_read_again_is_refused_and_others_are_kept(clip, wrong):
+    marking = Marking(str(clip), "boxes", None, 0)
+    before = marking.save({"kind": "boxes", "items": [box("1")], "digest": ""})["digest"]
+    drawn = [box("1") | wrong, box("2", 1)]
+    with pytest.raises(Refusal) as refusal:
+        marking.save({"kind": "boxes", "items": drawn, "digest": before})
+    assert refusal.value.status == 400
+    kept = marking.existing()
+    expected = [box("1"), drawn[1]] if {"name", "frame"}.isdisjoint(wrong) else [drawn[1]]
+    assert kept["items"] == expected
+    assert kept["digests"]["boxes"] == refusal.value.content["digest"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "wrong"),
+    [
+        ("points", {"name": "a\nb"}),
+        ("points", {"name": ""}),
+        ("points", {"x": float("nan")}),
+        ("parts", {"width": 0.0}),
+        ("parts", {"parent": "nobody"}),
+        ("parts", {"frame": True + 0.5}),
+        ("contours", {"points": [[9.0, 9.0], [40.0, 9.0]]}),
+        ("contours", {"name": "a\0"}),
+    ],
+)
+def test_other_kinds_of_shapes_are_checked_too(clip, kind, wrong):
+    marking = Marking(str(clip), kind, None, 0)
+    with pytest.raises(Refusal):
+        marking.save({"kind": kind, "items": [shape(kind) | wrong], "digest": ""})
+    assert not marking.file(kind).exists()
+
+
+def test_saves_that_meet_lose_nothing(tmp_path):
+    path, failed = tmp_path / "start.csv", []
+
+    def save(number):
+        try:
+            for frame in range(20):
+                write_start(path, "boxes", [box(str(number), frame)])
+        except InputError as error:
+            failed.append(error)
+
+    threads = [threading.Thread(target=save, args=(number,)) for number in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not failed
+    assert len(read_start(path, "boxes", 0)) == 1
+    assert os.listdir(tmp_path) == ["start.csv"]
+
+
+def test_incomplete_files_of_killed_saves_are_removed(clip):
+    marking = Marking(str(clip), "boxes", None, 0)
+    names = [".clip-boxes.1a2b.partial.csv", ".clip-boxes.3c.partial.csv", ".other.4d.partial.csv"]
+    left, in_work, of_others = (clip.parent / name for name in names)
+    for path in (left, in_work, of_others):
+        path.touch()
+    for path in (left, of_others):
+        os.utime(path, (0, 0))
+    marking.save({"kind": "boxes", "items": [box("1")], "digest": ""})
+    assert [path.exists() for path in (left, in_work, of_others)] == [False, True, True]
+
+
+def test_results_are_replaced_only_when_asked(clip, monkeypatch):
+    started = []
+    monkeypatch.setattr(subprocess, "Popen", lambda command, **_: started.append(command))
+    marking = Marking(str(clip), "boxes", None, 0)
+    content = {"kind": "boxes", "items": [box("1")]}
+    digest = marking.save(content)["digest"]
+    marking.folder.mkdir()
+    (marking.folder / ".lock").touch()  # of a killed run
+    marking.track(content | {"digest": digest})
+    assert len(started) == 1
+    (marking.folder / "tracks.csv").touch()
+    with pytest.raises(Refusal) as refusal:
+        marking.track(content | {"digest": digest})
+    assert refusal.value.status == 409
+    assert len(started) == 1
+    marking.track(content | {"digest": digest, "replaces": True})
+    assert len(started) == 2

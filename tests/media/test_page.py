@@ -101,8 +101,8 @@ def test_what_has_changed_is_told_anew(server):
 @pytest.mark.parametrize(
     ("line", "status"),
     [
-        ("GET foo", 403),
-        ("GET", 400),
+        ("GET foo", 400),
+        ("GET a b", 400),
         ("BREW /{0}/about", 501),
         ("GET /{0}/frame/" + "9" * 5000, 400),
         ("GET /{0}/frame/" + "9" * 30, 404),

@@ -176,11 +176,9 @@ def _handler(server: Server) -> type[http.server.BaseHTTPRequestHandler]:
                 return None
             if origin is not None and origin.removeprefix("http://") not in hosts:
                 return None
-            _, *parts = self.path.split("/", 2)
-            is_ours = len(parts) == 2 and secrets.compare_digest(
-                parts[0].encode(), server.token.encode()
-            )
-            return parts[1].partition("?")[0] if is_ours else None
+            _, token, *rest = self.path.split("/", 2)
+            is_ours = secrets.compare_digest(token.encode(), server.token.encode())
+            return rest[0].partition("?")[0] if is_ours and rest else None
 
         def _send_frame(self, number: int) -> None:
             try:

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from command_line import jaxpf
 from csv_rows import rows_of
+from films import moving_square, write_film
 
 Keys = pytest.importorskip("selenium.webdriver.common.keys").Keys
 
@@ -53,8 +55,8 @@ def street(tmp_path_factory):
 class Page:
     """An opened page."""
 
-    def __init__(self, browser, url):
-        self.browser = browser
+    def __init__(self, browser, url, process=None):
+        self.browser, self.url, self.process = browser, url, process
         browser.set_window_size(1400, 900)
         browser.get(url)
         self.until(lambda: self.canvas.get_attribute("data-shown") != "")
@@ -102,6 +104,14 @@ class Page:
             "const k = document.getElementById('kind'); k.value = arguments[0]; k.onchange()", kind
         )
 
+    def answer(self, label):
+        """Answer a question that the page asks, and forget the refusal before it."""
+        button = f"//dialog[@open]/button[text()='{label}']"
+        self.browser.find_element("xpath", button).click()
+        refused = self.browser.get_log("browser")
+        assert refused
+        assert all("409" in entry["message"] for entry in refused)
+
     def rename(self, number, name):
         field = self.browser.find_elements("css selector", "#objects li input[type=text]")[number]
         field.send_keys(Keys.CONTROL + "a")
@@ -117,7 +127,7 @@ def opened(browser):
         command = [sys.executable, "-m", "jaxpf", *map(str, arguments), "--no-open"]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         processes.append(process)
-        return Page(browser, process.stdout.readline().strip())
+        return Page(browser, process.stdout.readline().strip(), process)
 
     yield run
     wrong = [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
@@ -156,8 +166,15 @@ def test_from_a_film_to_a_reviewed_and_corrected_track(opened, street, tmp_path,
     assert centre > 0
     # Draw the object again where it is doubtful.
     page.mouse((x, y), (x + w, y + h))
-    page.until(lambda: len(rows_of(starts)) == 3 and rows_of(starts)[-1]["id"] == name)
+    corrections, given = output / "corrections-boxes.csv", starts.read_text()
+    page.until(corrections.exists)
+    page.until(lambda: len(rows_of(corrections)) == 3 and rows_of(corrections)[-1]["id"] == name)
+    before = (output / "tracks.csv").read_text()
     page.one("#track").click()
+    page.answer("Cancel")
+    assert (output / "tracks.csv").read_text() == before
+    page.one("#track").click()
+    page.answer("Replace it")
     page.until(lambda: "compiling" in page.status or "frame" in page.status)
     page.until(lambda: "frames tracked" in page.status, 400)
     again = next(
@@ -167,6 +184,7 @@ def test_from_a_film_to_a_reviewed_and_corrected_track(opened, street, tmp_path,
     )
     assert float(again["x"]) == pytest.approx(x, abs=1)
     assert again["x_2.5"] == ""
+    assert starts.read_text() == given
 
 
 def test_corrections_keep_the_options_and_the_objects_of_a_run(
@@ -187,10 +205,11 @@ def test_corrections_keep_the_options_and_the_objects_of_a_run(
         page.until(lambda at=number: page.canvas.get_attribute("data-shown") == at)
         page.mouse((x, 80), (x + 44, 179))
     drawn = [("1", "1"), ("1", "2"), ("4", "2"), ("6", "1")]
-    starts = tmp_path / "run-boxes.csv"
+    starts = tmp_path / "run" / "corrections-boxes.csv"
     page.until(starts.exists)
     page.until(lambda: [(row["frame"], row["id"]) for row in rows_of(starts)] == drawn)
     page.one("#track").click()
+    page.answer("Replace it")
     page.until(lambda: "frames tracked" in page.status, 400)
     again = tomllib.loads((tmp_path / "run" / "run.toml").read_text())["track"]
     assert (again["num_particles"], again["start"], again["frames"]) == (40, 1, 9)
@@ -212,7 +231,67 @@ def test_objects_of_a_detector_are_not_corrected(opened, tmp_path, monkeypatch):
     refused = page.browser.get_log("browser")  # and forget it
     assert refused
     assert all("400" in entry["message"] for entry in refused)
-    assert not (tmp_path / "run-boxes.csv").exists()
+    assert not list(tmp_path.rglob("corrections*"))
+
+
+def test_of_two_tabs_neither_overwrites_the_other_unasked(opened, browser, street, tmp_path):
+    starts = tmp_path / "starts.csv"
+    page = opened("mark", street / "clip.mp4", "-o", starts)
+    first = browser.current_window_handle
+    browser.switch_to.new_window("tab")
+    other, second = Page(browser, page.url), browser.current_window_handle
+    other.mouse((120, 80), (160, 170))
+    other.until(lambda: "--boxes" in other.status)
+    theirs = starts.read_text()
+
+    browser.switch_to.window(first)
+    page.mouse((300, 78), (344, 177))
+    page.answer("Load the file")
+    page.until(lambda: "is loaded" in page.status)
+    assert starts.read_text() == theirs
+    page.mouse((200, 50), (240, 90))
+    page.until(lambda: starts.exists() and [r["id"] for r in rows_of(starts)] == ["1", "2"])
+    ours = [float(row["x"]) for row in rows_of(starts)]
+    np.testing.assert_allclose(ours, [120, 200], atol=1)
+
+    browser.switch_to.window(second)
+    other.mouse((20, 20), (60, 60))
+    other.answer("Replace it by this page")
+    other.until(lambda: float(rows_of(starts)[-1]["x"]) == pytest.approx(20, abs=1))
+    assert len(rows_of(starts)) == 2
+    browser.close()
+    browser.switch_to.window(first)
+
+
+def test_a_run_outlives_its_tab_and_its_page_and_is_found_again(
+    opened, browser, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    frames = (moving_square(number // 50, (320, 240)) for number in range(1500))
+    write_film(tmp_path / "long.mp4", frames)
+    page = opened("mark", "long.mp4")
+    page.mouse((4, 8), (20, 120))
+    page.until(lambda: "--boxes" in page.status)
+    page.one("#track").click()
+    page.until(lambda: "Tracking into" in page.status)
+    browser.get("about:blank")
+    again = Page(browser, page.url)
+    again.until(lambda: "Tracking into jaxpf-long:" in again.status)
+    again.until((tmp_path / "jaxpf-long" / ".lock").exists, 200)
+    browser.get("about:blank")
+    page.process.send_signal(signal.SIGINT)
+    assert "The run goes on" in page.process.communicate(timeout=60)[0]
+
+    found = opened("mark", "long.mp4")
+    found.until(lambda: "Tracking into jaxpf-long:" in found.status)
+    found.one("#add").click()
+    found.until(lambda: "--boxes" in found.status or "Tracking" in found.status)
+    found.until(lambda: "has ended" in found.status, 400)
+    assert found.browser.execute_script("return results[0].rows.size") == 1500
+    assert json.loads((tmp_path / "jaxpf-long" / "summary.json").read_text())
+    # Results are not replaced unasked, though this page has not made them.
+    found.one("#track").click()
+    found.answer("Cancel")
 
 
 def test_points_keep_names_that_look_like_markup(opened, street, tmp_path):

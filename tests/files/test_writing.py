@@ -23,6 +23,17 @@ def test_a_file_appears_only_when_complete(tmp_path):
     assert os.listdir(tmp_path) == ["summary.json"]
 
 
+def test_writes_of_one_file_that_meet_do_not_disturb_each_other(tmp_path):
+    path = tmp_path / "start.csv"
+    with atomic_write(path) as first:
+        first.write("first")
+        with atomic_write(path) as second:
+            second.write("second")
+        assert path.read_text() == "second"
+    assert path.read_text() == "first"
+    assert os.listdir(tmp_path) == ["start.csv"]
+
+
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, error):
     def fail():

@@ -98,6 +98,13 @@ def test_what_has_changed_is_told_anew(server):
     assert about == {"name": "<b>film</b>", "items": "<B>FILM</B>"}
 
 
+def test_the_server_of_a_closed_page_stays_while_a_run_goes_on(server, monkeypatch):
+    monkeypatch.setattr("jaxpf.media.page.server._CLOSED", 0.0)
+    asked = []
+    server.wait(lambda: len(asked) < 3 and not asked.append(1))
+    assert len(asked) == 3
+
+
 @pytest.mark.parametrize(
     ("line", "status"),
     [

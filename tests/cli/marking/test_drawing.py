@@ -5,6 +5,7 @@ import os
 import subprocess
 import threading
 import time
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -14,6 +15,7 @@ from jaxpf import InputError
 from jaxpf.cli.marking.drawing import Marking
 from jaxpf.cli.marking.starts import read_start, write_start
 from jaxpf.cli.shared.config import write_config
+from jaxpf.files.locking import locked
 from jaxpf.media.page.runs import Run
 from jaxpf.media.page.server import Refusal
 
@@ -49,6 +51,22 @@ def shape(kind, name="7", frame=0, **changes):
 
 def box(name, frame=0, **changes):
     return shape("boxes", name, frame, **changes)
+
+
+@pytest.fixture
+def started(monkeypatch):
+    """The commands of runs, which are not run."""
+    commands = []
+
+    class Started:
+        def __init__(self, command, **_):
+            commands.append(command)
+
+        def poll(self):
+            return 0
+
+    monkeypatch.setattr(subprocess, "Popen", Started)
+    return commands
 
 
 @pytest.fixture
@@ -107,8 +125,7 @@ def track(marking, kind):
 
 @pytest.mark.parametrize("name", FOREIGN)
 @pytest.mark.parametrize("opened", [marked_to, marked_beside, viewed])
-def test_files_that_the_page_did_not_write_stay_as_they_are(clip, monkeypatch, name, opened):
-    monkeypatch.setattr(subprocess, "Popen", lambda command, **_: None)
+def test_files_that_the_page_did_not_write_stay_as_they_are(clip, started, name, opened):
     kind, text = FOREIGN[name]
     path, marking = opened(clip, kind, text)
     beside = sorted(os.listdir(path.parent))
@@ -246,9 +263,7 @@ def test_incomplete_files_of_killed_saves_are_removed(clip):
     assert [path.exists() for path in (left, in_work, of_others)] == [False, True, True]
 
 
-def test_results_are_replaced_only_when_asked(clip, monkeypatch):
-    started = []
-    monkeypatch.setattr(subprocess, "Popen", lambda command, **_: started.append(command))
+def test_results_are_replaced_only_when_asked(clip, started):
     marking = Marking(str(clip), "boxes", None, 0)
     content = {"kind": "boxes", "items": [box("1")]}
     digest = marking.save(content)["digest"]
@@ -263,3 +278,28 @@ def test_results_are_replaced_only_when_asked(clip, monkeypatch):
     assert len(started) == 1
     marking.track(content | {"digest": digest, "replaces": True})
     assert len(started) == 2
+
+
+def test_a_run_of_another_program_is_found_and_not_replaced(clip, started):
+    marking = Marking(str(clip), "boxes", None, 0)
+    content = {"kind": "boxes", "items": [box("1")]}
+    assert not marking.progress({})["running"]
+    with locked(marking.folder, "tracking", keep=False):
+        assert marking.progress({}) == {"running": True, "text": "", "failed": False}
+        with pytest.raises(Refusal):
+            marking.track(content)
+        with pytest.raises(InputError):
+            marking.track(content | {"replaces": True})
+    assert started == []
+    assert not marking.progress({})["running"]
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs a folder that nobody may change")
+def test_a_folder_that_cannot_be_written_is_told_in_a_sentence(clip, started, monkeypatch):
+    monkeypatch.chdir("/proc/self")
+    content = {"kind": "boxes", "items": [box("1")]}
+    Marking(str(clip), "boxes", None, 0).track(content)
+    assert len(started) == 1  # it says itself that it cannot write its results
+    with pytest.raises(Refusal) as refusal:
+        Marking(str(clip), "boxes", Path("starts.csv"), 0).save(content)
+    assert "'starts.csv'" in refusal.value.content["error"]

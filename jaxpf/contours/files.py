@@ -78,6 +78,11 @@ def read_contours(path: str | os.PathLike[str]) -> Contours:
 
 def write_contours(path: str | os.PathLike[str], contours: Contours) -> None:
     """Write a file that ``read_contours`` reads."""
+    write_text(path, contours_text(contours))
+
+
+def contours_text(contours: Contours) -> str:
+    """The content of the file of ``write_contours``."""
     lines = [
         f"  {json.dumps(name)}: {json.dumps(np.round(rows, 3).tolist())}"
         for name, rows in zip(contours.names, np.asarray(contours.points, float), strict=True)
@@ -86,7 +91,7 @@ def write_contours(path: str | os.PathLike[str], contours: Contours) -> None:
     if contours.width is not None:
         head["width"] = contours.width
     start = json.dumps(head)[:-1]
-    write_text(path, start + ', "contours": {\n' + ",\n".join(lines) + "\n}}\n")
+    return start + ', "contours": {\n' + ",\n".join(lines) + "\n}}\n"
 
 
 class ContourTrackWriter(LineWriter):

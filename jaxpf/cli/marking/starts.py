@@ -16,10 +16,10 @@ import numpy as np
 
 from jaxpf.boxes.tracks import parse_box, read_boxes
 from jaxpf.contours.data import Contours
-from jaxpf.contours.files import read_contours, write_contours
+from jaxpf.contours.files import contours_text, read_contours
 from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import read_rows
-from jaxpf.files.writing import atomic_path, csv_text, remove_leavings, write_text
+from jaxpf.files.writing import atomic_write, csv_text, remove_leavings
 from jaxpf.parts.files import HEADER, read_parts
 from jaxpf.points.files import FRAMES_HEADER, parse_points, read_points
 from jaxpf.shapes.splines import CUBIC, fit_spline, points_on
@@ -52,8 +52,11 @@ def write_start(path: Path, kind: str, shapes: Shapes) -> None:
             "start again in a later one, use another --output."
         )
     shapes = sorted(shapes, key=lambda shape: shape["frame"])
-    with atomic_path(path) as temporary:
-        _WRITERS[kind](temporary, shapes)
+    text = _TEXTS[kind](shapes)
+    with atomic_write(path) as file:
+        file.write(text)
+        file.flush()
+        temporary = Path(file.name)
         try:
             names = [shape["name"] for shape in read_start(temporary, kind, 0)]
         except InputError as error:
@@ -146,13 +149,13 @@ def typed_start(table: Mapping[str, Any], frame: int) -> Shapes:
     ]
 
 
-def _write_boxes(path: Path, shapes: Shapes) -> None:
+def _boxes_text(shapes: Shapes) -> str:
     for shape in shapes:
         if not re.fullmatch(r"0|[1-9]\d*", shape["name"], re.ASCII):
             raise InputError(
                 f"box '{shape['name']}' must be named by a whole number, such as 1; rename it."
             )
-    write_text(path, _table("boxes", shapes))
+    return _table("boxes", shapes)
 
 
 def _read_boxes(path: Path, frame: int) -> Shapes:
@@ -163,8 +166,8 @@ def _read_boxes(path: Path, frame: int) -> Shapes:
     ]
 
 
-def _write_points(path: Path, shapes: Shapes) -> None:
-    write_text(path, _table("points", shapes))
+def _points_text(shapes: Shapes) -> str:
+    return _table("points", shapes)
 
 
 def _read_points(path: Path, frame: int) -> Shapes:
@@ -176,7 +179,7 @@ def _read_points(path: Path, frame: int) -> Shapes:
     ]
 
 
-def _write_parts(path: Path, shapes: Shapes) -> None:
+def _parts_text(shapes: Shapes) -> str:
     rows = []
     for shape in shapes:
         first, second = (np.array([shape[f"x{end}"], shape[f"y{end}"]], float) for end in (1, 2))
@@ -184,7 +187,7 @@ def _write_parts(path: Path, shapes: Shapes) -> None:
         angle = np.degrees(np.arctan2(along[1], along[0]))
         numbers = (x, y, np.hypot(*along), shape["width"], angle)
         rows.append([shape["name"], shape["parent"], *(f"{number:.2f}" for number in numbers)])
-    write_text(path, csv_text([HEADERS["parts"].split(","), *rows]))
+    return csv_text([HEADERS["parts"].split(","), *rows])
 
 
 def _read_parts(path: Path, frame: int) -> Shapes:
@@ -200,7 +203,7 @@ def _read_parts(path: Path, frame: int) -> Shapes:
     return shapes
 
 
-def _write_contours(path: Path, shapes: Shapes) -> None:
+def _contours_text(shapes: Shapes) -> str:
     if len({(shape["closed"], shape["width"]) for shape in shapes}) > 1:
         raise InputError(
             "a file of contours holds either closed contours, or open ones of one width; draw the "
@@ -212,7 +215,7 @@ def _write_contours(path: Path, shapes: Shapes) -> None:
             raise InputError(f"contour '{shape['name']}' has fewer than three points; add some.")
     control = [_control_points(shape["points"], closed) for shape in shapes]
     names = tuple(shape["name"] for shape in shapes)
-    write_contours(path, Contours(names, np.array(control), closed=closed, width=width))
+    return contours_text(Contours(names, np.array(control), closed=closed, width=width))
 
 
 def _control_points(points: list[list[float]], closed: bool) -> np.ndarray:
@@ -248,11 +251,11 @@ def _table(kind: str, shapes: Shapes) -> str:
     return csv_text([columns, *rows])
 
 
-_WRITERS: dict[str, Callable[[Path, Shapes], None]] = {
-    "boxes": _write_boxes,
-    "points": _write_points,
-    "parts": _write_parts,
-    "contours": _write_contours,
+_TEXTS: dict[str, Callable[[Shapes], str]] = {
+    "boxes": _boxes_text,
+    "points": _points_text,
+    "parts": _parts_text,
+    "contours": _contours_text,
 }
 _READERS: dict[str, Callable[[Path, int], Shapes]] = {
     "boxes": _read_boxes,

@@ -182,8 +182,8 @@ class Marking:
             Refusal: it would replace other results, or a run, and the page has not asked for that.
         """
         if not content.get("replaces") and (self.is_running or self._holds_results()):
-            state = "is being written" if self.is_running else "holds results"
-            raise Refusal(409, error=f"'{self.folder}' {state}.")
+            state = "A run is writing its" if self.is_running else "There are"
+            raise Refusal(409, error=f"{state} results in '{self.folder}'.")
         if self.run is not None and self.run.poll() is None:
             self.run.terminate()  # it keeps what it has tracked
             self.run.wait()

@@ -70,16 +70,20 @@ def write_start(path: Path, kind: str, shapes: Shapes) -> None:
 
 
 def save_start(path: Path, kind: str, shapes: Shapes) -> None:
-    """Write the shapes that can be read again, and raise for others, which stay as they were."""
+    """Write the shapes; if some cannot be read again, only add the others to the file, and raise.
+
+    Raises:
+        InputError: see ``write_start``.  Nothing that was in the file is lost.
+    """
     remove_leavings(path.parent, f"{path.stem}.", older=_KILLED)
     try:
         write_start(path, kind, shapes)
     except InputError:
         sound = [shape for shape in shapes if _is_sound(path, kind, shape)]
         if 0 < len(sound) < len(shapes):
-            wrong = [_place(shape) for shape in shapes if shape not in sound]
-            before = read_start(path, kind, shapes[0]["frame"]) if path.is_file() else []
-            write_start(path, kind, sound + [one for one in before if _place(one) in wrong])
+            places = {_place(shape) for shape in sound}
+            before = read_start(path, kind, sound[0]["frame"]) if path.is_file() else []
+            write_start(path, kind, sound + [one for one in before if _place(one) not in places])
         raise
 
 

@@ -268,12 +268,11 @@ async function write(kind) {
   } catch (error) {
     say(error.message, true);
     if (!("digest" in error)) return null;
-    if (error.status === 409) {
-      const [theirs, ours] = ["Load the file", "Replace it by this page"];
-      const choice = await choose(error.message, theirs, ours);
-      if (!choice) return null;
-      about.digests[kind] = error.digest;
-      if (choice === ours) return write(kind);
+    const [theirs, ours] = ["Load the file", "Replace it by this page"];
+    const choice = error.status === 409 ? await choose(error.message, theirs, ours) : null;
+    if (choice !== "") about.digests[kind] = error.digest;
+    if (choice === ours) return write(kind);
+    if (choice === theirs) {
       remember();
       items = [...items.filter((item) => item.kind !== kind), ...error.items];
       selected = joint = null;
@@ -281,7 +280,6 @@ async function write(kind) {
       list();
       say("The file is loaded; Undo brings back what was here.");
     }
-    about.digests[kind] = error.digest;
     return null;
   }
 }
@@ -539,7 +537,7 @@ async function track(replaces = false) {
     await follow();
   } catch (error) {
     say(error.message, true);
-    const yes = "Replace it";
+    const yes = "Replace the results";
     if (error.status === 409 && await choose(error.message, yes, "Cancel") === yes) await track(true);
   }
 }

@@ -174,7 +174,7 @@ def test_from_a_film_to_a_reviewed_and_corrected_track(opened, street, tmp_path,
     page.answer("Cancel")
     assert (output / "tracks.csv").read_text() == before
     page.one("#track").click()
-    page.answer("Replace it")
+    page.answer("Replace the results")
     page.until(lambda: "compiling" in page.status or "frame" in page.status)
     page.until(lambda: "frames tracked" in page.status, 400)
     again = next(
@@ -209,7 +209,7 @@ def test_corrections_keep_the_options_and_the_objects_of_a_run(
     page.until(starts.exists)
     page.until(lambda: [(row["frame"], row["id"]) for row in rows_of(starts)] == drawn)
     page.one("#track").click()
-    page.answer("Replace it")
+    page.answer("Replace the results")
     page.until(lambda: "frames tracked" in page.status, 400)
     again = tomllib.loads((tmp_path / "run" / "run.toml").read_text())["track"]
     assert (again["num_particles"], again["start"], again["frames"]) == (40, 1, 9)

@@ -51,7 +51,7 @@ class Marking:
         self.kind = kind or ("contours" if output and output.suffix == ".json" else "boxes")
         self.output, self.start, self.reviewed = output, start, reviewed
         self.folder = reviewed.folder if reviewed else Path(f"jaxpf-{self.source.name}")
-        self.given = reviewed and reviewed.start_file
+        self.given = None if reviewed is None else reviewed.start_file
         mine = self.file(self.kind)
         if self.given and not self.given.is_file() and self.given.name == mine.name:
             self.given = mine  # the folder was moved

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_names, check_type, import_extra
 from jaxpf.contract.numbers import FINITE, check_array, check_number, check_whole, numbers_in
-from jaxpf.files.reading import parse_number, read_rows
+from jaxpf.files.reading import check_pixels, parse_number, read_rows
 from jaxpf.files.writing import write_text
 from jaxpf.sequences.tables import BoxTable, dense, listed, read_boxes
 
@@ -151,6 +151,7 @@ def check_boxes(
         check_names(names, len(boxes))
     for name, side in (("width", width), ("height", height)):
         check_number(name, side, above=0)
+    check_pixels("the boxes", boxes)
     for index, (x, y, w, h) in enumerate(boxes):
         name = f"box {index + 1}" if names is None else f"the box of {names[index]}"
         shown = f"{name} ({x:g},{y:g},{w:g},{h:g})"

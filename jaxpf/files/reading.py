@@ -7,6 +7,8 @@ import re
 import unicodedata
 from pathlib import Path
 
+import numpy as np
+
 from jaxpf.contract.errors import InputError
 from jaxpf.files.digests import check_unchanged
 from jaxpf.files.writing import FORMULA
@@ -75,6 +77,21 @@ def parse_number(
     if _DECIMAL_COMMA.fullmatch(field):
         remedy = f"write decimals with a point, {field.replace(',', '.')}"
     raise InputError(f"{place} {field[:40]!r}, which is not a finite number; {remedy}")
+
+
+def check_pixels(what: str, values: np.ndarray) -> None:
+    """Refuse coordinates of several points or boxes that are shares of the frame's size.
+
+    Args:
+        what: the coordinates, for messages.
+        values: x, y or x, y, w, h, ``[K, 2 or 4]``.
+    """
+    # The corners of boxes may be shifted by a pixel.  Whole numbers are label images of few pixels.
+    if values.size > 2 and np.abs(values).max() <= 2 and (values % 1).any():
+        raise InputError(
+            f"{what} have values of 0 to 1 only, as shares of the frame's size; multiply x and "
+            "widths by the frame's width in pixels, y and heights by its height"
+        )
 
 
 def check_name(name: str, place: str) -> None:

@@ -24,8 +24,8 @@ from jaxpf.sequences.tables import BoxTable, read_boxes, read_table, table_of
 
 _FORMATS = (
     "meta.json with gt.csv or points.csv, seqinfo.ini with gt/gt.txt (MOTChallenge), "
-    "groundtruth_rect.txt (OTB), groundtruth.txt (LaSOT, VOT), or label images in masks/, or as in "
-    "DAVIS, VisDrone or the Cell Tracking Challenge"
+    "groundtruth_rect.txt (OTB), groundtruth.txt (LaSOT, GOT-10k, VOT), or label images in masks/, "
+    "or as in DAVIS, VisDrone or the Cell Tracking Challenge"
 )
 # The benchmark starts David at picture 300, though its folder contains all 770; every other
 # sequence of OTB starts at its first picture.
@@ -54,9 +54,10 @@ def open_sequence(path: str | os.PathLike[str]) -> Sequence:
       optionally ``visible``.
     * MOTChallenge: ``seqinfo.ini``, ``gt/gt.txt`` and pictures numbered from 1.
     * OTB: ``img/`` and ``groundtruth_rect.txt``, or ``.1.txt``, ``.2.txt`` for several objects.
-      Lines belong to the pictures in order; pictures after the last line are left out.
-    * LaSOT and VOT: ``groundtruth.txt``; LaSOT's ``out_of_view.txt`` marks absences, and of VOT's
-      quadrangles the upright boxes around them count.
+      Lines belong to the pictures in order, a blank one to a picture without the object; pictures
+      after the last line are left out.
+    * LaSOT, GOT-10k and VOT: ``groundtruth.txt``; LaSOT's ``out_of_view.txt`` and GOT-10k's
+      ``absence.label`` mark absences, and of VOT's quadrangles the upright boxes around them count.
     * VisDrone: ``sequences/NAME`` with ``annotations/NAME.txt``.
     * Label images: ``masks/`` in the folder; ``JPEGImages/.../NAME`` with ``Annotations/.../NAME``
       (DAVIS); ``NAME`` with ``NAME_GT/TRA`` (Cell Tracking Challenge).  Boxes surround the pixels
@@ -144,12 +145,12 @@ def _read_mot(folder: Path, truth: Path) -> Sequence:
 
 
 def _read_lines(folder: Path, truth: Path) -> Sequence:
-    """OTB, LaSOT and VOT: a line per picture; corners count from 1."""
+    """OTB, LaSOT, GOT-10k and VOT: a line per picture; corners count from 1."""
     several = {path.name.split(".")[1]: path for path in folder.glob("groundtruth_rect.*.txt")}
     numbered = {int(name): path for name, path in several.items() if name.isdecimal()}
     truths = numbered if numbered and not truth.is_file() else {1: truth}
     hidden = _marked_frames(folder / "full_occlusion.txt")
-    absent = _marked_frames(folder / "out_of_view.txt")
+    absent = _marked_frames(folder / "out_of_view.txt") | _marked_frames(folder / "absence.label")
     lines = {identity: _boxes_in(path) for identity, path in truths.items()}
     rows = [
         (frame, identity, *box, 2 if frame in hidden else -1, 1)
@@ -250,14 +251,13 @@ def _described(
 
 
 def _boxes_in(path: Path) -> list[tuple[float, ...]]:
-    """Boxes of a file with one line per frame, NaN where the object is absent."""
+    """Boxes of a file with one line per frame, of size 0 where the object is absent."""
     boxes = []
     text = read_text(path, "boxes", "lines x,y,w,h, one per picture")
-    for number, line in enumerate(text.splitlines(), start=1):
-        fields = re.split(r"[,;\s]+", line.strip()) if line.strip() else []
+    for number, line in enumerate(text.rstrip().splitlines(), start=1):
+        # A line's place is its frame, so that a blank one counts, too.
+        fields = re.split(r"[,;\s]+", line.strip()) if line.strip() else ["nan"] * 4
         place = f"line {number} of '{path}'"
-        if not fields:
-            continue
         if len(fields) not in (4, 8):
             raise InputError(f"{place} has {len(fields)} columns; expected 4, x,y,w,h")
         if all(field.lower() == "nan" for field in fields):
@@ -275,9 +275,10 @@ def _boxes_in(path: Path) -> list[tuple[float, ...]]:
 
 
 def _marked_frames(path: Path) -> set[int]:
-    """Frames that a file of LaSOT marks by 1; none without the file."""
+    """Frames that a file of LaSOT or GOT-10k marks by 1; none without the file."""
     text = read_text(path, "marks", "0 or 1 for every frame") if path.is_file() else ""
-    return {t for t, mark in enumerate(re.split(r"[,;\s]+", text.strip())) if mark == "1"}
+    marks = re.split(r"[ \t\r]*[,;\n][ \t\r]*|[ \t]+", text.rstrip())  # some may be blank
+    return {t for t, mark in enumerate(marks) if mark == "1"}
 
 
 def _boxes_around(levels: np.ndarray) -> list[tuple[float, ...]]:

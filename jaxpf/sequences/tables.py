@@ -13,7 +13,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError, check_type
 from jaxpf.contract.numbers import check_array, check_whole
-from jaxpf.files.reading import FARTHEST, LARGEST_WHOLE, parse_number, read_rows
+from jaxpf.files.reading import FARTHEST, LARGEST_WHOLE, check_pixels, parse_number, read_rows
 
 _BOX = ("frame", "id", "x", "y", "w", "h")
 _TRACKS = ("frame", "time", *_BOX[1:])
@@ -115,12 +115,18 @@ def read_table(path: str | os.PathLike[str], truth: bool) -> tuple[BoxTable, Box
 
 
 def table_of(rows: Sequence[tuple[float, ...]], path: str | os.PathLike[str]) -> BoxTable:
-    """Convert rows from ``box_rows`` to a table."""
+    """Convert rows from ``box_rows`` to a table.
+
+    Raises:
+        InputError: the boxes are shares of the frame's width and height.
+    """
     columns = np.array(rows, np.float64).reshape(-1, 8)
+    box = columns[:, 2:6]
+    check_pixels(f"the boxes of '{path}'", box)
     return BoxTable(
         frame=columns[:, 0].astype(np.int64),
         id=columns[:, 1].astype(np.int64),
-        box=columns[:, 2:6],
+        box=box,
         occlusion=columns[:, 6].astype(np.int64),
         confidence=columns[:, 7],
         source=f"'{path}'",

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.files.reading import check_pixels
 from jaxpf.targets.target import Start
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ def check_inside(
     what: str, names: Iterable[object], places: np.ndarray, source: "FrameSource"
 ) -> None:
     """Refuse x and y ``[P, 2]`` outside the frame; ``what`` they are, such as ``"point"``."""
+    check_pixels("the start points", places)
     for name, (x, y) in zip(names, places, strict=True):
         if not (0 <= x < source.width and 0 <= y < source.height):
             raise InputError(

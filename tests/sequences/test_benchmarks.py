@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 from small_sequences import SEQINFO, complaint_of, mot_rows, otb_text
 
+from jaxpf import InputError
+from jaxpf.boxes import read_boxes
+from jaxpf.detections.files import read_detections
 from jaxpf.evaluation.opening import load_scene
+from jaxpf.sequences import open_sequence
 
 # MOTChallenge
 
@@ -133,6 +137,17 @@ def test_an_otb_sequence_may_have_several_objects_and_absences(otb_folder, drawn
     np.testing.assert_array_equal(load_scene(otb_folder).boxes, expected[:, :1])
 
 
+@pytest.mark.parametrize("blank", ["", "  ", "NaN,NaN,NaN,NaN", "0,0,0,0"])
+@pytest.mark.parametrize("at", [0, 3])
+def test_an_otb_line_without_a_box_keeps_the_frames_of_those_below(otb_folder, drawn, blank, at):
+    lines = otb_text(drawn[1][:, 0], ",").splitlines()
+    lines[at] = blank
+    (otb_folder / "groundtruth_rect.txt").write_text("\n".join(lines) + "\n\n")
+    expected = drawn[1][:, 0].copy()
+    expected[at] = np.nan
+    np.testing.assert_array_equal(open_sequence(otb_folder).boxes[:, 0], expected)
+
+
 @pytest.mark.parametrize(
     ("line", "complaint"),
     [
@@ -159,3 +174,21 @@ def test_missing_otb_files_are_named(otb_folder):
     (otb_folder / "groundtruth_rect.2.txt").write_text("6,7,20,24\n")
     (otb_folder / "img" / "0001.jpg").write_bytes(b"")
     assert "0001.jpg' cannot be decoded" in complaint_of(otb_folder)
+
+
+@pytest.mark.parametrize("row", ["{t},-1,{box}", "{t},-1,{box},1,-1,-1,-1"])
+@pytest.mark.parametrize("read", [read_boxes, read_detections])
+def test_boxes_in_shares_of_the_frame_are_refused(tmp_path, read, row):
+    path = tmp_path / "boxes.csv"
+    lines = [row.format(t=t, box="0.0104,0.4,0.25,0.5") for t in range(1, 4)]
+    path.write_text("\n".join(lines))
+    with pytest.raises(InputError, match=r"boxes\.csv.*multiply"):
+        read(path)
+    pixel = [row.format(t=t, box="1,1,1,1") for t in range(1, 4)]
+    path.write_text("\n".join(pixel))
+    read(path)
+
+
+def test_otb_boxes_in_shares_of_the_frame_are_refused(otb_folder):
+    (otb_folder / "groundtruth_rect.txt").write_text("0.1,0.2,0.3,0.4\n" * 8)
+    assert "multiply" in complaint_of(otb_folder)

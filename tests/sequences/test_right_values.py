@@ -93,7 +93,7 @@ def test_truth_of_visdrone_is_read(tmp_path):
     assert (load_scene(str(folder)).extras["occlusion"] == 1).all()
 
 
-def test_lasot_and_vot_are_read(tmp_path):
+def test_lasot_got_10k_and_vot_are_read(tmp_path):
     lasot, vot = tmp_path / "cat-1", tmp_path / "ball1"
     write_pictures(lasot / "img", np.full((T, *SIZE, 3), 90, np.uint8), digits=8)
     (lasot / "groundtruth.txt").write_text("".join(f"{t + 6},5,8,9\n" for t in range(T)))
@@ -102,6 +102,10 @@ def test_lasot_and_vot_are_read(tmp_path):
     scene = load_scene(str(lasot))
     np.testing.assert_array_equal(scene.boxes, moving(5, absent=[3]))
     assert scene.extras["occlusion"][:, 0].tolist() == [-1, 2, -1, -1, -1]
+    (lasot / "out_of_view.txt").rename(lasot / "absence.label")  # GOT-10k's
+    for marks in ("0\n0\n0\n1\n0\n", "0\r\n\r\n0\r\n1", ",,,1,", "0, 0, 0, 1, 0"):
+        (lasot / "absence.label").write_bytes(marks.encode())
+        np.testing.assert_array_equal(load_scene(str(lasot)).boxes, moving(5, absent=[3]))
     write_pictures(vot, np.full((T, *SIZE, 3), 90, np.uint8), digits=8)
     corners = "{0},5,{1},5,{1},14,{0},14\n"
     text = "".join(corners.format(t + 6, t + 14) for t in range(T))

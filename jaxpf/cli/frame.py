@@ -24,10 +24,16 @@ from jaxpf.media.video import open_frames
     most=10_000,
     help="Pixels between grid lines.  [default: by the picture's size]",
 )
+@plain.grey_range
 @plain.output("PNG file to write.  [default: NAME-frame-NUMBER.png]")
 @plain.overwrite_file
 def command(
-    video: str, number: int, step: int | None, output: Path | None, overwrite: bool
+    video: str,
+    number: int,
+    step: int | None,
+    range: tuple[int, int] | None,
+    output: Path | None,
+    overwrite: bool,
 ) -> None:
     """Save one frame of VIDEO with a pixel grid, to read boxes, points and contours off.
 
@@ -37,7 +43,7 @@ def command(
     """
     if output is not None and output.suffix.lower() != ".png":
         raise InputError(f"output '{output}' must end in .png; rename it.")
-    source = open_frames(video)
+    source = open_frames(video, range=range)
     output = output or Path(f"{source.name}-frame-{number}.png")
     if isinstance(source.path, Path) and output.parent.resolve() == source.path.resolve():
         raise InputError(
@@ -52,3 +58,5 @@ def command(
     with atomic_write(output, "wb") as file:
         file.write(encoded.tobytes())
     say(f"{output}: frame {number} of '{source.path}', {source.width}x{source.height} pixels")
+    if source.note:
+        say(f"Note: {source.note}", err=True)

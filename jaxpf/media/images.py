@@ -6,11 +6,12 @@ import re
 import statistics
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from jaxpf.contract.errors import InputError, import_extra
+from jaxpf.contract.errors import Argument, InputError, import_extra
 from jaxpf.media.quiet import quiet_opencv
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
@@ -18,6 +19,10 @@ IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
 _OF_PHOTOGRAPH = 0.25
 #: Number of images that are read to know the range of 16 bits.
 _SAMPLED = 9
+#: Bits that images of 16 bits may hold, and their highest values.
+_WHITES = {8: 255, 12: 4095, 16: 65535}
+#: Share of the range below which fewer than 64 of 256 grey levels would be left.
+_LEAST_FILLED = 0.25
 VIDEO_SUFFIXES = (".avi", ".mkv", ".mov", ".mp4", ".webm", ".wmv")
 
 
@@ -180,37 +185,91 @@ def frames_inside(folder: Path) -> Path | None:
     return None
 
 
-def full_range(files: Sequence[Path]) -> int:
-    """Return the value of white in images of 16 bits: 65535, or 4095 for 12-bit data.
+class Levels(NamedTuple):
+    """How values of 16 bits become 8: ``black`` becomes 0 and ``white`` 255.
 
-    Cameras store 12 bits in 16-bit images.  The images count as 12-bit if no pixel of some of
-    them, spread evenly, is above 4095.
+    Attributes:
+        black: values below it become 0, too.
+        white: see ``is_limit``.
+        is_limit: whether a value above ``white`` is refused; else it becomes 255.
+        note: what the user should know, or None.
     """
+
+    black: int = 0
+    white: int = _WHITES[16]
+    is_limit: bool = False
+    note: str | None = None
+
+
+def levels_of(files: Sequence[Path], given: Sequence[int] | None = None) -> Levels:
+    """Return how images of 16 bits become 8, by default as their values suggest.
+
+    Cameras store 8 and 12 bits in 16-bit images.  The images count as 8-bit or 12-bit if no pixel
+    of some of them, spread evenly, is above 255 or 4095.  Where fewer than 64 of 256 grey levels
+    would be left, as in images of thermal cameras, the range is that of the values, and if isolated
+    pixels, which are often defects of the sensor, widen it as much, that of the others.
+
+    Args:
+        files: the images.
+        given: black and white.
+    """
+    if given is not None:
+        if _decode(files[0]).dtype != np.uint16:
+            raise no_range(files[0], given)
+        return Levels(*given)
     places = np.unique(np.linspace(0, len(files) - 1, _SAMPLED).astype(int))
-    highest = 0
+    found = []
     for place in places:
         image = _decode(files[place])
         if image.dtype != np.uint16:
             break
-        highest = max(highest, int(image.max()))
-    return 4095 if 255 < highest <= 4095 else 65535
+        smooth = cv2.medianBlur(image, 3)
+        found.append([image.min(), smooth.min(), image.max(), smooth.max()])
+    if not np.any(found):
+        return Levels()
+    lowest, highest = np.min(found, axis=0)[:2].tolist(), np.max(found, axis=0)[2:].tolist()
+    bits, limit = next((bits, most) for bits, most in _WHITES.items() if highest[0] <= most)
+    black, white = 0, limit
+    for low, high in zip(lowest, highest, strict=True):
+        if 0 < high - low < _LEAST_FILLED * (white - black):
+            black, white = low, high
+    if (black, white) != (0, limit):
+        note = (
+            f"images of '{files[0].parent}' fill a small part of 16 bits, so black is {black} and "
+            f"white is {white}; --range LOW,HIGH chooses others"
+        )
+        return Levels(black, white, note=note)
+    if bits == 16:
+        return Levels()
+    note = f"no value in '{files[0]}' is above {white}, so its 16 bits count as {bits}"
+    return Levels(white=white, is_limit=True, note=note)
 
 
-def read_image(path: Path, most: int = 65535) -> np.ndarray:
+def no_range(path: object, given: Sequence[int]) -> InputError:
+    """The refusal of a range of values for other than images of 16 bits."""
+    return InputError(
+        Argument("range", given, typed=",".join(map(str, given))),
+        f" works only with a folder of images of 16 bits, and '{path}' is none; leave it out.",
+    )
+
+
+def read_image(path: Path, levels: Levels) -> np.ndarray:
     """Decode one image to uint8 RGB [H, W, 3].
 
     Args:
         path: the file.
-        most: value of white in a 16-bit image, see ``full_range``; a higher value is refused.
+        levels: of a 16-bit image, see ``levels_of``.
     """
     image = _decode(path)
     if image.dtype == np.uint16:
-        if (highest := image.max()) > most:
+        black, white = levels.black, levels.white
+        if levels.is_limit and (highest := image.max()) > white:
             raise InputError(
-                f"'{path}' has a value of {highest}, and the images before it are of 12 bits, at "
-                f"most {most}; save all with the same number of bits"
+                f"'{path}' has a value of {highest}, and the images before it have at most "
+                f"{white}; save all with the same number of bits, or give their --range"
             )
-        image = ((image.astype(np.uint32) * 255 + most // 2) // most).astype(np.uint8)
+        span, above = white - black, image.clip(black, white).astype(np.uint32) - black
+        image = ((above * 255 + span // 2) // span).astype(np.uint8)
     return to_rgb(image, path)
 
 

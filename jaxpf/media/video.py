@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.numbers import check_number
 from jaxpf.files.writing import report_os_errors
 from jaxpf.media.clock import Clock
@@ -24,7 +24,8 @@ from jaxpf.media.images import (
     check_name,
     check_single,
     frames_inside,
-    full_range,
+    levels_of,
+    no_range,
     pictures_in,
     read_image,
 )
@@ -41,15 +42,21 @@ _SHOWN = 16
 _PATIENCE = 5.0
 
 
-def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) -> FrameSource:
+def open_frames(
+    path: str | os.PathLike[str] | int,
+    fps: float | None = None,
+    range: Sequence[int] | None = None,
+) -> FrameSource:
     """Open a video, a folder of images or a live source for reading.
 
     A folder's images (png, jpg, jpeg, bmp, tif, tiff, webp) are the frames, in natural order
     (``img2.png`` before ``img10.png``); hidden files are skipped.  The numbers in their names
     must have a constant step.  Grey becomes RGB with three equal channels.  Alpha is
     dropped and the stored colours are kept, even where transparent.  16 bits per channel are
-    scaled to 8, full range to full range, which is 12 bits if some images are sampled and no value
-    is above 4095; a later image that contradicts this is refused.
+    scaled to 8, full range to full range.  That is 12 bits (or 8) if some images are sampled and no
+    value is above 4095 (255); a later image that contradicts this is refused.  If the values of
+    the sampled images fill less than a quarter of the range, they become all of 0 to 255, and
+    ``note`` says so.
 
     Frames are turned and mirrored as EXIF and video metadata say.  Those of interlaced video are
     whole, with both fields, as stored; a film to be deinterlaced must be converted.  Frames keep
@@ -62,6 +69,7 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
     Args:
         path: a video in any format that PyAV decodes, a folder, or a live source.
         fps: frames per second, in place of time stamps; 25 for a folder.
+        range: of a folder of images of 16 bits, the values that become 0 and 255.
 
     Returns:
         A source that has at least one frame.
@@ -73,15 +81,22 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
         raise InputError("no video is named; give its path, or . for the images in this folder")
     if fps is not None:
         check_number("fps", fps, above=0)
+    if range is not None and not 0 <= range[0] < range[1] <= 65535:
+        raise InputError(
+            Argument("range", range, typed=",".join(map(str, range))),
+            " must be two whole numbers from 0 to 65535, black before white.",
+        )
     with report_os_errors("read", f"{path}"):
         address = live_address(path)
     if address is not None:
+        if range is not None:
+            raise no_range(address, range)
         return LiveSource(address, fps)
     path = Path(f"{path}")
     check_name(path)
     with report_os_errors("read", f"{path}"):
         if path.is_dir():
-            return _ImageFolder(path, fps)
+            return _ImageFolder(path, fps, range=range)
         try:
             with open(path, "rb") as file:
                 beginning = file.read(16)
@@ -99,6 +114,8 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
         raise InputError(
             f"'{path}' is a single image; give the folder that holds the images, or a video"
         )
+    if range is not None:
+        raise no_range(path, range)
     return _VideoFile(path, fps, beginning)
 
 
@@ -176,7 +193,13 @@ class _VideoFile(FrameSource):
 class _ImageFolder(FrameSource):
     """A folder whose images, or some of them in the given order, are the frames."""
 
-    def __init__(self, path: Path, fps: float | None, files: Sequence[Path] | None = None):
+    def __init__(
+        self,
+        path: Path,
+        fps: float | None,
+        files: Sequence[Path] | None = None,
+        range: Sequence[int] | None = None,
+    ):
         super().__init__(path, path.resolve().name, fps)
         given, files = files, list(files or pictures_in(path))
         self._files, self.pictures = files, [file.name for file in files]
@@ -195,17 +218,16 @@ class _ImageFolder(FrameSource):
             check_name(entry)
             check_single(entry)
         self.frames_expected = self.num_frames = len(self._files)
-        self._most = full_range(self._files)
-        self.height, self.width = read_image(self._files[0], self._most).shape[:2]
-        if self._most < 65535:
-            notes += [f"no value in '{self._files[0]}' is above 4095, so its 16 bits count as 12"]
+        self._levels = levels_of(self._files, range)
+        self.height, self.width = read_image(self._files[0], self._levels).shape[:2]
+        notes += [self._levels.note]
         if len(files) == 1:
             notes += [f"folder '{path}' holds {content}"]
         self.note = "; ".join(filter(None, notes)) or None
 
     def _frames(self, start: int) -> Generator[np.ndarray]:
         for file in self._files[start:]:
-            frame = read_image(file, self._most)
+            frame = read_image(file, self._levels)
             if frame.shape[:2] != (self.height, self.width):
                 raise InputError(
                     f"folder '{self.path}' mixes image sizes: '{self._files[0].name}' is "

@@ -169,9 +169,47 @@ def test_an_image_that_contradicts_12_bits_is_refused(tmp_path):
     write_images(tmp_path, "1.png", value=4096, dtype=np.uint16)  # is not sampled
     frames = open_frames(tmp_path).frames()
     next(frames)
-    assert "'1.png' has a value of 4096, and the images before it are of 12 bits" in message_of(
-        next, frames
-    ).replace(f"{tmp_path}/", "")
+    assert f"'{tmp_path / '1.png'}' has a value of 4096" in message_of(next, frames)
+    chosen = open_frames(tmp_path, range=(0, 65535))
+    assert [int(frame[0, 0, 0]) for frame in chosen][:3] == [12, 16, 12]
+
+
+TEXTURE = np.random.default_rng(0).integers(0, 256, (48, 64), np.uint16)
+TEXTURE[20:28, 20:28] = np.arange(0, 256, 4).reshape(8, 8)  # flat enough for a median
+
+
+@pytest.mark.parametrize("defect", [None, 0, 4000, 65535])
+@pytest.mark.parametrize(
+    ("values", "black", "white"),
+    [
+        (TEXTURE, 0, 255),  # 8 bits in 16
+        (7000 + 6 * TEXTURE, 7000, 8530),  # thermal
+        (100 + TEXTURE // 8, 100, 131),  # a dim microscope
+        (200 + 3 * TEXTURE, 200, 965),  # the same, of 12 bits
+    ],
+)
+def test_images_that_fill_little_of_16_bits_are_scaled_by_their_content(
+    tmp_path, values, black, white, defect
+):
+    for number in range(3):
+        image = values.copy()
+        if defect is not None:
+            image[10 * number, 5] = defect  # a pixel of the sensor
+        cv2.imwrite(str(tmp_path / f"{number}.tif"), image)
+    source = open_frames(tmp_path)
+    frames = np.stack(list(source))
+    assert len(np.unique(frames)) >= min(64, 0.8 * (white - black))  # a quarter of all levels
+    assert source.note is not None
+    exact = list(open_frames(tmp_path, range=(black, white)))[1][30:, :, 0]
+    np.testing.assert_allclose(exact, (values[30:] - black) / (white - black) * 255, atol=0.51)
+
+
+def test_a_range_is_of_images_of_16_bits(tmp_path):
+    write_images(tmp_path, "0.png", "1.png")
+    assert "range" in message_of(open_frames, tmp_path, range=(0, 255))
+    write_images(tmp_path, "0.png", "1.png", value=2048, dtype=np.uint16)
+    for wrong in ((5, 5), (9, 2), (-1, 5), (0, 65536)):
+        assert "range" in message_of(open_frames, tmp_path, range=wrong)
 
 
 def test_links_in_a_circle_and_images_beyond_all_limits_are_one_sentence(tmp_path):

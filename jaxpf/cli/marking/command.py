@@ -27,13 +27,20 @@ _kind = click.option(
 @click.argument("video")
 @_kind
 @plain.whole("--start", default=0, most=2**31 - 1, help="Frame shown first, from 0.")
+@plain.grey_range
 @plain.output(
     "Start file to write, or to edit.  [default: NAME-TARGET.csv beside VIDEO; .json for contours]"
 )
 @_open
 @_keep
 def mark(
-    video: str, kind: str | None, start: int, output: Path | None, opens: bool, keep: bool
+    video: str,
+    kind: str | None,
+    start: int,
+    range: list[int] | None,
+    output: Path | None,
+    opens: bool,
+    keep: bool,
 ) -> None:
     """Draw boxes, points, part trees or contours on VIDEO in the browser.
 
@@ -42,7 +49,7 @@ def mark(
     its button Track runs it into jaxpf-NAME, asking before it replaces results.  The page is served
     on this machine alone, until it has been closed for a minute and its run has ended.
     """
-    _serve(Marking(video, kind, output, start), [], opens, keep)
+    _serve(Marking(video, kind, output, start, range=range), [], opens, keep)
 
 
 @click.command("view", cls=PlainCommand)
@@ -61,7 +68,8 @@ def view(folder: Path, beside: Path | None, video: str | None, opens: bool, keep
     """
     run = Run(folder.resolve() if folder.name in ("", "..") else folder)
     second = [] if beside is None else [Run(beside) if beside.is_dir() else _Truth(beside)]
-    marking = Marking(video or run.video, run.kind, None, run.start, run)
+    values = None if video else run.table.get("range")
+    marking = Marking(video or run.video, run.kind, None, run.start, run, values)
     _serve(marking, [run, *second], opens, keep)
 
 

@@ -43,8 +43,10 @@ class Marking:
         output: Path | None,
         start: int,
         reviewed: Run | None = None,
+        range: list[int] | None = None,
     ):
-        self.source = open_frames(video)
+        self.source = open_frames(video, range=range)
+        self.range = range
         if self.source.is_live:
             raise InputError(f"'{video}' is live; record it to a file, and mark that.")
         self.video = video
@@ -108,6 +110,8 @@ class Marking:
         if self.reviewed is not None and kind == self.kind:
             given += ["--config", str(self.configuration)]
             usual = self.reviewed.start
+        elif self.range:
+            given += ["--range", ",".join(map(str, self.range))]
         given += [f"--{kind}", str(self.file(kind))]
         if usual not in frames:
             given += ["--start", str(min(frames))]

@@ -8,7 +8,8 @@ from typing import Any
 import click
 
 from jaxpf._resembling import renamed
-from jaxpf.cli.shared.flags import Flag, NumberList
+from jaxpf.cli.shared.flags import Flag
+from jaxpf.cli.shared.plain import NumberList
 from jaxpf.contract.errors import InputError
 from jaxpf.files.writing import atomic_write
 from jaxpf.targets import find_target

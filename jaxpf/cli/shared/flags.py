@@ -16,7 +16,7 @@ import click
 
 from jaxpf import filters
 from jaxpf.cli.shared.console import say
-from jaxpf.cli.shared.plain import GivenPath, PlainCommand
+from jaxpf.cli.shared.plain import GivenPath, NumberList, PlainCommand
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, Option, counting, options_of, plain
 from jaxpf.targets import all_targets
@@ -26,29 +26,6 @@ from jaxpf.targets.building import filled
 if TYPE_CHECKING:
     from jaxpf.filters.filter import Filter
     from jaxpf.targets.target import Target
-
-
-class NumberList(click.ParamType):
-    """Numbers separated by commas, such as ``4,2,0.003``."""
-
-    def __init__(self, kind: type = float, length: int | None = None, opens: bool = False):
-        self.kind, self.length, self.opens = kind, length, opens
-        self.name = "whole numbers" if kind is int else "numbers"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Convert text or a TOML list to numbers; keeps "auto" if the option allows it."""
-        if self.opens and value == OPEN:
-            return value
-        parts = value.split(",") if isinstance(value, str) else list(value)
-        try:
-            numbers = [self.kind(part) for part in parts]
-        except (TypeError, ValueError):
-            self.fail(f"{value!r} is not {self.name} separated by commas.", param, ctx)
-        if self.length is not None and len(numbers) != self.length:
-            self.fail(
-                f"{value!r} holds {len(numbers)} number(s); give {self.length} of them.", param, ctx
-            )
-        return numbers
 
 
 class Flag(click.Option):

@@ -9,6 +9,7 @@ import click
 
 from jaxpf._resembling import renamed
 from jaxpf.contract.errors import Argument, InputError
+from jaxpf.contract.options import OPEN
 
 
 class GivenPath(click.Path):
@@ -28,6 +29,29 @@ class GivenPath(click.Path):
             if error.errno == errno.ELOOP:
                 self.fail(f"symbolic links at '{path}' form a loop; give another path.", param, ctx)
         return path
+
+
+class NumberList(click.ParamType):
+    """Numbers separated by commas, such as ``4,2,0.003``."""
+
+    def __init__(self, kind: type = float, length: int | None = None, opens: bool = False):
+        self.kind, self.length, self.opens = kind, length, opens
+        self.name = "whole numbers" if kind is int else "numbers"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Convert text or a TOML list to numbers; keeps "auto" if the option allows it."""
+        if self.opens and value == OPEN:
+            return value
+        parts = value.split(",") if isinstance(value, str) else list(value)
+        try:
+            numbers = [self.kind(part) for part in parts]
+        except (TypeError, ValueError):
+            self.fail(f"{value!r} is not {self.name} separated by commas.", param, ctx)
+        if self.length is not None and len(numbers) != self.length:
+            self.fail(
+                f"{value!r} holds {len(numbers)} number(s); give {self.length} of them.", param, ctx
+            )
+        return numbers
 
 
 class PlainCommand(click.Command):
@@ -79,6 +103,14 @@ def output(help: str, default: str | None = None) -> Callable:
         *spellings, type=GivenPath(), default=place, show_default=place is not None, help=help
     )
 
+
+#: The option ``--range`` of a film, as that of ``jaxpf track``.
+grey_range = click.option(
+    "--range",
+    type=NumberList(int, 2),
+    metavar="LOW,HIGH",
+    help="Values that become black and white (images of 16 bits only).",
+)
 
 #: The option ``--overwrite`` of an output folder.
 overwrite = click.option("--overwrite", is_flag=True, help="Replace files in an existing folder.")

@@ -98,7 +98,15 @@ def _params(target: Target) -> list[click.Parameter]:
         return declared_flags(
             those,
             section,
-            rare=("tracker", "mc_error_lag", "smooth", "smooth_lag", "save_state", "resume"),
+            rare=(
+                "range",
+                "tracker",
+                "mc_error_lag",
+                "smooth",
+                "smooth_lag",
+                "save_state",
+                "resume",
+            ),
         )
 
     early = ("start", "frames")

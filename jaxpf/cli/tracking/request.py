@@ -39,6 +39,15 @@ class Run:
         "Frames per second.  [default: the video's or 25]",
         above=0.0,
     )
+    range: tuple[int, ...] | None = option(
+        None,
+        "LOW,HIGH: the values that become black and white (images of 16 bits only).  By default "
+        "the full range, or that of the content if it fills less than a quarter.",
+        kind=int,
+        length=2,
+        least=0,
+        most=2**16 - 1,
+    )
     seed: int = option(0, "Random seed: same seed, same tracks.", least=0, most=2**32 - 1)
     runs: int | None = option(
         None,

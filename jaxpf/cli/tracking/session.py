@@ -153,7 +153,7 @@ class Session:
 def open_session(request: Request) -> Session:
     """Open the video, read where objects start, and check the request against both."""
     run_options = request.run
-    source = open_frames(request.video, run_options.fps)
+    source = open_frames(request.video, run_options.fps, run_options.range)
     frames = source.frames(run_options.start)
     click.get_current_context().call_on_close(frames.close)
     endless = source.is_live and run_options.frames is None

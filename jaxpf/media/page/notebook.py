@@ -118,4 +118,4 @@ def view(folder: str | os.PathLike[str]) -> Drawn:
     """
     run = Run(Path(folder))
     about = {"kind": run.kind, "start": run.start, "results": [run.name], "can_draw": False}
-    return Drawn(open_frames(run.video), runs=[run], **about)
+    return Drawn(open_frames(run.video, range=run.table.get("range")), runs=[run], **about)

@@ -3,6 +3,7 @@
 import shutil
 import tomllib
 
+import cv2
 import numpy as np
 import pytest
 from command_line import assert_same, built_by_track, jaxpf
@@ -206,6 +207,24 @@ def test_every_object_may_have_a_noise_of_its_own(place):
     noise = ("--noise-relative", ".045,.18,.02,0,0,0")
     _, tracker = built_by_track("boxes", place / "clip.avi", *BOXES, *noise)
     np.testing.assert_allclose(tracker.dynamics.steps, [[0.045, 0.18, 0.02], [0, 0, 0]])
+
+
+def test_a_range_makes_pictures_of_16_bits_those_of_8(whole_run, track, place, tmp_path):
+    for path in (place / "images").iterdir():
+        (tmp_path / "deep").mkdir(exist_ok=True)
+        cv2.imwrite(str(tmp_path / "deep" / path.name), 100 + 2 * cv2.imread(path).astype("u2"))
+    given = ("--range", "100,610")
+    assert jaxpf("frame", tmp_path / "deep", *given, "-o", tmp_path / "deep.png").code == 0
+    assert jaxpf("frame", place / "images", "-o", tmp_path / "plain.png").code == 0
+    assert (tmp_path / "deep.png").read_bytes() == (tmp_path / "plain.png").read_bytes()
+    outcome = track(*BOXES, *given, "--frames", 2, video=tmp_path / "deep")
+    assert outcome.code == 0, outcome.err
+    found, expected = (read_tracks(f / "tracks.csv") for f in (tmp_path / "out", whole_run[1]))
+    np.testing.assert_array_equal(found["x"], expected["x"][: len(found["x"])])
+    assert tomllib.loads((tmp_path / "out" / "run.toml").read_text())["track"]["range"] == [
+        100,
+        610,
+    ]
 
 
 def test_a_folder_of_images_with_its_own_rate_gives_the_tracks_of_the_lossless_video(

@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from command_line import jaxpf
+from command_line import jaxpf, refusal_of
 from small_video import BOXES, PARTICLES, picture, write_images, write_lossless_video, write_truth
 
 from jaxpf import cli
@@ -48,11 +48,18 @@ NINE = ",".join("1" * 9)
         ("{both} --mc-error-lag 3 --method pffl", "follow the ancestors of whole particles"),
         ("{both} --smooth --runs 3", "smooths a single run"),
         ("{both} --smooth --relocate 0.1", "--relocate 0"),
+        ("{both} --range 5,9", "--range 5,9 works only with a folder of images of 16 bits"),
+        ("--box .1,.1,.2,.3 --box .5,.5,.2,.3", "multiply x and widths"),
         ("{both} more", "Got unexpected extra argument"),
     ],
 )
 def test_options_that_do_not_go_together_are_one_sentence(refuse, arguments, message):
     assert message in refuse(*arguments.format(both=" ".join(BOXES)).split())
+
+
+def test_points_in_shares_of_the_frame_are_refused(place):
+    given = ("--point", ".1,.2", "--point", ".3,.4")
+    assert "multiply x and widths" in refusal_of("track", "points", place / "clip.avi", *given)
 
 
 @pytest.mark.parametrize(

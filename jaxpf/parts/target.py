@@ -158,6 +158,7 @@ class _PartTarget(Target):
             dynamics=options.dynamics,
             scale=_DEGREES * options.noise_pixels,
             joint_scale=_DEGREES * options.noise_joints,
+            reach=start.reach,
         )
 
     def _patch(self, options: Options, start: Start, looks: Looks) -> "LikelihoodLike":

@@ -163,12 +163,12 @@ def make(
     if (like := values.pop("like", None)) is not None:
         from jaxpf.targets.presets import preset
 
-        options, own_ordering = preset(like, target.name, start)
+        published = preset(like, target.name, start)
         if ordering is None and "method" not in values:
-            ordering = own_ordering
+            ordering = published.ordering
         elif ordering is not None:
-            options.pop("method", None)
-        values = options | values
+            published.options.pop("method", None)
+        values, start = _completed(values, published.options, target), published.start
     if isinstance(likelihood, str):
         values["likelihood"], likelihood = likelihood, None
     elif likelihood is not None and not hasattr(likelihood, "observe"):
@@ -200,6 +200,19 @@ def make(
     own = {"ordering": ordering, "resampling": None if isinstance(scheme, str) else scheme}
     own = {name: value for name, value in own.items() if value is not None}
     return dataclasses.replace(tracker, **own) if own else tracker
+
+
+def _completed(
+    values: Mapping[str, Any], options: Mapping[str, Any], target: Target
+) -> dict[str, Any]:
+    """Values with those of a paper's options that they leave open, and with which they apply."""
+    declared = options_of(target.options, filter_for(target, options.get("method")).options)
+
+    def applies(name: str) -> bool:
+        other, wanted = declared[name].implies or (name, None)
+        return declared[name].applies_with(values.get(other, wanted))
+
+    return {name: value for name, value in options.items() if applies(name)} | dict(values)
 
 
 def _checked(frame: object) -> np.ndarray:

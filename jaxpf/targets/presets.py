@@ -1,21 +1,63 @@
 """Settings of published systems, by paper and target: the argument ``like`` of the factories.
 
-A preset is the paper's system as printed, biased rules included; options that the caller gives
-take precedence.  Noise that a paper does not state keeps this library's default.
+A preset is the system that ``jaxpf reproduce`` judges: the paper's, as printed, biased rules
+included.  Options that the caller gives take precedence.  Noise that a paper does not state keeps
+this library's default.
 """
 
+import dataclasses
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from jaxpf import ordering as orderings
 from jaxpf.contract.errors import InputError
 from jaxpf.targets.target import Start
 
-Preset = tuple[dict[str, Any], Any]
+
+class Preset(NamedTuple):
+    """A paper's system.
+
+    Attributes:
+        options: of the target and of the filter.
+        start: where tracking starts.
+        ordering: if no option states it, else None.
+    """
+
+    options: dict[str, Any]
+    start: Start
+    ordering: orderings.Ordering | None = None
+
+
+#: gonzales2011: lambda of the likelihood, and the range around the object in which particles
+#: start, in pixels, pixels and radians, which the paper leaves open.
+GONZALES2011_SHARPNESS, GONZALES2011_REACH = 50.0, (5.0, 5.0, 0.1)
+#: eskil2014, table 2, for its own method and for PFFL.  ``noise_points`` is sigma_t of two of its
+#: three films; that of the third, of 1080 x 1920 pixels, is 10.
+ESKIL2014: Mapping[str, Any] = {
+    "window_size": 21,
+    "sigma": 0.1,
+    "noise_points": 5.0,
+    "momentum": 0.0,
+    "norm": "sum",
+}
+_LINES: Mapping[str, Any] = {"independence": 1.0, "sigma": 7.0, "resampling": "multinomial"}
+#: maccormick1999: wires by Condensation with eq. 2, in whose figure 4 N is not printed, and opaque
+#: targets by partitioned sampling with eq. 5.
+MACCORMICK1999: Mapping[str, Mapping[str, Any]] = {
+    "wires": {**_LINES, "method": "sir", "exclusion": "wires-literal", "num_particles": 300},
+    "opaque": {
+        **_LINES,
+        "method": "ps",
+        "exclusion": "opaque-literal",
+        "shape_space": "affine",
+        "num_particles": 750,
+        "flip": 0.01,
+    },
+}
 
 
 def preset(like: Any, target: str, start: Start) -> Preset:
-    """Options of a paper's system, and its ordering if no option states it, else None.
+    """A paper's system.
 
     Raises:
         InputError: no system of that paper tracks the target.
@@ -37,48 +79,47 @@ def _smith2004(start: Start) -> Preset:
         "noise_pixels": (2.0, 2.0, 0.001),
         "resampling": "multinomial",
         "appearance": "colour",
+        "likelihood": "integral",  # of all pixels
     }
-    return options, orderings.dps(len(start.ids), reassembly="literal")
+    return Preset(options, start, orderings.dps(len(start.ids), reassembly="literal"))
 
 
 def _gonzales2011(start: Start) -> Preset:
     """SPS, sections 3.1 and 3.2: the sorted swap; every part moves on its own."""
-    return {
+    options = {
         "method": "sps",
         "swap": "sorted",
         "resampling": "multinomial",
         "dynamics": "absolute",
+        "sharpness": GONZALES2011_SHARPNESS,
         "slip": 0.0,
-    }, None
+    }
+    return Preset(options, dataclasses.replace(start, reach=GONZALES2011_REACH))
 
 
 def _eskil2014(start: Start) -> Preset:
     """Eq. 6 to 9 as printed: summed squares, distances held to 0.01 pixel, plain sum in eq. 9."""
-    return {
-        "method": "eskil",
-        "window_size": 21,
-        "momentum": 0.0,
-        "sigma": 0.1,
-        "norm": "sum",
-        "shape": "pixels",
-        "shape_scale": 0.01,
-        "drift": "literal",
-    }, None
+    own = {"method": "eskil", "shape": "pixels", "shape_scale": 0.01, "drift": "literal"}
+    return Preset({**ESKIL2014, **own}, start)
+
+
+def _pffl(start: Start) -> Preset:
+    """What eskil2014 compares with: eq. 5, without its authors' learned prior."""
+    return Preset({**ESKIL2014, "method": "pffl", "form": "literal"}, start)
 
 
 def _maccormick1999(start: Any) -> Preset:
-    """Wires: Condensation with eq. 2; closed contours: partitioned sampling with eq. 5."""
-    shared = {"independence": 1.0, "sigma": 7.0}
-    if start.contours.closed:
-        closed = {"method": "ps", "num_particles": 750, "exclusion": "opaque-literal", "flip": 0.01}
-        return shared | closed, None
-    return shared | {"method": "sir", "exclusion": "wires-literal"}, None
+    """Closed contours hide one another, and open ones are wires."""
+    options = {**MACCORMICK1999["opaque" if start.contours.closed else "wires"]}
+    if start.learned is not None:
+        options.pop("shape_space", None)
+    return Preset(options, start)
 
 
 #: Target -> paper -> function of the start.  rowe2005 has a builder of its own, in ``boxes``.
 PRESETS: Mapping[str, Mapping[str, Callable[[Start], Preset]]] = {
     "boxes": {"smith2004": _smith2004},
     "parts": {"gonzales2011": _gonzales2011},
-    "points": {"eskil2014": _eskil2014},
+    "points": {"eskil2014": _eskil2014, "pffl": _pffl},
     "contours": {"maccormick1999": _maccormick1999},
 }

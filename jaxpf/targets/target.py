@@ -37,6 +37,8 @@ class Start:
         shapes: float64 ``[P, S]``.
         sizes: float64 ``[P, 2]``, width and height in pixels of the objects at the start.
         parents: the part tree, -1 for a root.
+        reach: half-width of the uniform distribution around the shapes from which particles start,
+            ``[]`` or ``[S]``; used by parts only.
         remarks: warnings about input that was accepted but may be a mistake.
     """
 
@@ -44,6 +46,7 @@ class Start:
     shapes: np.ndarray
     sizes: np.ndarray
     parents: tuple[int, ...]
+    reach: Any = dataclasses.field(default=0.0, kw_only=True)
     remarks: tuple[str, ...] = dataclasses.field(default=(), kw_only=True)
 
     @property

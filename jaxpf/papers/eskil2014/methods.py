@@ -8,10 +8,10 @@ import numpy as np
 
 import jaxpf.points
 from jaxpf.dynamics.gaussian import AR2
+from jaxpf.targets.presets import ESKIL2014
 
-#: M of PFFL; sigma_o.
+#: M of PFFL.
 PFFL_PARTICLES = 50
-SIGMA = 0.1
 PROPOSED, PFFL, SPOT, FLOW = "eskil2014", "PFFL", "SPOT", "Lucas-Kanade"
 PRINTED, WITH_DRIFT = "eskil2014 as printed", "PFFL with drift"
 #: The printed sigma_p, .01, has no unit: other readings than pixels.
@@ -19,8 +19,8 @@ OF_DISTANCE, OF_FRAME = "as printed, .01 of a distance", "as printed, .01 of the
 #: Share of the last displacement that a particle of "PFFL with drift" repeats; not published.
 MOMENTUM = 0.25
 
-#: The published settings of the model, except for a sigma that suits a mean of squares.
-_MODEL: Mapping[str, Any] = {"window_size": 21, "sigma": 0.1, "momentum": 0.0, "method": "eskil"}
+#: The published settings of the model, but a mean of squares.
+_MODEL: Mapping[str, Any] = {**ESKIL2014, "norm": "mean", "method": "eskil"}
 #: Options of ``jaxpf.points.tracker`` beside them.
 _OPTIONS: Mapping[str, dict[str, Any]] = {
     PROPOSED: {},
@@ -32,13 +32,7 @@ _OPTIONS: Mapping[str, dict[str, Any]] = {
     "signed drift": {"drift": "signed"},
     "ridge drift": {"drift": "ridge"},
     PFFL: {"method": "pffl", "num_particles": PFFL_PARTICLES},
-    "PFFL as printed": {
-        "method": "pffl",
-        "num_particles": PFFL_PARTICLES,
-        "form": "literal",
-        "norm": "sum",
-        "sigma": SIGMA,
-    },
+    "PFFL as printed": {"like": "pffl"},
     # The paper's sketch moves particles by drift and diffusion but defines no drift.
     WITH_DRIFT: {"method": "pffl", "num_particles": PFFL_PARTICLES},
     # The same number of likelihood evaluations per point as PFFL.
@@ -66,10 +60,11 @@ def tracker(
         points: [P, 2], pixels.
         scale: sigma_t, pixels.
     """
-    options = {**_MODEL, **_OPTIONS[name]}
+    own = _OPTIONS[name]
+    options = {**({} if "like" in own else _MODEL), **own, "noise_points": scale}
     if name == OF_FRAME:
         options["shape_scale"] = 0.01 * frame.shape[1]
-    point_tracker = jaxpf.points.tracker(frame, points, noise_points=scale, **options)
+    point_tracker = jaxpf.points.tracker(frame, points, **options)
     if name == WITH_DRIFT:
         dynamics = AR2(np.float32(scale), np.float32(MOMENTUM))
         return dataclasses.replace(point_tracker, dynamics=dynamics)

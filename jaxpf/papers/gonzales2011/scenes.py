@@ -25,13 +25,12 @@ from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.study import Study, tidy
 from jaxpf.parts.models import parts_model
 from jaxpf.shapes.rectangles import corners_from_poses
+from jaxpf.targets.presets import GONZALES2011_REACH, GONZALES2011_SHARPNESS
 
 if TYPE_CHECKING:
     from scenes import Scene
 
 FRAMES = 300
-#: Lambda of the likelihood exp(-lambda d^2).
-SHARPNESS = 50.0
 #: Measure of a claim -> field, motion, and numbers of parts and of particles of a figure's cells.
 FIGURES = {
     "figure 8": ("error", "smooth", (7, 9), (2, 5, 10, 20, 30, 40)),
@@ -62,9 +61,6 @@ VARIANTS = {
     for row, method in enumerate(METHODS)
     for column, kind in enumerate(DYNAMICS)
 }
-#: Range of the initial particles around the object: pixels, pixels, radians (our choice).
-REACH = (5.0, 5.0, 0.1)
-
 #: Motion -> process noise per frame, (pixels, pixels, radians): of every part of the absolute
 #: random walk, of the root of the relative dynamics, and of a joint's offset and angle.  The noise
 #: of the paper "has been manually chosen"; for ours see ``settings.csv``.
@@ -177,7 +173,7 @@ def grid(scene: "Scene", motion: str, num_particles: int) -> Grid:
         scale=noise["root"],
         joint_scale=noise["joint"],
         anchors=(scene.extras["parent_anchors"], scene.extras["part_anchors"]),
-        reach=REACH,
+        reach=GONZALES2011_REACH,
     )
     orderings = [
         named("ps", parents) if swap is None else named("sps", parents, swap=swap)
@@ -210,7 +206,7 @@ def learn(scene: "Scene", samples: int = SAMPLES) -> HistogramLikelihood:
     likelihood = histogram_from_patches(
         scene.patches,
         scene.sizes,
-        sharpness=SHARPNESS,
+        sharpness=GONZALES2011_SHARPNESS,
         bands=1,
         method="sampled",
         samples=samples,

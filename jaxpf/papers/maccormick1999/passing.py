@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.papers.checkpoints import of_scenes
 from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.maccormick1999 import scenes, toy
@@ -13,6 +14,7 @@ from jaxpf.papers.maccormick1999.measures import measures
 from jaxpf.papers.maccormick1999.scenes import Case, as_printed
 from jaxpf.papers.maccormick1999.tracking import REDRAWN, track, tracker_of
 from jaxpf.papers.study import Study, tidy
+from jaxpf.targets.presets import MACCORMICK1999
 
 Values = dict[tuple[str, str, str], Any]
 
@@ -37,6 +39,12 @@ class Method(NamedTuple):
     all_printed: bool = False
 
 
+def _as_preset(preset: Mapping[str, Any]) -> Method:
+    """The method of a preset."""
+    given = (preset[name] for name in ("exclusion", "method", "num_particles"))
+    return Method(*given, all_printed=True)
+
+
 EXCLUSIVE, NAIVE = "P, exclusion", "P', none"
 LIKELIHOODS = {EXCLUSIVE: "wires", NAIVE: "none"}
 #: Suffix for ordinary Condensation, as in the paper's section 3.
@@ -45,15 +53,16 @@ CONDENSATION = ", Condensation"
 PRINTED = " as printed"
 #: Suffix where labels, lines, edges and resampling are as printed, too.
 ALL_PRINTED = ", all as printed"
+_WIRES, _OPAQUE = MACCORMICK1999["wires"], MACCORMICK1999["opaque"]
 #: The paper's probability that the depth order changes while targets do not overlap.
-FLIP = 0.01
+FLIP: float = _OPAQUE["flip"]
 PARTITIONED, AS_MANY, FOUR_TIMES, ENOUGH = "PS, 750", "SIR, 750", "SIR, 3000", "SIR, 4000"
 #: 750 partitioned particles as in the paper, and the 4000 that it needs without partitions.
 LEAVES = {
     PARTITIONED: Method("opaque", "ps", 750),
     "PS, 750, delta .01": Method("opaque", "ps", 750, 2, FLIP),
     PARTITIONED + PRINTED: Method("opaque-literal", "ps", 750),
-    PARTITIONED + ALL_PRINTED: Method("opaque-literal", "ps", 750, all_printed=True),
+    PARTITIONED + ALL_PRINTED: _as_preset(_OPAQUE),
     AS_MANY: Method("opaque", "sir", 750),
     FOUR_TIMES: Method("opaque", "sir", 3000),
     ENOUGH: Method("opaque", "sir", 4000, 2),
@@ -62,7 +71,7 @@ LEAVES = {
 WIRES = {
     **{name: Method(kind, "ps", 300) for name, kind in LIKELIHOODS.items()},
     **{name + CONDENSATION: Method(kind, "sir", 300) for name, kind in LIKELIHOODS.items()},
-    EXCLUSIVE + ALL_PRINTED: Method("wires-literal", "sir", 300, all_printed=True),
+    EXCLUSIVE + ALL_PRINTED: _as_preset(_WIRES),
 }
 FIGURE_11 = {name: LEAVES[name] for name in (PARTITIONED, AS_MANY)}
 OCCLUSION, INDEPENDENT = "occlusion", "two trackers"
@@ -141,6 +150,15 @@ def measure(
     return values, Passing(make(seeds[0]), outlines, ess)
 
 
+def tracker_as_judged(case: Case, method: Method) -> Partitioned:
+    """The tracker of a method on a case."""
+    kind, ordering, particles, _, flip, all_printed = method
+    if all_printed:
+        used = as_printed(case)
+        return tracker_of(used, kind, particles, ordering, FLIP, _OPAQUE["resampling"])
+    return tracker_of(case, kind, particles, ordering, flip)
+
+
 def _on_scene(
     make: Callable[[int], Case],
     methods: Mapping[str, Method],
@@ -154,15 +172,9 @@ def _on_scene(
     for name, method in methods.items():
         if seed not in tracked[name]:
             continue
-        kind, ordering, particles, _, flip, all_printed = method
-        if all_printed:
-            used = as_printed(case)
-            tracker = tracker_of(used, kind, particles, ordering, FLIP, "multinomial")
-        else:
-            tracker = tracker_of(case, kind, particles, ordering, flip)
-        outcome = track(case, tracker, 1, seed)
-        arrays = measures(case, outcome) | {"N": particles, "ess curve": outcome.ess[0]}
-        if ordering == "independent":
+        outcome = track(case, tracker_as_judged(case, method), 1, seed)
+        arrays = measures(case, outcome) | {"N": method.num_particles, "ess curve": outcome.ess[0]}
+        if method.ordering == "independent":
             # Resampled apart, so that joint particles have equal weights.
             arrays["ess"] = np.nan
         if seed == first:

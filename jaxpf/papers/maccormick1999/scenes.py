@@ -17,6 +17,7 @@ from jaxpf.evaluation.opening import load_scene
 from jaxpf.likelihoods.contours import EdgeDetector, learn_clutter
 from jaxpf.shapes.spaces import key_frame_space, space_of
 from jaxpf.shapes.splines import fit_spline, resample_polyline
+from jaxpf.targets.presets import MACCORMICK1999
 
 if TYPE_CHECKING:
     from jax.typing import ArrayLike
@@ -128,7 +129,8 @@ def as_printed(case: Case) -> Case:
 
     Its noise was chosen for the likelihood as printed, see ``settings.csv``.
     """
-    options = case.options | {"independence": 1.0, "sigma": 7.0}
+    printed = {name: MACCORMICK1999["wires"][name] for name in ("independence", "sigma")}
+    options = case.options | printed
     return case._replace(options=options, noise=NOISE_AS_PRINTED if case.noise else {})
 
 

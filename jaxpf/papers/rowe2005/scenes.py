@@ -32,7 +32,7 @@ RUNS_PER_SCENE = 4
 
 #: Chosen separately for each variant; see ``settings.csv``.
 TUNED = {
-    "both": Rowe2005Settings(1.5, 0.02, 1.2, 50.0, 1.0, 0.5, (0.7, 0.2)),
+    "both": Rowe2005Settings(),
     "neither": Rowe2005Settings(2.5, 0.02, 1.2, 40.0, 1.0, 0.5, (0.9, 0.4)),
     "feedback only": Rowe2005Settings(1.5, 0.05, 1.2, 50.0, 1.0, 0.25, (0.9, 0.4)),
     "without eq. 4": Rowe2005Settings(1.5, 0.05, 1.2, 50.0, 1.0, 0.12, (0.9, 0.4)),

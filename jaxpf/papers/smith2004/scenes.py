@@ -17,7 +17,6 @@ from jaxpf.contract.interface import Tracker
 from jaxpf.contract.state import Summary
 from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.filters.partitioned.tracker import Partitioned
-from jaxpf.likelihoods.histogram import histogram_from_patches
 from jaxpf.lowering.programs import compiled
 from jaxpf.measures import metrics, particle_sets
 from jaxpf.ordering import Ordering
@@ -143,7 +142,7 @@ def _on_scene(
 ) -> dict[str, Any]:
     """All fields of an ``Outcome`` except the names, for one scene."""
     scene = scenes.make("distracter", seed=seed, **parameters)
-    tracker = tracker_of(scene, num_particles)
+    tracker = scene_tracker(scene, num_particles=num_particles)
     recorded = jaxpf.monte_carlo(
         grid(tracker, orderings, sharpness, ending),
         run_keys(seed, 0, RUNS_PER_SCENE),
@@ -158,7 +157,10 @@ def _on_scene(
 def scene_tracker(
     scene: "Scene", ordering: Ordering | None = None, *, num_particles: int | None = None
 ) -> Partitioned:
-    """The paper's tracker of a scene's patches; by default DPS with 300 particles."""
+    """The paper's tracker of a scene's patches; by default DPS with 300 particles.
+
+    An integral histogram counts the pixels, whatever their number.
+    """
     return box_tracker(
         scene.frames[0],
         scene.boxes[0],
@@ -166,14 +168,6 @@ def scene_tracker(
         patches=scene.patches,
         ordering=ordering,
         num_particles=num_particles,
-    )
-
-
-def tracker_of(scene: "Scene", num_particles: int | None = None) -> Partitioned:
-    """The paper's tracker; an integral histogram counts the pixels, whatever their number."""
-    likelihood = histogram_from_patches(scene.patches, scene.sizes, method="integral")
-    return dataclasses.replace(
-        scene_tracker(scene, num_particles=num_particles), likelihood=likelihood
     )
 
 

@@ -12,7 +12,6 @@ import scenes
 from jaxpf import measures, running
 from jaxpf.evaluation import local_pool
 from jaxpf.evaluation.work.worker import run_keys
-from jaxpf.likelihoods import histogram_from_patches
 from jaxpf.papers.checkpoints import keeping
 from jaxpf.papers.smith2004 import scenes as synthetic
 from jaxpf.papers.smith2004.scenes import Outcome, scene_tracker
@@ -26,17 +25,14 @@ def test_the_grid_gives_what_single_runs_give():
     """Same keys, same estimates as ``jaxpf.run``, whatever shares the grid's kernel with a run."""
     scene, orderings = scenes.make("distracter", seed=0, **SMALL), synthetic.all_orderings(3)
     keys, sharpness = run_keys(0, 0, 2), (20.0, 50.0)
-    grid = synthetic.grid(synthetic.tracker_of(scene, 40), orderings, sharpness)
+    grid = synthetic.grid(scene_tracker(scene, num_particles=40), orderings, sharpness)
     found = running.monte_carlo(grid, keys, scene.frames[1:])
     assert found.estimate.shape == (2, 8, len(orderings), 2, 3, 3)
     compiled = jax.jit(running.run)
     for row, name in enumerate(orderings):
         for column, value in enumerate(sharpness):
-            # So few particles would be counted by samples; the grid has an integral histogram.
-            likelihood = histogram_from_patches(
-                scene.patches, scene.sizes, sharpness=value, method="integral"
-            )
             tracker = scene_tracker(scene, orderings[name], num_particles=40)
+            likelihood = dataclasses.replace(tracker.likelihood, sharpness=value)
             tracker = dataclasses.replace(tracker, likelihood=likelihood)
             _, alone = compiled(tracker, keys[1], scene.frames[1:])
             there = jax.tree.map(lambda x: x[1, :, row, column], found)  # noqa: B023
@@ -58,7 +54,7 @@ def test_another_process_gives_the_same_bits(tmp_path):
 @pytest.mark.slow
 def test_measures_of_a_scene_are_those_of_metrics():
     scene, orderings = scenes.make("distracter", seed=0, **SMALL), synthetic.all_orderings(3)
-    grid = synthetic.grid(synthetic.tracker_of(scene, 40), orderings, (20.0, 50.0))
+    grid = synthetic.grid(scene_tracker(scene, num_particles=40), orderings, (20.0, 50.0))
     found = running.monte_carlo(grid, run_keys(0, 0, 1), scene.frames[1:])
     boxes = boxes_from_substates(found.estimate[:, :, 2, 1], scene.sizes)
     summary = measures.summarise(boxes, scene.boxes[1:])

@@ -216,7 +216,8 @@ def levels_of(files: Sequence[Path], given: Sequence[int] | None = None) -> Leve
     if given is not None:
         if _decode(files[0]).dtype != np.uint16:
             raise no_range(files[0], given)
-        return Levels(*given)
+        black, white = given
+        return Levels(black, white)
     places = np.unique(np.linspace(0, len(files) - 1, _SAMPLED).astype(int))
     found = []
     for place in places:

@@ -37,7 +37,8 @@ def tracker(
         frame: uint8 RGB ``[H, W, 3]`` that contains the points; tracking continues with the next
             frame.  It may be None with a user-defined likelihood.
         points: x and y in pixels, ``[P, 2]``.
-        like: ``"eskil2014"`` for that paper's system as printed; other arguments override it.
+        like: ``"eskil2014"`` for that paper's system as printed, or ``"pffl"`` for the one that it
+            compares with; other arguments override it.
         method: ``"sps"`` (default), ``"ps"``, ``"pffl"``, ``"eskil"``, ...
         num_particles: number of particles; by default 1000, or 10 for eskil and 50 for pffl.
         likelihood: a user-defined likelihood of substates (u, v).

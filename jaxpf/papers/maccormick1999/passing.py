@@ -41,8 +41,10 @@ class Method(NamedTuple):
 
 def _as_preset(preset: Mapping[str, Any]) -> Method:
     """The method of a preset."""
-    given = (preset[name] for name in ("exclusion", "method", "num_particles"))
-    return Method(*given, all_printed=True)
+    exclusion, ordering, particles = map(
+        preset.__getitem__, ("exclusion", "method", "num_particles")
+    )
+    return Method(exclusion, ordering, particles, all_printed=True)
 
 
 EXCLUSIVE, NAIVE = "P, exclusion", "P', none"

@@ -8,6 +8,7 @@ from .runs import (
     init as init,
     num_frames as num_frames,
     one_run as one_run,
+    ready as ready,
     run as run,
     run_compiled as run_compiled,
     summary_only as summary_only,

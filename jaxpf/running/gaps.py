@@ -177,6 +177,7 @@ class WithGaps(contract.Tracker):
 
     tracker: Any
 
+    is_marked = True
     _wraps = LikelihoodWithGaps
 
     @property

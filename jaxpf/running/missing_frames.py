@@ -40,7 +40,7 @@ def marked(
         InputError: ``observed`` has a wrong shape, the tracker does not support missing frames, or
             a frame that was seen holds NaN.
     """
-    if isinstance(tracker, WithGaps):
+    if getattr(tracker, "is_marked", False):
         return tracker, frames
     if observed is None:
         if come_one_by_one(frames) or not _can_have_gaps(tracker):
@@ -52,7 +52,9 @@ def marked(
         return WithGaps(tracker), (frames, seen)
     check_gaps(tracker)
     if come_one_by_one(frames):
-        return WithGaps(tracker), _pairs(tracker, frames, observed)
+        each = marked_one_by_one(tracker, frames, observed)
+        pairs = (taken if its is not tracker else (taken, True) for _, its, taken in each)
+        return WithGaps(tracker), pairs
     total, parts = len(jax.tree.leaves(frames)[0]), getattr(tracker, "num_partitions", None)
     check_array("observed", observed, "one bool for every frame")
     shape = np.shape(observed)
@@ -88,26 +90,16 @@ def marked_one_by_one(tracker: TrackerLike, frames: Any, observed: Any = None) -
     check_type("frames", frames, Iterable)
     if observed is not None:
         check_type("observed", observed, Iterable)
-        check_gaps(tracker)
-        for frame, seen in _pairs(tracker, frames, observed):
-            yield frame, WithGaps(tracker), (frame, seen)
-        return
-    for number, frame in enumerate(frames):
+    pairs = itertools.zip_longest(frames, () if observed is None else observed)
+    for number, (frame, seen) in enumerate(pairs):
+        if observed is not None and (frame is None or seen is None):
+            raise InputError("observed must have one row for each frame.")
         if frame is None:
             raise InputError(f"frame {number} is None, as an unreadable file gives; give arrays.")
         one = jax.tree.map(lambda x: np.asarray(x)[None], frame)
-        marked_tracker = marked(tracker, one, first=number)[0]
-        yield frame, marked_tracker, frame if marked_tracker is tracker else (frame, False)
-
-
-def _pairs(tracker: TrackerLike, frames: Iterable[Any], observed: Any) -> Iterator[Any]:
-    shapes = (), (getattr(tracker, "num_partitions", None),)
-    for frame, seen in itertools.zip_longest(frames, observed):
-        if frame is None or seen is None or np.shape(seen) not in shapes:
-            raise InputError(
-                "observed must be one bool for each frame, or one for each of its partitions."
-            )
-        yield frame, _as_bool(seen)
+        its, taken = marked(tracker, one, seen if seen is None else np.asarray(seen)[None], number)
+        is_changed = seen is not None or its is not tracker
+        yield frame, its, jax.tree.map(lambda x: x[0], taken) if is_changed else frame
 
 
 def _names_components(tracker: TrackerLike, frames: Any, shape: tuple[int, ...]) -> bool:

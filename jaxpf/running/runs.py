@@ -79,19 +79,9 @@ def run(
             ``jaxpf.running.checks.check_run``.
     """
     check_order(tracker, key, frames)
-    frames = as_arrays(frames)
-    if come_one_by_one(frames):
-        raise InputError(
-            "frames come one by one, and run needs them all at once; use jaxpf.stream or "
-            "jaxpf.monte_carlo, which keep few of them, or give np.stack(list(frames))."
-        )
-    check_frames(frames)
-    num_frames(frames)
     key = as_key(key)
     first = check_resumed(tracker, key, state, record)
-    tracker = with_inputs(tracker, inputs, frames, first)
-    check_run(tracker, frames)
-    tracker, frames = missing_frames.marked(tracker, frames, observed)
+    tracker, frames = ready(tracker, frames, observed, inputs, first)
     record = recognised("record", record)
     state, recorded = run_compiled(tracker, key, frames, record, state)
     warn_if_nan(recorded)
@@ -140,6 +130,41 @@ def forecast(
     blind = gaps.WithoutFrames(tracker)
     record = recognised("record", record)
     return run_compiled(blind, key, (nothing, nothing), record, state)
+
+
+def ready(
+    tracker: TrackerLike,
+    frames: Any,
+    observed: Any = None,
+    inputs: Any = None,
+    first: ArrayLike = 0,
+) -> tuple[Any, Any]:
+    """Check a tracker and all of its frames, and let it know their inputs and what is missing.
+
+    Args:
+        tracker: any tracker.
+        frames: as for ``run``.
+        observed: as for ``run``.
+        inputs: as for ``run``.
+        first: number of the first frame.
+
+    Returns:
+        The tracker and the frames as its steps take them.
+
+    Raises:
+        InputError: as for ``run``.
+    """
+    frames = as_arrays(frames)
+    if come_one_by_one(frames):
+        raise InputError(
+            "frames come one by one, and are needed all at once; give np.stack(list(frames)), or "
+            "use jaxpf.stream or jaxpf.monte_carlo, which keep few of them."
+        )
+    check_frames(frames)
+    num_frames(frames)
+    tracker = with_inputs(tracker, inputs, frames, first)
+    check_run(tracker, frames)
+    return missing_frames.marked(tracker, frames, observed)
 
 
 def with_inputs(tracker: T, inputs: Any, frames: Any, first: ArrayLike = 0) -> T:

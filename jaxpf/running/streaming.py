@@ -70,7 +70,7 @@ def stream(
     key = running.as_key(key)
     check_pytree(tracker)
     check_resumed(tracker, key, state, running.summary_only)
-    frames = as_arrays(frames)
+    frames, observed = as_arrays(frames), as_arrays(observed)
     whole = () if come_one_by_one(frames) else frames
     check_not_traced("jaxpf.stream", "jaxpf.run", tracker, key, whole, state)
     first = 0 if state is None else int(contract.time_of(state))

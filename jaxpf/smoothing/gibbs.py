@@ -35,8 +35,6 @@ from jaxpf.gradients import NoGradient
 from jaxpf.lowering.programs import compiled
 from jaxpf.resampling.schemes import BuiltIn
 from jaxpf.running import memory, missing_frames
-from jaxpf.running.checks import check_frames, check_run
-from jaxpf.running.chunks import come_one_by_one
 from jaxpf.smoothing.backward import Drawn, History, log_densities
 from jaxpf.smoothing.groups import check_smoothing, looks_back
 
@@ -110,15 +108,9 @@ def particle_gibbs(
             sweep (``check_conditional``); an iterable of single frames; a reference of a wrong
             shape; fewer than one sweep; not enough memory; inputs that do not fit (``jaxpf.run``).
     """
-    tracker = running.with_inputs(tracker, inputs, frames)
+    marked, frames = running.ready(tracker, frames, observed, inputs)
+    tracker = missing_frames.unmarked(marked, frames)[0]
     refuse = check_conditional(tracker)
-    if come_one_by_one(frames):
-        raise InputError(
-            "frames come one by one, and a conditional sweep needs them all at once; give "
-            "np.stack(list(frames))."
-        )
-    check_frames(frames)
-    check_run(tracker, frames)
     check_whole("num_sweeps", num_sweeps)
     num_frames, num_particles = running.num_frames(frames), tracker.num_particles
     lagged = jax.eval_shape(tracker.init, jax.random.key(0)).lagged
@@ -129,7 +121,6 @@ def particle_gibbs(
         "give fewer particles or sweeps, going on from the last trajectory",
     )
     key, first_key = jax.random.split(running.as_key(key))
-    marked, frames = missing_frames.marked(tracker, frames, observed)
     second_order = looks_back(tracker)
     if reference is None:
         reference = _sweep_compiled(marked, first_key, frames, None, second_order)

@@ -12,7 +12,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import check_not_traced
 from jaxpf.contract.state import ParticleState, Summary
-from jaxpf.running.checks import check_frames, check_run
+from jaxpf.running.checks import as_arrays, check_frames, check_run
 from jaxpf.running.chunks import come_one_by_one
 from jaxpf.smoothing import passes
 from jaxpf.smoothing.backward import History
@@ -47,6 +47,7 @@ def stream(
     lag: int,
     num_trajectories: int | None = None,
     observed: Any = None,
+    inputs: Any = None,
 ) -> Iterator[SmoothedFrame]:
     """Smooth frames as they arrive, each given the ``lag`` to ``2 * lag`` frames after it.
 
@@ -60,11 +61,14 @@ def stream(
         lag: minimum number of later frames to use.
         num_trajectories: as for ``smooth``.
         observed: as for ``jaxpf.run``.
+        inputs: as for ``jaxpf.run``; needs frames in arrays.
 
     Raises:
         InputError: as for ``smooth``.
     """
     check_whole("lag", lag)
+    frames = as_arrays(frames)
+    tracker = running.with_inputs(tracker, inputs, frames)
     look_back = LookBack(tracker, key, lag, num_trajectories=num_trajectories)
     if not come_one_by_one(frames):
         check_not_traced("smoothing with a lag", "jaxpf.smooth without a lag", tracker, key, frames)

@@ -43,7 +43,7 @@ def asked(
         "objective": name,
         "sequences": [sequence.name for sequence in sequences],
         **dataclasses.asdict(settings),
-        "frames": [digest(sequence.frames) for sequence in sequences],
+        "frames": [digest((each.frames, each.observed, each.inputs)) for each in sequences],
         "labels": [digest(sequence.truth) for sequence in sequences],
         "tracker": [digest(sequence.tracker) for sequence in sequences],
     }

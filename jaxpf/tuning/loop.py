@@ -19,7 +19,7 @@ from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.tuning import checkpoint
 from jaxpf.tuning.parameters import Parameter, check_apart, parameter, read
-from jaxpf.tuning.problem import TrainingSequence, check_objective, free_loss, observed
+from jaxpf.tuning.problem import TrainingSequence, check_objective, free_loss, ready
 from jaxpf.tuning.result import Descent, Result, summarise
 from jaxpf.tuning.settings import Settings
 from jaxpf.tuning.uncertainty import curvature
@@ -81,7 +81,10 @@ def tune(
     sequences = [sequences] if isinstance(sequences, TrainingSequence) else list(sequences)
     for number, sequence in enumerate(sequences):
         check_type(f"sequences[{number}]", sequence, TrainingSequence)
-    traced = [(each.tracker, each.frames, each.truth, each.sizes) for each in sequences]
+    traced = [
+        (each.tracker, each.frames, each.truth, each.sizes, each.observed, each.inputs)
+        for each in sequences
+    ]
     remedy = "the gradient of jaxpf.tuning.log_mean_evidence"
     check_not_traced("tune", remedy, *traced, over="steps")
     if folder is not None:
@@ -104,7 +107,7 @@ def tune(
     if folder is not None:
         asked = checkpoint.asked(wanted, start, objective, settings, sequences)
         store = checkpoint.Checkpoint(Path(folder), asked)
-    ready = [observed(sequence) for sequence in sequences]
+    prepared = [ready(sequence) for sequence in sequences]
     value_and_gradient = free_loss(objective, tuple(wanted), sequences[0].outlines)
     descents: list[Descent] = [] if store is None else store.read()
     for repeat in range(settings.repeats):
@@ -113,7 +116,7 @@ def tune(
             descent = _begin(wanted, start, settings, repeat)
             descents.append(descent)
         try:
-            for done in _descend(descent, wanted, ready, value_and_gradient, settings):
+            for done in _descend(descent, wanted, prepared, value_and_gradient, settings):
                 descents[repeat] = done
                 if store is not None and done.num_steps % _STEPS_PER_CHECKPOINT == 0:
                     store.write(descents)
@@ -134,7 +137,7 @@ def tune(
                 store.write(descents)
     result = summarise(wanted, start, descents, settings)
     if objective == "evidence":
-        errors, reason = curvature(result, wanted, ready, value_and_gradient, settings)
+        errors, reason = curvature(result, wanted, prepared, value_and_gradient, settings)
         result = dataclasses.replace(result, curvature_errors=errors, no_curvature=reason)
     return result
 

@@ -31,8 +31,8 @@ from jaxpf.contract.refusals import biased_evidence, poisoned
 from jaxpf.contract.state import Summary
 from jaxpf.lowering import platform
 from jaxpf.lowering.programs import compiled
-from jaxpf.running import gaps, missing_frames
-from jaxpf.running.checks import as_arrays, check_run
+from jaxpf.running import gaps
+from jaxpf.running.checks import as_arrays
 from jaxpf.smoothing.genealogy import draw_paths
 from jaxpf.smoothing.groups import check_genealogy, sees_previous
 from jaxpf.smoothing.passes import backward_key
@@ -148,17 +148,16 @@ def pmmh(
         refuse = biased_evidence(tracker, "pmmh", "biased=True for draws that are not exact")
     if prior is None or jnp.shape(prior) != ():
         raise InputError(f"log_prior returns {prior}; return one number, a sum over parameters.")
-    frames, inputs = as_arrays(frames), as_arrays(inputs)
-    check_run(running.with_inputs(tracker, inputs, frames), frames)
+    inputs = as_arrays(inputs)
+    marked, frames = running.ready(tracker, frames, observed, inputs)
     if paths:
         check_genealogy(tracker)
-    marked, frames = missing_frames.marked(tracker, frames, observed)
     frames = frames, inputs
     is_known = is_concrete(key, frames, initial, tracker)
     if is_known and not np.isfinite(prior):
         raise InputError(f"the prior excludes the start {initial!r:.200}; start inside of it.")
     number = num_particles or tracker.num_particles
-    model = _Model(build, log_prior, marked is not tracker, number, paths)
+    model = _Model(build, log_prior, isinstance(marked, gaps.WithGaps), number, paths)
     choice_key, start_key, *keys = jax.random.split(running.as_key(key), 4)
     start, unravel = ravel_pytree(initial)
     spread = _FIRST_STEP * jnp.maximum(jnp.abs(start), _FIRST_STEP)

@@ -5,7 +5,7 @@ which shows the spread over runs.  Differentiate it in the tracker by ``jax.grad
 allow_int=True)``; the tracker determines what the gradient means, see ``jaxpf.gradients``.
 Common arguments:
 
-``tracker``, ``frames``
+``tracker``, ``frames``, ``observed``, ``inputs``
     As for ``jaxpf.run``.
 ``keys``
     ``[R]``, one per run; the same keys give the same random numbers.
@@ -41,13 +41,17 @@ from jaxpf.contract.types import TrackerLike
 from jaxpf.filters.partitioned.selection import ANCESTORS
 from jaxpf.measures import metrics
 from jaxpf.measures.outlines import iou as iou_of_outlines
-from jaxpf.running import missing_frames
-from jaxpf.running.checks import check_frames, check_run
 from jaxpf.shapes.rectangles import boxes_from_substates, is_proper
 
 
 def log_evidence(
-    tracker: TrackerLike, keys: jax.Array, frames: Any, *, checkpoint: bool | int = True
+    tracker: TrackerLike,
+    keys: jax.Array,
+    frames: Any,
+    *,
+    checkpoint: bool | int = True,
+    observed: Any = None,
+    inputs: Any = None,
 ) -> jax.Array:
     """Log of each run's estimate of ``p(y_1:T)``; -inf if a frame was impossible for all particles.
 
@@ -59,19 +63,28 @@ def log_evidence(
     = 0 makes it one, so its evidence prefers lambda = 0 for any frames.  Tune such a sharpness by a
     supervised loss, or normalise the likelihood.
     """
+    tracker, frames = running.ready(tracker, frames, observed, inputs)
     increments = _record(tracker, keys, frames, keep_log_evidence, checkpoint)
     return logs.sum_evenly(increments, axis=0)
 
 
 def log_mean_evidence(
-    tracker: TrackerLike, keys: jax.Array, frames: Any, *, checkpoint: bool | int = True
+    tracker: TrackerLike,
+    keys: jax.Array,
+    frames: Any,
+    *,
+    checkpoint: bool | int = True,
+    observed: Any = None,
+    inputs: Any = None,
 ) -> jax.Array:
     """Log of the mean over runs of the estimates of ``p(y_1:T)``, ``[]``.
 
     Unlike the mean of the logs it approaches the log evidence as R grows, even with few particles.
     So does its gradient with ``jaxpf.gradients.StopGradient``.
     """
-    every = log_evidence(tracker, keys, frames, checkpoint=checkpoint)
+    every = log_evidence(
+        tracker, keys, frames, checkpoint=checkpoint, observed=observed, inputs=inputs
+    )
     return logs.normalised(every)[1] - math.log(every.shape[0])
 
 
@@ -82,11 +95,14 @@ def position_error(
     truth: ArrayLike,
     *,
     checkpoint: bool | int = True,
+    observed: Any = None,
+    inputs: Any = None,
 ) -> jax.Array:
     """Mean distance of the estimate from labelled positions, in the substates' units (pixels).
 
     Substates begin with the coordinates (u, v), and so does ``truth``, ``[T, P, >= 2]``.
     """
+    tracker, frames = running.ready(tracker, frames, observed, inputs)
     truth, labelled = _places(truth, tracker, frames)
     estimate = _record(tracker, keys, frames, keep_estimate, checkpoint)
     offset = jnp.where(labelled[:, None, :, None], estimate[..., :2] - truth[:, None], 0.0)
@@ -102,6 +118,8 @@ def crps(
     truth: ArrayLike,
     *,
     checkpoint: bool | int = True,
+    observed: Any = None,
+    inputs: Any = None,
 ) -> jax.Array:
     """Mean continuous ranked probability score of labelled positions, in pixels.
 
@@ -110,6 +128,7 @@ def crps(
     matches the estimation error; without spread it is the distance.  ``truth`` as for
     ``position_error``.
     """
+    tracker, frames = running.ready(tracker, frames, observed, inputs)
     truth, labelled = _places(truth, tracker, frames)
     counts = labelled[:, None, :, None]
     estimate, spread = _record(tracker, keys, frames, keep_moments, checkpoint)
@@ -130,6 +149,8 @@ def iou_loss(
     sizes: ArrayLike,
     *,
     checkpoint: bool | int = True,
+    observed: Any = None,
+    inputs: Any = None,
 ) -> jax.Array:
     """Mean of 1 - intersection over union of the estimated and the labelled boxes, 0 to 1.
 
@@ -143,7 +164,10 @@ def iou_loss(
         truth_boxes: ``[T, P, 4]``, x, y, w, h in pixels; a box of zero width or height is ignored.
         sizes: ``[P, 2]``, width and height at scale 1, in pixels.
         checkpoint: see above.
+        observed: see above.
+        inputs: see above.
     """
+    tracker, frames = running.ready(tracker, frames, observed, inputs)
     truth = _truth("truth_boxes", truth_boxes, tracker, frames, at_least=4)
     check_array("sizes", sizes, f"width and height in pixels, [{tracker.num_partitions}, 2]")
     _check_labelled("truth_boxes", truth)
@@ -162,6 +186,8 @@ def outline_loss(
     outlines: Callable[[jax.Array], jax.Array],
     *,
     checkpoint: bool | int = True,
+    observed: Any = None,
+    inputs: Any = None,
 ) -> jax.Array:
     """``iou_loss`` for convex outlines at any angle.
 
@@ -172,10 +198,13 @@ def outline_loss(
         truth: ``[T, P, V, 2]``, corners in order, pixels.
         outlines: estimates ``[..., P, D]`` -> corners ``[..., P, V, 2]``.
         checkpoint: see above.
+        observed: see above.
+        inputs: see above.
     """
     if not callable(outlines):
         raise InputError(f"outlines={outlines!r:.60} must be a function of the estimates.")
-    corners = f"[{_checked_length(tracker, frames)}, {tracker.num_partitions}, >= 3, 2]"
+    tracker, frames = running.ready(tracker, frames, observed, inputs)
+    corners = f"[{running.num_frames(frames)}, {tracker.num_partitions}, >= 3, 2]"
     check_array("truth", truth, f"corners in pixels, {corners}")
     truth = jnp.asarray(truth)
     _check_labelled("truth", truth.reshape(*truth.shape[:2], -1))
@@ -217,9 +246,7 @@ def _record(
 
     All runs advance together, so each frame is observed once for all of them.
     """
-    num_frames = _checked_length(tracker, frames)
-    if hasattr(tracker, "likelihood"):  # its frames are not observed in advance
-        tracker, frames = missing_frames.marked(tracker, frames)
+    num_frames = running.num_frames(frames)
     keys = running.as_keys(keys)
     is_count = isinstance(checkpoint, int | np.integer) and checkpoint >= 1
     if checkpoint is not False and not is_count:
@@ -257,17 +284,9 @@ def _record(
     return jax.tree.map(lambda x, y: jnp.concatenate([x, y]), recorded, last)
 
 
-def _checked_length(tracker: TrackerLike, frames: Any) -> int:
-    """Number of frames, of which the tracker's methods take each."""
-    check_frames(frames)
-    length = running.num_frames(frames)
-    check_run(tracker, frames)
-    return length
-
-
 def _truth(name: str, truth: ArrayLike, tracker: Any, frames: Any, at_least: int) -> jax.Array:
     """Labels as floats, with a checked shape."""
-    expected = (_checked_length(tracker, frames), tracker.num_partitions)
+    expected = (running.num_frames(frames), tracker.num_partitions)
     check_array(name, truth, "numbers for every frame and object")
     truth = jnp.asarray(truth)
     if truth.ndim != 3 or truth.shape[:2] != expected or truth.shape[2] < at_least:

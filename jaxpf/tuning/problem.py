@@ -11,13 +11,15 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from jaxpf import contract
+from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import OBJECTIVES
 from jaxpf.contract.pytree import described, pytree_dataclass
 from jaxpf.contract.refusals import biased_evidence
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
+from jaxpf.running.checks import as_arrays
+from jaxpf.running.gaps import WithGaps
 from jaxpf.tuning import objectives
 from jaxpf.tuning.parameters import Parameter, replace
 
@@ -38,6 +40,8 @@ class TrainingSequence:
         name: name in messages.
         outlines: for "iou" of shapes other than boxes: a function of shapes ``[..., P, S]``,
             such as ``truth``, and of ``sizes``; see ``Target.outlines_of_estimates``.
+        observed: which frames or parts of them were seen, as for ``jaxpf.run``.
+        inputs: known inputs of the frames, as for ``jaxpf.run``.
     """
 
     tracker: Any
@@ -46,6 +50,8 @@ class TrainingSequence:
     sizes: ArrayLike | None = None
     name: str = "the sequence"
     outlines: Callable | None = None
+    observed: Any = None
+    inputs: Any = None
 
     __repr__ = described
 
@@ -96,7 +102,8 @@ def loss_function(objective: str | Callable, outlines: Callable | None = None) -
     * "position": mean distance from the labelled positions, pixels.
     * "crps": continuous ranked probability score of the labelled positions, pixels.
     * "iou": 1 - intersection over union with the labelled shapes.
-    * a function of ``(tracker, keys, frames)``: the mean of its return value.
+    * a function of ``(tracker, keys, frames)``: the mean of its return value.  Where a sequence says
+      which frames were ``observed``, these are pairs ``(frame, seen)``, as its tracker takes them.
     """
 
     def loss(tracker, keys, frames, truth, sizes):
@@ -136,8 +143,8 @@ def free_loss(
 
 
 def _with(tracker: TrackerLike, values: Mapping[str, ArrayLike]) -> Any:
-    if isinstance(tracker, Observed):
-        return Observed(replace(tracker.tracker, values))
+    if isinstance(tracker, Observed | WithGaps):
+        return type(tracker)(_with(tracker.tracker, values))
     return replace(tracker, values)
 
 
@@ -146,6 +153,8 @@ class Observed(contract.Tracker):
     """A tracker whose frames are already observations."""
 
     tracker: Any
+
+    is_marked = True
 
     @property
     def num_partitions(self) -> int:
@@ -161,21 +170,23 @@ class Observed(contract.Tracker):
         return self.tracker.step_observed(key, state, observation)
 
 
-def observed(sequence: TrainingSequence) -> TrainingSequence:
-    """Observe a sequence's frames in advance, if that is valid and fits in memory.
+def ready(sequence: TrainingSequence) -> TrainingSequence:
+    """Let a sequence's tracker know what is missing, and the inputs; observe frames in advance.
 
-    It is valid only for likelihoods whose observations do not depend on parameters.
+    The latter only if the observations do not depend on parameters, and fit in memory.
     """
-    tracker = sequence.tracker
-    likelihood = getattr(tracker, "likelihood", None)
-    if not getattr(likelihood, "fixed_observation", False):
-        return sequence
-    frames = jax.device_put(sequence.frames)
-    observation = jax.eval_shape(tracker.observe, frames[0])
-    size = sum(
-        math.prod(x.shape) * np.dtype(x.dtype).itemsize for x in jax.tree.leaves(observation)
-    )
-    if size * len(frames) > _KEPT_OBSERVATIONS:
-        return dataclasses.replace(sequence, frames=frames)
-    observations = compiled(lambda frames: jax.lax.map(tracker.observe, frames))(frames)
-    return dataclasses.replace(sequence, tracker=Observed(tracker), frames=observations)
+    frames = as_arrays(sequence.frames)
+    tracker = running.with_inputs(sequence.tracker, sequence.inputs, frames)
+    is_fixed = getattr(getattr(tracker, "likelihood", None), "fixed_observation", False)
+    # Else objectives mark frames of NaN themselves; those of users may read the filter's fields.
+    if is_fixed or sequence.observed is not None:
+        tracker, frames = running.ready(tracker, frames, sequence.observed)
+    if is_fixed:
+        frames = jax.device_put(frames)
+        observe = contract.observed_apart(tracker)[0]
+        one = jax.eval_shape(observe, jax.tree.map(lambda x: x[0], frames))
+        size = sum(math.prod(x.shape) * np.dtype(x.dtype).itemsize for x in jax.tree.leaves(one))
+        if size * sequence.num_frames <= _KEPT_OBSERVATIONS:
+            frames = compiled(lambda frames: jax.lax.map(observe, frames))(frames)
+            tracker = Observed(tracker)
+    return dataclasses.replace(sequence, tracker=tracker, frames=frames, observed=None, inputs=None)

@@ -28,8 +28,8 @@ from jaxpf.contract.state import moments
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.resampling.weighted import ancestors
-from jaxpf.running import gaps, missing_frames
-from jaxpf.running.checks import as_arrays, check_run
+from jaxpf.running import gaps
+from jaxpf.running.checks import as_arrays
 from jaxpf.tuning.in_pieces import LongScans, Progress
 from jaxpf.tuning.objectives import keep_log_evidence
 
@@ -118,10 +118,9 @@ def smc2(
         raise InputError(f"draw_prior returns {start!r:.60}; return floats alone.")
     tracker = build(start)
     refuse = biased_evidence(tracker, "smc2", "another filter")
-    frames, inputs = as_arrays(frames), as_arrays(inputs)
-    check_run(running.with_inputs(tracker, inputs, frames), frames)
-    marked, frames = missing_frames.marked(tracker, frames, observed)
-    filters = _Filters(build, log_prior, marked is not tracker, num_particles)
+    inputs = as_arrays(inputs)
+    marked, frames = running.ready(tracker, frames, observed, inputs)
+    filters = _Filters(build, log_prior, isinstance(marked, gaps.WithGaps), num_particles)
     settings = num_draws, num_moves, float(ess_threshold)
     asked: dict[str, Any] = {
         "num_draws": num_draws,

@@ -65,7 +65,7 @@ def tracker(
     Raises:
         InputError: an unknown option or a value out of range; the message names it.
     """
-    if like == "rowe2005":
+    if isinstance(like, str) and like == "rowe2005":
         if method is not None or likelihood is not None or ordering is not None:
             raise InputError(
                 "like='rowe2005' has a method and likelihood of its own; leave those out."

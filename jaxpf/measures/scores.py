@@ -57,9 +57,10 @@ def tracking_scores(estimate: ArrayLike, truth: ArrayLike) -> dict[str, float]:
         truth: boxes ``[T, Q, 4]`` of Q objects.
 
     Returns:
-        Shares: ``HOTA``, ``DetA``, ``AssA``, ``LocA`` (luiten2021; means over the IoUs .05,
-        .1, ..., .95), ``MOTA`` and ``MOTP`` (bernardin2008; MOTA can be negative, MOTP is the mean
-        IoU of matches), ``IDF1``, ``IDR`` and ``IDP`` (ristani2016); NaN without any truth.
+        Shares: ``HOTA``, ``DetA``, ``AssA``, ``LocA`` (luiten2021; means over the IoUs .05, .1,
+        ..., .95, LocA's over those at which a box matches), ``MOTA`` and ``MOTP`` (bernardin2008;
+        MOTA can be negative, MOTP is the mean IoU of matches), ``IDF1``, ``IDR`` and ``IDP``
+        (ristani2016); NaN without any truth, and LocA without any match.
         Counts: ``TP``, ``FP`` and ``FN``, boxes; ``IDSW``, identity switches; ``Frag``,
         interruptions; ``MT``, ``PT`` and ``ML``, objects tracked in more than 80%, in 20 to 80%,
         and in less than 20% of their frames.  A box matches at an IoU of .5 or more.
@@ -77,6 +78,9 @@ def tracking_scores(estimate: ArrayLike, truth: ArrayLike) -> dict[str, float]:
     results |= metrics.CLEAR(quiet).eval_sequence(data) | metrics.Identity(quiet).eval_sequence(
         data
     )
+    # TrackEval calls the localisation perfect where nothing matches, 0 of 0.
+    matches = results["HOTA_TP"] > 0
+    results["LocA"] = results["LocA"][matches] if matches.any() else np.nan
     scores = {name: float(np.mean(results[name])) for name in _SHARES}
     if data["num_gt_dets"] == 0:
         scores = dict.fromkeys(_SHARES, float("nan"))

@@ -15,6 +15,7 @@ from jaxpf.contract.numbers import check_array, check_whole
 from jaxpf.contract.state import ParticleState
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
+from jaxpf.running.checks import check_pytree
 from jaxpf.running.gaps import WithoutFrames
 from jaxpf.running.runs import as_key, check_resumed, init, one_run, summary_only, with_inputs
 
@@ -77,6 +78,7 @@ def simulate(
     Raises:
         InputError: another filter, a likelihood without ``sample``, or a number below 1.
     """
+    check_pytree(tracker)
     check_whole("num_frames", num_frames)
     if num_draws is not None:
         check_whole("num_draws", num_draws)

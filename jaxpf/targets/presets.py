@@ -63,7 +63,7 @@ def preset(like: Any, target: str, start: Start) -> Preset:
         InputError: no system of that paper tracks the target.
     """
     known = PRESETS[target]
-    if like not in known:
+    if not isinstance(like, str) or like not in known:
         raise InputError(
             f"like={like!r:.60} is not a published system of {target}; choose from "
             f"{', '.join(known)}."

@@ -54,7 +54,7 @@ class LongScans:
         """
         if progress is not None and not callable(progress):
             raise InputError(f"progress={progress!r:.60} must be a function of (done, total).")
-        if (progress or folder) and not is_concrete(*asked.values()):
+        if not (progress is None and folder is None) and not is_concrete(*asked.values()):
             raise InputError("progress and folder need known values; call outside of jit.")
         self.progress, self.total, self.done = progress, total, 0
         self.store: Pieces | None = None

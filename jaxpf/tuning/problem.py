@@ -102,8 +102,8 @@ def loss_function(objective: str | Callable, outlines: Callable | None = None) -
     * "position": mean distance from the labelled positions, pixels.
     * "crps": continuous ranked probability score of the labelled positions, pixels.
     * "iou": 1 - intersection over union with the labelled shapes.
-    * a function of ``(tracker, keys, frames)``: the mean of its return value.  Where a sequence says
-      which frames were ``observed``, these are pairs ``(frame, seen)``, as its tracker takes them.
+    * a function of ``(tracker, keys, frames)``: the mean of its return value.  If a sequence says
+      which frames were ``observed``, they are pairs ``(frame, seen)``, as its tracker takes them.
     """
 
     def loss(tracker, keys, frames, truth, sizes):

@@ -87,6 +87,7 @@ class TestTrackingScores:
         assert found["MOTA"] == 1
         assert found["MOTP"] == pytest.approx(2 / 3)
         assert found["HOTA"] == pytest.approx(13 / 19)
+        assert found["LocA"] == pytest.approx(2 / 3)
         # Moved by 4: 6 / 14, below .5 and above 8 thresholds; every box is a miss and a false one.
         found = tracking_scores(truth + np.array([0, 4, 0, 0]), truth)
         assert (found["MOTA"], found["IDF1"]) == (-1, 0)
@@ -113,6 +114,7 @@ class TestTrackingScores:
         nothing = np.full_like(truth, np.nan)
         found = tracking_scores(nothing, truth)
         assert (found["HOTA"], found["MOTA"], found["IDF1"]) == (0, 0, 0)
+        assert np.isnan(found["LocA"])
         assert (found["FN"], found["ML"]) == (20, 2)
         found = tracking_scores(truth, nothing)
         assert all(np.isnan(found[name]) for name in SHARES)
@@ -156,8 +158,10 @@ class TestTrackingScores:
         clear = trackeval.metrics.CLEAR(quiet).eval_sequence(data)
         identity = trackeval.metrics.Identity(quiet).eval_sequence(data)
         found = tracking_scores(estimate, truth)
-        for name in ("HOTA", "DetA", "AssA", "LocA"):
+        for name in ("HOTA", "DetA", "AssA"):
             assert found[name] == pytest.approx(np.mean(hota[name]), abs=1e-12)
+        matches = hota["HOTA_TP"] > 0
+        assert found["LocA"] == pytest.approx(np.mean(hota["LocA"][matches]), abs=1e-12)
         for name in ("MOTA", "MOTP", "IDSW", "Frag", "MT", "PT", "ML"):
             assert found[name] == pytest.approx(clear[name], abs=1e-12)
         for name in ("IDF1", "IDR", "IDP"):

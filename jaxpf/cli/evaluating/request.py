@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -165,7 +166,7 @@ def parse(values: Mapping[str, Any]) -> Request:
     from jaxpf.evaluation.baselines.rivals import available
 
     options = picked(values, Options)
-    tracks = (pair("--tracks", text, lambda path: Path(path).resolve()) for text in options.tracks)
+    tracks = (pair("--tracks", text, os.path.realpath) for text in options.tracks)
     named = [name for text in options.baseline for name in names_in(text)]
     options = dataclasses.replace(
         options,
@@ -249,4 +250,4 @@ def _own(text: str) -> tuple[str, str]:
     if not equals:
         name, place = text.rpartition(":")[2] or text, text
     path, colon, function = place.rpartition(":")
-    return name, f"{Path(path).resolve()}:{function}" if colon else place
+    return name, f"{os.path.realpath(path)}:{function}" if colon else place

@@ -114,6 +114,8 @@ def pretrained(
 
 def as_network(network: Callable) -> Callable:
     """The network as a function of its arrays: a module may also hold functions and names."""
+    if not callable(network):
+        raise TypeError(f"network is a {type(network).__name__}; give a function of a window")
     leaves, structure = jax.tree.flatten(network)
     is_array = [hasattr(leaf, "dtype") for leaf in leaves]
     if all(is_array):

@@ -2,14 +2,13 @@
 
 import os
 from collections.abc import Generator
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_known, check_path
 from jaxpf.contract.numbers import check_array
 from jaxpf.media.page.runs import Run
 from jaxpf.media.page.server import Server, described
@@ -86,8 +85,7 @@ def mark(frames: ArrayLike | str | os.PathLike[str], kind: str = "boxes") -> Dra
     Raises:
         InputError: the frames cannot be read, or there is no such kind.
     """
-    if kind not in ("boxes", "points", "parts", "contours"):
-        raise InputError(f"kind={kind!r:.60} must be boxes, points, parts or contours.")
+    check_known("kind=", kind, ("boxes", "points", "parts", "contours"))
     if isinstance(frames, str | os.PathLike):
         return Drawn(open_frames(frames), kind=kind)
     check_array("frames", frames, "uint8 RGB [T, H, W, 3] or [H, W, 3]")
@@ -116,6 +114,6 @@ def view(folder: str | os.PathLike[str]) -> Drawn:
     Raises:
         InputError: the folder holds no run, or its film cannot be read.
     """
-    run = Run(Path(folder))
+    run = Run(check_path("folder", folder))
     about = {"kind": run.kind, "start": run.start, "results": [run.name], "can_draw": False}
     return Drawn(open_frames(run.video, range=run.table.get("range")), runs=[run], **about)

@@ -27,8 +27,21 @@ from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import pytree_dataclass
 
 
+class WrappedProposal(Proposal):
+    """A proposal around another one, in its field ``proposal``."""
+
+    def __getattr__(self, name: str) -> Any:
+        """Optional methods of the other proposal; what they return is wrapped again."""
+        if name not in ("needs_noise", "at_frame", "with_inputs"):
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        inner = getattr(self.proposal, name)
+        if name == "needs_noise":
+            return inner
+        return lambda *given: contract.changed_inside(self, "proposal", lambda _: inner(*given))
+
+
 @pytree_dataclass
-class Mixture(Proposal):
+class Mixture(WrappedProposal):
     """A mixture of another proposal and the dynamics, weighted by the density of the mixture.
 
     Weights are at most the likelihood over ``1 - share`` for any other proposal (deterministic
@@ -48,11 +61,6 @@ class Mixture(Proposal):
         if not any(hasattr(self.proposal, x) for x in ("propose", "propose_all", "of_model")):
             raise InputError(f"proposal is {self.proposal!r:.60}, without a method propose.")
         check_number("share", self.share, least=0, below=1)
-
-    @property
-    def needs_noise(self) -> bool:
-        """Whether the other proposal moves coordinates that have no noise."""
-        return getattr(self.proposal, "needs_noise", False)
 
     def of_model(self, dynamics, likelihood):
         """See ``jaxpf.contract.Proposal``."""

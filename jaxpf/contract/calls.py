@@ -92,7 +92,7 @@ def is_coupled(dynamics: DynamicsLike) -> bool:
 
 
 def at_frame(tracker: T, time: ArrayLike) -> T:
-    """Return the tracker with the dynamics leading to frame ``time``, and the frame's likelihood.
+    """Return the tracker with the dynamics, the likelihood and the proposal of frame ``time``.
 
     Frames are counted from 0.  A part without ``at_frame`` stays unchanged.
     """
@@ -102,8 +102,8 @@ def at_frame(tracker: T, time: ArrayLike) -> T:
 def with_inputs(tracker: T, inputs: Any, first: ArrayLike = 0) -> T:
     """Return the tracker with known inputs of its model, such as controls or frame intervals.
 
-    Dynamics and likelihoods that take inputs define ``with_inputs(inputs, first)``; their
-    ``at_frame(time)`` reads row ``time - first``.
+    Dynamics, likelihoods and proposals that take inputs define ``with_inputs(inputs, first)``;
+    their ``at_frame(time)`` reads row ``time - first``.
 
     Args:
         tracker: any tracker.
@@ -125,11 +125,11 @@ def with_inputs(tracker: T, inputs: Any, first: ArrayLike = 0) -> T:
 
 
 def _parts_changed(tracker: T, method: str, *arguments: Any) -> T:
-    """Replace the dynamics and the likelihood by what their optional method returns."""
+    """Replace the parts of the model by what their optional method returns."""
     inner = tracker
     while not hasattr(inner, "dynamics") and hasattr(inner, "tracker"):
         inner = inner.tracker
-    for name in ("dynamics", "likelihood"):
+    for name in ("dynamics", "likelihood", "proposal"):
         if hasattr(getattr(inner, name, None), method):
             tracker = changed_inside(tracker, name, lambda part: getattr(part, method)(*arguments))
     return tracker

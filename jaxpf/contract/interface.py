@@ -37,8 +37,9 @@ likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log
                                                                            ``sample``,
                                                                            ``at_frame``,
                                                                            ``with_inputs``
-proposal      ``propose`` or ``propose_all``,                              ``of_model``
-              ``log_density`` or ``log_density_all``
+proposal      ``propose`` or ``propose_all``,                              ``of_model``,
+              ``log_density`` or ``log_density_all``                       ``at_frame``,
+                                                                           ``with_inputs``
 observation   any pytree                                                   ``take_frame``
 sampler       ``__call__(key) -> [P, D]``                                  ``independent``
 ============  ===========================================================  =====================
@@ -328,7 +329,9 @@ class Proposal:
     ``propose`` or ``propose_all``, and ``log_density`` or ``log_density_all``.  The proposal
     density must be positive wherever the transition density is.  If the proposal needs the model's
     dynamics or likelihood, also define ``of_model(dynamics, likelihood) -> proposal``, called in
-    every frame; there is no default.
+    every frame with those of the frame; there is no default.  With ``jaxpf.state_space``,
+    ``dynamics.parameters`` are the model's.  A proposal that changes with time, or that needs known
+    inputs, defines ``at_frame`` and ``with_inputs`` as ``Dynamics`` do.
     """
 
     def propose(self, key, observation, partition, current, previous, parent) -> jax.Array:

@@ -27,6 +27,7 @@ from jaxpf.filters.user_functions import (
     of_state,
 )
 from jaxpf.ordering import sir
+from jaxpf.proposals import WrappedProposal
 
 #: Fields of ``Partitioned`` that do not apply to a model with a single state.
 _NO_OPTIONS = {
@@ -86,9 +87,9 @@ def state_space(
             ``handles_nan`` is true.
         parameters: pytree of numbers and arrays, the last positional argument of every function.
         transition_log_density: ``(new, x, parameters) -> []``, the log-density of ``transition``,
-            for ``jaxpf.smooth``, a ``proposal`` and ``motion_gradient="score"``; the last two need
-            noise in every number that moves, and no ``u``.  It may take ``previous``, ``time`` and,
-            for ``jaxpf.smooth``, ``u``.
+            for ``jaxpf.smooth``, a ``proposal`` and ``motion_gradient="score"``; the last, and
+            linearised proposals, need noise in every number that moves, and no ``u``.  It may
+            take ``previous``, ``time`` and ``u``.
         observation: ``(key, x, parameters) -> y``, draws a frame, for ``jaxpf.simulate`` and the
             predictive draws of ``jaxpf.pmmh``; may take ``previous``, ``time`` and ``u``.
         first_stage: ``(y, x, parameters) -> []``, log of the first-stage weight of an
@@ -251,15 +252,10 @@ class FunctionDynamics(contract.Dynamics):
 
 
 @pytree_dataclass
-class FunctionProposal(contract.Proposal):
+class FunctionProposal(WrappedProposal):
     """A proposal of the state, for substates that hold the state and its predecessor."""
 
     proposal: Any
-
-    @property
-    def needs_noise(self) -> bool:
-        """Whether the proposal moves coordinates that have no noise."""
-        return getattr(self.proposal, "needs_noise", False)
 
     def of_model(self, dynamics, likelihood):
         """See ``jaxpf.contract.Proposal``."""

@@ -78,12 +78,13 @@ def run(
             frames; ``observed`` of a wrong shape; a frame that is NaN in part; see also
             ``jaxpf.running.checks.check_run``.
     """
+    frames = as_arrays(frames)
     check_order(tracker, key, frames)
     key = as_key(key)
     first = check_resumed(tracker, key, state, record)
-    tracker, frames = ready(tracker, frames, observed, inputs, first)
+    tracker, taken = ready(tracker, frames, observed, inputs, first)
     record = recognised("record", record)
-    state, recorded = run_compiled(tracker, key, frames, record, state)
+    state, recorded = run_compiled(tracker, key, taken, record, state)
     warn_if_nan(recorded)
     return state, recorded
 

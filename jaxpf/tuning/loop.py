@@ -60,7 +60,8 @@ def tune(
         result.values
 
     Args:
-        sequences: one or several; their trackers share the parameters.
+        sequences: one or several; their trackers share the parameters.  A sequence holds what was
+            ``observed``, and its ``inputs``.
         parameters: paths such as "likelihood.sharpness", "dynamics.scale[0]", "parameters.a" of
             ``jaxpf.state_space`` or, with bounds, "likelihood.sharpness=1:500"; see ``Parameter``.
         objective: "evidence", "position", "iou", "crps", or a function

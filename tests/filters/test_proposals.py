@@ -3,7 +3,11 @@
 Those that work are compared with the Kalman filter in tests/statistical/test_proposals.py.
 """
 
+import dataclasses
+from typing import Any
+
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from correlated import CorrelatedGaussian
@@ -162,3 +166,76 @@ def test_a_proposal_works_or_is_refused_in_one_sentence(case):
     with pytest.raises(InputError, match=refusal) as raised:
         jax.eval_shape(lambda: use(make()))
     assert "\n" not in str(raised.value)
+
+
+# Time, inputs and parameters
+
+INPUTS = np.float32([1.0, -2.0, 4.0, 3.0])
+Y = np.float32([1.5, 0.3, 2.0, 3.3])
+normal = jax.scipy.stats.norm.logpdf
+
+
+def noise_at(time):
+    """Standard deviation of the observation."""
+    return 0.5 + 0.5 * time
+
+
+@pytree_dataclass
+class Optimal(jaxpf.contract.Proposal):
+    """Of ``x_t = p u_t + n`` and an observation whose noise grows with time."""
+
+    inputs: Any = None
+    moment: Any = None
+    parameters: Any = None
+
+    def with_inputs(self, inputs, first):
+        return dataclasses.replace(self, inputs=(inputs, first))
+
+    def at_frame(self, time):
+        values, first = self.inputs
+        return dataclasses.replace(self, moment=(time, jnp.asarray(values)[time - first]))
+
+    def of_model(self, dynamics, likelihood):
+        return dataclasses.replace(self, parameters=dynamics.parameters)
+
+    def moments(self, observation):
+        time, u = self.moment
+        gain = 1 / (1 + noise_at(time) ** 2)
+        mean = self.parameters * u
+        return mean + gain * (observation - mean), jnp.sqrt(1 - gain)
+
+    def propose(self, key, observation, partition, current, previous, parent):
+        mean, scale = self.moments(observation)
+        return mean + scale * jax.random.normal(key, current.shape)
+
+    def log_density(self, observation, partition, new, current, previous, parent):
+        return normal(new[0], *self.moments(observation))
+
+
+def sees(y, x, p, time):
+    return normal(y, x, noise_at(time))
+
+
+def sees_both(y, x, p, time, previous):
+    return sees(y, x, p, time) + 0 * previous
+
+
+@pytest.mark.parametrize("log_likelihood", [sees, sees_both])
+@pytest.mark.parametrize("wrapped", [lambda x: x, lambda x: Mixture(x, share=0.9999)])
+def test_a_proposal_receives_time_inputs_and_parameters(log_likelihood, wrapped):
+    """The optimal one of states that forget their past: all particles get the exact evidence."""
+    its = jaxpf.state_space(
+        initial=0.0,
+        transition=lambda key, x, p, u: p * u + jax.random.normal(key),
+        transition_log_density=lambda new, x, p, u: normal(new, p * u),
+        log_likelihood=log_likelihood,
+        parameters=0.7,
+        num_particles=20,
+        proposal=wrapped(Optimal()),
+    )
+    changed = jaxpf.tuning.replace(its, {"parameters": 0.8})
+    state, _ = jaxpf.run(changed, KEY, Y[:1], inputs=INPUTS[:1])
+    summary = jaxpf.run(changed, KEY, Y[1:], inputs=INPUTS[1:], state=state)[1]
+    exact = normal(Y, 0.8 * INPUTS, np.sqrt(1 + noise_at(np.arange(4)) ** 2))[1:]
+    np.testing.assert_allclose(summary.log_evidence, exact, atol=1e-3)
+    np.testing.assert_allclose(summary.ess, 20, rtol=1e-3)

@@ -11,7 +11,7 @@ import pytest
 from jax.scipy.stats import norm
 
 import jaxpf
-from jaxpf import likelihoods, media, smoothing, tuning
+from jaxpf import likelihoods, media, running, smoothing, tuning
 
 T, KEY, KEYS = 5, jax.random.key(0), jax.random.split(jax.random.key(1), 2)
 INPUTS = {"push": np.float32([[2, -4], [8, 0], [-6, 9], [4, 3], [1, -2]]), "noise": np.r_[1.0:6.0]}
@@ -130,6 +130,13 @@ def one_by_one(y, observed=None, **options):
     return streamed(jaxpf.stream(MODEL, KEY, iter(y), given, inputs=iter(rows)))
 
 
+def many_one_by_one(y, observed=None, inputs=None):
+    """With inputs of all frames, which are given before."""
+    its = running.with_inputs(MODEL, inputs, y)
+    given = None if observed is None else iter(observed)
+    return jaxpf.monte_carlo(its, KEYS, iter(y), observed=given).log_evidence
+
+
 #: Function of frames, ``observed`` and ``inputs``, and what it must return.
 DOORS = {
     "run": (
@@ -140,6 +147,7 @@ DOORS = {
         lambda y, **options: jaxpf.monte_carlo(MODEL, KEYS, y, **options).log_evidence,
         lambda seen: np.stack([increments(seen)] * 2),
     ),
+    "monte_carlo, one by one": (many_one_by_one, lambda seen: np.stack([increments(seen)] * 2)),
     "stream": (
         lambda y, **options: streamed(jaxpf.stream(MODEL, KEY, y, **options)),
         increments_and_states,

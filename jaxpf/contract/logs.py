@@ -52,11 +52,15 @@ def finite(log_values: jax.Array) -> jax.Array:
 
 
 def add_exactly(total: jax.Array, value: jax.Array) -> jax.Array:
-    """Add to a total ``[2, ...]``, a rounded sum and what rounding has lost (Knuth's two-sum)."""
+    """Add to a total ``[2, ...]``, a rounded sum and what rounding has lost (Knuth's two-sum).
+
+    Compare totals by the sum of their difference: what is large and equal cancels, and what was
+    lost remains.
+    """
     rounded = total[0] + value
     added = rounded - total[0]
     lost = (total[0] - (rounded - added)) + (value - added)
-    return jnp.stack([rounded, total[1] + lost])
+    return jnp.stack([rounded, jnp.where(jnp.isfinite(rounded), total[1] + lost, 0)])
 
 
 def log_evidence(summaries: Any, axis: int = -1) -> Any:

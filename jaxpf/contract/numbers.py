@@ -69,6 +69,23 @@ def check_array(
             raise InputError(f"{name}={_shown(value)} must be {wanted}.")
 
 
+def with_nan(value: Any) -> Any:
+    """Return the array of a series, a table or a masked array, NaN where an entry is missing.
+
+    Other values are returned unchanged.  Integers become floats only if one is missing.
+    """
+    if hasattr(value, "to_numpy"):
+        array = value.to_numpy()
+        if array.dtype == object and all(kind.kind in "fiub" for kind in np.ravel(value.dtypes)):
+            return value.to_numpy(dtype=float, na_value=np.nan)  # columns of several kinds
+        return array
+    if isinstance(value, np.ma.MaskedArray):
+        if not np.ma.is_masked(value):
+            return value.data
+        return np.ma.filled(value.astype(np.result_type(value.dtype, np.float32)), np.nan)
+    return np.nan if type(value).__name__ == "NAType" else value  # of pandas
+
+
 def coordinates_in(name: str, value: object) -> tuple[int, ...]:
     """Convert indices of coordinates to a tuple; refuse what is not a list of whole numbers."""
     wanted = "whole numbers, the coordinates of a substate counted from 0, [n]"
@@ -82,6 +99,7 @@ def numbers_in(
     name: str, value: Any, wanted: str, least: float = -np.inf, most: float = np.inf
 ) -> np.ndarray:
     """Convert the concrete ``value`` of the argument ``name`` to float64; see ``check_array``."""
+    value = with_nan(value)
     check_array(name, value, wanted, least, most)
     return np.asarray(value).astype(float)
 

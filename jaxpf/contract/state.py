@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 
 from jaxpf.contract.pytree import pytree_dataclass
 
@@ -89,7 +90,8 @@ class Summary:
         log_evidence: ``[]``, log of the frame's factor in an unbiased estimate of
             ``p(y_1:T)``; ``-inf`` if the frame was impossible for every particle.  Sum the frames
             with ``jaxpf.log_evidence``: a float32 sum of 1e5 or more increments drifts.
-        ess: ``[]``, effective sample size ``1 / sum(w^2)`` (maccormick1999, eq. 6).
+        ess: ``[]``, effective sample size ``1 / sum(w^2)`` (maccormick1999, eq. 6); 0 if the frame
+            was impossible for every particle.
         distinct_share: ``[P]``, number of distinct draws of a partition, divided by N
             (uniqueness in smith2004, section 3.1).  1 for the partition that was drawn last,
             and so with one partition.
@@ -100,7 +102,7 @@ class Summary:
             ``jaxpf.contract.lost``.
         num_invalid: ``[]`` int32, number of log-likelihoods that were NaN or +inf.
         ess_parts: ``[P]``, effective sample size per partition if partitions have separate
-            weights (``ess`` is then the smallest); else None.
+            weights (``ess`` is then the smallest), 0 for one that no particle explains; else None.
         label_probabilities: ``[L]``, total weight of the particles with each label; None without
             labels.
         confidence: ``[P]``, 0 to 1, confidence that each object is present near its estimate; None
@@ -128,7 +130,7 @@ def summarise(state, log_evidence, status, lost, num_invalid, num_unique) -> Sum
     return Summary(
         estimate=estimate.T,
         log_evidence=log_evidence,
-        ess=1.0 / (weights @ weights),
+        ess=1.0 / jnp.where(jnp.isneginf(log_evidence), jnp.inf, weights @ weights),
         distinct_share=num_unique.astype(weights.dtype) / weights.shape[0],
         spread=spread.T,
         status=status,
@@ -152,7 +154,8 @@ def moments(
     """Mean and standard deviation of weighted particles; particles of zero weight may hold NaN.
 
     Weights sum to one but for rounding, which a mean far from 0 multiplies: so the mean is
-    corrected by that of the deviations from it (Chan, Golub & LeVeque 1983).
+    corrected by that of the deviations from it (Chan, Golub & LeVeque 1983).  Deviations are
+    squared in units of their largest power of two, so that squares stay in range.
 
     Args:
         values: ``[..., N]``.
@@ -166,10 +169,27 @@ def moments(
     deviation = jnp.where(alive, values - spread(mean), 0.0)
     correction = weighted_sum(deviation, weights)
     deviation = jnp.where(alive, deviation - spread(correction), 0.0)
-    variance = weighted_sum(deviation**2, weights)
-    return mean + correction, jnp.where(
-        variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1.0)), 0.0
-    )
+    unit = power_of_two(jnp.max(jnp.abs(deviation), axis=-1))
+    root = root_or_zero(weighted_sum((deviation / unit[..., None]) ** 2, weights))
+    return mean + correction, root * unit.reshape(*unit.shape, *[1] * (root.ndim - unit.ndim))
+
+
+def power_of_two(sizes: jax.Array) -> jax.Array:
+    """The power of two next to each size, by which scaling is exact; 1 for 0 and what is infinite.
+
+    Has no derivative.
+    """
+    sizes = lax.stop_gradient(sizes)
+    limits = jnp.finfo(sizes.dtype)
+    proper = (sizes >= limits.tiny) & (sizes <= limits.max)
+    exponent = jnp.frexp(jnp.where(proper, sizes, 0.5))[1]
+    return jnp.ldexp(jnp.ones_like(sizes), exponent.clip(limits.minexp, limits.maxexp - 1))
+
+
+def root_or_zero(squares: jax.Array) -> jax.Array:
+    """Square roots, with derivative 0 at 0."""
+    positive = squares > 0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, squares, 1.0)), 0.0)
 
 
 def count_unique(lineage: jax.Array) -> jax.Array:

@@ -84,7 +84,8 @@ def state_space(
             take ``time`` and ``u``, too.  An argument named ``previous`` receives the state before
             x; summaries then hold ``[x, previous]``, 2 D numbers, and smoothing takes the whole
             clip, without a lag.  Frames with some NaN are refused unless the function's attribute
-            ``handles_nan`` is true.
+            ``handles_nan`` is true; the function must then replace NaN before it computes anything
+            (``jnp.where(jnp.isnan(y), 0.0, y)``): after ``jnp.nansum`` the gradient is NaN.
         parameters: pytree of numbers and arrays, the last positional argument of every function.
         transition_log_density: ``(new, x, parameters) -> []``, the log-density of ``transition``,
             for ``jaxpf.smooth``, a ``proposal`` and ``motion_gradient="score"``; the last, and

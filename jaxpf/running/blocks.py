@@ -28,7 +28,7 @@ from jaxpf.running import (
     together,
     with_inputs,
 )
-from jaxpf.running.checks import as_arrays, check_frames, check_order, check_run, warn_if_nan
+from jaxpf.running.checks import as_arrays, check_frames, check_order, check_run, warn_of_frames
 from jaxpf.running.chunks import come_one_by_one, in_chunks
 from jaxpf.running.memory import device_memory, num_idle_cores, say_that_cores_are_idle
 from jaxpf.running.widths import Blocks, blocks_of, even_blocks, widest
@@ -96,18 +96,20 @@ def monte_carlo(
     """
     if batch_size is not None:
         check_whole("batch_size", batch_size)
+    frames = as_arrays(frames)
     check_order(tracker, keys, frames)
     keys = as_keys(keys)
     count = keys.shape[0]
     blocks = blocks_of(count) if batch_size is None else ((-(-count // batch_size), batch_size),)
     if devices is None and num_idle_cores() and max(count for count, _ in blocks) > 1:
         say_that_cores_are_idle()
-    frames, record = as_arrays(frames), recognised("record", record)
+    record = recognised("record", record)
     tracker = with_inputs(tracker, inputs, frames)
     recorded = run_blocks(
         tracker, keys, frames, blocks, record, devices, frames_per_chunk, observed, batch_size
     )
-    warn_if_nan(recorded)
+    kept = not come_one_by_one(frames)
+    warn_of_frames(recorded, (lambda t: jax.tree.map(lambda x: x[t], frames)) if kept else None)
     return recorded
 
 

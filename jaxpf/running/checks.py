@@ -14,7 +14,7 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_tracker
-from jaxpf.contract.numbers import returned
+from jaxpf.contract.numbers import returned, with_nan
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.types import TrackerLike
 from jaxpf.running.chunks import come_one_by_one
@@ -95,40 +95,66 @@ def check_pytree(tracker: TrackerLike) -> None:
 
 
 def as_arrays(frames: Any) -> Any:
-    """Replace series and tables, as of pandas, by their arrays; others stay as they are."""
+    """Apply ``with_nan`` to all arrays; frames that come one by one stay as they are."""
     if come_one_by_one(frames) and not hasattr(frames, "to_numpy"):
         return frames
-    return jax.tree.map(lambda x: x.to_numpy() if hasattr(x, "to_numpy") else x, frames)
+    return jax.tree.map(with_nan, frames)
 
 
-def warn_if_nan(summary: object, first: int = 0) -> bool:
-    """Warn of the first frame with log-likelihoods that are NaN or +inf, and how many they are.
+def warn_of_frames(
+    summary: object, frame_at: Callable[[int], Any] | None = None, first: int = 0, told: int = 0
+) -> int:
+    """Warn of the first frame that no particle explains, and of the first with invalid likelihoods.
 
     Args:
         summary: what a run recorded, of frames on its last axis; checked if it is a ``Summary``.
+        frame_at: place on that axis -> frame; None if frames were not kept.
         first: number of the first frame.
+        told: sum of the bits of ``Summary.status`` of which the user was warned before.
 
     Returns:
-        Whether it warned.
+        ``told``, with the bits of these warnings.
     """
     if not isinstance(summary, contract.Summary) or not is_concrete(summary.status):
-        return False
-    status = np.atleast_1d(summary.status)
-    bad = np.argwhere(status & contract.STATUS_INVALID_LIKELIHOOD)
-    if not len(bad):
-        return False
-    place = tuple(bad[bad[:, -1].argmin()])
-    if status[place] & contract.STATUS_IMPOSSIBLE:
-        what = "is NaN or +inf, and finite for no particle, so its evidence is 0"
-    else:
-        number = np.atleast_1d(summary.num_invalid)[place]
-        what = f"is NaN or +inf {number} times; those particles count as impossible"
-    warnings.warn(
-        f"the log-likelihood of frame {first + int(place[-1])} {what}; see Summary.status and "
-        "Summary.num_invalid.",
-        stacklevel=3,
-    )
-    return True
+        return told
+    status, num_invalid = np.atleast_1d(summary.status), np.atleast_1d(summary.num_invalid)
+    impossible = status & contract.STATUS_IMPOSSIBLE > 0
+    invalid = (status & contract.STATUS_INVALID_LIKELIHOOD > 0) & ~impossible
+    for bit, bad in (
+        (contract.STATUS_IMPOSSIBLE, impossible),
+        (contract.STATUS_INVALID_LIKELIHOOD, invalid),
+    ):
+        places = np.argwhere(bad)
+        if told & bit or not len(places):
+            continue
+        told |= bit
+        place = tuple(places[places[:, -1].argmin()])
+        number = num_invalid[place]
+        if bit == contract.STATUS_INVALID_LIKELIHOOD:
+            what = f"NaN or +inf {number} times; those particles count as impossible"
+        elif number:
+            what = "NaN or +inf, and finite for no particle of a run, whose evidence is then 0"
+        else:
+            what = "-inf for every particle of a run, whose evidence is then 0"
+        shown = "" if frame_at is None else f" The frame is {_in_short(frame_at(place[-1]))}."
+        warnings.warn(
+            f"the log-likelihood of frame {first + int(place[-1])} is {what}; see Summary.status "
+            f"and Summary.num_invalid.{shown}",
+            stacklevel=3,
+        )
+    return told
+
+
+def _in_short(frame: Any) -> str:
+    """The numbers of a frame; of an array of many its shape."""
+
+    def shown(leaf: Any) -> str:
+        leaf = np.asarray(leaf)
+        if leaf.size > 10:
+            return f"{leaf.dtype} {list(leaf.shape)}"
+        return " ".join(np.array2string(leaf, separator=", ").split())
+
+    return str(jax.tree.map(shown, frame)).replace("'", "")
 
 
 def check_frames(frames: object) -> None:

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.numbers import check_whole, with_nan
 
 #: Default size of a chunk's frames, bytes.
 CHUNK_BYTES = 64 * 2**20
@@ -118,11 +118,11 @@ def _gathered(frames: Iterable[Any], length: int | None, multiple: int) -> Itera
 
 def _leaves(frame: Any) -> tuple[list[np.ndarray], Any]:
     leaves, structure = jax.tree.flatten(frame)
-    return [np.asarray(leaf) for leaf in leaves], structure
+    return [np.asarray(with_nan(leaf)) for leaf in leaves], structure
 
 
 def _kind(leaf: np.ndarray) -> str:
-    return f"{leaf.dtype} {list(leaf.shape)}"
+    return f"{jax.dtypes.canonicalize_dtype(leaf.dtype)} {list(leaf.shape)}"
 
 
 def _rounded(length: int, multiple: int) -> int:

@@ -16,7 +16,7 @@ from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_type
-from jaxpf.contract.numbers import check_array
+from jaxpf.contract.numbers import check_array, with_nan
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.types import TrackerLike
 from jaxpf.running.chunks import come_one_by_one
@@ -88,6 +88,7 @@ def unmarked(tracker: TrackerLike, frames: Any) -> tuple[Any, Any]:
 def marked_one_by_one(tracker: TrackerLike, frames: Any, observed: Any = None) -> Iterator[Any]:
     """Yield each frame, the tracker for it, and the frame in that tracker's format."""
     check_type("frames", frames, Iterable)
+    frames = (jax.tree.map(with_nan, frame) for frame in frames)
     if observed is not None:
         check_type("observed", observed, Iterable)
     pairs = itertools.zip_longest(frames, () if observed is None else observed)

@@ -18,7 +18,7 @@ from jaxpf.contract.recognised import recognised
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.running import gaps, missing_frames
-from jaxpf.running.checks import as_arrays, check_frames, check_order, check_run, warn_if_nan
+from jaxpf.running.checks import as_arrays, check_frames, check_order, check_run, warn_of_frames
 from jaxpf.running.chunks import come_one_by_one
 
 
@@ -54,7 +54,7 @@ def run(
         tracker: any object with ``init`` and ``step``, registered as a pytree.
         key: the run's random key; frame t uses ``fold_in(key, t + 1)``.
         frames: array or pytree with a leading time axis ``[T, ...]``; also a pandas Series or
-            DataFrame.
+            DataFrame.  Masked entries and ``<NA>`` mean the same as NaN.
         record: function of ``(state, summary)`` that returns what to keep of each frame.  A new
             function recompiles, unless it has the same code and values
             (``jaxpf.contract.recognised``).
@@ -71,7 +71,8 @@ def run(
 
     Returns:
         The final state, and the recorded values with a leading axis T.  A frame that no particle
-        explains is skipped: ``log_evidence`` is -inf, and ``status`` has ``STATUS_IMPOSSIBLE``.
+        explains is skipped: ``log_evidence`` is -inf, ``ess`` 0, and ``status`` has
+        ``STATUS_IMPOSSIBLE``; a warning names the first such frame.
 
     Raises:
         InputError: no frames, arrays with different numbers of frames, or an iterable of single
@@ -85,7 +86,7 @@ def run(
     tracker, taken = ready(tracker, frames, observed, inputs, first)
     record = recognised("record", record)
     state, recorded = run_compiled(tracker, key, taken, record, state)
-    warn_if_nan(recorded)
+    warn_of_frames(recorded, lambda time: jax.tree.map(lambda x: x[time], frames), first)
     return state, recorded
 
 

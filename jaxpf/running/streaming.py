@@ -12,7 +12,7 @@ from jaxpf.contract.pytree import check_not_traced
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import as_arrays, check_order, check_pytree, warn_if_nan
+from jaxpf.running.checks import as_arrays, check_order, check_pytree, warn_of_frames
 from jaxpf.running.chunks import come_one_by_one
 from jaxpf.running.runs import check_resumed, init_compiled
 
@@ -66,18 +66,19 @@ def stream(
     Yields:
         A ``TrackedFrame`` for each frame: ``time``, ``frame``, ``state`` and ``summary``.
     """
+    frames = as_arrays(frames)
     check_order(tracker, key, frames)
     key = running.as_key(key)
     check_pytree(tracker)
     check_resumed(tracker, key, state, running.summary_only)
-    frames, observed = as_arrays(frames), as_arrays(observed)
+    observed = as_arrays(observed)
     whole = () if come_one_by_one(frames) else frames
     check_not_traced("jaxpf.stream", "jaxpf.run", tracker, key, whole, state)
     first = 0 if state is None else int(contract.time_of(state))
     if state is None:
         state = init_compiled(tracker, key)
     marked = missing_frames.marked_one_by_one(tracker, frames, observed)
-    given, warned = _one_by_one(inputs), False
+    given, told = _one_by_one(inputs), 0
     for number, (frame, its_tracker, taken) in enumerate(marked, first):
         if inputs is not None:
             row = next(given, None)
@@ -88,7 +89,7 @@ def stream(
         state, summary = step(its_tracker, key, number, state, taken)
         check_not_traced("jaxpf.stream", "jaxpf.run", summary)
         summary = jax.tree.map(np.asarray, summary)
-        warned = warned or warn_if_nan(summary, number)
+        told = warn_of_frames(summary, [frame].__getitem__, number, told)
         yield TrackedFrame(number, frame, state, summary)
 
 

@@ -34,7 +34,7 @@ from jax.typing import ArrayLike
 from jaxpf import contract, running
 from jaxpf.contract import logs
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_array
+from jaxpf.contract.numbers import check_array, with_nan
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.state import Summary
 from jaxpf.contract.types import TrackerLike
@@ -82,10 +82,12 @@ def log_mean_evidence(
     Unlike the mean of the logs it approaches the log evidence as R grows, even with few particles.
     So does its gradient with ``jaxpf.gradients.StopGradient``.
     """
-    every = log_evidence(
-        tracker, keys, frames, checkpoint=checkpoint, observed=observed, inputs=inputs
-    )
-    return logs.normalised(every)[1] - math.log(every.shape[0])
+    tracker, frames = running.ready(tracker, frames, observed, inputs)
+    increments = _record(tracker, keys, frames, keep_log_evidence, checkpoint)
+    # Runs are compared by their differences: sums of large numbers would be rounded.
+    common = logs.finite(lax.stop_gradient(jnp.max(increments, axis=1)))
+    every = logs.sum_evenly(increments - common[:, None], axis=0)
+    return logs.normalised(every)[1] + logs.sum_evenly(common) - math.log(every.shape[0])
 
 
 def position_error(
@@ -205,6 +207,7 @@ def outline_loss(
         raise InputError(f"outlines={outlines!r:.60} must be a function of the estimates.")
     tracker, frames = running.ready(tracker, frames, observed, inputs)
     corners = f"[{running.num_frames(frames)}, {tracker.num_partitions}, >= 3, 2]"
+    truth = with_nan(truth)
     check_array("truth", truth, f"corners in pixels, {corners}")
     truth = jnp.asarray(truth)
     _check_labelled("truth", truth.reshape(*truth.shape[:2], -1))
@@ -287,6 +290,7 @@ def _record(
 def _truth(name: str, truth: ArrayLike, tracker: Any, frames: Any, at_least: int) -> jax.Array:
     """Labels as floats, with a checked shape."""
     expected = (running.num_frames(frames), tracker.num_partitions)
+    truth = with_nan(truth)
     check_array(name, truth, "numbers for every frame and object")
     truth = jnp.asarray(truth)
     if truth.ndim != 3 or truth.shape[:2] != expected or truth.shape[2] < at_least:

@@ -14,6 +14,7 @@ from jax.typing import ArrayLike
 from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import OBJECTIVES
+from jaxpf.contract.numbers import with_nan
 from jaxpf.contract.pytree import described, pytree_dataclass
 from jaxpf.contract.refusals import biased_evidence
 from jaxpf.contract.types import TrackerLike
@@ -54,6 +55,10 @@ class TrainingSequence:
     inputs: Any = None
 
     __repr__ = described
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "frames", as_arrays(self.frames))
+        object.__setattr__(self, "truth", with_nan(self.truth))
 
     @property
     def num_frames(self) -> int:
@@ -175,7 +180,7 @@ def ready(sequence: TrainingSequence) -> TrainingSequence:
 
     The latter only if the observations do not depend on parameters, and fit in memory.
     """
-    frames = as_arrays(sequence.frames)
+    frames = sequence.frames  # arrays since it was made
     tracker = running.with_inputs(sequence.tracker, sequence.inputs, frames)
     is_fixed = getattr(getattr(tracker, "likelihood", None), "fixed_observation", False)
     # Else objectives mark frames of NaN themselves; those of users may read the filter's fields.

@@ -21,7 +21,7 @@ from jax.flatten_util import ravel_pytree
 
 from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.logs import normalised
+from jaxpf.contract.logs import add_exactly, multiplied
 from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.refusals import biased_evidence, poisoned
 from jaxpf.contract.state import moments
@@ -158,7 +158,10 @@ class _Filters(NamedTuple):
 
 
 class _Draws(NamedTuple):
-    """Parameters ``[M, d]``, their filters' keys and states, and log evidence so far ``[M]``."""
+    """Parameters ``[M, d]``, their filters' keys and states, and log evidence so far ``[M, 2]``.
+
+    The latter are totals of ``add_exactly``, since moves compare them.
+    """
 
     place: jax.Array
     keys: jax.Array
@@ -173,7 +176,7 @@ def _begun(filters, draw_prior, num_draws, keys, inputs):
     place = jax.vmap(lambda x: ravel_pytree(x)[0])(first)
     keys = jax.random.split(keys[1], num_draws)
     states = jax.vmap(lambda x, key: running.init(filters.tracker(x, inputs), key))(first, keys)
-    draws = _Draws(place, keys, states, jnp.zeros(num_draws, place.dtype))
+    draws = _Draws(place, keys, states, jnp.zeros((num_draws, 2), place.dtype))
     return draws, jnp.full(num_draws, -np.log(num_draws), place.dtype)
 
 
@@ -190,12 +193,12 @@ def _take(filters, settings, start, frames, inputs, carry, items):
         frame = jax.tree.map(lambda x: jnp.asarray(x)[time], frames)
         step = running.one_run(tracker_of(place), key, keep_log_evidence)
         state, increment = step(state, (time, frame))
-        return state, log_evidence + increment, increment
+        return state, add_exactly(log_evidence, increment), increment
 
     def from_start(place, key, time):
         """The state and the log evidence of all frames up to this one."""
         state = running.init(tracker_of(place), key)
-        zero = jnp.zeros((), place.dtype)
+        zero = jnp.zeros(2, place.dtype)
         return lax.fori_loop(
             0, time + 1, lambda t, old: advance(place, key, old[0], old[1], t)[:2], (state, zero)
         )
@@ -206,7 +209,8 @@ def _take(filters, settings, start, frames, inputs, carry, items):
         keys = jax.random.split(filter_key, num_draws)
         proposed = _Draws(new, keys, *jax.vmap(from_start, (0, 0, None))(new, keys, time))
         prior = jax.vmap(lambda x: filters.log_prior(unravel(x)))
-        change = prior(new) - prior(draws.place) + proposed.log_evidence - draws.log_evidence
+        change = prior(new) - prior(draws.place)
+        change += jnp.sum(proposed.log_evidence - draws.log_evidence, axis=1)
         accepted = jnp.log(jax.random.uniform(accept_key, (num_draws,))) < change  # not if NaN
 
         def chosen(new, old):
@@ -237,7 +241,7 @@ def _take(filters, settings, start, frames, inputs, carry, items):
             draws.place, draws.keys, draws.states, draws.log_evidence, time
         )
         draws = draws._replace(states=states, log_evidence=log_evidence)
-        log_weights, total = normalised(log_weights + increments)
+        log_weights, total = multiplied(log_weights, increments)
         weights = jnp.exp(log_weights)
         ess = 1 / (weights @ weights)
         mean, spread = moments(draws.place.T, weights, jnp.matmul)

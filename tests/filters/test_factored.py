@@ -153,6 +153,7 @@ def test_nothing_is_lost_when_all_points_are_hidden(name, nothing):
     assert np.isfinite(summary.spread).all()
     np.testing.assert_allclose(np.exp(state.log_weights).sum(axis=1), 1, rtol=1e-5)
     assert np.all(np.asarray(summary.without_likelihood) == (nothing != 0))
+    assert np.all((np.asarray(summary.ess_parts) == 0) == (nothing != 0))
     assert np.all(np.asarray(summary.num_invalid) > 0) == np.isnan(nothing)
     if name != "eskil":
         assert np.all(np.isneginf(summary.log_evidence)) == (nothing != 0)

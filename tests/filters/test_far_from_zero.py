@@ -49,3 +49,24 @@ def test_summaries_of_a_smoother(walk):
     paths = smoothed.paths[:, :, 0, 0].T
     moments = smoothed.estimate[:, 0, 0], smoothed.spread[:, 0, 0]
     assert_moments(*moments, paths, np.ones(paths.shape))
+
+
+@pytest.mark.parametrize("runs", [1, 2])
+def test_spreads_whose_squares_leave_float32(runs):
+    """A model in other units, powers of two near 1e-20 and 1e20, has the same spread in them."""
+
+    def of_unit(unit):
+        its = jaxpf.state_space(
+            initial=jnp.float32(0),
+            transition=lambda key, x, p: x + p * jax.random.normal(key),
+            log_likelihood=lambda y, x, p: -0.5 * (y - x / p) ** 2,
+            parameters=unit,
+            num_particles=50,
+        )
+        if runs > 1:
+            its = jaxpf.filters.SideBySide(its, runs)
+        return jaxpf.run(its, KEY, jnp.arange(3.0))[1].spread / unit
+
+    found = jax.jit(lambda units: jax.lax.map(of_unit, units))(2.0 ** jnp.array([0, -67, 67]))
+    assert (found[0] > 0.1).all()
+    np.testing.assert_array_equal(found, np.broadcast_to(found[:1], found.shape))

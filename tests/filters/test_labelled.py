@@ -101,6 +101,7 @@ def test_a_target_without_likelihood_is_reported_and_nothing_becomes_nan(weights
     assert np.all(np.isfinite(summary.spread))
     assert not np.any(np.isnan(summary.label_log_evidence))
     assert np.all(np.isfinite(summary.log_evidence))
+    np.testing.assert_array_equal(np.asarray(summary.ess_parts) == 0, lost)
     # With equal shares its particles go on; else its weight is rightly zero.
     assert lost[3:, 1].all() == (weights != "equal_share")
     assert not lost[:, [0, 2]].any()

@@ -9,9 +9,11 @@ import nbformat
 import numpy as np
 import pytest
 
+import jaxpf
+
 FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
 PAGE = (FOLDER / "docs" / "state_space.md").read_text()
-MODEL, EXACT, ESTIMATES, NUTS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+MODEL, COMPONENTS, EXACT, ESTIMATES, NUTS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 #: The table's calls by name, such as ``jaxpf.smooth(tracker, key, y)``.
 CALLS = {
     name: call for call, name in re.findall(r"`(?:\w+, \w+ = )?(jaxpf\.(\w+)\([^`]*\))`", PAGE)
@@ -32,6 +34,32 @@ def test_stochastic_volatility_takes_ten_lines():
     tree = ast.parse(MODEL)
     model = [x for x in tree.body if not isinstance(x, ast.Import | ast.ImportFrom | ast.Assign)]
     assert sum(x.end_lineno - x.lineno + 1 for x in model) <= 10
+
+
+def test_a_likelihood_of_the_components_that_are_there_has_an_exact_gradient(page):
+    """Particles that all move alike: the evidence is a product of densities."""
+    names = dict(page)
+    exec(COMPONENTS, names)
+    start, y = np.array([1.0, 2.0]), np.random.default_rng(0).normal(size=(4, 2))
+    missing = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], bool)
+
+    def evidence(p):
+        tracker = jaxpf.state_space(
+            initial=start,
+            transition=lambda key, x, p: p["a"] * x,
+            log_likelihood=names["log_likelihood"],
+            parameters=p,
+            num_particles=2,
+        )
+        return jaxpf.log_evidence(jaxpf.run(tracker, jax.random.key(0), frames)[1])
+
+    def exact(p):
+        means = p["a"] ** np.arange(1, 5)[:, None] * start
+        return jax.scipy.stats.norm.logpdf(y, means, p["noise"])[~missing].sum()
+
+    frames, p = np.ma.masked_array(y, missing), {"a": 0.8, "noise": 0.7}
+    found, expected = (jax.value_and_grad(value)(p) for value in (evidence, exact))
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-4), found, expected)
 
 
 @pytest.mark.slow

@@ -333,6 +333,26 @@ def test_a_likelihood_that_is_nan_for_all_particles_warns_once():
         assert warned[0].filename == __file__
 
 
+def test_a_frame_that_no_particle_explains_warns_once_with_what_it_holds():
+    def near(y, x, p):
+        return jnp.where(jnp.abs(y - x[0]) < 20, 0.0, -jnp.inf)
+
+    its, frames = of_pairs(near), np.array([0.0, 1234.5, 1e6])
+    for call in (
+        lambda: jaxpf.run(its, KEY, frames)[1],
+        lambda: jax.tree.map(lambda x: x[0], jaxpf.monte_carlo(its, KEY[None], frames)),
+        lambda: jax.tree.map(
+            lambda *x: np.stack(x), *(each.summary for each in jaxpf.stream(its, KEY, frames))
+        ),
+    ):
+        with pytest.warns(UserWarning, match="frame 1 .*1234.5") as warned:
+            summary = call()
+        assert len(warned) == 1
+        assert warned[0].filename == __file__
+        np.testing.assert_array_equal(summary.ess[1:], 0)
+        assert summary.ess[0] > 1
+
+
 def test_a_likelihood_that_is_nan_for_some_particles_says_for_how_many():
     def partly(y, x, p):
         return jnp.where(x[0] > y, jnp.nan, 0.0)

@@ -44,9 +44,8 @@ def _finish(session: Session) -> None:
     verdicts = object_verdicts(table, names)
     num_particles = getattr(session.tracker, "num_particles", 0)
     num_particles = int(num_particles or np.nanmax(sizes, initial=1))
-    if session.population is not None:
-        sizes = sizes[sizes > 0]  # 0 while there is no object
-    ess = float(np.median(sizes)) if len(sizes) and not np.isnan(sizes).any() else None
+    sizes = sizes[sizes > 0]  # 0 while there is no object, or where no particle explains the frame
+    ess = float(np.median(sizes)) if len(sizes) else None
     content = _summary(session, names, verdicts, table, ess)
     writing.write_text(output / SUMMARY, json.dumps(content, indent=2) + "\n")
     lost = {name: about["lost"] for name, about in verdicts.items()}

@@ -210,7 +210,7 @@ def summarise(state: FactoredState, log_totals, num_invalid, log_evidence=None) 
     weights = jnp.exp(state.log_weights)
     estimate, spread = moments(state.lagged[0], weights, _weighted_sum)
     lost = jnp.isneginf(log_totals)
-    ess = 1.0 / jnp.sum(weights**2, axis=1)
+    ess = 1.0 / jnp.where(lost, jnp.inf, jnp.sum(weights**2, axis=1))
     impossible = jnp.any(lost)
     return Summary(
         estimate=estimate.T,

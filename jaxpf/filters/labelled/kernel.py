@@ -232,7 +232,7 @@ def report(
             tracker.speed,
             tracker.regularise,
         )
-    ess_parts = jnp.where(present, 1.0 / jnp.where(present, squares, 1.0), 0.0)
+    ess_parts = 1.0 / jnp.where(present & ~state.lost, squares, jnp.inf)
     lost = state.lost if state.alive is None else state.lost & state.alive
     empty = jnp.zeros_like(lost) if state.alive is None else ~state.alive
     status = (

@@ -19,7 +19,7 @@ from jaxpf.contract.errors import check_tracker
 from jaxpf.contract.logs import multiplied
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
-from jaxpf.contract.state import Summary
+from jaxpf.contract.state import Summary, power_of_two, root_or_zero
 from jaxpf.filters.uncertainty.error_bars import ErrorBars
 
 
@@ -148,10 +148,11 @@ def _pooled(runs: Summary, log_evidence: jax.Array, log_shares: jax.Array) -> Er
     def pooled_size(sizes: Any) -> Any:
         return None if sizes is None else len(sizes) ** 2 / jnp.sum(1 / sizes, axis=0)
 
-    def pooled_spread(spread: jax.Array, between: jax.Array) -> jax.Array:
-        # As in a single run: zero derivative where the spread is 0.
-        variance = jnp.mean(spread**2, axis=0) + between
-        return jnp.where(variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1.0)), 0.0)
+    def pooled_spread(spread: jax.Array, estimate: jax.Array) -> jax.Array:
+        apart = jnp.abs(estimate - estimate[0])
+        unit = power_of_two(jnp.max(jnp.maximum(spread, apart), axis=0))
+        variance = jnp.mean((spread / unit) ** 2, axis=0) + jnp.var(estimate / unit, axis=0)
+        return unit * root_or_zero(variance)
 
     num_runs = len(runs.ess)
     between = jax.tree.map(lambda x: jnp.var(x, axis=0), runs.estimate)
@@ -160,7 +161,7 @@ def _pooled(runs: Summary, log_evidence: jax.Array, log_shares: jax.Array) -> Er
         log_evidence=log_evidence,
         ess=pooled_size(runs.ess),
         distinct_share=mean(runs.distinct_share),
-        spread=jax.tree.map(pooled_spread, runs.spread, between),
+        spread=jax.tree.map(pooled_spread, runs.spread, runs.estimate),
         status=jnp.bitwise_or.reduce(runs.status),
         without_likelihood=jnp.all(runs.without_likelihood, axis=0),
         num_invalid=jnp.sum(runs.num_invalid),

@@ -40,6 +40,7 @@ def test_an_impossible_frame_is_reported_and_left_out(method):
     assert summary.status[1] == STATUS_IMPOSSIBLE + STATUS_WITHOUT_LIKELIHOOD
     assert summary.without_likelihood[1].all()
     assert np.isneginf(summary.log_evidence[1])
+    assert (np.asarray(summary.ess) > 0).tolist() == [True, False, True]
     # The weights are what they were: equal, since the frame began with a resampling.
     np.testing.assert_allclose(state.log_weights[1], -np.log(N), rtol=1e-5)
     assert np.isfinite(summary.estimate).all()

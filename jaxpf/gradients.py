@@ -221,9 +221,8 @@ def check_motion_gradient(tracker: Any) -> None:
         InputError: the likelihood is piecewise constant in the state (its ``state_gradient`` is
             false) and the motion is differentiated along the particles' paths.
     """
-    if tracker.motion_gradient == "pathwise" and not contract.has_state_gradient(
-        tracker.likelihood
-    ):
+    moves = contract.optional(tracker.likelihood, "state_gradient")
+    if tracker.motion_gradient == "pathwise" and not moves:
         raise InputError(
             f"{type(tracker.likelihood).__name__} does not change with the substate but in steps, "
             "so the gradient of motion parameters would always be zero; use its interpolated "

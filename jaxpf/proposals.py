@@ -31,13 +31,8 @@ class WrappedProposal(Proposal):
     """A proposal around another one, in its field ``proposal``."""
 
     def __getattr__(self, name: str) -> Any:
-        """Optional methods of the other proposal; what they return is wrapped again."""
-        if name not in ("needs_noise", "at_frame", "with_inputs"):
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        inner = getattr(self.proposal, name)
-        if name == "needs_noise":
-            return inner
-        return lambda *given: contract.changed_inside(self, "proposal", lambda _: inner(*given))
+        """What the other proposal offers beyond the methods of this one."""
+        return contract.offered(self, "proposal", name)
 
 
 @pytree_dataclass

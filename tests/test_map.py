@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import jaxpf
+from jaxpf import contract
 
 ROOT = Path(jaxpf.__file__).parent
 #: Rows of the map, the uppermost first: each the rooms that stand on one line.
@@ -65,3 +66,20 @@ def test_imports_run_downwards():
 
 def test_no_modules_import_each_other_in_a_circle():
     graphlib.TopologicalSorter(imports()).prepare()
+
+
+def looked_up(node):
+    """The name that ``hasattr`` or ``getattr`` is called with, if it is written out."""
+    if isinstance(node, ast.Call) and ast.unparse(node.func) in ("hasattr", "getattr"):
+        return getattr(node.args[1], "value", None)
+    return None
+
+
+def test_optional_methods_are_looked_up_in_the_contract_alone():
+    found = {
+        (name, looked_up(node))
+        for name, path in MODULES.items()
+        if room_of(name) != "contract"
+        for node in ast.walk(ast.parse(path.read_text()))
+    }
+    assert not {row for row in found if row[1] in contract.OPTIONAL}

@@ -19,6 +19,7 @@ from jaxpf.contours.options import FLIP, Options
 from jaxpf.contract.errors import InputError, check_tracker
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import check_array
+from jaxpf.contract.optional import optional
 from jaxpf.shapes.splines import basis, even_places, fit_spline, points_on, resample_polyline
 from jaxpf.targets.target import Looks, Marks, Start, Target
 
@@ -251,7 +252,7 @@ class _ContourTarget(Target):
         log_weights = np.asarray(state.log_weights)
         best = np.argsort(log_weights)[::-1][:_DRAWN]
         lines = polylines(self.shapes(start, np.asarray(state.substates)[best], tracker))
-        hidden, orders = None, getattr(tracker.likelihood, "orders_of_labels", None)
+        hidden, orders = None, optional(tracker.likelihood, "orders_of_labels")
         if getattr(state, "label", None) is not None and orders is not None:
             hidden = _hidden(lines, [orders[label] for label in np.asarray(state.label)[best]])
         return draw_contour_particles(frame, lines, np.exp(log_weights[best]), hidden, colours)
@@ -286,7 +287,7 @@ def shapes_of(tracker: Any, estimate: Any) -> np.ndarray:
         InputError: a user-defined likelihood without a shape space.
     """
     check_tracker(tracker)
-    space = getattr(tracker.likelihood, "space", None)
+    space = optional(tracker.likelihood, "space")
     if space is None:
         raise InputError(
             "this tracker's likelihood does not define the shape space; give it an attribute "

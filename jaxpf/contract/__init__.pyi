@@ -3,19 +3,14 @@ from .calls import (
     at_frame as at_frame,
     changed_inside as changed_inside,
     check_uncoupled as check_uncoupled,
-    draws_independently as draws_independently,
     first_motion as first_motion,
     frame_of as frame_of,
     handles_nan as handles_nan,
-    has_border as has_border,
     has_log_density as has_log_density,
-    has_log_first_stage as has_log_first_stage,
     has_log_joint as has_log_joint,
     has_log_label as has_log_label,
     has_log_odds as has_log_odds,
-    has_places as has_places,
     has_prediction as has_prediction,
-    has_state_gradient as has_state_gradient,
     is_coupled as is_coupled,
     log_density_all as log_density_all,
     log_first_stage_all as log_first_stage_all,
@@ -55,6 +50,12 @@ from .near import (
     looks_near as looks_near,
     observe_nearby as observe_nearby,
 )
+from .optional import (
+    OPTIONAL as OPTIONAL,
+    filter_of as filter_of,
+    likelihood_of as likelihood_of,
+    optional as optional,
+)
 from .pytree import (
     as_array as as_array,
     is_concrete as is_concrete,
@@ -70,4 +71,10 @@ from .state import (
     STATUS_WITHOUT_LIKELIHOOD as STATUS_WITHOUT_LIKELIHOOD,
     ParticleState as ParticleState,
     Summary as Summary,
+)
+from .wrapped import (
+    SUBSTATES as SUBSTATES,
+    WrappedLikelihood as WrappedLikelihood,
+    WrappedTracker as WrappedTracker,
+    offered as offered,
 )

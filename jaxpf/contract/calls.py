@@ -1,4 +1,4 @@
-"""How the library calls what users write: optional methods are looked up here and in ``near``."""
+"""How the library calls what users write."""
 
 import copy
 from collections.abc import Callable
@@ -21,6 +21,7 @@ from jaxpf.contract.interface import (
     Proposal,
 )
 from jaxpf.contract.numbers import returned
+from jaxpf.contract.optional import filter_of, likelihood_of, optional
 from jaxpf.contract.pytree import T
 from jaxpf.contract.types import DynamicsLike, LikelihoodLike, ProposalLike, TrackerLike
 
@@ -88,7 +89,7 @@ def propagate_all(dynamics, key, partition, current, previous, parent, *others) 
 
 def is_coupled(dynamics: DynamicsLike) -> bool:
     """Whether motion depends on the whole previous state, see ``CoupledDynamics``."""
-    return getattr(dynamics, "coupled", False)
+    return optional(dynamics, "coupled")
 
 
 def at_frame(tracker: T, time: ArrayLike) -> T:
@@ -126,11 +127,8 @@ def with_inputs(tracker: T, inputs: Any, first: ArrayLike = 0) -> T:
 
 def _parts_changed(tracker: T, method: str, *arguments: Any) -> T:
     """Replace the parts of the model by what their optional method returns."""
-    inner = tracker
-    while not hasattr(inner, "dynamics") and hasattr(inner, "tracker"):
-        inner = inner.tracker
     for name in ("dynamics", "likelihood", "proposal"):
-        if hasattr(getattr(inner, name, None), method):
+        if optional(getattr(filter_of(tracker, name), name, None), method):
             tracker = changed_inside(tracker, name, lambda part: getattr(part, method)(*arguments))
     return tracker
 
@@ -147,9 +145,7 @@ def first_motion(dynamics: T) -> T:
 
 def handles_nan(tracker: TrackerLike) -> bool:
     """Whether a tracker's likelihood declares that it understands NaN, see ``Likelihood``."""
-    while not hasattr(tracker, "likelihood") and hasattr(tracker, "tracker"):
-        tracker = tracker.tracker
-    return bool(getattr(getattr(tracker, "likelihood", None), "handles_nan", False))
+    return bool(optional(likelihood_of(tracker), "handles_nan"))
 
 
 def changed_inside(tracker: Any, name: str, change: Callable[[Any], Any]) -> Any:
@@ -250,20 +246,14 @@ def as_seen(likelihood: LikelihoodLike, observation: Any) -> tuple[Any, Any, Any
     The mask is bool, ``[]`` or ``[P]``; None means that everything was seen.  Wrappers for missing
     frames define ``as_seen(observation)``.
     """
-    if hasattr(likelihood, "as_seen"):
-        return likelihood.as_seen(observation)
-    return likelihood, observation, None
+    unwrap = optional(likelihood, "as_seen")
+    return unwrap(observation) if unwrap else (likelihood, observation, None)
 
 
 def log_prob_all(likelihood, observation, partition, substates) -> jax.Array:
     """Log-likelihoods ``[N]`` of substates ``[D, N]``, from the batched method if defined."""
     method = method_of(likelihood, Likelihood, "log_prob_all")
     return method(observation, partition, substates)
-
-
-def has_log_first_stage(likelihood: LikelihoodLike) -> bool:
-    """Whether a likelihood offers first-stage weights, see ``log_first_stage_all``."""
-    return hasattr(likelihood, "log_first_stage")
 
 
 def log_first_stage_all(likelihood, observation, substates) -> jax.Array | None:
@@ -273,7 +263,7 @@ def log_first_stage_all(likelihood, observation, substates) -> jax.Array | None:
     their weights are raised, and a frame that was not seen in full has none.
     """
     likelihood, observation, seen = as_seen(likelihood, observation)
-    if seen is np.False_ or not has_log_first_stage(likelihood):
+    if seen is np.False_ or not optional(likelihood, "log_first_stage"):
         return None
     weigh = jax.vmap(likelihood.log_first_stage, in_axes=(None, 2))
     values = lax.stop_gradient(weigh(observation, jnp.swapaxes(substates, 0, 1)))
@@ -336,12 +326,7 @@ def log_label(dynamics, new, label, substates) -> jax.Array:
 
 
 def has_log_odds(likelihood: LikelihoodLike) -> bool:
-    """Whether a likelihood defines the log odds that an object is at its estimate.
-
-    Filters that report a confidence evaluate ``log_odds(observation, partition [], substate [D])
-    -> []`` at the estimates once per frame, or ``log_odds_all`` with ``partition`` ``[N]`` and
-    ``substates`` ``[D, N]``.  There is no default.
-    """
+    """Whether a likelihood defines the log odds that an object is at its estimate."""
     return hasattr(likelihood, "log_odds") or hasattr(likelihood, "log_odds_all")
 
 
@@ -352,32 +337,14 @@ def log_odds_all(likelihood, observation, partition, substates) -> jax.Array:
     return jax.vmap(likelihood.log_odds, in_axes=(None, 0, 1))(observation, partition, substates)
 
 
-def has_border(likelihood: LikelihoodLike) -> bool:
-    """Whether a likelihood knows which objects may be leaving the frame.
-
-    Filters that report a confidence then ask for stronger evidence that an object is back, by
-    ``reaches_border(partition [N], substates [D, N]) -> bool [N]`` at the estimates.
-    """
-    return hasattr(likelihood, "reaches_border")
-
-
-def has_places(likelihood: LikelihoodLike) -> bool:
-    """Whether a likelihood knows which objects are in one place.
-
-    Filters that report a confidence then doubt the less likely one, by ``same_place(partition
-    [N], substates [D, N]) -> [N, N]``, from 0 (apart) to 1, at the estimates.
-    """
-    return hasattr(likelihood, "same_place")
-
-
 def model_error(tracker: TrackerLike, num_partitions: int) -> np.ndarray:
     """Errors ``[P, 3]`` that a tracker's likelihood declares, see ``Likelihood``; else 0.
 
     Raises:
         InputError: they have another shape.
     """
-    likelihood = getattr(tracker, "likelihood", None)
-    declared = np.array(getattr(likelihood, "model_error", (0, 0, 0)), float)
+    likelihood = likelihood_of(tracker)
+    declared = np.array(optional(likelihood, "model_error"), float)
     if declared.shape not in ((3,), (num_partitions, 3)):
         raise InputError(
             f"{type(likelihood).__name__}.model_error has shape {list(declared.shape)}; give [3], "
@@ -385,16 +352,6 @@ def model_error(tracker: TrackerLike, num_partitions: int) -> np.ndarray:
             f"[{num_partitions}, 3]."
         )
     return np.broadcast_to(declared, (num_partitions, 3))
-
-
-def has_state_gradient(likelihood: LikelihoodLike) -> bool:
-    """Whether ``log_prob`` is more than piecewise constant in the substate."""
-    return getattr(likelihood, "state_gradient", True)
-
-
-def draws_independently(sampler: object) -> bool:
-    """Whether an initial sampler declares that it draws partitions independently."""
-    return getattr(sampler, "independent", False)
 
 
 def of_partition(values: jax.Array, partition: jax.Array) -> jax.Array:

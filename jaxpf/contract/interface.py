@@ -4,7 +4,6 @@ All are registered pytrees; ``jaxpf.pytree_dataclass`` registers a class.  Inher
 a class only needs the documented methods, about ten lines written for one particle.  The base
 classes derive the remaining methods.
 
-============  ===========================================================  =====================
               required                                                     optional
 ============  ===========================================================  =====================
 tracker       ``init``, ``step`` (or ``observe`` with ``step_observed``)   ``num_partitions``,
@@ -43,8 +42,22 @@ proposal      ``propose`` or ``propose_all``,                              ``of_
 observation   any pytree                                                   ``take_frame``
 sampler       ``__call__(key) -> [P, D]``                                  ``independent``
 ============  ===========================================================  =====================
+=======
+===========  ===========================================================
+             required
+===========  ===========================================================
+tracker      ``init``, ``step`` (or ``observe`` with ``step_observed``)
+dynamics     ``propagate`` or ``propagate_all``
+likelihood   ``observe``, ``log_prob`` or ``log_prob_all``
+proposal     ``propose`` or ``propose_all``,
+             ``log_density`` or ``log_density_all``
+observation  any pytree
+sampler      ``__call__(key) -> [P, D]``
+===========  ===========================================================
 
-Only the functions of ``jaxpf.contract.calls`` and ``near`` look up optional methods.
+What is optional has no default here, so that a wrapper can pass on what is inside.  It is described
+with each class below, and looked up by ``jaxpf.contract.optional`` alone.  An initial sampler that
+draws partitions independently may say so by ``independent = True``.
 """
 
 from typing import Any
@@ -69,7 +82,9 @@ class Tracker:
     so a state without it is refused by ``jaxpf.run(..., state=state)`` and ``jaxpf.forecast``.
 
     Define ``init`` and ``step_observed``, plus ``observe`` if runs can share work.  If they
-    cannot, define ``init`` and ``step``.
+    cannot, define ``init`` and ``step``.  Optional are ``num_partitions``, for ``observed`` by
+    partition; ``evidence_biases``, see there; ``moments`` and ``states``, for states that are
+    pytrees; and ``observe_nearby(frame, state)``, see ``jaxpf.contract.observe_nearby``.
     """
 
     def __new__(cls, *_: object, **options: object):
@@ -124,8 +139,11 @@ class Dynamics:
     dynamics leading to frame ``time``, counted from 0.  It can index an array ``[T, ...]`` of
     known camera positions or of uneven frame intervals, for example; past its end, JAX repeats the
     last entry.  Arrays given as ``inputs`` are checked instead: define
-    ``with_inputs(inputs, first) -> dynamics``, see ``jaxpf.contract.with_inputs``.  There is no
-    default for either.
+    ``with_inputs(inputs, first) -> dynamics``, see ``jaxpf.contract.with_inputs``.
+
+    Particles with a discrete label move it by ``propagate_label(key, label [], substates [P, D])
+    -> []``; ``log_label(new [], label [], substates [P, D]) -> []`` is the log-probability of such
+    a move.  ``by_partition`` names the fields with a row for each partition.
     """
 
     def propagate(
@@ -267,7 +285,7 @@ class DynamicsWithPrediction(Dynamics):
 class Likelihood:
     """The observation model.  Define ``log_prob`` or ``log_prob_all``.
 
-    These methods are optional and have no default:
+    These methods are optional:
 
     * ``log_joint(observation, substates [P, D], log_probs [P]) -> []``: the log-likelihood of all
       partitions together.  Define it only if the likelihood does not factor over partitions;
@@ -282,24 +300,38 @@ class Likelihood:
     * ``sample(key, substates [P, D]) -> frame``: draws an observation, for ``jaxpf.simulate``.
     * ``look_near(observation, estimates [P, D]) -> observation``: what is costly to see and is
       needed near the objects only; the estimates are those of the previous frame.
+    * ``observe_nearby(frame, estimates [P, D]) -> observation``: ``observe`` of the frame near the
+      objects alone, see ``jaxpf.contract.observe_nearby``.
+    * ``expecting(estimates [P, D]) -> likelihood``: the likelihood of a frame, given the estimates
+      of the previous one; called once per frame by filters that keep an estimate.
     * ``at_frame`` and ``with_inputs``: for a likelihood that changes with time, as for
       ``Dynamics``.  ``observe`` stays that of the likelihood without a time.
-    """
+    * ``log_odds(observation, partition [], substate [D]) -> []``, or ``log_odds_all`` with
+      ``partition [N]``, ``substates [D, N]`` and result ``[N]``: log odds that an object is at its
+      estimate, for filters that report a confidence.
+    * ``reaches_border(partition [N], substates [D, N]) -> bool [N]``: which objects may be leaving
+      the frame.  The confidence then asks for stronger evidence that an object is back.
+    * ``same_place(partition [N], substates [D, N]) -> [N, N]``: from 0 (apart) to 1, which objects
+      are in one place.  The confidence then doubts the less likely one.
+    * ``as_seen``: of wrappers for missing frames, see ``jaxpf.contract.as_seen``.
 
-    #: Whether ``log_prob`` has a useful derivative in the substate.  A likelihood that reads whole
-    #: pixels has derivative 0 almost everywhere.
-    state_gradient: Any = True
-    #: Whether the observation depends on the frame alone, not on any parameter.
-    fixed_observation: Any = False
-    #: Standard deviations, ``[3]`` or by partition ``[P, 3]``, of the truth around the states that
-    #: explain the frame best: of x and of y in pixels, and of the logarithm of the size.  Particles
-    #: do not show this error; reported intervals and their coverage include it.
-    model_error: Any = (0.0, 0.0, 0.0)
-    #: Whether the likelihood understands NaN in parts of a frame.  Otherwise frames with some NaN
-    #: are refused; a frame that is entirely NaN is missing.
-    handles_nan: Any = False
-    #: For likelihoods of a distance, its form (``jaxpf.likelihoods.log_density``); else None.
-    form: Any = None
+    So are these attributes:
+
+    * ``state_gradient``, default true: whether ``log_prob`` has a useful derivative in the
+      substate.  A likelihood that reads whole pixels has derivative 0 almost everywhere.
+    * ``fixed_observation``, default false: whether the observation depends on the frame alone, not
+      on any parameter.
+    * ``model_error``, default 0: standard deviations, ``[3]`` or by partition ``[P, 3]``, of the
+      truth around the states that explain the frame best: of x and of y in pixels, and of the
+      logarithm of the size.  Particles do not show this error; reported intervals and their
+      coverage include it.
+    * ``handles_nan``, default false: whether the likelihood understands NaN in parts of a frame.
+      Otherwise frames with some NaN are refused; a frame that is entirely NaN is missing.
+    * ``form``: for likelihoods of a distance (``jaxpf.likelihoods.log_density``).
+    * ``frame_shape``: height and width of the frames, for ``relocate``.
+    * ``space`` and ``orders_of_labels``: of contours, their shape space and the depth order of each
+      label.
+    """
 
     def observe(self, frame: Any) -> Any:
         """Return what ``log_prob`` needs of a frame, computed once for all runs and particles.
@@ -330,8 +362,9 @@ class Proposal:
     density must be positive wherever the transition density is.  If the proposal needs the model's
     dynamics or likelihood, also define ``of_model(dynamics, likelihood) -> proposal``, called in
     every frame with those of the frame; there is no default.  With ``jaxpf.state_space``,
-    ``dynamics.parameters`` are the model's.  A proposal that changes with time, or that needs known
-    inputs, defines ``at_frame`` and ``with_inputs`` as ``Dynamics`` do.
+    ``dynamics.parameters`` are the model's.  A proposal that changes with time, or that needs
+    inputs, defines ``at_frame`` and ``with_inputs`` as ``Dynamics`` do.  ``needs_noise = True``
+    says that it moves every coordinate, so that each must have noise.
     """
 
     def propose(self, key, observation, partition, current, previous, parent) -> jax.Array:

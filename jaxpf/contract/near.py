@@ -6,6 +6,7 @@ from typing import Any
 import jax
 from jax import lax
 
+from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import T
 from jaxpf.contract.types import LikelihoodLike
 
@@ -17,21 +18,19 @@ def observe_nearby(observer: object, frame: Any, near: Any) -> Any:
     its state after the previous frame.  The likelihood of a substate that the parts do not show
     is NaN, and a run repeats the step with ``observe``.
     """
-    return observer.observe_nearby(frame, near) if hasattr(observer, "observe_nearby") else None
+    observe = optional(observer, "observe_nearby")
+    return observe(frame, near) if observe else None
 
 
 def expecting(likelihood: T, estimates: jax.Array) -> T:
-    """Pass the filter's last estimates ``[P, D]`` to the likelihood if it defines ``expecting``.
-
-    Filters that keep an estimate call ``expecting(estimates [P, D]) -> likelihood`` once per frame;
-    there is no default.
-    """
-    return likelihood.expecting(estimates) if hasattr(likelihood, "expecting") else likelihood
+    """Pass the filter's last estimates ``[P, D]`` to the likelihood if it defines ``expecting``."""
+    expects = optional(likelihood, "expecting")
+    return expects(estimates) if expects else likelihood
 
 
 def looks_near(likelihood: LikelihoodLike | None) -> bool:
     """Whether what a likelihood sees depends on the filter's last estimates."""
-    return hasattr(likelihood, "look_near")
+    return optional(likelihood, "look_near") is not None
 
 
 def looked_near(likelihood: Any, observation: Any, estimates: Callable[[], jax.Array]) -> Any:

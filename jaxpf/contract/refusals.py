@@ -10,6 +10,7 @@ import numpy as np
 
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.near import looks_near
+from jaxpf.contract.optional import filter_of, likelihood_of, optional
 from jaxpf.contract.pytree import T, is_concrete
 from jaxpf.contract.state import STATUS_OK, STATUS_UNSUPPORTED, Summary
 from jaxpf.contract.types import TrackerLike
@@ -61,12 +62,8 @@ def evidence_biases(tracker: TrackerLike) -> Sequence[Bias]:
     They are its property ``evidence_biases``, without which its evidence is unbiased, and a
     likelihood that looks near the particles' mean: a particle's weight then depends on the others.
     """
-    while not hasattr(tracker, "evidence_biases") and hasattr(tracker, "tracker"):
-        tracker = tracker.tracker
-    biases, likelihood = (
-        getattr(tracker, "evidence_biases", ()),
-        getattr(tracker, "likelihood", None),
-    )
+    biases = optional(filter_of(tracker, "evidence_biases"), "evidence_biases")
+    likelihood = likelihood_of(tracker)
     if not looks_near(likelihood):
         return biases
     cause = f"{type(likelihood).__name__}, which looks near the particles' mean,"

@@ -15,8 +15,6 @@ neighbours that the other order reverses, and that pair does not overlap.  Among
 label converges to the uniform distribution.
 """
 
-import dataclasses
-from functools import partial
 from typing import Any
 
 import jax
@@ -52,36 +50,15 @@ class WithOcclusion(contract.Dynamics):
     def __post_init__(self):
         check_ranges(flip=self.flip)
 
-    @property
-    def coupled(self):
-        """Whether ``dynamics`` is coupled."""
-        return contract.is_coupled(self.dynamics)
+    def __getattr__(self, name):
+        """What ``dynamics`` offers beyond moves and labels."""
+        return contract.offered(self, "dynamics", name)
 
     def propagate_all(self, key, partition, current, previous, parent, *others):
         """The new substates ``[D, N]``."""
         return contract.propagate_all(
             self.dynamics, key, partition, current, previous, parent, *others
         )
-
-    @property
-    def at_frame(self):
-        """The dynamics that lead to a frame; only if ``dynamics`` depends on time."""
-        at_frame = self.dynamics.at_frame
-        return lambda time: dataclasses.replace(self, dynamics=at_frame(time))
-
-    @property
-    def predict_all(self):
-        """Expected substates; only if ``dynamics`` predicts."""
-        if not contract.has_prediction(self.dynamics):
-            raise AttributeError(f"{type(self.dynamics).__name__} predicts nothing")
-        return partial(contract.predict_all, self.dynamics)
-
-    @property
-    def log_density_all(self):
-        """Log-densities of the targets' moves; only if ``dynamics`` defines them."""
-        if not contract.has_log_density(self.dynamics):
-            raise AttributeError(f"{type(self.dynamics).__name__} has no density")
-        return partial(contract.log_density_all, self.dynamics)
 
     def propagate_label(self, key, label, substates):
         """The new label ``[]``, given all targets' new substates ``[P, D]``."""

@@ -53,9 +53,9 @@ def at_start(
     if not contract.has_log_odds(likelihood):
         return {}
     fields = {"log_odds": jnp.full((num_partitions,), _AT_START, dtype)}
-    if contract.has_border(likelihood):
+    if contract.optional(likelihood, "reaches_border"):
         fields["left"] = jnp.zeros((num_partitions,), bool)
-    if num_partitions > 1 and contract.has_places(likelihood):
+    if num_partitions > 1 and contract.optional(likelihood, "same_place"):
         fields["together"] = jnp.zeros((num_partitions,), dtype)
     return fields
 

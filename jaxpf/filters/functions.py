@@ -290,7 +290,7 @@ class FunctionLikelihood(contract.Likelihood):
     @property
     def handles_nan(self):
         """Whether the function declares that it understands NaN."""
-        return getattr(self.function, "handles_nan", False)
+        return contract.optional(self.function, "handles_nan")
 
     @property
     def at_frame(self):

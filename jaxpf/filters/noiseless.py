@@ -40,13 +40,14 @@ def noiseless(tracker: "Partitioned | Labelled | Eskil") -> Noiseless:
     Raises:
         InputError: the dynamics ask for inputs, which are not given yet.
     """
-    if hasattr(tracker.dynamics, "with_inputs") and getattr(tracker.dynamics, "inputs", ()) is None:
+    dynamics = tracker.dynamics
+    if contract.optional(dynamics, "with_inputs") and getattr(dynamics, "inputs", ()) is None:
         raise InputError(
             "a transition that takes u cannot be checked for noise, which motion_gradient='score' "
             "and linearised proposals need; let it take time instead, and read row time of an "
             "array in parameters."
         )
-    dynamics, initial = contract.first_motion(tracker.dynamics), tracker.initial
+    dynamics, initial = contract.first_motion(dynamics), tracker.initial
     known = is_concrete(dynamics, initial)
     with jax.ensure_compile_time_eval() if known else contextlib.nullcontext():
         keys = jax.random.split(jax.random.key(0), 3)

@@ -27,14 +27,15 @@ def relocation_of(likelihood: "LikelihoodLike", epsilon: float) -> "Relocation |
     """Build the relocation for a likelihood's frames; None if ``epsilon`` is 0."""
     if epsilon == 0:
         return None
-    from jaxpf.contract import has_log_odds
+    from jaxpf.contract import has_log_odds, optional
     from jaxpf.filters.relocation import relocation_in
 
-    if not has_log_odds(likelihood) or not hasattr(likelihood, "frame_shape"):
+    frame_shape = optional(likelihood, "frame_shape")
+    if not has_log_odds(likelihood) or frame_shape is None:
         raise InputError(
             Argument("relocate", plain(epsilon)),
             " searches for lost objects, and this likelihood does not report which are lost; use ",
             choice("appearance", "discriminative"),
             ", or leave relocate out.",
         )
-    return relocation_in(likelihood.frame_shape, epsilon)
+    return relocation_in(frame_shape, epsilon)

@@ -13,9 +13,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from jaxpf.contract import Likelihood, log_prob_all
+from jaxpf.contract import WrappedLikelihood, log_prob_all
 from jaxpf.contract.pytree import pytree_dataclass
-from jaxpf.likelihoods.wrapped import WrappedLikelihood
 
 #: c: beyond three standard deviations a detection hardly counts.
 _OTHERS = 0.01
@@ -34,9 +33,6 @@ class Detected(WrappedLikelihood):
     likelihood: Any
     places: Any
     scale: Any
-
-    # Derived from ``log_prob_all``, not forwarded to the inner likelihood.
-    log_prob = Likelihood.log_prob
 
     def log_prob_all(self, observation, partition, substates):
         """Log-likelihoods ``[N]`` of substates ``[D, N]``."""

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_known, check_names
 from jaxpf.contract.model import Model, check_tree
 from jaxpf.contract.names import PART_DYNAMICS
@@ -27,7 +28,6 @@ from jaxpf.dynamics.joints import (
 )
 from jaxpf.likelihoods.color import check_frame
 from jaxpf.likelihoods.histogram import HistogramLikelihood
-from jaxpf.likelihoods.wrapped import WrappedLikelihood
 from jaxpf.lowering.programs import compiled
 
 DYNAMICS = PART_DYNAMICS
@@ -49,7 +49,7 @@ _BEST, _CLOSEST, _PLACES = 0.05, 1e-3, 20
 
 
 @pytree_dataclass
-class OfFixedSize(WrappedLikelihood):
+class OfFixedSize(contract.WrappedLikelihood):
     """Evaluates a likelihood of (u, v, scale, theta) at (x, y, 1, theta) of a part's substate.
 
     With d the distance between a part and its reference at the estimate (the squared distance of
@@ -71,7 +71,7 @@ class OfFixedSize(WrappedLikelihood):
         parents: of histograms, the parent of each part, int ``[P]``; a root is its own.
         lengths: distance of each part from its parent at the start, pixels, ``[P]``.
         slip: standard deviation in pixels of a part around the place that matches best; the
-            ``model_error`` of x and y.  None is 0.
+            ``model_error`` of x and y.  None is that of ``likelihood``.
     """
 
     likelihood: Any
@@ -83,8 +83,9 @@ class OfFixedSize(WrappedLikelihood):
     @property
     def model_error(self):
         """See ``Likelihood``."""
-        slip = 0.0 if self.slip is None else self.slip
-        return slip, slip, 0.0
+        if self.slip is None:
+            return contract.optional(self.likelihood, "model_error")
+        return self.slip, self.slip, 0.0
 
     def translated(self, substates):
         """Convert substates ``[D, ...]`` to (u, v, scale, theta), ``[4, ...]``."""
@@ -98,7 +99,7 @@ class OfFixedSize(WrappedLikelihood):
         Of histograms, N is the number of all parts.
         """
         if self.elsewhere is None:
-            return super().log_odds_all
+            return self.__getattr__("log_odds_all")
 
         def log_odds_all(observation, partition, substates):
             distance = jnp.maximum(self.distance_all(observation, partition, substates), _CLOSEST)

@@ -58,7 +58,7 @@ def check_run(tracker: TrackerLike, frames: Any) -> None:
     shapes = tuple((np.shape(x), jnp.result_type(x)) for x in leaves)
     frame_shapes = tuple((x.shape, x.dtype) for x in frame_leaves)
     # Needs the tracker itself, not its structure: it may draw from its initial sampler.
-    num_partitions = getattr(tracker, "num_partitions", None)
+    num_partitions = contract.optional(tracker, "num_partitions")
     _check_methods(structure, shapes, frame_structure, frame_shapes, num_partitions)
 
 
@@ -222,7 +222,8 @@ def _check_methods(
         whole = jax.ShapeDtypeStruct((num_partitions, *substates.shape), kind)
         return [whole] if coupled else []
 
-    for name in getattr(tracker.dynamics, "by_partition", ()):  # of several rows, one for each
+    by_partition = contract.optional(tracker.dynamics, "by_partition")
+    for name in by_partition:  # of several rows, one for each
         rows: Any = getattr(getattr(tracker.dynamics, name), "shape", ())
         if len(rows) > 1 and rows[0] not in (1, num_partitions):
             raise InputError(

@@ -27,16 +27,12 @@ from jaxpf.contract.pytree import pytree_dataclass
 #: Tolerated rounding of a sum of weights, in units in the last place: enough for several stages of
 #: a million particles.
 _ROUNDING = 1000
-#: Methods of a likelihood that take an observation, beyond ``log_prob``.
-OF_OBSERVATIONS = frozenset(
-    f"{name}{suffix}"
-    for name in ("log_joint", "log_joint_labelled", "log_odds")
-    for suffix in ("", "_all")
-)
+#: Optional methods of a likelihood that take substates and no observation.
+_OF_STATES = frozenset({"expecting", "reaches_border", "same_place", "sample"})
 
 
 @pytree_dataclass
-class LikelihoodWithGaps(contract.Likelihood):
+class LikelihoodWithGaps(contract.WrappedLikelihood):
     """A likelihood of frames ``(frame, seen)``; ``seen`` is bool ``[]``, or ``[P]`` by partition.
 
     With ``[P]``, the inner ``log_joint`` gets ``observed=seen``.
@@ -47,57 +43,22 @@ class LikelihoodWithGaps(contract.Likelihood):
 
     likelihood: Any
 
-    def __getattr__(self, name):
-        """Optional methods, only if the inner likelihood defines them."""
-        if name.startswith("__") or name == "likelihood":
-            raise AttributeError(name)
-        inner = getattr(self.likelihood, name)
-        if name not in OF_OBSERVATIONS:
-            return inner
-
-        def of_seen(observation, *rest):
-            observation, seen = observation
-            if not seen.ndim:
-                return _if_seen(seen, lambda: inner(observation, *rest))
-            if not name.startswith("log_odds"):
-                return inner(observation, *rest, observed=seen)
-            partition = rest[0]
-            return jnp.where(seen[partition], inner(observation, *rest), 0)
-
-        return of_seen
-
-    @property
-    def expecting(self):
-        """Forwards to the inner likelihood and wraps the result."""
-        inner = self.likelihood.expecting
-        return lambda estimates: type(self)(inner(estimates))
-
-    @property
-    def look_near(self):
-        """Looks only at frames that were seen, see ``jaxpf.contract.looked_near``."""
-        inner = self.likelihood.look_near
-
-        def of_seen(observation, estimates):
-            observation, seen = observation
-            return _if_seen(seen.any(), lambda: inner(observation, estimates)), seen
-
-        return of_seen
-
-    @property
-    def at_frame(self):
-        """Forwards to the inner likelihood and wraps the result."""
-        inner = self.likelihood.at_frame
-        return lambda time: type(self)(inner(time))
-
-    @property
-    def state_gradient(self):
-        """Forwards to the inner likelihood."""
-        return contract.has_state_gradient(self.likelihood)
-
-    @property
-    def form(self):
-        """Forwards to the inner likelihood."""
-        return getattr(self.likelihood, "form", None)
+    def passed_on(self, name, method, *arguments):
+        """Call an optional method if the frame was seen; else return zeros."""
+        if name in _OF_STATES:
+            return method(*arguments)
+        first, *rest = arguments
+        if name == "observe_nearby":
+            return self._observed(first, lambda frame: method(frame, *rest))
+        observation, seen = first
+        if name == "look_near":
+            return _if_seen(seen.any(), lambda: method(observation, *rest)), seen
+        if not seen.ndim:
+            return _if_seen(seen, lambda: method(observation, *rest))
+        if name.startswith("log_joint"):
+            return method(observation, *rest, observed=seen)
+        counts = seen.all() if name == "log_first_stage" else seen[rest[0]]
+        return jnp.where(counts, method(observation, *rest), 0)
 
     def as_seen(self, observation):
         """See ``jaxpf.contract.as_seen``."""
@@ -105,9 +66,12 @@ class LikelihoodWithGaps(contract.Likelihood):
 
     def observe(self, frame):
         """The inner observation of a frame, zeros if it was not seen."""
+        return self._observed(frame, self.likelihood.observe)
+
+    def _observed(self, frame, observe):
         frame, seen = frame
         seen = jnp.asarray(seen)
-        can_be_nan = getattr(self.likelihood, "handles_nan", False)
+        can_be_nan = contract.optional(self.likelihood, "handles_nan")
 
         def without_nan(x):
             # The compiler may compute both branches, so the unused one must not see NaN.
@@ -116,7 +80,7 @@ class LikelihoodWithGaps(contract.Likelihood):
             return jnp.where(jnp.isnan(x), 0, x) if is_part else x
 
         frame = jax.tree.map(without_nan, frame)
-        return _if_seen(seen.any(), lambda: self.likelihood.observe(frame)), seen
+        return _if_seen(seen.any(), lambda: observe(frame)), seen
 
     def log_prob_all(self, observation, partition, substates):
         """The inner log-likelihoods ``[N]``, 0 for frames or partitions that were not seen."""
@@ -134,22 +98,15 @@ class LikelihoodWithGaps(contract.Likelihood):
 class LikelihoodOfNoFrame(LikelihoodWithGaps):
     """A likelihood for runs in which all frames are missing."""
 
-    def __getattr__(self, name):
-        """Optional methods of the inner likelihood; functions of an observation return 0."""
-        inner = super().__getattr__(name)
-        if name not in OF_OBSERVATIONS:
-            return inner
-
-        def of_nothing(observation, *rest):
-            return jnp.zeros(rest[-1].shape[-1:] if name.endswith("_all") else ())
-
-        return of_nothing
-
-    @property
-    def look_near(self):
-        """Looks at nothing; only if the inner likelihood looks near estimates."""
-        _ = self.likelihood.look_near
-        return lambda observation, estimates: observation
+    def passed_on(self, name, method, *arguments):
+        """Call an optional method of states alone; the others see nothing, and return zeros."""
+        if name in _OF_STATES:
+            return method(*arguments)
+        if name in ("look_near", "observe_nearby"):
+            return ()
+        substates = arguments[contract.SUBSTATES[name][0]]
+        every = name.endswith("_all")
+        return jnp.zeros(substates.shape[-1:] if every else (), substates.dtype)
 
     def as_seen(self, observation):
         """See ``jaxpf.contract.as_seen``: nothing was seen."""
@@ -165,7 +122,7 @@ class LikelihoodOfNoFrame(LikelihoodWithGaps):
 
 
 @pytree_dataclass
-class WithGaps(contract.Tracker):
+class WithGaps(contract.WrappedTracker):
     """A tracker of frames ``(frame, seen)``; ``seen`` is bool ``[]`` or ``[P]``.
 
     In a missing frame, ``log_evidence`` is the filter's log total weight, exactly 0 if it is 0 by
@@ -179,15 +136,6 @@ class WithGaps(contract.Tracker):
 
     is_marked = True
     _wraps = LikelihoodWithGaps
-
-    @property
-    def num_partitions(self) -> int:
-        """Number of partitions of the tracker, P."""
-        return self.tracker.num_partitions
-
-    def init(self, key):
-        """Return the tracker's initial state."""
-        return self.tracker.init(key)
 
     def observe(self, frame):
         """Return the tracker's observation of a frame, and whether it was seen."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.optional import likelihood_of
 from jaxpf.lowering import platform
 
 if TYPE_CHECKING:
@@ -60,8 +61,7 @@ def needed_by(tracker: "TrackerLike", runs: int = 1, kept_frames: int = 1) -> fl
     state = jax.eval_shape(tracker.init, jax.random.key(0))
     leaves = [leaf for leaf in jax.tree.leaves(state) if hasattr(leaf, "shape")]
     size = sum(math.prod(leaf.shape) * np.dtype(leaf.dtype).itemsize for leaf in leaves)
-    likelihood = getattr(getattr(tracker, "tracker", tracker), "likelihood", None)
-    method = getattr(getattr(likelihood, "likelihood", likelihood), "method", None)
+    method = getattr(likelihood_of(tracker), "method", None)
     step = _FROM_SAMPLES if method == "sampled" else _FROM_TABLES
     return _BASE + runs * size * (step + kept_frames)
 

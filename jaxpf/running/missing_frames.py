@@ -20,7 +20,7 @@ from jaxpf.contract.numbers import check_array, with_nan
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.types import TrackerLike
 from jaxpf.running.chunks import come_one_by_one
-from jaxpf.running.gaps import OF_OBSERVATIONS, WithGaps
+from jaxpf.running.gaps import WithGaps
 
 
 def marked(
@@ -55,7 +55,7 @@ def marked(
         each = marked_one_by_one(tracker, frames, observed)
         pairs = (taken if its is not tracker else (taken, True) for _, its, taken in each)
         return WithGaps(tracker), pairs
-    total, parts = len(jax.tree.leaves(frames)[0]), getattr(tracker, "num_partitions", None)
+    total, parts = len(jax.tree.leaves(frames)[0]), contract.optional(tracker, "num_partitions")
     check_array("observed", observed, "one bool for every frame")
     shape = np.shape(observed)
     if _names_components(tracker, frames, shape):
@@ -105,7 +105,7 @@ def marked_one_by_one(tracker: TrackerLike, frames: Any, observed: Any = None) -
 
 def _names_components(tracker: TrackerLike, frames: Any, shape: tuple[int, ...]) -> bool:
     """Whether an ``observed`` of this shape names components of frames, not partitions."""
-    parts = getattr(tracker, "num_partitions", None)
+    parts = contract.optional(tracker, "num_partitions")
     return (
         len(shape) > 1
         and isinstance(frames, np.ndarray | jax.Array)
@@ -171,9 +171,7 @@ def _check_nan(tracker: TrackerLike, frames: Any, seen: Any, first: int) -> None
 
 
 def _can_have_gaps(tracker: TrackerLike) -> bool:
-    return hasattr(tracker, "likelihood") or (
-        hasattr(tracker, "tracker") and _can_have_gaps(tracker.tracker)
-    )
+    return contract.likelihood_of(tracker) is not None
 
 
 def check_gaps(tracker: TrackerLike) -> None:
@@ -195,18 +193,16 @@ def _check_parts(tracker: Any) -> None:
     Raises:
         InputError: particles hold one target each, or the joint likelihood takes no ``observed``.
     """
-    while not hasattr(tracker, "likelihood"):
-        tracker = tracker.tracker
-    if hasattr(tracker, "population"):
+    filter_ = contract.filter_of(tracker)
+    if hasattr(filter_, "population"):
         raise InputError(
-            f"{type(tracker).__name__} compares particles of different targets, which a missing "
+            f"{type(filter_).__name__} compares particles of different targets, which a missing "
             "target would upset; give observed for whole frames, [T]."
         )
-    likelihood = tracker.likelihood
-    for name in OF_OBSERVATIONS:
-        joint = getattr(likelihood, name, None)
-        takes = joint is None or "observed" in inspect.signature(joint).parameters
-        if name.startswith("log_joint") and not takes:
+    likelihood = filter_.likelihood
+    for name in contract.SUBSTATES:
+        joint = contract.optional(likelihood, name) if name.startswith("log_joint") else None
+        if joint and "observed" not in inspect.signature(joint).parameters:
             raise InputError(
                 f"{type(likelihood).__name__}.{name} does not say what a missing partition means; "
                 "give it an argument observed [P], or observed for whole frames, [T]."

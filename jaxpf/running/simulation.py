@@ -83,12 +83,12 @@ def simulate(
     if num_draws is not None:
         check_whole("num_draws", num_draws)
     key = as_key(key)
-    likelihood = getattr(tracker, "likelihood", None)
+    likelihood = contract.likelihood_of(tracker)
     if not isinstance(jax.eval_shape(init, tracker, key), ParticleState):
         raise InputError(
             f"{type(tracker).__name__} cannot be simulated; use jaxpf.Partitioned with its model."
         )
-    if not hasattr(likelihood, "sample"):
+    if not contract.optional(likelihood, "sample"):
         raise InputError(
             f"{type(likelihood).__name__} draws no observations; write its method sample(key, "
             "substates [P, D]), or give jaxpf.state_space an observation."
@@ -116,7 +116,7 @@ def _simulated(tracker, key, state, num_frames, num_draws) -> Simulated:
 
         def advance(state: Any, time: jax.Array) -> Any:
             state, substates = step(state, (time, unseen))
-            likelihood = contract.at_frame(one, time).likelihood
+            likelihood = contract.likelihood_of(contract.at_frame(one, time))
             frame = likelihood.sample(jax.random.fold_in(seen_key, time), substates)
             return state, Simulated(contract.states(tracker, substates), frame)
 

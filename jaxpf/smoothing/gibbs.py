@@ -59,9 +59,7 @@ class _HoldsFirst:
 
     def __getattr__(self, name):
         """The densities are the inner ones."""
-        if name.startswith("__") or name == "inner":
-            raise AttributeError(name)
-        return getattr(self.inner, name)
+        return contract.offered(self, "inner", name)
 
     def propagate_all(self, key, partition, *past):
         moved = contract.propagate_all(self.inner, key, partition, *past)

@@ -41,7 +41,7 @@ def together(tracker: Partitioned) -> list[tuple[np.ndarray, np.ndarray]]:
     joint = (
         contract.has_log_joint(tracker.likelihood)
         or tracker.initial_label is not None
-        or (callable(tracker.initial) and not contract.draws_independently(tracker.initial))
+        or (callable(tracker.initial) and not contract.optional(tracker.initial, "independent"))
     )
     groups: dict[int, list[int]] = {}
     for part in range(len(parents)):

@@ -83,9 +83,6 @@ def _trial(dynamics: DynamicsLike, initial: Initial, parents: tuple[int, ...]) -
     for part in rounds:  # parents first
         rounds += [child for child in parts if parents[child] == part]
 
-    def at_frame(time):
-        return dynamics.at_frame(time) if hasattr(dynamics, "at_frame") else dynamics
-
     def parent_in(new, part):
         return jnp.where(jnp.asarray(parent_of)[part] >= 0, new[jnp.asarray(parent_of)[part]], 0.0)
 
@@ -96,7 +93,7 @@ def _trial(dynamics: DynamicsLike, initial: Initial, parents: tuple[int, ...]) -
 
     def move_all(lagged, item):
         current, previous = lagged
-        motion, key = at_frame(item[0]), item[1]
+        motion, key = contract.of_frame(dynamics, item[0]), item[1]
 
         def move(new, part):
             given = current[part], previous[part], parent_in(new, part)
@@ -107,7 +104,7 @@ def _trial(dynamics: DynamicsLike, initial: Initial, parents: tuple[int, ...]) -
 
     items = jnp.arange(_FRAMES), jax.random.split(frames_key, _FRAMES)
     *_, previous, current, new = lax.scan(move_all, (start, start), items)[1]
-    motion = at_frame(_FRAMES - 1)
+    motion = contract.of_frame(dynamics, _FRAMES - 1)
 
     def of_part(part):
         # The parent is the first particle's, so that the parts alone differ.

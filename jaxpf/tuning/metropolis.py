@@ -194,7 +194,7 @@ def pmmh(
         )
     parameters = jax.vmap(jax.vmap(unravel))(places)
     observations = None
-    if paths and hasattr(tracker.likelihood, "sample") and not sees_previous(tracker):
+    if paths and contract.optional(tracker.likelihood, "sample") and not sees_previous(tracker):
         sample_key = backward_key(running.as_key(key))
         observations = _observed(build, sample_key, parameters, path, inputs)
     path = contract.states(tracker, path) if paths else None

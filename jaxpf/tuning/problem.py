@@ -88,8 +88,7 @@ def check_objective(objective: object, sequences: Sequence[TrainingSequence]) ->
         if objective == "evidence":
             otherwise = "an objective that reads the labels"
             biased_evidence(sequence.tracker, "the objective 'evidence'", otherwise, tuning=True)
-        likelihood = getattr(sequence.tracker, "likelihood", None)
-        form = getattr(likelihood, "form", None)
+        form = contract.optional(contract.likelihood_of(sequence.tracker), "form")
         if objective == "evidence" and form == "exponential":
             raise InputError(
                 "the evidence of exp(-sharpness d^2) always prefers sharpness 0, because it is not "
@@ -154,24 +153,19 @@ def _with(tracker: TrackerLike, values: Mapping[str, ArrayLike]) -> Any:
 
 
 @pytree_dataclass
-class Observed(contract.Tracker):
+class Observed(contract.WrappedTracker):
     """A tracker whose frames are already observations."""
 
     tracker: Any
 
     is_marked = True
 
-    @property
-    def num_partitions(self) -> int:
-        """P."""
-        return self.tracker.num_partitions
-
-    def init(self, key):
-        """See ``Partitioned``."""
-        return self.tracker.init(key)
+    def observe(self, frame):
+        """Return the frame."""
+        return frame
 
     def step_observed(self, key, state, observation):
-        """See ``Partitioned``; the inherited ``observe`` returns its argument."""
+        """See ``Partitioned``."""
         return self.tracker.step_observed(key, state, observation)
 
 
@@ -182,7 +176,7 @@ def ready(sequence: TrainingSequence) -> TrainingSequence:
     """
     frames = sequence.frames  # arrays since it was made
     tracker = running.with_inputs(sequence.tracker, sequence.inputs, frames)
-    is_fixed = getattr(getattr(tracker, "likelihood", None), "fixed_observation", False)
+    is_fixed = contract.optional(contract.likelihood_of(tracker), "fixed_observation")
     # Else objectives mark frames of NaN themselves; those of users may read the filter's fields.
     if is_fixed or sequence.observed is not None:
         tracker, frames = running.ready(tracker, frames, sequence.observed)

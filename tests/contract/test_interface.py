@@ -68,11 +68,7 @@ def test_a_wrapper_weighs_as_the_wrapped_likelihood_in_whichever_form_that_is_wr
 
 def test_a_wrapper_has_what_the_wrapped_likelihood_has_and_no_more():
     assert not hasattr(OfFixedSize(OfOneParticle()), "log_joint")
-    assert OfFixedSize(OfOneParticle()).state_gradient
-    assert not OfFixedSize(OfAll()).state_gradient
     plain, full = OfFixedSize(OfOneParticle()), OfFixedSize(OfAll())
-    assert (plain.fixed_observation, plain.form) == (False, None)
-    assert (full.fixed_observation, full.form) == (True, "density")
     assert not contract.has_log_odds(plain)
     odds = contract.log_odds_all(full, OBSERVATION, PARTITION, SUBSTATES)
     np.testing.assert_allclose(odds, [0 + 1 + 0.1, 1 + 5 + 0.2], rtol=1e-6)

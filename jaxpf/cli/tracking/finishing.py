@@ -140,9 +140,8 @@ def _likelihood_method(session: Session) -> str | None:
     """Method of the likelihood, if it reports one; else the requested method."""
     if session.request.run.tracker:
         return None
-    likelihood = session.filter.likelihood
-    likelihood = getattr(likelihood, "likelihood", likelihood)
-    return getattr(likelihood, "method", getattr(session.request.model, "likelihood", None))
+    requested = getattr(session.request.model, "likelihood", None)
+    return getattr(session.filter.likelihood, "method", requested)
 
 
 def _tell(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.names import GIVEN, METHODS, ORDERS, SHIFTS
+from jaxpf.contract.optional import optional
 from jaxpf.filters.filter import Filter, Variant
 from jaxpf.filters.partitioned.options import Options
 from jaxpf.filters.relocation_option import relocation_of
@@ -28,7 +29,7 @@ class _PartitionedFilter(Filter):
         from jaxpf.ordering import branched, named
 
         self.check(options, model.parents)
-        orders = getattr(model.likelihood, "orders_of_labels", None)
+        orders = optional(model.likelihood, "orders_of_labels")
         if options.method == "ps" and options.order is None and orders is not None:
             ordering = branched(orders)
         else:

@@ -36,7 +36,7 @@ def move(
     """
     dynamics = tracker.dynamics
     moved = contract.propagate_label_all(dynamics, key, label, substates)
-    if not hasattr(dynamics, "propagate_label") or not contract.has_log_label(dynamics):
+    if not contract.optional(dynamics, "propagate_label") or not contract.has_log_label(dynamics):
         return moved, None
     score = jax.vmap(dynamics.log_label, in_axes=(0, 0, 2))(
         moved, label, jnp.swapaxes(substates, 0, 1)
@@ -52,16 +52,16 @@ def probabilities(tracker: "Partitioned", label: jax.Array, log_weights: jax.Arr
 
 def moves_labels(tracker: "Partitioned") -> bool:
     """Whether particles carry labels that change from frame to frame."""
-    return tracker.initial_label is not None and hasattr(
-        contract.first_motion(tracker.dynamics), "propagate_label"
-    )
+    moves = contract.optional(contract.first_motion(tracker.dynamics), "propagate_label")
+    return tracker.initial_label is not None and moves is not None
 
 
 def check_labels(tracker: "Partitioned") -> None:
     """Refuse labels that are malformed, or are missing although required."""
     likelihood, given = tracker.likelihood, tracker.initial_label
     if given is None:
-        if hasattr(likelihood, "log_joint_labelled") and not hasattr(likelihood, "log_joint"):
+        labelled = contract.optional(likelihood, "log_joint_labelled")
+        if labelled and not contract.optional(likelihood, "log_joint"):
             raise InputError(
                 "the likelihood's log_joint_labelled needs labels; give initial_label, the "
                 "probabilities of each label, or define log_joint as well."

@@ -97,4 +97,5 @@ def may_exchange(tracker) -> bool:
 
 def _always_equal(tracker) -> bool:
     """Whether weights are equal at the start of every level because all resampling is by weight."""
-    return tracker.ess_threshold is None and not contract.has_log_first_stage(tracker.likelihood)
+    first_stage = contract.optional(tracker.likelihood, "log_first_stage")
+    return tracker.ess_threshold is None and first_stage is None

@@ -112,7 +112,7 @@ class Proposed(Motion):
 
     def cases(self, tracker: "Partitioned") -> Iterator[Any]:
         """See ``Motion``."""
-        if getattr(self.proposal, "needs_noise", False):
+        if contract.optional(self.proposal, "needs_noise"):
             what = f"proposal {type(self.proposal).__name__}"
             yield without_noise(what, tracker, noiseless(tracker).ignored)
 

@@ -118,7 +118,7 @@ def _of_exchange(tracker: "Partitioned") -> Iterator[tuple[Any, tuple[Any, ...]]
             " both must be the same.",
         ),
     )
-    if callable(tracker.initial) and not contract.draws_independently(tracker.initial):
+    if callable(tracker.initial) and not contract.optional(tracker.initial, "independent"):
         yield (
             ordering.exchanges_roots,
             (

@@ -94,7 +94,7 @@ class ErrorBars(Summary):
 
 
 @pytree_dataclass
-class WithErrorBars(contract.Tracker):
+class WithErrorBars(contract.WrappedTracker):
     """A filter that also reports its Monte Carlo variance; estimates and evidence are unchanged.
 
     Attributes:
@@ -119,7 +119,7 @@ class WithErrorBars(contract.Tracker):
                 f"which {type(tracker).__name__} does not keep; use jaxpf.Partitioned, or compare "
                 "many runs."
             )
-        if hasattr(tracker, "moments"):
+        if contract.optional(tracker, "moments"):
             raise InputError(
                 "Monte Carlo standard errors need states that are arrays, not pytrees; make the "
                 "state one array."
@@ -131,11 +131,6 @@ class WithErrorBars(contract.Tracker):
         object.__setattr__(self, "by_partition", by_partition)
         if self.lag is not None:
             check_whole("lag", self.lag, 0)
-
-    @property
-    def num_partitions(self) -> int:
-        """Number of partitions, P."""
-        return self.tracker.num_partitions
 
     @compiled_alone
     def init(self, key: jax.Array) -> Ancestry:
@@ -158,10 +153,6 @@ class WithErrorBars(contract.Tracker):
             families=jnp.broadcast_to(identity, (*rows, shape[1])),
             selections=none_yet if adaptive else None,
         )
-
-    def observe(self, frame: Any) -> Any:
-        """Return what the filter needs of a frame."""
-        return self.tracker.observe(frame)
 
     def step_observed(
         self, key: jax.Array, state: Ancestry, observation: Any

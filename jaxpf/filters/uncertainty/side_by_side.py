@@ -60,7 +60,7 @@ class RunsState:
 
 
 @pytree_dataclass
-class SideBySide(contract.Tracker):
+class SideBySide(contract.WrappedTracker):
     """R runs of a tracker as one tracker, whose estimate is their mean.
 
     Run r uses the frame's key folded with r, so adding runs does not change the others, up to
@@ -86,11 +86,6 @@ class SideBySide(contract.Tracker):
         check_whole("num_runs", self.num_runs, 2)  # one run does not show how much runs differ
 
     @property
-    def num_partitions(self) -> int:
-        """Number of partitions, P."""
-        return self.tracker.num_partitions
-
-    @property
     def num_particles(self) -> int:
         """Number of particles of all runs."""
         return self.tracker.num_particles * self.num_runs
@@ -101,10 +96,6 @@ class SideBySide(contract.Tracker):
         runs = jax.vmap(self.tracker.init)(self._keys(key))
         dtype = jax.tree.leaves(getattr(runs, "log_weights", jnp.zeros(())))[0].dtype
         return RunsState(runs, self._equal_shares(dtype))
-
-    def observe(self, frame: Any) -> Any:
-        """Return what the filter needs of a frame, computed once for all runs."""
-        return contract.observed_apart(self.tracker)[0](frame)
 
     def step_observed(
         self, key: jax.Array, state: RunsState, observation: Any

@@ -33,7 +33,7 @@ PARTICLES = (300, 50)
 
 
 @pytree_dataclass
-class OtherEnding(contract.Tracker):
+class OtherEnding(contract.WrappedTracker):
     """A ``Partitioned`` whose frames end differently from the library's.
 
     Attributes:
@@ -48,14 +48,6 @@ class OtherEnding(contract.Tracker):
     counts_twice: bool = static_field(default=False)
     draws_again: bool = static_field(default=False)
     reads_late: bool = static_field(default=False)
-
-    def init(self, key: jax.Array) -> ParticleState:
-        """See ``Tracker``."""
-        return self.tracker.init(key)
-
-    def observe(self, frame: Any) -> Any:
-        """See ``Tracker``."""
-        return self.tracker.observe(frame)
 
     def step_observed(
         self, key: jax.Array, state: ParticleState, observation: Any

@@ -10,10 +10,10 @@ from .calibration import (
 from .intervals import (
     Interval as Interval,
     difference_interval as difference_interval,
+    difference_p_value as difference_p_value,
     has_width as has_width,
     mean_interval as mean_interval,
     median_interval as median_interval,
-    student_interval as student_interval,
 )
 from .means import as_float as as_float, masked_mean as masked_mean
 from .metrics import (

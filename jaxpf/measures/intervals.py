@@ -1,26 +1,32 @@
 """Confidence intervals over independent units: scenes, clips, or the runs on one clip.
 
-* A mean of bounded values (shares, IoU; ``bounds`` given): units get random weights (the Bayesian
-  bootstrap), and one artificial unit stands at the bound: Gaffke's interval (2005), which for units
-  that fail or succeed is Clopper and Pearson's.  Below 12 units it is the wider of this and
-  Student's.
-* A mean of unbounded values: the artificial unit stands beyond the extreme by twice the excess of
-  the longer tail over the shorter, so that skewed errors are covered.  Rare, large values may be
-  missing from a small sample altogether; therefore there is no interval below 25 units.
+* A mean of bounded values (shares, IoU; ``bounds`` given) is taken as the rate of as many trials as
+  its standard error is worth, at Student's degrees of freedom, and has their Clopper and Pearson
+  interval (Korn and Graubard, Survey Methodology 24:193, 1998).  For units that fail or succeed
+  this is Clopper and Pearson's own; for a spread that is small between the bounds, Student's.
+* A mean of unbounded values: Student's interval, corrected for skewness (Hall, Journal of the Royal
+  Statistical Society B 54:221, 1992).
+* A paired difference: the mean of the differences, between their bounds.  If every value is at one
+  of its bounds, the pairs that differ and the gains among them are both counted: the interval
+  excludes 0 where McNemar's exact test does.
 * A median, for unbounded values of fewer units: order statistics (the inverted sign test).
-* A paired difference of bounded means: the mean of the differences, with their bounds.  Of 50 or
-  more pairs of which at least ten effectively differ: Newcombe's hybrid interval (method 10;
-  Statistics in Medicine 17:2635, 1998), which is narrower.
 
-No interval (NaN ends) with fewer units than a method needs, three at least.
+A p-value is the inversion of the interval: it is below 0.05 where the 95% interval excludes 0.
+
+Intervals of bounded means are conservative below six units, where one more unit at the bounds is
+assumed; with fewer than three there is none (NaN ends).  From six on they show what the units show:
+if a tenth of all objects is lost, 11 units include none of these in 31% of the cases, and then no
+interval as narrow as Student's covers the mean, unless the spread of the others is wide.  Rare
+values without a bound may be of any size; therefore an unbounded mean has no interval below 25
+units.
 """
 
-import functools
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import bdtr, stdtrit
+from scipy.special import bdtr, betaincinv, stdtrit
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array, check_together, numbers_in
@@ -32,14 +38,9 @@ Bounds = tuple[float, float]
 DECISIVE = 10
 #: Fewest units with an interval: of bounded values, and of the mean of unbounded ones.
 _FEWEST, _FEWEST_UNBOUNDED = 3, 25
-#: Below this number of units an interval is at least as wide as Student's.
-_STUDENT_BELOW = 12
-#: Newcombe's interval is for at least so many pairs, of which so many effectively differ.
-_NEWCOMBE_FROM, _DIFFERING = 50, 10
-#: Bayesian bootstrap draws, the smallest tail that they resolve, and the most units drawn.
-_DRAWS, _SMALLEST_TAIL, _MOST_UNITS = 4000, 0.002, 2000
-#: Factor on the excess of the longer tail.
-_BEYOND = 2.0
+#: Assumed units at the bounds, below a number of units and from it on.  The latter keeps equal
+#: values from an interval without width, and changes little else.
+_CONSERVATIVE_BELOW, _ASSUMED = 6, (1.0, 0.005)
 #: Intervals narrower than this share of their ends have a width of rounding error only.
 _ROUNDING = 1e-6
 
@@ -88,33 +89,9 @@ def mean_interval(
     check_level(level)
     weights = 1.0 if weights is None else weights
     check_together(values=values, weights=weights)
-    values, mass, units = _counted(values, weights, axis)
-    total = np.where(units > 0, mass.sum(axis=0), 1.0)
-    mean = np.sum(mass * values, axis=0) / total
-    squares = np.sum((mass * (values - mean)) ** 2, axis=0) / total**2
-    error = np.where(units > 1, np.sqrt(squares * units / np.maximum(units - 1, 1)), np.nan)
-    if bounds is None:
-        low, high = _beyond(values, mass > 0, mean)
-    else:
-        low, high = (np.full_like(mean, end) for end in _checked(bounds))
-    student = _student(units, level) * error
-    if len(values) > _MOST_UNITS:  # normal, and the rule of three for what no unit shows
-        unseen = -np.log((1 - level) / 2) / np.maximum(units, 1)
-        lower = mean - np.hypot(student, unseen * (mean - low))
-        upper = mean + np.hypot(student, unseen * (high - mean))
-    else:
-        lower, upper = _ends(values, mass, mean, (low, high), level)
-    few = np.where(units < _STUDENT_BELOW, student, 0.0)
-    lower, upper = np.fmin(lower, mean - few), np.fmax(upper, mean + few)
-    if bounds is not None:
-        lower, upper = np.maximum(lower, low), np.minimum(upper, high)
-    known = units >= (_FEWEST_UNBOUNDED if bounds is None else _FEWEST)
-    return Interval(
-        np.where(units > 0, mean, np.nan)[()],
-        error[()],
-        np.where(known, lower, np.nan)[()],
-        np.where(known, upper, np.nan)[()],
-    )
+    sample = _sample(values, weights, axis)
+    lower, upper = _ends(sample, _checked(bounds), (1 - level) / 2)
+    return Interval(sample.mean[()], sample.error[()], lower[()], upper[()])
 
 
 def median_interval(values: ArrayLike, axis: int = 0, level: float = 0.95) -> Interval:
@@ -150,54 +127,34 @@ def difference_interval(
     Returns:
         ``[...]`` each; NaN ends as for ``mean_interval``.
     """
-    check_together(first=first, second=second)
-    first, second = np.broadcast_arrays(np.asarray(first, float), np.asarray(second, float))
-    difference = first - second
-    if bounds is None:
-        return mean_interval(difference, level=level)
-    low, high = _checked(bounds)
-    found = mean_interval(difference, level=level, bounds=(low - high, high - low))
-    paired = np.isfinite(difference)
-    middle = np.abs(difference - median_interval(difference).value)
-    middle = np.where(paired, middle, 0.0)
-    # As many equal differences from the median would have this ratio of mean to mean square.
-    squares = np.sum(middle**2, axis=0)
-    differing = np.sum(middle, axis=0) ** 2 / np.where(squares > 0, squares, 1)
-    many = (np.sum(paired, axis=0) >= _NEWCOMBE_FROM) & (differing >= _DIFFERING)
-    if not np.any(many):
-        return found
-    first, second = (np.where(paired, x, np.nan) for x in (first, second))
-    one, other = (mean_interval(x, level=level, bounds=bounds) for x in (first, second))
-    apart = [np.where(paired, x - i.value, 0.0) for x, i in ((first, one), (second, other))]
-    product = np.prod([np.sum(x**2, axis=0) for x in apart], axis=0)
-    correlation = np.sum(apart[0] * apart[1], axis=0) / np.sqrt(np.where(product > 0, product, 1))
-
-    def reach(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        return np.sqrt(np.maximum(a**2 - 2 * correlation * a * b + b**2, 0))
-
-    lower = found.value - reach(one.value - one.lower, other.upper - other.value)
-    upper = found.value + reach(one.upper - one.value, other.value - other.lower)
-    return found._replace(
-        lower=np.where(many, lower, found.lower)[()], upper=np.where(many, upper, found.upper)[()]
-    )
+    check_level(level)
+    sample, ends = _paired(first, second, bounds)
+    lower, upper = ends((1 - level) / 2)
+    return Interval(sample.mean[()], sample.error[()], lower[()], upper[()])
 
 
-def student_interval(values: ArrayLike, level: float = 0.95) -> Interval:
-    """A mean with Student's interval, which is right for normal values only.
+def difference_p_value(
+    first: ArrayLike, second: ArrayLike, bounds: Bounds | None = None
+) -> np.ndarray:
+    """Two-sided p-value for no difference: 1 - the highest level at which 0 is excluded.
 
-    Args:
-        values: ``[U]``; values that are not finite are left out.
-        level: confidence, in (0, 1).
+    Arguments as for ``difference_interval``, which is inverted.
 
     Returns:
-        Scalars; the ends are NaN with fewer than three units.
+        ``[...]``; at least 1e-15, and NaN where there is no interval.
     """
-    check_level(level)
-    numbers = numbers_in("values", values, "numbers, [n]")
-    value, error, *_ = mean_interval(numbers)
-    count = int(np.isfinite(numbers).sum())
-    reach = _student(count, level) * error if count >= _FEWEST else np.nan
-    return Interval(value, error, value - reach, value + reach)
+    sample, ends = _paired(first, second, bounds)
+
+    def covers_zero(p: ArrayLike) -> np.ndarray:
+        lower, upper = ends(np.asarray(p) / 2)
+        return (lower <= 0) & (upper >= 0)
+
+    exponent, step = np.full(sample.mean.shape, -15.0), 7.5
+    for _ in range(50):
+        exponent = exponent + np.where(covers_zero(10 ** (exponent + step)), step, 0.0)
+        step /= 2
+    p = np.where(covers_zero(1 - _ROUNDING), 1.0, 10**exponent)
+    return np.where(np.isnan(ends(0.5)[0]), np.nan, p)[()]
 
 
 def has_width(low: float, high: float) -> bool:
@@ -212,11 +169,133 @@ def check_level(level: Any) -> None:
         raise InputError(f"level={level!r} must be above 0 and below 1, such as 0.95.")
 
 
-def _checked(bounds: Bounds) -> Bounds:
+def _checked(bounds: Bounds | None) -> Bounds | None:
+    if bounds is None:
+        return None
     low, high = numbers_in("bounds", bounds, "the smallest and the largest value, [2]")
     if not low < high:
         raise InputError(f"bounds={bounds} must be a smaller number and a larger one.")
     return low, high
+
+
+class _Sample(NamedTuple):
+    """Units that count, their number, and their mean with its standard error (NaN if unknown)."""
+
+    values: np.ndarray
+    mass: np.ndarray
+    units: np.ndarray
+    mean: np.ndarray
+    error: np.ndarray
+
+
+def _sample(values: ArrayLike, weights: ArrayLike, axis: int) -> _Sample:
+    values, mass, units = _counted(values, weights, axis)
+    mass = mass / np.where(units > 0, mass.sum(axis=0), 1.0)
+    mean = np.where(units > 0, np.sum(mass * values, axis=0), np.nan)
+    squares = np.sum((mass * (values - mean)) ** 2, axis=0)
+    error = np.where(units > 1, np.sqrt(squares * units / np.maximum(units - 1, 1)), np.nan)
+    return _Sample(values, mass, units, mean, error)
+
+
+def _ends(sample: _Sample, bounds: Bounds | None, tail: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of a mean's interval of level 1 - 2 ``tail``, which may differ between the means."""
+    fewest = _FEWEST_UNBOUNDED if bounds is None else _FEWEST
+    ends = _skewed_ends(sample, tail) if bounds is None else _bounded_ends(sample, bounds, tail)
+    lower, upper = (np.where(sample.units >= fewest, end, np.nan) for end in ends)
+    return lower, upper
+
+
+def _bounded_ends(
+    sample: _Sample, bounds: Bounds, tail: ArrayLike
+) -> tuple[np.ndarray, np.ndarray]:
+    low, width = bounds[0], bounds[1] - bounds[0]
+    units, rate = np.maximum(sample.units, 2), np.clip((sample.mean - low) / width, 0.0, 1.0)
+    at_bounds = np.minimum(sample.values - low, bounds[1] - sample.values) < _ROUNDING * width
+    at_bounds = np.sum(sample.mass * at_bounds, axis=0)
+    # Variance of the mean, first of trials where a single one has all of the weight.
+    single, share = rate * (1 - rate), np.sum(sample.mass**2, axis=0)
+    assumed = np.where(units < _CONSERVATIVE_BELOW, *_ASSUMED)
+    variance = (units - 1) * (sample.error / width) ** 2 + assumed * share * single
+    variance = np.maximum(variance / (units + assumed), at_bounds * share * single)
+    alike = single < _ROUNDING
+    freedom = (units - 1) / units * np.where(alike, 1, single) / np.where(alike, share, variance)
+    trials = 1 + freedom * (_student(freedom, tail) / _student(units - 1, tail)) ** 2
+    lower, upper = _clopper_pearson(rate * trials, (1 - rate) * trials, tail)
+    return low + width * lower, low + width * upper
+
+
+def _skewed_ends(sample: _Sample, tail: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    units = np.maximum(sample.units, 3)
+    apart = sample.mass * (sample.values - sample.mean)
+    apart = apart / np.where(sample.error > 0, sample.error, 1.0)
+    skewness = np.sum(apart**3, axis=0) * units**2.5 / (units - 1) / (units - 2)
+    skewness = np.where(np.abs(skewness) > _ROUNDING, skewness, _ROUNDING)
+    reach = _student(units - 1, tail) / np.sqrt(units)
+    ends = []
+    for side in (reach, -reach):
+        root = np.cbrt(1 + skewness * (side - skewness / (6 * units)))
+        ends.append(sample.mean - sample.error * np.sqrt(units) * 3 * (root - 1) / skewness)
+    return ends[0], ends[1]
+
+
+def _paired(
+    first: ArrayLike, second: ArrayLike, bounds: Bounds | None
+) -> tuple[_Sample, Callable[[ArrayLike], tuple[np.ndarray, np.ndarray]]]:
+    """The differences, and tail -> ends of their mean's interval."""
+    check_together(first=first, second=second)
+    sample = _sample(np.subtract(first, second, dtype=float), 1.0, 0)
+    limits = _checked(bounds)
+    if limits is None:
+        return sample, lambda tail: _ends(sample, None, tail)
+    low, high = limits
+    gained, lost = np.sum(sample.values > 0, axis=0), np.sum(sample.values < 0, axis=0)
+    at_ends = np.all(
+        np.isin(first, limits) & np.isin(second, limits) | (sample.mass == 0), axis=0
+    ) & (sample.units >= _FEWEST)
+
+    def ends(tail: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        of_mean = _ends(sample, (low - high, high - low), tail)
+        of_shares = _ends_of_shares(gained, lost, sample.units, tail)
+        lower, upper = (
+            np.where(at_ends, (high - low) * exact, end)
+            for exact, end in zip(of_shares, of_mean, strict=True)
+        )
+        return lower, upper
+
+    return sample, ends
+
+
+def _ends_of_shares(
+    gained: np.ndarray, lost: np.ndarray, pairs: np.ndarray, tail: ArrayLike
+) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of the share of gains less that of losses.
+
+    The difference is the share of pairs that differ, times the balance of gains and losses among
+    these.  Its end is that of the balance, with the share at its own end: the distances of both
+    from the estimate are added as squares.  It has the sign of the balance's end.
+    """
+    differing = gained + lost
+    share = differing / np.maximum(pairs, 1)
+    balance = (gained - lost) / np.maximum(differing, 1)
+    least, most = _clopper_pearson(differing, pairs - differing, tail)
+    ends = []
+    for side, rate in zip((-1, 1), _clopper_pearson(gained, lost, tail), strict=True):
+        end = 2 * rate - 1
+        nearer = np.where(side * end > 0, most, least)
+        reach = np.hypot(share * (end - balance), end * (nearer - share))
+        ends.append(share * balance + side * reach)
+    return ends[0], ends[1]
+
+
+def _clopper_pearson(
+    hits: np.ndarray, misses: np.ndarray, tail: ArrayLike
+) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of the interval of a rate; the numbers need not be whole."""
+
+    def least(hits: np.ndarray, misses: np.ndarray) -> np.ndarray:
+        return np.where(hits > 0, betaincinv(np.where(hits > 0, hits, 1), misses + 1, tail), 0.0)
+
+    return least(hits, misses), 1 - least(misses, hits)
 
 
 def _counted(
@@ -231,52 +310,6 @@ def _counted(
     return np.where(counts, values, 0.0), np.where(counts, mass, 0.0), counts.sum(axis=0)
 
 
-def _student(units: int | np.ndarray, level: float) -> np.ndarray:
-    """t with P(|T| < t) = level for Student's T over so many units."""
-    return stdtrit(np.maximum(units - 1, 1), 0.5 + level / 2)
-
-
-def _beyond(
-    values: np.ndarray, counts: np.ndarray, mean: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Places of the artificial units of unbounded values."""
-    least = np.min(values, axis=0, where=counts, initial=np.inf)
-    most = np.max(values, axis=0, where=counts, initial=-np.inf)
-    least, most = (np.where(np.isfinite(x), x, mean) for x in (least, most))
-    longer = _BEYOND * ((most - mean) - (mean - least))
-    return least + np.minimum(longer, 0.0), most + np.maximum(longer, 0.0)
-
-
-def _ends(
-    values: np.ndarray,
-    mass: np.ndarray,
-    mean: np.ndarray,
-    artificial: tuple[np.ndarray, np.ndarray],
-    level: float,
-) -> list[np.ndarray]:
-    """Ends of the bootstrap's interval.
-
-    An artificial unit on either side has the average weight of the others.
-    """
-    units, tail = (mass > 0).sum(axis=0), (1 - level) / 2
-    resolved = max(tail, _SMALLEST_TAIL)
-    # Smaller tails than the draws resolve: as much farther as Student's.
-    farther = _student(units, level) / _student(units, 1 - 2 * resolved)
-    drawn = _exponentials(len(values))
-    heavy = mass.reshape(len(mass), mean.size)
-    added = drawn[:, -1:] * np.ravel(mass.sum(axis=0) / np.maximum(units, 1))
-    total = drawn[:, :-1] @ (heavy * values.reshape(heavy.shape))
-    weight = np.maximum(drawn[:, :-1] @ heavy + added, np.finfo(float).tiny)
-    ends = []
-    for side, place in zip((-1, 1), artificial, strict=True):
-        means = (total + added * np.ravel(place)) / weight
-        found = np.quantile(means, resolved if side < 0 else 1 - resolved, axis=0)
-        reach = np.maximum(side * (found.reshape(mean.shape) - mean), 0) * farther
-        ends.append(mean + side * np.minimum(reach, side * (place - mean)))
-    return ends
-
-
-@functools.lru_cache(maxsize=4)
-def _exponentials(units: int) -> np.ndarray:
-    """Unnormalised bootstrap weights ``[draws, units + 1]``; the last is the artificial unit's."""
-    return np.random.default_rng(0).standard_exponential((_DRAWS, units + 1))
+def _student(freedom: np.ndarray, tail: ArrayLike) -> np.ndarray:
+    """t with P(T > t) = ``tail`` for Student's T."""
+    return -stdtrit(freedom, tail)

@@ -41,6 +41,9 @@ _FEWEST, _FEWEST_UNBOUNDED = 3, 25
 #: Assumed units at the bounds, below a number of units and from it on.  The latter keeps equal
 #: values from an interval without width, and changes little else.
 _CONSERVATIVE_BELOW, _ASSUMED = 6, (1.0, 0.005)
+#: Least variance of units at a bound, as a share of the largest possible: shares that are mostly 1
+#: say little about the rare ones that are not.
+_AT_BOUND = 0.25
 #: Intervals narrower than this share of their ends have a width of rounding error only.
 _ROUNDING = 1e-6
 
@@ -146,15 +149,15 @@ def difference_p_value(
     sample, ends = _paired(first, second, bounds)
 
     def covers_zero(p: ArrayLike) -> np.ndarray:
-        lower, upper = ends(np.asarray(p) / 2)
+        lower, upper = ends(np.minimum(p, 1 - _ROUNDING) / 2)
         return (lower <= 0) & (upper >= 0)
 
     exponent, step = np.full(sample.mean.shape, -15.0), 7.5
     for _ in range(50):
         exponent = exponent + np.where(covers_zero(10 ** (exponent + step)), step, 0.0)
         step /= 2
-    p = np.where(covers_zero(1 - _ROUNDING), 1.0, 10**exponent)
-    return np.where(np.isnan(ends(0.5)[0]), np.nan, p)[()]
+    p = np.where(covers_zero(1.0), 1.0, 10**exponent)
+    return np.where(np.isnan(ends(0.025)[0]), np.nan, p)[()]
 
 
 def has_width(low: float, high: float) -> bool:
@@ -190,11 +193,11 @@ class _Sample(NamedTuple):
 
 def _sample(values: ArrayLike, weights: ArrayLike, axis: int) -> _Sample:
     values, mass, units = _counted(values, weights, axis)
-    mass = mass / np.where(units > 0, mass.sum(axis=0), 1.0)
-    mean = np.where(units > 0, np.sum(mass * values, axis=0), np.nan)
-    squares = np.sum((mass * (values - mean)) ** 2, axis=0)
+    total = np.where(units > 0, mass.sum(axis=0), 1.0)
+    mean = np.where(units > 0, np.sum(mass * values, axis=0) / total, np.nan)
+    squares = np.sum((mass * (values - mean)) ** 2, axis=0) / total**2
     error = np.where(units > 1, np.sqrt(squares * units / np.maximum(units - 1, 1)), np.nan)
-    return _Sample(values, mass, units, mean, error)
+    return _Sample(values, mass / total, units, mean, error)
 
 
 def _ends(sample: _Sample, bounds: Bounds | None, tail: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -216,7 +219,7 @@ def _bounded_ends(
     single, share = rate * (1 - rate), np.sum(sample.mass**2, axis=0)
     assumed = np.where(units < _CONSERVATIVE_BELOW, *_ASSUMED)
     variance = (units - 1) * (sample.error / width) ** 2 + assumed * share * single
-    variance = np.maximum(variance / (units + assumed), at_bounds * share * single)
+    variance = np.maximum(variance / (units + assumed), _AT_BOUND * at_bounds * share * single)
     alike = single < _ROUNDING
     freedom = (units - 1) / units * np.where(alike, 1, single) / np.where(alike, share, variance)
     trials = 1 + freedom * (_student(freedom, tail) / _student(units - 1, tail)) ** 2

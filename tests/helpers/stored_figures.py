@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxpf import contract, points
 from jaxpf.likelihoods import DiscriminativeLikelihood
-from jaxpf.measures import student_interval
+from jaxpf.measures import difference_interval, mean_interval, median_interval
 
 ROOT = Path(__file__).resolve().parents[2]
 SITE = ROOT / "notebooks" / "docs"
@@ -87,17 +87,24 @@ def by_clip(tracker, column, part="report"):
     return {row["clip"]: float(row[column]) for row in mine if row[column]}
 
 
-def with_ends(values, digits):
-    """A mean with Student's interval over clips, as the page prints it."""
-    value, _, low, high = student_interval(np.array(list(values)))
+def shown(found, digits):
+    """An estimate with its interval over clips, as the page prints it."""
+    value, low, high = (round(x, digits) + 0 for x in (found.value, found.lower, found.upper))
     return f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+
+
+def with_ends(values, digits, is_share=True):
+    """A mean of shares, or a median."""
+    values = np.array(list(values))
+    found = mean_interval(values, bounds=(0, 1)) if is_share else median_interval(values)
+    return shown(found, digits)
 
 
 def gained(other, part="report"):
     """IoU of pretrained minus another tracker's, with its interval."""
     ours, theirs = by_clip("pretrained", "iou", part), by_clip(other, "iou", part)
-    assert ours.keys() == theirs.keys()
-    return with_ends([ours[clip] - theirs[clip] for clip in ours], 3)
+    pairs = np.array([(ours[clip], theirs[clip]) for clip in ours.keys() | theirs.keys()])
+    return shown(difference_interval(*pairs.T, bounds=(0, 1)), 3)
 
 
 def silent(tracker):

@@ -13,7 +13,6 @@ from jaxpf.measures import (
     distance_precision,
     mean_interval,
     median_interval,
-    student_interval,
     success_auc,
 )
 
@@ -23,7 +22,7 @@ TRUTH = np.ones((5, 3, 4))
 @pytest.mark.parametrize("level", [-1, 0, 1, 95, math.nan, "x", None, [0.9, 0.95]])
 def test_a_level_that_is_no_probability_is_refused(level):
     named = "must be above 0 and below 1"
-    for interval in (student_interval, mean_interval, median_interval):
+    for interval in (mean_interval, median_interval):
         assert named in message_of(interval, [1.0, 2.0, 3.0], level=level)
     assert named in message_of(difference_interval, [0.5, 1.0], [0.2, 0.3], level)
 

@@ -9,9 +9,15 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import bdtr, stdtr
+from scipy.special import bdtr
 
-from jaxpf.measures.intervals import Bounds, difference_interval, mean_interval, median_interval
+from jaxpf.measures.intervals import (
+    Bounds,
+    difference_interval,
+    difference_p_value,
+    mean_interval,
+    median_interval,
+)
 
 #: Confidence level of every interval.
 LEVEL = 0.95
@@ -46,8 +52,8 @@ class Difference(NamedTuple):
         runs: number of pairs that count.
         gained: number of runs in which the configuration has the larger value.
         lost: number of runs in which the reference has the larger value.
-        p: two-sided p-value for no difference: Student's for means, the sign test for medians and
-            for rates, whose sign test is McNemar's exact test.
+        p: two-sided p-value for no difference, below 0.05 where the 95% interval excludes 0: of
+            rates McNemar's exact test, of medians the sign test.
         p_holm: ``p`` after Holm's correction; NaN until the other comparisons are known.
     """
 
@@ -99,7 +105,6 @@ def difference(
     ours: tuple[np.ndarray, np.ndarray],
     theirs: tuple[np.ndarray, np.ndarray],
     bounds: Bounds | None,
-    is_rate: bool = False,
     level: float = LEVEL,
 ) -> Difference:
     """Mean difference of paired runs; the median difference without bounds.
@@ -108,7 +113,6 @@ def difference(
         ours: values and weights of objects in each run, ``[R, P]`` each.
         theirs: those of the reference in the same runs.
         bounds: smallest and largest possible value, or None.
-        is_rate: the values are 0 or 1.
         level: confidence of the interval.
     """
     first, second = (
@@ -116,22 +120,19 @@ def difference(
         for values, weights in (with_all(*each) for each in (ours, theirs))
     )
     apart = first - second
-    if bounds is None:
-        found = median_interval(apart, level=level)
-    else:
-        found = difference_interval(first, second, level, bounds)
     runs = np.sum(np.isfinite(apart), axis=0)
     # Equal values in every run may differ by rounding.
     sizes = np.abs([first, second])
     scale = 1e-12 * np.max(sizes, axis=(0, 1), where=np.isfinite(sizes), initial=0)
     gained, lost = np.sum(apart > scale, axis=0), np.sum(apart < -scale, axis=0)
-    if bounds is None or is_rate:
-        p = np.minimum(2 * bdtr(np.minimum(gained, lost), gained + lost, 0.5), 1.0)
+    if bounds is None:
+        found = median_interval(apart, level=level)
+        # Runs without a difference count on the other side.
+        p = np.minimum(2 * bdtr(runs - np.maximum(gained, lost), runs, 0.5), 1.0)
+        p = np.where(runs > 1, p, np.nan)
     else:
-        error = np.where(found.standard_error > scale, found.standard_error, np.nan)
-        p = 2 * stdtr(np.maximum(runs - 1, 1), -np.abs(found.value / error))
-        p = np.where((gained + lost == 0) & (runs > 1), 1.0, p)
-    p = np.where(runs > 1, p, np.nan)
+        found = difference_interval(first, second, level, bounds)
+        p = difference_p_value(first, second, bounds)
     return Difference(*found, runs, gained, lost, p, np.full_like(p, np.nan))
 
 

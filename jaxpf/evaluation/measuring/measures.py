@@ -36,7 +36,6 @@ class Measure(NamedTuple):
     Attributes:
         name: of the column.
         title: display name.
-        is_rate: the value is 0 or 1 in every run, so its mean is a rate.
         weight: column that holds the weight of each run and object in means that pool frames; ""
             for equal weights.
         percent: displayed in percent.
@@ -45,7 +44,6 @@ class Measure(NamedTuple):
 
     name: str
     title: str
-    is_rate: bool = False
     weight: str = ""
     percent: bool = False
     unit: str = ""
@@ -77,8 +75,8 @@ FRAMES, TRACKED_FRAMES = "frames", "tracked_frames"
 MEASURES = (
     Measure("success_rate_50", "success at IoU 0.5", weight=FRAMES, percent=True),
     Measure("success_auc", "success AUC", weight=FRAMES, percent=True),
-    Measure("success", "smith2004 success", is_rate=True, percent=True),
-    Measure("recovered", "smith2004 recovery", is_rate=True, percent=True),
+    Measure("success", "smith2004 success", percent=True),
+    Measure("recovered", "smith2004 recovery", percent=True),
     Measure("tracked_share", "tracked", weight=FRAMES, percent=True),
     Measure("precision", "precision", weight=TRACKED_FRAMES, percent=True),
     Measure("recall", "recall", weight=TRACKED_FRAMES, percent=True),

@@ -100,7 +100,7 @@ def _estimate(entry: Summary, measure: Measure, given: Runs) -> Estimate:
 
 def _difference(entry: Summary, measure: Measure, given: Runs, other: Runs) -> Difference:
     ours, theirs = common_runs(given, other)
-    found = difference(ours[1:], theirs[1:], measure.bounds, measure.is_rate)
+    found = difference(ours[1:], theirs[1:], measure.bounds)
     if measure in SCORES:
         found = Difference(*_of_all_objects(found, entry.num_objects))
     return found

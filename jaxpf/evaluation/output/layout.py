@@ -59,23 +59,23 @@ ABOUT_MEASURES, ABOUT_DIFFERENCES, ABOUT_CALIBRATION, ABOUT_CONFIDENCE = range(1
 NOTES = (
     "Values with 95% intervals in brackets. Runs are the independent units: frames and objects "
     "of a run add to the value, not to the certainty. Shares and rates are means over runs, with "
-    "Gaffke's interval between their bounds (of rates Clopper and Pearson's), below 12 runs at "
-    "least as wide as Student's. Errors and counts have no bound, so a few lost runs may dominate "
-    "their mean: shown is the median over runs, with order statistics as its interval. Without "
-    "brackets, the runs are too few: three are needed, of a median six.",
+    "Clopper and Pearson's interval, of shares for as many trials as their spread is worth (Korn "
+    "and Graubard 1998); below six runs it is too wide rather than too narrow. Errors and counts "
+    "have no bound, so a few lost runs may dominate their mean: shown is the median over runs, with "
+    "order statistics as its interval. Without brackets, the runs are too few: three are needed, of "
+    "a median six.",
     "IoU is intersection over union. Success at IoU 0.5: the share of frames whose IoU exceeds "
     "0.5. Success AUC: the mean of that share over all thresholds from 0 to 1 (Wu, Lim and Yang "
     "2013). Smith2004's success and recovery ask for one shared pixel only, in every frame of a "
     "run or in its last one with truth, and do not say how well a box fits. Precision and recall "
     "are over the frames that share a pixel, the others over all frames with truth. The start "
     "frame never counts.",
-    "Differences are paired by run: equal seeds share their random numbers. Shares and rates: the "
-    "mean difference, with Gaffke's interval, from 50 runs of which ten differ Newcombe's "
-    "(method 10). Errors: the median difference, with order statistics. A star marks "
-    f"p < {SIGNIFICANT} after Holm's correction over the comparisons in its column, by Student's "
-    "test of the runs' differences, for rates McNemar's exact test and for medians the sign test, "
-    f"where the interval excludes 0, too; of fewer than {DECISIVE} runs nothing is marked. Points "
-    "are percentage points.",
+    "Differences are paired by run: equal seeds share their random numbers. Shares: the mean "
+    "difference, with the interval of a mean; rates: with one that excludes 0 where McNemar's exact "
+    "test does. Errors: the median difference, with order statistics. p belongs to the same "
+    "interval: below 0.05 the 95% interval excludes 0. A star marks "
+    f"p < {SIGNIFICANT} after Holm's correction over the comparisons in its column; of fewer than "
+    f"{DECISIVE} runs nothing is marked. Points are percentage points.",
     "Calibration: how often the 50, 80 and 95% regions of x and of y, and those of a box's size "
     "(the square root of its area), cover the truth. A region is as wide as the particles' standard"
     " deviation and the model's declared error say (of points the slip, of learned boxes 0.3 in the"
@@ -157,9 +157,7 @@ def difference_tables(object_ids: Sequence[int], summaries: Sequence[Summary]) -
 def _is_clear(summary: Summary, measure: str, place: int) -> bool:
     """Whether a difference gets a star."""
     found = summary.differences[measure]
-    excludes = found.lower[place] > 0 or found.upper[place] < 0
-    many = found.runs[place] >= DECISIVE
-    return bool(many and excludes and found.p_holm[place] < SIGNIFICANT)
+    return bool(found.runs[place] >= DECISIVE and found.p_holm[place] < SIGNIFICANT)
 
 
 def object_name(object_ids: Sequence[int], place: int) -> str:

@@ -13,12 +13,12 @@
 
 A p-value is the inversion of the interval: it is below 0.05 where the 95% interval excludes 0.
 
-Intervals of bounded means are conservative below six units, where one more unit at the bounds is
-assumed; with fewer than three there is none (NaN ends).  From six on they show what the units show:
-if a tenth of all objects is lost, 11 units include none of these in 31% of the cases, and then no
-interval as narrow as Student's covers the mean, unless the spread of the others is wide.  Rare
-values without a bound may be of any size; therefore an unbounded mean has no interval below 25
-units.
+Below six units the intervals of bounded means are conservative (they cover more often than they
+say), with a fifth of a unit at the bounds assumed; with fewer than three there is none (NaN ends).
+From six on they show what the units show.  If a tenth of all objects is lost, 11 units include none
+of these in 31% of the cases; no interval as narrow as Student's then covers the mean, unless the
+spread of the others is wide.  Rare values without a bound may be of any size; therefore an
+unbounded mean has no interval below 25 units.
 """
 
 from collections.abc import Callable
@@ -40,7 +40,7 @@ DECISIVE = 10
 _FEWEST, _FEWEST_UNBOUNDED = 3, 25
 #: Assumed units at the bounds, below a number of units and from it on.  The latter keeps equal
 #: values from an interval without width, and changes little else.
-_CONSERVATIVE_BELOW, _ASSUMED = 6, (1.0, 0.005)
+_CONSERVATIVE_BELOW, _ASSUMED = 6, (0.2, 0.005)
 #: Least variance of units at a bound, as a share of the largest possible: shares that are mostly 1
 #: say little about the rare ones that are not.
 _AT_BOUND = 0.25

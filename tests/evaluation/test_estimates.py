@@ -118,9 +118,5 @@ def test_equal_runs_do_not_differ():
     found = estimates.difference(*paired(values, values), SHARES)
     assert found.value.tolist() == [0, 0]
     assert found.p.tolist() == [1, 1]
-    few = estimates.difference(*paired(values, values + 0.5), SHARES)
-    assert (few.p > 0.05).all()  # as by the sign test, 2 / 2^5
-    more = estimates.difference(
-        *paired(np.tile(values, (2, 1)), np.tile(values, (2, 1)) + 0.5), SHARES
-    )
-    assert (more.p < 2 / 2**10).all()
+    different = estimates.difference(*paired(values, values + 0.5), SHARES)
+    assert (different.p < 0.05).all()

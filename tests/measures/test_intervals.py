@@ -19,7 +19,7 @@ from jaxpf.measures import (
     median_interval,
 )
 
-SIZES = (2, 3, 5, 11, 29, 100)
+SIZES = (2, 3, 5, 11, 29, 50)
 REPEATS = 3000
 UNIT = (0.0, 1.0)
 #: Units -> least and largest coverage.
@@ -144,7 +144,7 @@ def check(found, truth, units, bounds, expected):
     if units < (3 if bounds else 25):
         assert np.isnan([found.lower, found.upper]).all()
         return
-    # Conservative below six; of 100, the rule for 29 holds.
+    # Conservative below six; of 50, the rule for 29 holds.
     low, high = (0.95, 1.0) if units < 6 else expected[min(units, 29)]
     tolerance = 3 * math.sqrt(0.95 * 0.05 / REPEATS)
     assert low - tolerance <= covered(found, truth) <= high + tolerance

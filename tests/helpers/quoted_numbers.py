@@ -57,11 +57,11 @@ QUOTED = {
         "its precision falls by nine points, that of PS by four": (
             r"others 93\.0% .* others 90\.7% .* others 89\.0% .* others 81\.7%"
         ),
-        "the interval of the gap, -4 to 14": r"drawn twice best - worst \+5 \[ -4, \+14\]",
+        "the interval of the gap, -5 to 15": r"drawn twice best - worst \+5 \[ -5, \+15\]",
         "by 23 points": r"stages counted twice best - worst \+23 ",
         "last but one (52%) and least often when it comes last (31%)": r"47 52 31%",
         "DPS falls 17 points behind PS": r"DPS - PS -17 ",
-        "cannot be told apart (-11 to 18 points)": r"34% of the runs, \+3 \[ -11, \+18\]",
+        "cannot be told apart (-12 to 18 points)": r"34% of the runs, \+3 \[ -12, \+18\]",
     },
     "swap_bias": {
         "it estimates 5/16 instead of 1/4": r"none mean 0\.2500 .* sorted_swap mean 0\.3125",

@@ -280,6 +280,19 @@ def test_mean_and_error_by_hand():
     assert (found.value, found.standard_error) == pytest.approx((5, 1.5))
 
 
+@pytest.mark.parametrize("level", [0.9, 0.999])
+def test_ends_of_an_unbounded_mean_solve_halls_equation(level):
+    """With T = (mean - end) / s and skewness g: T + g T^2 / 3 + g^2 T^3 / 27 + g / 6n = +-t / n^.5"""
+    values = np.random.default_rng(8).lognormal(size=30)
+    found = mean_interval(values, level=level)
+    skewness = stats.skew(values, bias=False)
+    t = stats.t.ppf(0.5 + level / 2, 29) / math.sqrt(30)
+    for end, wanted in ((found.lower, t), (found.upper, -t)):
+        away = (found.value - end) / values.std(ddof=1)
+        terms = away, skewness * away**2 / 3, skewness**2 * away**3 / 27, skewness / 180
+        assert sum(terms) == pytest.approx(wanted)
+
+
 def test_columns_are_those_of_their_own_units():
     """Missing values, weights of 0 and other axes change nothing."""
     values = np.random.default_rng(2).random((40, 3))

@@ -57,13 +57,13 @@ SIGNIFICANT = 0.05
 #: Indices of the notes.
 ABOUT_MEASURES, ABOUT_DIFFERENCES, ABOUT_CALIBRATION, ABOUT_CONFIDENCE = range(1, 5)
 NOTES = (
-    "Values with 95% intervals in brackets. Runs are the independent units: frames and objects "
-    "of a run add to the value, not to the certainty. Shares and rates are means over runs, with "
+    "Values with 95% intervals in brackets. Runs are the independent units: frames and objects of "
+    "a run add to the value, not to the certainty. Shares and rates are means over runs, with "
     "Clopper and Pearson's interval, of shares for as many trials as their spread is worth (Korn "
     "and Graubard 1998); below six runs it is too wide rather than too narrow. Errors and counts "
-    "have no bound, so a few lost runs may dominate their mean: shown is the median over runs, with "
-    "order statistics as its interval. Without brackets, the runs are too few: three are needed, of "
-    "a median six.",
+    "have no bound, so a few lost runs may dominate their mean: shown is the median over runs, "
+    "with order statistics as its interval. Without brackets, the runs are too few: three are "
+    "needed, of a median six.",
     "IoU is intersection over union. Success at IoU 0.5: the share of frames whose IoU exceeds "
     "0.5. Success AUC: the mean of that share over all thresholds from 0 to 1 (Wu, Lim and Yang "
     "2013). Smith2004's success and recovery ask for one shared pixel only, in every frame of a "
@@ -71,8 +71,8 @@ NOTES = (
     "are over the frames that share a pixel, the others over all frames with truth. The start "
     "frame never counts.",
     "Differences are paired by run: equal seeds share their random numbers. Shares: the mean "
-    "difference, with the interval of a mean; rates: with one that excludes 0 where McNemar's exact "
-    "test does. Errors: the median difference, with order statistics. p belongs to the same "
+    "difference, with the interval of a mean; rates: with one that excludes 0 where McNemar's "
+    "exact test does. Errors: the median difference, with order statistics. p belongs to the same "
     "interval: below 0.05 the 95% interval excludes 0. A star marks "
     f"p < {SIGNIFICANT} after Holm's correction over the comparisons in its column; of fewer than "
     f"{DECISIVE} runs nothing is marked. Points are percentage points.",

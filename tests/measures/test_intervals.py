@@ -282,7 +282,7 @@ def test_mean_and_error_by_hand():
 
 @pytest.mark.parametrize("level", [0.9, 0.999])
 def test_ends_of_an_unbounded_mean_solve_halls_equation(level):
-    """With T = (mean - end) / s and skewness g: T + g T^2 / 3 + g^2 T^3 / 27 + g / 6n = +-t / n^.5"""
+    """T + g T^2 / 3 + g^2 T^3 / 27 + g / 6n = +-t / n^.5, with T = (mean - end) / s, skewness g."""
     values = np.random.default_rng(8).lognormal(size=30)
     found = mean_interval(values, level=level)
     skewness = stats.skew(values, bias=False)

@@ -177,6 +177,7 @@ def test_figures_of_questions_and_tasks():
             f"+{gained('default')}"
         ),
         "choices.md": f"IoU +{gained('default')} on 13 test clips",
+        "../index.md": f"used to choose earlier defaults | +{gained('csrt')} |",
         "howto/lost.md": (
             f"{100 * float(test):.0f}% had an IoU of at least 0.1 with their object on eleven test "
             f"clips, but only {100 * float(half[1]):.0f}% one of at least 0.5 "

@@ -83,15 +83,33 @@ def pytree_dataclass(cls: type[T]) -> type[T]:
 
 
 def _checked(cls: Any) -> Callable[..., None]:
-    """The constructor of a dataclass, which suggests a name for a misspelt field."""
+    """The constructor of a dataclass, which suggests a name for a misspelt field.
+
+    Functions in its fields become static, see ``with_static_functions``.
+    """
     construct, names = cls.__init__, [x.name for x in dataclasses.fields(cls) if x.init]
+    data = [x.name for x in dataclasses.fields(cls) if not x.metadata.get("static", False)]
 
     @functools.wraps(construct)
     def constructor(self, *values, **named):
         check_fields(cls.__name__, named, names)
         construct(self, *values, **named)
+        for name in data:
+            value = getattr(self, name)
+            if (changed := with_static_functions(value)) is not value:
+                object.__setattr__(self, name, changed)
 
     return constructor
+
+
+def with_static_functions(tree: T) -> T:
+    """Wrap functions among a pytree's leaves, such as a network's activations, by ``Partial``.
+
+    So they belong to its structure, as static fields do, and can still be called.
+    """
+    if not any(map(callable, jax.tree.leaves(tree))):
+        return tree
+    return jax.tree.map(lambda x: jax.tree_util.Partial(x) if callable(x) else x, tree)
 
 
 def is_concrete(*values: object) -> bool:
@@ -213,6 +231,8 @@ def _described_leaf(value: object) -> str:
         values = values[~np.isnan(values)]
         ends = [f"{end(values):.4g}" for end in (np.min, np.max)] if values.size else ["nan"]
         return f"{text} {'..'.join(dict.fromkeys(ends))}"
+    if isinstance(value, jax.tree_util.Partial) and not (value.args or value.keywords):
+        value = value.func
     if callable(value) and hasattr(value, "__name__"):
         return value.__name__
     text = " ".join(repr(value).split())

@@ -3,17 +3,23 @@
 import dataclasses
 import inspect
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_fields
-from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.contract.pytree import (
+    is_concrete,
+    pytree_dataclass,
+    static_field,
+    with_static_functions,
+)
 from jaxpf.contract.recognised import recognised
 from jaxpf.filters.layout import Layout
 from jaxpf.filters.partitioned.tracker import Partitioned
@@ -52,7 +58,8 @@ def state_space(
     """Build a particle filter for a state-space model from plain functions.
 
     The functions handle one particle.  A state x is an array of any shape, including ``[]``, or a
-    pytree of arrays, such as ``{"position": ..., "regime": ...}``.  Integers stay integers.
+    pytree of arrays, such as ``{"position": ..., "regime": ...}``.  Integers stay integers, and
+    exact; their means are floats.
     Summaries hold an array flattened, such as ``summary.estimate`` ``[1, D]``, and a pytree as
     that pytree, such as ``summary.estimate["position"]``::
 
@@ -86,7 +93,8 @@ def state_space(
             clip, without a lag.  Frames with some NaN are refused unless the function's attribute
             ``handles_nan`` is true; the function must then replace NaN before it computes anything
             (``jnp.where(jnp.isnan(y), 0.0, y)``): after ``jnp.nansum`` the gradient is NaN.
-        parameters: pytree of numbers and arrays, the last positional argument of every function.
+        parameters: pytree of numbers, arrays and functions, such as an Equinox network; the last
+            positional argument of every function.
         transition_log_density: ``(new, x, parameters) -> []``, the log-density of ``transition``,
             for ``jaxpf.smooth``, a ``proposal`` and ``motion_gradient="score"``; the last, and
             linearised proposals, need noise in every number that moves, and no ``u``.  It may
@@ -118,6 +126,7 @@ def state_space(
     for name, function in (optional | {"transition_log_density": transition_log_density}).items():
         if function is not None:
             check_arguments(name, function)
+    parameters = with_static_functions(parameters)
     for path, leaf in jax.tree_util.tree_leaves_with_path(parameters):
         if not hasattr(leaf, "dtype") and not isinstance(leaf, int | float | complex):
             raise InputError(
@@ -126,11 +135,11 @@ def state_space(
     own = [name for name in inspect.signature(state_space).parameters if name != "options"]
     fields = sorted(Partitioned.__dataclass_fields__.keys() - _NO_OPTIONS)
     check_fields("state_space", options, [*own, *fields], "option")
-    initial = recognised("initial", initial)
-    transition = recognised("transition", transition)
-    log_likelihood = recognised("log_likelihood", log_likelihood)
-    transition_log_density = recognised("transition_log_density", transition_log_density)
-    optional = {name: recognised(name, function) for name, function in optional.items()}
+    initial = recognised(initial)
+    transition = recognised(transition)
+    log_likelihood = recognised(log_likelihood)
+    transition_log_density = recognised(transition_log_density)
+    optional = {name: recognised(function) for name, function in optional.items()}
     layout = layout_of(initial, transition, transition_log_density, parameters, num_values)
     copies = 2 if any(asks_for(f, "previous") for f in (log_likelihood, observation)) else 1
     if copies == 2 and options.get("proposal") is not None:
@@ -153,36 +162,95 @@ def state_space(
     if callable(initial):
         start: Any = FunctionSampler(parameters, initial, layout, copies)
     else:
-        start = jnp.tile(layout.pack(jnp.asarray(initial) if layout.is_array else initial), copies)
-        start = start[None]
-    return (Partitioned if layout.is_array else WithTrees)(
+        start = Given(layout.arrays(initial), layout, copies)
+        if is_concrete(initial) and layout.is_outside(jax.tree.map(np.asarray, start.state)):
+            raise InputError(
+                f"initial={initial!r:.60} holds an integer that is not from 0 to num_values - 1; "
+                "count the values from 0."
+            )
+    return StateSpace(
         dynamics=FunctionDynamics(parameters, transition, transition_log_density, layout, copies),
         likelihood=FunctionLikelihood(parameters, log_likelihood, layout, **optional),
-        ordering=sir(1),
+        ordering=_ORDERING,
         initial=start,
         num_particles=num_particles,
         **options,
     )
 
 
-@pytree_dataclass
-class WithTrees(Partitioned):
-    """A particle filter of states that are pytrees; summaries name their leaves."""
+class StateSpace(Partitioned):
+    """A particle filter of plain functions; summaries of states that are pytrees name their leaves.
+
+    As a pytree it holds the parameters of its functions once, so that a derivative in them is
+    whole, and no ordering, as a single partition has only one.
+    """
 
     def step_observed(self, key, state, observation):
         """See ``Partitioned``."""
         state, summary = super().step_observed(key, state, observation)
-        named = (self.moments(values) for values in (summary.estimate, summary.spread))
-        estimate, spread = named
+        estimate, spread = map(self.moments, (summary.estimate, summary.spread))
         return state, dataclasses.replace(summary, estimate=estimate, spread=spread)
 
     def moments(self, values: jax.Array) -> Any:
-        """Means or standard deviations ``[..., 1, D]`` of substates, by leaf of the state."""
-        return self.dynamics.layout.split(values[..., 0, :])
+        """Means or standard deviations of substates, ``[..., 1, D]``; a pytree's by its leaves."""
+        layout, copies = self.dynamics.layout, self.dynamics.copies
+        if not layout.is_array:
+            return layout.split(values[..., 0, :])
+        if layout.size == layout.num_values:
+            return values
+        values = values.reshape(*values.shape[:-1], copies, -1)[..., : layout.num_values]
+        return values.reshape(*values.shape[:-2], -1)
 
-    def states(self, substates: jax.Array) -> Any:
-        """States of particles, from their substates ``[..., 1, D]``."""
-        return self.dynamics.layout.unpack(substates[..., 0, :])
+    @property
+    def states(self) -> Callable:
+        """States of particles, from their substates ``[..., 1, D]``, if those are not the same."""
+        layout = self.dynamics.layout
+        if layout.is_array and layout.size == layout.num_values:
+            raise AttributeError("states")
+
+        def states(substates: jax.Array) -> Any:
+            found = layout.unpack(substates[..., 0, :])
+            return found.reshape(*substates.shape[:-1], -1) if layout.is_array else found
+
+        return states
+
+
+#: Fields of a tracker that hold arrays, and settings.
+_DATA, _SETTINGS = (
+    [f.name for f in dataclasses.fields(StateSpace) if f.metadata.get("static", False) is static]
+    for static in (False, True)
+)
+_ORDERING = sir(1)
+
+
+def _flatten(tracker: StateSpace) -> tuple[list, tuple]:
+    parts = {name: getattr(tracker, name) for name in _DATA}
+    parameters = getattr(tracker.dynamics, "parameters", None)
+    shared = [name for name in parts if getattr(parts[name], "parameters", ...) is parameters]
+    parts |= {name: _with_parameters(parts[name], None) for name in shared}
+    if tracker.ordering is _ORDERING:
+        parts["ordering"] = None
+    named = {"parameters": parameters} | parts
+    children = [(jax.tree_util.GetAttrKey(name), value) for name, value in named.items()]
+    return children, (tuple(shared), *(getattr(tracker, name) for name in _SETTINGS))
+
+
+def _unflatten(static: tuple, children: Iterable) -> StateSpace:
+    (shared, *settings), (parameters, *values) = static, children
+    tracker = object.__new__(StateSpace)
+    for name, value in zip(_DATA + _SETTINGS, values + settings, strict=True):
+        if name in shared and hasattr(value, "parameters"):
+            value = _with_parameters(value, parameters)
+        value = _ORDERING if name == "ordering" and value is None else value
+        object.__setattr__(tracker, name, value)
+    return tracker
+
+
+def _with_parameters(part: Any, parameters: Any) -> Any:
+    return contract.changed_inside(part, "parameters", lambda _: parameters)
+
+
+jax.tree_util.register_pytree_with_keys(StateSpace, _flatten, _unflatten)
 
 
 @pytree_dataclass
@@ -200,6 +268,21 @@ class FunctionSampler:
         """Draw an initial state."""
         x = self.layout.pack(call("initial", self.function, key, self.parameters))
         return jnp.tile(x, self.copies)[None]
+
+
+@pytree_dataclass
+class Given:
+    """An initial state that is known; its numbers are as precise as those of the run."""
+
+    state: Any
+    layout: Layout = static_field()
+    copies: int = static_field()
+
+    independent = True
+
+    def __call__(self, key: jax.Array) -> jax.Array:
+        """Return the state, ``[1, D]``."""
+        return jnp.tile(self.layout.pack(self.state), self.copies)[None]
 
 
 @pytree_dataclass
@@ -305,7 +388,9 @@ class FunctionLikelihood(contract.Likelihood):
     def log_prob(self, observation, partition, substate):
         """Log-likelihood ``[]`` of a substate ``[D]``."""
         name = "log_likelihood"
-        return number(name, self._called(name, self.function, observation, substate))
+        value = number(name, self._called(name, self.function, observation, substate))
+        outside = self.layout.is_outside(self.layout.unpack(substate))
+        return value if outside is False else jnp.where(outside, jnp.nan, value)
 
     @property
     def log_first_stage(self):

@@ -19,9 +19,7 @@ def checked_initial(initial: Any, may_be_empty: bool = False) -> Any:
         return initial
     if is_concrete(initial):
         _check(initial, may_be_empty)
-    initial = as_floats(as_array(initial))
-    # Half precision cannot separate particles.
-    return initial.astype(jnp.promote_types(initial.dtype, jnp.float32))
+    return as_floats(as_array(initial))
 
 
 def initial_rows(initial: Any, count: int | None = None, may_be_empty: bool = False) -> Any:
@@ -38,10 +36,9 @@ def initial_rows(initial: Any, count: int | None = None, may_be_empty: bool = Fa
 
 
 def as_floats(values: jax.Array) -> jax.Array:
-    """Convert whole numbers, such as a sampler may draw, to floats."""
-    if jnp.issubdtype(values.dtype, jnp.floating):
-        return values
-    return values.astype(jnp.result_type(float))
+    """Convert whole numbers, and half precision, which cannot separate particles, to floats."""
+    is_float = jnp.issubdtype(values.dtype, jnp.floating)
+    return values.astype(jnp.promote_types(values.dtype, jnp.float32) if is_float else float)
 
 
 def _check(initial: object, may_be_empty: bool) -> None:

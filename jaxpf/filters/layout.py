@@ -10,6 +10,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.initial import as_floats
 
 
@@ -20,7 +21,8 @@ class Leaf(NamedTuple):
         shape: its shape.
         dtype: integer or bool; None for floats.
         num_values: K, for integers 0 to K - 1 that are held as one-hot vectors, so that means of
-            substates are probabilities; None holds the number itself, exact up to 2^24 in float32.
+            substates are probabilities; an integer outside is held as zeros.  None holds the number
+            itself.
     """
 
     shape: tuple[int, ...]
@@ -29,14 +31,25 @@ class Leaf(NamedTuple):
 
     @property
     def columns(self) -> tuple[int, ...]:
-        """Shape of the leaf in a substate."""
+        """Shape of the leaf's values in a substate."""
         return self.shape if self.num_values is None else (*self.shape, self.num_values)
+
+    @property
+    def remainder(self) -> Any:
+        """Signed dtype of what rounding to a float leaves of an integer; None if nothing is left.
+
+        A float32 holds integers up to 2^24 only, so that larger ones need a second number.
+        """
+        if self.dtype is None or self.num_values is not None or self.dtype.itemsize <= 2:
+            return None
+        return jnp.dtype(f"int{8 * self.dtype.itemsize}")
 
 
 class Layout(NamedTuple):
     """Structure of the state, and its leaves; hashable.
 
-    Substates may hold more behind the state, such as the state before.
+    A substate holds the values of all leaves, then the remainders of integers.  Substates may hold
+    more behind the state, such as the state before.
     """
 
     structure: jax.tree_util.PyTreeDef
@@ -71,32 +84,60 @@ class Layout(NamedTuple):
     @property
     def size(self) -> int:
         """Number of floats."""
+        remainders = sum(math.prod(leaf.shape) for leaf in self.leaves if leaf.remainder)
+        return self.num_values + remainders
+
+    @property
+    def num_values(self) -> int:
+        """Number of floats without the remainders."""
         return sum(math.prod(leaf.columns) for leaf in self.leaves)
 
     @property
     def is_float(self) -> np.ndarray:
         """Bool ``[D]``, whether a number belongs to floats rather than to integers or bools."""
-        return np.repeat(
+        values = np.repeat(
             [leaf.dtype is None for leaf in self.leaves],
             [math.prod(leaf.columns) for leaf in self.leaves],
         )
+        return np.concatenate([values, np.zeros(self.size - self.num_values, bool)])
 
     @property
     def is_array(self) -> bool:
         """Whether the state is a single array."""
         return jax.tree_util.treedef_is_leaf(self.structure)
 
+    def arrays(self, state: Any) -> Any:
+        """A state that is given by its values, such as a list, in arrays of the leaves' kinds.
+
+        NumPy holds what is no JAX array, so that its precision is chosen at the run.
+        """
+        leaves = [state] if self.is_array else jax.tree.leaves(state)
+        kept = (isinstance(x, jax.Array) or not is_concrete(x) for x in leaves)
+        arrays = [(jnp if k else np).asarray(x) for k, x in zip(kept, leaves, strict=True)]
+        kinds = zip(self.leaves, arrays, strict=True)
+        floats = [as_floats(x) if leaf.dtype is None else x for leaf, x in kinds]
+        return jax.tree.unflatten(self.structure, floats)
+
     def pack(self, state: Any) -> jax.Array:
         """Flatten a state to ``[D]``."""
-        parts = []
-        for leaf, x in zip(self.leaves, jax.tree.leaves(state), strict=True):
+        values, remainders = [], []
+        for leaf, x in zip(self.leaves, map(jnp.ravel, jax.tree.leaves(state)), strict=True):
             count = leaf.num_values
-            parts.append(jnp.ravel(x if count is None else jax.nn.one_hot(x, count)))
-        parts = [as_floats(x) for x in parts]
+            value = as_floats(x if count is None else jnp.ravel(jax.nn.one_hot(x, count)))
+            values.append(value)
+            if leaf.remainder:
+                x = x.astype(leaf.dtype)
+                # Wraps around as integers do, also where the float exceeds the largest integer.
+                rest = (x - value.astype(leaf.dtype)).astype(leaf.remainder)
+                remainders.append(rest.astype(value.dtype))
+        parts = values + remainders
         return parts[0] if len(parts) == 1 else jnp.concatenate(parts)
 
     def split(self, values: jax.Array) -> Any:
-        """Divide columns ``[..., D]``, such as means of substates, into the state's leaves."""
+        """Divide columns ``[..., D]``, such as means of substates, into the state's leaves.
+
+        Integers without ``num_values`` are the nearest floats.
+        """
         parts, first = [], 0
         for leaf in self.leaves:
             last = first + math.prod(leaf.columns)
@@ -106,10 +147,23 @@ class Layout(NamedTuple):
 
     def unpack(self, substates: jax.Array) -> Any:
         """Return the states ``[..., *shape]`` of substates ``[..., D]``."""
+        parts, first = [], self.num_values
+        for leaf, x in zip(self.leaves, jax.tree.leaves(self.split(substates)), strict=True):
+            if leaf.num_values is not None:
+                # Stays outside until the model moves it back.
+                x = jnp.where(jnp.any(x > 0, axis=-1), jnp.argmax(x, axis=-1), leaf.num_values)
+            x = x if leaf.dtype is None else x.astype(leaf.dtype)
+            if leaf.remainder:
+                last = first + math.prod(leaf.shape)
+                rest = substates[..., first:last].reshape(x.shape).astype(leaf.remainder)
+                x, first = x + rest.astype(leaf.dtype), last
+            parts.append(x)
+        return jax.tree.unflatten(self.structure, parts)
 
-        def of_leaf(leaf: Leaf, x: jax.Array) -> jax.Array:
-            x = x if leaf.num_values is None else jnp.argmax(x, axis=-1)
-            return x if leaf.dtype is None else x.astype(leaf.dtype)
-
-        parts = zip(self.leaves, jax.tree.leaves(self.split(substates)), strict=True)
-        return jax.tree.unflatten(self.structure, [of_leaf(*part) for part in parts])
+    def is_outside(self, state: Any) -> Any:
+        """Whether an integer of a state is not one of its ``num_values``."""
+        leaves = zip(self.leaves, jax.tree.leaves(state), strict=True)
+        outside = [
+            ((x < 0) | (x >= leaf.num_values)).any() for leaf, x in leaves if leaf.num_values
+        ]
+        return sum(outside, start=False)

@@ -56,6 +56,17 @@ def with_written_out_key(method: Callable) -> Callable:
     return drawing
 
 
+def key_at(keys: jax.Array, place: jax.Array) -> jax.Array:
+    """Return ``keys[place]``; ``jax_debug_key_reuse`` takes any two of ``keys[place]`` for one key.
+
+    It follows keys by array, not by place, and so would refuse a loop that reads a new key in each
+    turn.
+    """
+    return jax.random.wrap_key_data(
+        jax.random.key_data(keys)[place], impl=jax.random.key_impl(keys)
+    )
+
+
 def _hash(key: jax.Array, shape: Sequence[int]) -> tuple[jax.Array, jax.Array]:
     """Two words for each position of ``shape``, hashed from its index."""
     size = prod(shape)

@@ -88,7 +88,7 @@ def monte_carlo(
         inputs: as for ``run``; needs frames in arrays.
 
     Returns:
-        Recorded values with leading axes ``[R, T]``.
+        Recorded values with leading axes ``[R, T]``, divided among devices as the keys are.
 
     Raises:
         InputError: as for ``run``; no keys; ``batch_size`` or ``frames_per_chunk`` < 1; no
@@ -99,17 +99,24 @@ def monte_carlo(
     frames = as_arrays(frames)
     check_order(tracker, keys, frames)
     keys = as_keys(keys)
+    place = keys.sharding if is_concrete(keys) else None
+    if isinstance(place, NamedSharding):  # blocks are divided among the devices in their own way
+        with jax.ensure_compile_time_eval():
+            data = np.asarray(jax.random.key_data(keys))
+        keys = jax.random.wrap_key_data(data, impl=jax.random.key_impl(keys))
     count = keys.shape[0]
     blocks = blocks_of(count) if batch_size is None else ((-(-count // batch_size), batch_size),)
     if devices is None and num_idle_cores() and max(count for count, _ in blocks) > 1:
         say_that_cores_are_idle()
-    record = recognised("record", record)
+    record = recognised(record)
     tracker = with_inputs(tracker, inputs, frames)
     recorded = run_blocks(
         tracker, keys, frames, blocks, record, devices, frames_per_chunk, observed, batch_size
     )
     kept = not come_one_by_one(frames)
     warn_of_frames(recorded, (lambda t: jax.tree.map(lambda x: x[t], frames)) if kept else None)
+    if isinstance(place, NamedSharding) and is_concrete(recorded):
+        recorded = jax.device_put(recorded, place)
     return recorded
 
 

@@ -50,16 +50,12 @@ def check_run(tracker: TrackerLike, frames: Any) -> None:
         wanted = part is not None or name != "proposal"
         if wanted and not any(hasattr(part, method) for method in methods):
             raise InputError(f"{name} is {part!r:.60}, without a method {methods[0]}; write one.")
-    leaves, structure = jax.tree.flatten(tracker)
     first = jax.tree.map(
         lambda x: jax.ShapeDtypeStruct(np.shape(x)[1:], jnp.result_type(x)), frames
     )
-    frame_leaves, frame_structure = jax.tree.flatten(first)
-    shapes = tuple((np.shape(x), jnp.result_type(x)) for x in leaves)
-    frame_shapes = tuple((x.shape, x.dtype) for x in frame_leaves)
     # Needs the tracker itself, not its structure: it may draw from its initial sampler.
     num_partitions = contract.optional(tracker, "num_partitions")
-    _check_methods(structure, shapes, frame_structure, frame_shapes, num_partitions)
+    _check_methods.eval_shape(tracker, first, num_partitions)
 
 
 def check_order(tracker: TrackerLike, key: object, frames: Any) -> None:
@@ -88,10 +84,10 @@ def check_pytree(tracker: TrackerLike) -> None:
         if isinstance(leaf, np.ndarray | np.generic | jax.Array | int | float | complex):
             continue
         place = f"tracker{jax.tree_util.keystr(path)}"
-        remedy = "wrap it in jax.tree_util.Partial"
-        if type(leaf).__name__ not in ("function", "method", "builtin_function_or_method"):
-            remedy = "decorate the class with @jaxpf.pytree_dataclass, or give numbers"
-        raise InputError(f"{place} is {_a(type(leaf).__name__)}, which is not a pytree; {remedy}.")
+        raise InputError(
+            f"{place} is {_a(type(leaf).__name__)}, which is not a pytree; decorate the class with "
+            "@jaxpf.pytree_dataclass, or give numbers."
+        )
 
 
 def as_arrays(frames: Any) -> Any:
@@ -178,17 +174,9 @@ def check_frames(frames: object) -> None:
             raise InputError("frames hold complex numbers; give real ones.")
 
 
-@functools.lru_cache(maxsize=64)
-def _check_methods(
-    structure: Any, shapes: Any, frame_structure: Any, frame_shapes: Any, num_partitions: int | None
-) -> None:
-    """Check the shapes that a model's methods return, once per kind of tracker."""
-
-    def of_shapes(structure: Any, shapes: Any) -> Any:
-        leaves = [jax.ShapeDtypeStruct(shape, dtype) for shape, dtype in shapes]
-        return jax.tree.unflatten(structure, leaves)
-
-    tracker, frame = of_shapes(structure, shapes), of_shapes(frame_structure, frame_shapes)
+@functools.partial(jax.jit, static_argnums=2)
+def _check_methods(tracker: Any, frame: Any, num_partitions: int | None) -> None:
+    """Check the shapes that a model's methods return; only traced, once per kind of tracker."""
     key = jax.eval_shape(lambda: jax.random.key(0))
     initial = tracker.initial
     if callable(initial):

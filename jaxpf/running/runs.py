@@ -84,7 +84,7 @@ def run(
     key = as_key(key)
     first = check_resumed(tracker, key, state, record)
     tracker, taken = ready(tracker, frames, observed, inputs, first)
-    record = recognised("record", record)
+    record = recognised(record)
     state, recorded = run_compiled(tracker, key, taken, record, state)
     warn_of_frames(recorded, lambda time: jax.tree.map(lambda x: x[time], frames), first)
     return state, recorded
@@ -130,7 +130,7 @@ def forecast(
     nothing = np.zeros(steps, bool)
     tracker = with_inputs(tracker, inputs, nothing, first)
     blind = gaps.WithoutFrames(tracker)
-    record = recognised("record", record)
+    record = recognised(record)
     return run_compiled(blind, key, (nothing, nothing), record, state)
 
 

@@ -104,10 +104,10 @@ def _simulated(tracker, key, state, num_frames, num_draws) -> Simulated:
     """Filters of one particle each, in which all frames are missing."""
     one = contract.changed_inside(tracker, "num_particles", lambda _: 1)
     blind, unseen = WithoutFrames(one), (np.False_, np.False_)
-    choice_key, *keys = jax.random.split(key, 1 + num_draws)
+    keys = jax.random.split(key, 1 + num_draws)
     chosen = jnp.zeros(num_draws, jnp.int32)
     if state is not None:
-        chosen = jax.random.categorical(choice_key, state.log_weights, shape=(num_draws,))
+        chosen = jax.random.categorical(keys[0], state.log_weights, shape=(num_draws,))
     times = (0 if state is None else state.time) + jnp.arange(num_frames)
 
     def draw(key: jax.Array, chosen: jax.Array) -> Simulated:
@@ -123,7 +123,7 @@ def _simulated(tracker, key, state, num_frames, num_draws) -> Simulated:
         start = init(one, move_key) if state is None else _of_particle(state, chosen)
         return lax.scan(advance, start, times)[1]
 
-    return jax.vmap(draw)(jnp.stack(keys), chosen)
+    return jax.vmap(draw)(keys[1:], chosen)
 
 
 def _of_particle(state: ParticleState, index: jax.Array) -> ParticleState:

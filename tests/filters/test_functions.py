@@ -291,10 +291,61 @@ def test_a_first_state_of_whole_numbers_is_one_of_floats():
         build(None, initial=first, transition=grow, log_likelihood=lambda y, x, p: -((y - x) ** 2))
         for first in (count, lambda key, p: 1.0 * count(key, p))
     )
-    assert_equal(*(jaxpf.run(each, KEY, FRAMES)[1] for each in (whole, floats)))
+    by_whole, by_floats = (jaxpf.run(each, KEY, FRAMES)[1].estimate for each in (whole, floats))
+    np.testing.assert_allclose(by_whole, by_floats, rtol=1e-6)
+
+
+@pytest.mark.parametrize("first", [0, 0.0, np.zeros(())])
+def test_a_known_state_is_as_precise_as_the_run(first):
+    its = build(VALUES, initial=first)
+    with jax.enable_x64(True):
+        assert jaxpf.run(its, KEY, FRAMES)[1].estimate.dtype == np.float64
+    assert jaxpf.run(its, KEY, FRAMES)[1].estimate.dtype == np.float32
+
+
+def test_the_activations_of_a_network_are_static_and_its_weights_have_derivatives():
+    """A perceptron of one layer of a tanh, against the same function of numbers."""
+    equinox = pytest.importorskip("equinox")
+    net = equinox.nn.MLP(1, 1, 1, 1, activation=jnp.tanh, key=KEY)
+
+    def by_net(key, x, p):
+        return p(x[None])[0] + jax.random.normal(key)
+
+    def by_numbers(key, x, p):
+        first, second = p
+        return jnp.tanh(first[0] * x + first[1]) * second[0] + second[1] + jax.random.normal(key)
+
+    numbers = [(layer.weight[0, 0], layer.bias[0]) for layer in net.layers]
+    models = (
+        build(p, initial=0.0, transition=move, log_likelihood=lambda y, x, p: norm.logpdf(y, x))
+        for p, move in ((net, by_net), (numbers, by_numbers))
+    )
+
+    def evidence(its):
+        return jnp.sum(jaxpf.run(its, KEY, FRAMES)[1].log_evidence)
+
+    (one, slopes), (other, expected) = (
+        jax.jit(jax.value_and_grad(evidence))(its) for its in models
+    )
+    np.testing.assert_allclose(one, other, rtol=1e-5)
+    found = [(x.weight[0, 0], x.bias[0]) for x in slopes.dynamics.parameters.layers]
+    np.testing.assert_allclose(found, expected.dynamics.parameters, rtol=1e-4)
 
 
 # Parameters are traced
+
+
+def test_a_derivative_in_the_tracker_is_whole():
+    """The parameters of the initial state, the motion and the likelihood are one."""
+
+    def evidence(its):
+        return jnp.sum(jaxpf.run(its, KEY, FRAMES)[1].log_evidence)
+
+    of_tracker = jax.jit(jax.grad(evidence))(build(VALUES))
+    of_values = jax.jit(jax.grad(lambda values: evidence(build(values))))(VALUES)
+    for part in (of_tracker.initial, of_tracker.dynamics, of_tracker.likelihood):
+        for name, slope in of_values.items():
+            np.testing.assert_allclose(part.parameters[name], slope, rtol=1e-5)
 
 
 def test_other_parameters_compile_nothing_new():

@@ -118,6 +118,89 @@ def test_an_integer_without_a_number_of_values_has_a_mean():
     np.testing.assert_allclose(means, probabilities @ np.arange(3), rtol=1e-4, atol=1e-6)
 
 
+# Integers are exact
+
+LARGE = {
+    "time": np.int32(1_700_000_000),
+    "last": np.int32(2**31 - 6),
+    "first": np.int32(-(2**31)),
+    "unsigned": np.uint32(2**32 - 6),
+    "several": np.int32([3, 2**24 + 1]),
+    "x": 0.0,
+}
+
+
+def later(key, x, p):
+    moved = jax.tree.map(lambda leaf: leaf + 1, x)
+    return moved | {"x": x["x"] + jax.random.normal(key)}
+
+
+def test_large_integers_are_counted_exactly():
+    its = jaxpf.state_space(
+        initial=LARGE, transition=later, log_likelihood=lambda y, x, p: norm.logpdf(y, x["x"]),
+        num_particles=5,
+    )  # fmt: skip
+    state, summary = jaxpf.run(its, KEY, FRAMES)
+    found = its.states(state.substates)
+    for name in LARGE.keys() - {"x"}:
+        expected = LARGE[name] + LARGE[name].dtype.type(5)
+        np.testing.assert_array_equal(found[name], np.broadcast_to(expected, found[name].shape))
+        np.testing.assert_allclose(summary.estimate[name][-1], expected, rtol=1e-6)
+        np.testing.assert_allclose(summary.spread[name], 0, atol=1e-3)
+
+
+def test_an_array_of_large_integers_is_exact():
+    its = jaxpf.state_space(
+        initial=LARGE["several"], transition=lambda key, x, p: x + 1,
+        log_likelihood=lambda y, x, p: 0.0 * y, num_particles=5,
+    )  # fmt: skip
+    state, summary = jaxpf.run(its, KEY, FRAMES)
+    expected = np.broadcast_to(LARGE["several"] + 5, (5, 1, 2))
+    np.testing.assert_array_equal(its.states(state.substates), expected)
+    np.testing.assert_allclose(summary.estimate[-1], expected[0], rtol=1e-6)
+
+
+def counter(first):
+    return jaxpf.state_space(
+        initial=first, transition=lambda key, x, p: x + 1, num_values=3, num_particles=4,
+        log_likelihood=lambda y, x, p: 0.0 * y,
+    )  # fmt: skip
+
+
+@jaxpf.pytree_dataclass
+class CountsLabels(jaxpf.dynamics.RandomWalk):
+    def propagate_label(self, key, label, substates):
+        return label + 1
+
+
+def labelled():
+    return jaxpf.Partitioned(
+        dynamics=CountsLabels(1.0), ordering=jaxpf.ordering.sir(1), initial=np.zeros((1, 1)),
+        likelihood=jaxpf.likelihoods.Gaussian(noise=np.ones((1, 1, 1))), num_particles=4,
+        initial_label=np.array([1.0, 0, 0]),
+    )  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore:the log-likelihood of frame 2 is NaN")
+@pytest.mark.parametrize(
+    ("its", "frames"),
+    [(counter(lambda key, p: jnp.int32(0)), np.ones(4)), (labelled(), np.ones((4, 1, 1)))],
+    ids=["value", "label"],
+)
+def test_an_integer_outside_its_values_is_reported(its, frames):
+    """From 0 one more in every frame, so that 1 and 2 are inside, 3 and 4 are not."""
+    summary = jaxpf.run(its, KEY, frames)[1]
+    invalid = np.asarray(summary.status) & jaxpf.contract.STATUS_INVALID_LIKELIHOOD
+    np.testing.assert_array_equal(invalid, [0, 0, 1, 1])
+    np.testing.assert_array_equal(summary.num_invalid, [0, 0, 4, 4])
+
+
+@pytest.mark.parametrize("first", [3, -1, np.int32(3), jnp.int32(3)])
+def test_a_known_integer_outside_its_values_is_refused(first):
+    with pytest.raises(jaxpf.InputError, match="num_values"):
+        counter(first)
+
+
 # Floats by name are the same as an array
 
 

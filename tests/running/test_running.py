@@ -298,6 +298,11 @@ for results in (all_, chunked):
     jax.tree.map(np.testing.assert_array_equal, alone, results)
 print(np.asarray(alone.estimate).shape)
 
+# Results lie where the keys do.
+mesh = jax.make_mesh((3,), ("own",), axis_types=(jax.sharding.AxisType.Auto,))
+lying = jax.device_put(keys[:12], jax.NamedSharding(mesh, jax.P("own")))
+assert jaxpf.monte_carlo(tracker, lying, frames).log_evidence.sharding == lying.sharding
+
 # Tables that stay in their stack; every frame differs.
 video = np.random.default_rng(1).integers(0, 256, (4, 30, 40, 3), np.uint8)
 boxes = np.array([[10.0, 8, 12, 10]])

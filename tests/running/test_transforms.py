@@ -1,5 +1,7 @@
 """Public functions inside a user's own transforms, with frames passed in, closed over, or NumPy."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -211,3 +213,34 @@ def test_functions_work_under_the_switches_of_jax(switch, function, source):
         given = frames if source == "NumPy" else jnp.asarray(frames)
         made = partitioned(np.float32(1.0))
         assert jnp.isfinite(total(FUNCTIONS[function](made, KEY, given)))
+
+
+def exchanging(scale):
+    its = partitioned(scale)
+    return dataclasses.replace(its, ordering=ordering.sps(num_partitions=2))
+
+
+@pytest.mark.parametrize(
+    ("name", "function"),
+    [
+        *((name, "run") for name in (*TRACKERS, "exchanging")),
+        ("partitioned", "smooth"),
+        pytest.param("partitioned", "monte_carlo", marks=pytest.mark.slow),
+    ],
+)
+def test_no_key_is_used_twice(name, function):
+    """All tests run so with ``JAX_DEBUG_KEY_REUSE=1``, but for chains, which keep their keys."""
+    with jax.debug_key_reuse(True):
+        make = TRACKERS.get(name, exchanging)
+        assert jnp.isfinite(total(FUNCTIONS[function](make(np.float32(1)), KEY, FRAMES)))
+
+
+def test_a_derivative_in_a_tracker_is_that_in_its_parameters():
+    def evidence(its):
+        return jnp.sum(jaxpf.run(its, KEY, FRAMES)[1].log_evidence)
+
+    its = partitioned(np.float32(1))
+    # Orderings hold integers.
+    whole = jax.jit(jax.grad(evidence, allow_int=True))(its)
+    one = jax.jit(jax.grad(lambda scale: evidence(tuning.replace(its, {"dynamics.scale": scale}))))
+    np.testing.assert_allclose(whole.dynamics.scale, one(1.0), rtol=1e-5)

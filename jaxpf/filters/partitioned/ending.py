@@ -60,6 +60,7 @@ def finish(
     label = label_score = None
     if tracker.initial_label is not None:
         label, label_score = labels.move(tracker, label_key, carry.label, lagged[0])
+        carry = labels.weigh(tracker, label, carry, components)
     log_quotient = None
     if not tracker.weighing.is_complete(tracker):
         factors = carry.log_probs.reshape(-1)[drawn]

@@ -33,6 +33,7 @@ from jaxpf.filters.partitioned.carry import Carry, Drawn, Keys, Shared, Turn
 from jaxpf.lowering.branches import choose, computed_before, repeated
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.lowering.integers import order_by_group
+from jaxpf.lowering.threefry import key_at
 from jaxpf.resampling.components import Components, component_max, components_of_sizes
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def step(
     )
 
     def take_turn(stage: jax.Array, carry: Carry) -> Carry:
-        key, before = Keys(*keys[stage]), carry.log_weights
+        key, before = Keys(*key_at(keys, stage)), carry.log_weights
         drawn = move(shared, key.move, stage, carry)
         carry = weigh(shared, key.weigh, stage, carry, drawn)
         chosen = partial(select, shared, key.select, stage, before)

@@ -14,6 +14,9 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array
 from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.state import sanitised
+from jaxpf.filters.partitioned.carry import Carry
+from jaxpf.resampling.components import Components
 
 if TYPE_CHECKING:
     from jaxpf.filters.partitioned.tracker import Partitioned
@@ -42,6 +45,17 @@ def move(
         moved, label, jnp.swapaxes(substates, 0, 1)
     )
     return moved, score.astype(substates.dtype)
+
+
+def weigh(tracker: "Partitioned", label: jax.Array, carry: Carry, components: Components) -> Carry:
+    """Make particles impossible whose labels ``[N]`` were moved outside of 0 to L - 1."""
+    if not hasattr(tracker.dynamics, "propagate_label"):
+        return carry
+    outside = (label < 0) | (label >= jnp.shape(tracker.initial_label)[0])
+    log_factor = jnp.where(outside, jnp.nan, jnp.zeros_like(carry.log_weights))
+    log_factor, num_invalid = sanitised(log_factor)
+    carry = carry._replace(num_invalid=carry.num_invalid + num_invalid)
+    return carry.absorb(log_factor, jnp.zeros_like(carry.largest), components)
 
 
 def probabilities(tracker: "Partitioned", label: jax.Array, log_weights: jax.Array) -> jax.Array:

@@ -13,6 +13,7 @@ from jax import lax
 from jaxpf import contract
 from jaxpf.filters.partitioned import exchange
 from jaxpf.filters.partitioned.carry import Carry
+from jaxpf.lowering.threefry import key_at
 
 
 def weigh_part(tracker, key, stage, carry, log_factor) -> tuple[jax.Array, exchange.Offer | None]:
@@ -61,7 +62,7 @@ def end(tracker, key, stage, resample, carry, offers) -> Carry:
             offer = jax.tree.map(lambda rows: rows[row], offers)
             parent, is_root = _parent_row(ordering, row)
             shared = groups.row(parent)
-            return exchange.draw(keys[row], ordering.swap, offer, shared, slots, is_root)
+            return exchange.draw(key_at(keys, row), ordering.swap, offer, shared, slots, is_root)
 
         def anew_where_allowed():
             if _always_equal(tracker):

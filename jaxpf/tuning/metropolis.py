@@ -342,11 +342,12 @@ def _advance(model, frames, initial, carry, items):
     def step(carry, item):
         chains, walk = carry
         rate, key, block = item
-        move_key, accept_key, *keys = jax.random.split(key, 2 + num_chains)
+        keys = jax.random.split(key, 2 + num_chains)
+        move_key, accept_key = keys[:2]
         root = jnp.linalg.cholesky(walk.covariance + 1e-8 * jnp.diag(jnp.diag(walk.covariance)))
         moves = jnp.exp(walk.log_scale) * jax.random.normal(move_key, (num_chains, size)) @ root.T
         place = chains.place + moves
-        keys = chains.keys.at[:, block].set(jnp.stack(keys))
+        keys = chains.keys.at[:, block].set(keys[2:])
         priors, increments, path = jax.vmap(target)(place, keys)
         proposed = _Chains(place, priors, increments, keys, path)
         change = proposed.log_prior - chains.log_prior

@@ -1,9 +1,12 @@
 """Dynamics: the formulas, noise aside and noise included, for one particle and for all."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal, norm
 
 from jaxpf.dynamics import AR2, IndependentGaussian, LinearGaussian, RandomWalk
 
@@ -79,6 +82,36 @@ def test_linear_gaussian_uses_every_term_of_its_partition(partition):
         + made.offset[p]
     )
     assert_normal(moved, mean, made.noise[p] @ made.noise[p].T)
+
+
+PAST = np.array([[1.0, -2.0], [0.5, 3.0], [-1.0, 2.0]])
+
+
+@pytest.mark.parametrize(
+    ("made", "root"),
+    [
+        (RandomWalk(np.array([[1.0, 3.0], [0.5, 4.0]])), np.diag([0.5, 4.0])),
+        (AR2(np.array([2.0, 0.5]), momentum=0.7), np.diag([2.0, 0.5])),
+        (linear(), linear().noise[1]),
+    ],
+)
+def test_the_density_is_that_of_the_draws(made, root):
+    """Of SciPy's normal around the move without noise."""
+    names = {"noise"} & made.__dataclass_fields__.keys() or {"scale"}
+    still = dataclasses.replace(made, **{name: 0 * getattr(made, name) for name in names})
+    mean = still.propagate(KEY, 1, *map(jnp.asarray, PAST))
+    new = np.asarray(mean) + np.random.default_rng(2).normal(size=(5, 2)) @ root.T
+    past = [jnp.repeat(jnp.asarray(x)[:, None], 5, axis=1) for x in PAST]
+    found = made.log_density_all(jnp.ones(5, jnp.int32), jnp.asarray(new.T), *past)
+    expected = multivariate_normal.logpdf(new, mean, root @ root.T)
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
+
+
+def test_a_coordinate_without_noise_has_no_part_in_the_density():
+    new, past = jnp.array([[3.0], [1.0]]), jnp.zeros((2, 1))
+    partition = jnp.zeros(1, jnp.int32)
+    found = RandomWalk(np.array([2.0, 0.0])).log_density_all(partition, new, past, past, past)
+    np.testing.assert_allclose(found, norm.logpdf(3.0, 0.0, 2.0), rtol=1e-5)
 
 
 def test_partitions_may_differ_from_particle_to_particle():

@@ -98,6 +98,17 @@ class Guided(Gaussian):
         return norm.logpdf(observation[0, 0], substates[0, 0], 2.0)
 
 
+def test_parts_are_not_exchanged_where_first_stage_weights_made_weights_unequal():
+    """Exchange needs equal weights, which only the first frame has here."""
+    its = problem((-1, -1), initial_scale=1.0)
+    its = its._replace(likelihood=Guided(its.likelihood.noise, its.likelihood.observation))
+    tracker = its.tracker(jaxpf.ordering.sps((-1, -1)), keep_ancestors=True)
+    first, *later = jaxpf.run(tracker, KEY, its.frames, lambda state, _: state.sources)[1]
+    assert (first[0] != first[1]).any()
+    for sources in later:
+        np.testing.assert_array_equal(sources[0], sources[1])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("order", ["ps", "sps"])
 def test_first_stage_weights_of_several_objects_leave_the_evidence_unbiased(order):

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 from correlated import CorrelatedGaussian
 from proposed import residual
+from scipy.stats import multivariate_normal
 from unsuited_dynamics import Blind, Coupled
 
 import jaxpf
 from jaxpf import InputError, gradients, ordering, pytree_dataclass
-from jaxpf.dynamics import LinearGaussian
+from jaxpf.dynamics import LinearGaussian, RandomWalk
 from jaxpf.filters import Relocation, SideBySide, WithErrorBars
 from jaxpf.likelihoods import Gaussian
 from jaxpf.proposals import Linearised, LocallyOptimal, Mixture
@@ -239,3 +240,23 @@ def test_a_proposal_receives_time_inputs_and_parameters(log_likelihood, wrapped)
     exact = normal(Y, 0.8 * INPUTS, np.sqrt(1 + noise_at(np.arange(4)) ** 2))[1:]
     np.testing.assert_allclose(summary.log_evidence, exact, atol=1e-3)
     np.testing.assert_allclose(summary.ess, 20, rtol=1e-3)
+
+
+def test_the_density_of_a_mixture_is_that_of_both():
+    """Of the optimal normal in two correlated dimensions, and of the walk beside it."""
+    root, scale = np.array([[0.5, 0.0], [0.4, 0.3]]), np.array([1.0, 2.0])
+    likelihood = Gaussian(noise=root[None])
+    walk, frame, past = RandomWalk(scale), np.array([[1.5, -0.5]]), np.array([0.3, -1.0])
+    mixture = Mixture(LocallyOptimal(), 0.7)
+    mixture = mixture.of_model(walk, likelihood)
+    new = np.random.default_rng(0).normal([1.0, -0.5], size=(6, 2))
+    column = jnp.repeat(jnp.asarray(past)[:, None], 6, axis=1)
+    found = mixture.log_density_all(
+        frame, jnp.zeros(6, jnp.int32), jnp.asarray(new.T), column, column, 0 * column
+    )
+    before, seen = np.diag(1 / scale**2), np.linalg.inv(root @ root.T)
+    covariance = np.linalg.inv(before + seen)
+    optimal = multivariate_normal(covariance @ (before @ past + seen @ frame[0]), covariance)
+    moved = multivariate_normal(past, np.diag(scale**2))
+    expected = np.log(0.7 * optimal.pdf(new) + 0.3 * moved.pdf(new))
+    np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-3)

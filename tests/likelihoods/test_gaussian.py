@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from correlated import CorrelatedGaussian
+from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
 
 from jaxpf.dynamics import LinearGaussian
@@ -28,6 +29,22 @@ def test_gaussian_density_is_that_of_scipy(observed):
         expected = multivariate_normal.logpdf(frame[part], seen, noise[part] @ noise[part].T)
         found = likelihood.log_prob(likelihood.observe(frame), part, jnp.asarray(substate))
         assert float(found) == pytest.approx(expected, rel=1e-4, abs=1e-4)
+
+
+def test_gaussian_samples_have_its_mean_and_covariance():
+    """Noise that is correlated; 40 000 draws tell a standard deviation that is 2 percent off."""
+    rng = np.random.default_rng(1)
+    noise, design = np.array([[[1, 0], [2, 0.5]], [[0.5, 0], [-1, 1]]]), rng.normal(size=(2, 2, 3))
+    substates = rng.normal(size=(2, 3))
+    likelihood = Gaussian(noise=noise, observation=design)
+    keys = jax.random.split(jax.random.key(0), 40_000)
+    drawn = jax.vmap(lambda key: likelihood.sample(key, jnp.asarray(substates)))(keys)
+    off = np.asarray(drawn, float) - np.einsum("ped,pd->pe", design, substates)
+    off = off.reshape(len(keys), -1)
+    covariance = block_diag(*(root @ root.T for root in noise))
+    for found, expected in ((off, 0), (off[:, :, None] * off[:, None], covariance)):
+        error = found.std(axis=0) / len(keys) ** 0.5
+        assert np.abs((found.mean(axis=0) - expected) / error).max() < 4.5
 
 
 def test_gaussian_of_all_particles_is_that_of_each():

@@ -191,7 +191,7 @@ def stream(made=None, frames=FRAMES, **given):
     (lambda: stream(frames=[None]), "frame 0 is None, as an"),
     (lambda: stream(frames=0), "frames is int: give an Iterable"),
     (lambda: stream(observed=5.5), "observed is float: give an Iterable"),
-    (lambda: stream(observed=np.ones((3, 5))), "observed must be one bool for each frame"),
+    (lambda: stream(observed=np.ones((3, 5))), "observed has shape (1, 5)"),
     (lambda: next(smoothing.stream(walk(), KEYS[0], None, lag=1)), "frames have leading axes"),
     (lambda: smoothing.LookBack(walk(), 0), "key is 0; give a rand"),
     (lambda: dynamics.WithOcclusion(Drift(), None, flip=2), "flip=2 must be a finite number"),

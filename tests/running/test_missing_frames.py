@@ -363,3 +363,27 @@ def test_a_likelihood_that_is_nan_for_some_particles_says_for_how_many():
     assert len(warned) == 1
     assert 0 < summary.num_invalid[1] < its.num_particles
     assert f"{summary.num_invalid[1]} times" in str(warned[0].message)
+
+
+def test_a_total_that_is_random_is_evidence_however_small():
+    """Of ``Soft``: the mean of the weights of those drawn, about .01 here."""
+    its = jaxpf.state_space(
+        initial=lambda key, p: jax.random.normal(key),
+        transition=lambda key, x, p: x + jax.random.normal(key),
+        log_likelihood=lambda y, x, p: -0.1 * (y - x) ** 2,
+        gradient=jaxpf.gradients.Soft(share=0.5),
+        keep_ancestors=True,
+        num_particles=50,
+    )
+    log_weights, sources, log_evidence = jaxpf.run(
+        its, KEY, np.array([0.5, np.nan, np.nan]), keep_weights_and_sources
+    )[1]
+    for time in (1, 2):
+        drawn = 50 * np.exp(log_weights[time - 1])[sources[time]]
+        expected = np.log(np.mean(drawn / (0.5 * drawn + 0.5)))
+        assert 1e-3 < abs(expected) < 0.1
+        assert abs(log_evidence[time] - expected) < 1e-5
+
+
+def keep_weights_and_sources(state, summary):
+    return state.log_weights, state.sources[0], summary.log_evidence

@@ -80,6 +80,28 @@ def test_states_of_a_tree_inputs_and_time_are_drawn_by_name():
     np.testing.assert_array_equal(later.frames["time"], [[3, 4]] * 4)
 
 
+def test_a_particle_is_drawn_by_its_weight_and_goes_on_with_the_rows_of_its_frames():
+    """Five particles of unequal weight, each known by a number of its own."""
+    its = jaxpf.state_space(
+        initial=lambda key, p: jnp.stack([jax.random.normal(key), 0.0]),
+        transition=lambda key, x, p, u: x.at[1].add(u),
+        log_likelihood=lambda y, x, p: x[0] * y,
+        observation=lambda key, x, p, u: jnp.stack([*x, u]),
+        num_particles=5,
+    )
+    rows, draws = 2.0 ** np.arange(5), 20_000
+    state, _ = jaxpf.run(its, KEY, np.ones(2), inputs=rows[:2])
+    later = jaxpf.simulate(its, KEY, 3, inputs=rows[2:], state=state, num_draws=draws)
+    number, total, given = np.moveaxis(later.frames, -1, 0)
+    np.testing.assert_array_equal(given, np.tile(rows[2:], (draws, 1)))
+    np.testing.assert_array_equal(total, np.tile(np.cumsum(rows)[2:], (draws, 1)))
+    numbers, weights = state.substates[:, 0, 0], np.exp(state.log_weights)
+    assert weights.max() > 2 * weights.min()
+    for one in np.unique(numbers):
+        expected, share = weights[numbers == one].sum(), np.mean(number == one)
+        assert abs(share - expected) < LIMIT * (expected * (1 - expected) / draws) ** 0.5
+
+
 @pytest.mark.parametrize(
     ("tracker", "words"),
     [

@@ -95,6 +95,29 @@ def test_an_evidence_of_zero_has_a_finite_gradient():
     assert np.isfinite(slope).all()
 
 
+def test_losses_are_those_of_the_measures(summaries):
+    """Without their gradients, which slow tests check beside them."""
+    losses = tuning.position_error, tuning.crps, tuning.iou_loss
+    labels = (TRUTH,), (TRUTH,), (BOXES, SIZES)
+
+    @jax.jit
+    def of_runs(made):
+        return [
+            loss(made, KEYS, FRAMES, *given, checkpoint=False)
+            for loss, given in zip(losses, labels, strict=True)
+        ]
+
+    offset = np.asarray(summaries.estimate)[:, [2, 5], 0, :2] - TRUTH[[2, 5], 0]
+    spread = np.asarray(summaries.spread)[:, [2, 5], 0, :2]
+    boxes = boxes_from_substates(summaries.estimate[:, [1, 4]], SIZES)
+    expected = [
+        np.linalg.norm(offset, axis=-1).mean(1),
+        crps(offset, spread).mean((1, 2)),
+        (1 - measures.iou(boxes, BOXES[[1, 4]])).mean((1, 2)),
+    ]
+    np.testing.assert_allclose(of_runs(tracker()), expected, rtol=1e-4)
+
+
 @pytest.mark.slow
 def test_position_error_and_crps_skip_what_is_not_labelled(summaries):
     """CRPS is that of a normal as wide as the particles."""

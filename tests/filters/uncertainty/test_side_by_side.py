@@ -152,7 +152,7 @@ def test_a_frame_is_counted_anew_when_all_runs_are_dead():
 
 @pytree_dataclass
 class OnlyEvidence(jaxpf.contract.Tracker):
-    """Whose state is the frame's log evidence."""
+    """Whose state is the frame's log evidence, and its estimate too."""
 
     num_particles = num_partitions = 1
 
@@ -166,7 +166,26 @@ class OnlyEvidence(jaxpf.contract.Tracker):
         value = observation + jax.random.normal(key)
         one, part = jnp.ones(()), jnp.ones((1, 1))
         zero = jnp.zeros((), jnp.int32)
-        return value, jaxpf.Summary(part, value, one, one[None], part, zero, zero[None] > 0, zero)
+        return value, jaxpf.Summary(
+            value * part, value, one, one[None], part, zero, zero[None] > 0, zero
+        )
+
+
+def test_variances_are_those_of_the_mean_of_so_few_runs():
+    """Of three: by dividing by 3 instead of 2 they would be a third too small."""
+    of_runs, summary = jaxpf.run(
+        SideBySide(OnlyEvidence(), 3),
+        jax.random.key(0),
+        np.float32([0.5, -1.0, 2.0, 0.0]),
+        lambda state, summary: (state.runs, summary),
+    )[1]
+    of_runs = np.asarray(of_runs, float)
+    expected = of_runs.var(axis=1, ddof=1) / 3
+    np.testing.assert_allclose(summary.estimate_variance[:, 0, 0], expected, rtol=1e-4)
+    evidence = np.exp(np.cumsum(of_runs, axis=0))
+    relative = evidence / evidence.mean(axis=1, keepdims=True)
+    expected = relative.var(axis=1, ddof=1) / 3
+    np.testing.assert_allclose(summary.evidence_variance, expected, rtol=1e-4)
 
 
 def test_increments_of_long_runs_do_not_drift():

@@ -4,45 +4,6 @@ All are registered pytrees; ``jaxpf.pytree_dataclass`` registers a class.  Inher
 a class only needs the documented methods, about ten lines written for one particle.  The base
 classes derive the remaining methods.
 
-              required                                                     optional
-============  ===========================================================  =====================
-tracker       ``init``, ``step`` (or ``observe`` with ``step_observed``)   ``num_partitions``,
-                                                                           ``evidence_biases``,
-                                                                           ``moments``,
-                                                                           ``states``
-dynamics      ``propagate`` or ``propagate_all``                           ``log_density``,
-                                                                           ``log_density_all``,
-                                                                           ``predict``,
-                                                                           ``predict_all``,
-                                                                           ``propagate_label``,
-                                                                           ``log_label``,
-                                                                           ``coupled``,
-                                                                           ``at_frame``,
-                                                                           ``with_inputs``
-likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log_joint``,
-                                                                           ``log_joint_labelled``,
-                                                                           ``state_gradient``,
-                                                                           ``fixed_observation``,
-                                                                           ``form``,
-                                                                           ``expecting``,
-                                                                           ``observe_nearby``,
-                                                                           ``look_near``,
-                                                                           ``log_odds``,
-                                                                           ``reaches_border``,
-                                                                           ``same_place``,
-                                                                           ``model_error``,
-                                                                           ``handles_nan``,
-                                                                           ``log_first_stage``,
-                                                                           ``sample``,
-                                                                           ``at_frame``,
-                                                                           ``with_inputs``
-proposal      ``propose`` or ``propose_all``,                              ``of_model``,
-              ``log_density`` or ``log_density_all``                       ``at_frame``,
-                                                                           ``with_inputs``
-observation   any pytree                                                   ``take_frame``
-sampler       ``__call__(key) -> [P, D]``                                  ``independent``
-============  ===========================================================  =====================
-=======
 ===========  ===========================================================
              required
 ===========  ===========================================================

@@ -49,7 +49,7 @@ def move(
 
 def weigh(tracker: "Partitioned", label: jax.Array, carry: Carry, components: Components) -> Carry:
     """Make particles impossible whose labels ``[N]`` were moved outside of 0 to L - 1."""
-    if not hasattr(tracker.dynamics, "propagate_label"):
+    if not contract.optional(tracker.dynamics, "propagate_label"):
         return carry
     outside = (label < 0) | (label >= jnp.shape(tracker.initial_label)[0])
     log_factor = jnp.where(outside, jnp.nan, jnp.zeros_like(carry.log_weights))

@@ -25,7 +25,7 @@ def test_verdicts_follow_the_recovery_rates():
 
     clear = judged(0.02, 0.2, 0.7, 0.9, runs=50, scenes_=25)
     reverse = judged(0.7, 0.4, 0.1, 0.9, runs=50, scenes_=25)
-    same = judged(0.3, 0.3, 0.3, 0.3)
+    same = judged(0.3, 0.3, 0.3, 0.3, runs=4)
     for key in ("ps_recovers", "dps_recovers_each"):
         assert (clear[key], reverse[key], same[key]) == (SUPPORTED, NOT_SEEN, OPEN)
 

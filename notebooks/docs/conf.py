@@ -13,6 +13,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 
+import figures  # noqa: E402
 import pages  # noqa: E402
 
 import jaxpf  # noqa: E402
@@ -75,8 +76,9 @@ def _array(found):
 
 
 def setup(app):
-    """Write the generated pages before the site is built."""
+    """Write the generated pages, and stored figures, before the site is built."""
     app.connect("builder-inited", lambda app: pages.write(HERE / "generated"))
+    app.connect("builder-inited", lambda app: figures.write())
     app.connect("autodoc-skip-member", is_bare_field)
     app.connect("autodoc-process-signature", readable_arguments)
     app.connect("autodoc-process-docstring", readable_text, priority=900)  # after Napoleon

@@ -1,3 +1,4 @@
+import csv
 import os
 import re
 from pathlib import Path
@@ -5,11 +6,12 @@ from pathlib import Path
 import nbformat
 import pytest
 from nbclient import NotebookClient
-from quoted_numbers import unprinted
 
 pytestmark = pytest.mark.compiled_as_by_users
 
 FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
+#: Notebook, what its prose says, and a pattern of what a cell prints, any space as one blank.
+QUOTED = Path(__file__).with_name("quoted.csv")
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 # A home or working folder of Linux or macOS, a temporary folder, or a Windows drive.
 MACHINE_PATH = re.compile(
@@ -32,6 +34,24 @@ def without_pictures(node):
     if isinstance(node, dict):
         return {k: without_pictures(v) for k, v in node.items() if not k.startswith("image/")}
     return [without_pictures(item) for item in node] if isinstance(node, list) else node
+
+
+def unprinted(name, notebook):
+    """What the prose of a notebook quotes and no cell prints, or says no more."""
+
+    def joined(texts):
+        return re.sub(r"\s+", " ", " ".join(texts))
+
+    prose = joined(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
+    outputs = (output for cell in notebook.cells for output in cell.get("outputs", []))
+    printed = joined(output.text for output in outputs if output.output_type == "stream")
+    with QUOTED.open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["notebook"] == name]
+    return [
+        row["prose"]
+        for row in rows
+        if row["prose"] not in prose or not re.search(row["printed"], printed)
+    ]
 
 
 def test_there_are_notebooks():

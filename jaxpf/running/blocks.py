@@ -102,7 +102,7 @@ def monte_carlo(
     place = keys.sharding if is_concrete(keys) else None
     if isinstance(place, NamedSharding):  # blocks are divided among the devices in their own way
         with jax.ensure_compile_time_eval():
-            data = np.asarray(jax.random.key_data(keys))
+            data = jnp.asarray(np.asarray(jax.random.key_data(keys)))
         keys = jax.random.wrap_key_data(data, impl=jax.random.key_impl(keys))
     count = keys.shape[0]
     blocks = blocks_of(count) if batch_size is None else ((-(-count // batch_size), batch_size),)

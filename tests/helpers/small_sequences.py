@@ -11,6 +11,10 @@ SEQINFO = (
     "[Sequence]\nname=made\nimDir=img1\nframeRate=12.5\nseqLength=8\nimWidth=120\n"
     "imHeight=100\nimExt=.png\n\n"
 )
+#: Of this project's layout.
+OWN_HEADER = "frame,id,x,y,w,h,occ\n"
+META = {"name": "made", "frames": "frames/%04d.png", "n_frames": 3, "width": 12, "height": 8}
+META |= {"fps": 10}
 
 
 def write_pictures(folder, frames, first=1, digits=6, suffix=".png"):

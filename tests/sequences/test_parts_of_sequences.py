@@ -11,13 +11,6 @@ from small_sequences import SMALL, complaint_of, mot_rows
 from jaxpf.evaluation.opening import load_scene
 
 
-def test_what_chooses_from_recordings_is_refused_for_drawn_scenes():
-    message = complaint_of("distracter", num_frames=3)
-    assert "num_frames = 3" in message
-    assert "'distracter'" in message
-    assert "ids = [1]" in complaint_of("distracter", ids=[1])
-
-
 def test_a_folder_may_be_called_like_a_scene(mot_folder, monkeypatch):
     mot_folder.rename(mot_folder.parent / "distracter")
     monkeypatch.chdir(mot_folder.parent)
@@ -91,25 +84,6 @@ def test_absent_objects_are_named_with_their_frames(entering):
     assert "cannot start in frame 3" in complaint_of(folder, start_frame=3)
 
 
-@pytest.mark.parametrize(
-    ("options", "complaint"),
-    [
-        ({"ids": [5]}, "cannot start with the ids [5]; name each once, among 4, 9"),
-        ({"ids": [4, 4]}, "cannot start with the ids [4, 4]"),
-        ({"ids": []}, "cannot start with the ids []"),
-        ({"ids": ["4"]}, "cannot start with the ids ['4']"),
-        ({"start_frame": 8}, "start_frame = 8 must be a whole number from 0 to 7"),
-        ({"start_frame": -1}, "start_frame = -1 must be"),
-        ({"start_frame": 1.5}, "start_frame = 1.5 must be"),
-        ({"start_frame": 6, "num_frames": 3}, "num_frames = 3 must be a whole number from 1 to 2"),
-        ({"num_frames": 0}, "num_frames = 0 must be"),
-        ({"parameters": {"noise": 3}}, "has no parameters, but 'noise' was given"),
-    ],
-)
-def test_a_choice_that_a_sequence_has_not_is_refused(mot_folder, options, complaint):
-    assert complaint in complaint_of(mot_folder, **options)
-
-
 def test_boxes_beyond_the_picture_stay_whole_and_give_the_part_inside(mot_folder, drawn):
     rows = ["1,4,-4,-9,20,30,1", "1,9,-19,5,20,20,1", "2,4,-4,-9,20,30,1", "2,9,112,5,20,20,1"]
     (mot_folder / "gt" / "gt.txt").write_text("\n".join(rows))
@@ -144,12 +118,3 @@ def test_a_video_is_opened_at_its_start_frame(tmp_path, drawn):
     assert "ends before frame 8" in complaint_of(tmp_path)
     (tmp_path / "meta.json").unlink()
     assert "meta.json'; check the path" in complaint_of(tmp_path)
-
-
-def test_unknown_folders_are_answered_with_the_formats(tmp_path):
-    message = complaint_of(tmp_path)
-    assert all(name in message for name in ("meta.json", "MOTChallenge", "OTB", str(tmp_path)))
-    assert "does not exist" in complaint_of(tmp_path / "nowhere")
-    assert "does not exist" in complaint_of("folder/nowhere")
-    (tmp_path / "video.mp4").write_bytes(b"")
-    assert "is a file, not a folder" in complaint_of(tmp_path / "video.mp4")

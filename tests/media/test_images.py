@@ -1,16 +1,11 @@
 """Folders of images as videos."""
 
-import os
-import struct
-import zlib
-
 import cv2
 import numpy as np
 import pytest
 from numbered_frames import number_of, numbered_frame
 from refusals import message_of
 
-from jaxpf import InputError
 from jaxpf.media import open_frames
 from jaxpf.media.images import natural_order
 
@@ -56,70 +51,6 @@ def test_grey_alpha_and_16_bits_become_rgb(tmp_path):
         cv2.imwrite(str(tmp_path / f"{index}.png"), image)
     pixels = [frame[0, 0].tolist() for frame in open_frames(tmp_path)]
     assert pixels == [[77, 77, 77], [30, 20, 10], [255, 128, 0], [100, 100, 100]]
-
-
-def test_floating_point_images_are_refused(tmp_path):
-    cv2.imwrite(str(tmp_path / "0.tif"), np.ones((8, 10, 3), np.float32))
-    message = message_of(open_frames, tmp_path)
-    assert "0.tif" in message
-    assert "float32" in message
-    assert "convert it to 8 or 16 bits" in message
-    cv2.imwrite(str(tmp_path / "0.tif"), np.ones((8, 10), np.float32))
-    assert "32 bits per channel" in message_of(open_frames, tmp_path)
-
-
-def test_mixed_sizes_are_refused_naming_both(tmp_path):
-    cv2.imwrite(str(tmp_path / "0.png"), np.zeros((48, 64, 3), np.uint8))
-    cv2.imwrite(str(tmp_path / "1.png"), np.zeros((24, 32, 3), np.uint8))
-    message = message_of(list, open_frames(tmp_path))
-    assert "'0.png' is 64x48 but '1.png' is 32x24" in message
-    assert str(tmp_path) in message
-    assert "keep only frames of one size" in message
-
-
-@pytest.mark.parametrize(("content", "state"), [(b"", "empty (0 bytes)"), (b"no image", "damaged")])
-def test_an_image_that_does_not_decode_is_named(tmp_path, content, state):
-    cv2.imwrite(str(tmp_path / "0.png"), np.zeros((48, 64, 3), np.uint8))
-    (tmp_path / "1.png").write_bytes(content)
-    message = message_of(list, open_frames(tmp_path))
-    assert str(tmp_path / "1.png") in message
-    assert state in message
-    assert "replace or remove it" in message
-
-
-def test_a_folder_without_images_is_refused_and_points_to_what_was_meant(tmp_path):
-    message = message_of(open_frames, tmp_path)
-    assert f"folder '{tmp_path}' holds no images" in message
-    assert "png" in message
-    (tmp_path / "video.mp4").touch()
-    assert f"did you mean '{tmp_path / 'video.mp4'}'" in message_of(open_frames, tmp_path)
-    (tmp_path / "frames").mkdir()
-    (tmp_path / "frames" / "0.png").touch()
-    assert f"did you mean '{tmp_path / 'frames'}'" in message_of(open_frames, tmp_path)
-    cv2.imwrite(str(tmp_path / "preview.png"), np.zeros((48, 64, 3), np.uint8))
-    message = message_of(open_frames, tmp_path)
-    assert f"one image only, 'preview.png'; did you mean '{tmp_path / 'frames'}'" in message
-
-
-def test_a_folder_that_leaves_numbers_out_is_refused(tmp_path):
-    write_images(tmp_path, "f1.png", "f2.png", "f3.png", "f16.png", "f17.png")
-    with pytest.raises(
-        InputError, match=r"no frame 4 to 15: 'f16\.png' follows 'f3\.png'.*add the missing frames"
-    ):
-        open_frames(tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("names", "sentence"),
-    [
-        (("f1_rgb.png", "f2_rgb.png", "f9_rgb.png"), r"no frame 3 to 8: 'f9_rgb\.png' follows"),
-        (("1.png", "1.jpg", "2.png", "2.jpg"), r"two files of number 1, '1\.jpg' and '1\.png'"),
-    ],
-)
-def test_numbers_are_checked_wherever_they_stand(tmp_path, names, sentence):
-    write_images(tmp_path, *names)
-    with pytest.raises(InputError, match=sentence):
-        open_frames(tmp_path)
 
 
 def test_numbers_may_have_any_size(tmp_path):
@@ -204,44 +135,8 @@ def test_images_that_fill_little_of_16_bits_are_scaled_by_their_content(
     np.testing.assert_allclose(exact, (values[30:] - black) / (white - black) * 255, atol=0.51)
 
 
-def test_a_range_is_of_images_of_16_bits(tmp_path):
-    write_images(tmp_path, "0.png", "1.png")
-    assert "range" in message_of(open_frames, tmp_path, range=(0, 255))
-    write_images(tmp_path, "0.png", "1.png", value=2048, dtype=np.uint16)
-    for wrong in ((5, 5), (9, 2), (-1, 5), (0, 65536)):
-        assert "range" in message_of(open_frames, tmp_path, range=wrong)
-
-
-def test_links_in_a_circle_and_images_beyond_all_limits_are_one_sentence(tmp_path):
-    (tmp_path / "here").symlink_to(tmp_path / "there")
-    (tmp_path / "there").symlink_to(tmp_path / "here")
-    assert "there is no video or folder at" in message_of(open_frames, tmp_path / "here")
-    folder = tmp_path / "frames"
-    folder.mkdir()
-    (folder / "0.png").symlink_to(folder / "0.png")
-    assert "0.png': too many levels of symbolic links" in message_of(open_frames, folder)
-    (folder / "0.png").unlink()
-    header = struct.pack(">4sIIBBBBB", b"IHDR", 60_000, 60_000, 8, 2, 0, 0, 0)
-    checked = struct.pack(">I", zlib.crc32(header)) + struct.pack(">I4sI", 0, b"IDAT", 0x35AF061E)
-    (folder / "0.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"\0\0\0\r" + header + checked)
-    assert "it is damaged, too large (2^30 pixels)" in message_of(open_frames, folder)
-
-
 def test_full_alpha_does_not_hide_that_an_image_has_12_bits(tmp_path):
     image = np.full((12, 16, 4), 2048, np.uint16)
     image[..., 3] = 65535
     cv2.imwrite(str(tmp_path / "0.png"), image)
     assert next(iter(open_frames(tmp_path)))[0, 0].tolist() == [128, 128, 128]
-
-
-def test_images_with_several_pictures_are_refused_with_the_way_to_split_them(tmp_path):
-    pages = [np.full((12, 16, 3), level, np.uint8) for level in (0, 90, 180)]
-    cv2.imwritemulti(str(tmp_path / "a.tif"), pages)
-    for place in (tmp_path / "a.tif", tmp_path):
-        assert "holds 3 pictures; split it" in message_of(open_frames, place)
-
-
-def test_an_image_whose_name_is_not_utf_8_is_refused(tmp_path):
-    write_images(tmp_path, "0.png")
-    (tmp_path / "0.png").rename(tmp_path / os.fsdecode(b"\xff.png"))
-    assert "is not UTF-8; rename" in message_of(open_frames, tmp_path)

@@ -1,4 +1,3 @@
-import os
 import struct
 import subprocess
 import sys
@@ -206,62 +205,6 @@ def test_a_codec_that_is_missing_is_named_as_a_cause(tmp_path):
     assert "its codec is unknown; copy it again or convert it" in message_of(open_frames, path)
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "expected"),
-    [
-        ("gone.mp4", None, "check the path"),
-        ("empty.mp4", b"", "is empty (0 bytes)"),
-        ("boxes.txt", b"frame,id,x,y,w,h\n0,1,2,3,4,5\n" * 300, "is not a video; give a video"),
-        ("umlauts.csv", "größe,".encode() * 2000, "is not a video; give a video"),
-        ("noise.mp4", bytes(range(256)) * 20, "is not a video; give a video"),
-        ("frame.png", b"\x89PNG\r\n\x1a\n\x00", "is a single image; give the folder"),
-    ],
-)
-def test_what_is_no_video_is_refused_with_a_remedy(tmp_path, name, content, expected):
-    path = tmp_path / name
-    if content is not None:
-        path.write_bytes(content)
-    message = message_of(open_frames, path)
-    assert str(path) in message
-    assert expected in message
-
-
-@pytest.mark.parametrize("path", [None, 5.5, b"a.mp4", ["a.mp4"], "a\0.mp4", {}, object()])
-def test_what_is_no_path_is_refused(path):
-    for use in (open_frames, lambda path: VideoWriter(path, 64, 48, 25)):
-        assert "is not a path; give the name" in message_of(use, path)
-    assert "file name too long" in message_of(open_frames, 1000 * "long")
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"#EXTM3U\n#EXT-X-TARGETDURATION:4\n#EXTINF:4,\nwalk.avi\n#EXT-X-ENDLIST\n",
-        b"ffconcat version 1.0\nfile walk.avi\n",
-    ],
-)
-@pytest.mark.parametrize("end", [b"", b"\x01"])
-@pytest.mark.parametrize("suffix", ["m3u8", "mp4", "avi"])
-def test_a_list_of_other_files_is_no_video(tmp_path, content, end, suffix):
-    write_video(tmp_path / "walk.avi", 2)
-    path = tmp_path / f"list.{suffix}"
-    path.write_bytes(content + end)
-    assert "is not a video; give a video" in message_of(open_frames, path)
-
-
-def test_without_pyav_folders_are_read_and_a_film_says_what_to_install(tmp_path, monkeypatch):
-    path = write_video(tmp_path / "walk.avi", 2)
-    (tmp_path / "folder").mkdir()
-    cv2.imwrite(str(tmp_path / "folder" / "0.png"), numbered_frame(0))
-    monkeypatch.setitem(sys.modules, "av", None)
-    assert "needs PyAV, which is missing; pip install 'jaxpf[cli]'" in message_of(open_frames, path)
-    assert len(list(open_frames(tmp_path / "folder"))) == 1
-
-
-def test_no_name_is_not_the_folder_one_stands_in():
-    assert "no video is named" in message_of(open_frames, "")
-
-
 def test_memory_does_not_grow_with_the_length(tmp_path):
     def peak(num_frames):
         source = open_frames(write_video(tmp_path / "long.avi", num_frames))
@@ -311,15 +254,3 @@ def test_a_colon_in_a_relative_name_is_no_protocol(tmp_path, monkeypatch, suffix
         Path(f"part:one.{suffix}") if suffix == "webm" else tmp_path / f"part:one.{suffix}", 4
     )
     assert len(list(open_frames(f"part:one.{suffix}"))) == 4
-
-
-@pytest.mark.parametrize("name", [b"\xff.avi", b"\xff"])
-def test_a_name_that_is_not_utf_8_is_refused(tmp_path, name):
-    place = tmp_path / os.fsdecode(name)
-    if place.suffix:
-        write_video(tmp_path / "a.avi", 2).rename(place)
-    else:
-        place.mkdir()
-    message = message_of(open_frames, place)
-    assert "\\udcff" in message
-    assert "is not UTF-8; rename" in message

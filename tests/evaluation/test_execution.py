@@ -132,8 +132,8 @@ def test_after_a_death_the_pool_is_replaced_and_only_pieces_in_flight_are_repeat
 
 
 def test_a_piece_that_kills_its_worker_every_time_is_given_up():
-    with pytest.raises(InputError, match="workers died 3 times while 5 was in progress") as error:
-        as_dict(in_turn(always_die, [5], start_two, retries=2))
+    with pytest.raises(InputError, match="workers died 2 times while 5 was in progress") as error:
+        as_dict(in_turn(always_die, [5], start_two, retries=1))
     assert isinstance(error.value.__cause__, BrokenProcessPool)
 
 

@@ -130,6 +130,7 @@ def test_reports_of_nothing_and_of_one_run_on_one_object_and_frame(tmp_path):
     assert "differences" not in page.ids
 
 
+@pytest.mark.slow
 def test_figures_are_the_same_bytes_every_time(written, tmp_path, monkeypatch):
     results = written[0]
     save = figures.save

@@ -74,7 +74,7 @@ def test_pixels_inside_a_part_show_it_and_pixels_outside_show_the_background():
 def test_motions_differ_as_the_paper_says():
     smooth, strong, erratic = (
         np.concatenate(
-            [steps(scenes.make("articulated", s, num_parts=5, motion=m)) for s in range(2)], axis=1
+            [steps(make(s, num_parts=5, motion=m, num_frames=120)) for s in range(2)], axis=1
         )
         for m in ("smooth", "strong_start", "erratic")
     )

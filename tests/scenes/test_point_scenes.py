@@ -7,7 +7,7 @@ import scenes
 from scenes.deforming import Pose, bumps
 
 SMALL = {
-    "fish": {"num_frames": 50, "frame_width": 640, "frame_height": 360},
+    "fish": {"num_frames": 50, "frame_width": 480, "frame_height": 270},
     "skydivers": {"num_frames": 4, "frame_width": 400, "frame_height": 300},
     "face": {"num_frames": 4, "frame_width": 640, "frame_height": 400},
 }

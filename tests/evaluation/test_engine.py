@@ -152,12 +152,6 @@ def test_scenes_without_a_start_or_a_second_frame_are_refused(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_limits_below_one_are_refused():
-    for name in ("memory", "workers", "runs_per_batch", "devices"):
-        with pytest.raises(InputError, match=f"{name} = 0 must be a whole number from 1"):
-            Limits(**{name: 0})
-
-
 def test_work_is_divided_to_the_memory_budget_and_among_workers(tmp_path):
     plan = small_plan(runs=10_000)
     one = prepare(plan, tmp_path)

@@ -160,12 +160,6 @@ def test_cancelled_work_is_done_again():
     assert lost
 
 
-def test_pools_of_nothing_are_refused():
-    for workers, devices in ((0, None), (1, 0)):
-        with pytest.raises(InputError, match="= 0 must be a whole number from 1"):
-            local_pool(workers, devices)
-
-
 @pytest.mark.slow
 def test_a_local_pool_starts_anew_with_its_own_devices():
     assert num_cores() >= 1

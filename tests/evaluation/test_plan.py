@@ -6,11 +6,12 @@ import json
 
 import numpy as np
 import pytest
+from refusals import message_of
 
 from jaxpf import InputError
 from jaxpf.boxes.target import BOXES
 from jaxpf.contract.options import options_of
-from jaxpf.evaluation import Plan, evaluate
+from jaxpf.evaluation import Plan
 from jaxpf.evaluation.configurations import complete, configurations
 from jaxpf.evaluation.work.fingerprint import describe_plan
 from jaxpf.files.pieces import differences
@@ -104,81 +105,41 @@ def test_auto_is_decided_once_and_merges_with_what_it_stands_for():
 
 
 @pytest.mark.parametrize(
-    ("given", "sentence"),
+    ("given", "named"),
     [
-        ({"methods": ["sir", "pf"]}, "method 'pf' is unknown; choose one of sir, ps, dps, sps"),
-        ({"methods": []}, "methods is empty; give at least one value"),
-        ({"methods": ["ps", "ps"]}, "methods names ps twice"),
-        ({"methods": 5}, "methods is 5; give a list"),
-        (
-            {"orders": ["3;1"]},
-            "orders: '3;1' is not an order; give 'given', 'shifts', or the objects",
-        ),
-        ({"swaps": ["shuffled"]}, "swaps = 'shuffled' is unknown; choose one of none, random,"),
-        ({"target": "ghosts"}, "target 'ghosts' is unknown; choose one of"),
-        ({"grid": 3}, "grid is int: give a Mapping"),
-        ({"tracks": {"a": 3}}, "tracks['a'] is int: give a str or PathLike"),
-        ({"tracks": {3: "a.csv"}}, "the name of a tracker is int: give a str"),
-        ({"tracks": {"a": "file.csv"}, "trackers": {"a": len}}, "a tracker cannot be called 'a'"),
-        ({"trackers": {"a": 3}}, "trackers['a'] must be a function of the scene"),
-        ({"runs": 0}, "runs = 0 must be a whole number from 1 to 1000000"),
-        ({"runs": 10**8}, "runs = 100000000 must be a whole number from 1 to 1000000"),
-        ({"runs": True}, "runs = True must be a whole number from 1"),
-        ({"seed": -1}, "seed = -1 must be a whole number from 0 to 4294967295"),
-        ({"seed": 2**32}, "seed = 4294967296 must be a whole number from 0 to 4294967295"),
+        ({"methods": ["sir", "pf"]}, "'pf'"),
+        ({"methods": []}, "methods"),
+        ({"methods": ["ps", "ps"]}, "ps twice"),
+        ({"orders": ["3;1"]}, "'3;1'"),
+        ({"swaps": ["shuffled"]}, "'shuffled'"),
+        ({"target": "ghosts"}, "'ghosts'"),
+        ({"tracks": {"a": "file.csv"}, "trackers": {"a": len}}, "'a'"),
+        ({"runs": 0}, "runs = 0"),
+        ({"runs": 10**8}, "runs = 100000000"),
+        ({"seed": -1}, "seed = -1"),
+        ({"seed": 2**32}, "seed = 4294967296"),
         ({"grid": {"sharpness": [20, 20.0]}}, "sharpness names 20 twice"),
-        ({"grid": {"sharpness": []}}, "sharpness is empty"),
-        ({"grid": {"sharpness": [20, 0]}}, "sharpness = 0 must be a finite number above 0"),
-        (
-            {"grid": {"noise_pixels": [(1, np.inf, 0)]}},
-            "noise_pixels = 1,inf,0 must be three finite numbers",
-        ),
-        (
-            {"grid": {"colour": ["red"]}},
-            "colour is not an option; the options are sharpness, noise_pixels",
-        ),
-        (
-            {"methods": ["sir", "ps"], "grid": {"drift": ["clip"]}},
-            "drift is an option of eskil, and not of sir, ps;",
-        ),
+        ({"grid": {"sharpness": []}}, "sharpness"),
+        ({"grid": {"sharpness": [20, 0]}}, "sharpness = 0"),
+        ({"grid": {"noise_pixels": [(1, np.inf, 0)]}}, "noise_pixels"),
+        ({"grid": {"colour": ["red"]}}, "colour"),
+        ({"methods": ["sir", "ps"], "grid": {"drift": ["clip"]}}, "drift"),
     ],
 )
-def test_what_cannot_be_asked_is_refused(given, sentence):
-    with pytest.raises(InputError) as error:
-        Plan(SCENE, **given)
-    assert sentence in str(error.value)
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"plan": 3}, "plan is int: give a Plan"),
-        ({"limits": None}, "limits is NoneType: give a Limits"),
-        ({"retries": -1}, "retries = -1 must be a whole number from 0"),
-        ({"executor": 3}, "executor=3 must be a function"),
-        ({"plan": Plan(3)}, "scene is 3; give what scenes.open_scene returns"),
-    ],
-)
-def test_what_cannot_be_evaluated_is_refused(tmp_path, given, words):
-    with pytest.raises(InputError, match=words):
-        evaluate(**{"plan": Plan(SCENE), "folder": tmp_path} | given)
+def test_what_cannot_be_asked_is_refused(given, named):
+    assert named in message_of(Plan, SCENE, **given)
 
 
 def test_an_option_of_another_target_is_refused_once_the_target_is_known():
     plan = Plan(SCENE, grid={"noise_joints": [(1, 1, 1)]})
-    with pytest.raises(
-        InputError, match="noise_joints is not an option of boxes, but of parts; leave"
-    ):
-        complete(plan, "boxes")
+    assert "noise_joints" in message_of(complete, plan, "boxes")
 
 
 def test_orders_and_particles_that_do_not_fit_the_objects_are_refused():
     for order in [(0, 1), (0, 1, 1), (-1, 0, 1), (0, 1, 3), (0, 1, 2, 3)]:
         with pytest.raises(InputError, match=r"order|least 0"):
             found(Plan(SCENE, methods=["ps"], orders=[order]))
-    with pytest.raises(InputError, match="num_particles = 2 is fewer than the 3 components of dps"):
-        found(Plan(SCENE, grid={"num_particles": [300, 2]}))
+    assert "num_particles = 2" in message_of(found, Plan(SCENE, grid={"num_particles": [300, 2]}))
 
 
 def test_what_was_asked_survives_json_and_names_the_scene(tmp_path):
@@ -220,9 +181,5 @@ def test_an_option_says_what_it_is_an_option_of():
     told = grid(bands=[1, 2], noise_relative=[(0.1, 0.2, 0.01)])
     assert (told["appearance"], told["motion"]) == (("colour",), ("relative",))
     assert grid(appearance=both)["appearance"] == tuple(both)
-    with pytest.raises(InputError, match="bands works only with appearance='colour', but discr"):
-        grid(appearance=both, bands=[2])
-    with pytest.raises(
-        InputError, match="exclusion works only with appearance='discriminative', but col"
-    ):
-        grid(bands=[2], exclusion=["boxes"])
+    assert "bands" in message_of(grid, appearance=both, bands=[2])
+    assert "exclusion" in message_of(grid, bands=[2], exclusion=["boxes"])

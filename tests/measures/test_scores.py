@@ -196,12 +196,6 @@ def test_the_curves_need_no_trackeval(truth, monkeypatch):
     assert np.isfinite(success_auc(truth, truth)).all()
 
 
-@pytest.mark.parametrize("shape", [(9, 2, 4), (10, 2, 5), (10, 4), (3, 10, 2, 4)])
-def test_arrays_that_do_not_fit_are_refused(truth, shape):
-    with pytest.raises(InputError, match=r"estimate has shape .* give boxes"):
-        tracking_scores(np.zeros(shape), truth)
-
-
 # The curves of OTB
 
 

@@ -1,7 +1,5 @@
 """gonzales2011 repeated: what is measured, and how it becomes tables, claims and figures."""
 
-from contextlib import suppress
-
 import jax
 import numpy as np
 import pytest
@@ -10,7 +8,6 @@ from judged import verdicts
 import scenes as drawn
 from jaxpf import run
 from jaxpf.measures import corner_distances
-from jaxpf.papers.checkpoints import keeping
 from jaxpf.papers.gonzales2011 import PAPER, scenes
 from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, VARIANTS, study
 from jaxpf.papers.judging.claims import NOT_SEEN, OPEN, SUPPORTED, judge_all
@@ -73,23 +70,6 @@ def test_absolute_parts_walk_alone_and_relative_ones_follow_their_parents():
     grid = scenes.grid(scene, "erratic", 4)
     alone = [[True] * 5, [True] + [False] * 4]
     np.testing.assert_array_equal(grid.columns.walks_alone, alone)
-
-
-def test_what_was_tracked_before_a_stop_is_not_tracked_again(tmp_path, monkeypatch):
-    def tracked(motion, parts, particles, num_frames, seed):
-        asked.append((motion, parts, seed))
-        shape = len(particles), len(METHODS), len(DYNAMICS), num_frames - 1
-        return {what: np.full(shape, 7.0 + seed) for what in ("error", "variance")}
-
-    asked = []
-    monkeypatch.setattr(scenes, "_on_scene", tracked)
-    for _ in range(2):
-        with suppress(KeyboardInterrupt), keeping(tmp_path, {}):
-            found = measured_on(range(2))
-            raise KeyboardInterrupt
-    assert sorted(asked) == [("smooth", 3, 0), ("smooth", 3, 1)]
-    for values in found.values():
-        np.testing.assert_array_equal(values, [[7.0] * (FRAMES - 1), [8.0] * (FRAMES - 1)])
 
 
 def made(gains, variance_gains=None, num_scenes=25):

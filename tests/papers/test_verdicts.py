@@ -153,12 +153,6 @@ def test_details_print_the_sentence_and_the_other_claims():
     assert "smith2004:" not in detailed.out
 
 
-def test_an_unknown_paper_is_refused():
-    result = jaxpf("verdicts", "rowe2006")
-    assert result.code == 2
-    assert "rowe2006" in result.err
-
-
 def test_the_origin_is_that_of_most_rows():
     own = verdicts.of_group(verdicts.stored("rowe2005"), "paper")[:3]
     dated = [each._replace(units="50 scenes", level="95") for each in own]

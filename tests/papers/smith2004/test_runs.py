@@ -85,16 +85,3 @@ def test_the_command_prints_and_writes_the_comparison(tmp_path):
     # One scene is enough for what does not depend on it: PS follows closer than the plain filter.
     assert by_method["PS"] > by_method["Non-PS"] + 5
     assert rows[0]["published"] == "69"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--scenes", "0"], "--scenes"),
-        (["--seed", "-1"], "Invalid value for '--seed': -1 is not in the range 0<=x<=1048575"),
-    ],
-)
-def test_mistakes_are_one_sentence(arguments, words, tmp_path):
-    result = jaxpf("reproduce", "smith2004", "-o", str(tmp_path), *arguments)
-    assert result.code == 2
-    assert words in result.err

@@ -1,4 +1,7 @@
-"""What is written is read again, whatever the names and numbers of any machine."""
+"""What is written is read again, whatever the names and numbers of any machine.
+
+For files of MOT see ``tests/boxes/test_tracks.py``.
+"""
 
 import contextlib
 import csv
@@ -14,7 +17,7 @@ from hypothesis import given, settings, strategies as st
 from hypothesis.extra import numpy as hnp
 
 from jaxpf import InputError, save
-from jaxpf.boxes import read_boxes, read_tracks, write_mot
+from jaxpf.boxes import read_boxes, read_tracks
 from jaxpf.cli.marking.starts import write_start
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.tracking.track_table import Tracks
@@ -111,21 +114,6 @@ def test_gt_csv(folder, rows):
         (frame, identity, occ) for frame, identity, _, occ in rows
     ]
     same_bits(table.box, [box for _, _, box, _ in rows])
-
-
-@EVERY
-@given(rows=rows_of(st.tuples(st.integers(0, 2**53 - 2), keys.map(lambda key: key[1]), boxes,
-                              st.floats(0, 1))))  # fmt: skip
-def test_mot_files(folder, rows):
-    frames, ids, places, confidence = zip(*rows, strict=True)
-    if not in_pixels(np.array(places) + 1):
-        return
-    write_mot(folder / "mot.txt", frames, ids, places, confidence)
-    table = read_boxes(folder / "mot.txt")
-    assert table.frame.tolist() == list(frames)
-    assert table.id.tolist() == list(ids)
-    np.testing.assert_allclose(table.box, places, atol=0.00051, rtol=1e-12)
-    np.testing.assert_allclose(table.confidence, confidence, rtol=1e-5, atol=1e-12)
 
 
 @EVERY

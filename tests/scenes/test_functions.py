@@ -84,15 +84,15 @@ def test_a_python_function_makes_a_scene():
 @pytest.mark.parametrize(
     ("name", "options", "complaint"),
     [
-        ("wrong", {}, "returned a value of type dict, not a scenes.Scene"),
-        ("breaks", {}, "failed with RuntimeError: no camera"),
-        ("no_seed", {}, "cannot be called with (seed=...)"),
-        ("flat", {"parameters": {"blur": 1}}, "cannot be called with (seed=..., blur=...)"),
-        ("flat", {"seed": -1}, "seed = -1 must be a whole number, 0 or more"),
-        ("flat", {"parameters": {"gap": True}}, "object 1 has no box in the first frame"),
+        ("wrong", {}, "dict"),
+        ("breaks", {}, "RuntimeError: no camera"),
+        ("no_seed", {}, "(seed=...)"),
+        ("flat", {"parameters": {"blur": 1}}, "blur"),
+        ("flat", {"seed": -1}, "seed = -1"),
+        ("flat", {"parameters": {"gap": True}}, "object 1"),
         ("empty", {}, "2 frames and 0 objects"),
-        ("flet", {}, "has no function 'flet'; it defines breaks, complains, empty, flat, no_seed"),
-        ("number", {}, "no function, 'number'"),
+        ("flet", {}, "'flet'"),
+        ("number", {}, "'number'"),
     ],
 )
 def test_a_function_that_makes_no_scene_is_refused(scene_file, name, options, complaint):

@@ -31,20 +31,8 @@ from jaxpf.papers.judging.estimates import (
 
 
 def claim(at_least=-math.inf, at_most=math.inf, margin=0.0, digits=0, settings=PAPERS_OWN):
-    return Claim(
-        "key",
-        "paper",
-        "It holds",
-        "10",
-        "It holds.",
-        "3",
-        at_least,
-        at_most,
-        margin,
-        digits,
-        "scenes",
-        settings,
-    )
+    words = "key", "paper", "It holds", "10", "It holds.", "3"
+    return Claim(*words, at_least, at_most, margin, digits, "scenes", settings)
 
 
 def fixed(value, reach, count=20, what=""):
@@ -61,62 +49,57 @@ def verdict(*figures, **claimed):
     return judge(claim(**claimed), figures).verdict
 
 
-def test_a_claim_is_supported_if_the_whole_interval_lies_in_its_range():
-    assert verdict(fixed(10, 5), at_least=0) == SUPPORTED
-    assert verdict(fixed(-10, 5), at_most=0) == SUPPORTED
-    assert verdict(fixed(0, 1), at_least=-2, at_most=2) == SUPPORTED
+NAN = fixed(math.nan, math.nan)
+LOOSE = mean_of(np.full(30, -0.08) + 1e-9 * np.arange(30))
+GOOD, OPENED, BAD = (fixed(value, 5) for value in (10, 1, -20))
+SLIGHTLY = fixed(-6, 5)  # outside at 95%, but not at the level of two figures
 
 
-def test_a_claim_is_contradicted_if_the_whole_interval_lies_outside_by_more_than_the_margin():
-    assert verdict(fixed(-10, 5), at_least=0) == CONTRADICTED
-    assert verdict(fixed(5, 1), at_least=-2, at_most=2) == CONTRADICTED
-    assert verdict(fixed(-10, 5), at_least=0, margin=4) == CONTRADICTED
-    assert verdict(fixed(-10, 5), at_least=0, margin=6) == OPEN
-
-
-def test_settings_of_ours_contradict_nothing():
-    assert verdict(fixed(-10, 5), at_least=0, settings="") == NOT_SEEN
-    assert verdict(fixed(10, 5), at_least=0, settings="") == SUPPORTED
-
-
-def test_an_interval_within_the_margin_is_weaker_or_equal():
-    assert verdict(fixed(66, 14), at_least=90, margin=40) == WEAKER
-    assert verdict(fixed(66, 14), fixed(95, 2), at_least=90, margin=40) == WEAKER
-    assert verdict(fixed(85, 14), at_least=90, margin=40) == OPEN
-    assert verdict(fixed(66, 14), at_least=90, margin=20) == OPEN
-    assert verdict(fixed(-0.2, 1), at_least=0, margin=1.25) == "equal within 1.25"
-    assert verdict(fixed(0.2, 1), at_least=0, margin=1.25) == OPEN, "it may be above"
-    assert verdict(fixed(-2, 0.5), at_least=-1, at_most=1, margin=2) == "equal within 3"
-    assert verdict(fixed(-2, 0.5), fixed(0, 0.5), at_least=-1, at_most=1, margin=2) == (
-        "equal within 3"
-    )
-
-
-def test_an_interval_across_the_end_of_the_range_leaves_a_claim_open():
-    assert verdict(fixed(3, 5), at_least=0) == OPEN
-    assert verdict(fixed(-3, 5), at_least=0) == OPEN
-    assert verdict(fixed(math.nan, math.nan), at_least=0) == OPEN
-
-
-def test_every_figure_must_support_and_one_is_enough_to_contradict():
-    good, open_, bad = (fixed(value, 5) for value in (10, 1, -20))
-    assert verdict(good, good, at_least=0) == SUPPORTED
-    assert verdict(good, open_, at_least=0) == OPEN
-    assert verdict(good, bad, at_least=0) == CONTRADICTED
-
-
-def test_more_figures_make_it_harder_to_contradict():
-    slightly = fixed(-6, 5)  # outside at 95%, but not at the level of two figures
-    assert verdict(slightly, at_least=0) == CONTRADICTED
-    assert verdict(fixed(10, 5), slightly, at_least=0) == OPEN
-
-
-def test_a_zero_width_interval_resolves_nothing_unless_it_is_computed():
-    equal = mean_of(np.full(30, -0.08) + 1e-9 * np.arange(30))
-    assert verdict(equal, at_least=-0.0801) == OPEN
-    assert verdict(equal, at_least=-0.02) == OPEN
-    assert verdict(computed(10), at_least=0) == SUPPORTED
-    assert verdict(computed(-10), at_least=0) == CONTRADICTED
+@pytest.mark.parametrize(
+    ("wanted", "figures", "claimed"),
+    [
+        # The whole interval lies in the range.
+        (SUPPORTED, [fixed(10, 5)], {"at_least": 0}),
+        (SUPPORTED, [fixed(-10, 5)], {"at_most": 0}),
+        (SUPPORTED, [fixed(0, 1)], {"at_least": -2, "at_most": 2}),
+        # It lies outside by more than the margin.
+        (CONTRADICTED, [fixed(-10, 5)], {"at_least": 0}),
+        (CONTRADICTED, [fixed(5, 1)], {"at_least": -2, "at_most": 2}),
+        (CONTRADICTED, [fixed(-10, 5)], {"at_least": 0, "margin": 4}),
+        (OPEN, [fixed(-10, 5)], {"at_least": 0, "margin": 6}),
+        # Settings of ours contradict nothing.
+        (NOT_SEEN, [fixed(-10, 5)], {"at_least": 0, "settings": ""}),
+        (SUPPORTED, [fixed(10, 5)], {"at_least": 0, "settings": ""}),
+        # Within the margin.
+        (WEAKER, [fixed(66, 14)], {"at_least": 90, "margin": 40}),
+        (WEAKER, [fixed(66, 14), fixed(95, 2)], {"at_least": 90, "margin": 40}),
+        (OPEN, [fixed(85, 14)], {"at_least": 90, "margin": 40}),
+        (OPEN, [fixed(66, 14)], {"at_least": 90, "margin": 20}),
+        ("equal within 1.25", [fixed(-0.2, 1)], {"at_least": 0, "margin": 1.25}),
+        (OPEN, [fixed(0.2, 1)], {"at_least": 0, "margin": 1.25}),  # it may be above
+        ("equal within 3", [fixed(-2, 0.5)], {"at_least": -1, "at_most": 1, "margin": 2}),
+        ("equal within 3", [fixed(-2, 0.5), fixed(0, 0.5)],
+         {"at_least": -1, "at_most": 1, "margin": 2}),
+        # Across the end of the range.
+        *((OPEN, [figure], {"at_least": 0}) for figure in (fixed(3, 5), fixed(-3, 5), NAN)),
+        # Every figure must support, and one is enough to contradict; more make that harder.
+        (SUPPORTED, [GOOD, GOOD], {"at_least": 0}),
+        (OPEN, [GOOD, OPENED], {"at_least": 0}),
+        (CONTRADICTED, [GOOD, BAD], {"at_least": 0}),
+        (CONTRADICTED, [SLIGHTLY], {"at_least": 0}),
+        (OPEN, [GOOD, SLIGHTLY], {"at_least": 0}),
+        # An interval without width resolves nothing unless it is computed.
+        *((OPEN, [LOOSE], {"at_least": least}) for least in (-0.0801, -0.02)),
+        (SUPPORTED, [computed(10)], {"at_least": 0}),
+        (CONTRADICTED, [computed(-10)], {"at_least": 0}),
+        # Few scenes are a preview.
+        *((PREVIEW, [fixed(value, 5, count=count)], {"at_least": 0, "settings": settings})
+          for value, count, settings in ((10, 9, PAPERS_OWN), (-10, 2, PAPERS_OWN), (-10, 9, ""))),
+        (SUPPORTED, [fixed(10, 5, count=10)], {"at_least": 0}),
+    ],
+)  # fmt: skip
+def test_verdicts_follow_from_intervals(wanted, figures, claimed):
+    assert verdict(*figures, **claimed) == wanted
 
 
 def test_an_open_claim_says_how_many_scenes_would_resolve_it():
@@ -158,20 +141,11 @@ def test_a_judged_claim_shows_its_figures_and_their_span():
     assert judged.ours == "10 to 20 [5, 25]"
     assert judged.figures == "20: 10 [5, 15]; 30: 20 [15, 25]"
     assert judged.units == "20 scenes"
-    assert judge(claim(digits=2), [computed(0.5)])[1:6] == (
-        "0.50",
-        SUPPORTED,
-        "0.50",
-        "95",
-        "computed",
-    )
+    shown = judge(claim(digits=2), [computed(0.5)])[1:6]
+    assert shown == ("0.50", SUPPORTED, "0.50", "95", "computed")
 
 
-def test_few_scenes_are_a_preview_and_show_no_nan():
-    assert verdict(fixed(10, 5, count=9), at_least=0) == PREVIEW
-    assert verdict(fixed(-10, 5, count=2), at_least=0) == PREVIEW
-    assert verdict(fixed(-10, 5, count=9), at_least=0, settings="") == PREVIEW
-    assert verdict(fixed(10, 5, count=10), at_least=0) == SUPPORTED
+def test_few_scenes_show_no_nan():
     judged = judge(claim(at_least=0), [mean_of([1.0, 2.0]), mean_of([3.0, 5.0], "x")])
     assert (judged.verdict, judged.ours, judged.figures) == (PREVIEW, "2 to 4", "2; x: 4")
 

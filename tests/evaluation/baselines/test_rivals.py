@@ -10,7 +10,6 @@ import pytest
 from refusals import message_of
 
 import scenes
-from jaxpf import InputError
 from jaxpf.evaluation.baselines.rivals import available, baselines
 
 LENGTH = 12
@@ -85,13 +84,11 @@ def test_the_truth_after_the_first_frame_is_not_looked_at(scene):
 
 
 def test_unknown_and_missing_baselines_are_one_sentence(scene, monkeypatch):
-    message = message_of(baselines, ["mil", "best"])
-    assert "baseline 'best' is unknown; choose from mil, csrt" in message
+    assert "'best'" in message_of(baselines, ["mil", "best"])
     for place in (cv2, getattr(cv2, "legacy", cv2)):
         monkeypatch.delattr(place, "TrackerCSRT_create", raising=False)
         monkeypatch.setattr(place, "TrackerKCF_create", object, raising=False)
-    message = message_of(baselines(["csrt"])["csrt"], scene)
-    assert "'csrt' is missing in this OpenCV; put opencv-contrib" in message
+    assert "opencv-contrib" in message_of(baselines(["csrt"])["csrt"], scene)
     names = available()
     assert {"kcf", "meanshift", "still"} <= set(names)
     assert "csrt" not in names
@@ -107,8 +104,7 @@ def test_boxes_without_features_for_mil_are_refused_and_others_end(scene):
     mil = baselines(["mil"])["mil"]
     assert mil(narrow(3, 6)).shape == (2, 1, 4)
     for size in ((1, 40), (3, 5)):
-        message = message_of(mil, narrow(*size))
-        assert f"'mil' finds no features in a box of {size[0]}x" in message
+        assert f"{size[0]}x" in message_of(mil, narrow(*size))
 
 
 @pytest.mark.parametrize(("kind", "variable"), [("vit", "JAXPF_VIT"), ("nano", "JAXPF_NANO")])
@@ -122,11 +118,9 @@ def test_networks_of_opencv_follow_with_a_model_of_the_users(scene, kind, variab
 
 @pytest.mark.parametrize("name", ["vit", "vit:no.onnx", "nano:no.onnx", "dlib:no.dat"])
 def test_a_network_without_its_files_is_refused(name):
-    with pytest.raises(InputError, match=f"'{name}' must be {name.partition(':')[0]}"):
-        baselines([name])
+    assert f"'{name}'" in message_of(baselines, [name])
 
 
-def test_a_missing_dlib_names_its_package(scene, monkeypatch):
+def test_a_missing_dlib_names_its_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "dlib", None)
-    with pytest.raises(InputError, match="pip install dlib-bin"):
-        baselines(["dlib"])["dlib"](moving_scene(edge=True))
+    assert "dlib-bin" in message_of(baselines(["dlib"])["dlib"], moving_scene(edge=True))

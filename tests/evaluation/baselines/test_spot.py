@@ -1,4 +1,4 @@
-"""SPOT on pictures whose motion is known."""
+"""SPOT and optical flow on pictures whose motion is known."""
 
 import dataclasses
 
@@ -10,6 +10,7 @@ import scenes
 from jaxpf.evaluation import Plan, evaluate
 from jaxpf.evaluation.baselines import spot as module
 from jaxpf.evaluation.baselines.hog import hog
+from jaxpf.evaluation.baselines.optical_flow import follow_points
 from jaxpf.evaluation.baselines.rivals import baselines
 from jaxpf.evaluation.baselines.spot import Options, spot
 
@@ -18,6 +19,15 @@ PICTURE = np.kron(RNG.integers(0, 256, (20, 26, 3), dtype=np.uint8), np.ones((6,
 POINTS = np.array([[40.5, 40.5], [70.5, 45.5], [55.5, 75.5]])
 FRAMES = [np.roll(PICTURE, (t, 2 * t), axis=(0, 1)) for t in range(7)]
 TRUTH = POINTS + np.arange(1, 7)[:, None, None] * np.array([2.0, 1.0])
+
+
+def test_optical_flow_follows_points_and_says_when_it_does_not():
+    places, followed = follow_points(FRAMES, POINTS)
+    assert followed.all()
+    np.testing.assert_allclose(places, TRUTH, atol=0.1)
+    places, followed = follow_points([*FRAMES[:3], np.zeros_like(PICTURE)], POINTS)
+    assert not followed[-1].any()
+    np.testing.assert_array_equal(places[-1], places[-2])
 
 
 def test_spot_follows_points_within_a_cell():

@@ -8,8 +8,8 @@ from made_results import PARAMETERS, batch, make, walks
 
 from jaxpf.evaluation import Configuration
 from jaxpf.evaluation.measuring.measures import by_name
+from jaxpf.evaluation.measuring.overview import measure_results
 from jaxpf.evaluation.output import charts
-from jaxpf.evaluation.output.tables import write_tables
 from jaxpf.evaluation.work.results import SPEEDS
 
 #: Particles and frames per second: PS takes 10 and 40 ms, SPS 20 and 100.
@@ -19,6 +19,9 @@ TIMED = [
     ("SPS", "", 100, 50.0),
     ("SPS", "", 400, 10.0),
 ]
+
+
+pytestmark = pytest.mark.usefixtures("without_scores")
 
 
 @pytest.fixture
@@ -38,7 +41,7 @@ def evaluated(tmp_path):
 
 
 def test_curves_join_numbers_of_particles(evaluated):
-    summaries = write_tables(evaluated).summaries
+    summaries = measure_results(evaluated).summaries
     lines = charts.lines_over_particles(summaries)
     assert list(lines) == ["PS 21", "SPS"]
     figure = charts.against_time(lines)
@@ -51,5 +54,5 @@ def test_curves_join_numbers_of_particles(evaluated):
 
 def test_without_speeds_there_are_no_curves(evaluated):
     (evaluated.folder / SPEEDS).unlink()
-    tables = write_tables(evaluated)
+    tables = measure_results(evaluated)
     assert charts.lines_over_particles(tables.summaries) == {}

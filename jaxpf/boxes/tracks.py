@@ -57,7 +57,7 @@ def read_tracks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     for column, name in enumerate(header):
         fields = [row[column] for _, row in rows]
         if name == "id":
-            are_usual = all(re.fullmatch(r"0|-?[1-9]\d{0,17}", field) for field in fields)
+            are_usual = all(re.fullmatch(r"0|-?[1-9][0-9]{0,17}", field) for field in fields)
             columns[name] = np.array(fields, int if are_usual else str)
             continue
         try:

@@ -182,7 +182,6 @@ def test_tracks_csv(folder, tracked, rate):
     np.testing.assert_allclose(found[4:], expected[4:], rtol=1e-5)
 
 
-@pytest.mark.xfail(strict=True, reason="read_tracks takes digits of any script for a number")
 def test_a_name_of_digits_of_two_scripts(folder):
     (folder / "tracks.csv").write_text("frame,time,id\n0,0,1\u0663\n", encoding="utf-8")
     assert read_tracks(folder / "tracks.csv")["id"].tolist() == ["1\u0663"]

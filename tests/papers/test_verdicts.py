@@ -137,12 +137,6 @@ def test_details_fit_the_screen_too(paper):
     assert max(map(len, verdicts.report(paper, verdicts.stored(paper), details=True))) <= 100
 
 
-def test_the_readme_quotes_the_first_lines():
-    readme = (Path(__file__).parents[2] / "README.md").read_text()
-    quoted = readme.split("`jaxpf verdicts` prints:\n\n```\n")[1].split("\n```")[0]
-    assert quoted.splitlines() == [verdicts.summary(each, verdicts.stored(each)) for each in PAPERS]
-
-
 def test_details_print_the_sentence_and_the_other_claims():
     plain, detailed = jaxpf("verdicts", "rowe2005"), jaxpf("verdicts", "rowe2005", "--details")
     assert detailed.code == 0, detailed.err

@@ -4,8 +4,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from clips import write_pictures
 from command_line import refusal_of
-from small_video import picture, write_images
+from small_video import picture
 
 from jaxpf import InputError
 from jaxpf.cli.shared import config
@@ -16,7 +17,7 @@ def refusal(tmp_path, monkeypatch):
     """The sentence with which ``jaxpf track`` refuses a configuration and typed options."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("jaxpf.cli.tracking.work.use_compile_cache", lambda: None)
-    images = write_images(tmp_path / "images", [picture(0), picture(1)])
+    images = write_pictures(tmp_path / "images", [picture(0), picture(1)])
 
     def run(content, *arguments):
         content = content if isinstance(content, bytes) else content.encode()

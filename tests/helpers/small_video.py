@@ -11,6 +11,8 @@ WIDTH, HEIGHT, LENGTH = 64, 48, 10
 COLOURS = ((220, 30, 30), (30, 40, 220))
 # Every successful run has these shapes, so that the filter is compiled once.
 PARTICLES = ("-n", "60")
+#: When the pictures of a film are shown, in milliseconds: it stops for a minute.
+STAMPS = [40 * number + 60_000 * (number > 4) for number in range(LENGTH)]
 BOXES = ("--box", "6,8,12,16", "--box", "40,22,12,16")
 
 
@@ -26,14 +28,6 @@ def picture(time, noise=True):
     for (x, y, w, h), colour in zip(true_boxes(time), COLOURS, strict=True):
         frame[y : y + h, x : x + w] = colour
     return frame
-
-
-def write_images(folder, frames):
-    folder.mkdir(parents=True)
-    for number, frame in enumerate(frames):
-        code = cv2.COLOR_RGBA2BGRA if frame.shape[-1] == 4 else cv2.COLOR_RGB2BGR
-        cv2.imwrite(str(folder / f"{number}.png"), cv2.cvtColor(frame, code))
-    return folder
 
 
 def write_lossless_video(path, frames):

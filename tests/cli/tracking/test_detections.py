@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from command_line import jaxpf
 from small_video import LENGTH, rows_of, summary_of, true_boxes
 
 from jaxpf.boxes import read_tracks
@@ -12,20 +13,9 @@ RULES = ("--min-hits", "2", "--capacity", "3")
 LARGE = 9_000_000_000
 
 
-@pytest.fixture
-def detected(tmp_path):
-    """Both rectangles in every frame, and once something else."""
-    detections = [true_boxes(time).astype(float) for time in range(LENGTH)]
-    detections[4] = np.vstack([detections[4], [[1, 30, 12, 16]]])
-    write_detections(tmp_path / "det.txt", detections)
-    return tmp_path / "det.txt"
-
-
-def test_objects_start_by_detections_and_the_run_can_be_repeated(track, tmp_path, detected):
-    outcome = track("--detections", detected, *RULES)
-    assert outcome.code == 0, outcome.err
+def test_objects_start_by_detections_and_the_run_can_be_repeated(run_of, tmp_path):
+    outcome, output = run_of("detected")
     assert "2 objects came, 0 went" in outcome.out
-    output = tmp_path / "out"
     rows = rows_of(output)
     assert set(rows[:, 1]) == {1, 2}
     for identity in (1, 2):
@@ -45,7 +35,7 @@ def test_objects_start_by_detections_and_the_run_can_be_repeated(track, tmp_path
     header = (output / "diagnostics.csv").read_text().splitlines()[0]
     assert header.endswith(",".join(f"distinct_share_slot_{i}" for i in (1, 2, 3)))
     assert (output / "overlay.mp4").stat().st_size > 0
-    again = track("--config", output / "run.toml", "-o", tmp_path / "again")
+    again = jaxpf("track", "--config", output / "run.toml", "-o", tmp_path / "again")
     assert again.code == 0, again.err
     np.testing.assert_array_equal(rows_of(tmp_path / "again"), rows)
 
@@ -67,8 +57,8 @@ def test_start_boxes_and_named_ones_keep_their_numbers_and_scores_judge_all(trac
     assert scores["FN"] == 3  # object 2 in frames 1 to 3, before it was named
 
 
-def test_who_finds_no_place_is_told(track, tmp_path, detected):
-    outcome = track("--detections", detected, "--min-hits", "2", "--capacity", "1")
+def test_who_finds_no_place_is_told(track, tmp_path, place):
+    outcome = track("--detections", place / "det.txt", "--min-hits", "2", "--capacity", "1")
     assert outcome.code == 0
     said = "Refused: 1 that could not start, first in frame 1: all places, 1, are taken"
     assert said in outcome.err

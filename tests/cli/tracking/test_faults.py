@@ -5,66 +5,54 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from small_video import (
-    BOXES,
-    LENGTH,
-    picture,
-    rows_of,
-    summary_of,
-    write_images,
-)
+from clips import write_pictures
+from small_video import BOXES, LENGTH, picture, rows_of, summary_of
 
 from jaxpf import InputError
+from jaxpf.boxes import read_tracks
 from jaxpf.media import open_frames
 
-#: One appearance and kind of motion, so that the filter is compiled once.
-COLOUR = ("--appearance", "colour")
 
-
-def test_a_lost_object_is_reported_marked_and_listed(track, tmp_path):
-    outcome = track(
-        *BOXES, *COLOUR, "--noise-pixels", "1e4,1e4,0", "--frames", 3
-    )  # thrown off the frame
-    assert outcome.code == 0
+def test_a_lost_object_is_reported_marked_and_listed(run_of):
+    outcome, output = run_of("lost")
     assert "Lost: object 1 was outside the picture in 3 frames, first in frame 1." in outcome.err
-    assert summary_of(tmp_path / "out")["frames_outside"]["1"] == [1, 2, 3]
-    rows = rows_of(tmp_path / "out")
-    np.testing.assert_array_equal(rows[:, 6], [1, 1, 0, 0, 0, 0, 0, 0])
+    assert summary_of(output)["frames_outside"]["1"] == [1, 2, 3]
+    np.testing.assert_array_equal(rows_of(output)[:, 6], [1, 1, 0, 0, 0, 0, 0, 0])
 
 
-def test_a_frame_that_no_particle_explains_is_left_out_and_counted(track, tmp_path):
-    # Off the frame, 3e38 times the distance is more than float32 holds: -inf for everyone.
-    scale = ("--noise-pixels", "1e4,1e4,0", "--sharpness", "3e38")
-    outcome = track(*BOXES, *COLOUR, *scale, "--frames", 2, "--no-overlay")
-    assert outcome.code == 0
+def test_colour_cannot_tell_who_is_lost_and_nobody_invents_a_number(run_of):
+    _, output = run_of("lost")
+    assert "confidence" not in (output / "diagnostics.csv").read_text()
+    assert "confidence" not in read_tracks(output / "tracks.csv")
+    assert summary_of(output)["objects"]["1"]["mean_confidence"] is None
+
+
+def test_a_frame_that_no_particle_explains_is_left_out_and_counted(run_of):
+    outcome, output = run_of("impossible")
     assert "Warning: 2 frames had likelihood zero for all particles" in outcome.err
-    summary = summary_of(tmp_path / "out")
+    summary = summary_of(output)
     assert summary["impossible_frames"] == 2
     assert summary["frames_without_likelihood"] == {"1": [1, 2], "2": [1, 2]}
-    assert cv2.imread(str(tmp_path / "out" / "trajectories.png")) is not None
+    assert cv2.imread(str(output / "trajectories.png")) is not None
 
 
-def test_likelihoods_that_are_no_number_are_counted(track, tmp_path):
-    outcome = track(*BOXES, *COLOUR, "--noise-pixels", "2e38,2e38,1", "--frames", 3, "--no-overlay")
-    assert outcome.code == 0
+def test_likelihoods_that_are_no_number_are_counted(run_of):
+    outcome, output = run_of("no number")
     assert "likelihood(s) were not a number and counted as zero" in outcome.err
-    assert summary_of(tmp_path / "out")["invalid_likelihoods"] > 0
+    assert summary_of(output)["invalid_likelihoods"] > 0
 
 
-def test_a_truncated_video_is_tracked_as_far_as_it_goes_with_a_note(track, place, tmp_path):
-    data = (place / "clip.avi").read_bytes()
-    (tmp_path / "cut.avi").write_bytes(data[: len(data) // 2])
-    outcome = track(*BOXES, *COLOUR, "--no-overlay", video=tmp_path / "cut.avi")
-    assert outcome.code == 0
+def test_a_truncated_video_is_tracked_as_far_as_it_goes_with_a_note(run_of):
+    outcome, output = run_of("cut")
     assert re.search(r"Note: .*announces 10 frames.*it is cut off or damaged", outcome.err)
-    summary = summary_of(tmp_path / "out")
+    summary = summary_of(output)
     assert summary["video_truncated"] is True
     assert 0 < summary["frames_tracked"] < LENGTH - 1
 
 
 def test_a_fault_of_the_video_on_the_way_keeps_what_was_tracked(track, tmp_path):
     frames = [picture(0), picture(1), picture(2)[:40]]
-    outcome = track(*BOXES, video=write_images(tmp_path / "mixed", frames))
+    outcome = track(*BOXES, video=write_pictures(tmp_path / "mixed", frames))
     assert outcome.code == 2
     assert "mixes image sizes: '0.png' is 64x48 but '2.png' is 64x40" in outcome.err
     assert rows_of(tmp_path / "out").shape == (4, 7)

@@ -3,22 +3,19 @@
 import shutil
 import tomllib
 
-import cv2
 import numpy as np
 import pytest
 from command_line import assert_same, built_by_track, jaxpf
-from films import write_film
 from small_video import (
     BOXES,
     HEIGHT,
     LENGTH,
     PARTICLES,
+    STAMPS,
     WIDTH,
-    picture,
     rows_of,
     summary_of,
     true_boxes,
-    write_lossless_video,
     write_truth,
 )
 
@@ -98,16 +95,10 @@ def test_the_confidence_is_the_same_in_tracks_diagnostics_and_summary(whole_run)
     np.testing.assert_allclose(mean, confidence.mean(axis=0), atol=1e-4)
 
 
-def test_lost_means_the_same_in_tables_verdicts_and_exports(track, tmp_path):
-    """Object 2 vanishes after frame 4; nothing leaves the picture."""
-    frames = [picture(number) for number in range(LENGTH)]
-    for number in range(5, LENGTH):
-        x, y, w, h = true_boxes(number)[1]
-        frames[number][y : y + h, x : x + w] = frames[number][-1, -1]
-    clip = write_lossless_video(tmp_path / "gone.avi", frames)
-    outcome = track(*BOXES, video=clip)
-    assert outcome.code == 0
-    output, table = tmp_path / "out", read_tracks(tmp_path / "out" / "tracks.csv")
+def test_lost_means_the_same_in_tables_verdicts_and_exports(run_of, tmp_path):
+    """Object 2 vanishes after frame 4."""
+    outcome, output = run_of("film")
+    table = read_tracks(output / "tracks.csv")
     lost = table["lost"] == 1
     assert lost[table["id"] == 2].any()
     np.testing.assert_array_equal(lost, table["confidence"] < LOST_BELOW)
@@ -121,13 +112,20 @@ def test_lost_means_the_same_in_tables_verdicts_and_exports(track, tmp_path):
     np.testing.assert_array_equal(read_boxes(tmp_path / "t.txt").confidence < LOST_BELOW, lost)
 
 
-def test_colour_cannot_tell_who_is_lost_and_nobody_invents_a_number(track, tmp_path):
-    assert track(*BOXES, "--frames", 2, "--appearance", "colour", "--no-overlay").code == 0
-    output = tmp_path / "out"
-    np.testing.assert_array_equal(rows_of(output)[:, 6], 1)
-    assert "confidence" not in (output / "diagnostics.csv").read_text()
-    assert "confidence" not in read_tracks(output / "tracks.csv")
-    assert summary_of(output)["objects"]["1"]["mean_confidence"] is None
+def test_times_speeds_and_overlay_are_those_of_the_film(run_of):
+    _, output = run_of("film")
+    table = read_tracks(output / "tracks.csv")
+    times = np.array(STAMPS) / 1000
+    np.testing.assert_allclose(table["time"][::2], times, atol=1e-3)
+    places = table["x"] + table["w"] / 2, table["y"] + table["h"] / 2
+    steps = np.hypot(*(np.diff(place.reshape(LENGTH, 2), axis=0) for place in places))
+    # The first step is from the given box; speeds are of the particles' mean.
+    speeds = table["speed"].reshape(LENGTH, 2)[1:]
+    np.testing.assert_allclose(speeds[1:], (steps / np.diff(times)[:, None])[1:], rtol=0.1, atol=3)
+    assert summary_of(output)["fps"] == pytest.approx(25)
+    overlay = open_frames(output / "overlay.mp4")
+    shown = [overlay.shown_at(number) for number, _ in enumerate(overlay)]
+    np.testing.assert_allclose(shown, times, atol=1e-3)
 
 
 def test_overlay_and_progress_are_of_every_frame(whole_run):
@@ -203,43 +201,23 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     assert set(options) == names - of_others - {*unset.split(), *elsewhere.split()}
 
 
-def test_every_object_may_have_a_noise_of_its_own(place):
-    noise = ("--noise-relative", ".045,.18,.02,0,0,0")
-    _, tracker = built_by_track("boxes", place / "clip.avi", *BOXES, *noise)
-    np.testing.assert_allclose(tracker.dynamics.steps, [[0.045, 0.18, 0.02], [0, 0, 0]])
-
-
-def test_a_range_makes_pictures_of_16_bits_those_of_8(whole_run, track, place, tmp_path):
-    for path in (place / "images").iterdir():
-        (tmp_path / "deep").mkdir(exist_ok=True)
-        cv2.imwrite(str(tmp_path / "deep" / path.name), 100 + 2 * cv2.imread(path).astype("u2"))
-    given = ("--range", "100,610")
-    assert jaxpf("frame", tmp_path / "deep", *given, "-o", tmp_path / "deep.png").code == 0
-    assert jaxpf("frame", place / "images", "-o", tmp_path / "plain.png").code == 0
-    assert (tmp_path / "deep.png").read_bytes() == (tmp_path / "plain.png").read_bytes()
-    outcome = track(*BOXES, *given, "--frames", 2, video=tmp_path / "deep")
-    assert outcome.code == 0, outcome.err
-    found, expected = (read_tracks(f / "tracks.csv") for f in (tmp_path / "out", whole_run[1]))
-    np.testing.assert_array_equal(found["x"], expected["x"][: len(found["x"])])
-    assert tomllib.loads((tmp_path / "out" / "run.toml").read_text())["track"]["range"] == [
-        100,
-        610,
-    ]
-
-
-def test_a_folder_of_images_with_its_own_rate_gives_the_tracks_of_the_lossless_video(
-    whole_run, track, place, tmp_path
+def test_pictures_of_16_bits_with_a_rate_of_their_own_give_the_tracks_of_the_video(
+    whole_run, run_of, place, tmp_path
 ):
-    outcome = track(*BOXES, "--fps", 10, video=place / "images")
-    assert outcome.code == 0, outcome.err
-    table, expected = (read_tracks(f / "tracks.csv") for f in (tmp_path / "out", whole_run[1]))
+    _, output = run_of("deep")
+    table, expected = (read_tracks(f / "tracks.csv") for f in (output, whole_run[1]))
     assert list(table) == list(expected)
     for name in table.keys() - {"time", "speed", "speed_2.5", "speed_97.5"}:
         np.testing.assert_array_equal(table[name], expected[name])
     np.testing.assert_allclose(table["time"], table["frame"] / 10)
     np.testing.assert_allclose(table["speed"], 0.4 * expected["speed"], atol=2e-3)
-    assert summary_of(tmp_path / "out")["fps"] == 10
-    assert open_frames(tmp_path / "out" / "overlay.mp4").fps == 10
+    assert summary_of(output)["fps"] == 10
+    assert open_frames(output / "overlay.mp4").fps == 10
+    assert tomllib.loads((output / "run.toml").read_text())["track"]["range"] == [100, 610]
+    given = ("--range", "100,610", "-o", tmp_path / "deep.png")
+    assert jaxpf("frame", place / "deep", *given).code == 0
+    assert jaxpf("frame", place / "images", "-o", tmp_path / "plain.png").code == 0
+    assert (tmp_path / "deep.png").read_bytes() == (tmp_path / "plain.png").read_bytes()
 
 
 def test_boxes_of_a_gt_file_a_mot_file_and_of_tracks_start_the_same_run(whole_run, place, tmp_path):
@@ -272,90 +250,79 @@ def test_ids_and_frames_are_chosen_and_names_may_have_any_letters(place, tmp_pat
     assert len(list(open_frames(output / "overlay.mp4"))) == 3
 
 
-@pytest.mark.parametrize("method", ["sir", "ps", "dps", "sps"])
-def test_a_method_and_an_order_make_the_ordering(place, method):
-    order = ("--order", "2,1") if method == "ps" else ()
-    _, tracker = built_by_track("boxes", place / "clip.avi", *BOXES, "--method", method, *order)
-    expected = ordering.ps([1, 0]) if order else ordering.named(method, (-1, -1))
-    assert_same(tracker.ordering, expected)
+def test_an_order_counts_from_1_and_every_object_may_have_a_noise_of_its_own(place):
+    given = ("--method", "ps", "--order", "2,1", "--noise-relative", ".045,.18,.02,0,0,0")
+    _, tracker = built_by_track("boxes", place / "clip.avi", *BOXES, *given)
+    assert_same(tracker.ordering, ordering.ps([1, 0]))
+    np.testing.assert_allclose(tracker.dynamics.steps, [[0.045, 0.18, 0.02], [0, 0, 0]])
 
 
-def test_overwrite_leaves_no_file_of_the_earlier_run_and_every_other_file(track, tmp_path):
-    output = tmp_path / "out"
-    assert track(*BOXES, "--frames", 1).code == 0
-    tracks = (output / "tracks.csv").read_bytes()
-    for name in ("notes.txt", "metrics.csv"):
-        (output / name).write_text("of before")
-    again = track(*BOXES, "--frames", 1, "--seed", 1, "--no-overlay", "--overwrite")
+def test_overwrite_leaves_no_file_of_the_earlier_run_and_every_other_file(
+    whole_run, track, tmp_path
+):
+    output = shutil.copytree(whole_run[1], tmp_path / "out")
+    (output / "notes.txt").touch()
+    given = ("--frames", 1, "--seed", 1, "--no-overlay", "--overwrite")
+    again = track(*BOXES, *given)
     assert again.code == 0, again.err
     left = {path.name for path in output.iterdir()}
     assert "notes.txt" in left
     assert not left & {"overlay.mp4", "metrics.csv"}
-    assert (output / "tracks.csv").read_bytes() != tracks, "another seed gives other tracks"
+    first, other = (read_tracks(f / "tracks.csv")["x"][2:4] for f in (whole_run[1], output))
+    assert (first != other).all(), "another seed gives other tracks"
 
 
-def test_times_speeds_and_overlay_are_those_of_the_film(track, tmp_path):
-    stamps = [40 * number + 60_000 * (number > 4) for number in range(LENGTH)]
-    frames = [picture(number) for number in range(LENGTH)]
-    film = write_film(tmp_path / "film.mkv", frames, "ffv1", "bgr0", rate=1000, stamps=stamps)
-    outcome = track(*BOXES, video=film)
-    assert outcome.code == 0, outcome.err
-    table = read_tracks(tmp_path / "out" / "tracks.csv")
-    times = np.array(stamps) / 1000
-    np.testing.assert_allclose(table["time"][::2], times, atol=1e-3)
-    places = table["x"] + table["w"] / 2, table["y"] + table["h"] / 2
-    steps = np.hypot(*(np.diff(place.reshape(LENGTH, 2), axis=0) for place in places))
-    # The first step is from the given box; speeds are of the particles' mean.
-    speeds = table["speed"].reshape(LENGTH, 2)[1:]
-    np.testing.assert_allclose(speeds[1:], (steps / np.diff(times)[:, None])[1:], rtol=0.1, atol=3)
-    assert summary_of(tmp_path / "out")["fps"] == pytest.approx(25)
-    overlay = open_frames(tmp_path / "out" / "overlay.mp4")
-    shown = [overlay.shown_at(number) for number, _ in enumerate(overlay)]
-    np.testing.assert_allclose(shown, times, atol=1e-3)
-
-
-def test_a_run_in_two_pieces_gives_the_tracks_of_one(whole_run, track, refuse, tmp_path):
-    kept, more = tmp_path / "kept.npz", tmp_path / "more"
-    kept.write_text("precious")
-    assert f"'{kept}' exists; choose another --save-state" in refuse(*BOXES, "--save-state", kept)
-    assert kept.read_text() == "precious"
-    saved = ("--save-state", kept, "--overwrite")
-    first = track(*BOXES, "--frames", 4, *saved, "--no-overlay")
-    assert first.code == 0, first.err
-    ended = track(*BOXES, "--resume", kept, "--frames", 4, "-o", more)
-    assert ended.code == 2
-    assert "has tracked 4 frames already" in ended.err
-    other = track(*BOXES, "--resume", kept, "-n", 61, "-o", more)
-    assert "as many particles" in other.err
-    # A state replaces the one that it goes on from.
-    second = track(*BOXES, "--resume", kept, "--save-state", kept, "-o", more)
-    assert second.code == 0, second.err
-    header, rows = (more / "tracks.csv").read_text().split("\n", 1)
-    before = (tmp_path / "out" / "tracks.csv").read_text()
-    assert before.startswith(header)
-    assert before + rows == (whole_run[1] / "tracks.csv").read_text()
-    assert summary_of(more)["frames_tracked"] == LENGTH - 5
-
-
-def test_a_state_saved_on_the_way_goes_on_bit_for_bit(whole_run, track, tmp_path, monkeypatch):
-    """As after kill -9: of all that the run saves, only a state from its middle is there."""
-    copies, save = [], states.save
+@pytest.fixture(scope="module")
+def begun(place, tmp_path_factory):
+    """A run of four frames: its folder, its state, and states saved before: (rows, path)."""
+    folder, copies, save = tmp_path_factory.mktemp("begun"), [], states.save
 
     def save_and_copy(path, state):
         save(path, state)
-        rows = (tmp_path / "out" / "tracks.csv").read_text().count("\n") - 1
-        copies.append((rows, shutil.copy(path, tmp_path / f"{len(copies)}.npz")))
+        rows = (folder / "out" / "tracks.csv").read_text().count("\n") - 1
+        copies.append((rows, shutil.copy(path, folder / f"{len(copies)}.npz")))
 
-    monkeypatch.setattr(recorder, "_SAVE_EVERY", -1)
-    monkeypatch.setattr(states, "save", save_and_copy)
-    assert track(*BOXES, "--save-state", tmp_path / "kept.npz", "--no-overlay").code == 0
-    # After every frame, whose rows were written before; and at the end.
-    assert [rows for rows, _ in copies] == [2 * n for n in [*range(2, LENGTH + 1), LENGTH]]
-    monkeypatch.undo()
-    rows, middle = copies[3]
-    again = tmp_path / "again"
-    outcome = track(*BOXES, "--resume", middle, "-o", again)
+    kept = folder / "kept.npz"
+    kept.touch()
+    given = (*BOXES, *PARTICLES, "--frames", 4, "--no-overlay", "--save-state", kept)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(recorder, "_SAVE_EVERY", -1)
+        patch.setattr(states, "save", save_and_copy)
+        outcome = jaxpf("track", place / "clip.avi", *given, "--overwrite", "-o", folder / "out")
     assert outcome.code == 0, outcome.err
-    _, *found = (again / "tracks.csv").read_text().splitlines()
+    return folder / "out", kept, copies
+
+
+def test_a_run_in_two_pieces_gives_the_tracks_of_one(whole_run, track, tmp_path, begun):
+    before, state, _ = begun
+    kept = shutil.copy(state, tmp_path)
+    # A state replaces the one that it goes on from.
+    second = track(*BOXES, "--resume", kept, "--save-state", kept)
+    assert second.code == 0, second.err
+    header, rows = (tmp_path / "out" / "tracks.csv").read_text().split("\n", 1)
+    tracks = (before / "tracks.csv").read_text()
+    assert tracks.startswith(header)
+    assert tracks + rows == (whole_run[1] / "tracks.csv").read_text()
+    assert summary_of(tmp_path / "out")["frames_tracked"] == LENGTH - 5
+
+
+def test_a_state_saved_on_the_way_goes_on_bit_for_bit(whole_run, track, tmp_path, begun):
+    """As after kill -9: of all that the run saves, only a state from its middle is there."""
+    *_, copies = begun
+    # After every frame, whose rows were written before; and at the end.
+    assert [rows for rows, _ in copies] == [4, 6, 8, 10, 10]
+    rows, middle = copies[1]
+    outcome = track(*BOXES, "--resume", middle, "--no-overlay")
+    assert outcome.code == 0, outcome.err
+    _, *found = (tmp_path / "out" / "tracks.csv").read_text().splitlines()
     _, *expected = (whole_run[1] / "tracks.csv").read_text().splitlines()
     assert found == expected[rows:]
+
+
+def test_states_of_other_runs_and_of_other_users_are_refused(refuse, begun):
+    _, kept, _ = begun
+    content = kept.read_bytes()
+    assert "--save-state" in refuse(*BOXES, "--save-state", kept)
+    assert "4 frames" in refuse(*BOXES, "--resume", kept, "--frames", 4)
+    assert "particles" in refuse(*BOXES, "--resume", kept, "-n", 61)
+    assert kept.read_bytes() == content

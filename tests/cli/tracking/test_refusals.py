@@ -7,8 +7,9 @@ import re
 
 import numpy as np
 import pytest
+from clips import write_pictures
 from command_line import jaxpf, refusal_of
-from small_video import BOXES, PARTICLES, picture, write_images, write_lossless_video, write_truth
+from small_video import BOXES, PARTICLES, picture, write_lossless_video, write_truth
 
 from jaxpf import cli
 
@@ -74,7 +75,7 @@ def test_a_start_from_which_nothing_can_be_learned_is_refused(
     refuse, tmp_path, box, arguments, message
 ):
     frames = [np.full((48, 64, 3), 110, np.uint8)] * 2
-    video = write_images(tmp_path / "flat", frames)
+    video = write_pictures(tmp_path / "flat", frames)
     assert message in refuse("--box", box, *arguments, video=video)
 
 
@@ -117,7 +118,7 @@ def test_what_is_no_video_is_refused(refuse, tmp_path, monkeypatch):
     assert "there is no video or folder at 'points'" in jaxpf("track", "./points", *BOXES).err
     # Before anything is compiled.
     monkeypatch.setattr("jaxpf.cli.tracking.work.use_compile_cache", lambda: 1 / 0)
-    images = write_images(tmp_path / "one", [picture(0)])
+    images = write_pictures(tmp_path / "one", [picture(0)])
     for one in (images, write_lossless_video(tmp_path / "one.avi", [picture(0)])):
         sentence = refuse(*BOXES, video=one)
         assert "follows the start frame 0, so there is nothing to track" in sentence
@@ -145,7 +146,7 @@ def test_an_output_folder_that_cannot_be_used_stays_as_it_is(place, tmp_path):
     assert "is a file; choose another folder" in said(clip, file)
     assert file.read_text() == "precious"
     # Results are never mixed with the frames they come from.
-    images = write_images(tmp_path / "images", [picture(0), picture(1)])
+    images = write_pictures(tmp_path / "images", [picture(0), picture(1)])
     assert "would mix the results with the video" in said(images, images, "--overwrite")
     assert sorted(path.name for path in images.iterdir()) == ["0.png", "1.png"]
     earlier = file.parent / "overlay.mp4"

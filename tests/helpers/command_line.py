@@ -41,12 +41,28 @@ def refusal_of(*arguments):
     return sentence
 
 
-def built_by_track(target, video, *arguments):
-    """Where ``jaxpf track`` starts and the tracker that it builds, which is not run."""
+def asked_of_track(target, *arguments):
+    """What the arguments of ``jaxpf track`` ask for; nothing is opened."""
     target = find_target(target)
-    words = [str(word) for word in (video, *arguments)]
-    with TrackCommand(target).make_context("track", words) as context:
-        session = open_session(request_of(context, target))
+    with TrackCommand(target).make_context("track", list(map(str, arguments))) as context:
+        return request_of(context, target)
+
+
+def opened_by_track(target, *arguments):
+    """The session that ``jaxpf track`` opens."""
+    target = find_target(target)
+    with TrackCommand(target).make_context("track", list(map(str, arguments))) as context:
+        return open_session(request_of(context, target))
+
+
+def started_by_track(target, *arguments):
+    """Where ``jaxpf track`` starts; no tracker is built."""
+    return opened_by_track(target, *arguments).start
+
+
+def built_by_track(target, *arguments):
+    """Where ``jaxpf track`` starts and the tracker that it builds, which is not run."""
+    session = opened_by_track(target, *arguments)
     session.build()
     return session.start, session.tracker
 

@@ -37,7 +37,7 @@ def test_every_filter_follows_points(method):
 
 
 @pytest.mark.parametrize(
-    "method", [pytest.param("eskil", marks=pytest.mark.slow), "pffl", "ps", "sps"]
+    "method", ["ps", "sps", *(pytest.param(n, marks=pytest.mark.slow) for n in ("eskil", "pffl"))]
 )
 def test_every_filter_doubts_a_point_that_disappears(method):
     published = {"sigma": 0.1, "window_size": 21} if method == "eskil" else {}
@@ -58,20 +58,17 @@ def test_every_filter_doubts_a_point_that_disappears(method):
 
 
 @pytest.mark.parametrize(
-    ("points", "changes", "message"),
+    ("points", "changes", "named"),
     [
-        (PLACES, {"speed": 3}, "there is no option 'speed'"),
-        (PLACES, {"joint_weighting": "x"}, "joint_weighting = x must be true or false"),
-        (PLACES, {"noise_points": -1.0}, "noise_points = -1 must be"),
-        (PLACES, {"window_size": 199}, "the window is 199 x 199 pixels and the frame 156 x 120"),
-        (PLACES[0], {}, "points has shape [2]; give x, y"),
-        (PLACES[:1], {"method": "eskil"}, "two partitions or more"),
-        (PLACES[[0, 0]], {"method": "pffl"}, "points 0 and 1 are both at"),
+        (PLACES, {"speed": 3}, "'speed'"),
+        (PLACES, {"window_size": 199}, "199 x 199"),
+        (PLACES[:1], {"method": "eskil"}, "two partitions"),
+        (PLACES[[0, 0]], {"method": "pffl"}, "points 0 and 1"),
         (PLACES + 100, {}, "outside the frame"),
     ],
 )
-def test_bad_input_is_refused(points, changes, message):
-    assert message in message_of(jaxpf.points.tracker, PICTURE, points, **changes)
+def test_bad_input_is_refused(points, changes, named):
+    assert named in message_of(jaxpf.points.tracker, PICTURE, points, **changes)
 
 
 def test_hidden_points_are_drawn_hollow():

@@ -30,13 +30,22 @@ RUNS = {
     "deep": ("deep", *BOXES, "--range", "100,610", "--fps", 10),
     "lost": ("clip.avi", *BOXES, *THROWN_OFF, "--frames", 3),
     # Off the frame, 3e38 times the distance is more than float32 holds: -inf for everyone.
-    "impossible": ("clip.avi", *BOXES, *THROWN_OFF, "--sharpness", "3e38", "--frames", 2, "--no-overlay"),
+    "impossible": (
+        "clip.avi",
+        *BOXES,
+        *THROWN_OFF,
+        "--sharpness",
+        "3e38",
+        "--frames",
+        2,
+        "--no-overlay",
+    ),
     "no number": (
         *("clip.avi", *BOXES, *COLOUR, "--noise-pixels", "2e38,2e38,1"),
         *("--frames", 3, "--no-overlay"),
     ),
     "cut": ("cut.avi", *BOXES, *COLOUR, "--no-overlay"),
-    "detected": (*("clip.avi", "--detections", "det.txt", "--min-hits", "2", "--capacity", "3"),),
+    "detected": (*("clip.avi", "--detections", "det.txt", "--min-hits", "2", "--capacity", "2"),),
 }
 
 

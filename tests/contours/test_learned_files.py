@@ -35,32 +35,30 @@ def test_what_is_written_is_read(tmp_path, learned):
 
 
 @pytest.mark.parametrize(
-    ("damage", "message"),
+    ("damage", "named"),
     [
-        (lambda content: content.pop("space"), "it has no 'space'"),
-        (lambda content: content["space"].pop("modes"), "it has no 'modes'"),
-        (lambda content: content["space"].update(degree=9), "too few for degree 9"),
-        (
-            lambda content: content["space"].update(degree=float("inf")),
-            "is not a file of a learned",
-        ),
-        (lambda content: content["dynamics"].update(noise=[1, 2]), "noise must be finite numbers"),
-        (lambda content: content["dynamics"].update(offset=[float("nan")] * 4), "offset must be"),
+        (lambda content: content.pop("space"), "'space'"),
+        (lambda content: content["space"].pop("modes"), "'modes'"),
+        (lambda content: content["space"].update(degree=9), "degree 9"),
+        (lambda content: content["space"].update(degree=float("inf")), "learned"),
+        (lambda content: content["dynamics"].update(noise=[1, 2]), "noise"),
+        (lambda content: content["dynamics"].update(offset=[float("nan")] * 4), "offset"),
     ],
 )
-def test_what_is_none_is_refused(tmp_path, learned, damage, message):
+def test_what_is_none_is_refused(tmp_path, learned, damage, named):
     path = tmp_path / "learned.json"
     write_learned(path, learned)
     content = json.loads(path.read_text())
     damage(content)
     path.write_text(json.dumps(content))
-    assert message in message_of(read_learned, path)
-    assert str(path) in message_of(read_learned, path)
+    message = message_of(read_learned, path)
+    assert named in message
+    assert str(path) in message
 
 
 def test_files_that_are_none_are_refused(tmp_path):
     path = tmp_path / "learned.json"
-    assert "there is no file of a learned" in message_of(read_learned, path)
-    for text, message in (("{closed", "it is no JSON"), ("[1]", "is not a file of a learned")):
+    assert str(path) in message_of(read_learned, path)
+    for text in ("{closed", "[1]"):
         path.write_text(text)
-        assert message in message_of(read_learned, path)
+        assert str(path) in message_of(read_learned, path)

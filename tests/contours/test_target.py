@@ -169,35 +169,39 @@ def test_what_particles_believe_to_be_hidden_is_drawn_so():
     np.testing.assert_array_equal(first[2], in_first | in_second)
 
 
-def test_what_cannot_be_tracked_is_refused(wires):
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [({"exclusion": "opaque"}, "open contours"), ({"noise_bend": -1.0}, "noise_bend")],
+)
+def test_what_cannot_be_tracked_is_refused(wires, options, named):
     scene, start = wires
-    for options, message in (
-        ({"noise_bend": -1.0}, "noise_bend"),
-        ({"shape_space": "bent"}, "shape_space = 'bent'"),
-        ({"exclusion": "opaque"}, "open contours"),
-    ):
-        options = {"clutter": 0.5, **options}
-        assert message in message_of(jaxpf.contours.tracker, scene.frames[0], start, **options)
-    message = message_of(jaxpf.contours.tracker, scene.frames[0], start.points)
-    assert "contours is ndarray: give a Contours" in message
-    message = message_of(Contours, ("a",), np.ones((8, 2)))
-    assert "points has shape [8, 2]; give control points" in message
-    message = message_of(jaxpf.contours.start_space, start, 3)
-    assert "space is int: give a ShapeSpace or str" in message
+    given = {"clutter": 0.5, **options}
+    assert named in message_of(jaxpf.contours.tracker, scene.frames[0], start, **given)
 
 
-def test_scenes_tell_where_contours_start_and_how_well_they_are_found(tmp_path, wires, tracked):
+@pytest.mark.slow
+def test_scenes_tell_how_well_contours_are_found(wires, tracked):
     scene, _ = wires
     start, truth = CONTOURS.scene_start(scene), CONTOURS.scene_shapes(scene)
-    assert start.contours.width == scene.parameters["wire_width"]
     found = CONTOURS.shapes(start, tracked[1], tracked[0])
     measured = CONTOURS.measures(start, found, truth[1:])
     assert np.asarray(measured["iou"])[-1].min() > 0.5
     assert np.asarray(measured["corner_error"])[-1].max() < 5
+
+
+def test_scenes_tell_where_contours_start_and_shapes_are_written(tmp_path, wires):
+    scene, contours = wires
+    start, truth = CONTOURS.scene_start(scene), CONTOURS.scene_shapes(scene)
+    assert start.contours.width == scene.parameters["wire_width"]
+    tracker = jaxpf.contours.tracker(scene.frames[0], contours, clutter=0.5)
+    found = CONTOURS.shapes(start, tracker.likelihood.space.project(contours.points), tracker)
+    measured = CONTOURS.measures(start, found, truth[0])
+    assert np.asarray(measured["iou"]).min() > 0.5
+    assert np.asarray(measured["corner_error"]).max() < 5
     # A stored evaluation knows of shapes, and of no splines.
     stored = Start(start.ids, start.shapes, start.sizes, start.parents)
     with CONTOURS.outline_file(tmp_path / "tracks.csv", stored) as write:
-        write(3, found[0])
+        write(3, np.asarray(found))
     rows = rows_of(tmp_path / "tracks.csv")
     assert {(row["id"], row["kind"]) for row in rows} == {("1", "outline"), ("2", "outline")}
 

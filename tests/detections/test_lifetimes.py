@@ -1,9 +1,7 @@
 """Who starts and who ends, by hand-made detections."""
 
 import numpy as np
-import pytest
 
-import jaxpf
 from jaxpf.detections import EMPTY, Rules, lifetimes
 
 SHAPE = (100, 200)
@@ -146,20 +144,6 @@ def test_a_named_one_goes_before_a_detected_one_and_is_refused_by_name():
     changes = course.frame(HERE, named=[(5, THERE[0]), (6, ELSEWHERE[0])])
     assert [new.id for new in changes.started] == [5]
     assert [refusal.id for refusal in changes.refused] == [EMPTY, 6]
-
-
-@pytest.mark.parametrize(
-    ("rules", "sentence"),
-    [
-        ({"capacity": 0}, "capacity = 0 must be"),
-        ({"detection_iou": 0.0}, "detection_iou = 0 must be"),
-        ({"max_age": -1}, "max_age = -1 must be"),
-        ({"detection_noise": -1.0}, "detection_noise = -1 must be"),
-    ],
-)
-def test_rules_out_of_range_are_refused(rules, sentence):
-    with pytest.raises(jaxpf.InputError, match=sentence):
-        Rules(**rules)
 
 
 def test_who_was_born_must_be_confirmed_anew_where_the_tracker_lost_him():

@@ -8,6 +8,7 @@ import cv2
 import jax
 import numpy as np
 import pytest
+from clips import write_contours, write_parts, write_pictures
 from command_line import assert_same, built_by_track, jaxpf as command
 
 import jaxpf
@@ -66,15 +67,13 @@ GIVEN = {
 
 
 @pytest.mark.parametrize("name", STARTS)
-@pytest.mark.parametrize("given", [False, True])
+@pytest.mark.parametrize("given", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    Path("parts.csv").write_text(
-        "part,parent,x,y,w,h,angle\nbody,,150,100,40,60,0\narm,body,150,150,16,50,30\n"
-    )
-    Path("contours.json").write_text(f'{{"closed": true, "contours": {{"leaf": {CONTOUR}}}}}')
-    for number in range(2):
-        cv2.imwrite(f"{number}.png", FRAME[..., ::-1])
+    body, arm = ("body", "", 150, 100, 40, 60, 0), ("arm", "body", 150, 150, 16, 50, 30)
+    write_parts(Path("parts.csv"), body, arm)
+    write_contours(Path("contours.json"), {"leaf": CONTOUR})
+    write_pictures(tmp_path, [FRAME] * 2)
     (start, flags), (options, more), module = STARTS[name], GIVEN[name], getattr(jaxpf, name)
     _, typed = built_by_track(name, tmp_path, *flags, *(more if given else []))
     made = module.tracker(FRAME, start, **(options if given else {}))
@@ -84,40 +83,21 @@ def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize(
-    ("start", "options", "sentence"),
+    ("start", "options", "named"),
     [
-        (BOXES, {"num_particels": 9}, "did you mean num_particles"),
-        (BOXES, {"noise_points": 9}, "no option 'noise_points' of boxes"),
-        (BOXES, {"patches": "a"}, "patches.0. "),
-        (BOXES, {"patches": 3}, "patches=3 must be a list"),
-        (BOXES, {"num_particles": 0}, "num_particles = 0 must be"),
-        (BOXES, {"method": "best"}, "method 'best' is unknown"),
-        (BOXES, {"exclusion": "boxes", "appearance": "colour"}, "works only with"),
-        (
-            BOXES,
-            {"method": "ps", "ordering": jaxpf.ordering.dps(2)},
-            "method and ordering were both given",
-        ),
+        (BOXES, {"num_particels": 9}, "num_particles"),
+        (BOXES, {"noise_points": 9}, "'noise_points'"),
+        (BOXES, {"method": "best"}, "'best'"),
+        (BOXES, {"exclusion": "boxes", "appearance": "colour"}, "exclusion"),
+        (BOXES, {"method": "ps", "ordering": jaxpf.ordering.dps(2)}, "method and ordering"),
         (BOXES, {"frame": FRAME / 255}, "uint8 RGB"),
-        (BOXES, {"frame": None}, "or a likelihood of your own"),
-        (BOXES, {"frame": [[1], []]}, "frame=.* must be the frame in which"),
-        ([[1, 2, 3]], {}, r"shape \[1, 3\]; give x, y, w, h"),
-        ([[1, 2, 3, 0]], {}, "a positive width and height"),
-        ([["left"] * 4], {}, "must be x, y, w, h in pixels"),
+        (BOXES, {"frame": None}, "likelihood"),
+        ([[1, 2, 3, 0]], {}, "width and height"),
     ],
 )
-def test_what_cannot_be_made_is_refused(start, options, sentence):
-    with pytest.raises(InputError, match=sentence):
+def test_what_cannot_be_made_is_refused(start, options, named):
+    with pytest.raises(InputError, match=named):
         jaxpf.boxes.tracker(boxes=start, **{"frame": FRAME, **options})
-
-
-def test_what_is_no_point_likelihood_or_tracker_is_refused():
-    with pytest.raises(InputError, match="must be x, y in pixels"):
-        jaxpf.points.tracker(FRAME, [["a", "b"]])
-    with pytest.raises(InputError, match="with the methods observe"):
-        jaxpf.points.tracker(FRAME, [[9, 9]], likelihood=3)
-    with pytest.raises(InputError, match="tracker is None; give a tracker"):
-        jaxpf.boxes.to_boxes(None, BOXES)
 
 
 def test_boxes_of_a_tracker_without_sizes_are_refused():

@@ -4,11 +4,11 @@ import functools
 import operator
 from pathlib import Path
 
-import cv2
 import jax
 import numpy as np
 import pytest
-from command_line import assert_same, jaxpf as command
+from clips import write_pictures
+from command_line import assert_same, built_by_track
 
 import jaxpf
 import scenes
@@ -205,15 +205,15 @@ def test_rowe2005_tracks_boxes_of_any_shape():
 
 
 def test_the_command_line_takes_the_function_that_the_page_shows(tmp_path):
+    """``tests/house`` runs trackers of users."""
     page = (Path(__file__).parents[2] / "notebooks" / "docs" / "papers.md").read_text()
     (tmp_path / "systems.py").write_text(page.split("```python\n")[1].split("```")[0])
-    for number in range(3):
-        cv2.imwrite(str(tmp_path / f"{number}.png"), np.roll(FRAME, number, axis=1))
+    clip = write_pictures(tmp_path / "clip", [FRAME] * 2)
     boxes = [f"--box={','.join(map(str, box))}" for box in BOXES]
-    tracker = "--tracker", f"{tmp_path / 'systems.py'}:rowe2005"
-    outcome = command("track", "boxes", tmp_path, *boxes, *tracker, "-o", tmp_path / "out")
-    assert outcome.code == 0, outcome.err
-    assert len((tmp_path / "out" / "tracks.csv").read_text().splitlines()) == 1 + 3 * len(BOXES)
+    own = "--tracker", f"{tmp_path / 'systems.py'}:rowe2005"
+    _, tracker = built_by_track("boxes", clip, *boxes, *own)
+    assert (type(tracker), tracker.weights) == (jaxpf.Labelled, "equal_share")
+    np.testing.assert_allclose(jaxpf.boxes.to_boxes(tracker, tracker.initial), BOXES)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ COMMAND = [sys.executable, "-m", "jaxpf.cli"]
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="a device of Linux")
-@pytest.mark.parametrize("arguments", [["--help"], ["verdicts"], ["track", "--help-all"]])
+@pytest.mark.parametrize("arguments", [["--help"], ["verdicts"]])
 def test_a_full_disk_under_standard_output_is_one_sentence(arguments):
     with open("/dev/full", "w") as full:
         ended = subprocess.run([*COMMAND, *arguments], stdout=full, stderr=subprocess.PIPE)

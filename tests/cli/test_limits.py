@@ -20,11 +20,8 @@ def refused(*arguments):
 def test_more_memory_than_there_is_is_refused_with_both_sums(monkeypatch):
     assert 2**28 < memory.machine_memory() < 2**50
     monkeypatch.setattr(memory, "machine_memory", lambda: 8 * 2**30)
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match=r"9\.5 GB .* 8\.0 GB; ask for less\."):
         memory.check_memory(9.5 * 2**30, "ask for less")
-    assert str(caught.value) == (
-        "this takes about 9.5 GB of memory, and this machine has 8.0 GB; ask for less."
-    )
     memory.check_memory(7.5 * 2**30, "ask for less")
 
 
@@ -35,8 +32,7 @@ def test_commands_that_do_not_fit_are_refused_also_where_they_are_only_planned(t
     for command in (("demo",), tune, evaluate):
         outcome = jaxpf(*command, "-n", "500000000", "-o", tmp_path / "o")
         assert outcome.code == 2
-        assert "GB of memory, and this machine has" in outcome.err
-        assert "ask for fewer particles" in outcome.err
+        assert "fewer particles" in outcome.err
         assert not (tmp_path / "o").exists()
 
 
@@ -63,17 +59,18 @@ BODY = "def scene(seed=0):\n    return 1 / 0\n\ndef tracker(scene):\n    raise V
 
 
 @pytest.mark.parametrize(
-    ("body", "arguments", "said"),
+    ("body", "arguments", "named"),
     [
-        (BODY, "{}:scene", "failed with ZeroDivisionError: division by zero, at line 2 of"),
-        (BODY, "distracter --tracker {}:tracker", "failed with ValueError: [/red], at line 5 of"),
-        ("\n1 / 0", "{}:scene", "cannot be imported (ZeroDivisionError: division by zero, at line"),
+        (BODY, "{}:scene", ("ZeroDivisionError", "line 2")),
+        (BODY, "distracter --tracker {}:tracker", ("ValueError: [/red]", "line 5")),
+        ("\n1 / 0", "{}:scene", ("ZeroDivisionError", "line 2")),
     ],
 )
-def test_a_users_function_that_fails_is_told_by_file_and_line(tmp_path, body, arguments, said):
+def test_a_users_function_that_fails_is_told_by_file_and_line(tmp_path, body, arguments, named):
     (tmp_path / "mine.py").write_text(body)
     words = arguments.format(tmp_path / "mine.py").split()
-    assert said in refused("evaluate", *words, "-o", tmp_path / "o")
+    sentence = refused("evaluate", *words, "-o", tmp_path / "o")
+    assert all(word in sentence for word in (*named, "mine.py"))
 
 
 @pytest.mark.parametrize(

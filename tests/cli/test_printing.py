@@ -51,9 +51,9 @@ def test_names_on_the_command_line_reach_no_terminal_and_are_one_line(
     ("line", "code", "sentence"),
     [
         ("verdicts | head -1", 0, ""),
-        ("--help | true", 0, ""),
-        ("verdicts >&-", 2, "Error: standard output is closed; "),
-        ("verdicts 1</dev/null", 2, "Error: cannot write the output: bad file descriptor; "),
+        pytest.param("--help | true", 0, "", marks=pytest.mark.slow),
+        ("verdicts >&-", 2, "Error: standard output "),
+        ("verdicts 1</dev/null", 2, "Error: cannot write the output"),
         ("export . coco x.json 2>&-", 2, ""),
     ],
 )

@@ -25,7 +25,7 @@ def built(monkeypatch):
 
 @pytest.mark.parametrize(
     ("method", "options"),
-    [("dps", ()), ("sir", ("--motion", "pixels")), ("dps", ("--appearance", "colour"))],
+    [("dps", ()), ("sir", ("--motion", "pixels", "--appearance", "colour"))],
 )
 def test_track_and_evaluate_of_a_folder_build_equal_trackers(built, tmp_path, method, options):
     folder = write_sequence(tmp_path / "two")

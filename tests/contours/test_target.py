@@ -143,7 +143,7 @@ def test_opaque_targets_are_branched_and_labelled(wires):
     assert not plain.ordering.keeps_components
 
 
-@pytest.mark.parametrize("count", [3, 4])
+@pytest.mark.parametrize("count", [3, pytest.param(4, marks=pytest.mark.slow)])
 def test_each_order_in_depth_has_a_label_and_a_branch(count):
     scene = scenes.make("leaves", seed=0, leaves=count, num_frames=2)
     start = start_contours(scene, True, tuple(range(count)))

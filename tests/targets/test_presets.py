@@ -221,7 +221,9 @@ def test_the_command_line_takes_the_function_that_the_page_shows(tmp_path):
     [
         (jaxpf.boxes.tracker, BOXES, {"num_particles": 6}),
         (jaxpf.boxes.tracker, BOXES, {"motion": "relative"}),
-        (jaxpf.boxes.tracker, BOXES, {"appearance": "discriminative"}),
+        pytest.param(
+            *(jaxpf.boxes.tracker, BOXES, {"appearance": "discriminative"}), marks=pytest.mark.slow
+        ),
         (jaxpf.points.tracker, BOXES[:, :2] + 10, {"method": "sps"}),
         (jaxpf.points.tracker, BOXES[:, :2] + 10, {"shape": "none"}),
     ],

@@ -14,31 +14,28 @@ pytestmark = pytest.mark.usefixtures("started_jax")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "sentence"),
+    ("arguments", "named"),
     [
-        ("--orders 1,2,3", "the order 1,2,3 is not a permutation of the 2 object(s)"),
-        ("--orders first", "--orders 'first' is not an order"),
-        ("--methods sir --orders 2,1", "orders are those of ps, which is not among"),
-        ("--methods dps --swaps none", "swaps are those of sps, which is not among"),
-        ("--sharpness 20,many", "'20,many' is not numbers separated by commas"),
-        ("-n 3.5", "'3.5' is not whole numbers separated by commas"),
-        ("--noise-pixels 1,2", "'1,2' holds 2 number(s); give 3 of them"),
-        ("--bands 100", "100 bands need at least 100 rows"),
-        ("--runs 0", "--runs 0 must be a whole number from 1"),
-        ("--scene-seed -1", "seed = -1 must be a whole number, 0 or more"),
-        ("--set num_objects", "--set 'num_objects' must have the form NAME=VALUE"),
-        ("--set num_objects=many", "num_objects = 'many' must be a whole number"),
-        ("--ids 1", "--ids 1 chooses from a recorded sequence"),
-        ("--tracks theirs", "--tracks 'theirs' must have the form NAME=VALUE"),
-        ("--tracks theirs=no.csv", "no such file"),
-        ("--tracks a=x.csv --tracks a=y.csv", "--tracks gives a name twice"),
-        ("--baseline still --tracks still=x.csv", "a tracker cannot be called"),
-        ("--baseline ,", "--baseline names none; leave it out"),
-        ("--dask tcp://127.0.0.1:1 --workers 2", "--dask brings workers of its own"),
+        ("--orders 1,2,3", "order 1,2,3"),
+        ("--orders first", "--orders 'first'"),
+        ("--methods sir --orders 2,1", "orders"),
+        ("--methods dps --swaps none", "swaps"),
+        ("--sharpness 20,many", "'20,many'"),
+        ("--noise-pixels 1,2", "'1,2'"),
+        ("--bands 100", "100 bands"),
+        ("--set num_objects", "--set 'num_objects'"),
+        ("--set num_objects=many", "'many'"),
+        ("--ids 1", "--ids 1"),
+        ("--tracks theirs", "--tracks 'theirs'"),
+        ("--tracks theirs=no.csv", "no.csv"),
+        ("--tracks a=x.csv --tracks a=y.csv", "--tracks"),
+        ("--baseline still --tracks still=x.csv", "cannot be called"),
+        ("--baseline ,", "--baseline"),
+        ("--dask tcp://127.0.0.1:1 --workers 2", "--dask"),
     ],
 )
-def test_mistakes_are_one_sentence(refuse, arguments, sentence):
-    assert sentence in refuse("distracter", *SMALL, *arguments.split())
+def test_mistakes_are_one_sentence(refuse, arguments, named):
+    assert named in refuse("distracter", *SMALL, *arguments.split())
 
 
 @pytest.mark.parametrize("argument", ["--tracks a={}", "--tracker {}.py:f"])
@@ -47,44 +44,35 @@ def test_a_loop_of_symbolic_links_is_refused(refuse, tmp_path_factory, argument)
     loop.symlink_to("loop")
     place = loop / "file"
     sentence = refuse("distracter", *SMALL, *argument.format(place).split())
-    assert f"cannot read '{place}" in sentence
+    assert str(place) in sentence
 
 
 def test_unknown_scenes_are_refused_with_those_there_are(refuse):
-    sentence = refuse("distractor")
-    assert "no scene 'distractor'; did you mean 'distracter'?" in sentence
-    assert "distracter" in sentence
-    assert "nowhere' does not exist" in refuse("./nowhere")
+    assert "'distracter'" in refuse("distractor")
+    assert "nowhere'" in refuse("./nowhere")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "sentence"),
+    ("arguments", "named"),
     [
-        ("--ids 3,3", "cannot start with the ids [3, 3]"),
-        ("--start-frame 10", "--start-frame 10 must be a whole number from 0 to 9"),
-        ("--set num_objects=3", "is a recorded sequence and has no parameters"),
+        ("--ids 3,3", "[3, 3]"),
+        ("--start-frame 10", "--start-frame 10"),
+        ("--set num_objects=3", "no parameters"),
     ],
 )
-def test_choices_that_a_sequence_does_not_offer_are_refused(refuse, place, arguments, sentence):
-    assert sentence in refuse(place / "two", *arguments.split())
+def test_choices_that_a_sequence_does_not_offer_are_refused(refuse, place, arguments, named):
+    assert named in refuse(place / "two", *arguments.split())
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "sentence"),
-    [
-        ("gt.csv", None, "gt.csv'; check the path"),
-        ("meta.json", "{", "meta.json' describes no sequence"),
-        ("0003.png", None, "0003.png"),
-    ],
+    ("name", "content"), [("gt.csv", None), ("meta.json", "{"), ("0003.png", None)]
 )
-def test_a_sequence_with_something_missing_is_refused(
-    refuse, tmp_path_factory, name, content, sentence
-):
+def test_a_sequence_with_something_missing_is_refused(refuse, tmp_path_factory, name, content):
     folder = write_sequence(tmp_path_factory.mktemp("cut") / "two")
     (folder / name).unlink()
     if content is not None:
         (folder / name).write_text(content)
-    assert sentence in refuse(folder, *COMMON)
+    assert name in refuse(folder, *COMMON)
 
 
 def test_an_object_absent_in_the_start_frame_is_named(refuse, tmp_path_factory):

@@ -7,7 +7,7 @@ import cv2
 import jax
 import numpy as np
 import pytest
-from command_line import jaxpf
+from command_line import jaxpf, refusal_of
 from small_evaluation import small_scene
 from small_sequence_folder import SMALL, write_sequence
 
@@ -102,23 +102,19 @@ def test_a_folder_is_tuned_on_its_first_frames(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "named"),
     [
-        ("--parameters likelihood.sharp", "to tune; did you mean likelihood.sharpness?"),
-        ("--parameters num_particles", "no parameter num_particles to tune; choose"),
-        ("--parameters likelihood.bin_lookup", "holds int32, which has no gradient"),
-        ("--parameters dynamics.momentum", "has no option in `jaxpf track`"),
-        ("--frames 3", "--frames 3 divides a folder's frames"),
-        ("--labels 5", "--labels 5 does not work with --objective evidence"),
-        ("--labels 99 --objective position", "--labels 99 must be 1 to"),
+        ("--parameters likelihood.sharp", "likelihood.sharpness"),
+        ("--parameters num_particles", "num_particles"),
+        ("--parameters likelihood.bin_lookup", "int32"),
+        ("--parameters dynamics.momentum", "option"),
+        ("--frames 3", "--frames 3"),
+        ("--labels 5", "--labels 5"),
+        ("--labels 99 --objective position", "--labels 99"),
     ],
 )
-def test_a_mistake_is_one_sentence(tmp_path, arguments, words):
-    outcome = jaxpf(*SCENE, "-o", tmp_path / "out", *arguments.split())
-    assert outcome.code == 2
-    *_, sentence = outcome.err.strip().splitlines()
-    assert words in sentence
-    assert sentence.startswith("Error: ")
+def test_a_mistake_is_one_sentence(tmp_path, arguments, named):
+    assert named in refusal_of(*SCENE, "-o", tmp_path / "out", *arguments.split())
     assert not (tmp_path / "out").exists()
 
 
@@ -143,9 +139,8 @@ def test_a_clip_is_tuned_with_the_default_parameters(tmp_path):
     assert size == 0.02
     assert 0 < usual != 0.045
     assert 0 < long != 0.18
-    outcome = jaxpf("tune", folder, *QUICK, "--frames", "500", "-o", tmp_path / "none")
-    assert outcome.code == 2
-    assert "--frames 500 must be 2 to" in outcome.err
+    many = ("--frames", "500", "-o", tmp_path / "none")
+    assert "--frames 500" in refusal_of("tune", folder, *QUICK, *many)
 
 
 @pytest.mark.usefixtures("diverging")

@@ -7,6 +7,7 @@ import tomllib
 import cv2
 import numpy as np
 import pytest
+from clips import write_contours, write_pictures
 from command_line import jaxpf, refusal_of
 from csv_rows import rows_of
 
@@ -31,21 +32,17 @@ def picture(time, background=150, wires=(-1, 1)):
     return grey
 
 
-def contours(folder, **content):
-    both = {"left": wire(-1, 0).tolist(), "right": wire(1, 0).tolist()}
-    path = folder / "contours.json"
-    path.write_text(json.dumps({"closed": False, "contours": both} | content))
-    return path
+def contours(folder, closed=False, contours=None, **content):
+    both = {"left": wire(-1, 0), "right": wire(1, 0)}
+    return write_contours(folder / "contours.json", contours or both, closed, **content)
 
 
 @pytest.fixture(scope="module")
 def clip(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("clip")
-    for time in range(LENGTH):
-        # Nothing at all is seen in one frame.
-        shown = picture(time) if time != 3 else np.full((HEIGHT, WIDTH), 150, np.uint8)
-        cv2.imwrite(str(folder / f"{time}.png"), shown)
-    return folder
+    """Nothing at all is seen in one frame."""
+    empty = np.full((HEIGHT, WIDTH), 150, np.uint8)
+    frames = (picture(time) if time != 3 else empty for time in range(LENGTH))
+    return write_pictures(tmp_path_factory.mktemp("clip"), frames)
 
 
 @pytest.fixture(scope="module")
@@ -131,13 +128,13 @@ LEAF = [[10, 20], [30, 18], [32, 40], [12, 38]]
 @pytest.mark.slow
 def test_three_opaque_contours_are_tracked_and_drawn(tmp_path):
     middles = dict(zip("abc", np.array([(30, 40), (60, 45), (92, 50)]), strict=True))
-    for time in range(3):
-        grey = np.full((HEIGHT, WIDTH), 200, np.uint8)
+    frames = np.full((3, HEIGHT, WIDTH), 200, np.uint8)
+    for time, grey in enumerate(frames):
         for (x, y), level in zip(middles.values(), (150, 100, 50), strict=True):
             cv2.ellipse(grey, (int(x) + time, int(y)), (18, 22), 0, 0, 360, level, -1)
-        cv2.imwrite(str(tmp_path / f"{time}.png"), grey)
+    write_pictures(tmp_path, frames)
     corners = np.array([(0, -22), (18, 0), (0, 22), (-18, 0)]) * 1.3
-    points = {name: (corners + middle).tolist() for name, middle in middles.items()}
+    points = {name: corners + middle for name, middle in middles.items()}
     start = contours(tmp_path, closed=True, contours=points)
     outcome = track(tmp_path, start, tmp_path / "out", "--exclusion", "opaque", "--clutter", "1")
     assert outcome.code == 0, outcome.err
@@ -146,36 +143,29 @@ def test_three_opaque_contours_are_tracked_and_drawn(tmp_path):
     assert (tmp_path / "out" / "overlay.mp4").exists()
 
 
+FIVE = {"closed": True, "contours": dict.fromkeys("abcde", LEAF)}
+
+
 @pytest.mark.parametrize(
-    ("content", "options", "words"),
+    ("content", "options", "named"),
     [
-        ({}, "--exclusion opaque", "2 opaque target.* with open contours"),
-        (
-            {"closed": True, "contours": dict.fromkeys("abcde", LEAF)},
-            "--exclusion opaque",
-            "5 opaque target.*give 2 to 4 closed contours, or treat the targets as wires",
-        ),
-        ({"contours": {"short": [[1, 2], [3, 4], [5, 6]]}}, "", "3 control point"),
-        ({"contours": {"far": [[200, 2], [203, 4], [200, 9], [209, 9]]}}, "", "'far' lies outside"),
-        ({}, "--wire-width 30 --clutter 1", "width 30 does not fit on lines of 21 pixels"),
-        ({}, "--line-length 20", "length 20 of the measurement lines must be an odd number"),
-        ({}, "--edge-threshold 1000", "clutter cannot be learned; lower the threshold"),
-        ({}, "--flip 0.1", "--flip 0.1 works only with contours that hide one another"),
-        (
-            {},
-            "--shape-space translation --noise-bend 1",
-            "--noise-bend 1 works only with shapes that change",
-        ),
-        ({}, "--method sps", "--swap combinatorial needs a likelihood of single objects"),
+        ({}, "--exclusion opaque", "open contours"),
+        (FIVE, "--exclusion opaque", "5 opaque"),
+        ({"contours": {"far": [[200, 2], [203, 4], [200, 9], [209, 9]]}}, "", "'far'"),
+        ({}, "--wire-width 30 --clutter 1", "width 30"),
+        ({}, "--edge-threshold 1000", "threshold"),
+        ({}, "--flip 0.1", "--flip 0.1"),
+        ({}, "--shape-space translation --noise-bend 1", "--noise-bend 1"),
         ({}, "--method labelled", "log_joint"),
-        ({}, "--truth gt.csv", "--truth works only for boxes"),
+        ({}, "--truth gt.csv", "--truth"),
     ],
 )
-def test_what_does_not_go_together_is_one_sentence(clip, tmp_path, content, options, words):
+def test_what_does_not_go_together_is_one_sentence(clip, tmp_path, content, options, named):
     outcome = track(clip, contours(tmp_path, **content), tmp_path / "out", *options.split())
     assert outcome.code == 2
     *_, sentence = outcome.err.strip().splitlines()
-    assert re.match(f"Error: .*{words}", sentence), sentence
+    assert sentence.startswith("Error: ")
+    assert named in sentence
     assert not (tmp_path / "out").exists()
 
 
@@ -210,12 +200,10 @@ def test_what_is_learned_is_tracked_with(annotated, clip, start, tmp_path):
 
 
 def test_masks_are_learned_from(tmp_path):
-    masks = tmp_path / "masks"
-    masks.mkdir()
-    for number in range(12):
-        mask = np.zeros((60, 80), np.uint8)
+    masks = np.zeros((12, 60, 80), np.uint8)
+    for number, mask in enumerate(masks):
         cv2.ellipse(mask, (30 + number, 30), (14 + number % 3, 9), 5 * number, 0, 360, 255, -1)
-        cv2.imwrite(str(masks / f"{number}.png"), mask)
+    write_pictures(tmp_path / "masks", masks)
     options = ("-d", "4", "--points", "8", "--order", "1", "-o", tmp_path / "learned.json")
     outcome = jaxpf("contour", "learn", tmp_path, *options)
     assert outcome.code == 0, outcome.err
@@ -223,34 +211,27 @@ def test_masks_are_learned_from(tmp_path):
     assert kept < 1.5
 
 
-def test_what_was_learned_before_is_not_replaced_unless_asked(annotated, tmp_path):
-    (tmp_path / "learned.json").write_text("old")
-    sentence = refusal_of("contour", "learn", annotated, "-o", tmp_path / "learned.json")
-    assert "exists; choose another --output or add --overwrite" in sentence
-
-
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "named"),
     [
-        ("--first 50", "no centrelines in the frames from 50 on"),
-        ("--last 0 -d 5", "2 key frame.* are fewer than the 5 dimensions"),
-        ("--last 3 -d 5", "are too few to learn"),
-        ("-d 1", "dimension 1 must be"),
-        ("--points 3", "3 control point.* are fewer than the 4"),
-        ("--points 100000", "100000 control points are too many .* 500 at most"),
-        ("--first -1", "there are no frames from -1 on"),
-        ("-o none/learned.json", "cannot write 'none/learned.json'"),
+        ("--first 50", "50"),
+        ("--last 0 -d 5", "5 dimensions"),
+        ("--last 3 -d 5", "too few"),
+        ("-d 1", "dimension 1"),
+        ("--points 3", "3 control point"),
+        ("--points 100000", "100000 control points"),
+        ("-o none/learned.json", "'none/learned.json'"),
+        ("-o old.json", "--overwrite"),
+        ("--turns 8 --kind outlines", "outlines"),
     ],
 )
-def test_what_cannot_be_learned_is_refused(annotated, tmp_path, monkeypatch, options, words):
+def test_what_cannot_be_learned_is_refused(annotated, tmp_path, monkeypatch, options, named):
     monkeypatch.chdir(tmp_path)
-    sentence = refusal_of("contour", "learn", annotated, "--points", "7", *options.split())
-    assert re.search(words, sentence), sentence
-    assert not list(tmp_path.iterdir())
-
-
-def test_closed_contours_are_not_turned(annotated, tmp_path):
-    (tmp_path / "outlines.csv").write_text((annotated / "centrelines.csv").read_text())
-    options = ("--turns", "8", "-o", tmp_path / "x.json")
-    sentence = refusal_of("contour", "learn", tmp_path, *options)
-    assert "turns 8 are of centrelines, and outlines were given" in sentence
+    (tmp_path / "old.json").touch()
+    table = (annotated / "centrelines.csv").read_bytes()
+    (tmp_path / "clip").mkdir()
+    for kind in ("centrelines", "outlines"):
+        (tmp_path / "clip" / f"{kind}.csv").write_bytes(table)
+    given = ("--kind", "centrelines", "--points", "7", *options.split())
+    assert named in refusal_of("contour", "learn", "clip", *given)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["clip", "old.json"]

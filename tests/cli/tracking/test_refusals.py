@@ -5,10 +5,9 @@
 
 import re
 
-import numpy as np
 import pytest
-from clips import write_pictures
-from command_line import jaxpf, refusal_of
+from clips import grey, write_pictures
+from command_line import asked_of_track, jaxpf, refusal_of
 from small_video import BOXES, PARTICLES, picture, write_lossless_video, write_truth
 
 from jaxpf import cli
@@ -61,47 +60,30 @@ def test_options_that_do_not_go_together_are_one_sentence(refuse, arguments, nam
 
 def test_points_in_shares_of_the_frame_are_refused(place):
     given = ("--point", ".1,.2", "--point", ".3,.4")
-    assert "multiply x and widths" in refusal_of("track", "points", place / "clip.avi", *given)
+    assert "multiply" in refusal_of("track", "points", place / "clip.avi", *given)
+
+
+@pytest.mark.parametrize("options", ["6,8,3,16", "2,2,60,40", "20,20,12,16 --appearance colour"])
+def test_a_start_from_which_nothing_can_be_learned_is_refused(refuse, tmp_path, options):
+    video = write_pictures(tmp_path / "flat", [grey(110)] * 2)
+    assert "box of object 1" in refuse("--box", *options.split(), video=video)
 
 
 @pytest.mark.parametrize(
-    ("box", "arguments", "message"),
+    ("arguments", "named"),
     [
-        ("6,8,3,16", (), "the box of object 1 is 3 pixels wide and 16 high"),
-        ("2,2,60,40", (), "the box of object 1 lies on one colour"),
-        ("20,20,12,16", ("--appearance", "colour"), "the box of object 1 lies on one colour"),
+        ("--bands 1 --likelihood sampled", ("--bands", "--likelihood", "--appearance colour")),
+        ("--noise-pixels 3,3,.01", ("--noise-pixels", "--motion pixels")),
+        ("--bands 1 --appearance colour", ()),
+        ("--sharpness 5", ()),
+        ("--momentum .2", ()),
     ],
 )
-def test_a_start_from_which_nothing_can_be_learned_is_refused(
-    refuse, tmp_path, box, arguments, message
-):
-    frames = [np.full((48, 64, 3), 110, np.uint8)] * 2
-    video = write_pictures(tmp_path / "flat", frames)
-    assert message in refuse("--box", box, *arguments, video=video)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "note"),
-    [
-        (
-            ("--bands", "1", "--likelihood", "sampled"),
-            "Note: --bands and --likelihood set --appearance colour, which reports no "
-            "confidence; the default is discriminative.\n",
-        ),
-        (
-            ("--noise-pixels", "3,3,.01"),
-            "Note: --noise-pixels sets --motion pixels; the default is relative.\n",
-        ),
-        (("--bands", "1", "--appearance", "colour"), ""),
-        (("--sharpness", "5"), ""),
-        (("--momentum", ".2"), ""),
-    ],
-)
-def test_options_that_change_others_say_so_in_one_line(arguments, note):
-    outcome = jaxpf("track", "nowhere.mp4", *BOXES, *arguments)
-    notes, _, refusal = outcome.err.partition("Error:")
-    assert refusal
-    assert notes == note
+def test_options_that_change_others_say_so_in_one_line(capsys, arguments, named):
+    asked_of_track("boxes", "nowhere.mp4", *arguments.split())
+    note = capsys.readouterr().err
+    assert note.count("\n") == note.count("Note: ") == bool(named)
+    assert all(word in note for word in named)
 
 
 @pytest.mark.parametrize("option", ["-o", "--boxes", "--save-state", "--resume"])
@@ -113,24 +95,23 @@ def test_a_loop_of_symbolic_links_is_refused(refuse, tmp_path, option):
 
 def test_what_is_no_video_is_refused(refuse, tmp_path, monkeypatch):
     sentence = refuse(*BOXES, video="nowhere.mp4")
-    assert "there is no video or folder at 'nowhere.mp4'" in sentence
+    assert "'nowhere.mp4'" in sentence
     assert str(tmp_path) in sentence
     # Named like a kind of target, it needs its folder.
-    assert "there is no video or folder at 'points'" in jaxpf("track", "./points", *BOXES).err
+    assert "'points'" in refusal_of("track", "./points", *BOXES)
     # Before anything is compiled.
     monkeypatch.setattr("jaxpf.cli.tracking.work.use_compile_cache", lambda: 1 / 0)
     images = write_pictures(tmp_path / "one", [picture(0)])
     for one in (images, write_lossless_video(tmp_path / "one.avi", [picture(0)])):
-        sentence = refuse(*BOXES, video=one)
-        assert "follows the start frame 0, so there is nothing to track" in sentence
+        assert "nothing to track" in refuse(*BOXES, video=one)
 
 
 def test_truth_that_says_nothing_about_the_run_is_refused_before_tracking(refuse, tmp_path):
     others = write_truth(tmp_path / "others.csv", ids=(8, 9))
-    assert "has no box of object 1, 2, which this run tracks" in refuse(*BOXES, "--truth", others)
     early = write_truth(tmp_path / "early.csv", last=1)
-    assert "has no box of object 1, 2, which this run tracks" in refuse(*BOXES, "--truth", early)
-    assert "there is no file of boxes at" in refuse(*BOXES, "--truth", "nowhere.csv")
+    for truth in (others, early):
+        assert "no box of object 1, 2" in refuse(*BOXES, "--truth", truth)
+    assert "nowhere.csv" in refuse(*BOXES, "--truth", "nowhere.csv")
 
 
 def test_an_output_folder_that_cannot_be_used_stays_as_it_is(place, tmp_path):
@@ -142,13 +123,13 @@ def test_an_output_folder_that_cannot_be_used_stays_as_it_is(place, tmp_path):
     clip, file = place / "clip.avi", tmp_path / "mine" / "tracks.csv"
     file.parent.mkdir()
     file.write_text("precious")
-    assert "is not empty (it holds 'tracks.csv'); choose another folder" in said(clip, file.parent)
-    assert "cannot create the output folder" in said(clip, file / "out")
-    assert "is a file; choose another folder" in said(clip, file)
+    assert "'tracks.csv'" in said(clip, file.parent)
+    for place in (file / "out", file):
+        assert str(file) in said(clip, place)
     assert file.read_text() == "precious"
     # Results are never mixed with the frames they come from.
     images = write_pictures(tmp_path / "images", [picture(0), picture(1)])
-    assert "would mix the results with the video" in said(images, images, "--overwrite")
+    assert "mix" in said(images, images, "--overwrite")
     assert sorted(path.name for path in images.iterdir()) == ["0.png", "1.png"]
     earlier = file.parent / "overlay.mp4"
     earlier.write_bytes(clip.read_bytes())

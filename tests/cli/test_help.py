@@ -1,0 +1,47 @@
+"""The program's own help."""
+
+import subprocess
+import sys
+
+import pytest
+from command_line import jaxpf
+
+from jaxpf import cli
+
+
+@pytest.mark.parametrize("command", ["track", "frame", "demo"])
+def test_help_names_every_option(command):
+    text = " ".join(jaxpf(command, "--help").out.split())
+    for option in cli.group.get_command(None, command).params:
+        assert option.param_type_name != "option" or option.opts[0] in text
+
+
+def test_help_lists_the_commands():
+    text = jaxpf("--help").out
+    for command in cli.group.list_commands(None):
+        assert f"\n  {command} " in text
+
+
+def printed_by(program):
+    """The last line that a program prints."""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    return done.stdout.splitlines()[-1]
+
+
+@pytest.mark.parametrize("option", ["--help", "--version"])
+def test_help_and_version_come_without_heavy_imports(option):
+    heavy = "{'jax', 'numpy', 'cv2', 'matplotlib', 'rich'}"
+    program = f"import sys; from jaxpf.cli import main; main(['{option}'])"
+    assert printed_by(f"{program}; print(sorted({heavy} & set(sys.modules)))") == "[]"
+
+
+def test_no_help_text_loads_jax():
+    program = (
+        "import sys; from jaxpf.cli import group, main; commands = group.list_commands(None); "
+        "[main([name, '--help']) for name in commands]; "
+        "[main(['track', name, '--help']) for name in ('points', 'parts', 'contours')]; "
+        "print('jax' in sys.modules)"
+    )
+    assert printed_by(program) == "False"

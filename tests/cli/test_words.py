@@ -86,17 +86,14 @@ def test_the_demo_tells_each_methods_own_time(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ("trakc", "Error: there is no command 'trakc'; did you mean 'track'?  See `jaxpf --"),
-        ("frame", "Error: Missing argument 'VIDEO'.  See `jaxpf frame --help`."),
-        ("frame --nubmer 1", "Error: No such option"),
-    ],
+    ("arguments", "named"),
+    [("trakc", "'track'"), ("frame", "'VIDEO'"), ("frame --nubmer 1", "option")],
 )
-def test_every_refusal_is_one_line(arguments, message):
+def test_every_refusal_is_one_line(arguments, named):
     outcome = jaxpf(*arguments.split())
     assert outcome.code == 2
-    assert outcome.err.startswith(message)
+    assert outcome.err.startswith("Error: ")
+    assert named in outcome.err
     assert len(outcome.err.splitlines()) == 1
 
 

@@ -3,10 +3,10 @@
 import dataclasses
 from types import SimpleNamespace
 
-import cv2
 import jax
 import numpy as np
 import pytest
+from clips import write_pictures
 from refusals import message_of
 
 import jaxpf
@@ -62,7 +62,6 @@ def test_every_filter_doubts_a_point_that_disappears(method):
     [
         (PLACES, {"speed": 3}, "'speed'"),
         (PLACES, {"window_size": 199}, "199 x 199"),
-        (PLACES[:1], {"method": "eskil"}, "two partitions"),
         (PLACES[[0, 0]], {"method": "pffl"}, "points 0 and 1"),
         (PLACES + 100, {}, "outside the frame"),
     ],
@@ -115,30 +114,41 @@ def test_the_target_says_where_points_start():
     assert start.ids.tolist() == ["nose", "1"]
     np.testing.assert_array_equal(start.shapes, PLACES[:2])
     assert POINTS.outlines(start, start.shapes).shape == (2, 4, 2)
-    for wrong, message in (
-        ({"point": ("1,2",), "points": "file"}, "both given"),
-        ({}, "no start point"),
-        ({"point": ("200,3,nose",)}, "point 'nose' is at (200, 3), outside"),
-        ({"point": ("1,2",), "mask_step": 5.0}, "--mask-step works only with --mask"),
-    ):
-        assert message in message_of(start_of, **wrong)
     tuned = with_tuned(Options(), {"likelihood.sigma": 0.2, "dynamics.scale": 3.0}, "points")
     assert (tuned.sigma, tuned.noise_points) == (0.2, 3.0)
 
 
-def test_a_grid_of_points_starts_on_a_mask(tmp_path):
-    path, mask = tmp_path / "mask.png", np.zeros((120, 156), np.uint8)
+@pytest.fixture
+def mask(tmp_path):
+    """A picture with a square body."""
+    mask = np.zeros((120, 156), np.uint8)
     mask[20:60, 40:80] = 255
-    cv2.imwrite(str(path), mask)
-    start = start_of(mask=path)
+    return write_pictures(tmp_path, [mask, mask[:50], 0 * mask])
+
+
+def test_a_grid_of_points_starts_on_a_mask(mask):
+    start = start_of(mask=mask / "0.png")
     np.testing.assert_array_equal(start.shapes, [[50, 30], [70, 30], [50, 50], [70, 50]])
-    assert len(start_of(mask=path, mask_step=10.0).shapes) == 16
-    assert "0 pixels" in message_of(start_of, mask=path, mask_step=0.0)
-    cv2.imwrite(str(path), mask[:50])
-    assert "has 156 x 50 pixels and the frame 156 x 120" in message_of(start_of, mask=path)
-    cv2.imwrite(str(path), 0 * mask)
-    assert "is 0 everywhere; mark the body" in message_of(start_of, mask=path)
-    assert "there is no mask at" in message_of(start_of, mask=tmp_path / "none.png")
+    assert len(start_of(mask=mask / "0.png", mask_step=10.0).shapes) == 16
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        ({"point": ("1,2",), "points": "file"}, "both given"),
+        ({}, "--point"),
+        ({"point": ("200,3,nose",)}, "'nose' is at (200, 3)"),
+        ({"point": ("1,2",), "mask_step": 5.0}, "--mask-step"),
+        ({"mask": "0.png", "mask_step": 0.0}, "0 pixels"),
+        ({"mask": "1.png"}, "156 x 50"),
+        ({"mask": "2.png"}, "0 everywhere"),
+        ({"mask": "none.png"}, "none.png"),
+    ],
+)
+def test_starts_that_cannot_be_are_refused(mask, given, named):
+    if "mask" in given:
+        given = given | {"mask": mask / given["mask"]}
+    assert named in message_of(start_of, **given)
 
 
 @pytest.fixture(scope="module")

@@ -101,8 +101,6 @@ def test_more_runs_continue_and_the_report_follows(whole, short_report):
     results = Results.open(output)
     assert [results.finished(one) for one in results.configurations] == [8] * 3
     assert len(rows_of(output / "results.csv")) == 3 * 8 * 2
-    fewer = refusal_of("evaluate", *SCENE, *COMMON, "-o", output)
-    assert "was begun with runs = 8, now 4" in fewer
 
 
 @pytest.mark.slow
@@ -189,25 +187,29 @@ def test_a_dry_run_shows_the_plan_of_a_grid_and_writes_nothing(place, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-NOTE = "Note: --bands sets --appearance colour, which reports no confidence; the default is "
+@pytest.mark.parametrize(("scene", "notes"), [(["two"], 1), (SCENE, 0)])
+def test_options_that_change_others_say_so_in_one_line(place, tmp_path, monkeypatch, scene, notes):
+    monkeypatch.chdir(place)
+    options = ("--bands", "1", *COMMON[:6], "--dry-run", "-o", tmp_path / "out")
+    said = [line for line in evaluated(*scene, *options).err.splitlines() if "Note" in line]
+    assert len(said) == notes
+    assert all("--bands sets --appearance colour" in line for line in said)
 
 
 @pytest.mark.parametrize(
-    ("scene", "note"),
-    [(["two"], f"{NOTE}discriminative.\n"), ([*SCENE], "")],
+    ("options", "named"),
+    [
+        ("--tracker {}:missing", "'missing'"),  # before settings are compared
+        ("--tracker {}:present", "'present' is new"),
+        ("--seed 9", "seed = 0, now 9"),
+        ("--runs 2", "runs"),
+    ],
 )
-def test_options_that_change_others_say_so_in_one_line(place, tmp_path, monkeypatch, scene, note):
-    monkeypatch.chdir(place)
-    options = ("--bands", "1", *COMMON[:6], "--dry-run", "-o", tmp_path / "out")
-    outcome = evaluated(*scene, *options)
-    assert "".join(line for line in outcome.err.splitlines(True) if "Note" in line) == note
-
-
-def test_a_tracker_that_its_file_has_not_is_refused_before_settings_are_compared(whole, tmp_path):
-    (tmp_path / "tr.py").write_text("def present(scene):\n    return None\n")
-    for name, said in (("missing", "has no function 'missing'"), ("present", "'present' is new")):
-        own = ("--tracker", f"{tmp_path / 'tr.py'}:{name}", "-o", whole[1])
-        assert said in refusal_of("evaluate", *SCENE, *COMMON, *own)
+def test_other_settings_are_refused_with_the_difference(whole, tmp_path, options, named):
+    path, (_, output) = tmp_path / "tr.py", whole
+    path.write_text("def present(scene):\n    return None\n")
+    words = options.format(path).split()
+    assert named in refusal_of("evaluate", *SCENE, *COMMON, *words, "-o", output)
 
 
 def test_help_explains_the_options_of_the_scenes_objects_and_of_the_methods():
@@ -227,12 +229,6 @@ def test_help_explains_the_options_of_the_scenes_objects_and_of_the_methods():
 def test_help_fits_on_a_screen(command, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     assert len(jaxpf(command, "--help").out.splitlines()) <= 60
-
-
-def test_changed_settings_are_refused_with_the_difference(whole):
-    _, output = whole
-    sentence = refusal_of("evaluate", *SCENE, *COMMON, "--seed", "9", "-o", output)
-    assert f"the evaluation in '{output}' was begun with seed = 0, now 9" in sentence
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 from clips import write_pictures
 from small_video import BOXES, LENGTH, picture, rows_of, summary_of
 
@@ -88,33 +89,36 @@ def test_a_disk_that_fills_up_is_one_sentence_and_keeps_whole_lines(track, tmp_p
     assert summary_of(tmp_path / "out")["frames_tracked"] == 2
 
 
-def test_an_overlay_that_cannot_be_opened_loses_no_old_results(track, tmp_path, monkeypatch):
+@pytest.fixture
+def old(tmp_path):
+    """What an earlier run left in the output folder: name -> content."""
+    (tmp_path / "out").mkdir()
+    content = {name: f"old {name}" for name in ("tracks.csv", "run.toml", "overlay.mp4")}
+    for name, text in content.items():
+        (tmp_path / "out" / name).write_text(text)
+    return content
+
+
+def left_in(folder):
+    return {path.name: path.read_text() for path in folder.iterdir()}
+
+
+def test_an_overlay_that_cannot_be_opened_loses_no_old_results(track, tmp_path, monkeypatch, old):
     def refuse(*_):
         raise InputError("the encoder refuses")
 
-    (tmp_path / "out").mkdir()
-    old = {name: tmp_path / "out" / name for name in ("tracks.csv", "overlay.mp4", "summary.json")}
-    for name, path in old.items():
-        path.write_text(name)
     monkeypatch.setattr("jaxpf.media.video_writer.VideoWriter._open", refuse)
     outcome = track(*BOXES, "--overwrite")
     assert (outcome.code, "the encoder refuses" in outcome.err) == (2, True)
-    assert {path.name: path.read_text() for path in (tmp_path / "out").iterdir()} == dict(
-        zip(old, old, strict=True)
-    )
+    assert left_in(tmp_path / "out") == old
 
 
-def test_ctrl_c_before_the_first_frame_leaves_what_was_there(track, tmp_path, monkeypatch):
+def test_ctrl_c_before_the_first_frame_leaves_what_was_there(track, tmp_path, monkeypatch, old):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("jaxpf.cli.tracking.records.stream", interrupted)
-    output = tmp_path / "out"
-    assert track(*BOXES).code == 130
-    assert not output.exists()
-    old = {name: f"old {name}" for name in ("tracks.csv", "run.toml", "overlay.mp4")}
-    output.mkdir()
-    for name, text in old.items():
-        (output / name).write_text(text)
     assert track(*BOXES, "--overwrite").code == 130
-    assert {path.name: path.read_text() for path in output.iterdir()} == old
+    assert left_in(tmp_path / "out") == old
+    assert track(*BOXES, "-o", tmp_path / "new").code == 130
+    assert not (tmp_path / "new").exists()

@@ -156,7 +156,7 @@ FIVE = {"closed": True, "contours": dict.fromkeys("abcde", LEAF)}
         ({}, "--edge-threshold 1000", "threshold"),
         ({}, "--flip 0.1", "--flip 0.1"),
         ({}, "--shape-space translation --noise-bend 1", "--noise-bend 1"),
-        ({}, "--method labelled", "log_joint"),
+        pytest.param({}, "--method labelled", "log_joint", marks=pytest.mark.slow),
         ({}, "--truth gt.csv", "--truth"),
     ],
 )

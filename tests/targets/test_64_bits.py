@@ -48,7 +48,8 @@ MADE = {
 
 
 @pytest.mark.parametrize(
-    "made", ["dps", "points, pffl", pytest.param("points, eskil", marks=pytest.mark.slow)]
+    "made",
+    ["points, pffl", *(pytest.param(n, marks=pytest.mark.slow) for n in ("dps", "points, eskil"))],
 )
 def test_a_tracker_is_traced_under_64_bits(made):
     with jax.enable_x64(True):

@@ -36,7 +36,9 @@ def test_objects_start_by_detections_and_the_run_can_be_repeated(run_of, tmp_pat
     header = (output / "diagnostics.csv").read_text().splitlines()[0]
     assert header.endswith(",".join(f"distinct_share_slot_{i}" for i in (1, 2)))
     assert (output / "overlay.mp4").stat().st_size > 0
-    again = jaxpf("track", "--config", output / "run.toml", "-o", tmp_path / "again")
+    again = jaxpf(
+        "track", "--config", output / "run.toml", "--no-overlay", "-o", tmp_path / "again"
+    )
     assert again.code == 0, again.err
     np.testing.assert_array_equal(rows_of(tmp_path / "again"), rows)
 
@@ -59,7 +61,7 @@ def test_start_boxes_and_named_ones_keep_their_numbers_and_scores_judge_all(trac
 
 
 def test_who_finds_no_place_is_told(track, tmp_path):
-    third = [[20, 2, 12, 16]]
+    third = [[2, 30, 12, 16]]
     detections = [np.vstack([true_boxes(time), third]).astype(float) for time in range(LENGTH)]
     write_detections(tmp_path / "det.txt", detections)
     outcome = track("--detections", tmp_path / "det.txt", *RULES, "--no-overlay")
@@ -93,7 +95,7 @@ ONCE = "1,-1,1,1,9,9,1\n"
         ("1,7,70,1,9,9\n", "", "frame 0"),
         ("1,7,1,1,9,9\n", "--start 2", "object 7"),
         ("2,1,1,1,9,9\n", BOX, "object 1"),
-        ("2,7,1,1,9,9\n", f"{BOX} {BOX} --capacity 1", "capacity 1"),
+        ("2,7,1,1,9,9\n", f"{BOX} {BOX} --capacity 1", "capacity of 1"),
         (ONCE, "-n 15", "--num-particles 15"),
         (ONCE, "--method dps", "--method labelled"),
         (ONCE, "--weights plain", "equal share"),

@@ -4,6 +4,7 @@
 """
 
 import re
+from functools import partial
 
 import pytest
 from clips import grey, write_pictures
@@ -12,6 +13,7 @@ from small_video import BOXES, PARTICLES, picture, write_lossless_video, write_t
 
 from jaxpf import cli
 
+slow = partial(pytest.param, marks=pytest.mark.slow)
 NINE = ",".join("1" * 9)
 BOTH = " ".join(BOXES)
 
@@ -63,7 +65,9 @@ def test_points_in_shares_of_the_frame_are_refused(place):
     assert "multiply" in refusal_of("track", "points", place / "clip.avi", *given)
 
 
-@pytest.mark.parametrize("options", ["6,8,3,16", "2,2,60,40", "20,20,12,16 --appearance colour"])
+@pytest.mark.parametrize(
+    "options", ["6,8,3,16", slow("2,2,60,40"), "20,20,12,16 --appearance colour"]
+)
 def test_a_start_from_which_nothing_can_be_learned_is_refused(refuse, tmp_path, options):
     video = write_pictures(tmp_path / "flat", [grey(110)] * 2)
     assert "box of object 1" in refuse("--box", *options.split(), video=video)

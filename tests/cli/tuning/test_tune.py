@@ -130,10 +130,15 @@ def diverging(monkeypatch):
 
 
 @pytest.mark.usefixtures("diverging")
-def test_a_clip_is_tuned_with_the_default_parameters(tmp_path):
+@pytest.mark.parametrize(
+    "options",
+    ["--appearance colour --motion relative", pytest.param("", marks=pytest.mark.slow)],
+)
+def test_a_clip_is_tuned_with_the_default_parameters(tmp_path, options):
     """Filmed objects move by relative steps, whose default depends on the number of objects."""
     folder = write_sequence(tmp_path / "two")
-    outcome = jaxpf("tune", folder, *QUICK[:-2], "--steps", "4", "-o", tmp_path / "out")
+    given = (*QUICK[:-2], "--steps", "4", *options.split())
+    outcome = jaxpf("tune", folder, *given, "-o", tmp_path / "out")
     assert "They are kept in" in outcome.err
     usual, long, size = written_in(tmp_path / "out")["track"]["noise_relative"]
     assert size == 0.02

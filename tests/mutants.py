@@ -148,7 +148,7 @@ MUTANTS = (
     *of(
         "filters/labelled/kernel.py", "tests/filters/test_labelled.py",
         ("label-evidence", "total - jnp.where(alive, before, 0.0)", "total"),
-        ("label-ess", "1.0 / jnp.where(present, squares", "0.95 / jnp.where(present, squares"),
+        ("label-ess", "1.0 / jnp.where(present", "0.95 / jnp.where(present"),
     ),
     *of(
         "likelihoods/pixels.py", "tests/likelihoods/test_pixels.py",

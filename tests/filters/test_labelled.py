@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.stats
 
 import jaxpf
 from jaxpf import stream
@@ -87,6 +88,29 @@ def test_shares_are_fair_under_equal_share_and_drift_without():
     }
     assert np.all(np.abs(share["equal_share"] - 1 / 3) <= 1.01 / 60)
     assert share["plain"][:, -1, 2].mean() < 0.05
+
+
+@pytest.mark.parametrize("weights", ["plain", "corrected"])
+def test_a_label_s_evidence_is_that_of_its_carried_mass(weights):
+    """By hand: without noise all particles of a target are one, and drawn shares vary alone.
+
+    A label's evidence is its new mass over that of the frame before.
+    """
+    noise, frames = np.array([1.0, 1.3, 2.0]), 0.3 * FRAMES[:4]
+    chosen = tracker(
+        dynamics=AR2(scale=0.0), likelihood=Gaussian(noise=noise[:, None, None] * np.eye(2)),
+        weights=weights,
+    )  # fmt: skip
+    _, summary = run(chosen, jax.random.key(0), frames)
+    likelihood = scipy.stats.norm.pdf(frames, scale=noise[:, None]).prod(axis=-1)
+    expected, mass = [], np.full(3, 1 / 3)
+    for share, seen in zip(np.asarray(summary.distinct_share), likelihood, strict=True):
+        entering = share if weights == "plain" else 3 * share * mass
+        expected.append(np.log(entering * seen / mass))
+        mass = entering * seen / np.sum(entering * seen)
+    assert mass.min() > 0
+    assert np.ptp(mass) > 0.3
+    np.testing.assert_allclose(summary.label_log_evidence, expected, rtol=1e-3, atol=1e-3)
 
 
 @pytest.mark.parametrize("weights", ["equal_share", "plain"])

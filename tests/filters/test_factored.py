@@ -31,16 +31,6 @@ class Seen:
         return jnp.where(hidden, self.when_hidden, -0.5 * apart @ apart)
 
 
-@jaxpf.pytree_dataclass
-class Wandering:
-    """A user's own dynamics, for one particle."""
-
-    scale: float = 1.0
-
-    def propagate(self, key, partition, current, previous, parent):
-        return current + self.scale * jax.random.normal(key, current.shape)
-
-
 def trackers(likelihood=None, initial=START, scale=2.0, **settings):
     """One of each; used with 12 frames of three points, so that tests share compiled kernels."""
     likelihood = Seen() if likelihood is None else likelihood
@@ -82,7 +72,7 @@ def test_points_that_are_seen_are_followed(name):
 
 @jaxpf.pytree_dataclass
 class Failing:
-    """A user's dynamics that now and then divide by zero."""
+    """A user's dynamics, for one particle, that now and then divide by zero."""
 
     def propagate(self, key, partition, current, previous, parent):
         moved = current + 2.0 * jax.random.normal(key, current.shape)
@@ -106,12 +96,6 @@ def test_streaming_and_many_runs_repeat_a_run():
     streamed = [frame.summary.estimate for frame in stream(tracker, keys[1], frames)]
     np.testing.assert_allclose(many.estimate[1], once.estimate, atol=1e-3)
     np.testing.assert_allclose(streamed, once.estimate, atol=1e-3)
-
-
-def test_dynamics_for_one_particle_serve():
-    tracker = jaxpf.Eskil(Wandering(), Seen(), START, num_particles=40)
-    _, summary = run(tracker, jax.random.key(0), moving())
-    assert np.abs(summary.estimate - moving()).max() < 2
 
 
 def _hidden_error(**options):

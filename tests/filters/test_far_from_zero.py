@@ -44,6 +44,8 @@ def test_summaries_of_a_filter(walk):
     assert_moments(*moments, values[:, :, 0, 0], np.exp(np.asarray(log_weights, float)))
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_summaries_of_a_smoother(walk):
     smoothed = jaxpf.smooth(walk, KEY, FRAMES, paths=1000)
     paths = smoothed.paths[:, :, 0, 0].T

@@ -151,7 +151,10 @@ TABLE = {
     "pffl": (lambda: tracker(kind=jaxpf.PFFL), run, "PFFL draws by its dynamics alone"),
     "eskil": (lambda: tracker(kind=jaxpf.Eskil), run, "Eskil draws by its dynamics alone"),
 }  # fmt: skip
-SLOW_TO_TRACE = {"plain gradient", "gradient through resampling", "soft resampling"}
+SLOW_TO_TRACE = {
+    "plain gradient", "gradient through resampling", "soft resampling", "transport", "many runs",
+    "runs side by side", "smoothing over a gap", "smoothing after exchange",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(

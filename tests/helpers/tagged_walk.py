@@ -18,13 +18,15 @@ CHAIN = (-1, 0, 1)
 
 @pytree_dataclass
 class TaggedWalk:
-    """Dimension 0 walks at random, dimension 1 counts frames on from its start."""
+    """Dimension 0 walks at random, to NaN beyond an edge; dimension 1 counts frames on."""
 
     scale: jax.Array
+    edge: jax.Array = np.float32(np.inf)
 
     def propagate(self, key, partition, current, previous, parent):
         step = self.scale * jax.random.normal(key, (), current.dtype)
-        return jnp.stack([current[0] + 0.5 * (current[0] - previous[0]) + step, current[1] + 1])
+        moved = current[0] + 0.5 * (current[0] - previous[0]) + step
+        return jnp.stack([jnp.where(moved > self.edge, jnp.nan, moved), current[1] + 1])
 
 
 @pytree_dataclass

@@ -3,28 +3,22 @@
 import jax
 import numpy as np
 import pytest
+from models import partitioned, walks
+from refusals import message_of
 
 import jaxpf
-from jaxpf import PFFL, Eskil, InputError, Labelled, contract, ordering, tuning
+from jaxpf import PFFL, Eskil, Labelled, contract, ordering, tuning
 from jaxpf.contract.refusals import biased_evidence
-from jaxpf.dynamics import RandomWalk
 from jaxpf.filters import SideBySide, WithErrorBars
 from jaxpf.gradients import Soft
-from jaxpf.likelihoods import Gaussian
 
-START = np.array([[0], [1]], np.float32)
-MODEL = {"dynamics": RandomWalk(1.0), "likelihood": Gaussian(np.ones((2, 1, 1))), "initial": START}
+MODEL = walks() | {"initial": np.array([[0], [1]], np.float32)}
 SORTED = ordering.sps(num_partitions=2, swap="sorted")
-
-
-def partitioned(order, **changes):
-    return jaxpf.Partitioned(ordering=order, **MODEL | changes)
 
 
 def forest(**settings):
     parents = (-1, -1, 0)
-    model = {"likelihood": Gaussian(np.ones((3, 1, 1))), "initial": np.zeros((3, 1))}
-    return partitioned(ordering.sps(parents, **settings), parents=parents, **model)
+    return partitioned(ordering.sps(parents, **settings), parents=parents)
 
 
 UNBIASED = {
@@ -61,11 +55,7 @@ def test_an_unbiased_evidence_is_not_refused(name):
 @pytest.mark.parametrize("cause", BIASED)
 def test_a_biased_evidence_is_refused_naming_the_cause_and_a_remedy(cause):
     for tracker in (BIASED[cause], SideBySide(BIASED[cause])):
-        with pytest.raises(
-            InputError,
-            match=rf"it needs an unbiased estimate of the marginal likelihood, .*{cause}.* use ",
-        ):
-            refuse(tracker)
+        assert cause in message_of(refuse, tracker)
 
 
 def test_a_traced_ordering_is_told_apart_inside():
@@ -82,10 +72,7 @@ def test_a_traced_ordering_is_told_apart_inside():
 def test_tuning_by_an_evidence_of_no_use_is_refused(cause):
     frames = np.zeros((2, 2, 1), np.float32)
     sequence = tuning.TrainingSequence(BIASED[cause], frames)
-    with pytest.raises(
-        InputError, match="the objective 'evidence' needs an unbiased estimate of the marginal"
-    ):
-        jaxpf.tune(sequence, ["dynamics.scale"])
+    assert "'evidence'" in message_of(jaxpf.tune, sequence, ["dynamics.scale"])
     assert refuse(BIASED["literal"], tuning=True) is None  # vanishes with more particles
 
 

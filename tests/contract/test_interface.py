@@ -6,9 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from refusals import message_of
 
 import jaxpf
-from jaxpf import InputError, contract, ordering, pytree_dataclass
+from jaxpf import contract, ordering, pytree_dataclass
 from jaxpf.dynamics import RandomWalk
 from jaxpf.gradients import check_motion_gradient
 from jaxpf.parts import OfFixedSize
@@ -90,14 +91,14 @@ def parts(likelihood, **settings):
 
 def test_tuning_the_motion_of_parts_on_whole_pixels_is_refused():
     check_motion_gradient(parts(OfOneParticle()))
-    with pytest.raises(InputError, match="gradient of motion parameters would always be zero"):
-        check_motion_gradient(parts(OfAll()))
+    assert "motion_gradient" in message_of(check_motion_gradient, parts(OfAll()))
 
 
 def test_a_wrapped_joint_likelihood_corrects_the_weights():
     """``log_joint`` is known in closed form: the weights at the end must be its."""
     key = jax.random.key(0)
-    state, _ = jaxpf.run(parts(OfAll()), key, 0 * OBSERVATION[None])
+    tracker = parts(OfAll())
+    state, _ = jax.jit(tracker.step)(key, tracker.init(key), 0 * OBSERVATION)
     substates = state.substates  # log_probs are 10 + theta; the rest is a constant
     expected = jnp.sum(substates[:, :, 2], 1) - jnp.sum(substates[:, :, 0], 1)
     np.testing.assert_allclose(
@@ -167,8 +168,7 @@ def test_a_declared_error_is_for_every_partition_or_a_row_for_each():
     np.testing.assert_array_equal(declared(jnp.array(rows)), rows)
     np.testing.assert_array_equal(contract.model_error(SimpleNamespace(), 2), np.zeros((2, 3)))
     for wrong in ((1, 2), np.zeros((3, 3))):
-        with pytest.raises(InputError, match="model_error has shape"):
-            declared(wrong)
+        assert "model_error" in message_of(declared, wrong)
 
 
 @pytree_dataclass

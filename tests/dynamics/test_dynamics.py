@@ -144,7 +144,8 @@ def test_dtype_is_that_of_the_substates(make):
     with jax.enable_x64(True):
         for dtype in (jnp.float32, jnp.float64):
             x = jnp.zeros((2, 5), dtype)
-            moved = make().propagate_all(KEY, jnp.zeros(5, jnp.int32), x, x, x)
+            given = KEY, jnp.zeros(5, jnp.int32), x, x, x
+            moved = jax.eval_shape(make().propagate_all, *given)
             assert moved.dtype == dtype
 
 

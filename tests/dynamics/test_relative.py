@@ -71,6 +71,6 @@ def test_the_density_is_one_in_all_and_is_where_draws_are():
 def test_a_size_without_noise_is_left_out_of_the_density():
     still = RelativeMotion(SIZES[:1], np.array([0.03, 0.12, 0.0]))
     new = np.array([50.0, 40.0, 1.0], np.float32)
-    density = still.log_density(np.int32(0), new, new, new, np.zeros(3, np.float32))
+    density = jax.jit(still.log_density)(np.int32(0), new, new, new, np.zeros(3, np.float32))
     shares = 0.6 / (2 * np.pi * 0.9**2) + 0.4 / (2 * np.pi * 3.6**2)
     assert float(density) == pytest.approx(np.log(shares), rel=1e-5)

@@ -5,14 +5,13 @@ import os
 import jax
 import numpy as np
 import pytest
+from models import walks
 
 import jaxpf
 from jaxpf import ordering
-from jaxpf.dynamics import RandomWalk
-from jaxpf.likelihoods import Gaussian
 
 START = np.array([[0.0], [3.0]], np.float32)
-MODEL = RandomWalk(np.float32(1.0)), Gaussian(noise=np.ones((2, 1, 1), np.float32))
+MODEL = walks() | {"initial": START, "num_particles": 40}
 FRAMES = START + np.random.default_rng(0).normal(size=(3, 2, 1)).astype(np.float32)
 #: Whatever XLA_FLAGS say.
 AS_BY_USERS = {
@@ -24,12 +23,10 @@ if "use_fusion_emitters" in os.environ.get("XLA_FLAGS", ""):
 
 FILTERS = {
     # One program with SIR, PS and DPS.
-    "sps": lambda: jaxpf.Partitioned(
-        *MODEL, ordering.sps(num_partitions=2), START, num_particles=40
-    ),
-    "labelled": lambda: jaxpf.Labelled(*MODEL, START, num_particles=40),
-    "pffl": lambda: jaxpf.PFFL(*MODEL, START, num_particles=40),
-    "eskil": lambda: jaxpf.Eskil(*MODEL, START, num_particles=40),
+    "sps": lambda: jaxpf.Partitioned(ordering=ordering.sps(num_partitions=2), **MODEL),
+    "labelled": lambda: jaxpf.Labelled(**MODEL),
+    "pffl": lambda: jaxpf.PFFL(**MODEL),
+    "eskil": lambda: jaxpf.Eskil(**MODEL),
 }
 
 

@@ -3,7 +3,7 @@
 import dataclasses
 
 import numpy as np
-import pytest
+from refusals import message_of
 
 import jaxpf
 from jaxpf.contract.model import Model
@@ -26,11 +26,8 @@ def test_options_make_the_tracker_they_describe():
     )
     tracker = LABELLED.tracker(model(), options)
     assert isinstance(tracker, jaxpf.Labelled)
-    assert (tracker.num_particles, tracker.weights, tracker.feedback) == (
-        80,
-        "corrected",
-        "estimate",
-    )
+    chosen = tracker.num_particles, tracker.weights, tracker.feedback
+    assert chosen == (80, "corrected", "estimate")
     np.testing.assert_allclose(tracker.regularise, (0.9, 0.5))
     assert tracker.num_partitions == 2
     assert LABELLED.tracker(model(), Options()).regularise is None
@@ -38,10 +35,8 @@ def test_options_make_the_tracker_they_describe():
 
 def test_parts_of_a_tree_and_too_few_particles_are_refused():
     assert not LABELLED.admits("labelled", (-1, 0))
-    with pytest.raises(jaxpf.InputError, match="parts of a tree"):
-        LABELLED.check(Options(), (-1, 0))
-    with pytest.raises(jaxpf.InputError, match="fewer than the 2 objects"):
-        LABELLED.check(Options(num_particles=1), (-1, -1))
+    assert "parts of a tree" in message_of(LABELLED.check, Options(), (-1, 0))
+    assert "2 objects" in message_of(LABELLED.check, Options(num_particles=1), (-1, -1))
 
 
 def test_a_start_at_which_a_target_fits_nothing_is_refused():
@@ -50,5 +45,4 @@ def test_a_start_at_which_a_target_fits_nothing_is_refused():
         without_likelihood: list
 
     check_started(Summary([False, False]))
-    with pytest.raises(jaxpf.InputError, match="every particle of target 7 has likelihood zero"):
-        check_started(Summary([False, True]), ids=[3, 7])
+    assert "target 7" in message_of(check_started, Summary([False, True]), ids=[3, 7])

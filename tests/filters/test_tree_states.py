@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from exact import LIMIT, WRONG
 from jax.scipy.stats import norm
+from models import partitioned
+from refusals import message_of
 
 import jaxpf
 
@@ -113,9 +115,10 @@ def test_every_way_to_run_names_the_leaves():
 
 def test_an_integer_without_a_number_of_values_has_a_mean():
     counted = switching(num_values=None)
-    probabilities = jaxpf.run(switching(), KEY, FRAMES)[1].estimate["regime"]
-    means = jaxpf.run(counted, KEY, FRAMES)[1].estimate["regime"]
-    np.testing.assert_allclose(means, probabilities @ np.arange(3), rtol=1e-4, atol=1e-6)
+    state, summary = jaxpf.run(counted, KEY, FRAMES)
+    mean = np.exp(state.log_weights) @ counted.states(state.substates)["regime"]
+    assert 0 < mean < 2
+    np.testing.assert_allclose(summary.estimate["regime"][-1], mean, rtol=1e-4)
 
 
 # Integers are exact
@@ -174,11 +177,8 @@ class CountsLabels(jaxpf.dynamics.RandomWalk):
 
 
 def labelled():
-    return jaxpf.Partitioned(
-        dynamics=CountsLabels(1.0), ordering=jaxpf.ordering.sir(1), initial=np.zeros((1, 1)),
-        likelihood=jaxpf.likelihoods.Gaussian(noise=np.ones((1, 1, 1))), num_particles=4,
-        initial_label=np.array([1.0, 0, 0]),
-    )  # fmt: skip
+    settings = {"num_particles": 4, "initial_label": np.array([1.0, 0, 0])}
+    return partitioned(jaxpf.ordering.sir(1), dynamics=CountsLabels(1.0), **settings)
 
 
 @pytest.mark.filterwarnings("ignore:the log-likelihood of frame 2 is NaN")
@@ -195,10 +195,9 @@ def test_an_integer_outside_its_values_is_reported(its, frames):
     np.testing.assert_array_equal(summary.num_invalid, [0, 0, 4, 4])
 
 
-@pytest.mark.parametrize("first", [3, -1, np.int32(3), jnp.int32(3)])
+@pytest.mark.parametrize("first", [3, -1, jnp.int32(3)])
 def test_a_known_integer_outside_its_values_is_refused(first):
-    with pytest.raises(jaxpf.InputError, match="num_values"):
-        counter(first)
+    assert "num_values" in message_of(counter, first)
 
 
 # Floats by name are the same as an array

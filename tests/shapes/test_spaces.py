@@ -3,8 +3,8 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from refusals import every, message_of
 
-from jaxpf import InputError
 from jaxpf.contract.names import SHAPE_SPACES
 from jaxpf.shapes import key_frame_space, learn_shape_space, outline_of, space_of
 
@@ -72,26 +72,16 @@ def test_key_frames_span_what_they_vary_in():
     assert unexplained(key_frame_space(shapes, 3), shapes) > 0.01
 
 
-@pytest.mark.parametrize(
-    ("examples", "dimension", "message"),
-    [
-        (np.zeros((0, 8, 2)), 4, r"contours has shape \[0, 8, 2\]; give"),
-        (np.ones((3, 8, 2)), 4, "3 key frame"),
-        (np.ones((30, 8, 2)), 1, "dimension = 1 must be"),
-    ],
-)
-def test_a_space_without_enough_key_frames_is_refused(examples, dimension, message):
-    with pytest.raises(InputError, match=message):
-        key_frame_space(examples, dimension)
-
-
-def test_contours_that_are_none_are_refused():
-    with pytest.raises(InputError, match="contour 1 has a control point that is not finite"):
-        space_of("affine", np.stack([CONTOURS[0], np.full((8, 2), np.nan)]))
-    with pytest.raises(InputError, match="no extent"):
-        space_of("affine", CONTOURS * [1, 0])
-    with pytest.raises(InputError, match="unknown"):
-        space_of("projective", CONTOURS)
+@every([
+    (lambda: key_frame_space(np.zeros((0, 8, 2)), 4), "[0, 8, 2]"),
+    (lambda: key_frame_space(np.ones((3, 8, 2)), 4), "3 key frame"),
+    (lambda: key_frame_space(np.ones((30, 8, 2)), 1), "dimension = 1"),
+    (lambda: space_of("affine", CONTOURS * [[[np.nan]], [[1]]]), "contour 0"),
+    (lambda: space_of("affine", CONTOURS * [1, 0]), "no extent"),
+    (lambda: space_of("projective", CONTOURS), "projective"),
+])  # fmt: skip
+def test_what_makes_no_space_is_refused(call, named):
+    assert named in message_of(call)
 
 
 def ellipse(x, y, a, b, start=0.0):
@@ -119,8 +109,8 @@ def test_masks_give_their_outlines():
     _, control = learn_shape_space(masks, "masks", num_points=12, dimension=2)
     shifts = control.mean(axis=1) - control[0].mean(axis=0)
     np.testing.assert_allclose(shifts, np.arange(5)[:, None] * [1, 0], atol=1e-6)
-    with pytest.raises(InputError, match=r"mask 2 .* marks nothing"):
-        learn_shape_space([mask, mask, mask * 0], "masks", num_points=8, dimension=2)
+    given = [mask, mask, mask * 0], "masks"
+    assert "mask 2" in message_of(learn_shape_space, *given, num_points=8, dimension=2)
 
 
 def test_centrelines_are_turned_to_the_end_that_fits():

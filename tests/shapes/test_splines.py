@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from refusals import message_of
 
-from jaxpf import InputError
 from jaxpf.shapes import basis, crosses_itself, fit_spline, points_on, resample_polyline
 
 PLACES = np.linspace(0.01, 0.99, 40)
@@ -56,7 +56,5 @@ def test_a_line_that_crosses_itself_is_told_from_one_that_does_not():
 
 
 def test_too_few_control_points_are_refused():
-    with pytest.raises(InputError, match="3 control point"):
-        basis([0.5], 3, closed=True)
-    with pytest.raises(InputError, match="two different points"):
-        fit_spline([(1, 1), (1, 1)], 5, closed=False)
+    assert "3 control point" in message_of(basis, [0.5], 3, closed=True)
+    assert "two different points" in message_of(fit_spline, [(1, 1)] * 2, 5, closed=False)

@@ -6,14 +6,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from models import partitioned
+from refusals import message_of
 
 import jaxpf
-from jaxpf import InputError, ordering, pytree_dataclass, smoothing
+from jaxpf import ordering, pytree_dataclass, smoothing
 from jaxpf.dynamics import RandomWalk
-from jaxpf.likelihoods import Gaussian
 from jaxpf.smoothing import gibbs
 
-LIMIT = 4.5
+LIMIT, KEY = 4.5, jax.random.key(0)
 RNG = np.random.default_rng(2)
 
 
@@ -136,13 +137,7 @@ class Drifting:
 
 
 def walking(dynamics, **changes):
-    settings = {"ordering": ordering.ps([1, 0]), "num_particles": 30} | changes
-    return jaxpf.Partitioned(
-        dynamics=dynamics,
-        likelihood=Gaussian(noise=np.ones((2, 1, 1), np.float32)),
-        initial=np.zeros((2, 1), np.float32),
-        **settings,
-    )
+    return partitioned(dynamics=dynamics, **changes)
 
 
 @pytest.mark.slow
@@ -179,10 +174,9 @@ class _Coupled(jaxpf.contract.CoupledDynamics):
 
 
 def test_what_stands_behind_at_frame_is_refused_alike():
-    with pytest.raises(InputError, match="Together moves a partition by all the others"):
-        walking(Together(DRIFT), ordering=ordering.sps([-1, -1]))
-    with pytest.raises(InputError, match="Together moves a partition by all the others"):
-        jaxpf.smooth(walking(Together(DRIFT)), jax.random.key(0), OBSERVED)
+    exchanging = {"ordering": ordering.sps([-1, -1])}
+    assert "Together" in message_of(walking, Together(DRIFT), **exchanging)
+    assert "Together" in message_of(jaxpf.smooth, walking(Together(DRIFT)), KEY, OBSERVED)
 
 
 # --- Conditional sweeps ---------------------------------------------------------------------
@@ -215,6 +209,8 @@ class OfPlaces:
         return observation[place(substate)]
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_a_conditional_sweep_leaves_the_posterior_of_trajectories_as_it_is():
     paths = np.array([*itertools.product(range(2), repeat=4)])
     posterior = np.ones(len(paths))

@@ -7,26 +7,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from correlated import CorrelatedGaussian
+from models import partitioned
 
 import jaxpf
 from jaxpf import ordering, pytree_dataclass, smoothing
 from jaxpf.dynamics import AR2, IndependentGaussian, LinearGaussian, RandomWalk
-from jaxpf.likelihoods import Gaussian
 from jaxpf.smoothing import groups
 
 KEY = jax.random.key(1)
 FRAMES = np.random.default_rng(0).normal(size=(5, 2, 1)).astype(np.float32)
 
 
-def tracker(order=None, **changes):
-    settings = {
-        "dynamics": AR2(scale=1.0),
-        "likelihood": Gaussian(noise=jnp.ones((2, 1, 1))),
-        "ordering": ordering.ps([1, 0]) if order is None else order,
-        "initial": jnp.zeros((2, 1)),
-        "num_particles": 30,
-    }
-    return jaxpf.Partitioned(**settings | changes)
+tracker = functools.partial(partitioned, dynamics=AR2(scale=1.0))
 
 
 @pytree_dataclass
@@ -73,7 +65,8 @@ def test_shapes_and_the_filter_are_those_of_a_run(ran):
 
 
 @pytest.mark.parametrize(
-    "method", ["backward", "genealogy", pytest.param("metropolis", marks=pytest.mark.slow)]
+    "method",
+    ["backward", *(pytest.param(x, marks=pytest.mark.slow) for x in ("genealogy", "metropolis"))],
 )
 def test_paths_go_through_particles_of_their_frames(method, ran):
     found = smoothed(method)
@@ -102,9 +95,14 @@ def test_ancestors_are_the_particles_that_were_moved():
     assert (sources[:, :, 0] != sources[:, :, 1]).any()
 
 
-def test_the_genealogy_needs_no_density_and_counts_ancestors():
+def test_the_genealogy_needs_no_density():
     its = tracker(dynamics=Wandering())
     assert jax.eval_shape(lambda: jaxpf.smooth(its, KEY, FRAMES, method="genealogy")).paths is None
+
+
+@pytest.mark.slow
+@pytest.mark.always
+def test_the_genealogy_ends_with_all_particles_and_counts_ancestors():
     found = smoothed("genealogy")
     assert (np.diff(found.num_ancestors, axis=0) >= 0).all()
     assert (found.num_ancestors[0] < 30).all()
@@ -139,8 +137,7 @@ def partitions(its):
 def test_independent_objects_go_apart_and_trees_together():
     assert partitions(tracker()) == [[[0], [1]]]
     forest = (-1, 0, -1, 2, -1)
-    many = {"ordering": ordering.ps(range(5)), "initial": jnp.zeros((5, 1)), "parents": forest}
-    its = tracker(likelihood=Gaussian(noise=jnp.ones((5, 1, 1))), **many)
+    its = tracker(ordering.ps(range(5)), parents=forest)
     assert partitions(its) == [[[0, 1], [2, 3]], [[4]]]
     assert [parents.tolist() for _, parents in groups.together(its)] == [[[-1, 0], [-1, 0]], [[-1]]]
 

@@ -3,6 +3,7 @@
 import jax
 import numpy as np
 import pytest
+from models import partitioned
 from tagged_walk import (
     CHAIN,
     METHODS,
@@ -20,12 +21,9 @@ from tagged_walk import (
     tracker,
 )
 
-import jaxpf
 from jaxpf import ordering
 from jaxpf.contract.state import STATUS_OK, count_unique
-from jaxpf.dynamics import RandomWalk
 from jaxpf.filters.partitioned import kernel
-from jaxpf.likelihoods import Gaussian
 
 # Equivalences, key for key.
 
@@ -197,13 +195,7 @@ def test_a_set_that_was_never_weighed_is_not_resampled():
 
 @pytest.mark.parametrize(("num_particles", "parts"), [(7, 3), (61, 4), (200, 3), (300, 7)])
 def test_dps_components_differ_in_size_by_at_most_one(num_particles, parts):
-    small = jaxpf.Partitioned(
-        dynamics=RandomWalk(np.float32(1.0)),
-        likelihood=Gaussian(noise=np.ones((parts, 1, 1), np.float32)),
-        ordering=ordering.dps(parts),
-        initial=np.zeros((parts, 1), np.float32),
-        num_particles=num_particles,
-    )
+    small = partitioned(ordering.dps(parts), num_particles=num_particles)
     begin = jax.jit(lambda key: kernel.begin(small, key, small.init(key))[1].size)
     sizes = np.asarray(begin(jax.random.key(0)))
     assert sizes.sum() == num_particles

@@ -1,43 +1,31 @@
 """Error bars from one run: the filter's answers stay, and what is not known is said."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
+from models import partitioned
+from records import everything
 
 import jaxpf
 from jaxpf import ordering
-from jaxpf.dynamics import RandomWalk
 from jaxpf.filters import WithErrorBars
-from jaxpf.likelihoods import Gaussian
 
 FRAMES = np.random.default_rng(0).normal(size=(6, 3, 1)).astype(np.float32)
 KEY = jax.random.key(1)
 
 
-def tracker(order=None, **changes):
-    settings = {
-        "dynamics": RandomWalk(scale=1.0),
-        "likelihood": Gaussian(noise=jnp.ones((3, 1, 1))),
-        "ordering": PS if order is None else order,
-        "initial": jnp.zeros((3, 1)),
-        "num_particles": 64,
-        "resampling": "multinomial",
-    }
-    return jaxpf.Partitioned(**settings | changes)
-
-
 PS, EXCHANGE = ordering.ps([1, 0, 2]), ordering.sps([-1, -1, -1])
 
 
-def both(*both):
-    return both
+def tracker(order=PS, **changes):
+    settings = {"num_particles": 64, "resampling": "multinomial"}
+    return partitioned(order, **settings | changes)
 
 
 def told(its, frames=FRAMES, **settings):
     """States and summaries of all frames, with error bars."""
     its = WithErrorBars(its, **settings)
-    return jax.device_get(jaxpf.run(its, KEY, frames, both)[1])
+    return jax.device_get(jaxpf.run(its, KEY, frames, everything)[1])
 
 
 @pytest.mark.slow
@@ -89,7 +77,7 @@ def test_the_evidence_has_an_error_bar_with_multinomial_draws_alone():
     [
         pytest.param(0.0, 4, 1, id="the first draws alone"),
         pytest.param(1.0, 1, 3, id="a selection after every stage"),
-        pytest.param(None, 1, 3, id="not adaptive"),
+        pytest.param(None, 1, 3, id="not adaptive", marks=pytest.mark.slow),
     ],
 )
 def test_bars_are_those_computed_by_hand(ess_threshold, num_frames, generations):

@@ -4,13 +4,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from models import partitioned
+from records import everything
 
 import jaxpf
 from jaxpf import ordering, pytree_dataclass, running
 from jaxpf.contract.state import moments
-from jaxpf.dynamics import RandomWalk
 from jaxpf.filters import SideBySide, quantiles
-from jaxpf.likelihoods import Gaussian, kalman
+from jaxpf.likelihoods import kalman
 
 FRAMES = np.array([[[0.5], [1.0]], [[2.0], [0.0]], [[1.0], [-1.0]]], np.float32)
 RUNS = 4
@@ -21,20 +22,14 @@ def keep_log_evidence(state, summary):
 
 
 def one():
-    return jaxpf.Partitioned(
-        dynamics=RandomWalk(1.0),
-        likelihood=Gaussian(noise=jnp.ones((2, 1, 1))),
-        ordering=ordering.ps([0, 1]),
-        initial=jnp.zeros((2, 1)),
-        num_particles=20,
-    )
+    return partitioned(ordering.ps([0, 1]), num_particles=20)
 
 
 @pytest.fixture(scope="module")
 def ran():
     """States and summaries of all frames."""
     its = SideBySide(one(), RUNS)
-    return jaxpf.run(its, jax.random.key(3), FRAMES, lambda state, summary: (state, summary))[1]
+    return jaxpf.run(its, jax.random.key(3), FRAMES, everything)[1]
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from exact import LIMIT, WRONG, problem
 from jax.scipy.stats import norm
+from models import log_density, space
 
 import jaxpf
 from jaxpf.filters.partitioned import selection
@@ -18,7 +19,7 @@ A, S, NOISE = 0.9, 1.0, 0.5
 
 
 def predictive(y, x, p):
-    return norm.logpdf(y, A * x, p * (S**2 + NOISE**2) ** 0.5)
+    return norm.logpdf(y, A * x, (S**2 + NOISE**2) ** 0.5)
 
 
 def residual(y, partition, x):
@@ -27,15 +28,12 @@ def residual(y, partition, x):
 
 def walk(**changes):
     settings = {
-        "initial": lambda key, p: S * jax.random.normal(key),
-        "transition": lambda key, x, p: A * x + S * jax.random.normal(key),
-        "log_likelihood": lambda y, x, p: norm.logpdf(y, x, NOISE),
-        "transition_log_density": lambda new, x, p: norm.logpdf(new, A * x, S),
-        "parameters": 1.0,
+        "parameters": {"a": A, "s": S, "noise": NOISE},
+        "transition_log_density": log_density,
         "first_stage": predictive,
         "num_particles": 12,
     }
-    return jaxpf.state_space(**settings | changes)
+    return space(**settings | changes)
 
 
 def scores(tracker, num_runs=4000):

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.stats
+from models import start, step
 
 import jaxpf
 from jaxpf import stream
@@ -35,16 +36,6 @@ monte_carlo = jax.jit(jaxpf.monte_carlo)
 
 def run(*arguments):
     return jax.device_get(_run(*arguments))
-
-
-@jax.jit
-def step(chosen, key, state, frame):
-    return chosen.step(key, state, frame)
-
-
-@jax.jit
-def start(chosen):
-    return chosen.init(jax.random.key(0))
 
 
 @pytest.mark.parametrize(

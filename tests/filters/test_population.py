@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.scipy.stats import multivariate_normal
+from models import start, step
 
 import jaxpf
 from jaxpf.dynamics import AR2, LinearGaussian
@@ -30,16 +31,6 @@ def some(*slots):
     initial = EMPTY.copy()
     initial[list(slots)] = np.arange(8, dtype=np.float32).reshape(4, 2)[list(slots)]
     return initial
-
-
-@jax.jit
-def step(chosen, key, state, frame):
-    return chosen.step(key, state, frame)
-
-
-@jax.jit
-def start(chosen):
-    return chosen.init(jax.random.key(0))
 
 
 def after_frames(chosen, number=2):

@@ -27,6 +27,18 @@ def partitioned(order=None, *, number=None, dimension=1, **changes):
     return jaxpf.Partitioned(**settings | walks(number, dimension) | changes)
 
 
+@jax.jit
+def start(tracker):
+    """The state before the first frame."""
+    return tracker.init(jax.random.key(0))
+
+
+@jax.jit
+def step(tracker, key, state, frame):
+    """One frame."""
+    return tracker.step(key, state, frame)
+
+
 #: Parameters of the functions below.
 VALUES = {"a": 0.9, "s": 0.5, "noise": 0.7}
 

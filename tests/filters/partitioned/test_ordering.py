@@ -1,11 +1,14 @@
-"""Orderings are small tables; wrong ones are refused in one sentence."""
+"""Orderings are small tables."""
 
 import jax
 import numpy as np
+import pytest
 
 from jaxpf import ordering
 
 DEEP = [-1, 0, 0, 1, 2]
+PS, DPS, SPS = ordering.ps([2, 0, 1]), ordering.dps(3), ordering.sps(DEEP)
+BRANCHED, ALONE = ordering.branched([[0, 1], [1, 0]]), [False] * 5
 
 
 def used(made):
@@ -13,26 +16,45 @@ def used(made):
     return int(np.count_nonzero(np.asarray(made.fractions)))
 
 
-def test_sir_never_resamples_inside_a_frame():
-    made = ordering.sir(3)
-    assert used(made) == 1
-    assert not np.asarray(made.resample_after).any()
-    assert not np.asarray(made.exchange_after).any()
+@pytest.mark.parametrize(
+    ("made", "field", "expected"),
+    [
+        (ordering.sir(3), "resample_after", ALONE[:3]),  # never inside a frame
+        (ordering.sir(3), "exchange_after", ALONE[:3]),
+        (PS, "order", [[2, 0, 1]]),
+        (PS, "rank", [[1, 2, 0]]),
+        (PS, "resample_after", [True, True, False]),  # after every stage but the last
+        (DPS, "order", [[0, 1, 2], [1, 2, 0], [2, 0, 1]]),
+        (DPS, "fractions", np.full(3, 1 / 3)),
+        (DPS, "literal", False),
+        (ordering.dps(3, reassembly="literal"), "literal", True),
+        (SPS, "order", [[0, 1, 2, 3, 4]]),
+        (SPS, "level", [0, 1, 1, 2, 2]),
+        (SPS, "resample_after", [True, False, True, False, False]),  # levels but the last
+        # The root's level, too: its end notes who shares the root's draw.
+        (SPS, "exchange_after", [True, False, True, False, True]),
+        (SPS, "exchanged", [False, True, True, True, True]),
+        (ordering.sps([2, 0, -1, 2]), "order", [[2, 0, 3, 1]]),  # whatever the numbers
+        (ordering.sps([-1, 0, 1]), "exchanged", ALONE[:3]),  # levels of one part
+        (
+            ordering.sps([-1, -1, 0, 1], exchange_roots=False),
+            "exchanged",
+            [False, False, True, True],
+        ),
+        (ordering.sps(DEEP, "none"), "exchanged", ALONE),
+        (BRANCHED, "order", [[0, 1], [1, 0]]),
+        (BRANCHED, "keeps_components", True),
+    ],
+)
+def test_the_table_of_an_ordering(made, field, expected):
+    found = np.asarray(getattr(made, field))
+    if field in ("order", "rank"):  # of components that are used
+        found, expected = found[: used(made)], np.asarray(expected)[: used(made)]
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
-def test_ps_resamples_after_every_stage_but_the_last():
-    made = ordering.ps([2, 0, 1])
-    np.testing.assert_array_equal(made.order[0], [2, 0, 1])
-    np.testing.assert_array_equal(made.rank[0], [1, 2, 0])
-    np.testing.assert_array_equal(made.resample_after, [True, True, False])
-    assert used(made) == 1
-
-
-def test_dps_gives_every_component_a_circular_shift():
-    made = ordering.dps(3)
-    np.testing.assert_array_equal(made.order, [[0, 1, 2], [1, 2, 0], [2, 0, 1]])
-    np.testing.assert_allclose(made.fractions, np.full(3, 1 / 3), rtol=1e-6)
-    assert not made.literal
+def test_components_that_receive_particles():
+    assert [used(made) for made in (ordering.sir(3), PS, SPS, DPS)] == [1, 1, 1, 3]
 
 
 def test_dps_puts_every_partition_at_every_stage_once():
@@ -40,51 +62,12 @@ def test_dps_puts_every_partition_at_every_stage_once():
     assert all(sorted(stage) == list(range(7)) for stage in order.T)
 
 
-def test_literal_reassembly_is_a_traced_flag():
-    assert ordering.dps(3, reassembly="literal").literal
-
-
-def test_sps_resamples_after_every_level_but_the_last():
-    made = ordering.sps(DEEP)
-    np.testing.assert_array_equal(made.order[0], [0, 1, 2, 3, 4])
-    np.testing.assert_array_equal(made.level, [0, 1, 1, 2, 2])
-    np.testing.assert_array_equal(made.resample_after, [True, False, True, False, False])
-    # The root's level, too: its end notes who shares the root's draw.
-    np.testing.assert_array_equal(made.exchange_after, [True, False, True, False, True])
-    np.testing.assert_array_equal(made.exchanged, [False, True, True, True, True])
-
-
-def test_sps_goes_level_by_level_whatever_the_numbers_of_the_parts():
-    made = ordering.sps([2, 0, -1, 2])
-    np.testing.assert_array_equal(made.order[0], [2, 0, 3, 1])
-
-
-def test_a_level_with_one_part_exchanges_nothing():
-    made = ordering.sps([-1, 0, 1])
-    assert not np.asarray(made.exchanged).any()
-
-
 def test_an_exchanged_part_carries_all_that_hangs_from_it():
-    carrier = np.asarray(ordering.sps(DEEP).carrier)
+    carrier = np.asarray(SPS.carrier)
     # At the level of parts 1 and 2 (stages 1 and 2): 3 goes with 1, and 4 with 2.
     np.testing.assert_array_equal(carrier[1], [-1, 1, 2, 1, 2])
     np.testing.assert_array_equal(carrier[2], [-1, 1, 2, 1, 2])
     np.testing.assert_array_equal(carrier[4], [-1, -1, -1, 3, 4])
-
-
-def test_exchange_roots_false_leaves_only_the_roots_alone():
-    made = ordering.sps([-1, -1, 0, 1], exchange_roots=False)
-    np.testing.assert_array_equal(made.exchanged, [False, False, True, True])
-
-
-def test_swap_none_exchanges_nothing():
-    assert not np.asarray(ordering.sps(DEEP, "none").exchanged).any()
-
-
-def test_particles_of_a_branched_ordering_keep_their_components():
-    made = ordering.branched([[0, 1], [1, 0]])
-    assert made.keeps_components
-    np.testing.assert_array_equal(made.order[:2], [[0, 1], [1, 0]])
 
 
 def test_orderings_of_one_size_have_one_structure():

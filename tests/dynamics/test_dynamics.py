@@ -105,13 +105,21 @@ def test_the_density_is_that_of_the_draws(made, root):
     found = made.log_density_all(jnp.ones(5, jnp.int32), jnp.asarray(new.T), *past)
     expected = multivariate_normal.logpdf(new, mean, root @ root.T)
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
+    of_one = made.log_density(jnp.array(1), *map(jnp.asarray, (new[0], *PAST)))
+    np.testing.assert_allclose(of_one, expected[0], rtol=1e-4, atol=1e-4)
 
 
 def test_a_coordinate_without_noise_has_no_part_in_the_density():
     new, past = jnp.array([[3.0], [1.0]]), jnp.zeros((2, 1))
     partition = jnp.zeros(1, jnp.int32)
-    found = RandomWalk(np.array([2.0, 0.0])).log_density_all(partition, new, past, past, past)
+
+    @jax.value_and_grad
+    def density(scale):
+        return RandomWalk(scale).log_density_all(partition, new, past, past, past)[0]
+
+    found, slope = density(jnp.array([2.0, 0.0]))
     np.testing.assert_allclose(found, norm.logpdf(3.0, 0.0, 2.0), rtol=1e-5)
+    assert np.isfinite(slope).all()
 
 
 def test_partitions_may_differ_from_particle_to_particle():

@@ -154,7 +154,7 @@ TABLE = {
 }  # fmt: skip
 SLOW_TO_TRACE = {
     "plain gradient", "gradient through resampling", "soft resampling", "transport", "many runs",
-    "runs side by side", "smoothing over a gap", "smoothing after exchange",
+    "runs side by side", "score of the motion", "smoothing over a gap", "smoothing after exchange",
 }  # fmt: skip
 
 
@@ -223,8 +223,15 @@ def sees_both(y, x, p, time, previous):
     return sees(y, x, p, time) + 0 * previous
 
 
-@pytest.mark.parametrize("log_likelihood", [sees, sees_both])
-@pytest.mark.parametrize("wrapped", [lambda x: x, lambda x: Mixture(x, share=0.9999)])
+@pytest.mark.parametrize(
+    ("log_likelihood", "wrapped"),
+    [
+        (sees, lambda x: Mixture(x, share=0.9999)),
+        (sees_both, lambda x: x),
+        pytest.param(sees, lambda x: x, marks=pytest.mark.slow),
+        pytest.param(sees_both, lambda x: Mixture(x, share=0.9999), marks=pytest.mark.slow),
+    ],
+)
 def test_a_proposal_receives_time_inputs_and_parameters(log_likelihood, wrapped):
     """The optimal one of states that forget their past: all particles get the exact evidence."""
     its = jaxpf.state_space(
@@ -253,7 +260,7 @@ def test_the_density_of_a_mixture_is_that_of_both():
     mixture = mixture.of_model(walk, likelihood)
     new = np.random.default_rng(0).normal([1.0, -0.5], size=(6, 2))
     column = jnp.repeat(jnp.asarray(past)[:, None], 6, axis=1)
-    found = mixture.log_density_all(
+    found = jax.jit(mixture.log_density_all)(
         frame, jnp.zeros(6, jnp.int32), jnp.asarray(new.T), column, column, 0 * column
     )
     before, seen = np.diag(1 / scale**2), np.linalg.inv(root @ root.T)

@@ -10,7 +10,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import scipy.stats
 from fenced_trackers import (
     FENCES,
     KEYS,
@@ -24,7 +23,7 @@ from refusals import message_of
 
 import jaxpf
 from jaxpf import gradients, ordering, pytree_dataclass, tuning
-from jaxpf.dynamics import AR2, LinearGaussian, RandomWalk
+from jaxpf.dynamics import RandomWalk
 from jaxpf.gradients import NoGradient, StopGradient, check_motion_gradient
 
 
@@ -168,42 +167,6 @@ def test_every_draw_counts_once_in_the_slope_of_the_evidence():
         np.testing.assert_allclose(slope, expected, rtol=1e-3)
         # Each particle's derivative is divided among its parts.
         np.testing.assert_allclose(np.sum(of_parts, axis=0), of_weights, atol=1e-4)
-
-
-def test_log_densities_are_those_of_the_draws():
-    new, current, previous, parent = np.random.default_rng(0).normal(size=(4, 2))
-    partition = jnp.array(1)
-    scale = np.array([[1.0, 2.0], [0.5, 3.0]])
-    arguments = partition, *map(jnp.asarray, (new, current, previous, parent))
-    walk = RandomWalk(scale=scale).log_density(*arguments)
-    expected = scipy.stats.norm.logpdf(new, current, scale[1]).sum()
-    np.testing.assert_allclose(walk, expected, rtol=1e-5)
-    second = AR2(scale=scale[1], momentum=0.3).log_density(*arguments)
-    drift = current + 0.3 * (current - previous)
-    np.testing.assert_allclose(
-        second, scipy.stats.norm.logpdf(new, drift, scale[1]).sum(), rtol=1e-5
-    )
-    blocks = np.random.default_rng(1).normal(size=(4, 2, 2, 2))
-    general = LinearGaussian(
-        transition=blocks[0], noise=blocks[1], lag=blocks[2], coupling=blocks[3],
-        offset=np.ones((2, 2)),
-    )  # fmt: skip
-    a, root, b, c = blocks[:, 1]
-    mean = a @ current + b @ previous + c @ parent + 1.0
-    expected = scipy.stats.multivariate_normal.logpdf(new, mean, root @ root.T)
-    np.testing.assert_allclose(general.log_density(*arguments), expected, rtol=1e-4)
-
-
-def test_a_dimension_without_noise_is_left_out_of_the_density():
-    walk = RandomWalk(scale=jnp.array([0.5, 0.0]))
-    zero = jnp.zeros(2)
-
-    def density(scale):
-        return RandomWalk(scale=scale).log_density(0, jnp.array([1.0, 7.0]), zero, zero, zero)
-
-    value, slope = jax.value_and_grad(density)(walk.scale)
-    np.testing.assert_allclose(value, scipy.stats.norm.logpdf(1.0, 0.0, 0.5), rtol=1e-6)
-    assert np.isfinite(slope).all()
 
 
 def test_a_motion_gradient_that_would_be_zero_is_refused():

@@ -53,20 +53,30 @@ def smoothed(method):
     return jaxpf.smooth(tracker(), KEY, FRAMES, method=method, paths=20, **given)
 
 
-def test_shapes_and_the_filter_are_those_of_a_run(ran):
-    found = smoothed("backward")
+@pytest.mark.parametrize("method", ["backward", "genealogy"])
+def test_shapes(method):
+    def smooth(paths):
+        return jaxpf.smooth(tracker(), KEY, FRAMES, method=method, paths=paths)
+
+    found = jax.eval_shape(lambda: smooth(20))
     assert found.estimate.shape == found.spread.shape == (5, 2, 1)
     assert found.paths.shape == (20, 5, 2, 1)
+    assert jax.eval_shape(lambda: smooth(0)).paths is None
+
+
+@pytest.mark.slow
+@pytest.mark.always
+def test_moments_are_those_of_the_paths_and_the_filter_is_that_of_a_run(ran):
+    found = smoothed("backward")
     np.testing.assert_allclose(found.paths.mean(0), found.estimate, atol=1e-6)
     np.testing.assert_allclose(found.paths.std(0), found.spread, atol=1e-6)
     # To rounding: on a GPU, what else is kept changes how a sum is compiled.
     np.testing.assert_allclose(found.summaries.estimate, ran[1].estimate, rtol=1e-6)
-    assert jax.eval_shape(lambda: jaxpf.smooth(tracker(), KEY, FRAMES)).paths is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "method",
-    ["backward", *(pytest.param(x, marks=pytest.mark.slow) for x in ("genealogy", "metropolis"))],
+    "method", [pytest.param("backward", marks=pytest.mark.always), "genealogy", "metropolis"]
 )
 def test_paths_go_through_particles_of_their_frames(method, ran):
     found = smoothed(method)

@@ -77,7 +77,7 @@ def test_the_evidence_has_an_error_bar_with_multinomial_draws_alone():
     [
         pytest.param(0.0, 4, 1, id="the first draws alone"),
         pytest.param(1.0, 1, 3, id="a selection after every stage"),
-        pytest.param(None, 1, 3, id="not adaptive", marks=pytest.mark.slow),
+        pytest.param(None, 1, 3, id="not adaptive"),
     ],
 )
 def test_bars_are_those_computed_by_hand(ess_threshold, num_frames, generations):

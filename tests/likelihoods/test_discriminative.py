@@ -374,7 +374,9 @@ def test_a_seed_gives_the_same_track_whatever_runs_beside_it(learned):
     assert np.isfinite(every).all()
 
 
-@pytest.mark.parametrize("share", [0.75, 0.85, pytest.param(0.95, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "share", [0.75, *(pytest.param(x, marks=pytest.mark.slow) for x in (0.85, 0.95))]
+)
 def test_an_object_may_cover_most_of_the_frame(share):
     """It is found where it moved, by its own looks and by what little there is around it."""
     behind, own = blocks(1), blocks(2)

@@ -105,9 +105,9 @@ def test_brightness_does_not_matter_and_the_start_is_the_best_place():
 
 
 def test_rotation_is_clockwise_in_the_image():
-    picture = np.zeros_like(PICTURE)
-    picture[:11, :, 0], picture[11:, :, 2] = 255, 255  # red over blue: turned, red is right
-    likelihood = patch_from_pictures([picture], window=(22, 22))
+    start = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    start[:20, :, 0], start[20:, :, 2] = 255, 255  # red over blue: turned, red is right
+    likelihood = patch(start, POSES * [1, 1, 0], SIZES, window=WINDOW)
     frame = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     frame[:, 20:, 0], frame[:, :20, 2] = 255, 255
     turned = (20, 20, 1, np.pi / 2), (20, 20, 1, -np.pi / 2)

@@ -1,5 +1,7 @@
 """Frames in chunks: the same bits as all at once, whatever the filter and the frames' source."""
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -26,7 +28,26 @@ def partitioned(order):
     return jaxpf.Partitioned(WALK, SEEN, order, START, num_particles=40)
 
 
+@jaxpf.pytree_dataclass
+class Walk:
+    """A tracker of two lines, whose state hangs on every key and frame."""
+
+    start: jax.Array
+
+    def init(self, key):
+        return jax.random.normal(key, jnp.shape(self.start))
+
+    def step(self, key, state, frame):
+        moved = state + frame * jax.random.normal(key, state.shape)
+        return moved, Estimated(moved)
+
+
+class Estimated(NamedTuple):
+    estimate: jax.Array
+
+
 TRACKERS = {
+    "walk": lambda: Walk(START),
     "ps": lambda: partitioned(ordering.ps([2, 0, 1])),
     "sps": lambda: partitioned(ordering.sps(num_partitions=P)),  # the same program
     "labelled": lambda: jaxpf.Labelled(WALK, SEEN, START, num_particles=40),
@@ -41,7 +62,7 @@ def track(tracker, frames, **given):
 
 @pytest.mark.parametrize(
     "kind",
-    [one if one == "labelled" else pytest.param(one, marks=pytest.mark.slow) for one in TRACKERS],
+    [pytest.param(one, marks=[pytest.mark.slow] * (one != "walk")) for one in TRACKERS],
 )
 def test_states_are_carried_from_chunk_to_chunk_bit_for_bit(kind):
     """Chunks of 3, 3 and 1 frames: slices of an array, and what a generator gives."""

@@ -74,6 +74,7 @@ def test_evidence_with_inputs_is_that_of_a_kalman_filter():
     assert np.abs(np.asarray(many.estimate)[..., 0, 0].mean(axis=0)[-1] - STATES[-1]) < 1
 
 
+@pytest.mark.slow
 def test_smoothing_with_inputs_is_exact():
     _, smoothed = exact()
     its = model(num_particles=100)

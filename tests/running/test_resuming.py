@@ -61,13 +61,9 @@ def same(one, other):
         np.testing.assert_array_equal(a, b)
 
 
-#: The others share their clouds and populations, or wrap a tracker.
-QUICK = ["partitioned", "labelled"]
-
-
 @pytest.mark.parametrize(
     "kind",
-    [one if one in QUICK else pytest.param(one, marks=pytest.mark.slow) for one in TRACKERS],
+    [pytest.param(x, marks=[pytest.mark.slow] * (x != "partitioned")) for x in TRACKERS],
 )
 def test_a_resumed_run_is_the_uninterrupted_one_bit_for_bit(kind, tmp_path):
     its = TRACKERS[kind]()

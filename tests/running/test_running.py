@@ -19,8 +19,23 @@ pytestmark = pytest.mark.compiled_as_by_users
 FRAMES = np.random.default_rng(0).normal(size=(4, 3, 1))
 
 
+@pytree_dataclass
+class TracedWalk(RandomWalk):
+    """Counts how often it is traced, that is, for how many programs."""
+
+    def propagate_all(self, *arguments):
+        traced.append(0)
+        return super().propagate_all(*arguments)
+
+
+traced: list[int] = []
+KEY = jax.random.key(3)
+KEYS = jax.random.split(jax.random.key(5), 3)
+
+
 def tracker(order=None, **settings):
-    settings = {"num_particles": 50, "dynamics": RandomWalk(np.float64(1.0))} | settings
+    """One program for runs of a number of frames, and one for three runs beside each other."""
+    settings = {"num_particles": 50, "dynamics": TracedWalk(np.float64(1.0))} | settings
     return jaxpf.Partitioned(
         likelihood=Gaussian(noise=np.ones((3, 1, 1))),
         ordering=ordering.ps([0, 1, 2]) if order is None else order,
@@ -39,9 +54,11 @@ def trees_equal(one, other):
 
 
 def test_same_key_gives_the_same_bits_and_another_key_does_not():
+    """A key of the old kind is the same key."""
     made = tracker()
-    one = jaxpf.run(made, jax.random.key(0), FRAMES)
-    trees_equal(one, jaxpf.run(made, jax.random.key(0), FRAMES))
+    one = jaxpf.run(made, KEY, FRAMES)
+    trees_equal(one, jaxpf.run(made, KEY, FRAMES))
+    trees_equal(one, jaxpf.run(made, jax.random.PRNGKey(3), FRAMES))
     other = jaxpf.run(made, jax.random.key(1), FRAMES)
     assert not np.array_equal(one[0].substates, other[0].substates)
 
@@ -62,91 +79,54 @@ def test_a_run_does_not_depend_on_how_many_runs_share_its_batch(float64):
         trees_equal(shuffled, jax.tree.map(lambda x: x[::-1], all_runs))
 
 
-def test_monte_carlo_agrees_with_single_runs():
-    made, keys = tracker(), jax.random.split(jax.random.key(5), 3)
-    together = jax.device_get(jaxpf.monte_carlo(made, keys, FRAMES))
-    for number, key in enumerate(keys):
+def test_monte_carlo_agrees_with_single_runs_and_puts_runs_before_frames():
+    made = tracker()
+    together = jax.device_get(jaxpf.monte_carlo(made, KEYS, FRAMES))
+    trees_equal(together, jaxpf.monte_carlo(made, jax.random.key_data(KEYS), FRAMES))
+    for number, key in enumerate(KEYS):
         alone = jaxpf.run(made, key, FRAMES)[1]
         np.testing.assert_allclose(together.estimate[number], alone.estimate, atol=1e-4)
+    assert together.log_evidence.shape == (3, 4)
+    assert together.distinct_share.shape == (3, 4, 3)
 
 
-def test_monte_carlo_puts_runs_before_frames():
-    made, keys = tracker(), jax.random.split(jax.random.key(5), 3)
-    summaries = jaxpf.monte_carlo(made, keys, FRAMES)
-    assert summaries.estimate.shape == (3, 4, 3, 1)
-    assert summaries.log_evidence.shape == (3, 4)
-    assert summaries.distinct_share.shape == (3, 4, 3)
-
-
-def test_raw_keys_are_taken_as_typed_ones_are():
-    made = tracker()
-    typed = jax.random.split(jax.random.key(5), 3)
-    raw = jaxpf.monte_carlo(made, jax.random.key_data(typed), FRAMES)
-    trees_equal(raw, jaxpf.monte_carlo(made, typed, FRAMES))
-    old, new = (jaxpf.run(made, key, FRAMES) for key in (jax.random.PRNGKey(3), jax.random.key(3)))
-    trees_equal(old, new)
-
-
-@pytree_dataclass
-class TracedWalk(RandomWalk):
-    """Counts how often it is traced, that is, for how many programs."""
-
-    def propagate_all(self, *arguments):
-        traced.append(0)
-        return super().propagate_all(*arguments)
-
-
-traced: list[int] = []
-
-
-def test_changing_the_ordering_compiles_nothing_new():
-    key = jax.random.key(0)
-    keys = jax.random.split(key, 3)
-    walk = TracedWalk(np.float64(1.0))
-    jaxpf.run(tracker(ordering.sir(3), dynamics=walk), key, FRAMES)
-    jaxpf.monte_carlo(tracker(ordering.sir(3), dynamics=walk), keys, FRAMES)
+def test_changing_ordering_or_parameters_compiles_nothing_new():
+    jaxpf.run(tracker(ordering.sir(3)), KEY, FRAMES)
+    jaxpf.monte_carlo(tracker(ordering.sir(3)), KEYS, FRAMES)
     before = len(traced)
     assert before > 0
+    jaxpf.run(tracker(dynamics=TracedWalk(np.float64(2.0))), KEY, FRAMES)
     for other in (
         ordering.ps([2, 0, 1]),
         ordering.dps(3),
         ordering.dps(3, reassembly="literal"),
         *(ordering.sps(num_partitions=3, swap=swap) for swap in ordering.SWAPS),
     ):
-        jaxpf.run(tracker(other, dynamics=walk), key, FRAMES)
-        jaxpf.monte_carlo(tracker(other, dynamics=walk), keys, FRAMES)
-    assert len(traced) == before
-
-
-def test_changing_parameters_compiles_nothing_new():
-    key = jax.random.key(0)
-    jaxpf.run(tracker(dynamics=TracedWalk(np.float64(1.0))), key, FRAMES)
-    before = len(traced)
-    assert before > 0
-    jaxpf.run(tracker(dynamics=TracedWalk(np.float64(2.0))), key, FRAMES)
+        jaxpf.run(tracker(other), KEY, FRAMES)
+        jaxpf.monte_carlo(tracker(other), KEYS, FRAMES)
     assert len(traced) == before
 
 
 def test_a_run_is_a_fold_of_steps_with_the_documented_keys_which_compile_once():
-    made, key = tracker(dynamics=TracedWalk(np.float64(1.0))), jax.random.key(3)
-    state, summaries, counts = made.init(jax.random.fold_in(key, 0)), [], []
+    made = tracker()
+    state, summaries, counts = made.init(jax.random.fold_in(KEY, 0)), [], []
     for time, frame in enumerate(FRAMES, 1):
-        state, summary = made.step(jax.random.fold_in(key, time), state, frame)
+        state, summary = made.step(jax.random.fold_in(KEY, time), state, frame)
         summaries.append(summary)
         counts.append(len(traced))
     assert counts[0] == counts[-1]
-    for one, other in zip(summaries, jaxpf.stream(made, key, FRAMES), strict=True):
+    for one, other in zip(summaries, jaxpf.stream(made, KEY, FRAMES), strict=True):
         trees_equal(one, other.summary)
-    last, whole = jaxpf.run(made, key, FRAMES)
+    last, whole = jaxpf.run(made, KEY, FRAMES)
     np.testing.assert_allclose(last.substates, state.substates, rtol=1e-5, atol=1e-6)
     evidence = [summary.log_evidence for summary in summaries]
     np.testing.assert_allclose(whole.log_evidence, evidence, rtol=1e-5)
     before = len(traced)
     other = tracker(dynamics=TracedWalk(np.float64(2.0)))
-    trees_equal(other.init(key), made.init(key))
-    moved = other.step(key, state, FRAMES[0])[0]
+    trees_equal(other.init(KEY), made.init(KEY))
+    moved = other.step(KEY, state, FRAMES[0])[0]
     assert len(traced) == before
-    assert not np.array_equal(moved.substates, made.step(key, state, FRAMES[0])[0].substates)
+    assert not np.array_equal(moved.substates, made.step(KEY, state, FRAMES[0])[0].substates)
 
 
 def test_a_tracker_that_is_no_pytree_steps_as_it_is_written():
@@ -181,13 +161,13 @@ def test_a_frame_is_observed_once_for_all_runs():
     made = jaxpf.Partitioned(
         dynamics=RandomWalk(np.float64(1.0)),
         likelihood=CountingLikelihood(np.float64(1.0)),
-        ordering=ordering.sir(3),
-        initial=np.zeros((3, 1)),
+        ordering=ordering.sir(1),
+        initial=np.zeros((1, 1)),
         num_particles=5,
     )
     observed.clear()
-    keys = jax.random.split(jax.random.key(0), 25)  # three batches
-    jax.block_until_ready(jaxpf.monte_carlo(made, keys, FRAMES))
+    keys = jax.random.split(jax.random.key(0), 6)  # three batches
+    jax.block_until_ready(jaxpf.monte_carlo(made, keys, FRAMES, batch_size=2))
     jax.effects_barrier()
     assert len(observed) == len(FRAMES)
 
@@ -224,21 +204,15 @@ class Accumulator:
         return state + frame["speed"], state
 
 
-def test_any_object_with_init_and_step_can_be_run():
-    final, before = jaxpf.run(Accumulator(np.float32(0.0)), jax.random.key(0), SPEEDS)
+def test_any_object_with_init_and_step_can_be_run_and_record_picks_what_is_kept():
+    made, keys = Accumulator(np.float32(0.0)), jax.random.split(jax.random.key(0), 11)
+    final, before = jaxpf.run(made, KEY, SPEEDS)
     assert final == 6.0
     np.testing.assert_array_equal(before, [0.0, 1.0, 3.0])
-    keys = jax.random.split(jax.random.key(0), 11)
-    many = jaxpf.monte_carlo(Accumulator(np.float32(0.0)), keys, SPEEDS)
-    np.testing.assert_array_equal(many, np.tile([0.0, 1.0, 3.0], (11, 1)))
-
-
-def test_record_picks_what_is_kept():
-    made, keys = Accumulator(np.float32(0.0)), jax.random.split(jax.random.key(0), 2)
-    _, kept = jaxpf.run(made, keys[0], SPEEDS, record=twice_the_state)
+    _, kept = jaxpf.run(made, KEY, SPEEDS, record=twice_the_state)
     np.testing.assert_array_equal(kept["state"], [2.0, 6.0, 12.0])
     many = jaxpf.monte_carlo(made, keys, SPEEDS, record=twice_the_state)
-    np.testing.assert_array_equal(many["state"], [[2.0, 6.0, 12.0]] * 2)
+    np.testing.assert_array_equal(many["state"], [[2.0, 6.0, 12.0]] * 11)
 
 
 def test_few_runs_cost_about_their_share_of_many():

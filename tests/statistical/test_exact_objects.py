@@ -33,7 +33,7 @@ def test_filter_of_independent_objects_is_unbiased(make):
 
 
 def test_the_combinatorial_swap_is_unbiased_and_the_yardstick_notices_what_is_slightly_wrong():
-    exact, recorded = objects(), record_runs(objects(), ordering.sps(OBJECTS))
+    exact, recorded = objects(), record_runs(objects(), ordering.sps(OBJECTS), runs=10_000)
     assert scores_of(recorded, exact).worst < LIMIT
     more_evidence = exact._replace(log_evidence=exact.log_evidence + np.log(1.1) / 3)
     assert abs(scores_of(recorded, more_evidence).evidence) > LIMIT
@@ -55,7 +55,8 @@ def test_sorted_swap_of_objects_is_biased_by_far():
 def p_values(order):
     """Friedman's test over objects, of squared errors and distinct particles in the last frame."""
     exact = objects(same_frames=True)
-    _, mean, _, distinct_share = (np.asarray(part)[:, -1] for part in record_runs(exact, order))
+    recorded = record_runs(exact, order, runs=QUICK_RUNS)
+    _, mean, _, distinct_share = (np.asarray(part)[:, -1] for part in recorded)
     errors = (mean - exact.mean[-1]) ** 2
     return [
         scipy.stats.friedmanchisquare(*measure.T).pvalue for measure in (errors, distinct_share)

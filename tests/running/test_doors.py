@@ -1,7 +1,6 @@
 """Every function that takes frames takes their inputs, and which of them were observed.
 
-States follow their inputs up to a thousandth, so that evidence and states are known.  And what is
-no argument of a function is refused by its name.
+States follow their inputs up to a thousandth, so that evidence and states are known.
 """
 
 import jax
@@ -11,7 +10,7 @@ import pytest
 from jax.scipy.stats import norm
 
 import jaxpf
-from jaxpf import likelihoods, media, running, smoothing, tuning
+from jaxpf import running, smoothing, tuning
 
 T, KEY, KEYS = 5, jax.random.key(0), jax.random.split(jax.random.key(1), 2)
 INPUTS = {"push": np.float32([[2, -4], [8, 0], [-6, 9], [4, 3], [1, -2]]), "noise": np.r_[1.0:6.0]}
@@ -194,22 +193,3 @@ def test_inputs_and_what_was_observed_pass_through(door):
         np.testing.assert_allclose(found, np.broadcast_to(exact(seen), np.shape(found)), atol=0.01)
         same = call(np.where(seen, Y, np.nan), inputs=INPUTS)
         np.testing.assert_allclose(found, same, rtol=1e-5)
-
-
-FRAME = np.random.default_rng(0).integers(0, 256, (40, 40, 3), dtype=np.uint8)
-BOX, ARRAY = np.float32([[10, 10, 12, 12]]), np.ones((3, 2))
-#: Argument -> call with a value of a wrong kind.
-WRONG = {
-    "like": lambda: jaxpf.boxes.tracker(FRAME, BOX, like=ARRAY),
-    "kind": lambda: media.mark(FRAME, kind=ARRAY),
-    "folder": lambda: media.view(7),
-    "network": lambda: likelihoods.pretrained(FRAME, BOX, network=ARRAY),
-    "tracker": lambda: jaxpf.simulate(object(), KEY, 3),
-    "folder of smc2": lambda: by_smc2(Y, inputs=INPUTS, folder=ARRAY),
-}
-
-
-@pytest.mark.parametrize("argument", WRONG)
-def test_an_argument_of_a_wrong_kind_is_named(argument):
-    with pytest.raises((TypeError, ValueError), match=rf"^{argument.partition(' ')[0]}\b"):
-        WRONG[argument]()

@@ -99,24 +99,22 @@ def trace(function, transform, source, make=partitioned, frames=GAPS):
     return jax.eval_shape(lambda scale: transformed(scale, given), jnp.float32(1))
 
 
-@pytest.mark.parametrize("function", FUNCTIONS)
+def quickly(names, quick):
+    """Names, of which the others are slow: there, every function meets every transform."""
+    return [pytest.param(x, marks=[pytest.mark.slow] * (x not in quick)) for x in names]
+
+
+@pytest.mark.parametrize("function", quickly(FUNCTIONS, ("run", "monte_carlo", "smooth")))
 def test_every_function_takes_frames_that_are_closed_over(function):
     trace(function, "jit", "closed over")
 
 
-@pytest.mark.parametrize(
-    "transform",
-    [
-        pytest.param(name, marks=pytest.mark.slow) if name == "checkpoint" else name
-        for name in TRANSFORMS
-        if name != "jit"
-    ],
-)
+@pytest.mark.parametrize("transform", quickly(TRANSFORMS, ("grad", "vmap", "scan")))
 def test_every_transform_takes_frames_that_are_closed_over(transform):
     trace("run", transform, "closed over")
 
 
-@pytest.mark.parametrize("name", [name for name in TRACKERS if name != "partitioned"])
+@pytest.mark.parametrize("name", quickly(TRACKERS, ("labelled", "pffl")))
 def test_every_tracker_takes_frames_that_are_closed_over(name):
     trace("run", "jit", "closed over", TRACKERS[name])
 
@@ -137,21 +135,10 @@ def test_every_function_works_in_every_transform(function, transform, source, tr
     trace(function, transform, source, partitioned if alone else TRACKERS[tracker])
 
 
-ONE_QUICKLY = pytest.mark.parametrize(
-    "function",
-    [one if one == "run" else pytest.param(one, marks=pytest.mark.slow) for one in FUNCTIONS],
-)
-
-
-@ONE_QUICKLY
-def test_a_tracker_may_be_passed_in(function):
-    frames = jnp.asarray(GAPS)
-    jax.eval_shape(lambda its, key: FUNCTIONS[function](its, key, frames), partitioned(1.0), KEY)
-
-
-@ONE_QUICKLY
-def test_a_tracker_may_be_closed_over(function):
+@pytest.mark.parametrize("function", quickly(FUNCTIONS, ("run",)))
+def test_a_tracker_may_be_passed_in_or_closed_over(function):
     made, frames = partitioned(1.0), jnp.asarray(GAPS)
+    jax.eval_shape(lambda its, key: FUNCTIONS[function](its, key, frames), made, KEY)
     jax.eval_shape(lambda key: FUNCTIONS[function](made, key, frames), KEY)
 
 
@@ -172,7 +159,7 @@ def in_jit(function):
         (in_jit(lambda its, key: [*jaxpf.stream(its, key, FRAMES)]), "use jaxpf.run"),
         (
             in_jit(lambda its, key: jaxpf.smooth(its, key, FRAMES, lag=1).estimate),
-            "use jaxpf.smooth without a lag",
+            "without a lag",
         ),
         (
             in_jit(lambda its, key: smoothing.LookBack(its, key).add(its.init(key))),

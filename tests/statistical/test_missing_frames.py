@@ -21,12 +21,13 @@ MISSING = (1, 2)
 ORDERINGS = {"sir": (ordering.sir(1), (-1,)), "ps": (ordering.ps([0, 1]), (-1, -1))}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "size", "motion"),
     [
-        pytest.param("sir", 4, "score", marks=[pytest.mark.slow, pytest.mark.always]),
-        pytest.param("sir", 4, "pathwise", marks=pytest.mark.slow),
-        pytest.param("ps", 6, "pathwise", marks=pytest.mark.slow),
+        pytest.param("sir", 4, "score", marks=pytest.mark.always),
+        ("sir", 4, "pathwise"),
+        ("ps", 6, "pathwise"),
     ],
 )
 def test_the_gradient_of_the_evidence_is_unbiased(name, size, motion):

@@ -40,13 +40,11 @@ ON_A_TREE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ON_A_TREE)
 @pytest.mark.parametrize(
     "name",
-    [
-        pytest.param(n, marks=[pytest.mark.slow] + [pytest.mark.always] * (n == "optimal"))
-        for n in PROPOSALS
-    ],
+    [pytest.param(n, marks=[pytest.mark.always] * (n == "optimal")) for n in PROPOSALS],
 )
 def test_filter_on_a_part_tree_with_a_missing_frame_is_unbiased(name, method):
     exact = problem(TREE, num_frames=4, missing=(1,))
@@ -176,7 +174,7 @@ def test_linearised_helps_where_observations_are_not_linear():
 
 def test_what_no_proposal_goes_with_is_refused():
     exact = problem(TREE)
-    with pytest.raises(InputError, match="the likelihood is a Bearing; use Linearised"):
+    with pytest.raises(InputError, match="Linearised"):
         jaxpf.Partitioned(
             dynamics=exact.dynamics,
             likelihood=Bearing(),
@@ -185,7 +183,5 @@ def test_what_no_proposal_goes_with_is_refused():
             parents=TREE,
             proposal=LocallyOptimal(),
         )
-    with pytest.raises(
-        InputError, match=r"share=1\.0 must be a finite number of at least 0 and below 1"
-    ):
+    with pytest.raises(InputError, match="share"):
         Mixture(Bad(), 1.0)

@@ -227,11 +227,11 @@ class Sure:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"likelihood": Sure()}, "log_odds of the likelihood, and Sure has none"),
-        ({"dynamics": Coupled()}, "Coupled moves a partition by all the others"),
-        ({"parents": (-1, 0)}, "relocation does not work with a part tree"),
-        ({"gradient": jaxpf.gradients.Soft()}, "relocation does not work with gradient Soft"),
-        ({"relocation": Relocation(1.5, np.ones(2))}, "epsilon=1.5 must be from 0 to 1"),
+        ({"likelihood": Sure()}, "log_odds"),
+        ({"dynamics": Coupled()}, "Coupled"),
+        ({"parents": (-1, 0)}, "part tree"),
+        ({"gradient": jaxpf.gradients.Soft()}, "gradient"),
+        ({"relocation": Relocation(1.5, np.ones(2))}, "epsilon"),
     ],
 )
 def test_where_it_cannot_work_it_is_refused(settings, message):

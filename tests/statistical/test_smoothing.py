@@ -71,6 +71,7 @@ def test_smoothed_moments_converge_to_the_exact_ones(case):
     assert worst < LIMIT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "order"),
     [
@@ -78,11 +79,9 @@ def test_smoothed_moments_converge_to_the_exact_ones(case):
             lambda: problem((-1,), transition=1.4, lag=-0.8, initial_scale=1.0),
             ordering.sir(1),
             id="second order",
-            marks=[pytest.mark.slow, pytest.mark.always],
+            marks=pytest.mark.always,
         ),
-        pytest.param(
-            lambda: problem((-1, 0)), ordering.ps([0, 1]), id="tree", marks=pytest.mark.slow
-        ),
+        pytest.param(lambda: problem((-1, 0)), ordering.ps([0, 1]), id="tree"),
     ],
 )
 def test_three_frames_are_smoothed_exactly(make, order):

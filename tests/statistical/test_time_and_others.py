@@ -181,16 +181,13 @@ def coupled() -> Problem:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "settings"),
     [
-        pytest.param(
-            ordering.ps([2, 0, 1]), {}, id="ps", marks=[pytest.mark.slow, pytest.mark.always]
-        ),
-        pytest.param(ordering.dps(3), {}, id="dps", marks=pytest.mark.slow),
-        pytest.param(
-            ordering.ps([0, 1, 2]), {"ess_threshold": 0.5}, id="adaptive", marks=pytest.mark.slow
-        ),
+        pytest.param(ordering.ps([2, 0, 1]), {}, id="ps", marks=pytest.mark.always),
+        pytest.param(ordering.dps(3), {}, id="dps"),
+        pytest.param(ordering.ps([0, 1, 2]), {"ess_threshold": 0.5}, id="adaptive"),
     ],
 )
 def test_coupled_motion_is_unbiased(order, settings):

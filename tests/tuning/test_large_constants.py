@@ -54,6 +54,7 @@ def by_pmmh(frames):
     return found.parameters
 
 
+@jax.jit
 def by_slope(frames):
     keys = jax.random.split(KEY, 8)
     return jax.grad(lambda p: tuning.log_mean_evidence(build(p), keys, frames))({"mean": 0.0})

@@ -72,7 +72,10 @@ def log_odds(likelihood, frame, partition, substates):
     return likelihood.log_odds_all(likelihood.observe(frame), partition, substates)
 
 
-@pytest.mark.parametrize("made", [WIRES, OPAQUE, likelihood("none")])
+@pytest.mark.parametrize(
+    "made",
+    [WIRES, *(pytest.param(x, marks=pytest.mark.slow) for x in (OPAQUE, likelihood("none")))],
+)
 def test_log_odds_say_whether_a_contour_is_on_its_target(made):
     places = jnp.array([[0.0, 0.0], [25.0, 25.0], [np.nan, 0.0]]).T
     targets = jnp.zeros(3, int)
@@ -225,7 +228,7 @@ def test_a_contour_folded_back_on_half_a_worm_is_paid_once():
     np.testing.assert_allclose(scores["none"][[0, 2]], scores["none-literal"][[0, 2]], rtol=1e-5)
 
 
-@pytest.mark.parametrize("apart", [12, 30])
+@pytest.mark.parametrize("apart", [12, pytest.param(30, marks=pytest.mark.slow)])
 def test_both_sides_of_a_narrow_body_are_paid(apart):
     """Lines see across it: what lies there is another edge, and explains its own feature."""
     frame = np.full((HEIGHT, WIDTH, 3), 200, np.uint8)

@@ -180,7 +180,8 @@ def test_the_top_bin_means_so_many_or_more():
 @pytest.mark.parametrize(
     "boundaries",
     [
-        *((), (4.0,), (-3.0, 5.0), (0.0, 1.0, 2.0, 3.0, 4.0)),
+        *((), (4.0,), (-3.0, 5.0)),
+        pytest.param((0.0, 1.0, 2.0, 3.0, 4.0), marks=pytest.mark.slow),
         pytest.param((0.0, 18.0, 19.0), marks=pytest.mark.slow),
         pytest.param((-9.0, 0.0, 2.0, 18.0), marks=pytest.mark.slow),
     ],

@@ -94,6 +94,7 @@ def test_hidden_is_what_lies_inside_a_nearer_outline():
     check_what_is_hidden()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mutation", ["who hides is hidden", "only the nearest hides"])
 def test_kills_what_is_hidden_by_the_wrong_target(monkeypatch, mutation):
     def wrong(num_targets):

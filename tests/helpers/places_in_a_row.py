@@ -2,8 +2,18 @@
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 PLACES = 5
+
+
+def one_step():
+    """Transition probabilities ``[5, 5]`` of ``StepsInARow``."""
+    step = np.zeros((PLACES, PLACES))
+    for place in range(PLACES):
+        for move in (-1, 0, 1):
+            step[place, np.clip(place + move, 0, PLACES - 1)] += 1 / 3
+    return step
 
 
 class StepsInARow:

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import monte_carlo
-from places_in_a_row import PLACES, ReadFromTables, StepsInARow
+from places_in_a_row import PLACES, ReadFromTables, StepsInARow, one_step
 from records import z_score
 
 import jaxpf
@@ -55,10 +55,7 @@ class Tables(ReadFromTables):
 
 def exact():
     """Evidence, and the posterior ``[5, 5, 5]`` in the last frame."""
-    step = np.zeros((PLACES, PLACES))
-    for place in range(PLACES):
-        for move in (-1, 0, 1):
-            step[place, np.clip(place + move, 0, PLACES - 1)] += 1 / 3
+    step = one_step()
     belief = np.zeros((PLACES,) * 3)
     belief[START] = 1
     for joint in JOINT:
@@ -143,10 +140,7 @@ def test_a_label_that_moves_after_the_last_stage_counts():
 @pytest.mark.slow
 def test_a_joint_of_labels_is_given_the_likelihoods_of_single_targets():
     """By enumeration of all places and both labels; the stages weigh by something else."""
-    step = np.zeros((PLACES, PLACES))
-    for place in range(PLACES):
-        for move in (-1, 0, 1):
-            step[place, np.clip(place + move, 0, PLACES - 1)] += 1 / 3
+    step = one_step()
     flip = np.array([[0.7, 0.3], [0.3, 0.7]])
     belief = np.zeros((2, *(PLACES,) * 3))
     belief[(slice(None), *START)] = 0.5

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from places_in_a_row import PLACES, ReadFromTables, StepsInARow
+from places_in_a_row import PLACES, ReadFromTables, StepsInARow, one_step
 from records import z_score
 
 import jaxpf
@@ -58,15 +58,6 @@ class OfSingleTargets:
 
     def log_prob(self, observation, partition, substate):
         return observation[partition, substate[0].astype(int)]
-
-
-def one_step():
-    """Transition probabilities ``[5, 5]`` of a target."""
-    step = np.zeros((PLACES, PLACES))
-    for place in range(PLACES):
-        for move in (-1, 0, 1):
-            step[place, np.clip(place + move, 0, PLACES - 1)] += 1 / 3
-    return step
 
 
 def exact():

@@ -31,6 +31,7 @@ def test_gaussian_density_is_that_of_scipy(observed):
         assert float(found) == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
 
+@pytest.mark.statistical
 def test_gaussian_samples_have_its_mean_and_covariance():
     """Noise that is correlated; 40 000 draws tell a standard deviation that is 2 percent off."""
     rng = np.random.default_rng(1)

@@ -185,11 +185,12 @@ DOORS = {
 
 @pytest.mark.parametrize("door", DOORS)
 def test_inputs_and_what_was_observed_pass_through(door):
-    """What was not observed holds a number that would change the result."""
+    """What was not observed, or is masked, holds a number that would change the result."""
     call, exact = DOORS[door]
     for observed in OBSERVED.values():
         seen = np.broadcast_to(observed.reshape(T, -1), Y.shape)
-        found = call(np.where(seen, Y, 1e4), observed=observed, inputs=INPUTS)
+        frames = np.where(seen, Y, np.float32(1e4))
+        found = call(frames, observed=observed, inputs=INPUTS)
         np.testing.assert_allclose(found, np.broadcast_to(exact(seen), np.shape(found)), atol=0.01)
-        same = call(np.where(seen, Y, np.nan), inputs=INPUTS)
+        same = call(np.ma.masked_array(frames, ~seen), inputs=INPUTS)
         np.testing.assert_allclose(found, same, rtol=1e-5)

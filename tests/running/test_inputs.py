@@ -64,6 +64,7 @@ def exact():
     return np.array(evidence), smoothed[:, 0] + STATES
 
 
+@pytest.mark.statistical
 def test_evidence_with_inputs_is_that_of_a_kalman_filter():
     evidence, _ = exact()
     keys = jax.random.split(KEY, 6_000)
@@ -74,6 +75,7 @@ def test_evidence_with_inputs_is_that_of_a_kalman_filter():
     assert np.abs(np.asarray(many.estimate)[..., 0, 0].mean(axis=0)[-1] - STATES[-1]) < 1
 
 
+@pytest.mark.statistical
 @pytest.mark.slow
 def test_smoothing_with_inputs_is_exact():
     _, smoothed = exact()
@@ -112,6 +114,7 @@ def test_smoothing_with_a_lag_reads_the_rows_of_its_blocks():
     np.testing.assert_allclose(one, other, atol=0.2)
 
 
+@pytest.mark.statistical
 @pytest.mark.slow
 def test_particle_gibbs_with_inputs_is_exact():
     _, smoothed = exact()

@@ -149,6 +149,7 @@ def test_a_forecast_is_a_run_over_frames_that_are_missing(name):
     assert (np.asarray(ahead.log_evidence) == 0).all()
 
 
+@pytest.mark.statistical
 @pytest.mark.slow
 def test_a_forecast_has_the_moments_of_the_dynamics():
     """From an exact start: mean .9^k x, variance the sum of .81^j over j < k."""

@@ -1,4 +1,7 @@
-"""Masked arrays and missing entries of tables mean what NaN means, at every door for frames."""
+"""Masked arrays and missing entries of tables mean what NaN means.
+
+``test_doors.py`` passes masked arrays to every function that takes frames.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +11,7 @@ import pytest
 from jax.scipy.stats import norm
 
 import jaxpf
-from jaxpf import likelihoods, smoothing, tuning
+from jaxpf import likelihoods, tuning
 
 KEY = jax.random.key(0)
 GONE = np.array([0, 0, 1, 0, 1], bool)
@@ -26,61 +29,28 @@ KINDS = FLOATS | {
 }
 
 
-def build(p):
-    return jaxpf.state_space(
-        initial=0.0,
-        transition=lambda key, x, p: x + p * jax.random.normal(key),
-        log_likelihood=lambda y, x, p: norm.logpdf(y, x),
-        transition_log_density=lambda new, x, p: norm.logpdf(new, x, p),
-        parameters=p,
-        num_particles=8,
-        resampling="multinomial",
-    )
-
-
-def log_prior(p):
-    return -p
-
-
-ITS = build(jnp.float32(1.0))
+ITS = jaxpf.state_space(
+    initial=0.0,
+    transition=lambda key, x, p: x + jax.random.normal(key),
+    log_likelihood=lambda y, x, p: norm.logpdf(y, x),
+    num_particles=8,
+)
 DOORS = {
     "run": lambda frames: jaxpf.run(ITS, KEY, frames)[1],
     "monte_carlo": lambda frames: jaxpf.monte_carlo(ITS, KEY[None], frames),
     "stream": lambda frames: [each.summary for each in jaxpf.stream(ITS, KEY, frames)],
-    "smooth": lambda frames: jaxpf.smooth(ITS, KEY, frames),
-    "smooth with a lag": lambda frames: jaxpf.smooth(ITS, KEY, frames, lag=3),
-    "smoothing.stream": lambda frames: [
-        each.estimate for each in smoothing.stream(ITS, KEY, frames, 3)
-    ],
-    "particle_gibbs": lambda frames: smoothing.particle_gibbs(ITS, KEY, frames, 2),
-    "log_evidence": lambda frames: tuning.log_evidence(ITS, KEY[None], frames),
-    "TrainingSequence": lambda frames: tuning.TrainingSequence(ITS, frames, frames).truth,
-    "tune": lambda frames: (
-        jaxpf.tune(
-            tuning.TrainingSequence(ITS, frames), ["parameters=.1:9"],
-            settings=tuning.Settings(steps=2, runs=1, repeats=1),
-        ).values
-    ),
-    "pmmh": lambda frames: jaxpf.pmmh(
-        build, log_prior, KEY, frames, 1.0, num_draws=3, num_warmup=2, num_chains=1, num_particles=4
-    ).parameters,
-    "smc2": lambda frames: tuning.smc2(
-        build, log_prior, jax.random.exponential, KEY, frames, num_draws=4, num_particles=4
-    ).mean,
+    "labels": lambda frames: tuning.TrainingSequence(ITS, frames, frames).truth,
     "kalman": lambda frames: likelihoods.kalman(
         *np.ones((4, 1, 1)), [0], [[0]], frames if frames.ndim == 2 else frames[:, None]
     ),
-}  # fmt: skip
-SLOW = {"smooth", "smooth with a lag", "smoothing.stream", "particle_gibbs", "tune", "pmmh", "smc2"}
+}
 
 
 def assert_alike(found, expected):
     jax.tree.map(np.testing.assert_array_equal, found, expected)
 
 
-@pytest.mark.parametrize(
-    "door", [pytest.param(x, marks=pytest.mark.slow) if x in SLOW else x for x in DOORS]
-)
+@pytest.mark.parametrize("door", DOORS)
 def test_a_missing_value_is_nan(door):
     kinds = KINDS
     if door == "kalman":  # takes a matrix

@@ -102,6 +102,7 @@ def test_streams_forecasts_and_transforms_resume_at_the_time_of_the_state():
         jaxpf.run(its, KEY, frames, state=both)
 
 
+@pytest.mark.statistical
 def test_a_random_walk_resumed_after_every_frame_spreads_as_it_should():
     its = walk(20_000)
     state, _ = jaxpf.forecast(its, KEY, its.init(KEY), 1)
@@ -110,6 +111,7 @@ def test_a_random_walk_resumed_after_every_frame_spreads_as_it_should():
     assert abs(after.spread[0, 0, 0] - 2**0.5) / error < LIMIT
 
 
+@pytest.mark.statistical
 def test_the_evidence_of_a_run_resumed_after_every_frame_is_unbiased():
     its, frames = walk(8), np.array([1.5, -1.0], np.float32)
     one = np.eye(1)

@@ -26,6 +26,7 @@ def walk(**changes):
     return jaxpf.state_space(**settings | changes)
 
 
+@pytest.mark.statistical
 @pytest.mark.slow
 def test_moments_of_simulated_parts_are_those_of_the_model():
     """Second moments of the observations of a part tree; those of the states differ."""
@@ -46,6 +47,7 @@ def test_moments_of_simulated_parts_are_those_of_the_model():
     assert score(drawn.states) > WRONG
 
 
+@pytest.mark.statistical
 @pytest.mark.slow
 def test_predictive_intervals_cover_95_percent():
     """Of simulated futures; intervals of the state instead are too narrow."""
@@ -80,6 +82,7 @@ def test_states_of_a_tree_inputs_and_time_are_drawn_by_name():
     np.testing.assert_array_equal(later.frames["time"], [[3, 4]] * 4)
 
 
+@pytest.mark.statistical
 def test_a_particle_is_drawn_by_its_weight_and_goes_on_with_the_rows_of_its_frames():
     """Five particles of unequal weight, each known by a number of its own."""
     its = jaxpf.state_space(

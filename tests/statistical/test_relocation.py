@@ -118,6 +118,7 @@ def runs(method, **settings):
     return np.exp(log_evidence.sum(axis=1)) / evidence.prod(), places[:, -1], expected
 
 
+@pytest.mark.statistical
 def test_draws_weigh_as_much_as_the_uniform_density():
     made = tracker("ps", num_particles=4000)
     state = made.init(jax.random.key(0))

@@ -112,6 +112,7 @@ def z_scores(log_evidence, probabilities):
     return (values.mean(axis=0) - np.append(1, of_orders / evidence)) / error
 
 
+@pytest.mark.statistical
 @pytest.mark.slow
 def test_evidence_and_posterior_of_orders_are_those_of_enumeration():
     evidence, of_orders = enumerated()
@@ -128,6 +129,7 @@ class WhoeverOverlaps(WithOcclusion):
         return jnp.zeros((), bool)
 
 
+@pytest.mark.statistical
 @pytest.mark.slow
 def test_kills_an_order_that_changes_between_those_that_overlap():
     found = runs(WhoeverOverlaps(ThreeSteps(), LIKELIHOOD, FLIP), depth_orders(3))

@@ -154,6 +154,8 @@ def test_a_run_sees_whole_frames_only_when_an_object_is_lost():
     assert np.abs(blind.estimate - whole.estimate)[-1].max() > 1
 
 
+@pytest.mark.slow
+@pytest.mark.always
 def test_windows_that_save_little_are_not_used():
     frames, boxes = scene()
     assert discriminative(frames[0], boxes, reach=12.0).windows is None

@@ -114,6 +114,7 @@ def test_the_derivative_in_the_place_is_that_of_the_interpolation(learned):
         assert slope[axis] == pytest.approx(float(difference), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_large_frame_is_shrunk_and_places_stay():
     small = texture(4, 96, 640)
     large = small.repeat(2, axis=0).repeat(2, axis=1)  # 1280 pixels wide

@@ -183,14 +183,24 @@ DOORS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("door", DOORS)
-def test_inputs_and_what_was_observed_pass_through(door):
+#: Of those that go through the same function underneath one is quick.
+QUICK = {"run", "monte_carlo", "stream", "smooth", "pmmh", "tune"}
+
+
+@pytest.mark.parametrize(
+    ("door", "kind"),
+    [
+        pytest.param(door, kind, marks=[pytest.mark.slow] * (door not in QUICK or kind == "frames"))
+        for door in DOORS
+        for kind in OBSERVED
+    ],
+)
+def test_inputs_and_what_was_observed_pass_through(door, kind):
     """What was not observed, or is masked, holds a number that would change the result."""
-    call, exact = DOORS[door]
-    for observed in OBSERVED.values():
-        seen = np.broadcast_to(observed.reshape(T, -1), Y.shape)
-        frames = np.where(seen, Y, np.float32(1e4))
-        found = call(frames, observed=observed, inputs=INPUTS)
-        np.testing.assert_allclose(found, np.broadcast_to(exact(seen), np.shape(found)), atol=0.01)
-        same = call(np.ma.masked_array(frames, ~seen), inputs=INPUTS)
-        np.testing.assert_allclose(found, same, rtol=1e-5)
+    (call, exact), observed = DOORS[door], OBSERVED[kind]
+    seen = np.broadcast_to(observed.reshape(T, -1), Y.shape)
+    frames = np.where(seen, Y, np.float32(1e4))
+    found = call(frames, observed=observed, inputs=INPUTS)
+    np.testing.assert_allclose(found, np.broadcast_to(exact(seen), np.shape(found)), atol=0.01)
+    same = call(np.ma.masked_array(frames, ~seen), inputs=INPUTS)
+    np.testing.assert_allclose(found, same, rtol=1e-5)

@@ -210,9 +210,20 @@ def exchanging(scale):
 @pytest.mark.parametrize(
     ("name", "function"),
     [
-        *((name, "run") for name in (*TRACKERS, "exchanging")),
-        ("partitioned", "smooth"),
-        pytest.param("partitioned", "monte_carlo", marks=pytest.mark.slow),
+        ("partitioned", "run"),
+        *(
+            pytest.param(*other, marks=pytest.mark.slow)
+            for other in (
+                ("labelled", "run"),
+                ("pffl", "run"),
+                ("eskil", "run"),
+                ("error-bars", "run"),
+                ("side-by-side", "run"),
+                ("exchanging", "run"),
+                ("partitioned", "smooth"),
+                ("partitioned", "monte_carlo"),
+            )
+        ),
     ],
 )
 def test_no_key_is_used_twice(name, function):
@@ -222,6 +233,7 @@ def test_no_key_is_used_twice(name, function):
         assert jnp.isfinite(total(FUNCTIONS[function](make(np.float32(1)), KEY, FRAMES)))
 
 
+@pytest.mark.slow
 def test_a_derivative_in_a_tracker_is_that_in_its_parameters():
     def evidence(its):
         return jnp.sum(jaxpf.run(its, KEY, FRAMES)[1].log_evidence)

@@ -46,7 +46,8 @@ def test_histograms_without_a_density_or_a_gradient_of_motion_are_refused(form, 
     assert words in message_of(tune, sequence, [parameter])
 
 
-def test_a_parameter_that_acts_through_integers_needs_the_score():
+@pytest.mark.parametrize("score", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_parameter_that_acts_through_integers_needs_the_score(score):
     """A regime that stays with probability q: no particle's path has a slope in it."""
 
     def model(**options):
@@ -64,12 +65,14 @@ def test_a_parameter_that_acts_through_integers_needs_the_score():
 
     frames = np.zeros(5, np.float32)
     wanted, settings = ["parameters.q=0:1"], Settings(steps=2, repeats=1, runs=2)
+    if score:
+        by_score = TrainingSequence(model(motion_gradient="score"), frames)
+        assert tune(by_score, wanted, settings=settings).values["parameters.q"] > 0.7
+        return
     with pytest.warns(UserWarning, match="motion_gradient='score'"):
         model(gradient=StopGradient())
     refused = TrainingSequence(model(), frames)
     assert "parameters.q" in message_of(tune, refused, wanted, settings=settings)
-    by_score = TrainingSequence(model(motion_gradient="score"), frames)
-    assert tune(by_score, wanted, settings=settings).values["parameters.q"] > 0.7
 
 
 # Descent

@@ -111,7 +111,7 @@ class Option:
         many = isinstance(value, Sequence) and not isinstance(value, str)
         values = tuple(value) if many else (value,)
         if not self._fits(values, many) or not all(self._allows(entry) for entry in values):
-            raise InputError(named(plain(value)), f" must be {self.wanted}.")
+            raise InputError(named(plain(value) or repr(value)), f" must be {self.wanted}.")
         values = tuple(self.kind(entry) for entry in values)
         return values if many else values[0]
 

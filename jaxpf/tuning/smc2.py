@@ -113,7 +113,7 @@ def smc2(
         if not callable(function):
             raise InputError(f"{name}={function!r:.60} must be a function.")
     key = running.as_key(key)
-    start = draw_prior(key)
+    start = draw_prior(jax.random.clone(key))  # for its form alone
     if not all(jnp.issubdtype(jnp.result_type(x), jnp.floating) for x in jax.tree.leaves(start)):
         raise InputError(f"draw_prior returns {start!r:.60}; return floats alone.")
     tracker = build(start)

@@ -21,7 +21,7 @@ from jaxpf.boxes import read_boxes, read_tracks
 from jaxpf.cli.marking.starts import write_start
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.tracking.track_table import Tracks
-from jaxpf.contours.data import Contours
+from jaxpf.contours import Contours
 from jaxpf.contours.files import read_contours, write_contours
 from jaxpf.detections.files import read_detections, write_detections
 from jaxpf.files.pieces import Pieces, differences

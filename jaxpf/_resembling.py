@@ -17,7 +17,6 @@ RENAMED = {
     "detections": ("to_supervision",),
     "diffusion": ("noise_points",),
     "ended": ("remove_target",),
-    "error_bars": ("mc_error_lag",),
     "gain": ("sharpness",),
     "homes": ("assign_slots",),
     "joint_scale": ("noise_joints",),

@@ -101,6 +101,5 @@ def check_length(
         numbers += num_particles * num_partitions
     memory.check_memory(
         num_frames * numbers * state.lagged.dtype.itemsize,
-        "smooth with a fixed lag, such as jaxpf.smooth(..., lag=50) or --smooth-lag 50, or fewer "
-        "particles",
+        "smooth with a fixed lag, such as jaxpf.smooth(..., lag=50), or fewer particles",
     )

@@ -86,12 +86,7 @@ def test_parts_are_followed_and_every_file_is_written(scene, whole_run):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "options",
-    [(), ("--smooth",)],
-    ids=["filtered", "smoothed"],
-)
-def test_two_bodies_are_followed_in_one_run(scene, track, tmp_path_factory, tmp_path, options):
+def test_two_bodies_are_followed_in_one_run(scene, track, tmp_path_factory, tmp_path):
     """One above the other: the first is the scene's object, the second moves like its mirror."""
     height, width = scene.frames.shape[1:3]
     both = [np.concatenate([frame, frame[:, ::-1]]) for frame in scene.frames]
@@ -101,7 +96,7 @@ def test_two_bodies_are_followed_in_one_run(scene, track, tmp_path_factory, tmp_
         parent = f"second {on}" if on else ""
         rows.append((f"second {name}", parent, width - x, y + height, w, h, -angle))
     file = write_parts(tmp_path / "parts.csv", *rows)
-    outcome = track(*options, video=film, file=file)
+    outcome = track(video=film, file=file)
     assert outcome.code == 0, outcome.err
     last = [
         row for row in rows_of(tmp_path / "out" / "tracks.csv") if int(row["frame"]) == LENGTH - 1

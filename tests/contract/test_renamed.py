@@ -19,7 +19,6 @@ OPTIONS = [
     ("boxes", "particles", "num_particles"),
     ("contours", "look_ahead", "joint_weighting"),
     ("parts", "parts_file", "parts"),
-    ("boxes", "error_bars", "mc_error_lag"),
     ("boxes", "births", "detections"),
     ("boxes", "birth_frames", "min_hits"),
     ("boxes", "death_frames", "max_age"),

@@ -28,7 +28,6 @@ def report_truth(
     ids: Sequence[Any],
     first: int,
     truth: BoxTable,
-    which: str = "",
     given: Mapping[int, Sequence[object]] = MappingProxyType({}),
     late: Collection[object] = (),
 ) -> None:
@@ -40,7 +39,6 @@ def report_truth(
         ids: ids of the objects.
         first: start frame; metrics cover the frames after it.
         truth: boxes, as returned by ``read_boxes``.
-        which: "smoothed" for smoothed tracks.
         given: later frame -> ids of the objects whose boxes the user gave there; such a frame does
             not count for them.
         late: ids of those that start in the first such frame; none before it counts, either.
@@ -67,11 +65,11 @@ def report_truth(
         [f"object {name}", f"{count:.0f}", *(f"{value:.3f}" for value in rest)]
         for name, count, *rest in values
     ]
-    title = ", ".join(filter(None, ["Against the truth", which]))
-    console.print_table(title, ["", *(_HEADINGS.get(name, name) for name in columns)], rows)
+    console.print_table(
+        "Against the truth", ["", *(_HEADINGS.get(name, name) for name in columns)], rows
+    )
     lines = [[name, *(f"{value:.6g}" for value in row)] for name, *row in values]
-    path = output / f"{which + '_' if which else ''}metrics.csv"
-    write_text(path, csv_text([["id", *columns], *lines]))
+    write_text(output / "metrics.csv", csv_text([["id", *columns], *lines]))
 
 
 def report_identities(

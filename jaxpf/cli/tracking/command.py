@@ -98,15 +98,7 @@ def _params(target: Target) -> list[click.Parameter]:
         return declared_flags(
             those,
             section,
-            rare=(
-                "range",
-                "tracker",
-                "mc_error_lag",
-                "smooth",
-                "smooth_lag",
-                "save_state",
-                "resume",
-            ),
+            rare=("range", "tracker", "save_state", "resume"),
         )
 
     early = ("start", "frames")

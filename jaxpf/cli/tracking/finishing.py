@@ -21,7 +21,7 @@ from jaxpf.files.versions import versions
 from jaxpf.media import plotting
 
 #: Tables whose rows the summary counts.
-_TABLES = ("tracks.csv", "outlines.csv", "smoothed.csv", "smoothed_outlines.csv")
+_TABLES = ("tracks.csv", "outlines.csv")
 
 
 def finish(session: Session) -> None:
@@ -63,9 +63,6 @@ def _finish(session: Session) -> None:
     given = {at: each.ids.tolist() for at, each in session.later.items()}
     late = set(names) - set(session.start.ids.tolist())
     against_truth.report_truth(output, table, names, first, session.truth, given=given, late=late)
-    if session.smoothed is not None:
-        smoothed = session.smoothed.table
-        against_truth.report_truth(output, smoothed, names, first, session.truth, "smoothed")
 
 
 def _summary(
@@ -159,13 +156,7 @@ def _tell(
         say(line)
     if (errors := content["mean_mc_error"]) is not None:
         estimated = [f"{name} {error:.2g}" for name, error in errors.items() if error is not None]
-        if estimated:
-            say(f"Mean Monte Carlo standard error of x and y in pixels: {', '.join(estimated)}")
-        else:
-            _warn(
-                "Note: too few ancestors were left to estimate the Monte Carlo standard error; ask "
-                "for fewer frames (--mc-error-lag), more particles (-n) or --runs."
-            )
+        say(f"Mean Monte Carlo standard error of x and y in pixels: {', '.join(estimated)}")
     if session.source.note:
         _warn(f"Note: {session.source.note}")
     for where, frames_of in (

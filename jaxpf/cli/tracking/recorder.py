@@ -16,12 +16,12 @@ from jaxpf.cli.tracking.live import start_when_compiled
 from jaxpf.cli.tracking.records import Record, Scene, changing_population, fixed_population
 from jaxpf.cli.tracking.request import Run
 from jaxpf.cli.tracking.session import OUTPUTS, Session, nothing_follows
-from jaxpf.cli.tracking.writers import Diagnostics, Overlay, Smoothed, Tracks, Writer
+from jaxpf.cli.tracking.track_table import Tracks
+from jaxpf.cli.tracking.writers import Diagnostics, Overlay, Writer
 from jaxpf.contract.errors import InputError
 from jaxpf.files import states, writing
 from jaxpf.files.locking import locked
 from jaxpf.media.frame_source import FrameSource
-from jaxpf.smoothing import LookBack
 
 #: Seconds between two saves of the state, from which a killed run goes on.
 _SAVE_EVERY = 60.0
@@ -50,9 +50,7 @@ def _record_frames(session: Session, stack: contextlib.ExitStack) -> None:
     run, before = session.request.run, session.before
     key = jax.random.key(run.seed)
     total = _expected_frames(session.source, run)
-    scene, smoothed, look_back = _scene(session), None, None
-    if run.smooths:
-        look_back = LookBack(scene.tracker, key, run.smooth_lag, total, first=before[1])
+    scene = _scene(session)
     records = _records(session, scene, key)
     total = None if total is None else max(total - before[1], 0)
     state, counts, saved = None, session.counts, time.monotonic()
@@ -67,10 +65,7 @@ def _record_frames(session: Session, stack: contextlib.ExitStack) -> None:
             remove_outputs(session.output)
             session.has_begun = True
             write_config(session.output / "run.toml", "track", session.table)
-            if look_back is not None:
-                smoothed = Smoothed(session.output, scene, look_back, stack)
-                session.smoothed = smoothed.tracks
-            writers = [*_writers(session, scene, smoothed, stack), *overlay]
+            writers = [*_writers(session, scene, stack), *overlay]
             for record in itertools.chain(beginning, records):
                 for write in writers:
                     write(record)
@@ -88,10 +83,6 @@ def _record_frames(session: Session, stack: contextlib.ExitStack) -> None:
                     session.seconds = session.seconds[0], session.seconds[1] + elapsed
                     progress.advance(task)
         finally:
-            # Also after Ctrl-C: smooth the frames tracked so far and keep their state.
-            if smoothed is not None and counts.tracked:
-                progress.update(task, description="smoothing")
-                smoothed.finish()
             if run.save_state is not None and counts.tracked:
                 states.save(run.save_state, state)
         progress.update(task, total=counts.tracked)
@@ -132,7 +123,7 @@ def _expected_frames(source: FrameSource, run: Run) -> int | None:
 
 def _scene(session: Session) -> Scene:
     request, source = session.request, session.source
-    is_own, has_errors = bool(request.run.tracker), bool(request.run.mc_error_lag)
+    is_own = bool(request.run.tracker)
     return Scene(
         target=request.target,
         tracker=session.filter,
@@ -140,24 +131,18 @@ def _scene(session: Session) -> Scene:
         size=(source.width, source.height),
         shown_at=source.shown_at,
         first=request.run.start,
-        cloud=lambda state: state.state if has_errors else state,
         check_first=(lambda summary, ids: None) if is_own else request.filter.check_first,
     )
 
 
-def _writers(
-    session: Session, scene: Scene, smoothed: Smoothed | None, stack: contextlib.ExitStack
-) -> list[Writer]:
+def _writers(session: Session, scene: Scene, stack: contextlib.ExitStack) -> list[Writer]:
     detector, names = session.request.detector, session.names.tolist()
     if detector is not None:
         names = [f"slot_{number}" for number in range(1, detector.rules.capacity + 1)]
     session.tracks = Tracks(session.output, scene, stack)
     diagnostics = Diagnostics(session.output, names, stack)
     session.ess = diagnostics.ess
-    writers: list[Writer] = [session.tracks, diagnostics]
-    if smoothed is not None:
-        writers.append(smoothed)
-    writers.append(session.counts)
+    writers: list[Writer] = [session.tracks, diagnostics, session.counts]
     if session.population is not None:
         writers.append(session.population)
     return writers

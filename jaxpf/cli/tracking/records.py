@@ -93,7 +93,6 @@ class Scene:
         size: width and height of the frames, pixels.
         shown_at: function from a frame's number to the seconds at which it is shown.
         first: number of the start frame.
-        cloud: function from a state of the run to the state that holds the particles.
         check_first: refuses objects that are not visible in the first frame.
     """
 
@@ -103,7 +102,6 @@ class Scene:
     size: tuple[int, int]
     shown_at: Callable[[int], float]
     first: int
-    cloud: Callable[[Any], Any]
     check_first: Callable[[Any, Any], None]
 
     @property
@@ -147,7 +145,7 @@ def fixed_population(
     start, (state, time) = scene.start, before
     colours, nobody = object_colours(len(start.ids)), np.zeros(len(start.ids), bool)
 
-    cloud = scene.cloud(state) if time and not scene.has_own_boxes else None
+    cloud = state if time and not scene.has_own_boxes else None
     places, centres = places_of(scene, scene.first, start, start.shapes, cloud)
     if not time:
         places = {name: places[name] for name in scene.target.columns}
@@ -163,7 +161,7 @@ def fixed_population(
         hopeless = getattr(summary, "without_likelihood", None)
         hopeless = nobody if hopeless is None else hopeless
         confidence, lost = judge(outside, hopeless, getattr(summary, "confidence", None))
-        cloud = None if scene.has_own_boxes else scene.cloud(tracked.state)
+        cloud = None if scene.has_own_boxes else tracked.state
         number = scene.first + 1 + tracked.time
         places, centres = places_of(scene, number, start, shapes, cloud, centres)
         variance, errors = getattr(summary, "estimate_variance", None), {}

@@ -56,26 +56,6 @@ class Run:
         least=2,
         most=10_000,
     )
-    mc_error_lag: int | None = option(
-        None,
-        "Estimate the Monte Carlo error of one run from ancestors N frames back, such as 2.  "
-        "Fields are empty where too few ancestors are left.",
-        least=1,
-        most=10_000,
-    )
-    smooth: bool = option(
-        False,
-        "Also write smoothed.csv: the tracks given all frames, computed when the clip ends.  Paths "
-        "become smoother.  On film errors last for many frames, and hardly become smaller, so its "
-        "intervals are at least as wide as the filter's.",
-    )
-    smooth_lag: int | None = option(
-        None,
-        "Like --smooth, but given at least the next N frames, such as 50, instead of all; for "
-        "long clips.",
-        least=1,
-        most=_MOST_FRAMES,
-    )
     save_state: Path | None = option(  # noqa: RUF009
         None,
         "Save the filter's state to this file, for --resume: every minute, so that a run that is "
@@ -104,11 +84,6 @@ class Run:
 
     def __post_init__(self) -> None:
         check_options(self)
-
-    @property
-    def smooths(self) -> bool:
-        """Whether tracks are smoothed, over all frames or with a fixed lag."""
-        return self.smooth or self.smooth_lag is not None
 
 
 #: Options of ``Run`` that apply to boxes only.
@@ -183,9 +158,9 @@ def request_of(ctx: click.Context, target: Target) -> Request:
     return request
 
 
-_ERRORS, _LEAVE = ("runs", "mc_error_lag"), "leave one of them out."
+_LEAVE = "leave one of them out."
 #: Options with which no object starts, or is corrected, in a later frame.
-NOT_WITH_LATER = (*_ERRORS, "smooth", "smooth_lag", "save_state", "resume", "tracker")
+NOT_WITH_LATER = ("runs", "save_state", "resume", "tracker")
 #: Options, what they exclude, and why: another option, or what is known once the video is open.
 _EXCLUSIONS = (
     (
@@ -193,10 +168,8 @@ _EXCLUSIONS = (
         "tracker",
         "works only with the built-in filters; leave it or --tracker out.",
     ),
-    (("runs",), "mc_error_lag", "estimates the same as --mc-error-lag; use one of them."),
-    (("smooth", "smooth_lag"), "runs", f"smooths a single run, and --runs makes several; {_LEAVE}"),
     (
-        (*_ERRORS, "smooth", "smooth_lag"),
+        ("runs",),
         "detections",
         f"needs a fixed set of objects, and --detections changes it; {_LEAVE}",
     ),
@@ -206,7 +179,7 @@ _EXCLUSIONS = (
         f"keeps a filter's state, which does not hold the objects of --detections; {_LEAVE}",
     ),
     (
-        _ERRORS,
+        ("runs",),
         "tracker",
         "works only with the built-in filters; leave it out, or wrap your tracker in "
         "jaxpf.filters.SideBySide.",
@@ -228,12 +201,6 @@ _EXCLUSIONS = (
         "camera",
         "is about frames that are known beforehand, and camera '{video}' is live; leave it out, or "
         "record a video first.",
-    ),
-    (
-        ("smooth",),
-        "endless",
-        "waits for the end of the clip, and the end of '{video}' is unknown; use --smooth-lag 50, "
-        "or --frames.",
     ),
 )
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from jaxpf import contract, smoothing
+from jaxpf import contract
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking import detector as detector_of
 from jaxpf.cli.tracking.later import all_names
@@ -20,7 +20,7 @@ from jaxpf.cli.tracking.writers import Counts, Population
 from jaxpf.contract.errors import InputError
 from jaxpf.detections import open_model
 from jaxpf.files import states
-from jaxpf.filters import SideBySide, WithErrorBars
+from jaxpf.filters import SideBySide
 from jaxpf.media.frame_source import FrameSource
 from jaxpf.media.video import open_frames
 from jaxpf.running.memory import check_memory, needed_by
@@ -40,9 +40,6 @@ OUTPUTS = (
     "diagnostics.csv",
     "trajectories.png",
     "metrics.csv",
-    "smoothed.csv",
-    "smoothed_outlines.csv",
-    "smoothed_metrics.csv",
     "summary.json",
     "run.toml",
 )
@@ -66,7 +63,6 @@ class Session:
         counts: numbers of frames and failures.
         population: starts and ends; None for a fixed set of objects.
         tracks: writer of tracks.csv, which keeps its table; None before the first frame.
-        smoothed: writer of smoothed.csv, likewise; None without smoothing.
         ess: effective sample sizes of the tracked frames.
         stopped: the exception that ended the run early, or None.
         seconds: time of the first frame, which includes compilation, and of all others.
@@ -86,7 +82,6 @@ class Session:
     counts: Counts = dataclasses.field(init=False)
     population: Population | None = None
     tracks: Tracks | None = None
-    smoothed: Tracks | None = None
     ess: list[float] = dataclasses.field(default_factory=list)
     stopped: KeyboardInterrupt | InputError | None = None
     seconds: tuple[float, float] = (0.0, 0.0)
@@ -105,8 +100,7 @@ class Session:
     @property
     def filter(self) -> Any:
         """The filter that is repeated side by side; else the tracker."""
-        run = self.request.run
-        return self.tracker.tracker if run.runs or run.mc_error_lag else self.tracker
+        return self.tracker.tracker if self.request.run.runs else self.tracker
 
     @property
     def table(self) -> dict[str, Any]:
@@ -124,8 +118,6 @@ class Session:
         self.tracker = self.tracker_at(self.first, self.start)
         fewer = " or fewer runs (--runs)" if run.runs else ""
         check_memory(needed_by(self.tracker), f"ask for fewer particles (-n){fewer}")
-        if run.smooths:
-            smoothing.check_smoothing(self.filter)
         self.before = _state_before(self.request, self.tracker)
 
     def tracker_at(self, frame: np.ndarray, start: Start) -> "TrackerLike":
@@ -145,8 +137,6 @@ class Session:
         tracker = build(request.target, request.model, request.filter, options, start, looks)
         if request.run.runs is not None:
             return SideBySide(tracker, request.run.runs)
-        if request.run.mc_error_lag is not None:
-            return WithErrorBars(tracker, request.run.mc_error_lag)
         return tracker
 
 
@@ -156,9 +146,7 @@ def open_session(request: Request) -> Session:
     source = open_frames(request.video, run_options.fps, run_options.range)
     frames = source.frames(run_options.start)
     click.get_current_context().call_on_close(frames.close)
-    endless = source.is_live and run_options.frames is None
-    known = {"live": source.is_live, "camera": source.is_camera, "endless": endless}
-    check_together(request, source.path, **known)
+    check_together(request, source.path, live=source.is_live, camera=source.is_camera)
     first = used_to_the_light(frames) if source.is_camera else next(frames)
     start = request.target.read_start(request.starts, run_options.start, source)
     later, note = request.target.later_starts(request.starts, run_options.start, source)

@@ -32,16 +32,10 @@ class Tracks:
         output: Path,
         scene: "Scene",
         stack: contextlib.ExitStack,
-        is_smoothed: bool = False,
     ):
-        """Create the files; those of smoothed tracks say neither confidence nor who is lost."""
-        names = ("tracks.csv", "outlines.csv")
-        if is_smoothed:
-            names = ("smoothed.csv", "smoothed_outlines.csv")
-        tracks, outlines = (output / name for name in names)
-        self._is_smoothed = is_smoothed
-        self._file = stack.enter_context(LineWriter(tracks))
-        outline_file = scene.target.outline_file(outlines, scene.start)
+        """Create the files."""
+        self._file = stack.enter_context(LineWriter(output / "tracks.csv"))
+        outline_file = scene.target.outline_file(output / "outlines.csv", scene.start)
         self._write_outlines = stack.enter_context(outline_file)
         self._target, self._shown_at = scene.target, scene.shown_at
         self._waiting: list[Record] = []
@@ -76,8 +70,6 @@ class Tracks:
 
     def _cells(self, record: "Record") -> dict[str, np.ndarray]:
         """The columns of a record, ``[P]`` each."""
-        if self._is_smoothed:
-            return record.places
         sure = {} if record.confidence is None else {"confidence": record.confidence}
         return {**record.places, **sure, "lost": record.lost, **record.errors}
 

@@ -2,33 +2,24 @@
 
 import collections
 import contextlib
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking.records import Record, Scene
-from jaxpf.cli.tracking.track_table import Tracks, centres_of, places_of
+from jaxpf.cli.tracking.track_table import centres_of
 from jaxpf.detections.lifetimes import EMPTY
 from jaxpf.files.writing import LineWriter
 from jaxpf.media.frame_source import FrameSource
 from jaxpf.media.overlay import draw_spreads
 from jaxpf.media.video_writer import VideoWriter
-from jaxpf.smoothing.look_back import LookBack, SmoothedFrame
 from jaxpf.targets.target import Marks
 
 #: Length of a trail in frames.
 _TRAIL = 20
 #: Consecutive frames that confirm a recovered object.
 _CONFIRMED_AFTER = 5
-#: Number of normal draws from which smoothed coordinates get their intervals.
-_DRAWS = 400
-#: Smallest smoothed spread, as a share of the filtered one.  Errors on film last for many frames,
-#: which the model takes for independent, so later frames teach less than it computes (see
-#: "Smoothing of boxes" in docs/development/defaults.md).
-_LEAST_SPREAD = 1.0
-
 
 #: Receives the records of a run in order, and keeps its part of them.
 Writer = Callable[[Record], None]
@@ -128,8 +119,7 @@ class Overlay:
             scene = part.scene or self._scene
             colours = np.zeros((len(part.summary.estimate), 3), np.uint8)
             colours[part.slots] = part.colours
-            cloud = scene.cloud(part.state)
-            frame = target.draw_particles(frame, scene.start, scene.tracker, cloud, colours)
+            frame = target.draw_particles(frame, scene.start, scene.tracker, part.state, colours)
         past = np.stack(self._past) if self._past else None
         marks = Marks(record.colours, record.lost, past, doubtful)
         picture = target.draw(frame, record.start, record.shapes, marks)
@@ -142,62 +132,6 @@ class Overlay:
             spread = np.hypot(spread[:, :2], scene.model_error(len(spread))[:, :2])[part.slots]
             picture = draw_spreads(picture, centres, spread, part.colours)
         return picture
-
-
-class Smoothed:
-    """Writes smoothed.csv: the tracks given all frames, or the frames up to a lag.
-
-    Spreads are those of the smoother, but at least ``_LEAST_SPREAD`` of the filtered ones.
-    """
-
-    def __init__(
-        self, output: Path, scene: Scene, look_back: LookBack, stack: contextlib.ExitStack
-    ):
-        self.tracks = Tracks(output, scene, stack, is_smoothed=True)
-        self._scene, self._look_back = scene, look_back
-        self._before: np.ndarray | None = None
-        self._latest: Record | None = None
-        self._filtered: collections.deque[np.ndarray] = collections.deque()
-
-    def __call__(self, record: Record) -> None:
-        """Write the frames whose later ones are now known."""
-        self._latest = record
-        if record.summary is None:
-            self._before = places_of(self._scene, record.number, record.start, record.shapes)[1]
-            self.tracks(record)
-            return
-        self._filtered.append(record.summary.spread)
-        self._append(self._look_back.add(self._scene.cloud(record.state)))
-
-    def finish(self) -> None:
-        """Smooth the remaining frames."""
-        self._append(self._look_back.finish())
-        if self._look_back.broken:
-            say(
-                f"Note: {self._look_back.broken} steps of smoothed tracks fit no particle; use "
-                "more particles (-n).",
-                err=True,
-            )
-
-    def _append(self, frames: Iterable[SmoothedFrame]) -> None:
-        scene, start = self._scene, self._scene.start
-        for frame in frames:
-            assert self._latest is not None
-            shapes = scene.shapes(start, frame.estimate)
-            spread = np.maximum(frame.spread, _LEAST_SPREAD * self._filtered.popleft())
-            draws = _NormalDraws(frame.estimate, spread)
-            number = scene.first + 1 + frame.time
-            places, self._before = places_of(scene, number, start, shapes, draws, self._before)
-            self.tracks(self._latest._replace(number=number, shapes=shapes, places=places))
-
-
-class _NormalDraws:
-    """Equally weighted draws from independent normal distributions, identical for every frame."""
-
-    def __init__(self, mean: np.ndarray, spread: np.ndarray):
-        half = np.random.default_rng(0).standard_normal((_DRAWS // 2, 1, mean.shape[-1]))
-        self.substates = mean + spread * np.concatenate([half, -half])
-        self.log_weights = np.full(_DRAWS, -np.log(_DRAWS))
 
 
 class Population:

@@ -97,6 +97,9 @@ class ErrorBars(Summary):
 class WithErrorBars(contract.WrappedTracker):
     """A filter that also reports its Monte Carlo variance; estimates and evidence are unchanged.
 
+    With a lag it leaves out the variance that is older, so the error is too small where particles
+    share their ancestors for longer.  ``SideBySide`` answers the same from several runs, unbiased.
+
     Attributes:
         tracker: a ``jaxpf.Partitioned``.
         lag: static, number of frames to look back; None looks back to the start of the clip.

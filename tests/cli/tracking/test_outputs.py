@@ -195,7 +195,7 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     of_others = every.keys() - options_of(filter_of("dps").options) | options_of(Rules).keys()
     # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
     unset = "bands likelihood noise_pixels swap noise_relative network boxes ids detections frames"
-    unset += " fps range order ess_threshold tracker runs mc_error_lag smooth_lag resume"
+    unset += " fps range order ess_threshold tracker runs resume"
     elsewhere = "output overwrite config help_all save_state"
     names = {param.name for param in params} | {"target"}
     assert set(options) == names - of_others - {*unset.split(), *elsewhere.split()}

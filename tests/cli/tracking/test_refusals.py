@@ -45,11 +45,8 @@ BOTH = " ".join(BOXES)
                 ("--bands 17", "box of object 1"),
                 ("--noise-pixels 1,2", "noise"),
                 (f"--noise-relative {NINE}", "3 objects"),
-                ("--runs 4 --mc-error-lag 3", "--mc-error-lag"),
                 ("--runs 10000 -n 1000000", "--runs"),
                 ("--runs 4 --tracker x.py:f", "SideBySide"),
-                ("--mc-error-lag 3 --method pffl", "ancestors"),
-                ("--smooth --runs 3", "--smooth"),
                 ("--range 5,9", "--range 5,9"),
                 ("more", "argument"),
             )

@@ -70,7 +70,7 @@ class Gradient:
     #: Whether weights are equal after a selection, which exchange requires.
     equalises = True
     #: Settings of a tracker with which the strategy does not work.
-    unsuited: tuple[str, ...] = ("relocation", "joint_weighting")
+    unsuited: tuple[str, ...] = ("joint_weighting",)
 
     def selection(self, log_weights: jax.Array, components: Components) -> jax.Array:
         """Return the log-weights ``[N]`` by which to draw ancestors."""
@@ -106,7 +106,7 @@ class StopGradient(Gradient):
     """Divides every weight by its own stopped value after resampling."""
 
     keeps_scores = True
-    unsuited = ("relocation",)
+    unsuited = ()
 
 
 @pytree_dataclass

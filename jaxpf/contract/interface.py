@@ -289,7 +289,6 @@ class Likelihood:
     * ``handles_nan``, default false: whether the likelihood understands NaN in parts of a frame.
       Otherwise frames with some NaN are refused; a frame that is entirely NaN is missing.
     * ``form``: for likelihoods of a distance (``jaxpf.likelihoods.log_density``).
-    * ``frame_shape``: height and width of the frames, for ``relocate``.
     * ``space`` and ``orders_of_labels``: of contours, their shape space and the depth order of each
       label.
     """

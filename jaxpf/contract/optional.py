@@ -29,7 +29,6 @@ OPTIONAL: dict[str, Any] = {
     "expecting": None,
     "fixed_observation": False,
     "form": None,
-    "frame_shape": None,
     "handles_nan": False,
     "log_first_stage": None,
     "log_joint": None,

@@ -6,7 +6,6 @@ from .labelled.population import (
 )
 from .labelled.state import LabelledState as LabelledState, LabelledSummary as LabelledSummary
 from .registry import all_filters as all_filters, filter_of as filter_of, methods as methods
-from .relocation import Relocation as Relocation, relocation_in as relocation_in
 from .uncertainty.error_bars import ErrorBars as ErrorBars, WithErrorBars as WithErrorBars
 from .uncertainty.quantiles import quantiles as quantiles
 from .uncertainty.side_by_side import RunsState as RunsState, SideBySide as SideBySide

@@ -38,7 +38,7 @@ from jaxpf.proposals import WrappedProposal
 #: Fields of ``Partitioned`` that do not apply to a model with a single state.
 _NO_OPTIONS = {
     *("dynamics", "likelihood", "ordering", "initial", "initial_label", "parents", "num_particles"),
-    *("joint_weighting", "relocation", "refused"),
+    *("joint_weighting", "refused"),
 }
 
 

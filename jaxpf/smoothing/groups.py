@@ -159,11 +159,6 @@ def check_smoothing(tracker: Partitioned, whole: bool = False) -> jax.Array | No
             "method log_label(new, label, substates) -> [], the log-probability with which "
             "propagate_label draws (see jaxpf.contract)."
         )
-    if tracker.relocation is not None:
-        raise InputError(
-            "relocation lets lost objects jump, and the density of a jump is not known to the "
-            "dynamics; smooth with relocation=None (--relocate 0)."
-        )
     if sees_previous(tracker) and not whole:
         raise InputError(
             "a log_likelihood that asks for the previous state is smoothed over the whole clip "

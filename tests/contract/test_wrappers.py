@@ -45,7 +45,6 @@ class Everything:
     model_error = (1.0, 2.0, 3.0)
     handles_nan = True
     form = "density"
-    frame_shape = (3, 4)
     orders_of_labels = ((0, 1), (1, 0))
     space = "a space"
 
@@ -103,7 +102,7 @@ class Everything:
 
 
 ATTRIBUTES = (
-    "fixed_observation", "form", "frame_shape", "handles_nan", "model_error", "orders_of_labels",
+    "fixed_observation", "form", "handles_nan", "model_error", "orders_of_labels",
     "space", "state_gradient",
 )  # fmt: skip
 #: Arguments of the methods, given what is seen of a frame and substates [D, P].

@@ -16,7 +16,7 @@ from proposed import Bad
 import jaxpf
 from jaxpf import contract, gradients, ordering, pytree_dataclass
 from jaxpf.dynamics import RandomWalk
-from jaxpf.filters import Relocation, SideBySide, WithErrorBars
+from jaxpf.filters import SideBySide, WithErrorBars
 from jaxpf.lowering.derivatives import with_gradient_of
 
 P, N, KEY = 3, 48, jax.random.key(2)
@@ -52,14 +52,6 @@ class Jointly(Whole):
 
 
 @pytree_dataclass
-class Doubtful(Whole):
-    """All objects are probably lost."""
-
-    def log_odds(self, observation, partition, substate):
-        return jnp.float32(-6)
-
-
-@pytree_dataclass
 class Flipping(RandomWalk):
     """Whose labels, 0 and 1, change three times in ten."""
 
@@ -88,7 +80,6 @@ def factored(kind, **options):
 
 PS, TREE = ordering.ps([0, 1, 2]), (-1, 0, 0)
 ADAPTIVE = {"proposal": Bad(), "ess_threshold": 0.5, "tempering": 0.7}
-FAR = Relocation(0.5, np.array([12.0, 12.0], np.float32), (4, 4))
 slow = {"marks": pytest.mark.slow}
 TRACKERS = {
     "sir": lambda: partitioned(ordering.sir(P)),
@@ -107,9 +98,6 @@ TRACKERS = {
         ordering.branched([[0, 1, 2], [2, 1, 0]]),
         dynamics=Flipping(1.0),
         initial_label=np.full(2, 0.5),
-    ),
-    "relocation": lambda: labelled(
-        likelihood=Doubtful(), relocation=FAR, initial=np.repeat(START, 2, axis=1)
     ),
     "equal_share": labelled,
     "plain": lambda: labelled("plain"),

@@ -19,7 +19,7 @@ from unsuited_dynamics import Blind, Coupled
 import jaxpf
 from jaxpf import gradients, ordering, pytree_dataclass
 from jaxpf.dynamics import LinearGaussian, RandomWalk
-from jaxpf.filters import Relocation, SideBySide, WithErrorBars
+from jaxpf.filters import SideBySide, WithErrorBars
 from jaxpf.likelihoods import Gaussian
 from jaxpf.proposals import Linearised, LocallyOptimal, Mixture
 
@@ -142,9 +142,6 @@ TABLE = {
     ),
     "coupled dynamics": (
         lambda: tracker(dynamics=Coupled()), run, "Coupled",
-    ),
-    "relocation": (
-        lambda: tracker(relocation=Relocation(0.1, np.ones(2))), run, "relocation",
     ),
     "one target a particle": (
         lambda: tracker(kind=jaxpf.Labelled), run, "Labelled",

@@ -11,7 +11,7 @@ import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass
 from jaxpf.contract import CoupledDynamics, Proposal
 from jaxpf.dynamics import IndependentGaussian, LinearGaussian
-from jaxpf.filters import Relocation, SideBySide, WithErrorBars
+from jaxpf.filters import SideBySide, WithErrorBars
 from jaxpf.gradients import StopGradient
 from jaxpf.likelihoods import Gaussian
 
@@ -188,7 +188,6 @@ def tracker_of(config, num_particles=N):
     settings = {"num_particles": num_particles, "resampling": "multinomial"}
     for level, name, value in (
         ("proposal", "proposal", Guess()),
-        ("relocation", "relocation", Relocation(0.5, np.array([9.0, 9.0]), (2, 2))),
         ("adaptive", "ess_threshold", 0.6),
         ("tempering", "tempering", 0.7),
         ("stop gradient", "gradient", StopGradient()),

@@ -11,7 +11,7 @@ from histograms import texture
 import jaxpf
 from jaxpf import pytree_dataclass
 from jaxpf.boxes import relative_box_model
-from jaxpf.filters import relocation_in
+from jaxpf.boxes.models import DEFAULT_STEPS
 from jaxpf.likelihoods import DiscriminativeLikelihood, discriminative
 from jaxpf.likelihoods.discriminative.nearby import WindowShape
 
@@ -115,43 +115,43 @@ def scene():
     return np.stack(frames), np.array([[60.0, 50, SIDE, SIDE], [200.0, 150, SIDE, SIDE]])
 
 
-def tracker_of(likelihood):
+def tracker_of(likelihood, stride):
+    steps = np.array(DEFAULT_STEPS) * [stride, stride, 1]
     return jaxpf.Partitioned(
-        **relative_box_model(likelihood, scene()[1])._asdict(),
+        **relative_box_model(likelihood, scene()[1], steps)._asdict(),
         ordering=jaxpf.ordering.dps(2),
-        relocation=relocation_in((HEIGHT, WIDTH), np.float32(0.05)),
         num_particles=100,
     )
 
 
 @functools.cache
-def trackers():
-    """Of windows, of whole frames, and of windows alone."""
+def trackers(stride=1):
+    """Of windows, of whole frames, and of windows alone, with steps ``stride`` times as long."""
     frames, boxes = scene()
     windowed = discriminative(frames[0], boxes, reach=1.2)
     assert windowed.windows is not None
     fields = {one.name: getattr(windowed, one.name) for one in dataclasses.fields(windowed)}
     whole = dataclasses.replace(windowed, windows=None)
     seeing, blind = (Sighted(**fields, sight=np.uint8(sight)) for sight in (1, 0))
-    return [tracker_of(one) for one in (seeing, whole, blind)]
+    return [tracker_of(one, stride) for one in (seeing, whole, blind)]
 
 
 @pytest.mark.slow
-def test_a_run_sees_whole_frames_only_when_an_object_is_lost():
+def test_a_run_sees_whole_frames_only_where_particles_leave_the_windows():
     frames = scene()[0][1:]
-    windowed, whole, blind = (
-        jaxpf.run(tracker, jax.random.key(3), frames)[1] for tracker in trackers()
-    )
-    followed = slice(HIDDEN - 1)
-    for name in ("estimate", "log_evidence", "spread", "ess", "confidence"):
-        expected, result = getattr(whole, name), getattr(windowed, name)
-        np.testing.assert_allclose(result, expected, rtol=1e-4, atol=1e-4)
-        result = getattr(blind, name)
-        np.testing.assert_allclose(result[followed], expected[followed], rtol=1e-4, atol=1e-4)
-    np.testing.assert_array_equal(windowed.num_invalid, 0)
-    assert (whole.confidence[followed] > 0.5).all()
-    assert (whole.confidence[-1] < 0.5).any()
-    assert np.abs(blind.estimate - whole.estimate)[-1].max() > 1
+    for stride in (1, 8):
+        windowed, whole, blind = (
+            jaxpf.run(tracker, jax.random.key(3), frames)[1] for tracker in trackers(stride)
+        )
+        followed = slice(HIDDEN - 1 if stride == 1 else 0)
+        for name in ("estimate", "log_evidence", "spread", "ess", "confidence"):
+            expected, result = getattr(whole, name), getattr(windowed, name)
+            np.testing.assert_allclose(result, expected, rtol=1e-4, atol=1e-4)
+            result = getattr(blind, name)
+            np.testing.assert_allclose(result[followed], expected[followed], rtol=1e-4, atol=1e-4)
+        np.testing.assert_array_equal(windowed.num_invalid, 0)
+        assert (whole.confidence[followed] > 0.5).all()
+    assert np.abs(blind.estimate - whole.estimate).max() > 1
 
 
 @pytest.mark.slow

@@ -70,7 +70,6 @@ PUBLISHED = {
         ("resampling.name", "multinomial"),  # indices are selected independently, section 3.1
         ("initial.reach", [[5, 5, 0.1]] * 3),  # uniform around the object, in a range of our own
         ("initial.poses", POSES),
-        ("relocation", None),
     ],
     "eskil2014": [  # table 2
         ("num_particles", 10),

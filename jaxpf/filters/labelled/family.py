@@ -7,7 +7,6 @@ from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
 from jaxpf.filters.filter import Filter
 from jaxpf.filters.labelled.options import METHODS, Options
-from jaxpf.filters.relocation_option import relocation_of
 
 if TYPE_CHECKING:
     from jaxpf.contract.state import Summary
@@ -39,7 +38,6 @@ class _LabelledFilter(Filter):
             resampling=options.resampling,
             weights=options.weights,
             feedback=options.feedback,
-            relocation=relocation_of(model.likelihood, options.relocate),
             population="open" if model.is_open else "fixed",
             regularise=None if rates is None else np.asarray(rates, np.float32),
         )

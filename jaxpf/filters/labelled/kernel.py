@@ -42,7 +42,6 @@ from jaxpf.contract.state import (
     moments,
     sanitised,
 )
-from jaxpf.filters import relocation
 from jaxpf.filters.labelled import by_label, estimation
 from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
 from jaxpf.lowering.branches import computed_before
@@ -97,21 +96,6 @@ def move(
     if tracker.motion_gradient == "score":
         moved = lax.stop_gradient(moved)
     return dataclasses.replace(state, lagged=jnp.stack([moved, left[0]])), left
-
-
-def relocated(
-    tracker: "Labelled", key: jax.Array, state: LabelledState, observation: Any
-) -> tuple[LabelledState, jax.Array]:
-    """Relocate particles of lost targets; return the state and log-weights ``[N]``.
-
-    See ``jaxpf.filters.relocation``.
-    """
-    # A particle holds one target and needs random numbers for that one only.
-    uniform = jax.random.uniform(key, (4, tracker.num_particles), state.lagged.dtype)
-    uniform = jnp.broadcast_to(uniform, (tracker.num_targets, *uniform.shape))
-    jumps = relocation.draw_jumps(tracker, uniform, state.log_odds, state.estimate, observation)
-    moved, left, log_weight = relocation.apply_jumps(jumps, state.labels, *state.lagged)
-    return dataclasses.replace(state, lagged=jnp.stack([moved, left])), log_weight
 
 
 def weigh(

@@ -4,7 +4,6 @@ import dataclasses
 
 from jaxpf.contract.names import SCHEMES
 from jaxpf.contract.options import check_options, option
-from jaxpf.filters.relocation_option import relocate_option
 
 METHODS = ("labelled",)
 
@@ -45,7 +44,6 @@ class Options:
         most=1,
         path="regularise",
     )
-    relocate: float = relocate_option()
 
     def __post_init__(self) -> None:
         check_options(self)

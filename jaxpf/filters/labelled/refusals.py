@@ -12,7 +12,6 @@ from jaxpf.contract.options import check_declared
 from jaxpf.contract.refusals import refused
 from jaxpf.filters.labelled.options import Options
 from jaxpf.filters.noiseless import noiseless, without_noise
-from jaxpf.filters.relocation import check_relocation
 from jaxpf.gradients import Gradient, check_gradients
 
 if TYPE_CHECKING:
@@ -46,7 +45,6 @@ def check_tracker(tracker: "Labelled") -> None:
         )
     if tracker.motion_gradient == "score":
         refused(without_noise("motion_gradient='score'", tracker, noiseless(tracker).moved))
-    check_relocation(tracker)
 
 
 def _check_targets(tracker: "Labelled") -> None:

@@ -20,7 +20,6 @@ from jaxpf.filters.labelled import by_label, kernel, population
 from jaxpf.filters.labelled.population import add_target, remove_target
 from jaxpf.filters.labelled.refusals import check_tracker
 from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
-from jaxpf.filters.relocation import Relocation
 from jaxpf.gradients import NoGradient
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
@@ -45,8 +44,6 @@ class Labelled(Tracker):
         regularise: rates (a_x, a_u) in (0, 1] of position and speed in eq. 6; None does not
             regularise.  It changes the reported estimates and, with feedback, the particles'
             motion.
-        relocation: a ``jaxpf.filters.Relocation``, the search for targets that are lost;
-            None moves all targets by the dynamics.
         resampling: a name in ``jaxpf.resampling.SCHEMES``, or a custom scheme, see there.
         gradient: ``NoGradient()`` or ``StopGradient()`` of ``jaxpf.gradients``.
         num_targets: static, L; required only if ``initial`` is a sampler.
@@ -68,7 +65,6 @@ class Labelled(Tracker):
     likelihood: Any
     initial: Any
     regularise: ArrayLike | None = None
-    relocation: Relocation | None = None
     resampling: Any = "systematic"
     gradient: Any = NoGradient()
     num_targets: Any = static_field(default=None)
@@ -161,13 +157,7 @@ class Labelled(Tracker):
         if self.population == "open":
             state = population.with_newborn(self, state)
         state, left = kernel.move(self, propagate_key, state)
-        log_weight = None
-        if self.relocation is not None:
-            jump_key = jax.random.fold_in(stages_key, 1)
-            state, log_weight = kernel.relocated(self, jump_key, state, observation)
         log_factor, largest, num_invalid = kernel.weigh(self, state, left, observation)
-        if log_weight is not None:
-            log_factor = log_factor + log_weight
         state, log_evidence, of_labels = kernel.share_out(self, state, log_factor, largest)
         after = kernel.report(self, state, log_evidence, of_labels, num_invalid)
         return confidence.reported(self.likelihood, before, *after, observation)

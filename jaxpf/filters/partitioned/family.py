@@ -9,7 +9,6 @@ from jaxpf.contract.names import GIVEN, METHODS, ORDERS, SHIFTS
 from jaxpf.contract.optional import optional
 from jaxpf.filters.filter import Filter, Variant
 from jaxpf.filters.partitioned.options import Options
-from jaxpf.filters.relocation_option import relocation_of
 
 if TYPE_CHECKING:
     from jaxpf.filters.partitioned.tracker import Partitioned
@@ -44,7 +43,6 @@ class _PartitionedFilter(Filter):
             num_particles=options.num_particles,
             resampling=options.resampling,
             ess_threshold=options.ess_threshold,
-            relocation=relocation_of(model.likelihood, options.relocate),
             joint_weighting=options.joint_weighting,
         )
 

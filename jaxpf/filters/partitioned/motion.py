@@ -15,10 +15,9 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
-from jaxpf.contract.errors import check_has, check_separate
+from jaxpf.contract.errors import check_has
 from jaxpf.contract.state import ParticleState
 from jaxpf.contract.types import ProposalLike
-from jaxpf.filters import relocation
 from jaxpf.filters.noiseless import noiseless, without_noise
 from jaxpf.filters.partitioned import labels
 from jaxpf.filters.partitioned.carry import Drawn, Shared, Turn
@@ -57,44 +56,6 @@ class Motion:
         return Drawn(turn.partition, turn.source, turn.conditions, _once(shared, move, like))
 
 
-class Relocating(Motion):
-    """Relocates objects that are lost; see ``jaxpf.filters.relocation``.
-
-    Attributes:
-        jumps: one frame's jumps.
-    """
-
-    def __init__(self, jumps: Any = None):
-        self.jumps = jumps
-
-    def check(self, tracker: "Partitioned") -> None:
-        """See ``Motion``."""
-        relocation.check_relocation(tracker)
-
-    def begin(
-        self, tracker: "Partitioned", key: jax.Array, state: ParticleState, observation: Any
-    ) -> "Relocating":
-        """See ``Motion``: draws the jumps of all partitions."""
-        weights = jnp.exp(state.log_weights)
-        estimate = jnp.where(weights > 0, state.lagged[0], 0.0) @ weights  # [D, P]
-        # All at once: a random number generator is slow to compile.
-        key = jax.random.fold_in(key, tracker.num_partitions + 1)
-        shape = (tracker.num_partitions, 4, tracker.num_particles)
-        uniform = jax.random.uniform(key, shape, estimate.dtype)
-        log_odds = jnp.asarray(state.log_odds)
-        return Relocating(relocation.draw_jumps(tracker, uniform, log_odds, estimate, observation))
-
-    def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
-        """See ``Motion``."""
-        drawn = super().draw(shared, key, turn)
-        substates, left, log_weight = relocation.apply_jumps(
-            self.jumps, turn.partition, drawn.substates, turn.conditions[0]
-        )
-        return drawn._replace(
-            substates=substates, conditions=(left, *turn.conditions[1:]), log_weight=log_weight
-        )
-
-
 class Proposed(Motion):
     """Draws from a ``jaxpf.contract.Proposal``, or from the dynamics for missing partitions."""
 
@@ -107,7 +68,6 @@ class Proposed(Motion):
         has_density = contract.has_log_density(tracker.dynamics)
         method = "log_density of the dynamics (transition_log_density of jaxpf.state_space)"
         check_has("a proposal", tracker.dynamics, method, has_density)
-        check_separate("a proposal", (tracker.relocation is not None, "relocation"))
         contract.proposal_of(self.proposal, tracker.dynamics, tracker.likelihood)
 
     def cases(self, tracker: "Partitioned") -> Iterator[Any]:
@@ -193,8 +153,6 @@ def motion_of(tracker: "Partitioned") -> Motion:
     motion = Motion()
     if tracker.proposal is not None:
         motion = Proposed(tracker.proposal)
-    elif tracker.relocation is not None:
-        motion = Relocating()
     return Scored(motion) if tracker.motion_gradient == "score" else motion
 
 

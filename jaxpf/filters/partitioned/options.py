@@ -6,7 +6,6 @@ from typing import Any
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import METHODS, SCHEMES, SWAPS
 from jaxpf.contract.options import check_options, option
-from jaxpf.filters.relocation_option import relocate_option
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +59,6 @@ class Options:
         "that exclude one another, such as contours.",
         compiles=True,
     )
-    relocate: float = relocate_option()
 
     def __post_init__(self) -> None:
         check_options(self)

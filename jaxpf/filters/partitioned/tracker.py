@@ -22,7 +22,6 @@ from jaxpf.filters.partitioned import kernel, labels, levels
 from jaxpf.filters.partitioned.motion import Motion, motion_of
 from jaxpf.filters.partitioned.refusals import check_tracker
 from jaxpf.filters.partitioned.weighing import Weighing, weighing_of
-from jaxpf.filters.relocation import Relocation
 from jaxpf.gradients import NoGradient
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.lowering.threefry import with_written_out_key
@@ -63,8 +62,6 @@ class Partitioned(Tracker):
         joint_weighting: static, whether each stage weights by the joint likelihood instead of
             ``log_prob``, with later partitions at the substates that ``dynamics.predict`` gives;
             see ``jaxpf.filters.partitioned.weighing.JointWeighting``.
-        relocation: a ``jaxpf.filters.Relocation``, the search for objects that are lost;
-            None moves all objects by the dynamics.
         proposal: a ``jaxpf.contract.Proposal`` that draws substates in place of the dynamics, such
             as those in ``jaxpf.proposals``.  A stage's weight is then likelihood times transition
             density over proposal density.  None draws from the dynamics.
@@ -88,7 +85,6 @@ class Partitioned(Tracker):
     initial_label: Any = None
     tempering: ArrayLike | None = None
     ess_threshold: Any = None
-    relocation: Relocation | None = None
     proposal: Any = None
     resampling: Any = "systematic"
     gradient: Any = NoGradient()
@@ -195,17 +191,10 @@ class Partitioned(Tracker):
         return self.likelihood.observe(frame)
 
     def observe_nearby(self, frame: Any, state: ParticleState) -> Any:
-        """See ``jaxpf.contract.observe_nearby``.
-
-        A proposal may look anywhere, and so does relocation if an object is lost.
-        """
+        """See ``jaxpf.contract.observe_nearby``; a proposal may look anywhere."""
         if self.proposal is not None:
             return None
-        estimates = _means(state)
-        if self.relocation is not None and state.log_odds is not None:
-            epsilon = self.relocation.epsilon_at(jax.nn.sigmoid(state.log_odds))
-            estimates = jnp.where(jnp.any(epsilon > 0), jnp.nan, estimates)
-        return contract.observe_nearby(self.likelihood, frame, estimates)
+        return contract.observe_nearby(self.likelihood, frame, _means(state))
 
     @with_written_out_key
     def step_observed(

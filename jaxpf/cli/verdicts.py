@@ -47,11 +47,10 @@ def command(papers: tuple[str, ...], output: Path | None, details: bool) -> None
 
 def _written(paper: str, output: Path) -> "list[Judged]":
     """Judge a paper's stored figures again, and write them."""
-    from jaxpf.papers.judging.comparison_table import verdicts_csv
-    from jaxpf.papers.paper import paper_of
+    from jaxpf.papers.judging import verdicts
 
-    judged = paper_of(paper).judge_again()
+    judged = [verdicts.judged_again(each) for each in verdicts.stored(paper)]
     with report_os_errors("create the folder", output / paper):
         (output / paper).mkdir(parents=True, exist_ok=True)
-    write_text(output / paper / "verdicts.csv", verdicts_csv(judged))
+    write_text(output / paper / "verdicts.csv", verdicts.csv_of(judged))
     return judged

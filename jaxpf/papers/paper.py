@@ -16,10 +16,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jaxpf.files.tables import Table
-from jaxpf.papers.judging.claims import Judged, claims_of, judge_all, read_rows
+from jaxpf.papers.judging.claims import claims_of, judge_all, read_rows
 from jaxpf.papers.judging.comparison_table import Comparison
 from jaxpf.papers.judging.estimates import Quantity
-from jaxpf.papers.judging.verdicts import judged_again, stored
 from jaxpf.papers.study import Study
 from jaxpf.papers.tables import tables
 
@@ -93,17 +92,6 @@ class Paper:
                 kind = self.declared["measures"][claim.measure].get("kind", "mean")
                 figures[key] = study.figures(kind, claim.measure, claim.variant, claim.against)
         return {key: found for key, found in figures.items() if found}
-
-    def judge_again(self) -> list[Judged]:
-        """The stored figures, judged by today's claims; computed figures are computed again."""
-        computed = {each.claim.key: each for each in judge_all(self.name, self.computed())}
-        again = []
-        for each in stored(self.name):
-            if (new := computed.get(each.claim.key)) is not None:
-                again.append(new._replace(command=each.command, version=each.version))
-            else:
-                again.append(judged_again(each))
-        return again
 
 
 def settings_table(paper: str) -> Table:

@@ -139,15 +139,15 @@ def test_that_many_scenes_do_resolve_it():
 def test_a_judged_claim_shows_its_figures_and_their_span():
     judged = judge(claim(at_least=0), [fixed(10, 5, what="20"), fixed(20, 5, 30, "30")])
     assert judged.ours == "10 to 20 [5, 25]"
-    assert judged.figures == "20: 10 [5, 15]; 30: 20 [15, 25]"
+    assert judged.shown == "20: 10 [5, 15]; 30: 20 [15, 25]"
     assert judged.units == "20 scenes"
-    shown = judge(claim(digits=2), [computed(0.5)])[1:6]
-    assert shown == ("0.50", SUPPORTED, "0.50", "95", "computed")
+    shown = judge(claim(digits=2), [computed(0.5)])
+    assert (shown.ours, shown.shown, shown.units) == ("0.50", "0.50", "computed")
 
 
 def test_few_scenes_show_no_nan():
     judged = judge(claim(at_least=0), [mean_of([1.0, 2.0]), mean_of([3.0, 5.0], "x")])
-    assert (judged.verdict, judged.ours, judged.figures) == (PREVIEW, "2 to 4", "2; x: 4")
+    assert (judged.verdict, judged.ours, judged.shown) == (PREVIEW, "2 to 4", "2; x: 4")
 
 
 def test_unbounded_means_of_few_scenes_are_open():

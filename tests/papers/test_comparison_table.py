@@ -1,13 +1,14 @@
 import csv
 
+import numpy as np
 import pytest
 
 from jaxpf import InputError, media
 from jaxpf.files.tables import Table
 from jaxpf.papers.judging import comparison_table
-from jaxpf.papers.judging.claims import Claim, Judged
+from jaxpf.papers.judging.claims import Claim, judge
 from jaxpf.papers.judging.comparison_table import Comparison
-from jaxpf.papers.judging.estimates import Measured
+from jaxpf.papers.judging.estimates import Measured, mean_of
 from jaxpf.papers.study import Study, tidy
 from jaxpf.papers.tables import Cell, tables
 
@@ -26,7 +27,7 @@ def comparison():
         tables=[
             Table("table_1", "Table 1 (%)", ["row", "a", "b", "c"], [("20", cells)], "A note.")
         ],
-        claims=[Judged(CLAIM, "2", "supported", "2")],
+        claims=[judge(CLAIM, [mean_of(np.linspace(1, 3, 30))])],
         figures={"figure": figure},
         notes=["What was done."],
     )
@@ -90,6 +91,9 @@ def test_everything_is_written(comparison, tmp_path):
     (verdict,) = csv.DictReader((tmp_path / "verdicts.csv").read_text().splitlines())
     assert (verdict["key"], verdict["verdict"]) == ("a_b", "supported")
     assert verdict["command"] == "jaxpf reproduce someone1999"
+    assert float(verdict["value"]) == pytest.approx(2)
+    assert 1 < float(verdict["low"]) < 2 < float(verdict["high"]) < 3
+    assert (verdict["level"], verdict["units"], verdict["needed"]) == ("0.95", "30", "")
 
 
 def test_the_markdown_keeps_its_columns_where_cells_hold_bars(comparison):

@@ -15,8 +15,10 @@ from jaxpf.papers.judging.claims import (
     OPEN,
     SUPPORTED,
     claims_of,
+    judge_all,
     read_rows,
 )
+from jaxpf.papers.judging.estimates import computed
 from jaxpf.papers.paper import PAPERS, paper_of
 
 
@@ -51,15 +53,8 @@ def test_a_stored_verdict_says_what_it_rests_on(paper):
     for each in stored:
         assert each.command.startswith(f"jaxpf reproduce {paper}")
         assert each.version
-        assert each.units == "computed" or float(each.level) >= 95
-        if each.verdict == OPEN:
-            assert "resolve it" in each.remark
-
-
-@pytest.mark.parametrize("paper", PAPERS)
-def test_stored_verdicts_follow_from_the_stored_figures(paper):
-    """As ``jaxpf verdicts -o jaxpf/papers`` writes them."""
-    assert paper_of(paper).judge_again() == verdicts.stored(paper)
+        assert each.level >= 0.95
+        assert ("resolve it" in each.remark) == (each.verdict == OPEN)
 
 
 def test_stored_figures_are_judged_anew_if_the_claim_changes():
@@ -72,11 +67,19 @@ def test_stored_figures_are_judged_anew_if_the_claim_changes():
     assert verdicts.judged_again(other).verdict == NOT_SEEN
 
 
-def test_verdicts_are_written(tmp_path):
+def test_verdicts_follow_from_the_stored_figures_and_are_written(tmp_path):
     assert jaxpf("verdicts", "-o", str(tmp_path / "new")).code == 0
     for paper in PAPERS:
         stored = Path(papers.__file__).parent / paper / "verdicts.csv"
         assert (tmp_path / "new" / paper / "verdicts.csv").read_text() == stored.read_text()
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_stored_figures_that_need_no_measurement_are_those_of_today(paper):
+    stored = {each.claim.key: each for each in verdicts.stored(paper)}
+    for each in judge_all(paper, paper_of(paper).computed()):
+        shown = stored[each.claim.key]
+        assert (shown.shown, shown.verdict, shown.units) == (each.shown, each.verdict, "computed")
 
 
 def test_no_key_of_a_verdict_disappears():
@@ -149,8 +152,7 @@ def test_details_print_the_sentence_and_the_other_claims():
 
 def test_the_origin_is_that_of_most_rows():
     own = verdicts.of_group(verdicts.stored("rowe2005"), "paper")[:3]
-    dated = [each._replace(units="50 scenes", level="95") for each in own]
-    assert verdicts.origin(dated) == "50 scenes, 95% intervals"
-    other = dated[0]._replace(level="99")
-    assert verdicts.origin([*dated, other]) == "50 scenes, 95% intervals; 1 row otherwise"
-    assert verdicts.origin([dated[0]._replace(units="computed")]) == "computed"
+    assert verdicts.origin(own) == "75 scenes, 95% intervals"
+    other = own[0]._replace(level=0.99)
+    assert verdicts.origin([*own, other]) == "75 scenes, 95% intervals; 1 row otherwise"
+    assert verdicts.origin([own[0]._replace(figures=[computed(1.0)])]) == "computed"

@@ -111,29 +111,68 @@ class Claim(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """A claim with its verdict as text: a row of ``verdicts.csv`` in addition to the claim's.
+    """A claim, its measured figures and the verdict on it: rows of ``verdicts.csv``.
 
     Attributes:
         claim: the claim.
-        ours: figure and interval; several figures are shown from smallest to largest.
+        figures: the figures that decide it, at least one.
         verdict: see the module's docstring.
-        figures: every figure with its interval.
-        level: level of the intervals in per cent.
-        units: such as "50 scenes".
-        remark: for example, what would resolve the claim.
+        level: level of the intervals that are shown.
+        needed: number of scenes that would resolve an open claim, NaN if that cannot be estimated
+            and infinite if no number would; None for other claims.
         command: command that repeats the measurement, with scenes and seed.
         version: version of this library.
     """
 
     claim: Claim
-    ours: str
+    figures: Sequence[Quantity]
     verdict: str
-    figures: str = ""
-    level: str = "95"
-    units: str = ""
-    remark: str = ""
+    level: float = 0.95
+    needed: float | None = None
     command: str = ""
     version: str = ""
+
+    @property
+    def units(self) -> str:
+        """What the verdict rests on, such as "50 scenes"."""
+        count = min(each.units for each in self.figures)
+        return counted(count, self.claim.unit) if count else "computed"
+
+    @property
+    def shown(self) -> str:
+        """Every figure with its interval."""
+        texts = []
+        for each in self.figures:
+            value, low, high = each.measured(self.level)
+            text = self._span(value, value, low, high, each.units)
+            texts.append(f"{each.what}: {text}" if each.what else text)
+        return "; ".join(texts)
+
+    @property
+    def ours(self) -> str:
+        """The smallest and the largest figure, and the hull of the intervals."""
+        values, lows, highs = zip(
+            *(each.measured(self.level) for each in self.figures), strict=True
+        )
+        known = max(each.units for each in self.figures) and math.isfinite(sum(highs) - sum(lows))
+        return self._span(min(values), max(values), min(lows), max(highs), known)
+
+    @property
+    def remark(self) -> str:
+        """How many scenes would resolve an open claim."""
+        if self.needed is None:
+            return ""
+        if math.isnan(self.needed):
+            return f"too few {self.claim.unit} to say more"
+        if math.isinf(self.needed):
+            return f"more {self.claim.unit} would not resolve it"
+        return f"about {self.needed:.0f} {self.claim.unit} would resolve it"
+
+    def _span(self, least: float, most: float, low: float, high: float, known: object) -> str:
+        """``least to most [low, high]``, without ends if they are unknown."""
+        first, last, *ends = (f"{x:z.{self.claim.digits}f}" for x in (least, most, low, high))
+        span = first if first == last else f"{first} to {last}"
+        return f"{span} [{', '.join(ends)}]" if known and math.isfinite(high - low) else span
 
 
 def claims_of(paper: str) -> dict[str, Claim]:
@@ -163,19 +202,10 @@ def _read(row: Mapping[str, str]) -> Claim:
 
 def judge(claim: Claim, figures: Sequence[Quantity], level: float = 0.95) -> Judged:
     """Judge a claim by measured figures; see the module's docstring."""
-    count = min((each.units for each in figures), default=0)
-    verdict = _verdict(claim, figures, level)
-    if 0 < count < DECISIVE:
-        verdict = PREVIEW
-    return Judged(
-        claim,
-        _hull(figures, claim.digits, level),
-        verdict,
-        "; ".join(_shown(each, claim.digits, level) for each in figures),
-        f"{100 * level:.4g}",
-        counted(count, claim.unit) if count else "computed",
-        _remark(claim, figures, level, count) if verdict == OPEN else "",
-    )
+    count = min(each.units for each in figures)
+    verdict = PREVIEW if 0 < count < DECISIVE else _verdict(claim, figures, level)
+    needed = _needed(growth(claim, figures, level), count) if verdict == OPEN else None
+    return Judged(claim, figures, verdict, level, needed)
 
 
 def judge_all(paper: str, measured: Mapping[str, Sequence[Quantity]]) -> list[Judged]:
@@ -186,8 +216,6 @@ def judge_all(paper: str, measured: Mapping[str, Sequence[Quantity]]) -> list[Ju
 
 
 def _verdict(claim: Claim, figures: Sequence[Quantity], level: float) -> str:
-    if not figures:
-        return OPEN
     corrected = 1 - (1 - level) / len(figures)
     if any(claim.excludes(*_certain(each, corrected)) for each in figures):
         return CONTRADICTED if claim.settings == PAPERS_OWN else NOT_SEEN
@@ -222,14 +250,11 @@ def counted(count: int, unit: str) -> str:
     return f"{count} {unit.removesuffix('s') if count == 1 else unit}"
 
 
-def _remark(claim: Claim, figures: Sequence[Quantity], level: float, count: int) -> str:
-    """A remark on an open claim: how many scenes would resolve it."""
-    times = growth(claim, figures, level)
+def _needed(times: float, count: int) -> float:
+    """How many scenes are that many times as many; infinite above a maximum."""
     if math.isnan(times):
-        return f"too few {claim.unit} to say more"
-    if not times * count <= _MOST_SCENES:
-        return f"more {claim.unit} would not resolve it"
-    return f"about {max(math.ceil(times * count), count + 1)} {claim.unit} would resolve it"
+        return math.nan
+    return max(math.ceil(times * count), count + 1) if times * count <= _MOST_SCENES else math.inf
 
 
 def growth(claim: Claim, figures: Sequence[Quantity], level: float = 0.95) -> float:
@@ -257,21 +282,3 @@ def growth(claim: Claim, figures: Sequence[Quantity], level: float = 0.95) -> fl
 def _square(reach: float, distance: float) -> float:
     """Factor on scenes that shrinks ``reach`` to ``distance``; infinite unless ``distance`` > 0."""
     return (reach / distance) ** 2 if distance > 0 else math.inf
-
-
-def _shown(figure: Quantity, digits: int, level: float) -> str:
-    value, low, high = figure.measured(level)
-    text = f"{value:z.{digits}f}"
-    if figure.units and math.isfinite(high - low):
-        text += f" [{low:z.{digits}f}, {high:z.{digits}f}]"
-    return f"{figure.what}: {text}" if figure.what else text
-
-
-def _hull(figures: Sequence[Quantity], digits: int, level: float) -> str:
-    """``smallest to largest [lowest end, highest end]``, without ends if one is unknown."""
-    values, lows, highs = zip(*(each.measured(level) for each in figures), strict=True)
-    least, most = (f"{value:z.{digits}f}" for value in (min(values), max(values)))
-    span = least if least == most else f"{least} to {most}"
-    if not any(each.units for each in figures) or not math.isfinite(sum(highs) - sum(lows)):
-        return span
-    return f"{span} [{min(lows):z.{digits}f}, {max(highs):z.{digits}f}]"

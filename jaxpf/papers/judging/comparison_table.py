@@ -3,7 +3,7 @@
 A ``Comparison`` is written as Markdown, CSV and PNG.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,6 +11,7 @@ from jaxpf import __version__
 from jaxpf.files.tables import Table, markdown_table
 from jaxpf.files.writing import csv_text, write_text
 from jaxpf.papers.judging.claims import GROUPS, RULE, Judged
+from jaxpf.papers.judging.verdicts import csv_of
 from jaxpf.papers.tables import table_rows
 
 
@@ -59,7 +60,7 @@ def claims_markdown(claims: Sequence[Judged], level: int = 3) -> list[str]:
     lines = []
     for group, title in GROUPS.items():
         rows = [
-            [claim.sentence, claim.source, claim.published, each.figures, each.verdict]
+            [claim.sentence, claim.source, claim.published, each.shown, each.verdict]
             for each in claims
             if (claim := each.claim).group == group
         ]
@@ -94,15 +95,9 @@ def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
     for table in comparison.tables:
         text(f"{table.name}.csv", csv_text(table_rows(table)))
     judged = (each._replace(command=command, version=__version__) for each in comparison.claims)
-    text("verdicts.csv", verdicts_csv(judged))
+    text("verdicts.csv", csv_of(judged))
     for stem, figure in comparison.figures.items():
         plotting.save_figure(figure, folder / f"{stem}.png")
         written.append(f"{stem}.png")
     text(f"{comparison.paper}.md", markdown(comparison))
     return written
-
-
-def verdicts_csv(judged: Iterable[Judged]) -> str:
-    """The content of ``verdicts.csv``."""
-    rows = [[each.claim.key, *each[1:]] for each in judged]
-    return csv_text([("key", *Judged._fields[1:]), *rows])

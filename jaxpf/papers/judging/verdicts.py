@@ -1,15 +1,19 @@
 """The stored verdicts on the papers' claims, and their printed form.
 
-Each paper's folder holds ``claims.csv``; ``verdicts.csv``, which ``jaxpf reproduce`` writes;
+Each paper's folder holds ``claims.csv``; ``verdicts.csv``, which ``jaxpf reproduce`` writes, with a
+row for each figure of a claim;
 ``not_judged.csv``, the paper's other claims, and why they have no verdict; and ``earlier.csv``,
 figures that were measured once and are no longer repeated.
 """
 
-import re
+import itertools
+import operator
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from statistics import NormalDist
 
+from jaxpf.files.writing import csv_text
 from jaxpf.papers.judging.claims import (
     CONTRADICTED,
     EQUAL,
@@ -19,13 +23,20 @@ from jaxpf.papers.judging.claims import (
     PREVIEW,
     SUPPORTED,
     WEAKER,
+    Claim,
     Judged,
     claims_of,
     judge,
     read_rows,
 )
-from jaxpf.papers.judging.estimates import Quantity, computed
+from jaxpf.papers.judging.estimates import Quantity
 
+#: Columns of ``verdicts.csv``: a figure with its interval at a level, from a number of units (0 if
+#: it is computed), and the verdict on its claim.
+STORED = (
+    *("key", "what", "value", "low", "high", "level", "units"),
+    *("verdict", "needed", "command", "version"),
+)
 COLUMNS = ("claim", "published", "ours", "verdict")
 #: Form of each paper's method in which its own claims are judged.
 FORMS = {
@@ -44,10 +55,51 @@ EARLIER = "measured earlier, no longer repeated"
 def stored(paper: str) -> list[Judged]:
     """A paper's claims with their stored verdicts."""
     claims = claims_of(paper)
-    return [
-        Judged(claims[row["key"]], **{name: row[name] for name in Judged._fields[1:]})
-        for row in read_rows(paper, "verdicts.csv")
+    rows = itertools.groupby(read_rows(paper, "verdicts.csv"), operator.itemgetter("key"))
+    return [_judged(claims[key], list(of_claim)) for key, of_claim in rows]
+
+
+def _judged(claim: Claim, rows: Sequence[Mapping[str, str]]) -> Judged:
+    """A verdict from its rows, one for each figure."""
+    first, level = rows[0], float(rows[0]["level"])
+    needed = float(first["needed"]) if first["needed"] else None
+    figures = [
+        Quantity(value, partial(_widened, value, low, high, level), int(row["units"]), row["what"])
+        for row in rows
+        for value, low, high in [map(float, (row["value"], row["low"], row["high"]))]
     ]
+    return Judged(
+        claim, figures, first["verdict"], level, needed, first["command"], first["version"]
+    )
+
+
+def _widened(
+    value: float, low: float, high: float, stored: float, level: float
+) -> tuple[float, float]:
+    """The interval at another level than the stored one, widened as that of a normal mean."""
+    if level == stored:
+        return low, high
+    wider = NormalDist().inv_cdf((1 + level) / 2) / NormalDist().inv_cdf((1 + stored) / 2)
+    return value - wider * (value - low), value + wider * (high - value)
+
+
+def csv_of(judged: Iterable[Judged]) -> str:
+    """The content of ``verdicts.csv``: a row for each figure, with the verdict on its claim."""
+    rows: list[Sequence[object]] = [STORED]
+    for each in judged:
+        needed = "" if each.needed is None else f"{each.needed:.0f}"
+        verdict = each.verdict, needed, each.command, each.version
+        for figure in each.figures:
+            numbers = *figure.measured(each.level), each.level, figure.units
+            rows.append([each.claim.key, figure.what, *numbers, *verdict])
+    return csv_text(rows)
+
+
+def judged_again(judged: Judged) -> Judged:
+    """Judge stored figures by today's rule and claim; what stays open needs as many scenes."""
+    again = judge(judged.claim, judged.figures, judged.level)
+    needed = judged.needed if again.verdict == judged.verdict else again.needed
+    return judged._replace(verdict=again.verdict, needed=needed)
 
 
 def not_judged(paper: str) -> list[dict[str, str]]:
@@ -61,47 +113,6 @@ def earlier(paper: str) -> list[dict[str, str]]:
     Their keys once stood in ``verdicts.csv``.
     """
     return list(read_rows(paper, "earlier.csv"))
-
-
-def judged_again(judged: Judged) -> Judged:
-    """Judge stored figures by today's rule and claim."""
-    again = judge(judged.claim, _quantities(judged), float(judged.level or 95) / 100)
-    remark = judged.remark if again.verdict == judged.verdict == OPEN else again.remark
-    return judged._replace(verdict=again.verdict, remark=remark)
-
-
-def _quantities(judged: Judged) -> list[Quantity]:
-    """The figures of a stored row, as far as their digits go.
-
-    An interval at a higher level than the stored one is widened as that of a normal mean.
-    """
-    number = r"(-?[\d.]+)"
-    form = re.compile(rf"(?:(.*): )?{number}(?: \[{number}, {number}\])?")
-    units = int(judged.units.split()[0]) if judged.units != "computed" else 0
-    normal, stored = NormalDist(), float(judged.level or 95) / 100
-    # Ends that are equal as printed differ by less than a digit, and a decided interval does not
-    # touch the end of a range that its printed end equals.
-    digit = 0.5 * 10.0**-judged.claim.digits
-    inward = 0.0 if judged.verdict == OPEN else 1e-6 * digit
-
-    def quantity(text: str) -> Quantity:
-        match = form.fullmatch(text)
-        assert match is not None, text
-        what, *numbers = match.groups()
-        value, low, high = (float(each or numbers[0]) for each in numbers)
-        if not units:
-            return computed(value, what or "")
-        if low == high:
-            low, high = low - digit, high + digit
-        low, high = low + inward, high - inward
-
-        def interval(level: float) -> tuple[float, float]:
-            wider = normal.inv_cdf((1 + level) / 2) / normal.inv_cdf((1 + stored) / 2)
-            return value - wider * (value - low), value + wider * (high - value)
-
-        return Quantity(value, interval, units, what or "")
-
-    return [quantity(text) for text in judged.figures.split("; ")]
 
 
 def of_group(judged: Iterable[Judged], group: str) -> list[Judged]:
@@ -126,7 +137,7 @@ def summary(paper: str, judged: Sequence[Judged]) -> str:
 def origin(judged: Sequence[Judged]) -> str:
     """The basis of most of the paper's own claims: scenes and level."""
     texts = [
-        f"{each.units}, {each.level}% intervals"
+        f"{each.units}, {100 * each.level:.4g}% intervals"
         for each in of_group(judged, "paper")
         if each.units != "computed"
     ]
@@ -160,9 +171,9 @@ def detail(judged: Judged) -> str:
     """The full text behind a line: claim, source, every figure, and caveats."""
     claim, units = judged.claim, judged.units
     if units != "computed":
-        units += f", {judged.level}%"
+        units += f", {100 * judged.level:.4g}%"
     remark = judged.remark and f".  {judged.remark[0].upper()}{judged.remark[1:]}"
-    ours = f"Ours: {judged.figures} ({units})"
+    ours = f"Ours: {judged.shown} ({units})"
     return f"{claim.sentence[:-1]} ({claim.source}).  {ours}{remark}."
 
 

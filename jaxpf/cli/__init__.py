@@ -27,7 +27,6 @@ _COMMANDS = {
     ),
     "mark": ("jaxpf.cli.marking.command:mark", "Draw start boxes and other shapes in the browser."),
     "view": ("jaxpf.cli.marking.command:view", "Review tracks in the browser, and correct them."),
-    "frame": ("jaxpf.cli.frame", "Save one frame with a pixel grid, for reading off boxes."),
     "contour": ("jaxpf.cli.contour", "Learn what contours look like and how they move."),
     "evaluate": (
         "jaxpf.cli.evaluating.command",

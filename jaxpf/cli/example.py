@@ -59,8 +59,6 @@ def command(kind: str, folder: Path, overwrite: bool) -> None:
     names = ", ".join(sorted(path.name for path in folder.iterdir()))
     say(f"{folder}/: {names}; {scene.num_frames} frames of {width}x{height} pixels.  Try:")
     place = shlex.quote(str(folder))
-    if kind == "boxes":
-        say(f"  jaxpf frame {place}/clip.mp4 -o {place}/frame.png")
     say(f"  jaxpf {example.track.format(place)} -o {place}/tracks")
 
 

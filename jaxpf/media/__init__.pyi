@@ -2,7 +2,6 @@ from .overlay import (
     draw_boxes as draw_boxes,
     draw_outlines as draw_outlines,
     draw_particles as draw_particles,
-    draw_pixel_grid as draw_pixel_grid,
     draw_spreads as draw_spreads,
     object_colours as object_colours,
 )

@@ -1,4 +1,4 @@
-"""Decodes films and streams with PyAV."""
+"""Decodes films with PyAV."""
 
 import os
 from collections.abc import Generator
@@ -41,49 +41,36 @@ class Decoder:
         is_counted: whether the header counts frames, rather than giving the duration.
         pixel_aspect: width over height of the pixels of upright frames.
         damaged: number of frames that could not be decoded, or only in part.
-        was_silent: whether the pass ended because a stream sent nothing for too long.
     """
 
-    def __init__(
-        self, address: str | os.PathLike[str], patience: float | None = None, threads: bool = True
-    ):
+    def __init__(self, file: str | os.PathLike[str]):
         """Open a film.
-
-        Args:
-            address: a file or pipe; with ``patience``, the address of a stream.
-            patience: seconds to wait for a stream to open, and for each of its frames.
-            threads: decode several frames at once, which delays each.
 
         Raises:
             InputError: PyAV is missing.
             NoFilm: there is nothing to decode.
         """
-        av = import_extra("av", f"reading the video '{address}' needs PyAV")
+        av = import_extra("av", f"reading the video '{file}' needs PyAV")
         from av.sidedata.sidedata import Type
         from av.video.reformatter import VideoReformatter
 
         self._av, self._matrix, self._to_rgb = av, Type.DISPLAYMATRIX, VideoReformatter()
-        self.damaged, self.was_silent, self._end, self._num_packets = 0, False, 0.0, 0
+        self.damaged, self._end, self._num_packets = 0, 0.0, 0
         # Titles of old films are not UTF-8.  From PyAV 19 on that is no error.
         is_older = int(av.__version__.partition(".")[0]) < 19
         titles = {"metadata_errors": "replace"} if is_older else {}
         try:
-            if patience is None:
-                # An absolute path, because FFmpeg reads text before a colon as a protocol.
-                options = {"format_whitelist": _FORMATS, "protocol_whitelist": "file"}
-                # Else a clock that is set back counts as one that wraps, after 26 hours.
-                options["correct_ts_overflow"] = "0"
-                path = os.path.abspath(address)
-                self._container: Any = av.open(path, options=options, **titles)
-            else:
-                address = os.fspath(address)
-                self._container = av.open(address, timeout=patience, **titles)
+            # An absolute path, because FFmpeg reads text before a colon as a protocol.
+            options = {"format_whitelist": _FORMATS, "protocol_whitelist": "file"}
+            # Else a clock that is set back counts as one that wraps, after 26 hours.
+            options["correct_ts_overflow"] = "0"
+            self._container: Any = av.open(os.path.abspath(file), options=options, **titles)
         except (av.FFmpegError, ValueError) as error:
             raise NoFilm from error
         try:
             self._stream = self._film()
             # With H.264 decoded in parallel, FFmpeg marks damaged frames at random, too late.
-            if threads and self._stream.codec_context.name != "h264":
+            if self._stream.codec_context.name != "h264":
                 self._stream.thread_type = "AUTO"
         except BaseException:
             self._container.close()
@@ -125,8 +112,6 @@ class Decoder:
                     self._note_end(packet)
             # The last frame of a transport stream need not show that its end is missing.
             self.damaged += "mpegts" in self._formats and not self._ends_in_a_packet()
-        except self._av.ExitError:
-            self.was_silent = True
         except self._av.FFmpegError:
             self.damaged += 1
 
@@ -149,8 +134,6 @@ class Decoder:
 
     def _ends_in_a_packet(self) -> bool:
         path = self._container.name
-        if not os.path.isfile(path):  # a pipe or an address
-            return True
         with open(path, "rb") as file:
             file.seek(max(0, os.path.getsize(path) - max(_TS_PACKETS)))
             end = file.read()

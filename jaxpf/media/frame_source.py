@@ -28,7 +28,6 @@ class FrameSource:
         path: the file or folder; for a live source its address as text, without a password.
         name: the file name without suffix, or the folder's name; results use it.
         is_live: whether frames come only once and their number is unknown beforehand.
-        is_camera: whether, in addition, frames are dropped if they are not read in time.
         width: of every frame, pixels.
         height: of every frame, pixels.
         pixel_aspect: width of a pixel over its height.  Coordinates count pixels, whatever their
@@ -44,7 +43,6 @@ class FrameSource:
     """
 
     is_live = False
-    is_camera = False
 
     def __init__(self, path: Path | str, name: str, fps: float | None):
         self.path = path

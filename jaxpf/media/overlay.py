@@ -1,4 +1,4 @@
-"""Draws tracked objects, particles and a coordinate grid on frames.
+"""Draws tracked objects and particles on frames.
 
 Every function takes a uint8 RGB frame [H, W, 3] and returns a new one.  Coordinates are
 continuous pixels: pixel (0, 0) is the square [0, 1) x [0, 1).
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_names
 from jaxpf.contract.numbers import check_array, check_whole, numbers_in
-from jaxpf.media.labels import DARK, Label, draw_labels, font_scale, line_thickness, tag, tag_size
+from jaxpf.media.labels import DARK, Label, draw_labels, line_thickness
 
 #: Largest number of objects with colours.
 _MOST_OBJECTS = 10**6
@@ -253,46 +253,3 @@ def draw_spreads(
         for line, width in ((DARK, 2 * line_thickness(frame) + 1), (colour, 1)):
             cv2.ellipse(shown, at, reach, 0, 0, 360, line, width, cv2.LINE_AA, _SHIFT)
     return cv2.addWeighted(shown, _FAINT, frame, 1 - _FAINT, 0)
-
-
-def draw_pixel_grid(frame: np.ndarray, step: int | None = None) -> np.ndarray:
-    """Draw a labelled grid, for reading the coordinates of a box off the picture.
-
-    A frame whose longer side is under 480 pixels is enlarged by a whole factor to make the
-    labels legible.  Labels count original pixels, and a note in the picture says so.
-
-    Args:
-        frame: uint8 RGB [H, W, 3].
-        step: line spacing in original pixels; by default about ten lines along the longer side.
-
-    Returns:
-        uint8 RGB [k H, k W, 3], enlarged by k.
-    """
-    check_frame(frame)
-    height, width = frame.shape[:2]
-    enlargement = 1 if max(width, height) >= 480 else -(-640 // max(width, height))
-    if step is None:
-        nice = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
-        step = next((value for value in nice if max(width, height) / value <= 13), nice[-1])
-    check_whole("step", step)
-    size = (width * enlargement, height * enlargement)
-    picture = cv2.resize(frame, size, interpolation=cv2.INTER_NEAREST)
-    line, scale = line_thickness(picture), font_scale(picture)
-    for along, length in ((picture.swapaxes(0, 1), width), (picture, height)):
-        for at in range(step * enlargement, length * enlargement, step * enlargement):
-            # Dark beside light is visible on any background; the coordinate is their border.
-            _blend(along[max(at - line, 0) : at], 0)
-            _blend(along[at : at + line], 255)
-    for value in range(0, width, step):
-        tag(picture, f"{value}", value * enlargement + 2, 2, DARK, scale)
-    for value in range(step, height, step):
-        tag(picture, f"{value}", 2, value * enlargement + 2, DARK, scale)
-    if enlargement > 1:
-        note = f"labels: original pixels, shown {enlargement}x"
-        wide, high = tag_size(picture, note, scale)
-        tag(picture, note, size[0] - wide, size[1] - high, DARK, scale)
-    return picture
-
-
-def _blend(pixels: np.ndarray, grey: int) -> None:
-    pixels[...] = (0.4 * pixels + 0.6 * grey).astype(np.uint8)

@@ -61,10 +61,10 @@ def open_frames(
     Frames are turned and mirrored as EXIF and video metadata say.  Those of interlaced video are
     whole, with both fields, as stored; a film to be deinterlaced must be converted.  Frames keep
     their stored size where pixels are not square (``pixel_aspect``): coordinates count pixels.
-    Videos and streams need PyAV.
+    Videos need PyAV.
 
-    Live sources are a camera by index (from 0, unless a file has that name) or device, a stream
-    by address (``http://``, ``rtsp://``, ...) and a pipe.
+    A live source is a camera by index (from 0, unless a file has that name), or a stream by address
+    (``http://``, ``rtsp://``, ...); OpenCV reads it.
 
     Args:
         path: a video in any format that PyAV decodes, a folder, or a live source.
@@ -86,8 +86,7 @@ def open_frames(
             Argument("range", range, typed=",".join(map(str, range))),
             " must be two whole numbers from 0 to 65535, black before white.",
         )
-    with report_os_errors("read", f"{path}"):
-        address = live_address(path)
+    address = live_address(path)
     if address is not None:
         if range is not None:
             raise no_range(address, range)

@@ -9,7 +9,7 @@ from command_line import jaxpf
 from jaxpf import cli
 
 
-@pytest.mark.parametrize("command", ["track", "frame", "demo"])
+@pytest.mark.parametrize("command", ["track", "mark", "demo"])
 def test_help_names_every_option(command):
     text = " ".join(jaxpf(command, "--help").out.split())
     for option in cli.group.get_command(None, command).params:

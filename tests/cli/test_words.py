@@ -87,7 +87,7 @@ def test_the_demo_tells_each_methods_own_time(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("arguments", "named"),
-    [("trakc", "'track'"), ("frame", "'VIDEO'"), ("frame --nubmer 1", "option")],
+    [("trakc", "'track'"), ("mark", "'VIDEO'"), ("mark --strat 1", "option")],
 )
 def test_every_refusal_is_one_line(arguments, named):
     outcome = jaxpf(*arguments.split())

@@ -26,7 +26,7 @@ def served(folder):
             server.shutdown()
 
 
-def put_camera(monkeypatch, picture, pause=0.0, before_read=lambda number: None):
+def put_camera(monkeypatch, picture, pause=0.0):
     """Camera 0 of this machine gives ``picture(number)`` every ``pause`` seconds, until None."""
 
     class Camera:
@@ -41,7 +41,6 @@ def put_camera(monkeypatch, picture, pause=0.0, before_read=lambda number: None)
 
         def read(self):
             self.number += 1
-            before_read(self.number)
             time.sleep(pause)
             frame = picture(self.number)
             return (False, None) if frame is None else (True, frame[..., ::-1])

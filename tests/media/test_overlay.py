@@ -8,7 +8,6 @@ from jaxpf.media import (
     draw_boxes,
     draw_outlines,
     draw_particles,
-    draw_pixel_grid,
     object_colours,
 )
 
@@ -116,30 +115,6 @@ def test_colours_are_distinct_as_far_as_they_reach(num_objects):
     assert colours.shape == (num_objects, 3)
     assert colours.dtype == np.uint8
     assert len({tuple(colour) for colour in colours.tolist()}) == min(num_objects, 21)
-
-
-@pytest.mark.parametrize(
-    ("size", "expected"),
-    [
-        ((640, 480), (640, 480)),
-        ((160, 120), (640, 480)),
-        ((1, 1), (640, 640)),
-        ((480, 3), (480, 3)),
-    ],
-)
-def test_the_grid_enlarges_small_frames_by_a_whole_factor(size, expected):
-    picture = draw_pixel_grid(grey(*size))
-    assert (picture.shape[1], picture.shape[0]) == expected
-
-
-def test_grid_lines_lie_at_the_coordinates_that_they_name():
-    picture = draw_pixel_grid(grey(640, 480), step=100).astype(int)
-    row = picture[250, :, 0]
-    for value in range(100, 640, 100):
-        assert row[value - 1] < 128 < row[value], "dark before the coordinate, light after it"
-    assert (
-        np.delete(row, [v + d for v in range(100, 640, 100) for d in (-2, -1, 0, 1)]) == 128
-    ).all()
 
 
 def test_a_turned_rectangle_is_drawn_along_its_sides():

@@ -61,7 +61,7 @@ class TrackCommand(Command):
 
 
 _ABOUT = """Track {what} through VIDEO: a video file or a folder of images.  VIDEO can also be a
-camera index, a stream (http://, rtsp://, ...) or a pipe.
+camera index or a stream's address (http://, rtsp://, ...).
 
 The output folder receives tracks.csv (a row per frame and object, with 95% intervals),
 overlay.mp4, trajectories.png, summary.json (a verdict on each object), diagnostics.csv, and
@@ -73,10 +73,9 @@ below 0.5.
 _OTHERS = """Other kinds of target: `jaxpf track {others} VIDEO`.
 
 """
-_LIVE = """A live source is tracked until it ends or you press Ctrl-C, which keeps all results.  The
-start frame of a stream is its first frame.  The start frame of a camera is taken once everything is
-compiled: keep the objects in place until a line says that tracking begins; `jaxpf frame 0 -n 30`
-shows what camera 0 sees.
+_LIVE = """A live source is tracked until it ends or you press Ctrl-C, which keeps all results.  Its
+start frame is its first one, unless --start leaves some out, as while a camera adjusts its
+exposure; keep the objects in place while the first frame is compiled.
 
 For a video file named like a kind of target, such as points, write ./points."""
 

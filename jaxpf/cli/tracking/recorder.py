@@ -12,7 +12,6 @@ from jaxpf.cli.shared import console
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.stopping import announced_stop
 from jaxpf.cli.tracking.later import starting_later
-from jaxpf.cli.tracking.live import start_when_compiled
 from jaxpf.cli.tracking.records import Record, Scene, changing_population, fixed_population
 from jaxpf.cli.tracking.request import Run
 from jaxpf.cli.tracking.session import OUTPUTS, Session, nothing_follows
@@ -31,8 +30,6 @@ def record(session: Session) -> None:
     """Track every frame and pass it to the writers."""
     with locked(session.output, "tracking", keep=False):
         try:
-            if session.source.is_camera:
-                start_when_compiled(session)
             saying = "Finishing: what was tracked is being written."
             with (
                 announced_stop(saying),

@@ -196,12 +196,6 @@ _EXCLUSIONS = (
         "goes on in a video that begins as it did, and '{video}' is live; leave it out, or record "
         "a video first.",
     ),
-    (
-        ("truth", "detections"),
-        "camera",
-        "is about frames that are known beforehand, and camera '{video}' is live; leave it out, or "
-        "record a video first.",
-    ),
 )
 
 

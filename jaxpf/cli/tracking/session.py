@@ -12,10 +12,9 @@ from jaxpf import contract
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking import detector as detector_of
 from jaxpf.cli.tracking.later import all_names
-from jaxpf.cli.tracking.live import used_to_the_light
 from jaxpf.cli.tracking.request import Request, check_together
 from jaxpf.cli.tracking.track_table import Tracks
-from jaxpf.cli.tracking.user_tracker import own_tracker_of, start_scene
+from jaxpf.cli.tracking.user_tracker import tracker_of_start
 from jaxpf.cli.tracking.writers import Counts, Population
 from jaxpf.contract.errors import InputError
 from jaxpf.detections import open_model
@@ -124,8 +123,8 @@ class Session:
         """Build the tracker of objects that start at a frame, uint8 RGB ``[H, W, 3]``."""
         request, options = self.request, self.request.filter_options
         if request.run.tracker:
-            scene = start_scene(self.source.name, frame, start.shapes, self.source.fps)
-            return own_tracker_of(request.run.tracker, scene)
+            of_video = self.source.name, frame, start.shapes, self.source.fps
+            return tracker_of_start(request.run.tracker, *of_video)
         if request.detector is not None:
             capacity = request.detector.rules.capacity
             size = request.detector.typical_size
@@ -146,8 +145,8 @@ def open_session(request: Request) -> Session:
     source = open_frames(request.video, run_options.fps, run_options.range)
     frames = source.frames(run_options.start)
     click.get_current_context().call_on_close(frames.close)
-    check_together(request, source.path, live=source.is_live, camera=source.is_camera)
-    first = used_to_the_light(frames) if source.is_camera else next(frames)
+    check_together(request, source.path, live=source.is_live)
+    first = next(frames)
     start = request.target.read_start(request.starts, run_options.start, source)
     later, note = request.target.later_starts(request.starts, run_options.start, source)
     remarks = [*start.remarks, *([note] if note else [])]
@@ -165,11 +164,10 @@ def open_session(request: Request) -> Session:
     output = run_options.output or Path(f"jaxpf-{source.name}")
     if isinstance(source.path, Path):
         _check_output(output, source.path)
-    if not source.is_camera:
-        second = next(frames, None)  # fails before compilation
-        if second is None:
-            raise nothing_follows(source, run_options.start)
-        frames = _after(second, frames)
+    second = next(frames, None)  # fails before compilation
+    if second is None:
+        raise nothing_follows(source, run_options.start)
+    frames = _after(second, frames)
     return Session(request, source, first, frames, start, later, truth, output)
 
 

@@ -61,17 +61,11 @@ class OwnTracker:
             ) from error
 
 
-def own_tracker_of(place: str, scene: scenes.Scene) -> Any:
-    """Build the tracker of a scene with a user-defined function."""
-    tracker = own_tracker(place, OwnTracker(place), scene)
-    if hasattr(tracker, "init"):
-        return tracker
-    raise InputError(f"the tracker {place!r} returned boxes; for a video return a tracker.")
-
-
-def start_scene(name: str, frame: "np.ndarray", boxes: "np.ndarray", fps: float) -> scenes.Scene:
-    """A scene that consists of the start frame of a video."""
-    return scenes.Scene(
+def tracker_of_start(
+    place: str, name: str, frame: "np.ndarray", boxes: "np.ndarray", fps: float
+) -> Any:
+    """Call a user's function on a scene that consists of the start frame of a video."""
+    scene = scenes.Scene(
         name=name,
         frames=frame[None],
         boxes=boxes[None],
@@ -80,3 +74,7 @@ def start_scene(name: str, frame: "np.ndarray", boxes: "np.ndarray", fps: float)
         parameters={},
         settings={},
     )
+    tracker = own_tracker(place, OwnTracker(place), scene)
+    if hasattr(tracker, "init"):
+        return tracker
+    raise InputError(f"the tracker {place!r} returned boxes; for a video return a tracker.")

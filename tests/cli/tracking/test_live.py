@@ -7,7 +7,7 @@ import signal
 import numpy as np
 import pytest
 from live_sources import put_camera, served
-from small_video import BOXES, HEIGHT, WIDTH, picture, rows_of, summary_of, true_boxes
+from small_video import BOXES, picture, rows_of, summary_of, true_boxes
 
 from jaxpf.media import open_frames
 
@@ -25,33 +25,21 @@ def test_a_stream_is_tracked_as_its_file_is(track, place, whole_run, tmp_path):
     np.testing.assert_array_equal(rows_of(tmp_path / "out"), rows_of(whole_run[1]))
 
 
-@pytest.fixture
-def ctrl_c():
-    """Ctrl-C works, also where the tests were started to ignore it."""
+def test_a_camera_is_tracked_until_ctrl_c_which_keeps_all_results(track, tmp_path, monkeypatch):
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield _thread.interrupt_main
-    signal.signal(signal.SIGINT, before)
 
-
-def test_a_camera_is_tracked_until_ctrl_c_which_keeps_all_results(
-    track, tmp_path, monkeypatch, ctrl_c
-):
-    # Nothing is to be seen in its first picture.
-    def press(number):
+    def seen(number):
         with contextlib.suppress(FileNotFoundError):
             written = (tmp_path / "out" / "tracks.csv").read_text().count("\n")
             if written > 43:  # a frame that is being written is taken back
-                ctrl_c()
+                _thread.interrupt_main()
+        # Minutes later: a Ctrl-C that is not answered fails the test.
+        return picture(0) if number < 100_000 else None
 
-    def seen(number):
-        if number == 100_000:
-            return None  # minutes later: a Ctrl-C that is not answered fails the test
-        return picture(0) if number else np.full((HEIGHT, WIDTH, 3), 110, np.uint8)
-
-    put_camera(monkeypatch, seen, 0.002, press)
+    put_camera(monkeypatch, seen, 0.002)
     outcome = track(*BOXES, video="0")
+    signal.signal(signal.SIGINT, before)
     assert outcome.code == 130, outcome.err
-    assert "Tracking begins: the start frame is taken" in outcome.err
     summary = summary_of(tmp_path / "out")
     assert summary["interrupted"] is True
     assert summary["parameters"]["video"] == "0"
@@ -62,10 +50,3 @@ def test_a_camera_is_tracked_until_ctrl_c_which_keeps_all_results(
     monkeypatch.undo()  # a camera no longer
     shown = len(list(open_frames(tmp_path / "out" / "overlay.mp4")))
     assert abs(shown - 1 - summary["frames_tracked"]) <= 1
-
-
-def test_what_a_camera_cannot_have_is_refused(refuse, place, monkeypatch):
-    put_camera(monkeypatch, picture)
-    said = refuse(*BOXES, "--truth", place / "gt.csv", video="0")
-    assert "--truth is about frames that are known beforehand, and camera '0' is live" in said
-    assert "camera '1' does not open" in refuse(*BOXES, video="1")

@@ -69,16 +69,16 @@ def command(
     began = time.perf_counter()
     chosen = paper_of(paper)
     seeds = chosen.seeds(scenes, seed, quick)
-    executor = None
+    pool = None
     if dask is not None:
-        executor = click.get_current_context().with_resource(cluster(dask))
+        pool = click.get_current_context().with_resource(cluster(dask))
     output = output or Path(f"jaxpf-{paper}-quick" if quick else f"jaxpf-{paper}")
     resumes = checkpoints.can_resume(output, options)
     folder = prepare_output_folder(output, overwrite or resumes)
     if resumes:
         say(f"Resuming from '{folder}'.")
     say("The first scenes take longest: their programs are compiled.")
-    with checkpoints.keeping(output, options, executor):
+    with checkpoints.keeping(output, options, pool):
         comparison = chosen.compare(seeds, quick, say)
         explicit = options | {"scenes": len(seeds)}
         written = comparison_table.write(comparison, folder, _typed(explicit))

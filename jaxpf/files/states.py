@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -10,8 +11,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError, check_path, check_tracker
 from jaxpf.contract.types import TrackerLike
-from jaxpf.files.pieces import DIGEST
-from jaxpf.files.writing import atomic_write
+from jaxpf.files.store import DIGEST, open_arrays, write_arrays
 
 #: Version of the file format; other versions are refused.
 _FORMAT = 2
@@ -43,8 +43,7 @@ def save(path: str | os.PathLike[str], state: object) -> None:
         arrays = {}
     if not arrays:
         raise InputError(f"state={state!r:.60} holds no arrays; give one that a run returned.")
-    with atomic_write(path, "wb") as file:
-        np.savez(file, allow_pickle=False, **{_FORMAT_NAME: np.array(_FORMAT)}, **arrays)
+    write_arrays(Path(path), {_FORMAT_NAME: np.array(_FORMAT), **arrays})
 
 
 def load(path: str | os.PathLike[str], tracker: TrackerLike) -> Any:
@@ -113,15 +112,8 @@ def digest(tree: object) -> str:
 
 def _content(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     path = check_path("path", path)
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            content = {name: file[name] for name in file}
-        number = int(content[_FORMAT_NAME])
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise InputError(f"cannot read the state '{path}': {reason}; check the path.") from error
-    except Exception:  # a damaged archive can raise almost anything
-        raise InputError(f"'{path}' holds no state; give a file that jaxpf.save wrote.") from None
+    with open_arrays(path, "give a file that jaxpf.save wrote") as arrays:
+        content, number = dict(arrays), int(arrays[_FORMAT_NAME])
     if number != _FORMAT:
         raise InputError(
             f"'{path}' was saved in format {number}, and this version reads {_FORMAT}; load it "

@@ -39,7 +39,7 @@ FORMULA = ("=", "+", "-", "@")
 _NUMBERS = re.compile(r"[-+](inf|\.?\d([-+\d.,eE%\s\[\]]| to )*)")
 #: Part of the names of incomplete files.
 PARTIAL = ".partial"
-#: Name of a folder's lock file, see ``jaxpf.files.locking``.
+#: Name of a folder's lock file, see ``jaxpf.files.store``.
 LOCK = ".lock"
 
 

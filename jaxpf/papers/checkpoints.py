@@ -1,8 +1,8 @@
 """Parts of a long experiment, stored on disk so that it can resume.
 
 An experiment names each part and the function that measures it, and ``each`` yields them in order.
-The command line sets the folder, and the executor over whose workers parts are distributed: ``with
-keeping(folder, settings, executor)``.  Outside such a block nothing is stored.
+The command line sets the folder, and the pool of workers that measure parts: ``with
+keeping(folder, settings, pool)``.  Outside such a block nothing is stored.
 """
 
 import contextlib
@@ -12,14 +12,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.evaluation.work.execution import Pool, in_turn
 from jaxpf.evaluation.work.schedule import double_precision
-from jaxpf.files.pieces import Damaged, Pieces
+from jaxpf.files.executors import Pool, in_turn
+from jaxpf.files.store import Store
 from jaxpf.files.writing import report_os_errors
 
 #: Subfolder of the output folder for parts; removed once all output is written.
@@ -30,7 +30,7 @@ Measure = Callable[[], Mapping[str, Any]]
 Arrays = dict[str, np.ndarray]
 
 #: Where to store parts, and who measures them.
-_kept: contextvars.ContextVar[tuple[Pieces | None, Pool | None]]
+_kept: contextvars.ContextVar[tuple[Store | None, Pool | None]]
 _kept = contextvars.ContextVar("parts", default=(None, None))
 
 
@@ -41,32 +41,23 @@ def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[Arr
         parts: name, a valid file name that is unique within the experiment, and function.  Use
             ``functools.partial`` of a module-level function, so that it can be sent to another
             process.
-        threads: number of threads if there is no executor.
+        threads: number of threads if there is no pool.
 
     Raises:
         InputError: a part cannot be written, or a worker died too often.
     """
-    store, executor = _kept.get()
-    factory = executor or (partial(ThreadPoolExecutor, threads) if threads > 1 else None)
-    names: list[str] = []
-    done: dict[str, Arrays] = {}
-
-    def missing() -> Iterator[_Part]:
-        for name, measure in parts:
-            names.append(name)
-            if store is not None:
-                with contextlib.suppress(Damaged), store.opened(name) as arrays:
-                    done[name] = dict(arrays)
-                    continue
-            yield _Part(name, measure, double_precision())
-
-    for part, arrays in in_turn(_measure, missing(), factory):
-        if store is not None:
-            store.write(part.name, arrays)
-        done[part.name] = arrays
-        while names and names[0] in done:
-            yield done.pop(names.pop(0))
-    yield from map(done.pop, names)
+    store, pool = _kept.get()
+    if pool is None and threads > 1:
+        pool = Pool(partial(ThreadPoolExecutor, threads), threads)
+    pieces = {name: (measure, double_precision()) for name, measure in parts}
+    found = in_turn(_measure, pieces, pool)
+    if store is not None:
+        found = store.made(pieces.items(), _measure, pool)
+    waiting, done = [*pieces], dict[str, Arrays]()
+    for name, arrays in found:
+        done[name] = arrays
+        while waiting and waiting[0] in done:
+            yield done.pop(waiting.pop(0))
 
 
 def of_scenes(
@@ -92,52 +83,41 @@ def of_scenes(
     return {key: np.stack([arrays[key] for arrays in found if key in arrays]) for key in found[0]}
 
 
-class _Part(NamedTuple):
-    """A part to measure, possibly in another process, with this process's precision."""
-
-    name: str
-    measure: Measure
-    float64: bool
-
-    def __str__(self) -> str:
-        return self.name
-
-
-def _measure(part: _Part, attempt: int) -> Arrays:
+def _measure(part: tuple[Measure, bool]) -> Arrays:
+    """Measure a part, possibly in another process, with this process's precision."""
     import jax
 
-    with jax.enable_x64(part.float64):
-        return {name: np.asarray(values) for name, values in part.measure().items()}
+    measure, float64 = part
+    with jax.enable_x64(float64):
+        return {name: np.asarray(values) for name, values in measure().items()}
 
 
 def can_resume(output: Path, settings: Mapping[str, Any]) -> bool:
     """Whether a folder holds parts of the same experiment by the same program."""
     with contextlib.suppress(InputError):
-        return Pieces(output / NAME).settings() == _described(settings)
+        return Store(output / NAME).settings() == _described(settings)
     return False
 
 
 @contextlib.contextmanager
-def keeping(
-    output: Path, settings: Mapping[str, Any], executor: Pool | None = None
-) -> Iterator[None]:
+def keeping(output: Path, settings: Mapping[str, Any], pool: Pool | None = None) -> Iterator[None]:
     """Store parts in an output folder until the block ends without an error.
 
     Args:
         output: an existing folder.
         settings: everything that parts depend on, as JSON values; parts with other settings are
             removed.
-        executor: makes executors whose workers measure parts; by default this process does.
+        pool: workers that measure parts; by default this process does.
 
     Raises:
         InputError: the folder cannot be written.
     """
-    store = Pieces(output / NAME)
+    store = Store(output / NAME)
     if not can_resume(output, settings):
         with report_os_errors("write", store.folder):
             store.remove()
         store.begin(_described(settings))
-    token, done = _kept.set((store, executor)), False
+    token, done = _kept.set((store, pool)), False
     try:
         yield
         done = True

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxpf import __version__
-from jaxpf.files.pieces import Pieces
 from jaxpf.files.states import digest
+from jaxpf.files.store import Store
 from jaxpf.tuning.parameters import Parameter
 from jaxpf.tuning.problem import TrainingSequence
 from jaxpf.tuning.result import Descent
@@ -54,7 +54,7 @@ class Checkpoint:
     """The checkpoint of a folder."""
 
     def __init__(self, folder: Path, description: dict[str, Any]):
-        self.pieces = Pieces(folder, "remove it, or choose another folder")
+        self.pieces = Store(folder, "remove it, or choose another folder")
         self.description = description
 
     def write(self, descents: Sequence[Descent]) -> None:

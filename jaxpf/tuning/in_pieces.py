@@ -14,8 +14,8 @@ import jax.numpy as jnp
 from jaxpf import __version__
 from jaxpf.contract.errors import InputError, check_path
 from jaxpf.contract.pytree import is_concrete
-from jaxpf.files.pieces import Pieces
 from jaxpf.files.states import digest, load_like, save
+from jaxpf.files.store import Store
 
 #: Steps of a scan in a piece.
 _LENGTH = 50
@@ -57,9 +57,9 @@ class LongScans:
         if not (progress is None and folder is None) and not is_concrete(*asked.values()):
             raise InputError("progress and folder need known values; call outside of jit.")
         self.progress, self.total, self.done = progress, total, 0
-        self.store: Pieces | None = None
+        self.store: Store | None = None
         if folder is not None:
-            self.store = Pieces(Path(check_path("folder", folder)))
+            self.store = Store(Path(check_path("folder", folder)))
             settings = {"jaxpf": __version__} | {name: _shown(x) for name, x in asked.items()}
             old = self.store.settings()
             if old is None:

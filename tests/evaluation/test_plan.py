@@ -11,10 +11,10 @@ from refusals import message_of
 from jaxpf import InputError
 from jaxpf.boxes.target import BOXES
 from jaxpf.contract.options import options_of
-from jaxpf.evaluation import Limits, Plan, local_pool
+from jaxpf.evaluation import Limits, Plan
 from jaxpf.evaluation.configurations import complete, configurations
 from jaxpf.evaluation.work.fingerprint import describe_plan
-from jaxpf.files.pieces import differences
+from jaxpf.files.store import differences
 from jaxpf.filters.partitioned.family import PARTITIONED, order_label
 from jaxpf.targets.target import Start
 
@@ -131,9 +131,8 @@ def test_what_cannot_be_asked_is_refused(given, named):
 
 
 @pytest.mark.parametrize("name", ["memory", "workers", "runs_per_batch", "devices"])
-def test_limits_and_pools_of_nothing_are_refused(name):
-    for make in (Limits, local_pool) if name in ("workers", "devices") else (Limits,):
-        assert f"{name} = 0" in message_of(make, **({"workers": 1} | {name: 0}))
+def test_limits_of_nothing_are_refused(name):
+    assert f"{name} = 0" in message_of(Limits, **{name: 0})
 
 
 def test_an_option_of_another_target_is_refused_once_the_target_is_known():

@@ -28,9 +28,9 @@ from small_evaluation import (
 
 from jaxpf import InputError
 from jaxpf.evaluation import Results, evaluate, finished, prepare
-from jaxpf.evaluation.work import batches, folder
+from jaxpf.evaluation.work import folder
 from jaxpf.files import writing as files
-from jaxpf.files.locking import LOCK, locked
+from jaxpf.files.store import LOCK, locked
 
 
 def test_more_runs_are_added_and_only_missing_ones_are_done_again(whole, part):
@@ -55,7 +55,7 @@ def without_the_last_frame(path):
 
 
 def truncated(path):
-    """What else damages a piece is proved in ``tests/files/test_pieces.py``."""
+    """What else damages a piece is proved in ``tests/files/test_store.py``."""
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
@@ -204,7 +204,8 @@ evaluate(small_plan(runs={runs}), {str(tmp_path)!r}, limits=Limits(runs_per_batc
         assert len(found) < 80
         known = found
         for name in known:
-            assert len(batches.read_batch(tmp_path / "batches" / name)) == RUNS
+            with np.load(tmp_path / "batches" / name) as arrays:
+                assert len(arrays["runs"]) == RUNS
     results = evaluate(small_plan(runs=runs), tmp_path, limits=ONE)
     assert known.items() <= stamps(tmp_path).items()
     found = content(results)

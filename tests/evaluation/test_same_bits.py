@@ -18,7 +18,7 @@ from small_evaluation import (
 )
 
 from jaxpf.cli.tracking.user_tracker import OwnTracker
-from jaxpf.evaluation import Limits, Plan, Results, evaluate, local_pool
+from jaxpf.evaluation import Limits, Plan, Pool, Results, evaluate, local_pool
 
 #: A user's own files.
 HOUSE = Path(__file__).parents[1] / "house"
@@ -52,7 +52,7 @@ def test_two_processes_give_the_same_bits(whole, tmp_path):
         small_plan(runs=TWICE),
         tmp_path,
         limits=ONE,
-        executor=local_pool(2, 1, use_compile_cache),
+        pool=local_pool(2, 1, use_compile_cache),
         progress=done.append,
     )
     assert done == [RUNS] * 4
@@ -78,7 +78,7 @@ def test_dask_gives_the_same_bits(whole, tmp_path):
         distributed.Client(cluster) as client,
     ):
         client.run(use_compile_cache)
-        results = evaluate(plan, tmp_path / "there", limits=ONE, executor=client.get_executor)
+        results = evaluate(plan, tmp_path / "there", limits=ONE, pool=Pool(client.get_executor, 2))
     alone = Plan(small_scene, methods=(), runs=TWICE, trackers=plan.trackers)
     here = evaluate(alone, tmp_path / "here", limits=ONE)
     built_in, own = 2, content(here)

@@ -24,9 +24,9 @@ from jaxpf.cli.tracking.track_table import Tracks
 from jaxpf.contours import Contours
 from jaxpf.contours.files import read_contours, write_contours
 from jaxpf.detections.files import read_detections, write_detections
-from jaxpf.files.pieces import Pieces, differences
 from jaxpf.files.reading import check_name, read_rows
 from jaxpf.files.states import load_like
+from jaxpf.files.store import Store, differences
 from jaxpf.files.writing import csv_text
 from jaxpf.points.files import read_points
 
@@ -274,7 +274,7 @@ json_values = st.recursive(
     ),
 )
 def test_the_store(folder, settings, name, content):
-    store = Pieces(folder / "store")
+    store = Store(folder / "store")
     store.begin(settings)
     assert repr(store.settings()) == repr(settings)
     assert list(differences(store.settings(), settings)) == []

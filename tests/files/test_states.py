@@ -74,7 +74,7 @@ def test_what_is_no_state_is_refused(tmp_path, content):
         path.write_bytes(content)
     else:
         np.savez(path, **content)
-    assert "no state" in message_of(jaxpf.load, path, one())
+    assert "jaxpf.save" in message_of(jaxpf.load, path, one())
 
 
 def test_another_format_is_told(tmp_path):

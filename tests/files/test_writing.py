@@ -6,7 +6,7 @@ import sys
 import pytest
 from refusals import message_of
 
-from jaxpf.files.locking import LOCK, locked
+from jaxpf.files.store import LOCK, locked
 from jaxpf.files.writing import LineWriter, atomic_write, csv_text, prepare_output_folder
 
 

@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from jaxpf.evaluation import Batch, Configuration, Results
-from jaxpf.evaluation.work.batches import FOLDER, write_batch
+from jaxpf.evaluation.work.batches import FOLDER, batch_name
+from jaxpf.files.store import Store
 from jaxpf.targets.target import Start
 
 PARAMETERS = {"sharpness": 20.0, "noise_pixels": (2.0, 4.0, 0.5), "num_particles": 100}
@@ -67,7 +68,7 @@ def make(folder, batches, truth, runs=None, ids=None, frames=None, start_frame=0
     (folder / FOLDER).mkdir(parents=True)
     for index, (_, parts) in enumerate(batches):
         for part in parts:
-            write_batch(folder, index, part)
+            Store(folder / FOLDER).write(batch_name(index, int(part.runs[0])), vars(part))
     finished = max(sum(map(len, parts)) for _, parts in batches)
     settings = {
         "runs": finished if runs is None else runs,

@@ -13,6 +13,7 @@ from command_line import jaxpf
 
 from jaxpf import InputError
 from jaxpf.cli import reproduce
+from jaxpf.evaluation import Pool
 from jaxpf.papers import paper
 from jaxpf.papers.checkpoints import can_resume, each, keeping
 from jaxpf.papers.judging.claims import claims_of
@@ -63,8 +64,8 @@ def test_what_was_measured_before_a_stop_is_not_measured_again(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("executor", [partial(ThreadPoolExecutor, 3), None])
-def test_parts_that_are_shared_out_come_in_their_order_and_once(tmp_path, executor):
+@pytest.mark.parametrize("pool", [Pool(partial(ThreadPoolExecutor, 3), 3), None])
+def test_parts_that_are_shared_out_come_in_their_order_and_once(tmp_path, pool):
     asked = []
 
     def measure(number):
@@ -76,10 +77,10 @@ def test_parts_that_are_shared_out_come_in_their_order_and_once(tmp_path, execut
         parts = ((f"part-{number}", partial(measure, number)) for number in numbers)
         return [int(found["number"]) for found in each(parts, threads=2)]
 
-    with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {}, executor):
+    with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {}, pool):
         assert measured([2, 1]) == [2, 1]
         raise KeyboardInterrupt
-    with keeping(tmp_path, {}, executor):
+    with keeping(tmp_path, {}, pool):
         assert measured(range(4)) == [0, 1, 2, 3]
     assert sorted(asked) == [0, 1, 2, 3]
 

@@ -56,7 +56,7 @@ def test_a_call_that_made_no_step_leaves_no_checkpoint(tmp_path):
 
 
 def test_a_checkpoint_of_something_else_is_one_sentence(tmp_path):
-    """Other damage is the store's to find: ``tests/files/test_pieces.py``."""
+    """Other damage is the store's to find: ``tests/files/test_store.py``."""
     for asked in ("3", '"text"', "[" * 100_000):
         np.savez(tmp_path / NAME, asked=np.array(asked))
         assert "is damaged" in message_of(Checkpoint(tmp_path, {}).read)

@@ -15,7 +15,7 @@ from jaxpf.cli.shared.console import progress_bar, say
 from jaxpf.cli.shared.flags import report_implied
 from jaxpf.cli.shared.scene_options import SceneCommand, SceneOptions
 from jaxpf.cli.shared.startup import start_jax, use_compile_cache
-from jaxpf.files.locking import LOCK, locked
+from jaxpf.files.store import LOCK, locked
 from jaxpf.files.writing import check_output_folder
 from jaxpf.running.memory import check_memory
 
@@ -110,7 +110,7 @@ def _run(request: Request, prepared: "Prepared", pool: Any) -> "Results":
             def progress(runs: int) -> None:
                 bar.update(task, advance=runs, description=name)
 
-            results = evaluation.carry_out(prepared, executor=pool, progress=progress)
+            results = evaluation.carry_out(prepared, pool=pool, progress=progress)
     except KeyboardInterrupt:
         say(f"Finished runs are kept in '{request.output}'; the same command continues.", err=True)
         raise

@@ -12,7 +12,7 @@ from jaxpf.cli.marking.starts import SUFFIXES
 from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand
-from jaxpf.files.locking import is_locked
+from jaxpf.files.store import is_locked
 from jaxpf.media.page.runs import Run
 from jaxpf.media.page.server import Server, described
 

@@ -20,7 +20,7 @@ from jaxpf.cli.marking.starts import (
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.tracking.request import NOT_WITH_LATER
 from jaxpf.contract.errors import InputError
-from jaxpf.files.locking import is_locked
+from jaxpf.files.store import is_locked
 from jaxpf.files.writing import is_left_over, report_os_errors
 from jaxpf.media.page.runs import Run
 from jaxpf.media.page.server import Refusal

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.contract.errors import InputError, import_extra
-from jaxpf.evaluation.work.execution import Pool
+from jaxpf.files.executors import Pool
 
 #: Seconds within which a scheduler must answer.
 _PATIENCE = 5

@@ -19,7 +19,7 @@ from jaxpf.cli.tracking.track_table import Tracks
 from jaxpf.cli.tracking.writers import Diagnostics, Overlay, Writer
 from jaxpf.contract.errors import InputError
 from jaxpf.files import states, writing
-from jaxpf.files.locking import locked
+from jaxpf.files.store import locked
 from jaxpf.media.frame_source import FrameSource
 
 #: Seconds between two saves of the state, from which a killed run goes on.

@@ -24,7 +24,7 @@ from jaxpf.cli.shared.startup import start_jax
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import GRADIENTS, OBJECTIVES
 from jaxpf.contract.options import OPEN, chosen, option, options_of
-from jaxpf.files.locking import locked
+from jaxpf.files.store import locked
 from jaxpf.files.writing import check_output_folder, prepare_output_folder
 from jaxpf.running.memory import check_memory, needed_by
 from jaxpf.targets import all_targets, target_of_scene

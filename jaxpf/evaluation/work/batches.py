@@ -1,17 +1,10 @@
-"""Finished runs on disk: one file per batch, written atomically and verified when read."""
+"""Batches of runs, the pieces of an evaluation's store."""
 
 import dataclasses
-import os
-import re
-from pathlib import Path
 
 import numpy as np
 
-from jaxpf.files.pieces import Pieces
-
 FOLDER = "batches"
-_REMEDY = "evaluate again, which repeats its runs alone"
-_NAME = re.compile(r"\d+-\d+\.npz")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,28 +46,15 @@ class Batch:
         return len(self.runs)
 
 
-def write_batch(folder: str | os.PathLike[str], configuration: int, batch: Batch) -> Path:
-    """Write a batch; the file appears only when it is complete.
-
-    Raises:
-        InputError: the file cannot be written, for example because the disk is full.
-    """
-    arrays = {field.name: getattr(batch, field.name) for field in dataclasses.fields(batch)}
-    name = f"{configuration:04d}-{int(batch.runs[0]):08d}"
-    return Pieces(Path(folder) / FOLDER).write(name, arrays)
+#: Names of the arrays of a batch.
+FIELDS = tuple(field.name for field in dataclasses.fields(Batch))
 
 
-def read_batch(path: Path) -> Batch:
-    """Read a batch and verify its checksums.
-
-    Raises:
-        Damaged: the file is.
-    """
-    with Pieces(path.parent, _REMEDY).opened(path.stem) as content:
-        return Batch(**{field.name: content[field.name] for field in dataclasses.fields(Batch)})
+def batch_name(configuration: int, first_run: int) -> str:
+    """Name of a batch in the store, by the index of its configuration."""
+    return f"{configuration:04d}-{first_run:08d}"
 
 
-def batch_files(folder: str | os.PathLike[str], configuration: int) -> list[Path]:
-    """Paths of a configuration's batch files, in the order of their runs."""
-    paths = (Path(folder) / FOLDER).glob(f"{configuration:04d}-*.npz")
-    return sorted(path for path in paths if _NAME.fullmatch(path.name))
+def batch_names(configuration: int) -> str:
+    """A pattern of the names of a configuration's batches, which sort by their runs."""
+    return f"{configuration:04d}-{'[0-9]' * 8}"

@@ -4,18 +4,15 @@ import dataclasses
 import functools
 import os
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_type
-from jaxpf.contract.numbers import check_whole
 from jaxpf.evaluation.plan import DEFAULT_LIMITS, Limits, Plan
-from jaxpf.evaluation.work.batches import FOLDER, Batch, write_batch
-from jaxpf.evaluation.work.execution import RETRIES, Factory, Pool, in_turn
+from jaxpf.evaluation.work.batches import Batch, batch_name
 from jaxpf.evaluation.work.fingerprint import fingerprint
 from jaxpf.evaluation.work.folder import stored_settings, write_settings
 from jaxpf.evaluation.work.results import Configuration, Results
@@ -27,7 +24,8 @@ from jaxpf.evaluation.work.scene import (
     same_scene,
     start_frame,
 )
-from jaxpf.files.locking import locked
+from jaxpf.files.executors import RETRIES, Pool as Pool, local_pool as local_pool
+from jaxpf.files.store import locked
 from jaxpf.files.writing import remove_leavings, report_os_errors
 from jaxpf.targets import target_of_scene
 from jaxpf.targets.target import Target
@@ -76,24 +74,23 @@ def evaluate(
     plan: Plan,
     folder: str | os.PathLike[str],
     *,
-    executor: Executor | Factory | Pool | None = None,
-    progress: Callable[[int], None] | None = None,
+    pool: Pool | None = None,
+    progress: Callable[[int], None] = lambda runs: None,
     limits: Limits = DEFAULT_LIMITS,
     retries: int = RETRIES,
 ) -> Results:
     """Run every configuration of a plan and store each finished batch.
 
     The same call resumes, or adds runs if ``plan.runs`` is larger.  On one machine, the results of
-    a seed are identical bit for bit for any batches, executor, and number of workers or devices.
+    a seed are identical bit for bit for any batches, pool, and number of workers or devices.
     With another number of runs, blocks may have other widths (``jaxpf.running.widths.blocks_of``)
     and results can differ by rounding.
 
     Args:
         plan: what to run.
         folder: new, empty, or of the same evaluation.
-        executor: any ``concurrent.futures.Executor``, or a function without arguments that returns
-            one, so that a broken executor can be replaced; by default this process.  See
-            ``execution.local_pool``.
+        pool: the workers, such as ``local_pool(4)`` or ``Pool(client.get_executor, 8)`` of Dask; by
+            default this process.
         progress: called with the number of newly finished runs after each batch.
         limits: on the division of runs into batches.
         retries: times that a batch may be repeated because a worker died.
@@ -103,12 +100,8 @@ def evaluate(
             an object is absent in its first frame; an argument is out of range; the disk is full;
             workers died too often.
     """
-    check_whole("retries", retries, 0)
-    for name, value in (("executor", executor), ("progress", progress)):
-        if not (value is None or callable(value) or isinstance(value, Executor)):
-            raise InputError(f"{name}={value!r:.60} must be a function; see evaluate.")
     prepared = prepare(plan, folder, limits)
-    return carry_out(prepared, executor=executor, progress=progress, retries=retries)
+    return carry_out(prepared, pool=pool, progress=progress, retries=retries)
 
 
 def finished(plan: Plan, folder: str | os.PathLike[str]) -> Results | None:
@@ -181,30 +174,26 @@ def prepare(
 def carry_out(
     prepared: Prepared,
     *,
-    executor: Executor | Factory | Pool | None = None,
-    progress: Callable[[int], None] | None = None,
+    pool: Pool | None = None,
+    progress: Callable[[int], None] = lambda runs: None,
     retries: int = RETRIES,
 ) -> Results:
     """Run what ``prepare`` found missing; arguments and errors as for ``evaluate``."""
     from jaxpf.evaluation.work.worker import run_batch
 
-    results, folder = prepared.results, prepared.results.folder
-
-    def finished_batches() -> Iterator[tuple[int, Batch]]:
-        yield from prepared.imports
-        for work, batch in in_turn(run_batch, prepared.work, executor, retries=retries):
-            yield work.index, batch
-
-    with locked(folder, "evaluating"):
-        remove_leavings(folder / FOLDER)
+    results, store = prepared.results, prepared.results.store
+    work = ((batch_name(each.index, each.first_run), each) for each in prepared.work)
+    with locked(results.folder, "evaluating"):
+        remove_leavings(store.folder)
         for path in prepared.damaged:
             with report_os_errors("replace", path):
                 path.unlink(missing_ok=True)
-        write_settings(folder, results.settings, results.truth, results.start)
-        for index, batch in finished_batches():
-            write_batch(folder, index, batch)
-            if progress is not None:
-                progress(len(batch))
+        write_settings(results.folder, results.settings, results.truth, results.start)
+        for index, batch in prepared.imports:
+            results.write(index, batch)
+            progress(len(batch))
+        for _, arrays in store.made(work, run_batch, pool, retries):
+            progress(len(arrays["runs"]))
     return results
 
 

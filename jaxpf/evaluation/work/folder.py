@@ -13,7 +13,7 @@ from jaxpf.evaluation.plan import Plan
 from jaxpf.evaluation.work.batches import FOLDER
 from jaxpf.evaluation.work.fingerprint import describe_plan
 from jaxpf.evaluation.work.results import TRUTH, read_settings
-from jaxpf.files.pieces import SETTINGS, Pieces, differences
+from jaxpf.files.store import SETTINGS, Store, differences
 from jaxpf.files.writing import is_left_over, report_os_errors
 from jaxpf.targets.target import Start
 
@@ -72,7 +72,7 @@ def write_settings(folder: Path, settings: dict[str, Any], truth: np.ndarray, st
     """
     with report_os_errors("create the folder", folder):
         (folder / FOLDER).mkdir(parents=True, exist_ok=True)
-    store = Pieces(folder)
+    store = Store(folder)
     if not store.path(TRUTH).exists():
         store.write(TRUTH, {"truth": truth, "start": start.shapes, "sizes": start.sizes})
     store.begin(settings)

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_type
-from jaxpf.evaluation.work.batches import Batch, batch_files, read_batch
-from jaxpf.files.pieces import SETTINGS, Damaged, Pieces
+from jaxpf.evaluation.work.batches import FIELDS, FOLDER, Batch, batch_name, batch_names
+from jaxpf.files.store import SETTINGS, Damaged, Store
 from jaxpf.targets import find_target
 from jaxpf.targets.target import Start, Target
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 #: Name of the stored file with the ground truth.
 TRUTH = "truth"
+_ARRAYS = ("truth", "start", "sizes")
 #: Name of the file with speeds, apart from the results because only those are reproducible.
 SPEEDS = "speed.json"
 _REMEDY = "evaluate into another folder"
@@ -94,6 +95,7 @@ class Results:
         self.truth = truth
         self.start = start
         self._load_scene = load_scene
+        self.store = Store(folder / FOLDER, "evaluate again, which repeats its runs alone")
 
     @classmethod
     def open(
@@ -110,8 +112,7 @@ class Results:
         """
         folder = Path(folder)
         settings = read_settings(folder)
-        with Pieces(folder, _REMEDY).opened(TRUTH) as content:
-            truth, shapes, sizes = (content[name] for name in ("truth", "start", "sizes"))
+        truth, shapes, sizes = Store(folder, _REMEDY).read(TRUTH, *_ARRAYS).values()
         scene = settings["scene"]
         try:
             start = Start(np.array(scene["object_ids"]), shapes, sizes, tuple(scene["parents"]))
@@ -200,8 +201,12 @@ class Results:
         Raises:
             InputError: the configuration is not part of this evaluation; a batch is damaged.
         """
-        for path in batch_files(self.folder, self._index(configuration)):
-            yield read_batch(path)
+        for name in self.store.names(batch_names(self._index(configuration))):
+            yield Batch(**self.store.read(name, *FIELDS))
+
+    def write(self, configuration: int, batch: Batch) -> None:
+        """Store a batch of the configuration with an index."""
+        self.store.write(batch_name(configuration, int(batch.runs[0])), vars(batch))
 
     def survey(self) -> tuple[list[np.ndarray], list[Path]]:
         """Read every batch to its end to find the finished runs.
@@ -213,13 +218,13 @@ class Results:
         done, damaged = [], []
         for index, configuration in enumerate(self.configurations):
             finished = np.zeros(1 if configuration.is_imported else self.runs, bool)
-            for path in batch_files(self.folder, index):
+            for name in self.store.names(batch_names(index)):
                 with contextlib.suppress(Damaged):
-                    batch = read_batch(path)
+                    batch = Batch(**self.store.read(name, *FIELDS))
                     if batch.shapes.shape == (len(batch), *self.truth.shape):
                         finished[batch.runs[batch.runs < len(finished)]] = True
                         continue
-                damaged.append(path)
+                damaged.append(self.store.path(name))
             done.append(finished)
         return done, damaged
 
@@ -254,7 +259,7 @@ def read_settings(folder: Path) -> dict[str, Any]:
         InputError: the file is missing or damaged.
     """
     path = folder / SETTINGS
-    settings = Pieces(folder, _REMEDY).settings()
+    settings = Store(folder, _REMEDY).settings()
     if settings is None:
         raise InputError(f"'{folder}' holds no evaluation: '{path}' is missing.")
     if not isinstance(settings, dict) or not settings.keys() >= _KEYS:

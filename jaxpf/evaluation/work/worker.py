@@ -59,18 +59,12 @@ class Work:
         """Number of computed runs, including the padding of the last block."""
         return sum(count * width for count, width in self.blocks)
 
-    def __str__(self) -> str:
-        last = self.first_run + self.num_runs - 1
-        return f"{self.configuration.label}, runs {self.first_run} to {last},"
 
-
-def run_batch(work: Work, attempt: int = 0) -> Batch:
-    """Run one batch.
+def run_batch(work: Work) -> dict[str, np.ndarray]:
+    """Run one batch; returns the fields of a ``Batch``.
 
     Args:
         work: the batch to run.
-        attempt: ignored; it makes a retry differ from the first call, because some executors
-            merge equal calls.
 
     Raises:
         InputError: the scene cannot be opened in this process, or differs from the planned one.
@@ -92,13 +86,13 @@ def run_batch(work: Work, attempt: int = 0) -> Batch:
         name: np.asarray(value, bool if name == "without_likelihood" else np.float32)
         for name, value in recorded.items()
     }
-    return Batch(
-        seeds=np.full(work.num_runs, work.seed, np.int64),
-        runs=np.arange(work.first_run, work.first_run + work.num_runs),
-        shapes=shapes_of(tracker, of, start, kept.pop("estimate")).astype(np.float32),
-        model_error=np.broadcast_to(error, (work.num_runs, *error.shape)),
+    return {
+        "seeds": np.full(work.num_runs, work.seed, np.int64),
+        "runs": np.arange(work.first_run, work.first_run + work.num_runs),
+        "shapes": shapes_of(tracker, of, start, kept.pop("estimate")).astype(np.float32),
+        "model_error": np.broadcast_to(error, (work.num_runs, *error.shape)),
         **kept,
-    )
+    }
 
 
 def keep_measures(state: object, summary: Summary) -> dict[str, jax.Array]:

@@ -8,7 +8,7 @@ from command_line import refusal_of
 from small_evaluation import COMMON
 from small_sequence_folder import SMALL, write_sequence
 
-from jaxpf.files.locking import locked
+from jaxpf.files.store import locked
 
 pytestmark = pytest.mark.usefixtures("started_jax")
 

@@ -14,7 +14,7 @@ from jaxpf import InputError
 from jaxpf.cli.marking.drawing import Marking
 from jaxpf.cli.marking.starts import read_start, write_start
 from jaxpf.cli.shared.config import write_config
-from jaxpf.files.locking import locked
+from jaxpf.files.store import locked
 from jaxpf.media.page.runs import Run
 from jaxpf.media.page.server import Refusal
 

@@ -13,7 +13,7 @@ from small_video import BOXES, LENGTH, PARTICLES, picture, summary_of, write_los
 
 from jaxpf import InputError
 from jaxpf.boxes import read_boxes
-from jaxpf.files.locking import LOCK, locked
+from jaxpf.files.store import LOCK, locked
 from jaxpf.media import open_frames
 
 #: A program that is started in the background inherits an ignored Ctrl-C.

@@ -9,14 +9,14 @@ import pytest
 from refusals import message_of
 
 from jaxpf import InputError
-from jaxpf.files.pieces import SETTINGS, Damaged, Pieces, differences
+from jaxpf.files.store import SETTINGS, Damaged, Store, differences
 
 ARRAYS = {"x": np.arange(100.0), "flags": np.arange(9) % 2 == 0}
 
 
 @pytest.fixture
 def store(tmp_path):
-    return Pieces(tmp_path / "new", "begin anew")
+    return Store(tmp_path / "new", "begin anew")
 
 
 def read(store):
@@ -26,8 +26,9 @@ def read(store):
 
 def test_a_store_is_empty_before_it_begins_and_after_it_is_removed(store, tmp_path):
     assert store.settings() is None
-    store.begin({"seed": 1})
+    store.resume({"seed": 1})
     store.write("a", ARRAYS)
+    assert store.names() == ["a"]
     store.remove()
     assert list(tmp_path.iterdir()) == []
 
@@ -82,3 +83,14 @@ def test_a_job_of_other_settings_is_refused_by_name_with_both_values(store):
     store.check_same(old, old)
     with pytest.raises(InputError, match="grid: n = 1,2, now 1"):
         store.check_same(old, new)
+
+
+def test_only_pieces_that_are_missing_or_damaged_are_made(store):
+    store.begin({})
+    store.write("1", {"x": np.array(-1)})
+    store.write("2", {"x": np.array(-2)}).write_bytes(b"PK")
+    found = dict(store.made(((str(n), n) for n in range(4)), lambda n: {"x": np.array(n)}))
+    assert {name: int(arrays["x"]) for name, arrays in found.items()} == {
+        "0": 0, "1": -1, "2": 2, "3": 3
+    }  # fmt: skip
+    assert int(store.read("3", "x")["x"]) == 3

@@ -13,9 +13,7 @@ from jaxpf.cli.shared.console import print_table, say
 from jaxpf.cli.shared.plain import PlainCommand
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.files.writing import prepare_output_folder
-
-#: Copy of ``jaxpf.papers.paper.PAPERS``, which avoids its import.
-PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")
+from jaxpf.papers import PAPERS
 
 
 @click.command("reproduce", cls=PlainCommand)
@@ -62,7 +60,7 @@ def command(
     options = {"paper": paper, "scenes": scenes, "seed": seed, "quick": quick}
     start_jax()
     from jaxpf.papers import checkpoints
-    from jaxpf.papers.judging import comparison_table, verdicts
+    from jaxpf.papers.judging import verdicts
     from jaxpf.papers.judging.claims import RULE
     from jaxpf.papers.paper import paper_of
 
@@ -81,7 +79,7 @@ def command(
     with checkpoints.keeping(output, options, pool):
         comparison = chosen.compare(seeds, quick, say)
         explicit = options | {"scenes": len(seeds)}
-        written = comparison_table.write(comparison, folder, _typed(explicit))
+        written = comparison.write(folder, _typed(explicit))
         write_config(folder / "run.toml", "reproduce", options)
     for table in comparison.tables:
         print_table(table.title, table.columns, table.texts(), explain=False)

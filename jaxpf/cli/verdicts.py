@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from jaxpf.cli.reproduce import PAPERS
 from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import PlainCommand
 from jaxpf.files.writing import report_os_errors, write_text
+from jaxpf.papers import PAPERS
 
 if TYPE_CHECKING:
     from jaxpf.papers.judging.claims import Judged

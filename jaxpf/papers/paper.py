@@ -1,10 +1,10 @@
 """The framework shared by all papers.
 
-Each paper has a folder with the same files: ``scenes`` (drawn scenes, the runs on them, and their
-measures), ``figures``, and the data.  ``paper.toml`` has the title, the planned number of scenes,
-notes, ``measures`` with their kind and digits, and the tables with the published figures;
-``claims.csv`` the claims; ``settings.csv`` the settings that the paper leaves open, and how they
-were chosen.  ``__init__`` has the ``PAPER``.
+Each paper has a folder with the same files: ``scenes`` (drawn scenes, trackers and their runs),
+``study`` (measures of the runs, and figures), and the data.  ``paper.toml`` has the title, the
+planned number of scenes, notes, ``measures`` with their kind and digits, and the tables with the
+published figures; ``claims.csv`` the claims; ``settings.csv`` the settings that the paper leaves
+open, and how they were chosen.  ``__init__`` has the ``PAPER``.
 """
 
 import dataclasses
@@ -13,25 +13,85 @@ import importlib
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
-from jaxpf.files.tables import Table
-from jaxpf.papers.judging.claims import claims_of, judge_all, read_rows
-from jaxpf.papers.judging.comparison_table import Comparison
+from matplotlib.figure import Figure
+
+from jaxpf import __version__
+from jaxpf.files.tables import Table, markdown_table
+from jaxpf.files.writing import csv_text, write_text
+from jaxpf.media import plotting
+from jaxpf.papers.judging import verdicts
+from jaxpf.papers.judging.claims import RULE, Judged, claims_of, judge_all, read_rows
 from jaxpf.papers.judging.estimates import Quantity
-from jaxpf.papers.study import Study
-from jaxpf.papers.tables import tables
+from jaxpf.papers.study import Study, table_rows, tables
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-#: Papers that can be repeated; each is a module here with a ``PAPER``.
-PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")
+#: How to read the tables.
+CELLS = (
+    "Cells read: published | measured [95% interval].  Too few scenes have no interval: shares "
+    "below three, means of unbounded values below 25."
+)
 
 
 def paper_of(name: str) -> "Paper":
     """Import the paper of a name."""
     return importlib.import_module(f"jaxpf.papers.{name}").PAPER
+
+
+class Comparison(NamedTuple):
+    """A repeated paper: published and measured figures, judged claims, plots.
+
+    Attributes:
+        paper: key of the paper, such as "smith2004".
+        title: one line.
+        tables: in display order.
+        claims: with their verdicts.
+        figures: file-name stem -> figure.
+        notes: sentences on the method and its limits.
+    """
+
+    paper: str
+    title: str
+    tables: Sequence[Table]
+    claims: Sequence[Judged]
+    figures: Mapping[str, Figure]
+    notes: Sequence[str]
+
+    def markdown(self) -> str:
+        """The whole comparison as one Markdown text; figures are linked by file name."""
+        lines = [f"# {self.title}", "", CELLS, ""]
+        for table in self.tables:
+            lines += [f"## {table.title}", "", *markdown_table(table.columns, table.texts()), ""]
+            if table.note:
+                lines += [table.note, ""]
+        lines += ["## Claims", "", RULE, "", *verdicts.claims_markdown(self.claims)]
+        for stem in self.figures:
+            lines += [f"![{stem}]({stem}.png)", ""]
+        return "\n".join([*lines, "## Notes", "", *(f"- {note}" for note in self.notes), ""])
+
+    def write(self, folder: Path, command: str = "") -> list[str]:
+        """Write ``PAPER.md``, ``verdicts.csv``, a CSV per table and the figures.
+
+        Args:
+            folder: existing output folder.
+            command: repeats the measurement; stored in ``verdicts.csv`` with the version.
+
+        Returns:
+            The names of the files.
+
+        Raises:
+            InputError: a file cannot be written.
+        """
+        judged = (each._replace(command=command, version=__version__) for each in self.claims)
+        texts = {f"{table.name}.csv": csv_text(table_rows(table)) for table in self.tables}
+        texts["verdicts.csv"] = verdicts.csv_of(judged)
+        pictures = {f"{stem}.png": figure for stem, figure in self.figures.items()}
+        for name, text in texts.items():
+            write_text(folder / name, text)
+        for name, figure in pictures.items():
+            plotting.save_figure(figure, folder / name)
+        write_text(folder / f"{self.paper}.md", self.markdown())
+        return [*texts, *pictures, f"{self.paper}.md"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,7 +107,7 @@ class Paper:
 
     name: str
     measure: Callable[[range, bool, Callable[[str], None]], Study]
-    figures: "Callable[[Study], Mapping[str, Figure]]"
+    figures: Callable[[Study], Mapping[str, Figure]]
     computed: Callable[[], Mapping[str, Sequence[Quantity]]] = dict
 
     @functools.cached_property

@@ -1,11 +1,34 @@
-"""What was measured: one tidy table, from which tables, claims and figures are made."""
+"""What was measured: one tidy table, from which tables, claims and figures are made.
 
-from collections.abc import Mapping
+Tables of published and measured figures are declared in ``paper.toml``.
+
+A table has ``columns``: heading -> name of a measure, or a list of measure, variant and perhaps
+the variant to compare with; or a ``measure``, and columns of variants.  Its ``rows`` are variants,
+or ``"all"``; without ``rows`` there is a row for each case.  Lists are of names that are headings.
+``published`` has the paper's figures by heading: one for each row (nan for none), one for all rows,
+or by label.  ``how`` overrides a measure's ``kind`` and ``digits`` by heading; its kinds
+``"number"``, ``"count"`` (of scenes) and ``"range"`` (over all cases and scenes) are texts without
+an interval.  Title and note may quote ``{scenes}``, ``{sequences}`` (their number) and the study's
+words.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
-from jaxpf.papers.judging.estimates import ALONE, COMPARED, Quantity
+from jaxpf.files.tables import Table
+from jaxpf.papers.judging.claims import counted
+from jaxpf.papers.judging.estimates import ALONE, COMPARED, Measured, Quantity
+
+_TEXTS: Mapping[str, Callable[[np.ndarray], str]] = {
+    "number": lambda values: f"{values.flat[0]:g}",
+    "count": lambda values: f"{values.shape[-1]}",
+    "range": lambda values: f"{values.min():.1f} to {values.max():.1f}",
+}
 
 
 class Study(NamedTuple):
@@ -64,3 +87,100 @@ def tidy(values: Mapping[tuple[str, str, str], Any]) -> pd.DataFrame:
     rows = rows.explode("value")
     rows["scene"] = rows.groupby(level=0).cumcount()
     return rows.reset_index(drop=True).astype({"value": float})
+
+
+@dataclasses.dataclass(frozen=True)
+class Cell:
+    """A published and a measured figure; either may be missing.
+
+    Attributes:
+        published: the paper's figure, or None.
+        measured: ours with its 95% interval, or None.
+        digits: decimal places to show.
+    """
+
+    published: float | None = None
+    measured: Measured | None = None
+    digits: int = 0
+
+    def __str__(self) -> str:
+        """``published | measured [low, high]``, with a dash for a missing value."""
+        left = "–" if self.published is None else f"{self.published:z.{self.digits}f}"
+        if self.measured is None or math.isnan(self.measured.value):
+            return f"{left} | –"
+        value, low, high = (f"{x:z.{self.digits}f}" for x in self.measured)
+        interval = "" if math.isnan(self.measured.low) else f" [{low}, {high}]"
+        return f"{left} | {value}{interval}"
+
+
+def tables(declared: Mapping[str, Any], study: Study) -> list[Table]:
+    """The tables of a paper's ``paper.toml`` whose measures were taken."""
+    made = (_table(each, declared["measures"], study) for each in declared["tables"])
+    return [table for table in made if table is not None]
+
+
+def _table(declared: Mapping[str, Any], measures: Mapping[str, Any], study: Study) -> Table | None:
+    rows: dict[str, list[Any]] = {}
+    number = 0
+    for heading, column in named(declared["columns"]).items():
+        column = [column] if isinstance(column, str) else column
+        measure, *variants = [declared["measure"], *column] if "measure" in declared else column
+        how = {**measures[measure], **declared.get("how", {}).get(heading, {})}
+        known = declared.get("published", {}).get(heading)
+        for label, *of_row in _labels(declared, measure, study, variants):
+            if (kind := how.get("kind", "mean")) in _TEXTS:
+                values = np.array(list(study.values(measure, *of_row).values()))
+                rows.setdefault(label, []).append(_TEXTS[kind](values))
+                continue
+            for figure in study.figures(kind, measure, *of_row):
+                cells = rows.setdefault(label or figure.what, [])
+                printed = _published(known, label, list(rows).index(label or figure.what))
+                cells.append(_cell(figure.measured(), how.get("digits", 0), printed))
+                number = max(number, figure.units)
+    if not rows:
+        return None
+    words = {unit: counted(number, unit) for unit in ("scenes", "sequences")} | dict(study.words)
+    title, note = (declared.get(name, "").format_map(words) for name in ("title", "note"))
+    columns = [declared.get("corner", ""), *named(declared["columns"])]
+    return Table(declared["name"], title, columns, list(rows.items()), note)
+
+
+def _labels(
+    declared: Mapping[str, Any], measure: str, study: Study, variants: list[str]
+) -> list[tuple[str, ...]]:
+    """Label and variants of each row; one without a label if rows are cases."""
+    rows = declared.get("rows")
+    if rows is None:
+        return [("", *variants)]
+    return list(named(study.variants(measure) if rows == "all" else rows).items())
+
+
+def named(items: Mapping[str, Any] | Sequence[str]) -> Mapping[str, Any]:
+    """A list of names that are their own labels as a mapping."""
+    return items if isinstance(items, Mapping) else dict(zip(items, items, strict=True))
+
+
+def _published(known: Any, label: str, row: int) -> float | None:
+    """The published figure of a row; None without one."""
+    if isinstance(known, Mapping):
+        return known.get(label)
+    figure = known[row] if isinstance(known, Sequence) else known
+    return None if figure is None or math.isnan(figure) else figure
+
+
+def _cell(measured: Measured, digits: int, published: float | None) -> Cell | str:
+    return "-" if math.isnan(measured.value) else Cell(published, measured, digits)
+
+
+def table_rows(table: Table) -> Iterable[Sequence[object]]:
+    """Long format: one line per cell, with columns for the published and the measured figure."""
+    yield "row", "column", "published", "measured", "low", "high", "text"
+    for label, cells in table.rows:
+        for column, cell in zip(table.columns[1:], cells, strict=True):
+            if isinstance(cell, str):
+                yield label, column, "", "", "", "", cell
+                continue
+            published = "" if cell.published is None else cell.published
+            known = cell.measured or (math.nan,) * 3
+            measured = [f"{x:.6g}" if math.isfinite(x) else "" for x in known]
+            yield label, column, published, *measured, ""

@@ -13,9 +13,8 @@ import scenes
 from jaxpf import cli, media
 from jaxpf.cli.shared.flags import ALL
 from jaxpf.files.tables import markdown_table
+from jaxpf.papers import PAPERS
 from jaxpf.papers.judging import verdicts
-from jaxpf.papers.judging.comparison_table import claims_markdown
-from jaxpf.papers.paper import PAPERS
 
 #: The package's own page: the names in the order in which they are met, by their purpose.
 PACKAGE = {
@@ -147,7 +146,7 @@ def _verdicts():
         blocks += [
             f"## {verdicts.summary(paper, judged)}\n",
             f"Method: {verdicts.FORMS[paper]}; {verdicts.origin(judged)}.\n",
-            *claims_markdown(judged, level=3),
+            *verdicts.claims_markdown(judged, level=3),
             "### Not judged\n",
             *_rows(left),
             f"### {verdicts.EARLIER.capitalize()}\n",

@@ -5,12 +5,10 @@ import pytest
 
 from jaxpf import InputError, media
 from jaxpf.files.tables import Table
-from jaxpf.papers.judging import comparison_table
 from jaxpf.papers.judging.claims import Claim, judge
-from jaxpf.papers.judging.comparison_table import Comparison
 from jaxpf.papers.judging.estimates import Measured, mean_of
-from jaxpf.papers.study import Study, tidy
-from jaxpf.papers.tables import Cell, tables
+from jaxpf.papers.paper import Comparison
+from jaxpf.papers.study import Cell, Study, tables, tidy
 
 CLAIM = Claim("a_b", "paper", "a is b", "1", "a | b.", "table 1", 0.0, float("inf"), 0.0, 0, "runs")
 
@@ -75,7 +73,7 @@ def test_variants_are_compared_on_their_common_scenes():
 
 
 def test_everything_is_written(comparison, tmp_path):
-    names = comparison_table.write(comparison, tmp_path, "jaxpf reproduce someone1999")
+    names = comparison.write(tmp_path, "jaxpf reproduce someone1999")
     assert sorted(names) == sorted(path.name for path in tmp_path.iterdir())
     assert {
         "table_1.csv",
@@ -97,7 +95,7 @@ def test_everything_is_written(comparison, tmp_path):
 
 
 def test_the_markdown_keeps_its_columns_where_cells_hold_bars(comparison):
-    lines = comparison_table.markdown(comparison).splitlines()
+    lines = comparison.markdown().splitlines()
     (row,) = [line for line in lines if line.startswith("| 20 ")]
     assert row.replace("\\|", "").count("|") == 5
     assert "| a \\| b. |" in "\n".join(lines)
@@ -107,4 +105,4 @@ def test_the_markdown_keeps_its_columns_where_cells_hold_bars(comparison):
 
 def test_a_folder_that_cannot_be_written_is_reported(comparison, tmp_path):
     with pytest.raises(InputError, match="missing"):
-        comparison_table.write(comparison, tmp_path / "missing")
+        comparison.write(tmp_path / "missing")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from judged import verdicts
 
-from jaxpf.papers.eskil2014 import PAPER, measures, methods
-from jaxpf.papers.eskil2014.scenes import study
+from jaxpf.papers.eskil2014 import PAPER, scenes as methods
+from jaxpf.papers.eskil2014.study import found_again, study_of
 from jaxpf.papers.judging.claims import NOT_SEEN, SUPPORTED
 
 pytestmark = pytest.mark.compiled_as_by_users
@@ -19,7 +19,7 @@ def measured(scene, names, errors, visible=None):
     shape = errors[methods.PROPOSED].shape
     if visible is None:
         visible = np.ones((shape[0], *shape[2:]), bool)
-    return study({scene: {"names": np.array([names]), "visible": visible, **errors}})
+    return study_of({scene: {"names": np.array([names]), "visible": visible, **errors}})
 
 
 def fish(proposed: float, pffl: float):
@@ -77,8 +77,8 @@ def test_a_point_that_passes_by_is_not_found_again():
     errors = np.full((2, 45, 1), 0.5)
     errors[0, 30:] = 0.02  # the first run's stays, the second's passes
     errors[1, 35:38] = 0.02
-    np.testing.assert_array_equal(measures.found_again(errors, visible), [1, 0])
-    assert np.isnan(measures.found_again(errors[:, :35], visible[:35])).all()
+    np.testing.assert_array_equal(found_again(errors, visible), [1, 0])
+    assert np.isnan(found_again(errors[:, :35], visible[:35])).all()
 
 
 def test_the_printed_drift_divides_by_the_plain_sum():
@@ -104,7 +104,7 @@ def test_the_printed_drift_divides_by_the_plain_sum():
 )
 def test_the_printed_scale_is_read_in_three_units(name, shape, scale):
     frame = np.random.default_rng(0).integers(0, 255, (90, 120, 3), np.uint8)
-    tracker = methods.tracker(name, frame, np.array([[30.0, 40], [70, 50]]), 5.0)
+    tracker = methods.tracker_of(name, frame, np.array([[30.0, 40], [70, 50]]), 5.0)
     assert (tracker.shape, tracker.drift) == (shape, "literal")
     assert tracker.shape_scale == pytest.approx(scale)
 

@@ -9,7 +9,8 @@ import scenes as drawn
 from jaxpf import run
 from jaxpf.measures import corner_distances
 from jaxpf.papers.gonzales2011 import PAPER, scenes
-from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, VARIANTS, study
+from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, VARIANTS
+from jaxpf.papers.gonzales2011.study import FIGURES, study_of
 from jaxpf.papers.judging.claims import NOT_SEEN, OPEN, SUPPORTED, judge_all
 from jaxpf.shapes import corners_from_poses
 
@@ -87,7 +88,7 @@ def made(gains, variance_gains=None, num_scenes=25):
 
 
 def everything(curves):
-    figures = scenes.FIGURES.values()
+    figures = FIGURES.values()
     return {
         (motion, parts, number): curves
         for _, motion, sizes, numbers in figures
@@ -98,7 +99,7 @@ def everything(curves):
 
 def test_claims_follow_what_was_measured():
     gains = {"SPS sorted": 12.0, "SPS combinatorial": -12.0}
-    found = verdicts(PAPER, study(everything(made(gains, {"SPS sorted": 0.0}))))
+    found = verdicts(PAPER, study_of(everything(made(gains, {"SPS sorted": 0.0}))))
     assert len(found) == 15
     for key, verdict in found.items():
         expected = {NOT_SEEN if key.startswith("combinatorial") else SUPPORTED}
@@ -115,10 +116,10 @@ def test_claims_follow_what_was_measured():
 def test_one_bad_cell_contradicts_its_claim_alone():
     curves = everything(made({"SPS sorted": 8.0}))
     curves["smooth", 7, 40] = made({"SPS sorted": -8.0})
-    found = verdicts(PAPER, study(curves))
+    found = verdicts(PAPER, study_of(curves))
     own = [key for key in found if not key.startswith("combinatorial")]
     assert [key for key in own if found[key] == NOT_SEEN] == ["error"]
-    assert verdicts(PAPER, study({})) == {}
+    assert verdicts(PAPER, study_of({})) == {}
 
 
 def test_a_strong_start_is_judged_while_it_is_strong():
@@ -126,7 +127,7 @@ def test_a_strong_start_is_judged_while_it_is_strong():
     sps = np.where(np.arange(299) < 60, 80.0, 200.0) * np.ones((25, 1))
     curve = {("error", variant): ps if variant.startswith("PS") else sps for variant in VARIANTS}
     curve |= {("variance", variant): ps for variant in VARIANTS}
-    found = study({("strong_start", 3, 20): curve})
+    found = study_of({("strong_start", 3, 20): curve})
     (gain,) = found.figures("gain", "figure 10", "SPS sorted, absolute", "PS, absolute")
     assert gain.value == pytest.approx(20)
 
@@ -143,7 +144,7 @@ def test_erratic_motion_has_twice_as_many_sequences(monkeypatch):
 
 
 def test_tables_and_figures_show_every_cell():
-    found = study(everything(made({"SPS sorted": 8.0})))
+    found = study_of(everything(made({"SPS sorted": 8.0})))
     shown = {table.name: table for table in PAPER.tables(found)}
     assert len(shown) == 6
     rows = dict(shown["gain_relative"].rows)

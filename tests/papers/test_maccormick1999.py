@@ -8,16 +8,7 @@ from judged import verdicts
 
 import jaxpf
 from jaxpf.papers.judging.claims import NOT_SEEN, PREVIEW, SUPPORTED
-from jaxpf.papers.maccormick1999 import (
-    PAPER,
-    figures,
-    measures,
-    one_line,
-    passing,
-    scenes as cases,
-    toy,
-    tracking,
-)
+from jaxpf.papers.maccormick1999 import PAPER, scenes as cases, study, toy
 from jaxpf.papers.study import Study, tidy
 
 
@@ -27,18 +18,18 @@ def study_of(**kinds):
     for kind, methods in kinds.items():
         for name, outcomes in methods.items():
             for case, outcome in outcomes:
-                of_run = measures.measures(case, outcome) | {"N": 9}
+                of_run = study.measures(case, outcome) | {"N": 9}
                 for what, value in of_run.items():
                     values.setdefault((f"{kind}: {what}", name, ""), []).append(value)
     return Study(tidy(values))
 
 
 def test_one_target_peaks_at_every_feature_and_two_do_not_share_one():
-    together, apart = one_line.peaks()
+    together, apart = toy.peaks()
     assert together.max() < 0.1 * apart.min()
-    alone = one_line.likelihood(np.array([[-50.0, -32.0]]))
+    alone = toy.likelihood(np.array([[-50.0, -32.0]]))
     assert alone[0] > 5 * alone[1]
-    assert one_line.ratio_of_peaks() < 0.1
+    assert toy.ratio_of_peaks() < 0.1
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +38,7 @@ def wires():
 
 
 def test_a_case_starts_on_its_targets_and_learns_from_other_seeds(wires):
-    tracker = tracking.tracker_of(wires, "wires", 10)
+    tracker = cases.tracker_of(wires, "wires", 10)
     start = np.asarray(tracker.likelihood.outline_points(wires.start))
     still = wires._replace(truth=wires.truth[:1])
     gaps = cases.distances(still, start[None])[0]
@@ -61,12 +52,12 @@ def test_each_likelihood_has_its_own_noise_and_the_printed_one_that_of_its_rule(
     learned = np.asarray(wires.dynamics.noise)
     factors = cases.NOISE_OF_WIRES
     for exclusion, factor in (*factors.items(), ("wires-literal", factors["wires"])):
-        noise = tracking.tracker_of(wires, exclusion, 10).dynamics.noise
+        noise = cases.tracker_of(wires, exclusion, 10).dynamics.noise
         np.testing.assert_allclose(noise, factor * learned, rtol=1e-6)
 
 
 def test_a_case_as_printed_has_the_papers_lines_and_its_own_noise(wires):
-    printed = tracking.tracker_of(cases.as_printed(wires), "wires-literal", 10)
+    printed = cases.tracker_of(cases.as_printed(wires), "wires-literal", 10)
     factor = cases.NOISE_AS_PRINTED["wires"]
     np.testing.assert_allclose(printed.dynamics.noise, factor * np.asarray(wires.dynamics.noise))
     assert (printed.likelihood.sigma, printed.likelihood.independence) == (7, 1)
@@ -80,7 +71,7 @@ def test_of_two_trackers_neither_depends_on_the_other(wires):
     moved = wires._replace(start=wires.start + np.float32([[0], [9]]))
 
     def first_of(case, method):
-        tracker = tracking.tracker_of(case, "none", 20, method)
+        tracker = cases.tracker_of(case, "none", 20, method)
         _, summary = jaxpf.run(tracker, jax.random.key(0), wires.frames[:3])
         return np.asarray(summary.estimate)[:, 0]
 
@@ -97,7 +88,7 @@ def test_leaves_move_as_other_leaves_did_with_the_noise_that_was_chosen():
     for name in ("transition", "lag", "noise"):
         found = (getattr(each.dynamics, name) for each in (case, other))
         np.testing.assert_array_equal(*found)
-    tracked = tracking.tracker_of(case, "opaque", 10).dynamics.dynamics
+    tracked = cases.tracker_of(case, "opaque", 10).dynamics.dynamics
     factor = cases.NOISE_OF_LEAVES["opaque"]
     np.testing.assert_allclose(tracked.noise, factor * case.dynamics.noise, rtol=1e-6)
 
@@ -108,7 +99,7 @@ def test_who_ended_where_is_judged_by_the_truth(wires):
     lost = truth + 60
     point = truth[:, :, :1].repeat(truth.shape[2], axis=2)  # lies on its target, and is none of it
     outlines = np.stack([truth, swapped, on_first, lost, point])
-    kept, coalesced, exchanged = tracking.judged(wires, outlines)
+    kept, coalesced, exchanged = cases.judged(wires, outlines)
     np.testing.assert_array_equal(kept, (True, False, False, False, False))
     np.testing.assert_array_equal(coalesced, (False, False, True, False, False))
     np.testing.assert_array_equal(exchanged, (False, True, False, False, False))
@@ -123,7 +114,7 @@ def test_distances_count_both_ways(wires):
 def test_claims_follow_from_the_rates(wires):
     outlines = np.stack([wires.truth] * 20)
     kept, none = np.ones(20, bool), np.zeros(20, bool)
-    good = tracking.Outcome(
+    good = cases.Outcome(
         outlines,
         np.ones((20, 2)),
         np.ones((20, 2, 2)),
@@ -137,7 +128,7 @@ def test_claims_follow_from_the_rates(wires):
     def judged(with_exclusion, without):
         outcomes = {
             name: [(wires, without if method.exclusion == "none" else with_exclusion)] * 50
-            for name, method in passing.WIRES.items()
+            for name, method in study.WIRES.items()
         }
         return verdicts(PAPER, study_of(wires=outcomes))
 
@@ -162,15 +153,15 @@ def one_kept_one_lost():
     spread[1] = 50 + np.arange(frames)[:, None] ** 2
     ends = np.array([True, False]), np.zeros(2, bool), np.zeros(2, bool)
     outlines, ess = np.zeros((runs, frames, 2, 4, 2)), np.ones((runs, frames))
-    return case, tracking.Outcome(outlines, ess, spread, *ends, right)
+    return case, cases.Outcome(outlines, ess, spread, *ends, right)
 
 
 def test_labels_are_scored_by_the_truth_and_lost_runs_do_not_widen(one_kept_one_lost):
     case, outcome = one_kept_one_lost
-    found = measures.measures(case, outcome)
+    found = study.measures(case, outcome)
     assert found["label right"] == 0.5
     assert (found["widening"], found["narrowing"]) == (3.0, 0.5)
-    lost = measures.measures(case, outcome._replace(kept=np.zeros(2, bool)))
+    lost = study.measures(case, outcome._replace(kept=np.zeros(2, bool)))
     assert np.isnan([lost["widening"], lost["narrowing"]]).all()
 
 
@@ -195,17 +186,17 @@ def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost
 
     def judged(first, second):
         walkers = {
-            passing.OCCLUSION: first,
-            passing.INDEPENDENT: second,
-            passing.OCCLUSION + passing.ALL_PRINTED: first,
+            study.OCCLUSION: first,
+            study.INDEPENDENT: second,
+            study.OCCLUSION + study.ALL_PRINTED: first,
         }
         leaves = {
-            passing.PARTITIONED: first,
-            passing.PARTITIONED + passing.PRINTED: second,
-            passing.PARTITIONED + passing.ALL_PRINTED: second,
-            passing.ENOUGH: first,
-            passing.AS_MANY: second,
-            passing.FOUR_TIMES: second,
+            study.PARTITIONED: first,
+            study.PARTITIONED + study.PRINTED: second,
+            study.PARTITIONED + study.ALL_PRINTED: second,
+            study.ENOUGH: first,
+            study.AS_MANY: second,
+            study.FOUR_TIMES: second,
         }
         return verdicts(PAPER, study_of(walkers=walkers, leaves=leaves))
 
@@ -232,7 +223,7 @@ def test_labels_that_were_always_right_may_be_wrong_on_the_next_sequence(one_kep
 
 def test_tables_and_figures_show_every_method(one_kept_one_lost):
     case, outcome = one_kept_one_lost
-    names = passing.PARTITIONED, passing.AS_MANY
+    names = study.PARTITIONED, study.AS_MANY
     methods = dict.fromkeys(names, [one_kept_one_lost] * 25)
     kinds = ("wires", "leaves", "walkers", "figure_11")
     shown = {table.name: table for table in PAPER.tables(study_of(**dict.fromkeys(kinds, methods)))}
@@ -246,9 +237,9 @@ def test_tables_and_figures_show_every_method(one_kept_one_lost):
     assert (cells["N"], cells["sequences"]) == ("9", "25")
     ess = np.ones((25, len(case.frames)))
     of_both = (dict.fromkeys(names, each) for each in (outcome.outlines, ess))
-    found = passing.Passing(case, *of_both)
-    assert len(figures.ess_figure(found).axes) == 1
-    assert len(figures.passing_figure(found).axes) == len(figures.meeting_figure(found).axes) == 6
+    found = study.Passing(case, *of_both)
+    assert len(study.ess_figure(found).axes) == 1
+    assert len(study.passing_figure(found).axes) == len(study.meeting_figure(found).axes) == 6
 
 
 @pytest.mark.slow
@@ -258,9 +249,9 @@ def test_figure_11_counts_lines_in_full_before_the_leaves_overlap():
     assert len(case.frames) == len(case.truth) == cases.FIRST_FRAMES
     assert cases.leaves(0).hidden[: cases.FIRST_FRAMES].max() == 0
     ends = [np.zeros(1, bool)] * 3
-    still = tracking.Outcome(*[np.zeros((1, 10, 2))] * 3, *ends, np.zeros((1, 10)))
-    assert set(measures.measures(case, still)) == {"kept", "coalesced", "exchanged", "ess"}
-    assert {method.one_in for method in passing.FIGURE_11.values()} == {1}
+    still = cases.Outcome(*[np.zeros((1, 10, 2))] * 3, *ends, np.zeros((1, 10)))
+    assert set(study.measures(case, still)) == {"kept", "coalesced", "exchanged", "ess"}
+    assert {method.one_in for method in study.FIGURE_11.values()} == {1}
 
 
 def test_slow_filters_track_the_first_sequences(monkeypatch, wires):
@@ -269,12 +260,12 @@ def test_slow_filters_track_the_first_sequences(monkeypatch, wires):
     def track(case, particles, runs, seed):
         seen.append((particles, seed))
         ends = [np.array([seed == 2])] * 3
-        return tracking.Outcome(*[np.zeros((1, 10, 2))] * 3, *ends, np.zeros((1, 10)))
+        return cases.Outcome(*[np.zeros((1, 10, 2))] * 3, *ends, np.zeros((1, 10)))
 
-    monkeypatch.setattr(passing, "tracker_of", lambda case, kind, particles, *_: particles)
-    monkeypatch.setattr(passing, "track", track)
-    methods = {"a": passing.Method("wires", "ps", 1), "b": passing.Method("none", "sir", 2, 3)}
-    values, shown = passing.measure("wires", lambda _: wires, methods, range(4), lambda line: None)
+    monkeypatch.setattr(study, "tracker_of", lambda case, kind, particles, *_: particles)
+    monkeypatch.setattr(study, "track", track)
+    methods = {"a": study.Method("wires", "ps", 1), "b": study.Method("none", "sir", 2, 3)}
+    values, shown = study.measure("wires", lambda _: wires, methods, range(4), lambda line: None)
     assert seen == [(1, 0), (2, 0), (1, 1), (2, 1), (1, 2), (2, 2), (1, 3)]
     np.testing.assert_array_equal(values["wires: kept", "a", ""], [0, 0, 1, 0])
     np.testing.assert_array_equal(values["wires: N", "b", ""], [2, 2, 2])

@@ -12,15 +12,13 @@ import pytest
 from command_line import jaxpf
 
 from jaxpf import InputError
-from jaxpf.cli import reproduce
 from jaxpf.evaluation import Pool
-from jaxpf.papers import paper
+from jaxpf.papers import PAPERS, paper
 from jaxpf.papers.checkpoints import can_resume, each, keeping
 from jaxpf.papers.judging.claims import claims_of
 from jaxpf.papers.judging.estimates import computed
-from jaxpf.papers.paper import PAPERS, Paper, paper_of
-from jaxpf.papers.study import Study, tidy
-from jaxpf.papers.tables import named
+from jaxpf.papers.paper import Paper, paper_of
+from jaxpf.papers.study import Study, named, tidy
 
 
 class Measured:
@@ -141,7 +139,7 @@ def test_papers_look_alike(name):
     """The same files in every folder, at least 25 scenes, and every measure has its use."""
     found = paper_of(name)
     assert found.name == name
-    for file in ("scenes", "figures"):
+    for file in ("scenes", "study"):
         assert importlib.import_module(f"jaxpf.papers.{name}.{file}").__doc__
     measures, without = found.declared["measures"], found.computed()
     used = {claim.measure for claim in claims_of(name).values() if claim.measure}
@@ -152,4 +150,3 @@ def test_papers_look_alike(name):
         used |= {column if isinstance(column, str) else column[0] for column in columns}
     assert used == set(measures)
     assert found.declared["scenes"] >= 25
-    assert reproduce.PAPERS == PAPERS

@@ -10,9 +10,8 @@ from judged import verdicts
 import jaxpf
 import scenes
 from jaxpf.papers.checkpoints import keeping
-from jaxpf.papers.judging import comparison_table
 from jaxpf.papers.judging.claims import NOT_SEEN, SUPPORTED
-from jaxpf.papers.rowe2005 import PAPER, measures, modes, scenes as synthetic
+from jaxpf.papers.rowe2005 import PAPER, scenes as synthetic, study
 
 SCENES, RUNS, FRAMES, TARGETS = 25, synthetic.RUNS_PER_SCENE, 20, 2
 
@@ -50,7 +49,7 @@ def judged(found):
 
 def studied(found, stability=2.0):
     spread = 0.01 * np.random.default_rng(1).standard_normal(SCENES)
-    return synthetic.study(found, found, stability + spread)
+    return study.study_of(found, found, stability + spread)
 
 
 def test_the_published_figures_are_those_of_table_1():
@@ -59,7 +58,7 @@ def test_the_published_figures_are_those_of_table_1():
     both = np.array([0.0715, 0.0716, 0.0849, 0.1163, 0.0987, 0.1289, 0.0645, 0.0595])
     (table,) = (each for each in PAPER.declared["tables"] if each["name"] == "errors")
     for name, errors in (("neither", neither), ("both", both)):
-        kept = errors < measures.LOST
+        kept = errors < study.LOST
         assert table["published"]["error, tracked targets"][name] == pytest.approx(
             errors[kept].mean()
         )
@@ -84,7 +83,7 @@ def test_what_disagrees_is_contradicted():
 def test_lost_targets_do_not_count_in_the_tracked_error():
     runs = made()["both"]
     runs["error"][:, 0, :, 1] = 5.0
-    found = measures.measures(runs)
+    found = study.measures(runs)
     assert found["lost"].mean() == pytest.approx(1 / (RUNS * TARGETS))
     assert found["error"].mean() == pytest.approx(0.1, abs=0.01)
 
@@ -105,12 +104,14 @@ def test_runs_whose_target_has_no_particles_do_not_vary():
 def test_runs_differ_more_than_a_run_over_time():
     rng = np.random.default_rng(0)
     levels = 2 * rng.normal(size=(400, 1)) + 0.5 * rng.normal(size=(400, 300))
-    assert modes.ratio(levels) == pytest.approx(np.sqrt(4 + 0.25) / 0.5, rel=0.1)
-    assert modes.ratio(levels.T) < 0.3
+    assert synthetic.between_over_within(levels) == pytest.approx(np.sqrt(4 + 0.25) / 0.5, rel=0.1)
+    assert synthetic.between_over_within(levels.T) < 0.3
 
 
 def test_condensation_keeps_one_of_two_equal_modes():
-    expectations = np.asarray(modes._expectations(jax.random.split(jax.random.key(0), modes.RUNS)))
+    expectations = np.asarray(
+        synthetic._expectations(jax.random.split(jax.random.key(0), synthetic.RUNS))
+    )
     assert abs(expectations[:, 0].mean()) < 0.2, "both modes have particles at first"
     last = expectations[:, -1]
     assert (abs(last) > 0.9).mean() > 0.7
@@ -120,7 +121,7 @@ def test_condensation_keeps_one_of_two_equal_modes():
 def test_errors_are_told_apart_by_place():
     runs = made()["both"]
     runs["error"] = np.where(runs["in_strip"][:, None], 0.4, 0.1) + 0 * runs["error"]
-    found = measures.measures(runs)
+    found = study.measures(runs)
     np.testing.assert_allclose(found["error at a strip"], 0.4)
     np.testing.assert_allclose(found["error elsewhere"], 0.1)
 
@@ -154,6 +155,6 @@ def test_the_whole_comparison_is_measured_printed_and_written(tmp_path, monkeypa
     assert [table.texts() for table in found.tables] == [table.texts() for table in first.tables]
     names = [table.name for table in found.tables]
     assert names == ["shares", "errors", "likelihoods", "sizes", "variance", "chosen_settings"]
-    written = comparison_table.write(found, tmp_path)
+    written = found.write(tmp_path)
     assert {"figure_2.png", "figure_4.png", "rowe2005.md"} <= set(written)
     assert "49.5 to 50.5" in (tmp_path / "rowe2005.md").read_text()

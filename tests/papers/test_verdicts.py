@@ -7,6 +7,7 @@ import pytest
 from command_line import jaxpf
 
 from jaxpf import papers
+from jaxpf.papers import PAPERS
 from jaxpf.papers.judging import verdicts
 from jaxpf.papers.judging.claims import (
     CONTRADICTED,
@@ -19,7 +20,7 @@ from jaxpf.papers.judging.claims import (
     read_rows,
 )
 from jaxpf.papers.judging.estimates import computed
-from jaxpf.papers.paper import PAPERS, paper_of
+from jaxpf.papers.paper import paper_of
 
 
 @pytest.mark.parametrize("paper", PAPERS)

@@ -13,9 +13,9 @@ from command_line import assert_same, built_by_track
 import jaxpf
 import scenes
 from jaxpf import InputError, ordering
-from jaxpf.papers.eskil2014 import methods as eskil2014
+from jaxpf.papers.eskil2014 import scenes as eskil2014
 from jaxpf.papers.gonzales2011 import scenes as gonzales2011
-from jaxpf.papers.maccormick1999 import passing, scenes as cases
+from jaxpf.papers.maccormick1999 import scenes as cases, study as passing
 
 FRAME = np.random.default_rng(0).integers(0, 255, (90, 120, 3), np.uint8)
 BOXES = np.array([[20.0, 20, 16, 20], [60, 30, 16, 20], [90, 50, 16, 20]])
@@ -149,7 +149,7 @@ def test_particles_of_gonzales2011_start_uniformly_around_the_object(dynamics):
     ("row", "like"), [("eskil2014 as printed", "eskil2014"), ("PFFL as printed", "pffl")]
 )
 def test_rows_of_eskil2014_as_printed_are_the_presets(row, like):
-    assert_same(eskil2014.tracker(row, FRAME, BOXES[:, :2] + 10, scale=5.0), preset(like))
+    assert_same(eskil2014.tracker_of(row, FRAME, BOXES[:, :2] + 10, scale=5.0), preset(like))
 
 
 def test_rows_of_gonzales2011_start_and_exchange_as_the_preset_does():

@@ -4,7 +4,7 @@ dynamics for tracking deformable objects".
 The three sequences on synthetic scenes modelled on them, with ablations and common baselines.
 """
 
-from jaxpf.papers.eskil2014 import figures, scenes
+from jaxpf.papers.eskil2014 import study
 from jaxpf.papers.paper import Paper
 
-PAPER = Paper("eskil2014", scenes.measure_all, figures.figures)
+PAPER = Paper("eskil2014", study.measure_all, study.figures)

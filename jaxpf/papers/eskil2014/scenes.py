@@ -1,66 +1,89 @@
-"""Run all methods on a set of scenes; the tables are computed from these runs."""
+"""The compared methods by name, and their runs on scenes modelled on the paper's sequences."""
 
-import functools
-from collections.abc import Callable, Mapping
+import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+import jaxpf.points
 import scenes
 from jaxpf.contract.state import Summary
+from jaxpf.dynamics.gaussian import AR2
 from jaxpf.evaluation.baselines.optical_flow import follow_points
 from jaxpf.evaluation.baselines.spot import spot
 from jaxpf.measures.points import point_distances
-from jaxpf.papers.checkpoints import of_scenes
-from jaxpf.papers.eskil2014 import methods
-from jaxpf.papers.eskil2014.measures import measures
-from jaxpf.papers.judging.claims import counted
-from jaxpf.papers.study import Study, tidy
 from jaxpf.running.blocks import monte_carlo
+from jaxpf.targets.presets import ESKIL2014
 
 #: Runs per scene; the paper has one film of each kind.
 RUNS_PER_SCENE = 1
-_QUICK_FRAMES = 60
-
-
 #: The paper's sequence -> our synthetic substitute, and sigma_t in pixels of our film: as printed,
 #: but halved for the fish, whose film is half as wide.
 SEQUENCES = {"platty": ("fish", 5.0), "skydiving": ("skydivers", 5.0), "face": ("face", 5.0)}
+#: M of PFFL.
+PFFL_PARTICLES = 50
+PROPOSED, PFFL, SPOT, FLOW = "eskil2014", "PFFL", "SPOT", "Lucas-Kanade"
+PRINTED, WITH_DRIFT = "eskil2014 as printed", "PFFL with drift"
+#: The printed sigma_p, .01, has no unit: other readings than pixels.
+OF_DISTANCE, OF_FRAME = "as printed, .01 of a distance", "as printed, .01 of the width"
+#: Share of the last displacement that a particle of "PFFL with drift" repeats; not published.
+MOMENTUM = 0.25
+#: The published settings of the model, but a mean of squares.
+_MODEL: Mapping[str, Any] = {**ESKIL2014, "norm": "mean", "method": "eskil"}
+#: Options of ``jaxpf.points.tracker`` beside them.
+_OPTIONS: Mapping[str, dict[str, Any]] = {
+    PROPOSED: {},
+    PRINTED: {"like": "eskil2014"},
+    OF_DISTANCE: {"like": "eskil2014", "shape": "relative"},
+    OF_FRAME: {"like": "eskil2014"},
+    "without drift": {"drift": "none"},
+    "without shape": {"shape": "none"},
+    "signed drift": {"drift": "signed"},
+    "ridge drift": {"drift": "ridge"},
+    PFFL: {"method": "pffl", "num_particles": PFFL_PARTICLES},
+    "PFFL as printed": {"like": "pffl"},
+    # The paper's sketch moves particles by drift and diffusion but defines no drift.
+    WITH_DRIFT: {"method": "pffl", "num_particles": PFFL_PARTICLES},
+    # The same number of likelihood evaluations per point as PFFL.
+    "SIR": {"method": "sir", "num_particles": 2 * PFFL_PARTICLES},
+    "PS": {"method": "ps", "num_particles": 2 * PFFL_PARTICLES},
+    "SPS": {"method": "sps", "num_particles": 2 * PFFL_PARTICLES},
+}
+FILTERS = tuple(_OPTIONS)
+#: Scenes of each kind on which SPOT runs, which takes a quarter of a second per frame.
+SPOT_SCENES = 25
+QUICK = (PROPOSED, PFFL, "PS")
 
 
-def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
-    """Run all measurements; the figures show names, visibility and errors by kind of scene."""
-    found = {}
-    for name in ["platty"] if quick else list(SEQUENCES):
-        scene, scale = SEQUENCES[name]
-        report(f"{name}: {counted(len(seeds), 'scenes')}, one run of every method on each")
-        filters = methods.QUICK if quick else methods.FILTERS
-        shorter = {"num_frames": _QUICK_FRAMES} if quick else {}
-        with_spot = seeds[: methods.SPOT_SCENES]
-        on_scene = functools.partial(_on_scene, scene, scale, filters, with_spot, shorter)
-        found[scene] = of_scenes(scene, on_scene, seeds, report)
-    return study(found)
+def tracker_of(
+    name: str,
+    frame: np.ndarray,
+    points: np.ndarray,
+    scale: float,
+) -> Any:
+    """Build the tracker of a method.
+
+    Args:
+        name: a name in ``FILTERS``.
+        frame: uint8 RGB [H, W, 3], which shows the points.
+        points: [P, 2], pixels.
+        scale: sigma_t, pixels.
+    """
+    own = _OPTIONS[name]
+    options = {**({} if "like" in own else _MODEL), **own, "noise_points": scale}
+    if name == OF_FRAME:
+        options["shape_scale"] = 0.01 * frame.shape[1]
+    point_tracker = jaxpf.points.tracker(frame, points, **options)
+    if name == WITH_DRIFT:
+        dynamics = AR2(np.float32(scale), np.float32(MOMENTUM))
+        return dataclasses.replace(point_tracker, dynamics=dynamics)
+    return point_tracker
 
 
-def study(found: Mapping[str, Mapping[str, np.ndarray]]) -> Study:
-    """Rows of all measures, from the arrays ``[S, ...]`` of ``_on_scene`` by kind of scene."""
-    values: dict[tuple[str, str, str], list[float]] = {}
-    words: dict[str, str] = {}
-    for scene, arrays in found.items():
-        names = [str(name) for name in arrays["names"][0]]
-        errors = {name: each for name, each in arrays.items() if name not in ("names", "visible")}
-        spot = f", of SPOT {len(errors[methods.SPOT])}" if methods.SPOT in errors else ""
-        words |= {f"points_{scene}": str(len(names)), f"spot_{scene}": spot}
-        for method, of_method in errors.items():
-            for of_scene, visible in zip(of_method, arrays["visible"], strict=False):
-                for name, value in measures(scene, names, of_scene, visible).items():
-                    values.setdefault((name, method, ""), []).append(value)
-    return Study(tidy(values), found, words)
-
-
-def _on_scene(
+def on_scene(
     scene: str,
     scale: float,
     filters: tuple[str, ...],
@@ -76,11 +99,11 @@ def _on_scene(
     keys, later = jax.random.split(jax.random.key(seed), RUNS_PER_SCENE), jnp.asarray(frames[1:])
     places = {}
     for name in filters:
-        tracker = methods.tracker(name, frames[0], truth[0], scale)
+        tracker = tracker_of(name, frames[0], truth[0], scale)
         places[name] = monte_carlo(tracker, keys, later, _estimate, batch_size=RUNS_PER_SCENE)
-    places[methods.FLOW] = follow_points(frames, truth[0])[0][None]
+    places[FLOW] = follow_points(frames, truth[0])[0][None]
     if seed in with_spot:
-        places[methods.SPOT] = spot(frames, truth[0])[None]
+        places[SPOT] = spot(frames, truth[0])[None]
     places["not moving"] = np.broadcast_to(truth[0], (1, *truth[1:].shape))
     lengths = drawn.extras["body_length"][1:]
     return {

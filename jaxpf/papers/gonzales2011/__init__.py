@@ -6,7 +6,7 @@ with the unbiased swap and without a swap, under the paper's dynamics and under 
 the parts.
 """
 
-from jaxpf.papers.gonzales2011 import computed, figures, scenes
+from jaxpf.papers.gonzales2011 import study
 from jaxpf.papers.paper import Paper
 
-PAPER = Paper("gonzales2011", scenes.measure_all, figures.figures, computed.computed_quantities)
+PAPER = Paper("gonzales2011", study.measure_all, study.figures, study.computed_quantities)

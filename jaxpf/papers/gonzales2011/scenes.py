@@ -1,10 +1,9 @@
 """PS and SPS on sequences of articulated objects, under both dynamics."""
 
 import dataclasses
-import itertools
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -21,31 +20,15 @@ from jaxpf.measures import particle_sets
 from jaxpf.ordering import Ordering, named
 from jaxpf.papers.checkpoints import of_scenes
 from jaxpf.papers.grid import Grid, stacked
-from jaxpf.papers.judging.claims import counted
-from jaxpf.papers.study import Study, tidy
 from jaxpf.parts.models import parts_model
 from jaxpf.shapes.rectangles import corners_from_poses
 from jaxpf.targets.presets import GONZALES2011_REACH, GONZALES2011_SHARPNESS
+from scenes import Scene
 
-if TYPE_CHECKING:
-    from scenes import Scene
-
-FRAMES = 300
-#: Measure of a claim -> field, motion, and numbers of parts and of particles of a figure's cells.
-FIGURES = {
-    "figure 8": ("error", "smooth", (7, 9), (2, 5, 10, 20, 30, 40)),
-    "figure 9": ("variance", "smooth", (7, 9), (10,)),
-    "figure 10": ("error", "strong_start", (3, 5, 7, 9, 11), (20,)),
-    "figure 11, error": ("error", "erratic", (5,), (10,)),
-    "figure 11, variance": ("variance", "erratic", (5,), (10,)),
-}
-#: Frames of a figure in which a strong start is strong (``ArticulatedParameters.strong_frames``).
-START = {"figure 10": slice(0, 60)}
 #: Motion -> how many times as many sequences: the error under erratic motion varies most.
 MORE = {"erratic": 2}
 #: Samples per side of a part: d^2 has an error of .017 (standard deviation), the log-likelihood .8.
 SAMPLES = 10
-
 DYNAMICS = ("absolute", "relative")
 #: Swap of each method: the paper's baseline, its method, and two variants for comparison.
 SWAPS = {
@@ -69,37 +52,9 @@ NOISE = {
     "strong_start": {"absolute": (6, 6, 0.06), "root": (6, 6, 0.15), "joint": (0.5, 0.5, 0.15)},
     "erratic": {"absolute": (9, 9, 0.06), "root": (6, 6, 0.15), "joint": (0.5, 0.5, 0.15)},
 }
-
 #: (motion, parts, particles) -> ("error" or "variance", variant) -> ``[S, T]``: the sum of corner
 #: distances in pixels, or the variance of the particle set in pixels^2.
 Curves = Mapping[tuple[str, int, int], Mapping[tuple[str, str], np.ndarray]]
-
-
-def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
-    """Run all measurements; the quick ones are of fewer cells and frames."""
-    report(f"{counted(len(seeds), 'sequences')}, one run of 8 trackers on each")
-    if quick:
-        cells = [("smooth", 5, (5, 10)), ("erratic", 5, (10,))]
-        return study(measure(cells, seeds, 40, report))
-    figures = (FIGURES[name] for name in ("figure 8", "figure 10", "figure 11, error"))
-    every = [(motion, parts, counts) for _, motion, sizes, counts in figures for parts in sizes]
-    return study(measure(every, seeds, FRAMES, report))
-
-
-def study(curves: Curves) -> Study:
-    """Rows of the means over frames: of every cell, and again by the paper's figures."""
-    values: dict[tuple[str, str, str], np.ndarray] = {}
-    for (motion, parts, number), curve in curves.items():
-        for (field, variant), each in curve.items():
-            case = f"{motion}, {parts} parts, N = {number}"
-            values[field, variant, case] = np.nanmean(each, axis=1)
-    for name, (field, motion, counts, particles) in FIGURES.items():
-        for number, parts, variant in itertools.product(particles, counts, VARIANTS):
-            if (cell := curves.get((motion, parts, number))) is not None:
-                shown = cell[field, variant][:, START.get(name, slice(None))]
-                several = f"N = {number}, " if len(particles) > 1 else ""
-                values[name, variant, f"{several}{parts} parts"] = np.nanmean(shown, axis=1)
-    return Study(tidy(values), shown=curves)
 
 
 def measure(
@@ -162,7 +117,7 @@ def _record(state: object, summary: Summary) -> tuple[jax.Array, ...]:
     return summary.estimate[..., :3], summary.spread[..., :3]
 
 
-def grid(scene: "Scene", motion: str, num_particles: int) -> Grid:
+def grid(scene: Scene, motion: str, num_particles: int) -> Grid:
     """All trackers of a scene: a row for each of ``METHODS``, a column for each of ``DYNAMICS``."""
     parents, noise = scene.extras["parents"], NOISE[motion]
     model = parts_model(
@@ -201,7 +156,7 @@ def _built(tracker: Partitioned, ordering: Ordering, dynamics: DynamicsLike) -> 
     return dataclasses.replace(tracker, ordering=ordering, dynamics=dynamics, initial=initial)
 
 
-def learn(scene: "Scene", samples: int = SAMPLES) -> HistogramLikelihood:
+def learn(scene: Scene, samples: int = SAMPLES) -> HistogramLikelihood:
     """Learn the likelihood of the scene's parts: one histogram per part, as in the paper."""
     likelihood = histogram_from_patches(
         scene.patches,

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from statistics import NormalDist
 
+from jaxpf.files.tables import markdown_table
 from jaxpf.files.writing import csv_text
 from jaxpf.papers.judging.claims import (
     CONTRADICTED,
@@ -204,3 +205,18 @@ def report(paper: str, judged: Sequence[Judged], details: bool = False) -> Itera
                 f"{row['date']}, commit {row['commit']}).  {row['reason']}"
             )
             yield from textwrap.wrap(text, 98, subsequent_indent="  ")
+
+
+def claims_markdown(claims: Sequence[Judged], level: int = 3) -> list[str]:
+    """A table of claims for every group, under a heading of the given level, as Markdown lines."""
+    lines = []
+    for group, title in GROUPS.items():
+        rows = [
+            [claim.sentence, claim.source, claim.published, each.shown, each.verdict]
+            for each in claims
+            if (claim := each.claim).group == group
+        ]
+        if rows:
+            columns = ("claim", "source", "published", "ours", "verdict")
+            lines += [f"{'#' * level} {title.capitalize()}", "", *markdown_table(columns, rows), ""]
+    return lines

@@ -5,12 +5,12 @@ Figures 1, 3, 4, 6, 7 and 9 to 11 on drawn scenes.
 """
 
 from jaxpf.papers.judging.estimates import computed
-from jaxpf.papers.maccormick1999 import figures, one_line, passing
+from jaxpf.papers.maccormick1999 import study, toy
 from jaxpf.papers.paper import Paper
 
 PAPER = Paper(
     "maccormick1999",
-    passing.measure_all,
-    figures.figures,
-    computed=lambda: {"line": [computed(one_line.ratio_of_peaks())]},
+    study.measure_all,
+    study.figures,
+    computed=lambda: {"line": [computed(toy.ratio_of_peaks())]},
 )

@@ -1,4 +1,4 @@
-"""Figures 9 and 10: two 1-D targets, sampled jointly and one after the other.
+"""Figures 3, 9 and 10: two targets on a line, and sampled jointly or one after the other.
 
 The steps shown are the filter's own: ``jaxpf.filters.partitioned.kernel``, stage by stage.
 """
@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from jaxpf import ordering as orderings
 from jaxpf.dynamics.gaussian import RandomWalk
@@ -16,7 +17,54 @@ from jaxpf.filters.partitioned import ending, kernel
 from jaxpf.filters.partitioned.carry import Shared
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods import Gaussian
+from jaxpf.likelihoods.contours import (
+    Features,
+    detection_probabilities,
+    line_weights,
+    log_ratio,
+    poisson_clutter,
+)
 from jaxpf.lowering.programs import compiled
+
+#: Positions of four features in figure 3, read off approximately, pixels from the line's middle.
+FEATURES = (-50.0, -15.0, 20.0, 55.0)
+_LENGTH, _SIGMA, _CLUTTER = 161, 7.0, 2.0
+
+
+def likelihood(boundaries: ArrayLike) -> np.ndarray:
+    """``p~_c / p_0`` ``[...]`` of the line for boundaries ``[c, ...]``, pixels from its middle."""
+    return np.asarray(_likelihood(jnp.asarray(boundaries, jnp.float32)))
+
+
+def peaks() -> tuple[np.ndarray, np.ndarray]:
+    """Two-target likelihood with both at one feature, ``[4]``, and at pairs of them, ``[6]``."""
+    first, second = np.triu_indices(len(FEATURES), 1)
+    places = np.array(FEATURES)
+    together = likelihood(np.stack([places, places]))
+    return together, likelihood(np.stack([places[first], places[second]]))
+
+
+def ratio_of_peaks() -> float:
+    """The highest peak on the diagonal over the lowest beside it."""
+    together, apart = peaks()
+    return float(together.max() / apart.min())
+
+
+@compiled
+def _likelihood(boundaries: jax.Array) -> jax.Array:
+    count, shape = len(FEATURES), boundaries.shape[1:]
+    places = jnp.broadcast_to(jnp.array(FEATURES).reshape(-1, *[1] * len(shape)), (count, *shape))
+    features = Features(places, jnp.ones(places.shape, bool))
+    weights = line_weights(
+        # The distribution extends past the number of features, because a full line may have had
+        # more.
+        poisson_clutter(_CLUTTER, 3 * count),
+        detection_probabilities(len(boundaries)),
+        _LENGTH,
+    )
+    there = jnp.ones(boundaries.shape, bool)
+    return jnp.exp(log_ratio(weights, features, boundaries, there, _SIGMA, _LENGTH / 2))
+
 
 #: Ratio of the spread of the dynamics to the width of the posterior.
 _NARROWER = 8.0

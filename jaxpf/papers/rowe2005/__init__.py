@@ -6,6 +6,6 @@ Its synthetic test, two projectiles in front of strips that look like them: figu
 """
 
 from jaxpf.papers.paper import Paper
-from jaxpf.papers.rowe2005 import figures, scenes
+from jaxpf.papers.rowe2005 import study
 
-PAPER = Paper("rowe2005", scenes.measure_all, figures.figures)
+PAPER = Paper("rowe2005", study.measure_all, study.figures)

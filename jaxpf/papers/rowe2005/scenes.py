@@ -1,35 +1,33 @@
-"""Run every variant of the labelled filter on projectile scenes, for all tables."""
+"""Runs of every variant of the labelled filter on projectiles, and of Condensation on two modes."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.scipy.stats import norm
 
 import jaxpf
 import scenes
 from jaxpf.boxes.rowe2005 import Rowe2005Settings
 from jaxpf.contract.state import Summary
 from jaxpf.evaluation.work.worker import run_keys
+from jaxpf.filters.labelled.state import LabelledState
 from jaxpf.lowering.programs import compiled
 from jaxpf.papers.checkpoints import of_scenes
-from jaxpf.papers.rowe2005 import modes
-from jaxpf.papers.rowe2005.measures import measures
-from jaxpf.papers.study import Study, tidy
 from jaxpf.shapes.rectangles import area, intersection_area
+from scenes import Scene
 
-if TYPE_CHECKING:
-    from jaxpf.filters.labelled.state import LabelledState
-    from scenes import Scene
-
-#: N of the synthetic test.
-PARTICLES = 100
+#: N and T of the paper's synthetic test.
+PARTICLES, FRAMES = 100, 300
 #: Runs per scene: claims about the variance between runs need several.
 RUNS_PER_SCENE = 4
-
-
+#: Of section 2, runs whose expectations are compared.
+RUNS = 20
+#: Modes at -1 and 1: standard deviation of each, and of the motion per frame.
+_WIDTH, _MOTION = 0.1, 0.05
 #: Chosen separately for each variant; see ``settings.csv``.
 TUNED = {
     "both": Rowe2005Settings(),
@@ -40,7 +38,6 @@ TUNED = {
     "product": Rowe2005Settings(1.5, 0.02, 1.2, 80.0, 1.0, 1.0, (0.9, 0.4)),
 }
 SETTINGS = TUNED["both"]
-
 #: Variant -> differences from the paper's filter, which has eq. 4, feedback and regularisation.
 VARIANTS: dict[str, dict[str, Any]] = {
     "both": {},
@@ -71,7 +68,7 @@ def settings_of(variant: str) -> Rowe2005Settings:
     return TUNED.get(variant, SETTINGS)
 
 
-def tracker_of(scene: "Scene", variant: str) -> jaxpf.Labelled:
+def tracker_of(scene: Scene, variant: str) -> jaxpf.Labelled:
     """The tracker of a variant on a scene whose targets have patches."""
     return jaxpf.boxes.tracker(
         scene.frames[0],
@@ -81,32 +78,6 @@ def tracker_of(scene: "Scene", variant: str) -> jaxpf.Labelled:
         num_particles=PARTICLES,
         **(settings_of(variant)._asdict() | VARIANTS[variant]),
     )
-
-
-def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
-    """Run all measurements; the figures show the arrays of ``measure``."""
-    report(f"{len(seeds)} scenes with {RUNS_PER_SCENE} runs of every variant each")
-    apart = measure(seeds, tuple(VARIANTS), report)
-    report("Targets that cross: mean against product")
-    crossing = measure(seeds, ("both", "product"), report, paths="crossing")
-    report("Condensation on two equal modes")
-    return study(apart, crossing, np.array([modes.stability(seed) for seed in seeds]))
-
-
-def study(apart: Mapping[str, Any], crossing: Mapping[str, Any], stability: np.ndarray) -> Study:
-    """Rows from what ``measure`` returned, for all variants and for targets that cross.
-
-    ``stability`` ``[S]`` is that of ``modes``.
-    """
-    values: dict[tuple[str, str, str], np.ndarray] = {}
-    values["between over within", "Condensation", "two modes"] = stability
-    for variant, runs in apart.items():
-        values |= {(name, variant, ""): each for name, each in measures(runs).items()}
-        for run, shares in enumerate(runs["share"][..., 0].mean(axis=-1).T):
-            values["share of a run", variant, f"{run + 1}"] = 100 * shares
-    for variant, runs in crossing.items():
-        values["lost where crossing", variant, ""] = measures(runs)["lost"]
-    return Study(tidy(values), shown=apart)
 
 
 def measure(
@@ -155,7 +126,7 @@ def _in_strip(boxes: np.ndarray, strips: np.ndarray) -> np.ndarray:
     return np.any((left < strips[:, 1]) & (right > strips[:, 0]), axis=-1)
 
 
-def _record(state: "LabelledState", summary: Summary) -> tuple[jax.Array, ...]:
+def _record(state: LabelledState, summary: Summary) -> tuple[jax.Array, ...]:
     """Reported values, and every particle's box and label."""
     reported = summary.estimate, summary.distinct_share, summary.spread[..., :2]
     return *reported, state.lagged[0, :4], state.labels
@@ -198,3 +169,45 @@ def deviation_between(places: jax.Array, counts: jax.Array, areas: jax.Array) ->
     squares = jnp.sum((places - mean) ** 2, axis=-1) / areas * number / jnp.maximum(number - 1, 1)
     counts &= number > 1
     return jnp.sqrt(jnp.where(counts, squares, 0).sum() / counts.sum())
+
+
+def stability(seed: int) -> float:
+    """Deviation of the expectations between runs over that within a run, root mean squares.
+
+    Section 2: Condensation on two equal modes, such as a target and something that looks like it.
+    Of N particles on two modes that explain every frame equally well, one mode dies out by chance
+    in the end, as by genetic drift.  A run then looks stable, while runs differ by the mode that is
+    left.
+    """
+    keys = jax.random.split(jax.random.key(seed), RUNS)
+    return between_over_within(np.asarray(_expectations(keys)))
+
+
+def between_over_within(expectations: np.ndarray) -> float:
+    """Deviation over runs, at each frame, over deviation over frames, in each run; ``[R, T]``."""
+    between = expectations.var(axis=0, ddof=1).mean()
+    within = expectations.var(axis=1, ddof=1).mean()
+    return float(np.sqrt(between / within))
+
+
+@compiled
+def _expectations(keys: jax.Array) -> jax.Array:
+    """``[R, T]``: the mean of the particles of each run in each frame."""
+    condensation = jaxpf.state_space(
+        initial=_either,
+        transition=lambda key, x, parameters: x + _MOTION * jax.random.normal(key),
+        log_likelihood=lambda y, x, parameters: jnp.logaddexp(
+            norm.logpdf(x, -1, _WIDTH), norm.logpdf(x, 1, _WIDTH)
+        ),
+        num_particles=PARTICLES,
+        resampling="multinomial",
+    )
+    frames = jnp.zeros(FRAMES)
+    _, summaries = jax.vmap(lambda key: jaxpf.run(condensation, key, frames))(keys)
+    return summaries.estimate[..., 0, 0]
+
+
+def _either(key: jax.Array, parameters: object) -> jax.Array:
+    """A state near one mode or the other, with equal chances."""
+    side, near = jax.random.split(key)
+    return jnp.where(jax.random.bernoulli(side), 1.0, -1.0) + _WIDTH * jax.random.normal(near)

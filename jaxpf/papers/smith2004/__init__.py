@@ -5,6 +5,6 @@ Tables 1 and 2 and figure 4 on distracter scenes.
 """
 
 from jaxpf.papers.paper import Paper
-from jaxpf.papers.smith2004 import figures, measures
+from jaxpf.papers.smith2004 import study
 
-PAPER = Paper("smith2004", measures.measure_all, figures.figures)
+PAPER = Paper("smith2004", study.measure_all, study.figures)

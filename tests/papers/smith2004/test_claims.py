@@ -6,22 +6,20 @@ from smith2004_outcomes import outcome_of
 
 from jaxpf.papers.judging.claims import NOT_SEEN, OPEN, PREVIEW, SUPPORTED
 from jaxpf.papers.smith2004 import PAPER, scenes
-from jaxpf.papers.smith2004.figures import figure_4
-from jaxpf.papers.smith2004.measures import study
-from jaxpf.papers.smith2004.orders import best_and_worst
+from jaxpf.papers.smith2004.study import best_and_worst, figure_4, study_of
 
 RATES = {"Non-PS": 0.0, "PS": 0.3, "DPS": 0.4, "SPS": 0.7}
 ORDERS = [name for name in scenes.all_orderings() if name.startswith("PS ")]
 
 
 def tables(outcome, conditions=None):
-    return {table.name: table for table in PAPER.tables(study(outcome, conditions or {}))}
+    return {table.name: table for table in PAPER.tables(study_of(outcome, conditions or {}))}
 
 
 def test_verdicts_follow_the_recovery_rates():
     def judged(*rates, **made):
         outcome = outcome_of(dict(zip(RATES, rates, strict=True)), **made)
-        return verdicts(PAPER, study(outcome, {}))
+        return verdicts(PAPER, study_of(outcome, {}))
 
     clear = judged(0.02, 0.2, 0.7, 0.9, runs=50, scenes_=25)
     reverse = judged(0.7, 0.4, 0.1, 0.9, runs=50, scenes_=25)
@@ -32,7 +30,7 @@ def test_verdicts_follow_the_recovery_rates():
 
 def test_few_scenes_are_a_preview():
     for count in (1, 9):
-        found = verdicts(PAPER, study(outcome_of(RATES, scenes_=count), {}))
+        found = verdicts(PAPER, study_of(outcome_of(RATES, scenes_=count), {}))
         assert set(found.values()) == {PREVIEW}
 
 
@@ -41,9 +39,9 @@ def test_orders_that_differ_are_told_from_luck():
     # The worst of seven equal orders looks far below the best, on the scenes that chose them.
     rates = alike.recovered[:, alike.of("PS"), 0].mean(axis=(0, 2))
     assert rates.max() - rates.min() > 0.1
-    assert verdicts(PAPER, study(alike, {}))["orders"] != SUPPORTED
+    assert verdicts(PAPER, study_of(alike, {}))["orders"] != SUPPORTED
     far = {**RATES, **dict(zip(ORDERS, np.linspace(0.02, 0.8, 7), strict=True))}
-    assert verdicts(PAPER, study(outcome_of(far, scenes_=80), {}))["orders"] == SUPPORTED
+    assert verdicts(PAPER, study_of(outcome_of(far, scenes_=80), {}))["orders"] == SUPPORTED
 
 
 def test_worst_and_best_are_those_of_the_recovery_rate():

@@ -10,7 +10,7 @@ import pytest
 import jaxpf
 from jaxpf.dynamics import LinearGaussian
 from jaxpf.likelihoods import Gaussian
-from jaxpf.papers.smith2004 import conditions
+from jaxpf.papers.smith2004 import scenes as conditions
 
 ONE = jnp.ones((3, 1, 1))
 FRAME = jnp.array([[0.5], [-1.0], [2.0]])

@@ -1,11 +1,32 @@
-"""Measures of the runs of a method on one scene: errors ``[R, T, P]``, visibility ``[T, P]``."""
+"""Measures of the runs of a method on one scene, and figures 3 to 10.
+
+Errors are ``[R, T, P]``, visibility is ``[T, P]``.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from jaxpf.measures.points import mean_error, points_kept, recoveries
+from jaxpf.media import plotting
+from jaxpf.papers.checkpoints import of_scenes
+from jaxpf.papers.eskil2014.scenes import (
+    FILTERS,
+    FLOW,
+    PFFL,
+    PROPOSED,
+    QUICK,
+    SEQUENCES,
+    SPOT,
+    SPOT_SCENES,
+    on_scene,
+)
+from jaxpf.papers.judging.claims import counted
+from jaxpf.papers.study import Study, tidy
 
+_QUICK_FRAMES = 60
 #: A point counts as kept or recovered within this distance, relative to the body's length.
 NEAR = 0.1
 #: Number of frames after an occlusion within which a point must be recovered.
@@ -27,6 +48,43 @@ FISH_TOGETHER, FISH_PARTED = slice(0, 14), slice(19, 30)
 BLINKS, _OPEN = (22, 68, 108), range(5, 11)
 #: Frames in which the mouth smiles.
 SMILE = (56, 95)
+_SHOWN = {
+    "fish": ("nose", "eye", "dorsal front"),
+    "skydivers": ("head", "left hand", "right hand"),
+    "face": ("left lip corner", "right lip corner", "profile eye", "profile upper lip"),
+}
+_NUMBERS = {"fish": (3, 4), "skydivers": (6, 7), "face": (9, 10)}
+_COMPARED = (PROPOSED, PFFL, SPOT, FLOW, "PS", "SPS")
+
+
+def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
+    """Run all measurements; the figures show names, visibility and errors by kind of scene."""
+    found = {}
+    for name in ["platty"] if quick else list(SEQUENCES):
+        scene, scale = SEQUENCES[name]
+        report(f"{name}: {counted(len(seeds), 'scenes')}, one run of every method on each")
+        filters = QUICK if quick else FILTERS
+        shorter = {"num_frames": _QUICK_FRAMES} if quick else {}
+        with_spot = seeds[:SPOT_SCENES]
+        measured = partial(on_scene, scene, scale, filters, with_spot, shorter)
+        found[scene] = of_scenes(scene, measured, seeds, report)
+    return study_of(found)
+
+
+def study_of(found: Mapping[str, Mapping[str, np.ndarray]]) -> Study:
+    """Rows of all measures, from the arrays ``[S, ...]`` of ``on_scene`` by kind of scene."""
+    values: dict[tuple[str, str, str], list[float]] = {}
+    words: dict[str, str] = {}
+    for scene, arrays in found.items():
+        names = [str(name) for name in arrays["names"][0]]
+        errors = {name: each for name, each in arrays.items() if name not in ("names", "visible")}
+        spot = f", of SPOT {len(errors[SPOT])}" if SPOT in errors else ""
+        words |= {f"points_{scene}": str(len(names)), f"spot_{scene}": spot}
+        for method, of_method in errors.items():
+            for of_scene, visible in zip(of_method, arrays["visible"], strict=False):
+                for name, value in measures(scene, names, of_scene, visible).items():
+                    values.setdefault((name, method, ""), []).append(value)
+    return Study(tidy(values), found, words)
 
 
 def measures(
@@ -121,3 +179,45 @@ def found_again(errors: np.ndarray, visible: np.ndarray) -> np.ndarray:
         if back + WITHIN <= len(visible) and visible[back : back + WITHIN, point].all()
     ]
     return np.mean(again, axis=0) if again else np.full(len(errors), np.nan)
+
+
+def figures(study: Study) -> dict[str, Figure]:
+    """Figures 3, 6, 9 (errors of single points) and 4, 7, 10 (mean errors) of the paper."""
+    drawn = {}
+    for scene, arrays in study.shown.items():
+        single, mean = _NUMBERS[scene]
+        names, proposed = list(arrays["names"][0]), arrays[PROPOSED].mean(axis=(0, 1))
+        drawn[f"figure_{single}"] = _curves(
+            {name: proposed[:, names.index(name)] for name in _SHOWN[scene]},
+            arrays["visible"],
+            f"{scene}: {PROPOSED}, single points (the paper's figure {single})",
+        )
+        drawn[f"figure_{mean}"] = _curves(
+            {name: arrays[name].mean(axis=(0, 1, 3)) for name in _COMPARED if name in arrays},
+            arrays["visible"],
+            f"{scene}: mean over all points (the paper's figure {mean})",
+            yscale="log",
+        )
+    return drawn
+
+
+def _curves(
+    series: Mapping[str, np.ndarray], visible: np.ndarray, title: str, yscale: str = "linear"
+) -> Figure:
+    """Errors over time, on grey that darkens with the share of hidden points."""
+    figure, axes = plotting.new_figure(figsize=(8, 3.5))
+    axis = axes[0, 0]
+    for name, errors in series.items():
+        axis.plot(np.arange(1, len(errors) + 1), errors, label=name)
+    for frame, share in enumerate(1 - visible.mean(axis=(0, 2)), start=1):
+        if share > 0:
+            axis.axvspan(frame - 0.5, frame + 0.5, color="black", alpha=0.5 * share, lw=0)
+    axis.set(
+        xlabel="frame (grey: share of hidden points)",
+        ylabel="distance / body length",
+        yscale=yscale,
+    )
+    axis.set_title(title, fontsize=10)
+    axis.legend(fontsize=8, ncols=2)
+    axis.grid(alpha=0.3)
+    return figure

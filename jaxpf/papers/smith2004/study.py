@@ -1,4 +1,4 @@
-"""Measures of the experiment: rows of a study, from the outcomes of the runs.
+"""Measures of the runs, and figure 4.
 
 Variants are methods; most measures have a case for each sharpness.
 """
@@ -7,10 +7,21 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from jaxpf.papers.smith2004.conditions import ENDINGS, PARTICLES, measure_conditions
-from jaxpf.papers.smith2004.orders import best_and_worst, shuffled_orders
-from jaxpf.papers.smith2004.scenes import METHODS, NUM_OBJECTS, SHARPNESS, Outcome, measure
+from jaxpf.media import plotting
+from jaxpf.papers.smith2004.scenes import (
+    ENDINGS,
+    METHODS,
+    NUM_OBJECTS,
+    PARTICLES,
+    SHARPNESS,
+    Outcome,
+    measure,
+    measure_conditions,
+    order_name,
+    shifted,
+)
 from jaxpf.papers.study import Study, tidy
 
 _BEST, _WORST = "PS best", "PS worst"
@@ -35,10 +46,10 @@ def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Stu
     report("Conditions under which the order may matter more")
     particles = PARTICLES[-1:] if quick else PARTICLES
     endings = ("as here", "stages counted twice") if quick else tuple(ENDINGS)
-    return study(outcome, measure_conditions(seeds, particles, endings, report))
+    return study_of(outcome, measure_conditions(seeds, particles, endings, report))
 
 
-def study(outcome: Outcome, conditions: Mapping[str, Outcome]) -> Study:
+def study_of(outcome: Outcome, conditions: Mapping[str, Outcome]) -> Study:
     """Rows of the paper's scene, and of conditions under which the order may matter more."""
     values = {**_by_sharpness(outcome), **_by_object(outcome)}
     for method in METHODS:
@@ -138,3 +149,76 @@ def _extremes(outcome: Outcome) -> str:
         worst, best = chance.min(axis=1).mean(), chance.max(axis=1).mean()
         pieces.append(f"{worst:.0f} and the best {best:.0f}")
     return ", ".join(pieces)
+
+
+_CHUNK = 100  # permutations at a time, to limit memory
+
+
+def shuffled_orders(recovered: np.ndarray, count: int = 2000, seed: int = 0) -> np.ndarray:
+    """Rates per order if orders did not matter, ``[count, K]``, by permutation.
+
+    Args:
+        recovered: ``[S, K, R]`` bool, by scene, order and run.  Within a run on a scene the
+            orders' outcomes are exchangeable if the order does not matter.
+        count: number of permutations.
+        seed: seed of the permutations.
+    """
+    blocks = np.moveaxis(np.asarray(recovered, float), 1, -1).reshape(-1, recovered.shape[1])
+    rng = np.random.default_rng(seed)
+    rates = []
+    for _ in range(0, count, _CHUNK):
+        shuffle = rng.random((_CHUNK, *blocks.shape)).argsort(axis=-1)
+        rates.append(np.take_along_axis(blocks[None], shuffle, axis=-1).mean(axis=1))
+    return np.concatenate(rates)[:count]
+
+
+def best_and_worst(rates: np.ndarray) -> list[np.ndarray]:
+    """Rates of the best and the worst order on half of the scenes, chosen on the other half.
+
+    This avoids selection bias.
+
+    Args:
+        rates: ``[S, K, ...]``, by scene and order.
+
+    Returns:
+        ``[S // 2, ...]`` each.
+    """
+    chosen_on, compared_on = rates[::2].mean(axis=0), rates[1::2]
+    chosen = (pick(chosen_on, axis=0)[None, None] for pick in (np.argmax, np.argmin))
+    return [np.take_along_axis(compared_on, which, axis=1)[:, 0] for which in chosen]
+
+
+def figures(study: Study) -> dict[str, Figure]:
+    """File-name stem -> figure."""
+    return {"figure_4": figure_4(study.shown)}
+
+
+def figure_4(outcome: Outcome) -> Figure:
+    """Uniqueness and effective dynamics in u and v for all objects, as in the paper."""
+    rows = ["Non-PS", order_name(shifted(0)), order_name(shifted(1)), "DPS", "SPS"]
+    figure, axes = plotting.new_figure(len(rows), 3, figsize=(10, 10))
+    objects = np.arange(1, NUM_OBJECTS + 1)
+    top = 100 * float(np.nanmax(outcome.dynamics[:, :, 0].mean(axis=0))) * 1.05
+    for row, name in enumerate(rows):
+        place = outcome.names.index(name)
+        series = [
+            ("uniqueness", outcome.uniqueness[:, place, 0], 105.0),
+            ("effective dynamics, u", outcome.dynamics[:, place, 0, :, 0], top),
+            ("effective dynamics, v", outcome.dynamics[:, place, 0, :, 1], top),
+        ]
+        for column, (title, values, limit) in enumerate(series):
+            axis = axes[row, column]
+            axis.bar(objects, 100 * values.mean(axis=0), color=plotting.colours(NUM_OBJECTS))
+            axis.set(ylim=(0, limit), xticks=objects)
+            axis.grid(axis="y", alpha=0.3)
+            if row == 0:
+                axis.set_title(f"{title} (%)")
+            if column == 0:
+                axis.set_ylabel(name)
+    for axis in axes[-1]:
+        axis.set_xlabel("object")
+    figure.suptitle(
+        f"Figure 4 repeated: sharpness {SHARPNESS[0]:g}; effective dynamics is the standard "
+        "deviation of the particles over the process noise"
+    )
+    return figure

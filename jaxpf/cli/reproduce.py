@@ -2,7 +2,6 @@
 
 import textwrap
 import time
-from collections.abc import Mapping
 from pathlib import Path
 
 import click
@@ -55,21 +54,18 @@ def command(
 
     PAPER is one of smith2004, gonzales2011, rowe2005, eskil2014, maccormick1999.
     """
-    from jaxpf.cli.shared.cluster import cluster
-
-    options = {"paper": paper, "scenes": scenes, "seed": seed, "quick": quick}
     start_jax()
+    from jaxpf.cli.shared.cluster import cluster
     from jaxpf.papers import checkpoints
     from jaxpf.papers.judging import verdicts
     from jaxpf.papers.judging.claims import RULE
     from jaxpf.papers.paper import paper_of
 
     began = time.perf_counter()
+    options = {"paper": paper, "scenes": scenes, "seed": seed, "quick": quick}
     chosen = paper_of(paper)
     seeds = chosen.seeds(scenes, seed, quick)
-    pool = None
-    if dask is not None:
-        pool = click.get_current_context().with_resource(cluster(dask))
+    pool = click.get_current_context().with_resource(cluster(dask)) if dask else None
     output = output or Path(f"jaxpf-{paper}-quick" if quick else f"jaxpf-{paper}")
     resumes = checkpoints.can_resume(output, options)
     folder = prepare_output_folder(output, overwrite or resumes)
@@ -78,8 +74,8 @@ def command(
     say("The first scenes take longest: their programs are compiled.")
     with checkpoints.keeping(output, options, pool):
         comparison = chosen.compare(seeds, quick, say)
-        explicit = options | {"scenes": len(seeds)}
-        written = comparison.write(folder, _typed(explicit))
+        typed = f"jaxpf reproduce {paper} --scenes {len(seeds)} --seed {seed}"
+        written = comparison.write(folder, typed + " --quick" * quick)
         write_config(folder / "run.toml", "reproduce", options)
     for table in comparison.tables:
         print_table(table.title, table.columns, table.texts(), explain=False)
@@ -92,14 +88,3 @@ def command(
         say(f"- {note}")
     seconds = time.perf_counter() - began
     say(f"{folder}/: {', '.join([*written, 'run.toml'])} ({seconds:.0f} s)")
-
-
-def _typed(options: Mapping[str, object]) -> str:
-    """The command as text, with scenes and seed."""
-    words = [f"jaxpf reproduce {options['paper']}"]
-    for name, value in options.items():
-        if value is True:
-            words.append(f"--{name}")
-        elif name != "paper" and value is not None and value is not False:
-            words.append(f"--{name} {value}")
-    return " ".join(words)

@@ -2,7 +2,6 @@
 
 import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -11,9 +10,6 @@ from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import PlainCommand
 from jaxpf.files.writing import report_os_errors, write_text
 from jaxpf.papers import PAPERS
-
-if TYPE_CHECKING:
-    from jaxpf.papers.judging.claims import Judged
 
 
 @click.command("verdicts", cls=PlainCommand)
@@ -38,19 +34,13 @@ def command(papers: tuple[str, ...], output: Path | None, details: bool) -> None
     from jaxpf.papers.judging.claims import RULE
 
     for paper in papers or PAPERS:
-        judged = verdicts.stored(paper) if output is None else _written(paper, output)
+        judged = verdicts.stored(paper)
+        if output is not None:
+            judged = [verdicts.judged_again(each) for each in judged]
+            with report_os_errors("create the folder", output / paper):
+                (output / paper).mkdir(parents=True, exist_ok=True)
+            write_text(output / paper / "verdicts.csv", verdicts.csv_of(judged))
         for line in verdicts.report(paper, judged, details):
             say(line)
         say()
     say(textwrap.fill(RULE, 100))
-
-
-def _written(paper: str, output: Path) -> "list[Judged]":
-    """Judge a paper's stored figures again, and write them."""
-    from jaxpf.papers.judging import verdicts
-
-    judged = [verdicts.judged_again(each) for each in verdicts.stored(paper)]
-    with report_os_errors("create the folder", output / paper):
-        (output / paper).mkdir(parents=True, exist_ok=True)
-    write_text(output / paper / "verdicts.csv", verdicts.csv_of(judged))
-    return judged

@@ -14,7 +14,7 @@ from command_line import jaxpf
 from jaxpf import InputError
 from jaxpf.evaluation import Pool
 from jaxpf.papers import PAPERS, paper
-from jaxpf.papers.checkpoints import can_resume, each, keeping
+from jaxpf.papers.checkpoints import can_resume, keeping, of_scenes
 from jaxpf.papers.judging.claims import claims_of
 from jaxpf.papers.judging.estimates import computed
 from jaxpf.papers.paper import Paper, paper_of
@@ -28,11 +28,11 @@ class Measured:
         self.asked = []
 
     def part(self, name):
-        def measure():
+        def measure(seed):
             self.asked.append(name)
             return {"with a space": np.arange(3.0), "flags": np.array([True, False])}
 
-        return next(each([(name, measure)]))
+        return of_scenes(name, measure, [0], lambda line: None)
 
 
 def test_without_a_folder_parts_are_measured_each_time():
@@ -40,7 +40,7 @@ def test_without_a_folder_parts_are_measured_each_time():
     measured.part("a")
     found = measured.part("a")
     assert measured.asked == ["a", "a"]
-    np.testing.assert_array_equal(found["with a space"], [0, 1, 2])
+    np.testing.assert_array_equal(found["with a space"], [[0, 1, 2]])
 
 
 def test_what_was_measured_before_a_stop_is_not_measured_again(tmp_path):
@@ -51,7 +51,7 @@ def test_what_was_measured_before_a_stop_is_not_measured_again(tmp_path):
         raise KeyboardInterrupt
     assert can_resume(tmp_path, {"seed": 1})
     assert not can_resume(tmp_path, {"seed": 2})
-    (tmp_path / "parts" / "b.npz").write_bytes(b"PK damaged")
+    (tmp_path / "parts" / "b-0.npz").write_bytes(b"PK damaged")
     with keeping(tmp_path, {"seed": 1}):
         found = measured.part("a")
         measured.part("b")
@@ -72,8 +72,7 @@ def test_parts_that_are_shared_out_come_in_their_order_and_once(tmp_path, pool):
         return {"number": number}
 
     def measured(numbers):
-        parts = ((f"part-{number}", partial(measure, number)) for number in numbers)
-        return [int(found["number"]) for found in each(parts, threads=2)]
+        return list(of_scenes("part", measure, numbers, lambda line: None, threads=2)["number"])
 
     with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {}, pool):
         assert measured([2, 1]) == [2, 1]

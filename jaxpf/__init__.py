@@ -8,9 +8,8 @@ above; a test holds this.
 ``papers/``
     The papers' tables and figures repeated: one folder per paper, all alike, and ``judging/``.
 ``evaluation/``
-    Many runs of many methods compared, with intervals; ``work/`` runs them and resumes,
-    ``measuring/`` measures and concludes, ``output/`` writes tables, figures and the report,
-    ``baselines/`` holds other trackers.
+    Many runs of many methods compared, with intervals; ``engine`` runs them and resumes,
+    ``tables`` and ``report`` say what they show, ``baselines/`` holds other trackers.
 ``tuning/``
     Parameters found by gradient descent, or drawn from their posterior.
 ``detections/``

@@ -1,6 +1,5 @@
-from .plan import Limits as Limits, Plan as Plan
-from .work.batches import Batch as Batch
-from .work.engine import (
+from .batches import Batch as Batch
+from .engine import (
     Pool as Pool,
     Prepared as Prepared,
     carry_out as carry_out,
@@ -9,5 +8,6 @@ from .work.engine import (
     local_pool as local_pool,
     prepare as prepare,
 )
-from .work.other_tracks import match_tracks as match_tracks, read_tracks as read_tracks
-from .work.results import Configuration as Configuration, Results as Results
+from .other_tracks import match_tracks as match_tracks, read_tracks as read_tracks
+from .plan import Limits as Limits, Plan as Plan
+from .results import Configuration as Configuration, Results as Results

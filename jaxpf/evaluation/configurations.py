@@ -8,7 +8,7 @@ from typing import Any
 from jaxpf import filters
 from jaxpf.contract.options import chosen, implied, options_of
 from jaxpf.evaluation.plan import Plan, applicable
-from jaxpf.evaluation.work.results import Configuration
+from jaxpf.evaluation.results import Configuration
 from jaxpf.targets import find_target
 from jaxpf.targets.target import Start, Target
 

@@ -5,7 +5,7 @@ import pytest
 from command_line import refusal_of
 from small_sequence_folder import write_sequence
 
-from jaxpf.evaluation.output import report
+from jaxpf.evaluation import report
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +28,10 @@ def place(tmp_path_factory):
 def short_report(monkeypatch):
     """A report has tests of its own, and takes seconds."""
 
-    def write(results, overview):
-        (results.folder / "report.html").write_text(f"{len(overview.summaries)} configurations")
+    def write(overview):
+        (overview.results.folder / "report.html").write_text(
+            f"{len(overview.summaries)} configurations"
+        )
 
     monkeypatch.setattr(report, "write_report", write)
 

@@ -16,8 +16,7 @@ def whole(tmp_path_factory):
 @pytest.fixture
 def without_scores(monkeypatch):
     """Leave out HOTA and its like, which take a third of the time and have tests of their own."""
-    for module in ("collection", "overview"):
-        monkeypatch.setattr(f"jaxpf.evaluation.measuring.{module}.has_scores", lambda: False)
+    monkeypatch.setattr("jaxpf.evaluation.summaries.has_scores", lambda: False)
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ from small_sequence_folder import write_sequence
 
 from jaxpf import InputError
 from jaxpf.evaluation import evaluate, finished
+from jaxpf.evaluation.fingerprint import fingerprint
 from jaxpf.evaluation.opening import load_scene
-from jaxpf.evaluation.work.fingerprint import fingerprint
 
 
 @pytest.fixture

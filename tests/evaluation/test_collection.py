@@ -6,10 +6,10 @@ import jax
 import numpy as np
 import pytest
 from csv_rows import rows_of
-from made_results import SIR, batch, make, walks
+from made_results import SIR, batch, make, value, walks
 
-from jaxpf.evaluation.measuring.collection import QUANTILES, error_quantiles
-from jaxpf.evaluation.output.tables import write_tables
+from jaxpf.evaluation.summaries import QUANTILES, error_quantiles
+from jaxpf.evaluation.tables import write_tables
 from jaxpf.measures import mean_interval
 
 pytestmark = pytest.mark.usefixtures("without_scores")
@@ -32,7 +32,8 @@ def test_curves_are_means_over_runs(tmp_path):
 
     truth, boxes = walks(seed=8, runs=30, frames=6, objects=2)
     results = make(tmp_path / "results", [(SIR, [batch(boxes[:20]), batch(boxes[20:], 20)])], truth)
-    (summary,) = write_tables(results).summaries
+    made = write_tables(results)
+    (summary,) = made.summaries
     for found, curve in (
         (summary.success, success_curve),
         (summary.precision, precision_curve),
@@ -43,8 +44,7 @@ def test_curves_are_means_over_runs(tmp_path):
         np.testing.assert_allclose(found.lower[:2], wanted.lower, atol=1e-5)
         np.testing.assert_allclose(found.upper[:2], wanted.upper, atol=1e-5)
         if curve is success_curve:
-            area = summary.estimates["success_auc"].value[2]
-            assert area == pytest.approx(float(np.mean(curves)), rel=1e-5)
+            assert value(made, 0, "success_auc") == pytest.approx(float(np.mean(curves)), rel=1e-5)
     rows = [row for row in rows_of(results.folder / "curves.csv") if row["object"] == "all"]
     assert [row["curve"] for row in rows] == ["success"] * 21 + ["precision"] * 51
     (at_20,) = (row for row in rows if (row["curve"], row["threshold"]) == ("precision", "20"))
@@ -96,9 +96,9 @@ def test_regions_of_size_cover_sizes_as_often_as_normal_ones(tmp_path):
         spread[..., 2] = particles * scale
         runs = batch(boxes, spread=spread, model_error=(0, 0, model))
         made = make(tmp_path / f"{particles}", [(SIR, [runs])], truth)
-        (summary,) = write_tables(made).summaries
+        overview = write_tables(made)
         for percent, share in zip((50, 95), expected, strict=True):
-            found = summary.estimates[f"size_coverage_{percent}"].value[0]
+            found = value(overview, 0, f"size_coverage_{percent}")
             error = np.sqrt(share * (1 - share) / 1600)
             assert abs(found - share) < 4.5 * error, (particles, percent, found)
 
@@ -110,8 +110,8 @@ def test_regions_of_the_place_hold_the_error_of_the_model(tmp_path):
     boxes = np.broadcast_to(truth, (8, 200, 1, 4)).copy()
     boxes[..., :2] += 5 * random.standard_normal((8, 200, 1, 2))
     runs = batch(boxes, spread=3.0, model_error=(4, 4, 0))
-    (summary,) = write_tables(make(tmp_path / "made", [(SIR, [runs])], truth)).summaries
+    overview = write_tables(make(tmp_path / "made", [(SIR, [runs])], truth))
     for percent in (50, 95):
         share = percent / 100
         error = np.sqrt(share * (1 - share) / 3200)
-        assert abs(summary.estimates[f"coverage_{percent}"].value[0] - share) < 4.5 * error
+        assert abs(value(overview, 0, f"coverage_{percent}") - share) < 4.5 * error

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from made_results import DPS, OTHER, PS, SIR, batch, imported, make, walks
+from made_results import DPS, OTHER, PS, SIR, batch, imported, make, value, walks
 
-from jaxpf.evaluation import Configuration
-from jaxpf.evaluation.measuring.overview import measure_results
-from jaxpf.evaluation.output import tables
+from jaxpf.evaluation import Configuration, tables
+from jaxpf.evaluation.tables import measure_results
 
 pytestmark = pytest.mark.usefixtures("without_scores")
 
@@ -106,8 +105,8 @@ def test_one_screen_shows_the_best_first(tmp_path, monkeypatch):
     ]
     results = make(tmp_path / "made", batches, truth)
     measured = measure_results(results)
-    (table,) = tables.printed_tables(results, measured)
-    areas = [measured.summaries[i].estimates["success_auc"].value[-1] for i in measured.ranking]
+    (table,) = tables.printed_tables(measured).values()
+    areas = [value(measured, i, "success_auc") for i in measured.ranking]
     assert areas == sorted(areas, reverse=True)
     best = [measured.summaries[i].name for i in measured.ranking[:2]]
-    assert [row[0] for row in table.rows] == best
+    assert table.method.tolist() == best

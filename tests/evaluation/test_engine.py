@@ -22,8 +22,8 @@ from small_evaluation import (
 import jaxpf
 from jaxpf import InputError
 from jaxpf.evaluation import Limits, Results, evaluate, finished, prepare
-from jaxpf.evaluation.work.schedule import divide
-from jaxpf.evaluation.work.worker import keep_measures
+from jaxpf.evaluation.schedule import divide
+from jaxpf.evaluation.worker import keep_measures
 from jaxpf.likelihoods import histogram_from_patches
 from jaxpf.shapes import boxes_from_substates
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from made_results import PARAMETERS, batch, make, walks
 
-from jaxpf.evaluation import Configuration
-from jaxpf.evaluation.measuring.measures import by_name
-from jaxpf.evaluation.measuring.overview import measure_results
-from jaxpf.evaluation.output import charts
-from jaxpf.evaluation.work.results import SPEEDS
+from jaxpf.evaluation import Configuration, figures
+from jaxpf.evaluation.measures import by_name
+from jaxpf.evaluation.results import SPEEDS
+from jaxpf.evaluation.tables import measure_results
 
 #: Particles and frames per second: PS takes 10 and 40 ms, SPS 20 and 100.
 TIMED = [
@@ -41,10 +40,10 @@ def evaluated(tmp_path):
 
 
 def test_curves_join_numbers_of_particles(evaluated):
-    summaries = measure_results(evaluated).summaries
-    lines = charts.lines_over_particles(summaries)
+    overview = measure_results(evaluated)
+    lines = figures.lines_over_particles(overview)
     assert list(lines) == ["PS 21", "SPS"]
-    figure = charts.against_time(lines)
+    figure = figures.against_time(overview, lines)
     for axis, measure in zip(figure.axes, ("success_auc", "centre_error"), strict=True):
         assert by_name(measure).title in axis.get_ylabel()
         assert len(axis.containers) == 2
@@ -54,5 +53,4 @@ def test_curves_join_numbers_of_particles(evaluated):
 
 def test_without_speeds_there_are_no_curves(evaluated):
     (evaluated.folder / SPEEDS).unlink()
-    tables = measure_results(evaluated)
-    assert charts.lines_over_particles(tables.summaries) == {}
+    assert figures.lines_over_particles(measure_results(evaluated)) == {}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jaxpf.evaluation.measuring import estimates
+from jaxpf.evaluation import estimates
 from jaxpf.measures import difference_interval, difference_p_value, mean_interval
 
 SHARES = (0.0, 1.0)

@@ -7,9 +7,8 @@ import pytest
 from csv_rows import rows_of
 
 from jaxpf import measures
-from jaxpf.evaluation.output import charts
-from jaxpf.evaluation.output.overall import FILES, write_overall
-from jaxpf.evaluation.output.tables import stored_tables
+from jaxpf.evaluation import overall as over
+from jaxpf.evaluation.overall import FILES, about_units, write_overall
 
 SHARES = (0.0, 1.0)
 HEADER = ["scene", "method", "ordering", "sharpness", "object", "measure", "runs", "value"]
@@ -33,10 +32,6 @@ def write(folder, name, rows, curve=lambda threshold: 1 - threshold):
     write_csv("curves.csv", header, lines)
 
 
-def overall(folder, names, varied):
-    return write_overall(folder, {name: stored_tables(folder / name) for name in names}, varied)
-
-
 def test_orders_of_a_method_are_averaged_and_differences_are_paired(tmp_path):
     def row(method, order, value, of="all"):
         return [method, order, "2.0", of, "iou", 9, value]
@@ -46,34 +41,29 @@ def test_orders_of_a_method_are_averaged_and_differences_are_paired(tmp_path):
     write(tmp_path, "one", [row("SIR", "", 0.5), of_one_object, *ps])
     write(tmp_path, "two", [row("SIR", "", 0.4), row("PS", "a", 0.6)])
     write(tmp_path, "three", [row("SIR", "", 0.9)])
-    means, differences = overall(tmp_path, ["one", "two", "three"], ["sharpness"])
-    assert means.columns[:2] == ["method", "sequences"]
-    assert [row[:2] for row in means.texts()] == [
-        ["SIR, sharpness 2.0", "3"],
-        ["PS, sharpness 2.0", "2"],
-    ]
-    assert means.texts()[0][2].startswith("60 [")
-    assert means.texts()[1][2].startswith("60")  # .6 of both sequences
+    shown = write_overall(tmp_path, ["one", "two", "three"], ["sharpness"])
+    means, _ = shown.values()
+    assert means.method.tolist() == ["SIR, sharpness 2.0", "PS, sharpness 2.0"]
+    assert means.sequences.tolist() == ["3", "2"]
+    assert means["IoU (%)"][0].startswith("60 [")
+    assert means["IoU (%)"][1].startswith("60")  # .6 of both sequences
     (found,) = (row for row in rows_of(tmp_path / "overall.csv") if row["what"] == "difference")
     # Only sequences that both have count: .6 - .5 and .6 - .4.
     assert (found["method"], found["sequences"]) == ("PS, sharpness 2.0", "2")
     assert float(found["value"]) == pytest.approx(0.15)
     assert found["lower"] == found["upper"] == ""  # two decide nothing
-    assert differences.title == "differences from SIR, sharpness 2.0, paired by sequence"
+    assert "differences from SIR, sharpness 2.0, paired by sequence" in shown
     assert {path.name for path in tmp_path.iterdir() if path.is_file()} == set(FILES)
-    text = (tmp_path / "overall.md").read_text()
-    assert "Sequences are the units" in text
-    assert "Fewer than 10 sequences are a preview and decide nothing." in text
-    assert "nan" not in text
-    assert "Runs are the independent units" not in text
+    assert "nan" not in (tmp_path / "overall.csv").read_text()
+    assert about_units(3).endswith("Fewer than 10 sequences are a preview and decide nothing.")
     assert len(rows_of(tmp_path / "sequences.csv")) == 5
 
 
 def test_options_that_do_not_vary_stand_in_no_names(tmp_path):
     for name in ("one", "two"):
         write(tmp_path, name, [["SIR", "", "2.0", "all", "iou", 9, 0.5]])
-    (means,) = overall(tmp_path, ["one", "two"], [])
-    assert means.texts()[0][0] == "SIR"
+    (means,) = write_overall(tmp_path, ["one", "two"], []).values()
+    assert means.method[0] == "SIR"
 
 
 def test_curves_are_means_over_sequences_with_their_intervals(tmp_path, monkeypatch):
@@ -83,13 +73,13 @@ def test_curves_are_means_over_sequences_with_their_intervals(tmp_path, monkeypa
         drawn.update(curves)
         return right(methods, curves)
 
-    right = charts.accuracy_curves
-    monkeypatch.setattr(charts, "accuracy_curves", keep)
+    right = over.accuracy_curves
+    monkeypatch.setattr(over, "accuracy_curves", keep)
     row = ["SIR", "", "2.0", "all", "iou", 9, 0.5]
     write(tmp_path, "one", [row, ["PS", *row[1:]]])
     write(tmp_path, "two", [row], lambda threshold: 1 - threshold**2)
     write(tmp_path, "three", [row])
-    overall(tmp_path, ["one", "two", "three"], [])
+    write_overall(tmp_path, ["one", "two", "three"], [])
     at_half = [0.5, 0.75, 0.5]
     wanted = measures.mean_interval(at_half, bounds=SHARES)
     np.testing.assert_allclose(

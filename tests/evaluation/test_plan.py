@@ -13,7 +13,7 @@ from jaxpf.boxes.target import BOXES
 from jaxpf.contract.options import options_of
 from jaxpf.evaluation import Limits, Plan
 from jaxpf.evaluation.configurations import complete, configurations
-from jaxpf.evaluation.work.fingerprint import describe_plan
+from jaxpf.evaluation.fingerprint import describe_plan
 from jaxpf.files.store import differences
 from jaxpf.filters.partitioned.family import PARTITIONED, order_label
 from jaxpf.targets.target import Start

@@ -27,8 +27,7 @@ from small_evaluation import (
 )
 
 from jaxpf import InputError
-from jaxpf.evaluation import Results, evaluate, finished, prepare
-from jaxpf.evaluation.work import folder
+from jaxpf.evaluation import Results, evaluate, finished, folder, prepare
 from jaxpf.files import writing as files
 from jaxpf.files.store import LOCK, locked
 

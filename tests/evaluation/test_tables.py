@@ -8,16 +8,15 @@ import jax
 import numpy as np
 import pytest
 from csv_rows import rows_of
-from made_results import DPS, OTHER, PARAMETERS, PS, SIR, batch, imported, make, walks
+from made_results import DPS, OTHER, PARAMETERS, PS, SIR, batch, imported, make, value, walks
 from small_evaluation import small_scene
 from two_objects import BOXES, FAR, NAN, TRUE, TRUTH, found, numbers
 
 from jaxpf import InputError, measures as metrics
-from jaxpf.evaluation import Configuration, Plan, Results
-from jaxpf.evaluation.measuring.collection import configuration_name
-from jaxpf.evaluation.output import tables
-from jaxpf.evaluation.output.tables import write_tables
-from jaxpf.evaluation.work.settings import new_settings
+from jaxpf.evaluation import Configuration, Plan, Results, tables
+from jaxpf.evaluation.settings import new_settings
+from jaxpf.evaluation.summaries import configuration_name
+from jaxpf.evaluation.tables import write_tables
 from jaxpf.measures import mean_interval
 from jaxpf.targets import find_target
 
@@ -108,7 +107,7 @@ def test_imported_tracks_have_values_without_intervals(by_hand):
     measured = {row["measure"] for row in rows if row["method"] == OTHER.method}
     assert "iou" in measured
     assert "distinct_share" not in measured
-    assert made.summaries[1].reference is None
+    assert made.differences.empty
     assert any("one track, the same for every seed" in remark for remark in made.remarks)
 
 
@@ -150,16 +149,18 @@ def test_methods_are_compared_on_common_runs_at_equal_parameters(tmp_path):
     made = write_tables(results)
     expected = [f"{name}, sharpness {value}" for value in (20, 40) for name in ("SIR", "PS 21")]
     assert [s.name for s in made.summaries] == expected
-    assert [s.reference for s in made.summaries] == [None, 0, 0, 2]
-    difference = made.summaries[1].differences["tracked_share"]
+    found = made.differences
+    assert dict(found.groupby("configuration").reference.first()) == {1: 0, 2: 0, 3: 2}
+    of_ps = found[found.configuration == 1].set_index(["measure", "object"])
+    difference = of_ps.loc["tracked_share"]
     assert difference.runs.tolist() == [8, 8, 8]
     tracked = np.asarray(jax.jit(metrics.track_state)(boxes[:8], truth))
-    assert difference.value[0] == pytest.approx(-tracked[:, :, 0].mean(), rel=1e-6)
-    assert difference.value[1] == 0
-    assert made.summaries[0].estimates["success"].value[0] > 0
-    rate = made.summaries[1].differences["success"]
+    assert difference.value["1"] == pytest.approx(-tracked[:, :, 0].mean(), rel=1e-6)
+    assert difference.value["2"] == 0
+    assert value(made, 0, "success", 1) > 0
+    rate = of_ps.loc["success", "1"]
     wins = int(np.asarray(jax.jit(metrics.success)(boxes[:8], truth))[:, 0].sum())
-    assert (rate.gained[0], rate.lost[0]) == (0, wins)
+    assert (rate.gained, rate.lost) == (0, wins)
     for remark in ("DPS shifts, sharpness 20: 0 of 16", "PS 21, sharpness 20: 12 of 16"):
         assert any(remark in one for one in made.remarks)
     row = rows_of(results.folder / "differences.csv")[0]
@@ -187,35 +188,31 @@ def test_an_object_that_is_never_there_has_no_measures_and_fields_are_quoted(tmp
     absent = {(row["success"], row["frames"]) for row in rows if row["object"] == "2"}
     assert absent == {("", "0")}
     assert (float(rows[0]["a,b"]), float(rows[0]['say "x"'])) == (1.0, 2.0)
-    success = made.summaries[0].estimates["success"].value
-    assert math.isnan(success[1])
-    assert success[2] == success[0]
+    assert math.isnan(value(made, 0, "success", 2))
+    assert value(made, 0, "success") == value(made, 0, "success", 1)
 
 
 def test_results_without_a_finished_run(tmp_path):
     truth, _ = walks(seed=6, runs=1, frames=3, objects=2)
     results = make(tmp_path / "results", [(SIR, [])], truth, runs=9)
     made = write_tables(results)
-    assert tables.printed_tables(results, made) == []
+    assert tables.printed_tables(made) == {}
     assert "0 of 9" in made.remarks[0]
     assert rows_of(results.folder / "results.csv") == []
 
 
-def test_markdown_holds_the_summary(by_hand):
-    folder = by_hand[0].folder
-    markdown = (folder / "summary.md").read_text()
-    table = markdown.split("## object 4")[1].split("##")[0]
-    lines = [line for line in table.splitlines() if line.startswith("|")]
-    assert len(lines) == 4  # header, rule, two methods
-    cells = [cell.strip() for cell in lines[2].strip("|").split("|")]
-    assert cells[:3] == ["SIR", "3", "50 [16, 84]"], "success at IoU 0.5 leads"
-    assert cells[4] == "33 [1, 91]"
-    assert r"a\|b \<i\>\_100%$x$" in lines[3]
+def test_readers_see_the_summary(by_hand):
+    table = tables.estimate_tables(by_hand[1], [0, 1])["object 4"]
+    assert table.method.tolist() == ["SIR", OTHER.method]
+    assert table.runs[0] == "3"
+    assert table.columns[2].startswith("success at IoU 0.5"), "it leads"
+    assert table.iloc[0, 2] == "50 [16, 84]"
+    assert table.iloc[0, 4] == "33 [1, 91]"
 
 
 def test_shown_decimals_follow_the_width_of_the_intervals():
-    from jaxpf.evaluation.measuring.measures import by_name
-    from jaxpf.evaluation.output.layout import cells_of
+    from jaxpf.evaluation.measures import by_name
+    from jaxpf.evaluation.tables import cells_of
 
     measure = by_name("centre_error")
     assert cells_of(measure, np.array([[12.345, 2.1, 22.9]])) == ["12 [2, 23]"]
@@ -246,7 +243,6 @@ def test_without_trackeval_the_scores_are_left_out(tmp_path):
     made = write_tables(results)
     assert any("--no-deps trackeval" in remark for remark in made.remarks)
     assert "HOTA" not in (results.folder / "summary.csv").read_text()
-    assert "HOTA (" not in (results.folder / "summary.md").read_text()
 
 
 @pytest.mark.usefixtures("without_scores")
@@ -256,10 +252,10 @@ def test_the_same_results_give_the_same_bytes_and_a_full_disk_loses_nothing(tmp_
     written = []
     for _ in range(2):
         write_tables(results)
-        files = [path for path in results.folder.rglob("*") if path.suffix in {".csv", ".md"}]
+        files = [path for path in results.folder.rglob("*") if path.suffix == ".csv"]
         written.append({path.name: path.read_bytes() for path in files})
     assert written[0] == written[1]
-    assert len(written[0]) == 5
+    assert len(written[0]) == 4
 
     def full(file):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from jaxpf.evaluation import Batch, Configuration, Results
-from jaxpf.evaluation.work.batches import FOLDER, batch_name
+from jaxpf.evaluation.batches import FOLDER, batch_name
+from jaxpf.evaluation.summaries import intervals
 from jaxpf.files.store import Store
 from jaxpf.targets.target import Start
 
@@ -89,6 +90,11 @@ def make(folder, batches, truth, runs=None, ids=None, frames=None, start_frame=0
     ids = np.array(settings["scene"]["object_ids"])
     start = Start(ids, first, first[:, 2:], (-1,) * len(ids))
     return Results(folder, settings, truth, start, scene)
+
+
+def value(overview, configuration, measure, of="all"):
+    """The estimate of a measure of the configuration with an index."""
+    return intervals(overview.estimates, measure, str(of), [configuration])[0, 0]
 
 
 def walks(seed, runs, frames, objects, noise=6.0):

@@ -13,7 +13,7 @@ import jaxpf
 import scenes
 from jaxpf.cli.tracking.track_table import places_of
 from jaxpf.evaluation import Configuration
-from jaxpf.evaluation.work.trackers import built_in_tracker
+from jaxpf.evaluation.trackers import built_in_tracker
 from jaxpf.points import draw_points
 from jaxpf.points.target import POINTS, Options
 from jaxpf.targets.building import looks_of_scene

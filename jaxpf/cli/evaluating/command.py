@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from jaxpf import evaluation
-from jaxpf.cli.evaluating.output import FINISHED, print_again, print_results, show_plan
 from jaxpf.cli.evaluating.request import VARIED, Compared, Request, Work, parse
 from jaxpf.cli.shared.config import write_config
-from jaxpf.cli.shared.console import progress_bar, say
+from jaxpf.cli.shared.console import print_table, progress_bar, say
 from jaxpf.cli.shared.flags import report_implied
 from jaxpf.cli.shared.scene_options import SceneCommand, SceneOptions
 from jaxpf.cli.shared.startup import start_jax, use_compile_cache
+from jaxpf.contract.options import chosen, counting, plain
 from jaxpf.files.store import LOCK, locked
 from jaxpf.files.writing import check_output_folder
 from jaxpf.running.memory import check_memory
 
 if TYPE_CHECKING:
-    import pandas as pd
+    from jaxpf.evaluation.engine import Prepared
+    from jaxpf.evaluation.results import Results
 
-    from jaxpf.evaluation.work.engine import Prepared
-    from jaxpf.evaluation.work.results import Results
-
+#: Output files that the last line lists.
+_WRITTEN = ("report.html", "results.csv", "summary.csv", "curves.csv", "run.toml")
 _LESS_MEMORY = "ask for fewer particles, workers or frames, or a smaller --memory"
 
 
@@ -40,26 +40,11 @@ def _command(**values: Any) -> None:
         _evaluate(request)
 
 
-def _evaluate(request: Request) -> "dict[str, pd.DataFrame] | None":
-    """Evaluate one scene; returns its tables, or None if nothing was left to do or is done."""
-    if _is_finished(request):
-        return None
+def _evaluate(request: Request) -> None:
+    """Evaluate one scene, and write and print its tables; only the plan with ``--dry-run``."""
     prepared, pool = _prepare(request)
-    return None if request.options.dry_run else _finish(request, _run(request, prepared, pool))
-
-
-def _is_finished(request: Request) -> bool:
-    """Whether nothing is left to do; if so, print the results again."""
-    check_output_folder(request.output)
-    if (request.output / LOCK).exists():  # fail early: planning takes minutes
-        with locked(request.output, "evaluating"):
-            pass
-    if evaluation.finished(request.plan, request.output) is None:
-        return False
-    if request.options.dry_run:
-        say(f"{request.output}/: finished, nothing left to do")
-        return True
-    return not request.options.speed and print_again(request.output, request.plan.runs)
+    if not request.options.dry_run:
+        _finish(request, _run(request, prepared, pool))
 
 
 def _prepare(request: Request) -> "tuple[Prepared, Any]":
@@ -73,6 +58,10 @@ def _prepare(request: Request) -> "tuple[Prepared, Any]":
             memory.
     """
     options, pool = request.options, None
+    check_output_folder(request.output)
+    if (request.output / LOCK).exists():  # fail early: planning takes minutes
+        with locked(request.output, "evaluating"):
+            pass
     devices = start_jax(options.devices, options.workers)
     if options.dask:
         from jaxpf.cli.shared.cluster import cluster
@@ -89,7 +78,9 @@ def _prepare(request: Request) -> "tuple[Prepared, Any]":
     target = prepared.target
     report_implied(request.grid, target.resolved(target.options(), prepared.scene.settings))
     if prepared.missing_runs:
-        show_plan(prepared, workers, devices)
+        _show_plan(prepared, workers, devices)
+    elif options.dry_run:
+        say(f"{request.output}/: finished, nothing left to do")
     check_memory(options.workers * prepared.memory, _LESS_MEMORY)
     return prepared, pool
 
@@ -99,9 +90,8 @@ def _run(request: Request, prepared: "Prepared", pool: Any) -> "Results":
 
     An interruption keeps the finished runs and says how to resume.
     """
-    from jaxpf.evaluation.work.speed import keep_speeds, measure_speeds
+    from jaxpf.evaluation.speed import keep_speeds, measure_speeds
 
-    (request.output / FINISHED).unlink(missing_ok=True)  # it describes fewer runs
     try:
         with progress_bar("runs") as bar:
             name = prepared.scene.name
@@ -125,16 +115,72 @@ def _run(request: Request, prepared: "Prepared", pool: Any) -> "Results":
     return results
 
 
-def _finish(request: Request, results: "Results") -> "dict[str, pd.DataFrame]":
+def _finish(request: Request, results: "Results") -> None:
     """Write tables, report and the file that repeats the evaluation; then print the results."""
-    from jaxpf.evaluation.output.report import write_report
-    from jaxpf.evaluation.output.tables import write_tables
+    from jaxpf.evaluation.report import write_report
+    from jaxpf.evaluation.tables import printed_tables, write_tables
 
     write_config(results.folder / "run.toml", "evaluate", request.table())
     overview = write_tables(results)
-    write_report(results, overview)
-    print_results(results, overview)
-    return overview.tables
+    write_report(overview)
+    for title, table in printed_tables(overview).items():
+        print_table(title, [*table.columns], table.to_numpy().tolist())
+    for remark in overview.remarks:
+        say(remark)
+    say(f"{results.folder}/: {', '.join(_WRITTEN)}")
+    say(overview.conclusion)
+
+
+def _show_plan(prepared: "Prepared", workers: int, devices: int) -> None:
+    """Print what is compared, and its cost."""
+    from jaxpf.evaluation.results import OWN
+
+    results, scene = prepared.results, prepared.results.settings["scene"]
+    count, frames = len(scene["object_ids"]), len(results.truth)
+    say(
+        f"{scene['name']}: {count} object{'s' if count != 1 else ''}, {frames} frames "
+        f"after the start frame {scene['start_frame']}, {scene['width']} x {scene['height']} pixels"
+    )
+    columns, rows, common_to_all = _plan_table(prepared)
+    print_table("Plan", columns, rows)
+    if common_to_all:
+        say(", ".join(f"{name} {value}" for name, value in common_to_all.items()))
+    if prepared.damaged:
+        say(f"{len(prepared.damaged)} damaged file(s) will be made again.")
+    has_own = any(each.kind == OWN for each in results.configurations)
+    place = f"on {devices} device{'s' if devices > 1 else ''}"
+    if workers > 1:
+        place = f"in each of {workers} processes {place}"
+    say(
+        f"{prepared.missing_runs} runs to do, with {prepared.memory / 2**30:.1f} GB of memory "
+        + place
+        + (", trackers of your own not counted" if has_own else "")
+    )
+
+
+def _plan_table(prepared: "Prepared") -> tuple[list[str], list[list[str]], dict[str, str]]:
+    """A row per method, and the parameters that all configurations share."""
+    of, configurations = prepared.target, prepared.results.configurations
+    by_method: dict[str, list[int]] = {}
+    values: dict[str, dict[str, None]] = {}
+    for index, configuration in enumerate(configurations):
+        by_method.setdefault(configuration.method, []).append(index)
+        counts = counting(chosen(of.options, configuration.parameters))
+        for name, value in configuration.parameters.items():
+            if counts.get(name, True):
+                values.setdefault(name, {})[plain(value)] = None
+    varied = [name for name, texts in values.items() if len(texts) > 1]
+    rows = []
+    for method, indices in by_method.items():
+        group = [configurations[index] for index in indices]
+        orderings = " ".join(dict.fromkeys(c.ordering for c in group))
+        cells = [" ".join(values[name]) if name in group[0].parameters else "" for name in varied]
+        runs = 1 if group[0].is_imported else prepared.plan.runs
+        done = sum(int(prepared.done[index].sum()) for index in indices)
+        rows.append([method, orderings, *cells, f"{len(group)} x {runs}", str(done)])
+    common_to_all = {name: next(iter(values[name])) for name in values if name not in varied}
+    common_to_all = {n: value for n, value in common_to_all.items() if value != plain(None)}
+    return ["method", "ordering", *varied, "runs", "done"], rows, common_to_all
 
 
 command = SceneCommand(

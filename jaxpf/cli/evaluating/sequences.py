@@ -2,20 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from jaxpf.cli.evaluating.request import Request
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import print_table, say
 from jaxpf.contract.errors import InputError
-from jaxpf.evaluation.output.overall import FILES, about_units, write_overall
-from jaxpf.evaluation.output.tables import stored_tables
-from jaxpf.evaluation.work.scene import start_frame
+from jaxpf.evaluation.overall import FILES, about_units, write_overall
+from jaxpf.evaluation.scene import start_frame
 from jaxpf.sequences import open_sequence
 from jaxpf.targets import target_of_scene
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: Options that apply to a single sequence only.
 _OF_ONE = ("ids", "start_frame", "tracks")
@@ -24,14 +19,14 @@ _OF_ONE = ("ids", "start_frame", "tracks")
 def evaluate_each(
     request: Request,
     folders: Sequence[Path],
-    evaluate: "Callable[[Request], dict[str, pd.DataFrame] | None]",
+    evaluate: Callable[[Request], None],
 ) -> None:
     """Evaluate sequences one after another, then print results over all of them.
 
     Args:
         request: common to all sequences.
         folders: of the sequences.
-        evaluate: runs one request and returns its tables; None if they were there already.
+        evaluate: runs one request and writes its tables.
 
     Raises:
         InputError: an option applies to a single sequence only, or fewer than two sequences are of
@@ -48,16 +43,15 @@ def evaluate_each(
             f"'{request.scene}' holds {len(chosen)} sequence(s) that can be evaluated together; "
             "give at least 2, or name one of them."
         )
-    made = {}
     for number, (folder, frames) in enumerate(chosen.items(), start=1):
         say(f"\n{folder.name} ({number} of {len(chosen)})")
-        made[folder.name] = evaluate(request.of_sequence(folder, kind, frames))
+        evaluate(request.of_sequence(folder, kind, frames))
     if options.dry_run:
         return
-    tables = {name: each or stored_tables(output / name) for name, each in made.items()}
     say()
-    for table in write_overall(output, tables, request.varied):
-        print_table(table.title, table.columns, table.texts())
+    names = [folder.name for folder in chosen]
+    for title, table in write_overall(output, names, request.varied).items():
+        print_table(title, [*table.columns], table.to_numpy().tolist())
     write_config(output / "run.toml", "evaluate", request.table())
     say(about_units(len(chosen)))
     say(f"{output}/: {', '.join(FILES)}, run.toml, and a folder for each sequence")

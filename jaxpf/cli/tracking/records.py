@@ -13,7 +13,7 @@ from jaxpf.cli.tracking.track_table import places_of
 from jaxpf.contract.lost import judge
 from jaxpf.detections import follow
 from jaxpf.detections.lifetimes import EMPTY, Changes
-from jaxpf.evaluation.work.trackers import shapes_of
+from jaxpf.evaluation.trackers import shapes_of
 from jaxpf.media.overlay import NUM_COLOURS, object_colours
 from jaxpf.running.streaming import stream
 from jaxpf.targets.target import Start, Target

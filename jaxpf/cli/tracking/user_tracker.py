@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import scenes
 from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.opening import as_input_error
-from jaxpf.evaluation.work.trackers import own_tracker
+from jaxpf.evaluation.trackers import own_tracker
 from jaxpf.files.reading import read_text
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from jaxpf.cli.shared.scene_options import scene_parameters
 from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.opening import load_scene
-from jaxpf.evaluation.work.scene import check_scene
+from jaxpf.evaluation.scene import check_scene
 
 if TYPE_CHECKING:
     from jaxpf.cli.tuning.command import Options

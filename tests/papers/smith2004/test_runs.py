@@ -11,7 +11,7 @@ from command_line import jaxpf
 import scenes
 from jaxpf import measures, running
 from jaxpf.evaluation import local_pool
-from jaxpf.evaluation.work.worker import run_keys
+from jaxpf.evaluation.worker import run_keys
 from jaxpf.papers.checkpoints import keeping
 from jaxpf.papers.smith2004 import scenes as synthetic
 from jaxpf.papers.smith2004.scenes import Outcome, scene_tracker

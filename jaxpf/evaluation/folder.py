@@ -8,11 +8,11 @@ import numpy as np
 
 from jaxpf import __version__
 from jaxpf.contract.errors import InputError
+from jaxpf.evaluation.batches import FOLDER
 from jaxpf.evaluation.configurations import complete
+from jaxpf.evaluation.fingerprint import describe_plan
 from jaxpf.evaluation.plan import Plan
-from jaxpf.evaluation.work.batches import FOLDER
-from jaxpf.evaluation.work.fingerprint import describe_plan
-from jaxpf.evaluation.work.results import TRUTH, read_settings
+from jaxpf.evaluation.results import TRUTH, read_settings
 from jaxpf.files.store import SETTINGS, Store, differences
 from jaxpf.files.writing import is_left_over, report_os_errors
 from jaxpf.targets.target import Start

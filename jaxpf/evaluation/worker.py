@@ -10,10 +10,10 @@ import numpy as np
 
 from jaxpf.contract import model_error
 from jaxpf.contract.state import Summary
-from jaxpf.evaluation.work.batches import Batch
-from jaxpf.evaluation.work.results import BUILT_IN, Configuration
-from jaxpf.evaluation.work.scene import same_scene
-from jaxpf.evaluation.work.trackers import shapes_of, tracker_of
+from jaxpf.evaluation.batches import Batch
+from jaxpf.evaluation.results import BUILT_IN, Configuration
+from jaxpf.evaluation.scene import same_scene
+from jaxpf.evaluation.trackers import shapes_of, tracker_of
 from jaxpf.running.blocks import run_blocks
 from jaxpf.running.widths import Blocks
 from jaxpf.targets import find_target

@@ -12,9 +12,9 @@ import jax
 import numpy as np
 
 from jaxpf.contract.types import TrackerLike
-from jaxpf.evaluation.work.results import SPEEDS, Results
-from jaxpf.evaluation.work.schedule import shape_of
-from jaxpf.evaluation.work.trackers import tracker_of
+from jaxpf.evaluation.results import SPEEDS, Results
+from jaxpf.evaluation.schedule import shape_of
+from jaxpf.evaluation.trackers import tracker_of
 from jaxpf.files.writing import write_text
 from jaxpf.running.streaming import stream
 

@@ -11,9 +11,9 @@ import numpy as np
 from jaxpf import filters
 from jaxpf.contract.options import options_of
 from jaxpf.evaluation.plan import Limits, Plan
-from jaxpf.evaluation.work.results import BUILT_IN, Configuration
-from jaxpf.evaluation.work.trackers import tracker_of
-from jaxpf.evaluation.work.worker import Work
+from jaxpf.evaluation.results import BUILT_IN, Configuration
+from jaxpf.evaluation.trackers import tracker_of
+from jaxpf.evaluation.worker import Work
 from jaxpf.lowering import platform
 from jaxpf.running.chunks import chunk_length
 from jaxpf.running.widths import WIDE, Blocks, blocks_of

@@ -8,12 +8,12 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.configurations import complete, configurations
+from jaxpf.evaluation.fingerprint import describe_plan, fingerprint
 from jaxpf.evaluation.plan import Plan
-from jaxpf.evaluation.work.fingerprint import describe_plan, fingerprint
-from jaxpf.evaluation.work.results import IMPORTED, OWN, Configuration
-from jaxpf.evaluation.work.scene import object_ids, scene_digest, start_frame
-from jaxpf.evaluation.work.schedule import double_precision
-from jaxpf.evaluation.work.trackers import looks_of, own_tracker
+from jaxpf.evaluation.results import IMPORTED, OWN, Configuration
+from jaxpf.evaluation.scene import object_ids, scene_digest, start_frame
+from jaxpf.evaluation.schedule import double_precision
+from jaxpf.evaluation.trackers import looks_of, own_tracker
 from jaxpf.files.versions import versions
 from jaxpf.targets.target import Start, Target
 

@@ -54,7 +54,6 @@ class Difference(NamedTuple):
         lost: number of runs in which the reference has the larger value.
         p: two-sided p-value for no difference, below 0.05 where the 95% interval excludes 0: of
             rates McNemar's exact test, of medians the sign test.
-        p_holm: ``p`` after Holm's correction; NaN until the other comparisons are known.
     """
 
     value: np.ndarray
@@ -65,7 +64,6 @@ class Difference(NamedTuple):
     gained: np.ndarray
     lost: np.ndarray
     p: np.ndarray
-    p_holm: np.ndarray
 
 
 def with_all(values: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -133,7 +131,7 @@ def difference(
     else:
         found = difference_interval(first, second, level, bounds)
         p = difference_p_value(first, second, bounds)
-    return Difference(*found, runs, gained, lost, p, np.full_like(p, np.nan))
+    return Difference(*found, runs, gained, lost, p)
 
 
 def holm(p: ArrayLike) -> np.ndarray:

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_type
+from jaxpf.evaluation.batches import Batch, batch_name
+from jaxpf.evaluation.fingerprint import fingerprint
+from jaxpf.evaluation.folder import stored_settings, write_settings
 from jaxpf.evaluation.plan import DEFAULT_LIMITS, Limits, Plan
-from jaxpf.evaluation.work.batches import Batch, batch_name
-from jaxpf.evaluation.work.fingerprint import fingerprint
-from jaxpf.evaluation.work.folder import stored_settings, write_settings
-from jaxpf.evaluation.work.results import Configuration, Results
-from jaxpf.evaluation.work.scene import (
+from jaxpf.evaluation.results import Configuration, Results
+from jaxpf.evaluation.scene import (
     check_scene,
     object_ids,
     open_scene,
@@ -31,7 +31,7 @@ from jaxpf.targets import target_of_scene
 from jaxpf.targets.target import Target
 
 if TYPE_CHECKING:
-    from jaxpf.evaluation.work.worker import Work
+    from jaxpf.evaluation.worker import Work
     from scenes import Scene
 
 
@@ -132,8 +132,8 @@ def prepare(
     check_type("plan", plan, Plan)
     folder = Path(folder)
     settings = stored_settings(plan, folder)
-    from jaxpf.evaluation.work.schedule import batches
-    from jaxpf.evaluation.work.settings import check_continues, new_settings
+    from jaxpf.evaluation.schedule import batches
+    from jaxpf.evaluation.settings import check_continues, new_settings
 
     scene = open_scene(plan.scene)
     check_scene(scene)
@@ -179,7 +179,7 @@ def carry_out(
     retries: int = RETRIES,
 ) -> Results:
     """Run what ``prepare`` found missing; arguments and errors as for ``evaluate``."""
-    from jaxpf.evaluation.work.worker import run_batch
+    from jaxpf.evaluation.worker import run_batch
 
     results, store = prepared.results, prepared.results.store
     work = ((batch_name(each.index, each.first_run), each) for each in prepared.work)
@@ -201,8 +201,8 @@ def _imported(
     plan: Plan, scene: "Scene", target: Target, configuration: Configuration
 ) -> tuple[Batch, float | None]:
     """Read or compute another tracker's tracks; also the seconds that computing them took."""
-    from jaxpf.evaluation.work.trackers import own_tracker
-    from jaxpf.evaluation.work.worker import imported_batch
+    from jaxpf.evaluation.trackers import own_tracker
+    from jaxpf.evaluation.worker import imported_batch
 
     name = configuration.method
     boxes, seconds = None, None
@@ -214,7 +214,7 @@ def _imported(
         if hasattr(function, "seconds"):  # a baseline caches its boxes, so ask it
             seconds = function.seconds(scene)
     elif target.has_boxes:
-        from jaxpf.evaluation.work.other_tracks import read_tracks
+        from jaxpf.evaluation.other_tracks import read_tracks
 
         boxes = read_tracks(plan.tracks[name], scene.boxes, object_ids(scene), start_frame(scene))
     given = "points" if boxes is not None and boxes.shape[-1] == 2 else "boxes"

@@ -7,58 +7,34 @@ wide for few sequences, regardless of the number of runs.
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pandas import DataFrame, MultiIndex, concat
+import pandas as pd
 
-from jaxpf.evaluation.measuring.estimates import Difference, Estimate, difference, estimate
-from jaxpf.evaluation.measuring.measures import CURVES, FIGURES, MEASURES, SCORES, by_name
-from jaxpf.evaluation.output import charts
-from jaxpf.evaluation.output.figures import in_style, save
-from jaxpf.evaluation.output.layout import (
-    ABOUT_CALIBRATION,
-    ABOUT_CONFIDENCE,
-    ABOUT_MEASURES,
-    NOTES,
-    are_known,
-    cells_of,
-    heading,
-    to_markdown,
-    triples,
-)
-from jaxpf.evaluation.output.tables import write_csv
-from jaxpf.files.tables import Table
-from jaxpf.files.writing import remove_leavings, write_text
+from jaxpf.evaluation.estimates import Difference, Estimate, difference, estimate
+from jaxpf.evaluation.figures import accuracy_curves, in_style, save
+from jaxpf.evaluation.measures import CURVES, FIGURES, MEASURES, SCORES, by_name
+from jaxpf.evaluation.summaries import ALL
+from jaxpf.evaluation.tables import measure_column, stored_table, write_csv
+from jaxpf.files.writing import remove_leavings
 from jaxpf.measures.intervals import DECISIVE
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-#: Measures in the terminal's tables.
+#: Measures in the terminal's tables; ``overall.csv`` has all.
 PRINTED = (
     *("iou", "success_rate_50", "coverage_95", "size_coverage_95"),
     *("confidence_area", "silent", "frames_per_second"),
 )
-#: Measures in ``overall.md``; ``overall.csv`` has all.
-SHOWN = (
-    *("iou", "success_rate_50", "success_auc", "coverage_50", "coverage_95"),
-    *("size_coverage_50", "size_coverage_95", "confidence_area", "silent", "frames_per_second"),
-    *("HOTA", "IDF1"),
-)
-FILES = ("overall.md", "overall.csv", "sequences.csv", "overall.png", "overall.pdf")
+FILES = ("overall.csv", "sequences.csv", "overall.png")
 
 
-#: Sequence -> its data frames "summary" and "curves", see ``output.tables``.
-Tables = Mapping[str, Mapping[str, Any]]
-
-
-def write_overall(folder: Path, tables: Tables, varied: Sequence[str]) -> list[Table]:
+def write_overall(
+    folder: Path, names: Sequence[str], varied: Sequence[str]
+) -> dict[str, pd.DataFrame]:
     """Write ``FILES`` from the tables of each sequence.
 
     Args:
-        folder: for the files.
-        tables: of every sequence.
+        folder: for the files; each sequence's evaluation is in a folder of its name below.
+        names: of the sequences.
         varied: options with several values, which distinguish configurations.
 
     Returns:
@@ -67,11 +43,10 @@ def write_overall(folder: Path, tables: Tables, varied: Sequence[str]) -> list[T
     Raises:
         InputError: a file cannot be written.
     """
-    names = list(tables)
     measures = [each.name for each in (*MEASURES, *SCORES, *FIGURES)]
-    values = _by_sequence(tables, "summary", varied, ["measure"])
+    values = _by_sequence(folder, names, "summary", varied, ["measure"])
     first, *others = methods = list(values.index.unique("method"))
-    values = values.reindex(MultiIndex.from_product([methods, measures]))
+    values = values.reindex(pd.MultiIndex.from_product([methods, measures]))
     units = {key: _units(values.loc[[key]]) for key in values.index}
     means = {key: estimate(*each, by_name(key[1]).bounds) for key, each in units.items()}
     differences = {
@@ -81,22 +56,7 @@ def write_overall(folder: Path, tables: Tables, varied: Sequence[str]) -> list[T
         for method in others
         for measure in measures
     }
-
-    def tables_of(shown: Sequence[str]) -> list[Table]:
-        tables = [_table(f"means over {len(names)} sequences", methods, means, shown)]
-        if others:
-            title = f"differences from {first}, paired by sequence"
-            compared = [name for name in shown if name != "frames_per_second"]
-            tables.append(_table(title, others, differences, compared))
-        return tables
-
-    notes = [
-        about_units(len(names)),
-        *(NOTES[n] for n in (ABOUT_MEASURES, ABOUT_CALIBRATION, ABOUT_CONFIDENCE)),
-    ]
-    text = to_markdown("Over all sequences", tables_of(SHOWN), [", ".join(names)], notes)
     remove_leavings(folder)
-    write_text(folder / "overall.md", text)
     rows = [
         [what, *key, found.runs[0], *(x[0] for x in (found.value, found.lower, found.upper))]
         for what, every in (("mean", means), ("difference", differences))
@@ -104,12 +64,18 @@ def write_overall(folder: Path, tables: Tables, varied: Sequence[str]) -> list[T
         if found.runs[0]
     ]
     columns = ["what", "method", "measure", "sequences", "value", "lower", "upper"]
-    write_csv(folder / "overall.csv", DataFrame(rows, columns=columns))
+    write_csv(folder / "overall.csv", pd.DataFrame(rows, columns=columns))
     long = values.stack().dropna().rename("value").rename_axis(["method", "measure", "sequence"])
     columns = ["sequence", "method", "measure", "value"]
     write_csv(folder / "sequences.csv", long.reset_index()[columns])
-    _draw(folder, _by_sequence(tables, "curves", varied, ["curve", "threshold"]), methods)
-    return tables_of(PRINTED)
+    curves = _by_sequence(folder, names, "curves", varied, ["curve", "threshold"])
+    _draw(folder, curves, methods)
+    printed = {f"means over {len(names)} sequences": _table(methods, means, PRINTED)}
+    if others:
+        title = f"differences from {first}, paired by sequence"
+        compared = [name for name in PRINTED if name != "frames_per_second"]
+        printed[title] = _table(others, differences, compared)
+    return printed
 
 
 def about_units(sequences: int) -> str:
@@ -123,24 +89,25 @@ def about_units(sequences: int) -> str:
 
 
 def _by_sequence(
-    tables: Tables, name: str, varied: Sequence[str], rows: Sequence[str]
-) -> "pd.DataFrame":
+    folder: Path, names: Sequence[str], kind: str, varied: Sequence[str], rows: Sequence[str]
+) -> pd.DataFrame:
     """Values over all objects: a row per method and ``rows``, a column per sequence."""
-    table = concat({key: each[name] for key, each in tables.items()}, names=["sequence"])
-    table = table[table.object == "all"].reset_index()
+    tables = {name: stored_table(folder / name, kind) for name in names}
+    table = pd.concat(tables, names=["sequence"])
+    table = table[table.object == ALL].reset_index()
     for option in filter(table.columns.__contains__, varied):
         table["method"] += [f", {option} {x}" if x else "" for x in table[option].fillna("")]
     numbers = {name: float for name in ("value", "threshold") if name in table}
     table = table.astype(numbers).pivot_table("value", ["method", *rows], "sequence", sort=False)
-    return table.reindex(columns=list(tables))
+    return table.reindex(columns=list(names))
 
 
-def _units(rows: "pd.DataFrame") -> tuple[np.ndarray, np.ndarray]:
+def _units(rows: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
     """Values and weights of the sequences, ``[S, K]`` each, of K rows of ``_by_sequence``."""
     return rows.to_numpy().T, np.ones(rows.shape[::-1])
 
 
-def _draw(folder: Path, curves: "pd.DataFrame", methods: Sequence[str]) -> None:
+def _draw(folder: Path, curves: pd.DataFrame, methods: Sequence[str]) -> None:
     """Draw success and precision curves: means over sequences with intervals."""
     found = {
         (method, curve): estimate(*_units(curves.loc[method, curve].dropna(axis=1)), (0, 1))
@@ -149,21 +116,20 @@ def _draw(folder: Path, curves: "pd.DataFrame", methods: Sequence[str]) -> None:
     }
     ends = {key: np.array([x.value, x.lower, x.upper])[:, :-1] for key, x in found.items()}
     with in_style():
-        save(charts.accuracy_curves(methods, ends), folder / "overall.png")
+        save(accuracy_curves(methods, ends), folder / "overall.png")
 
 
 def _table(
-    title: str,
     methods: Sequence[str],
     found: Mapping[tuple[str, str], Estimate | Difference],
     shown: Sequence[str],
-) -> Table:
-    table = Table("overall", title, ["method"], [(method, []) for method in methods])
+) -> pd.DataFrame:
+    columns = {"method": list(methods)}
     counts = [found[method, "iou"].runs[0] for method in methods]
     if len(set(counts)) > 1:
-        table.add("sequences", map(str, counts))
+        columns["sequences"] = list(map(str, counts))
     for measure in map(by_name, shown):
-        values = triples([found[method, measure.name] for method in methods], 0)
-        if are_known(values):
-            table.add(heading(measure), cells_of(measure, values))
-    return table
+        every = [found[method, measure.name] for method in methods]
+        values = np.array([[x[0] for x in (e.value, e.lower, e.upper)] for e in every])
+        columns |= measure_column(measure, values)
+    return pd.DataFrame(columns)

@@ -11,12 +11,20 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 
-from jaxpf.evaluation.measuring.collection import Summary, configuration_name, named_values
-from jaxpf.evaluation.measuring.estimates import LEVEL, difference
-from jaxpf.evaluation.measuring.measures import by_name
-from jaxpf.evaluation.measuring.summary import Runs, common_runs, run_values
-from jaxpf.evaluation.work.results import Configuration, Results
+from jaxpf.evaluation.estimates import LEVEL, difference, with_all
+from jaxpf.evaluation.measures import by_name
+from jaxpf.evaluation.results import Configuration, Results
+from jaxpf.evaluation.summaries import (
+    ALL,
+    Runs,
+    Summary,
+    common_runs,
+    configuration_name,
+    intervals,
+    named_values,
+)
 from jaxpf.measures.intervals import DECISIVE
 
 #: The measure that ranks configurations.
@@ -24,13 +32,15 @@ RANKED_BY = by_name("success_auc")
 _MOST_NAMED = 3
 
 
-def conclude(results: Results, summaries: Sequence[Summary]) -> tuple[str, list[int]]:
-    """State which configurations differ from the best.
+def conclude(
+    results: Results, summaries: Sequence[Summary], estimates: pd.DataFrame
+) -> tuple[str, list[int]]:
+    """State which configurations differ from the best, from the table ``estimates_of`` them.
 
     Returns:
         The sentence, and the indices of the summaries that have a value, best first.
     """
-    areas = [summary.estimates[RANKED_BY.name].value[-1] for summary in summaries]
+    areas = intervals(estimates, RANKED_BY.name, ALL, range(len(summaries)))[:, 0]
     ranking = [index for index in np.argsort(areas)[::-1].tolist() if np.isfinite(areas[index])]
     if not ranking:
         return "No run is finished, so there is nothing to conclude.", []
@@ -53,8 +63,8 @@ def conclude(results: Results, summaries: Sequence[Summary]) -> tuple[str, list[
             ranking,
         )
     pairs = len(list(itertools.combinations(ranking, 2)))
-    intervals = {other: _difference(summaries[best], summaries[other], pairs) for other in others}
-    worse = [other for other in others if intervals[other][1] > 0]
+    apart = {other: _difference(summaries[best], summaries[other], pairs) for other in others}
+    worse = [other for other in others if apart[other][1] > 0]
     tied = [other for other in others if other not in worse]
     if not worse:
         return (
@@ -64,7 +74,7 @@ def conclude(results: Results, summaries: Sequence[Summary]) -> tuple[str, list[
         )
     # Report the gain over the first distinguishable configuration: the reference comes first.
     reference = min(worse)
-    value, lower, upper = intervals[reference]
+    value, lower, upper = apart[reference]
     digits = 2 if upper - lower >= 0.02 else 3
     sentence = (
         f"{start}{names[best]} tracks best: success AUC {_share(value, digits, '+')} "
@@ -87,11 +97,10 @@ def _agree(ours: Configuration, other: Configuration, names: Sequence[str]) -> b
 
 def _difference(first: Summary, second: Summary, pairs: int) -> tuple[float, float, float]:
     """First minus second, with the ends of an interval Bonferroni-corrected for ``pairs``."""
-    ours, theirs = (run_values(each, RANKED_BY) for each in (first, second))
+    ours, theirs = (each.of(RANKED_BY) for each in (first, second))
     if first.configuration.is_imported and second.configuration.is_imported:
-        ends = (each.estimates[RANKED_BY.name].value[-1] for each in (first, second))
-        value = float(next(ends) - next(ends))
-        return value, value, value
+        ends = [with_all(*each[1:])[0].item(-1) for each in (ours, theirs)]
+        return (ends[0] - ends[1],) * 3
     # Imported tracks are the same for every seed, so repeat them for each run.
     if first.configuration.is_imported:
         ours = _repeated(ours, theirs.runs)

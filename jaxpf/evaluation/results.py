@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_type
-from jaxpf.evaluation.work.batches import FIELDS, FOLDER, Batch, batch_name, batch_names
+from jaxpf.evaluation.batches import FIELDS, FOLDER, Batch, batch_name, batch_names
 from jaxpf.files.store import SETTINGS, Damaged, Store
 from jaxpf.targets import find_target
 from jaxpf.targets.target import Start, Target

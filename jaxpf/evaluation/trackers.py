@@ -15,7 +15,7 @@ import numpy as np
 from jaxpf import filters
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import chosen
-from jaxpf.evaluation.work.results import BUILT_IN, Configuration
+from jaxpf.evaluation.results import BUILT_IN, Configuration
 from jaxpf.targets import building
 from jaxpf.targets.target import Looks, Start, Target
 

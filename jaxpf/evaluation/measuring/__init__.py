@@ -1,1 +1,0 @@
-"""Measures the finished runs of an evaluation, summarises them, and states the conclusion."""

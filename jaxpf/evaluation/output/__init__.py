@@ -1,1 +1,0 @@
-"""Writes tables, figures and the report of an evaluation."""

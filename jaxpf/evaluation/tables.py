@@ -1,0 +1,339 @@
+"""The tables of an evaluation: files for programs, and texts for the terminal and the report.
+
+``write_tables`` writes into the evaluation's folder
+
+* ``results.csv``: one row per scene, method, ordering, parameters, seed, run and object;
+* ``summary.csv``: one row per configuration, object ("all" for all objects) and measure;
+* ``curves.csv``: success and precision curves of every configuration and object;
+* ``differences.csv``: configurations minus their references, on common seeds.
+
+Undefined fields, such as the precision of an object that was never tracked, are empty.  Readers'
+tables have one row per configuration, with cells "value [lower, upper]".
+"""
+
+import dataclasses
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from jaxpf.contract.options import plain
+from jaxpf.evaluation.conclusion import conclude
+from jaxpf.evaluation.measures import (
+    COLUMNS,
+    COMPARED,
+    CURVES,
+    REGIONS,
+    SCORES,
+    SIZE_REGIONS,
+    Measure,
+    by_name,
+)
+from jaxpf.evaluation.results import Results
+from jaxpf.evaluation.summaries import (
+    ALL,
+    Summary,
+    differences_of,
+    estimates_of,
+    intervals,
+    reliability_of,
+    remarks_of,
+    summaries_of,
+)
+from jaxpf.files.writing import atomic_write
+from jaxpf.measures.intervals import DECISIVE
+
+#: Measures in the tables; ``summary.csv`` has all measures.
+HEADLINE = tuple(
+    by_name(name)
+    for name in (
+        *("success_rate_50", "success_auc", "success", "recovered", "precision", "recall"),
+        *("iou", "centre_error", "corner_error", "distinct_share", "frames_per_second"),
+    )
+)
+#: Most configurations in the tables of the terminal and the report.
+MOST_PRINTED = 10
+#: Measures that fit in a terminal of 120 columns.
+PRINTED = tuple(
+    by_name(name)
+    for name in (
+        *("success_rate_50", "success_auc", "iou", "coverage_95", "size_coverage_95"),
+        "frames_per_second",
+    )
+)
+#: Measures of the spread's calibration.  The log score is only in ``summary.csv``: one frame with
+#: identical particles outweighs all others.
+CALIBRATION = tuple(
+    by_name(name)
+    for name in (
+        *(f"coverage_{p}" for p in REGIONS),
+        *(f"size_coverage_{p}" for p in SIZE_REGIONS),
+        "crps",
+    )
+)
+#: A half-width below this is rounding error from equal values.
+_ROUNDING = 1e-4
+#: Differences with a Holm-adjusted p below this are marked.
+SIGNIFICANT = 0.05
+
+
+@dataclasses.dataclass(frozen=True)
+class Overview:
+    """What the finished runs of an evaluation show.
+
+    Attributes:
+        results: the evaluation.
+        summaries: of every configuration with finished runs.
+        estimates: see ``estimates_of``.
+        differences: see ``differences_of``.
+        remarks: sentences about missing results and caveats.
+        conclusion: sentence on which configuration is best.
+        ranking: indices of the summaries that have a value, best first.
+    """
+
+    results: Results
+    summaries: list[Summary]
+    estimates: pd.DataFrame
+    differences: pd.DataFrame
+    remarks: list[str]
+    conclusion: str
+    ranking: list[int]
+
+    @property
+    def ranked(self) -> list[int]:
+        """Indices of all summaries, the best first and those without a value last."""
+        rest = [index for index in range(len(self.summaries)) if index not in self.ranking]
+        return [*self.ranking, *rest]
+
+
+def measure_results(results: Results) -> Overview:
+    """Measure the finished runs of an evaluation, finished or not.
+
+    Raises:
+        InputError: a batch is damaged.
+    """
+    summaries = summaries_of(results)
+    estimates = estimates_of(results, summaries)
+    conclusion, ranking = conclude(results, summaries, estimates)
+    remarks = [*remarks_of(results, summaries)]
+    differences = differences_of(results, summaries)
+    made = Overview(results, summaries, estimates, differences, remarks, conclusion, ranking)
+    confident = (summaries[i] for i in made.ranked if summaries[i].confidence.frames[-1])
+    remarks += map(reliability_of, [*confident][:1])
+    return made
+
+
+def write_tables(results: Results) -> Overview:
+    """Measure the runs of an evaluation, finished or not, and write all tables.
+
+    Raises:
+        InputError: a file cannot be written, or a batch is damaged.
+    """
+    overview = measure_results(results)
+    keys = _keys(overview)
+    numbers = ["runs", "value", "standard_error", "lower", "upper"]
+    estimates = overview.estimates[["configuration", "object", "measure", *numbers]]
+    differences = overview.differences.assign(
+        reference=[overview.summaries[i].name for i in overview.differences.reference]
+    )
+    numbers += ["gained", "lost", "p", "p_holm"]
+    differences = differences[["configuration", "reference", "object", "measure", *numbers]]
+    write_csv(results.folder / "results.csv", _with_keys(_runs(overview), keys))
+    write_csv(results.folder / "summary.csv", _with_keys(estimates, keys))
+    write_csv(results.folder / "curves.csv", _with_keys(_curves(overview), keys))
+    differences = differences.rename(columns={"value": "difference"})
+    write_csv(results.folder / "differences.csv", _with_keys(differences, keys))
+    return overview
+
+
+def stored_table(folder: Path, name: str) -> pd.DataFrame:
+    """The table ``NAME.csv`` as ``write_tables`` wrote it, of texts."""
+    return pd.read_csv(folder / f"{name}.csv", dtype=str, keep_default_na=False)
+
+
+def write_csv(path: Path, table: pd.DataFrame) -> None:
+    """Write a data frame with seven digits; undefined numbers are empty."""
+    with atomic_write(path) as file:
+        table.to_csv(file, index=False, float_format="%.7g", lineterminator="\n")
+
+
+def _keys(overview: Overview) -> pd.DataFrame:
+    """Scene, method, ordering and parameters of every summary, as texts."""
+    results = overview.results
+    names = dict.fromkeys(name for c in results.configurations for name in c.parameters)
+    rows = [
+        [results.scene_name, c.method, c.ordering, *(_cell(c.parameters.get(n)) for n in names)]
+        for c in (summary.configuration for summary in overview.summaries)
+    ]
+    return pd.DataFrame(rows, columns=["scene", "method", "ordering", *names], dtype=str)
+
+
+def _cell(value: object) -> str:
+    """An option's value for a CSV field."""
+    return "" if value is None else plain(value) if isinstance(value, tuple) else str(value)
+
+
+def _with_keys(table: pd.DataFrame, keys: pd.DataFrame) -> pd.DataFrame:
+    """A table with the keys of its configurations in front, in the place of their index."""
+    own = keys.iloc[table.configuration].reset_index(drop=True)
+    rest = table.drop(columns="configuration").reset_index(drop=True)
+    return pd.concat([own, rest], axis=1)
+
+
+def _runs(overview: Overview) -> pd.DataFrame:
+    """A row per configuration, run and object, with all measures."""
+    ids = overview.results.object_ids
+    head = ["configuration", "seed", "run", "object"]
+    parts = [pd.DataFrame(columns=[*head, *COLUMNS])]
+    for index, summary in enumerate(overview.summaries):
+        values = pd.DataFrame(summary.columns.reshape(-1, len(COLUMNS)), columns=[*COLUMNS])
+        runs, objects = np.repeat(summary.numbers, len(ids)), np.tile(ids, summary.runs)
+        for place, column in enumerate((index, overview.results.seed, runs, objects)):
+            values.insert(place, head[place], column)
+        parts.append(values)
+    return pd.concat(parts[1:] or parts)
+
+
+def _curves(overview: Overview) -> pd.DataFrame:
+    """A row per configuration, object, curve and threshold."""
+    names = [*map(str, overview.results.object_ids), ALL]
+    rows: list[tuple] = []
+    for index, summary in enumerate(overview.summaries):
+        for curve, thresholds in CURVES.items():
+            found = getattr(summary, curve)
+            for place, name in enumerate(names):
+                if np.isfinite(found.value[place, 0]):
+                    ends = (found.value[place], found.lower[place], found.upper[place])
+                    at = zip((f"{x:g}" for x in thresholds), *ends, strict=True)
+                    rows += [(index, name, curve, *point) for point in at]
+    columns = ["configuration", "object", "curve", "threshold", "value", "lower", "upper"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+# Tables for readers: title -> a data frame of texts, with the configurations in its first column
+
+
+def printed_tables(overview: Overview) -> dict[str, pd.DataFrame]:
+    """The table for the terminal: all objects, the best configurations; none without results."""
+    best = overview.ranked[:MOST_PRINTED]
+    tables = [*estimate_tables(overview, best, PRINTED).items()][:1]
+    if len(best) < len(overview.summaries):
+        title = f"all objects: the best {len(best)} of {len(overview.summaries)} configurations"
+        tables = [(title, table) for _, table in tables]
+    return dict(tables)
+
+
+def estimate_tables(
+    overview: Overview,
+    configurations: Sequence[int],
+    measures: Sequence[Measure] = HEADLINE,
+    about: str = "",
+) -> dict[str, pd.DataFrame]:
+    """Rates and means: a table of all objects, then one per object.
+
+    Args:
+        overview: of the evaluation.
+        configurations: indices of their summaries.
+        measures: in the columns; those without a value are left out.
+        about: what the tables are about, for their titles.
+    """
+    summaries = [overview.summaries[index] for index in configurations]
+    tables = {}
+    for title, of in _objects(overview.results) if summaries else ():
+        columns = {"method": [summary.name for summary in summaries]}
+        if len({summary.runs for summary in summaries}) > 1:
+            columns["runs"] = [str(summary.runs) for summary in summaries]
+        for measure in measures:
+            values = intervals(overview.estimates, measure.name, of, configurations)
+            columns |= measure_column(measure, values)
+        tables[about + title] = pd.DataFrame(columns)
+    return tables
+
+
+def score_tables(overview: Overview, configurations: Sequence[int]) -> dict[str, pd.DataFrame]:
+    """One table of standard scores over all objects; no table without TrackEval."""
+    if not (overview.estimates.measure == SCORES[0].name).any():
+        return {}
+    tables = estimate_tables(overview, configurations, SCORES, "standard scores, ")
+    return dict([*tables.items()][:1])
+
+
+def calibration_tables(
+    overview: Overview, configurations: Sequence[int]
+) -> dict[str, pd.DataFrame]:
+    """Calibration; no tables if no filter has spreads of x and y."""
+    calibrated = [i for i in configurations if overview.summaries[i].pit_values.any()]
+    return estimate_tables(overview, calibrated, CALIBRATION, "calibration, ")
+
+
+def difference_tables(overview: Overview) -> dict[str, pd.DataFrame]:
+    """Paired differences from the references: a table of all objects, then one per object."""
+    found, names = overview.differences, [summary.name for summary in overview.summaries]
+    references = found.groupby("configuration").reference.first()
+    tables = {}
+    for title, of in _objects(overview.results) if len(found) else ():
+        columns = {
+            "method": [names[index] for index in references.index],
+            "compared with": [names[index] for index in references],
+        }
+        for measure in COMPARED:
+            values = intervals(found, measure.name, of, references.index)
+            rows = found[(found.measure == measure.name) & (found.object == of)]
+            clear = rows[(rows.runs >= DECISIVE) & (rows.p_holm < SIGNIFICANT)].configuration
+            stars = references.index.isin(clear)
+            for heading, cells in measure_column(measure, values, sign="+").items():
+                starred = zip(cells, stars, strict=True)
+                texts = [f"{cell} *" if star else cell for cell, star in starred]
+                columns[heading.replace("(%)", "(points)")] = texts
+        tables[f"{title}: differences on common seeds"] = pd.DataFrame(columns)
+    return tables
+
+
+def _objects(results: Results) -> Iterator[tuple[str, str]]:
+    """Title and name in the tables of all objects and of each; of one object, only of that."""
+    if len(results.object_ids) > 1:
+        yield "all objects", ALL
+    for identity in results.object_ids:
+        yield f"object {identity}", str(identity)
+
+
+def measure_column(measure: Measure, values: np.ndarray, sign: str = "") -> dict[str, list[str]]:
+    """Heading and cells of a measure with the triples ``[C, 3]``; nothing if it has no value."""
+    if not np.isfinite(values[:, 0]).any():
+        return {}
+    return {heading_of(measure): cells_of(measure, values, sign)}
+
+
+def heading_of(measure: Measure) -> str:
+    """Title and unit of a measure, and whether it is a median over the units."""
+    unit = "%" if measure.percent else measure.unit
+    about = ", ".join(filter(None, [unit, "" if measure.bounds else "median"]))
+    return f"{measure.title} ({about})" if about else measure.title
+
+
+def cells_of(measure: Measure, values: np.ndarray, sign: str = "") -> list[str]:
+    """Format triples ``[C, 3]`` as "value [lower, upper]" with a common number of decimals.
+
+    The number is chosen so that the typical half-width of an interval is 3 to 30 units of the last
+    digit.
+    """
+    values = values * (100 if measure.percent else 1)
+    reach = (values[:, 2] - values[:, 1]) / 2
+    widths = reach[np.isfinite(reach) & (reach > _ROUNDING)]
+    typical = float(np.median(widths)) if len(widths) else math.nan
+    decimals = 1 if math.isnan(typical) else min(max(-math.floor(math.log10(typical / 3)), 0), 4)
+
+    def number(value: float, sign: str = "") -> str:
+        # Adding 0 turns -0 into 0.
+        return f"{round(value, decimals) + 0:{sign}.{decimals}f}"
+
+    texts = []
+    for value, lower, upper in values:
+        text = number(value, sign) if np.isfinite(value) else "-"
+        ends = number(lower), number(upper)
+        if np.isfinite([value, lower, upper]).all() and (sign or ends[0] != ends[1]):
+            text += f" [{ends[0]}, {ends[1]}]"
+        texts.append(text)
+    return texts

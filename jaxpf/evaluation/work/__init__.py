@@ -1,1 +1,0 @@
-"""Schedules, executes, stores and resumes the runs of an evaluation."""

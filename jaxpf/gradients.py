@@ -225,6 +225,6 @@ def check_motion_gradient(tracker: Any) -> None:
     if tracker.motion_gradient == "pathwise" and not moves:
         raise InputError(
             f"{type(tracker.likelihood).__name__} does not change with the substate but in steps, "
-            "so the gradient of motion parameters would always be zero; use its interpolated "
-            "mode, or a tracker with motion_gradient='score'."
+            "so the gradient of motion parameters would always be zero; use "
+            "interpolation='bilinear' if it has it, otherwise motion_gradient='score'."
         )

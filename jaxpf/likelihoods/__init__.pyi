@@ -45,6 +45,8 @@ from .patch import (
     PatchLikelihood as PatchLikelihood,
     patch as patch,
     patch_from_pictures as patch_from_pictures,
+    windows as windows,
+    windows_from_pictures as windows_from_pictures,
 )
 from .pixels import PixelLikelihood as PixelLikelihood, pixels as pixels
 from .pretrained import (
@@ -54,9 +56,4 @@ from .pretrained import (
     efficientnet_lite0 as efficientnet_lite0,
     pretrained as pretrained,
     pretrained_points as pretrained_points,
-)
-from .windows import (
-    WindowLikelihood as WindowLikelihood,
-    windows as windows,
-    windows_from_pictures as windows_from_pictures,
 )

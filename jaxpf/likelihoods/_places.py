@@ -1,7 +1,14 @@
-"""Positions in the image of the samples of rotated boxes."""
+"""Positions in the image of the samples of rotated boxes, and the colours there.
+
+Pixel (i, j), row i and column j, is the square [j, j + 1) x [i, i + 1); pixels outside the frame
+are black.
+"""
 
 import jax
 import jax.numpy as jnp
+
+from jaxpf.lowering.columns import words_at
+from jaxpf.shapes.rectangles import cos_sin
 
 
 def cell_centres(columns: int, rows: int) -> tuple[jax.Array, jax.Array]:
@@ -33,3 +40,22 @@ def places_in_image(across, down, u, v, width, height, cosine, sine):
     to_places = jnp.concatenate([x_of_pose, y_of_pose], axis=1).astype(u.dtype)
     x, y = jnp.split(jnp.dot(pose, to_places, precision=jax.lax.Precision.HIGHEST), 2, axis=-1)
     return x, y
+
+
+def words_of(frame):
+    """The colours of uint8 RGB [H, W, 3], one word per pixel: uint32 [H + 2, W + 2]."""
+    red, green, blue = (frame[..., k].astype(jnp.uint32) for k in range(3))
+    return jnp.pad(red | green << 8 | blue << 16, 1)
+
+
+def window_colours(observation, u, v, width, height, theta, window):
+    """Colours at the grid places of every window: [N, rows * columns, 3]."""
+    across, down = cell_centres(*window)
+    x, y = places_in_image(across, down, u, v, width, height, *cos_sin(theta))
+    num_rows, num_columns = observation.shape
+
+    # The table's first row and column are the black margin.
+    row = jnp.clip(jnp.floor(y) + 1, 0, num_rows - 1).astype(jnp.int32)
+    column = jnp.clip(jnp.floor(x) + 1, 0, num_columns - 1).astype(jnp.int32)
+    shifts = jnp.array([0, 8, 16], jnp.uint32)
+    return ((words_at(observation, row, column)[..., None] >> shifts) & 255).astype(x.dtype)

@@ -50,7 +50,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_array, check_whole
+from jaxpf.contract.numbers import check_whole
 from jaxpf.lowering.programs import compiled
 
 if TYPE_CHECKING:
@@ -125,7 +125,6 @@ def learn_background(
         InputError: an argument is out of range, or an object is larger than the frame.
     """
     check_whole("num_boxes", num_boxes)
-    check_array("frames", frames, "uint8 RGB, [..., H, W, 3]")
     frames = np.asarray(frames)
     frames = frames[None] if frames.ndim == 3 else frames
     observations = [likelihood.observe(jnp.asarray(frame)) for frame in frames]

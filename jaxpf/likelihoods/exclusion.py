@@ -24,7 +24,6 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.likelihoods.discriminative import DiscriminativeLikelihood
 from jaxpf.likelihoods.pretrained import PretrainedLikelihood
@@ -79,21 +78,11 @@ class ExclusivePretrained(_Exclusive, PretrainedLikelihood):
     """The same by a network's features; make one with :func:`excluding`."""
 
 
-_EXCLUSIVE = {
-    DiscriminativeLikelihood: ExclusiveAppearance,
-    PretrainedLikelihood: ExclusivePretrained,
-}
-
-
 def excluding(
     likelihood: DiscriminativeLikelihood | PretrainedLikelihood,
 ) -> ExclusiveAppearance | ExclusivePretrained:
     """The same learned appearance, of objects that exclude each other."""
-    kind = _EXCLUSIVE.get(type(likelihood))
-    if kind is None:
-        raise InputError(
-            f"likelihood is {type(likelihood).__name__}: objects exclude each other by learned "
-            "appearance, from jaxpf.likelihoods.discriminative or pretrained."
-        )
     fields = {each.name: getattr(likelihood, each.name) for each in dataclasses.fields(likelihood)}
-    return kind(**fields)
+    if isinstance(likelihood, PretrainedLikelihood):
+        return ExclusivePretrained(**fields)
+    return ExclusiveAppearance(**fields)

@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Likelihood, of_partition
-from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.pytree import pytree_dataclass
 
 
@@ -104,15 +103,12 @@ def kalman(
         Log evidence increments ``[T]``, filtered means ``[T, S]`` and covariances
         ``[T, S, S]``.
     """
-    mean = numbers_in("mean", mean, "[S]")
-    square = f"[{len(mean)}, {len(mean)}]"
-    transition = numbers_in("transition", transition, square)
-    process_covariance = numbers_in("process_covariance", process_covariance, square)
-    covariance = numbers_in("covariance", covariance, square)
-    observation = numbers_in("observation", observation, f"[E, {len(mean)}]")
-    count = len(observation)
-    noise_covariance = numbers_in("noise_covariance", noise_covariance, f"[{count}, {count}]")
-    frames = numbers_in("frames", frames, f"[T, {count}]")
+    transition, process_covariance, observation, noise_covariance, mean, covariance, frames = (
+        np.asarray(each, float)
+        for each in (
+            transition, process_covariance, observation, noise_covariance, mean, covariance, frames
+        )
+    )  # fmt: skip
     log_evidence, means, covariances = [], [], []
     for frame in frames:
         mean = transition @ mean

@@ -24,21 +24,13 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import FINITE, check_array, check_whole, numbers_in
+from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.contract.ranges import check_ranges
-from jaxpf.likelihoods._checks import (
-    BOXES,
-    INTERPOLATIONS,
-    check_coordinates,
-    check_pictures,
-    checked_sizes,
-    shown_as,
-)
+from jaxpf.likelihoods._checks import shown_as, sizes_in
 from jaxpf.likelihoods._integral import LANES, SIMILARITIES, integral_table
 from jaxpf.likelihoods._interpolated import NEIGHBOURS, interpolated_similarity
-from jaxpf.likelihoods._references import box_histogram, patch_histogram, used_levels
-from jaxpf.likelihoods._sampled import group_distance, sample_table, sampled_similarity
+from jaxpf.likelihoods._sampled import LEVEL_LANES, group_distance, sample_table, sampled_similarity
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.distance_law import FORMS, learn_background, log_density
 from jaxpf.shapes.rectangles import cos_sin
@@ -46,6 +38,8 @@ from jaxpf.shapes.rectangles import cos_sin
 #: Number of runs assumed to share an integral table when the method is chosen.  It is fixed, since
 #: the choice affects results, and results must not depend on the number of runs.
 _SHARING_RUNS = 25
+#: Particles per run where the number is left open.
+_USUAL_PARTICLES = 300
 METHODS = ("integral", "sampled")
 #: Largest number of samples per side of a box that fits the counters of ``_sampled``.
 _MOST_SAMPLES = 500
@@ -114,9 +108,6 @@ class HistogramLikelihood(Likelihood):
         Returns:
             integral: a table of counts, unsigned [H + 1, W + 1, B]; sampled: the bins of four
             pixels in every entry, uint32 [H + distance + 2, W + distance + 2].
-
-        Raises:
-            InputError: the frame has another shape or dtype.
         """
         check_frame(frame)
         bins = self.bin_lookup[hsv_bins(frame)]
@@ -135,9 +126,6 @@ class HistogramLikelihood(Likelihood):
         Returns:
             [N] in the dtype of ``substates``: NaN where a substate is not finite; -inf for a
             box under one pixel wide, or with a band under one pixel high.
-
-        Raises:
-            InputError: D is not 3 (or more, with the sampled method).
         """
         squared, valid = self.squared_distance_all(observation, partition, substates)
         dtype = substates.dtype
@@ -161,16 +149,8 @@ class HistogramLikelihood(Likelihood):
         Returns:
             [N], 0 to the number of bands, and bool [N]: whether the box is large enough, and small
             enough for its counts to fit the table.
-
-        Raises:
-            InputError: D is not 3 (or more, with the sampled method).
         """
-        if self.method == "sampled":
-            wanted, most = "(u, v, a) or (u, v, a, theta, ...)", None
-        else:
-            wanted, most = "(u, v, a); for boxes that rotate choose method='sampled'", 3
-        check_coordinates(substates, f"the {self.method} histogram likelihood", wanted, 3, most)
-        u, v, scale = substates[0], substates[1], substates[2]
+        u, v, scale = substates[:3] if self.method == "sampled" else substates
         size = jnp.asarray(self.sizes, substates.dtype)[partition]
         width, height = size[:, 0] * scale, size[:, 1] * scale
         num_bands = self.references.shape[1]
@@ -241,10 +221,10 @@ def histogram(
         InputError: an argument is out of range.
     """
     check_frame(frame)
-    boxes = numbers_in("boxes", boxes, BOXES, FINITE)
     check_whole("bands", bands)
+    boxes = np.asarray(boxes, float)
     names = shown_as("boxes", len(boxes), names)
-    checked_sizes("boxes", boxes[:, 2:], len(boxes), bands, names)
+    sizes_in(boxes[:, 2:], names, bands)
     bins = np.asarray(hsv_bins(frame))
     shown = zip(boxes, names, strict=True)
     learned = [box_histogram(bins, box, bands, name) for box, name in shown]
@@ -284,15 +264,18 @@ def histogram_from_patches(
         InputError: an argument is out of range.
     """
     check_whole("bands", bands)
-    check_array("frame_shape", frame_shape, "height and width of a frame, [>= 2]", least=1)
-    check_pictures("patches", patches)
-    shown = zip(patches, shown_as("patches", len(patches), names), strict=True)
-    learned = np.array([patch_histogram(patch, bands, name) for patch, name in shown])
-    if sizes is None:
-        sizes = [(patch.shape[1], patch.shape[0]) for patch in patches]
-    sizes = checked_sizes("sizes", sizes, len(patches), bands, names)
+    whole = [(patch.shape[1], patch.shape[0]) for patch in patches]
+    learned = []
+    for patch, size, name in zip(
+        patches, whole, shown_as("patches", len(patches), names), strict=True
+    ):
+        check_frame(patch, name)
+        bins = np.asarray(hsv_bins(patch))
+        learned.append(box_histogram(bins, np.array([0, 0, *size], float), bands, name))
+    sizes = whole if sizes is None else sizes
+    sizes = sizes_in(sizes, shown_as("sizes", len(patches), names), bands)
     return _build(
-        learned, sizes, sharpness, method, num_particles, samples, frame_shape,
+        np.array(learned), sizes, sharpness, method, num_particles, samples, frame_shape,
         interpolation, form, background_frames,
     )  # fmt: skip
 
@@ -305,15 +288,9 @@ def _build(
     num_objects, num_bands, _ = learned.shape
     check_ranges(sharpness=sharpness)
     check_known("method=", method, ("auto", *METHODS))
-    check_known("interpolation=", interpolation, INTERPOLATIONS)
+    check_known("interpolation=", interpolation, SIMILARITIES)
     check_known("form=", form, FORMS)
-    if form == "ratio" and background_frames is None:
-        raise InputError(
-            "form is 'ratio', but there is no background_frames: give frames that show what "
-            "the background looks like."
-        )
-    if num_particles is not None:
-        check_whole("num_particles", num_particles)
+    check_whole("num_particles", num_particles or _USUAL_PARTICLES)
     check_whole("samples", samples, num_bands, _MOST_SAMPLES)
     used = np.flatnonzero(learned.any(axis=(0, 1)))
     num_bins = -(-len(used) // LANES) * LANES
@@ -321,9 +298,9 @@ def _build(
     bin_lookup[used] = np.arange(len(used))
     compact = np.zeros((num_objects, num_bands, num_bins))
     compact[..., : len(used)] = np.sqrt(learned[..., used])
-    levels = used_levels(compact)
+    levels = _used_levels(compact)
     if method == "auto":
-        queries = num_objects * (num_particles or 300) * _SHARING_RUNS
+        queries = num_objects * (num_particles or _USUAL_PARTICLES) * _SHARING_RUNS
         dense = 2 * queries > math.prod(frame_shape) or interpolation == "bilinear"
         method = "integral" if dense else "sampled"
     # Leave room for twice the size: four times the pixels of a band must not wrap.
@@ -348,3 +325,31 @@ def _build(
         return likelihood
     background = learn_background(likelihood, background_frames)
     return dataclasses.replace(likelihood, form=form, background=background)
+
+
+def _used_levels(references):
+    """[P, bands, K]: the bins that each reference uses, in order, padded with B."""
+    is_used = references > 0
+    num_levels = -(-is_used.sum(axis=-1).max() // LEVEL_LANES) * LEVEL_LANES
+    levels = np.where(is_used, np.arange(references.shape[-1]), references.shape[-1])
+    return np.sort(levels, axis=-1)[..., :num_levels]
+
+
+def box_histogram(bins, box, bands, place):
+    """Reference [bands, 110] of a box, normalised over its pixels inside the frame."""
+    x, y, width, height = box
+    rows = np.floor(y + height * np.arange(bands + 1) / bands + 0.5)
+    columns = np.floor(np.array([x, x + width]) + 0.5)
+    rows = np.clip(rows, 0, bins.shape[0]).astype(int)
+    left, right = np.clip(columns, 0, bins.shape[1]).astype(int)
+    result = np.zeros((bands, NUM_BINS))
+    for k in range(bands):
+        inside = bins[rows[k] : rows[k + 1], left:right]
+        if inside.size == 0:
+            raise InputError(
+                f"{place} is {box.tolist()}: its band {k} of {bands} has no pixel inside the "
+                f"frame of {bins.shape[1]} x {bins.shape[0]} pixels; move it inside or use fewer "
+                "bands."
+            )
+        result[k] = np.bincount(inside.ravel(), minlength=NUM_BINS) / inside.size
+    return result

@@ -11,13 +11,15 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.errors import check_type
-from jaxpf.contract.numbers import check_array, check_whole, numbers_in
-from jaxpf.likelihoods._checks import checked_sizes
+from jaxpf.contract.numbers import check_whole
+from jaxpf.likelihoods._checks import sizes_in
 from jaxpf.likelihoods._integral import LANES
-from jaxpf.likelihoods._references import box_histogram
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
-from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
+from jaxpf.likelihoods.histogram import (
+    HistogramLikelihood,
+    box_histogram,
+    histogram_from_patches,
+)
 from jaxpf.lowering.programs import compiled
 
 #: Largest number of objects at once.
@@ -41,17 +43,15 @@ def open_histogram(
         frame_shape: height and width of the frames.
         typical_size: width and height of a typical object in pixels, which set the spacing of
             samples.
-        sharpness: as in ``histogram``, like the rest.
-        bands: see ``histogram``.
-        method: see ``histogram``; as all bins are counted, "auto" means "sampled" except for huge
-            particle sets.
+        sharpness, bands: as in ``histogram``.
+        method: ``"integral"``, ``"sampled"`` or ``"auto"``, which means sampled except for huge
+            particle sets, as all bins are counted.
         num_particles: of all objects together, for ``"auto"``.
 
     Raises:
         InputError: an argument is out of range.
     """
     check_whole("capacity", capacity, most=_MOST_OBJECTS)
-    check_array("typical_size", typical_size, "width and height in pixels, [2]", least=1)
     check_whole("bands", bands)
     # A picture that contains every bin determines the shapes of the arrays.
     colours = np.stack(np.meshgrid(*[np.arange(0, 256, 15)] * 3), axis=-1).reshape(1, -1, 3)
@@ -91,12 +91,11 @@ def with_object(
         InputError: there is no such place, or a band of the box has no pixel inside the frame.
     """
     check_frame(frame)
-    check_type("likelihood", likelihood, HistogramLikelihood)
     check_whole("place", place, 0, len(likelihood.references) - 1)
-    box, bands = numbers_in("box", box, "x, y, w, h in pixels, [4]"), likelihood.references.shape[1]
-    checked_sizes("boxes", box[None, 2:], 1, bands)
+    box, bands = np.asarray(box, float), likelihood.references.shape[1]
+    sizes_in(box[None, 2:], ["the box"], bands)
     learned = np.zeros(likelihood.references.shape[1:])
-    learned[:, :NUM_BINS] = np.sqrt(box_histogram(np.asarray(_bins(frame)), box, bands, "boxes[0]"))
+    learned[:, :NUM_BINS] = np.sqrt(box_histogram(np.asarray(_bins(frame)), box, bands, "the box"))
     return _replaced(likelihood, place, learned, box[2:])
 
 

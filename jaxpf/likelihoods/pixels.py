@@ -38,8 +38,9 @@ from jaxpf.contract import Likelihood, of_partition
 from jaxpf.contract.errors import check_known
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
-from jaxpf.likelihoods._checks import check_coordinates, check_pictures, check_window
-from jaxpf.likelihoods._windows import window_colours, words_of
+from jaxpf.contract.ranges import check_ranges
+from jaxpf.likelihoods._checks import check_grid
+from jaxpf.likelihoods._places import window_colours, words_of
 from jaxpf.likelihoods.color import check_frame
 
 POOLS = ("mean", "product")
@@ -78,11 +79,7 @@ class PixelLikelihood(Likelihood):
     fixed_observation = True
 
     def observe(self, frame):
-        """The frame's colours or greys, one word per pixel: uint32 [H + 2, W + 2].
-
-        Raises:
-            InputError: the frame is not uint8 RGB [H, W, 3].
-        """
+        """The frame's colours or greys, one word per pixel: uint32 [H + 2, W + 2]."""
         check_frame(frame)
         return _words(frame, self.colour)
 
@@ -102,11 +99,7 @@ class PixelLikelihood(Likelihood):
         Returns:
             [N] in the dtype of ``substates``: NaN where a box is not finite; -inf for a box
             under one pixel wide or high.
-
-        Raises:
-            InputError: D is below 4.
         """
-        check_coordinates(substates, "the pixel likelihood", "(u, v, w, h, ...)", 4)
         dtype = substates.dtype
         width, height = substates[2], substates[3]
         seen = _colours_in(observation, substates, self.window)
@@ -162,13 +155,12 @@ def pixels(
     Raises:
         InputError: an argument is out of range.
     """
-    check_pictures("pictures", pictures)
     extents = np.array([(len(picture[0]), len(picture)) for picture in pictures], np.float32)
-    check_number("sigma", sigma, above=0)
+    check_ranges(sigma=sigma)
     for name, value in (("min_slope", min_slope), ("size_term", size_term)):
         if value is not None:
             check_number(name, value, least=0)
-    check_window(window, "(8, 12)")
+    check_grid("window", window)
     check_known("pool=", pool, POOLS)
     check_known("colour=", colour, COLOURS)
     channels = 3 if colour == "colour" else 1

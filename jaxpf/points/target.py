@@ -160,7 +160,7 @@ class _PointTarget(Target):
                 sharpness=options.sharpness,
                 slip=options.slip,
             )
-        from jaxpf.likelihoods.windows import windows, windows_from_pictures
+        from jaxpf.likelihoods.patch import windows, windows_from_pictures
 
         side = (options.window_size, options.window_size)
         settings: dict[str, Any] = {

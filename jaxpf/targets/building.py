@@ -187,10 +187,6 @@ def make(
     check_names(values, target, filter_, "likelihood", "ordering", "patches")
     options = filled(filter_.options, values, defaults_for(target, filter_))
     model = target.resolved(filled(target.options, values), {})
-    if patches is not None:
-        from jaxpf.likelihoods._checks import check_pictures
-
-        check_pictures("patches", patches)
     if likelihood is None:
         frame = _checked(frame)
         looks = looks_of_frame(frame, options.num_particles, patches)

@@ -180,9 +180,7 @@ def by_appearance(**options):
 
 
 @every([
-    (lambda: learned(lambda window: {"maps": window}), "dict"),
     (lambda: learned(lambda window: edges(window) * jnp.nan), "boxes[0]"),
-    (lambda: learned(lambda window: window[:100, :50]), "[100, 50, 3]"),
     (lambda: by_appearance(network=edges), "likelihood=jaxpf.likelihoods.pretrained"),
     (lambda: learned(edges).log_prob_all(None, np.zeros(1, int), BOXES.T), "estimate"),
 ])  # fmt: skip

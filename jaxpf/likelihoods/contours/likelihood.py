@@ -116,7 +116,7 @@ class IndependentContours(Likelihood):
 
     @property
     def model_error(self):
-        """See ``Likelihood``."""
+        """Standard deviations of the truth around the best match: the slip in x and y."""
         return np.multiply.outer(np.asarray(self.slip), (1.0, 1.0, 0.0))
 
     def log_odds_all(self, observation, partition, substates):

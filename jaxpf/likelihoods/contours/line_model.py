@@ -25,8 +25,6 @@ import numpy as np
 from jax import lax
 from jax.scipy.special import ndtr
 
-from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_whole, numbers_in
 from jaxpf.likelihoods.contours.edges import Features
 
 #: ``q_kc`` of maccormick1999, section 2.
@@ -37,8 +35,6 @@ SIGMA = 7.0
 #: Number of boundaries whose subsets are unrolled, which runs faster.  The subsets of further ones
 #: are array axes, since unrolling them would take the compiler minutes.
 _WRITTEN_OUT = 3
-#: Largest number of boundaries on a line.
-_MOST_BOUNDARIES = 100
 
 
 def detection_probabilities(most: int) -> np.ndarray:
@@ -47,7 +43,6 @@ def detection_probabilities(most: int) -> np.ndarray:
     The paper gives c = 1 and 2.  For more, the detection probability of a line is a Beta variable
     shared by its boundaries (beta-binomial), with parameters that reproduce the paper's c = 2.
     """
-    check_whole("most", most, 0, _MOST_BOUNDARIES)
     table = np.zeros((most + 1, most + 1))
     table[0, 0] = 1.0
     for c, given in ((1, ONE_BOUNDARY), (2, TWO_BOUNDARIES)):
@@ -59,22 +54,6 @@ def detection_probabilities(most: int) -> np.ndarray:
     for c in range(3, most + 1):
         for k in range(c + 1):
             table[c, k] = comb(c, k) * _beta_moment(k, c - k, (1 - missed) * total, missed * total)
-    return table
-
-
-def check_detection(table) -> np.ndarray:
-    """Validate detection probabilities ``[c, k]``, as from ``detection_probabilities``.
-
-    Raises:
-        InputError: the table is not square, has negative numbers, or a row does not sum to one.
-    """
-    table = numbers_in("detection", table, "probabilities that k of c are detected, [C, C]")
-    square = table.ndim == 2 and table.shape[0] == table.shape[1] >= 2
-    if not square or (table < 0).any() or not np.allclose(table.sum(axis=1), 1, atol=1e-6):
-        raise InputError(
-            f"detection {table.tolist()} must hold the probabilities that k of c boundaries are "
-            "detected, one row for each c from 0 on, each summing to one."
-        )
     return table
 
 
@@ -193,19 +172,10 @@ def log_ratio(weights, features: Features, boundaries, crossing, sigma, reach):
 def log_ratios(
     weights, features: Features, boundaries, crossing, sigma, reach, groups: Sequence[Sequence[int]]
 ) -> jax.Array:
-    """``log_ratio`` for several subsets of the boundaries that cross each line.
+    """``log_ratio`` for several subsets of the boundaries that cross each line, ``[groups, ...]``.
 
-    Args:
-        weights: see ``log_ratio``, like the next five.
-        features: see there.
-        boundaries: see there.
-        crossing: see there.
-        sigma: see there.
-        reach: see there.
-        groups: rows of ``boundaries`` in each subset.
-
-    Returns:
-        ``[groups, ...]``.
+    The arguments are those of ``log_ratio``, and ``groups``: the rows of ``boundaries`` in each
+    subset.
     """
     places, present = features
     dtype = places.dtype

@@ -9,11 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import FINITE, check_array, check_number, check_whole, numbers_in
+from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.pytree import as_array
 from jaxpf.contract.ranges import check_ranges
-from jaxpf.likelihoods._checks import BOXES, INTERPOLATIONS, check_window, shown_as
-from jaxpf.likelihoods._integral import LANES
+from jaxpf.likelihoods._checks import check_grid, shown_as
+from jaxpf.likelihoods._integral import LANES, SIMILARITIES
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.discriminative.levels import factor_of, shrunk
 from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood, grid_places
@@ -83,13 +83,18 @@ def discriminative(
     """
     check_frame(frame)
     frame = jnp.asarray(frame)
-    boxes = numbers_in("boxes", boxes, BOXES, FINITE)
-    if background_frames is not None:
-        check_array("background_frames", background_frames, "uint8 RGB, [..., H, W, 3]")
+    boxes = np.asarray(boxes, float)
     if reach is not None:
         check_number("reach", reach, above=0)
     check_boxes(boxes, frame.shape, names)
-    _check(features, sharpness, bands, grid, penalty, interpolation)
+    check_ranges(sharpness=sharpness)
+    check_number("penalty", penalty, above=0)
+    check_whole("bands", bands)
+    check_grid("grid", grid)
+    check_known("interpolation=", interpolation, SIMILARITIES)
+    for feature in features:
+        if isinstance(feature, str):
+            check_known("feature=", feature, FEATURES)
     likelihood = untrained(frame, boxes, features, sharpness, bands, grid, interpolation)
     likelihood = trained(likelihood, frame, boxes, penalty)
     check_learned(np.asarray(likelihood.residual), names)
@@ -184,21 +189,9 @@ def _background(likelihood, frames):
 
 
 def _channels(function: Callable) -> int:
-    """C of a feature function, whose map must have the size of the picture.
-
-    Raises:
-        InputError: the map has another size.
-    """
-    name = getattr(function, "__name__", type(function).__name__)
+    """C of a feature function."""
     picture = jax.ShapeDtypeStruct((40, 50, 3), jnp.float32)
-    features = jax.eval_shape(function, picture)
-    shape = getattr(features, "shape", None)
-    if shape is None or len(shape) != 3 or shape[:2] != (40, 50):
-        shown = type(features).__name__ if shape is None else list(shape)
-        raise InputError(
-            f"the feature {name} makes {shown} of a picture [40, 50, 3]; return a map [40, 50, C]."
-        )
-    return shape[2]
+    return jax.eval_shape(function, picture).shape[2]
 
 
 def check_learned(residuals: np.ndarray, names: Sequence[str] | None) -> None:
@@ -226,7 +219,7 @@ def check_boxes(
     height, width = frame_shape[:2]
     for name, box in zip(shown_as("boxes", len(boxes), names), boxes, strict=True):
         x, y, w, h = box
-        if w < 4 or h < 4:
+        if not (w >= 4 and h >= 4):
             raise InputError(
                 f"{name} is {w:g} pixels wide and {h:g} high: appearance is learned from "
                 "objects of at least 4 x 4 pixels; enlarge the frames, or choose the appearance "
@@ -243,19 +236,3 @@ def check_boxes(
                 f"{name} is {box.tolist()}: less than a quarter of it lies in the frame of "
                 f"{width} x {height} pixels; start where more of the object is seen."
             )
-
-
-def _check(features, sharpness, bands, grid, penalty, interpolation) -> None:
-    if not isinstance(features, Sequence) or not features:
-        raise InputError(f"features is empty: give at least one of {', '.join(FEATURES)}.")
-    for feature in features:
-        if feature not in FEATURES if isinstance(feature, str) else not callable(feature):
-            raise InputError(
-                f"feature {feature!r} is unknown; choose of {', '.join(FEATURES)}, or give a "
-                "function."
-            )
-    check_ranges(sharpness=sharpness)
-    check_number("penalty", penalty, above=0)
-    check_whole("bands", bands)
-    check_window(grid, "(4, 4)", "grid")
-    check_known("interpolation=", interpolation, INTERPOLATIONS)

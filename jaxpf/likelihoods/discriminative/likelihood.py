@@ -24,7 +24,6 @@ from jax.typing import ArrayLike, DTypeLike
 from jaxpf.contract import Likelihood, of_partition
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass, static_field
-from jaxpf.likelihoods._checks import check_coordinates
 from jaxpf.likelihoods._integral import SIMILARITIES, integral_table
 from jaxpf.likelihoods.color import check_frame, hsv_bins
 from jaxpf.likelihoods.discriminative import nearby
@@ -38,9 +37,7 @@ if TYPE_CHECKING:
 #: Scores are clipped to this range: labels are overlaps, 0 to 1.
 _LOWEST, _HIGHEST = -0.2, 1.2
 #: A smaller residual is attributed to chance, since the training boxes are few.
-LEAST_RESIDUAL = 0.03
-#: Of the log odds: slope, and the score at which they are zero if the rest of the frame scores 0.
-_ODDS = 11.5, 0.12
+_LEAST_RESIDUAL = 0.03
 #: IoU from which two boxes begin to be in one place, and from which they are.
 _SAME_PLACE = 0.4, 0.7
 #: Largest scale of a box whose pixels can still be counted, see ``levels.LARGEST_SIDE``.
@@ -81,37 +78,124 @@ def check_size(frame: "jax.Array | np.ndarray", frame_shape: tuple[int, int]) ->
         )
 
 
-def best_beside(
-    scores: jax.Array, places: jax.Array, substates: jax.Array, sizes: jax.Array
-) -> jax.Array:
-    """The best score of boxes that lie beside an object's, at least 0.
-
-    Args:
-        scores: [N, n], of boxes elsewhere.
-        places: [2, N, n], their centres.
-        substates: [D, N], where the objects are.
-        sizes: [2, N], width and height of the objects.
-
-    Returns:
-        [N].
-    """
-    away = jnp.abs(places - substates[:2, :, None])
-    beside = jnp.any(away > sizes[:, :, None], axis=0)
-    return jnp.max(jnp.where(beside, scores, 0.0), axis=1)
-
-
 def clipped(score: jax.Array) -> jax.Array:
     """A score within the range of overlaps, with some room."""
     return jnp.clip(score, _LOWEST, _HIGHEST)
 
 
-@pytree_dataclass
-class DiscriminativeLikelihood(Likelihood):
-    """Learned appearance of P objects; make one with :func:`discriminative`.
+class LearnedLikelihood(Likelihood):
+    """Learned appearance of P objects, from the scores of their boxes.
 
     A substate is (u, v, a): the centre of the box in pixels from the left and the top of the
-    frame, and its scale; the box is ``a * w`` by ``a * h``.  With a fourth number b, its aspect
-    relative to the start, it is ``a * w * sqrt(b)`` by ``a * h / sqrt(b)``.
+    frame, and its scale; the box is ``a * w`` by ``a * h``.  A subclass has the fields
+    ``sharpness``, ``sizes`` ``[P, 2]``, ``residual`` ``[P]`` and ``frame_shape``, scores boxes
+    (``scores_all``), and says with which others log odds compare them (``places_elsewhere``).
+    """
+
+    sharpness: Any
+    sizes: Any
+    residual: Any
+    frame_shape: tuple[int, int]
+    #: ``[P, n]``, scores of boxes anywhere, by which the likelihood is normalised; or None.
+    background: Any = None
+    #: Of the log odds: slope, share of the best score elsewhere, and the score at which they are
+    #: zero if all else scores 0.
+    odds: tuple[float, float, float]
+    #: ``observe`` does not depend on parameters that tuning may change.
+    fixed_observation = True
+
+    @property
+    def form(self) -> str:
+        """``"ratio"`` if the likelihood is normalised, otherwise ``"exponential"``."""
+        return "exponential" if self.background is None else "ratio"
+
+    def log_prob_all(self, observation, partition, substates):
+        """Log-likelihoods of N particles.
+
+        Args:
+            observation: of a frame.
+            partition: int [N], the object each particle's substate belongs to.
+            substates: float [D, N].
+
+        Returns:
+            [N] in the dtype of ``substates``: NaN where a substate is not finite; -inf for a box
+            narrower than 1 pixel, lower than 2, or more than 8 times as large as at the start.
+        """
+        dtype = substates.dtype
+        score, valid = self.scores_all(observation, partition, substates)
+        scale = jnp.asarray(self.sharpness, dtype) / jnp.maximum(
+            jnp.asarray(self.residual, dtype), _LEAST_RESIDUAL
+        )
+        log_prob = scale[partition] * clipped(score)
+        if self.background is not None:
+            usual = scale[:, None] * clipped(self.background.astype(dtype))
+            usual = jax.nn.logsumexp(usual, axis=1) - math.log(usual.shape[1])
+            log_prob -= usual[partition]
+        log_prob = jnp.where(valid, log_prob, -jnp.inf)
+        return jnp.where(jnp.all(jnp.isfinite(substates), axis=0), log_prob, jnp.nan)
+
+    def scores_all(self, observation, partition, substates):
+        """Scores of N particles: estimates of the overlap between box and object.
+
+        Args:
+            observation, partition, substates: as for :meth:`log_prob_all`.
+
+        Returns:
+            [N], and bool [N]: whether the box is neither too small nor too large.
+        """
+        raise NotImplementedError
+
+    def places_elsewhere(self, observation, partition, dtype):
+        """Centres [2, N, n] of boxes with which log odds compare those of N objects."""
+        raise NotImplementedError
+
+    def log_odds_all(self, observation, partition, substates):
+        """Log odds [N] that objects are where they are reported, by their estimates [D, N].
+
+        A lost object scores low at its reported position, and often better elsewhere.  With y its
+        score, e the best score of boxes of its size beside it on a coarse grid, at least 0, and
+        ``odds`` of a, b and c, they are ``a (y - b e - c)``.  Look-alikes count as the object.
+        """
+        places = self.places_elsewhere(observation, partition, substates.dtype)
+        elsewhere = jnp.broadcast_to(substates[:, :, None], (len(substates), *places.shape[1:]))
+        elsewhere = elsewhere.at[:2].set(places)
+        scores = clipped(self.scores_with(observation, partition, substates, elsewhere))
+        size = jnp.asarray(self.sizes, substates.dtype)[partition].T * substates[2]
+        beside = jnp.any(jnp.abs(places - substates[:2, :, None]) > size[:, :, None], axis=0)
+        best = jnp.max(jnp.where(beside, scores[:, 1:], 0.0), axis=1)
+        slope, share, level = self.odds
+        return slope * (scores[:, 0] - share * best - level)
+
+    def scores_with(self, observation, partition, substates, elsewhere):
+        """Scores [N, 1 + n] of substates [D, N], and of others of each object [D, N, n]."""
+        every = jnp.concatenate([substates[:, :, None], elsewhere], axis=-1)
+        numbers = jnp.repeat(partition, every.shape[-1])
+        score, _ = self.scores_all(observation, numbers, every.reshape(len(substates), -1))
+        return score.reshape(len(partition), -1)
+
+    def reaches_border(self, partition, substates):
+        """Whether boxes ``[D, N]`` reach the frame's border, bool ``[N]``."""
+        half = jnp.asarray(self.sizes, substates.dtype)[partition].T * substates[2] / 2
+        far = jnp.array(self.frame_shape[::-1], substates.dtype)[:, None]
+        places = substates[:2]
+        return jnp.any((places <= half) | (places + half >= far), axis=0)
+
+    def same_place(self, partition, substates):
+        """How far boxes ``[D, N]`` are in one place, ``[N, N]``: 0 to an IoU of .4, 1 from .7."""
+        sizes = jnp.asarray(self.sizes, substates.dtype)[partition]
+        boxes = boxes_from_substates(substates[:3].T, sizes)
+        shared = intersection_area(boxes[:, None], boxes)
+        either = area(boxes)[:, None] + area(boxes) - shared
+        least, most = _SAME_PLACE
+        return jnp.clip((shared / jnp.maximum(either, 1e-6) - least) / (most - least), 0, 1)
+
+
+@pytree_dataclass
+class DiscriminativeLikelihood(LearnedLikelihood):
+    """Learned appearance of P objects; make one with :func:`discriminative`.
+
+    A substate is (u, v, a), see :class:`LearnedLikelihood`, or (u, v, a, b): with b its aspect
+    relative to the start, the box is ``a * w * sqrt(b)`` by ``a * h / sqrt(b)``.
 
     Attributes:
         sharpness: scalar; larger trusts the score more.
@@ -150,8 +234,9 @@ class DiscriminativeLikelihood(Likelihood):
     #: The score hardly depends on the size.  Chosen on 17 annotated clips so that the 95% interval
     #: holds the size in at least 90% of the frames.
     model_error = (0.0, 0.0, 0.3)
-    #: ``observe`` does not depend on parameters that tuning may change.
-    fixed_observation = True
+    #: Fitted by logistic regression to "overlap with the truth at least .1" on four clips of
+    #: people, each with the same weight.
+    odds = (11.5, 0.5, 0.12)
 
     @property
     def num_features(self) -> int:
@@ -167,20 +252,8 @@ class DiscriminativeLikelihood(Likelihood):
         """Whether ``log_prob`` is differentiable in the substate."""
         return self.interpolation == "bilinear"
 
-    @property
-    def form(self) -> str:
-        """``"ratio"`` if the likelihood is normalised, otherwise ``"exponential"``."""
-        return "exponential" if self.background is None else "ratio"
-
     def observe(self, frame):
-        """Tables of the frame, shared by all particles and runs.
-
-        Args:
-            frame: uint8 RGB [H, W, 3].
-
-        Raises:
-            InputError: the frame has another shape or dtype.
-        """
+        """Tables of a frame, uint8 RGB [H, W, 3], shared by all particles and runs."""
         check_size(frame, self.frame_shape)
         return self.seen_in([shrunk(jnp.asarray(frame), factor) for factor in self.factors])
 
@@ -193,9 +266,6 @@ class DiscriminativeLikelihood(Likelihood):
         Args:
             frame: uint8 RGB [H, W, 3].
             estimates: [P, D], of the previous frame; one of NaN has no part.
-
-        Raises:
-            InputError: the frame has another shape or dtype.
         """
         check_size(frame, self.frame_shape)
         return None if self.windows is None else nearby.observe(self, frame, estimates)
@@ -216,46 +286,8 @@ class DiscriminativeLikelihood(Likelihood):
             return None
         return self.bin_lookup[hsv_bins(jnp.round(picture).astype(jnp.uint8))]
 
-    def log_prob_all(self, observation, partition, substates):
-        """Log-likelihoods of N particles.
-
-        Args:
-            observation: what :meth:`observe` returned.
-            partition: int [N], the object each particle's substate belongs to.
-            substates: float [3, N] or [4, N].
-
-        Returns:
-            [N] in the dtype of ``substates``: NaN where a substate is not finite; -inf for a box
-            narrower than 1 pixel, lower than 2, or more than 8 times as large as at the start.
-
-        Raises:
-            InputError: D is not 3 or 4.
-        """
-        dtype = substates.dtype
-        score, valid = self.scores_all(observation, partition, substates)
-        scale = jnp.asarray(self.sharpness, dtype) / jnp.maximum(
-            jnp.asarray(self.residual, dtype), LEAST_RESIDUAL
-        )
-        log_prob = scale[partition] * clipped(score)
-        if self.background is not None:
-            usual = scale[:, None] * clipped(self.background.astype(dtype))
-            usual = jax.nn.logsumexp(usual, axis=1) - math.log(usual.shape[1])
-            log_prob -= usual[partition]
-        log_prob = jnp.where(valid, log_prob, -jnp.inf)
-        return jnp.where(jnp.all(jnp.isfinite(substates), axis=0), log_prob, jnp.nan)
-
     def scores_all(self, observation, partition, substates):
-        """Scores of N particles: estimates of the overlap between box and object.
-
-        Args:
-            observation, partition, substates: as for :meth:`log_prob_all`.
-
-        Returns:
-            [N], and bool [N]: whether the box is neither too small nor too large.
-
-        Raises:
-            InputError: D is not 3 or 4.
-        """
+        """Scores [N] of substates [3, N] or [4, N], and whether their boxes are valid."""
         boxes, valid = self._boxes(partition, substates)
         if not isinstance(observation, nearby.Nearby):
             return self.score_of(observation, partition, boxes), valid
@@ -279,57 +311,15 @@ class DiscriminativeLikelihood(Likelihood):
                 score += cell_score(table, weights, partition, boxes)
         return score
 
-    def reaches_border(self, partition, substates):
-        """Whether boxes ``[D, N]`` reach the frame's border, bool ``[N]``."""
-        half = jnp.asarray(self.sizes, substates.dtype)[partition].T * substates[2] / 2
-        far = jnp.array(self.frame_shape[::-1], substates.dtype)[:, None]
-        places = substates[:2]
-        return jnp.any((places <= half) | (places + half >= far), axis=0)
+    def places_elsewhere(self, observation, partition, dtype):
+        """A coarse grid over the frame, the same for all objects."""
+        places = grid_places(self.frame_shape, dtype)[:, None]
+        return jnp.broadcast_to(places, (2, len(partition), places.shape[-1]))
 
-    def same_place(self, partition, substates):
-        """How far boxes ``[D, N]`` are in one place, ``[N, N]``: 0 to an IoU of .4, 1 from .7."""
-        sizes = jnp.asarray(self.sizes, substates.dtype)[partition]
-        boxes = boxes_from_substates(substates[:3].T, sizes)
-        shared = intersection_area(boxes[:, None], boxes)
-        either = area(boxes)[:, None] + area(boxes) - shared
-        least, most = _SAME_PLACE
-        return jnp.clip((shared / jnp.maximum(either, 1e-6) - least) / (most - least), 0, 1)
-
-    def log_odds_all(self, observation, partition, substates):
-        """Log odds that objects are where they are reported.
-
-        A lost object scores low at its reported position, and often better elsewhere.  With y its
-        score and e the best score of boxes of its size elsewhere in the frame, on a coarse grid::
-
-            log odds = 11.5 (y - e / 2 - .12)
-
-        Fitted by logistic regression to "overlap with the truth at least .1" on four clips of
-        people, each with the same weight.  Look-alikes count as the object.
-
-        Args:
-            observation, partition, substates: as for :meth:`log_prob_all`; states are estimates.
-
-        Returns:
-            [N].
-        """
-        places = grid_places(self.frame_shape, substates.dtype)[:, None]
-        centres = jnp.broadcast_to(places, (2, len(partition), places.shape[-1]))
-        shape = (len(substates), len(partition), places.shape[-1])
-        elsewhere = jnp.broadcast_to(substates[:, :, None], shape).at[:2].set(centres)
-        score = self._scores_with(observation, partition, substates, elsewhere)
-        score = clipped(score)
-        size = jnp.asarray(self.sizes, substates.dtype)[partition].T * substates[2]
-        best = best_beside(score[:, 1:], elsewhere[:2], substates, size)
-        slope, level = _ODDS
-        return slope * (score[:, 0] - best / 2 - level)
-
-    def _scores_with(self, observation, partition, substates, elsewhere):
-        """Scores [N, 1 + n] of substates and of substates elsewhere [D, N, n], on the grid."""
+    def scores_with(self, observation, partition, substates, elsewhere):
+        """Scores [N, 1 + n] of substates [D, N], and of others on the grid [D, N, n]."""
         if not isinstance(observation, nearby.Nearby):
-            every = jnp.concatenate([substates[:, :, None], elsewhere], axis=-1)
-            numbers = jnp.repeat(partition, every.shape[-1])
-            score, _ = self.scores_all(observation, numbers, every.reshape(len(substates), -1))
-            return score.reshape(len(partition), -1)
+            return super().scores_with(observation, partition, substates, elsewhere)
         score, _ = self.scores_all(observation, partition, substates)
         numbers = jnp.repeat(partition, elsewhere.shape[-1])
         boxes, _ = self._boxes(numbers, elsewhere.reshape(len(substates), -1))
@@ -368,13 +358,11 @@ class DiscriminativeLikelihood(Likelihood):
 
     def _boxes(self, partition, substates):
         """Boxes in the picture of all levels, and whether their size is valid."""
-        wanted = "(u, v, a) or (u, v, a, b)"
-        check_coordinates(substates, "learned appearance", wanted, 3, 4)
         dtype = substates.dtype
-        u, v, scale = substates[:3]
+        u, v, scale, *aspect = substates
         across = down = scale
-        if len(substates) == 4:
-            root = jnp.sqrt(jnp.maximum(substates[3], 1e-6))
+        if aspect:
+            root = jnp.sqrt(jnp.maximum(aspect[0], 1e-6))
             across, down = scale * root, scale / root
         size = jnp.asarray(self.sizes, dtype)[partition]
         width, height = size[:, 0] * across, size[:, 1] * down

@@ -8,6 +8,8 @@ of other parts of its frame, where only its own features still predict its posit
 import dataclasses
 import functools
 import math
+from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -203,16 +205,29 @@ def only(
 @compiled
 def _coefficients(likelihood, pictures, box, penalty):
     """Coefficients [F], offset and residual of one object, from pictures with its backgrounds."""
+
+    def features(picture, substates):
+        first = jnp.zeros(substates.shape[1], jnp.int32)
+        return likelihood.features_all(likelihood.seen_in([picture]), first, substates)
+
+    return fit(features, pictures, box, penalty)
+
+
+def fit(features: Callable, pictures: Any, box: jax.Array, penalty: float) -> tuple:
+    """``ridge`` of one object, from its training boxes before every background.
+
+    Args:
+        features: function of a picture and substates [3, n] that returns features [n, F].
+        pictures: with each background, a pytree with a leading axis.
+        box: of the object in the pictures, [4].
+        penalty: per background.
+    """
     shifts, overlaps = (jnp.asarray(x, box.dtype) for x in training_boxes())
     centres = box[:2] + box[2:] * (0.5 + shifts[:, :2])
     substates = jnp.concatenate([centres, shifts[:, 2:3]], axis=1).T
-    first = jnp.zeros(len(shifts), jnp.int32)
-
-    def features(picture):
-        return likelihood.features_all(likelihood.seen_in([picture]), first, substates)
-
-    examples = jnp.concatenate(jax.lax.map(features, pictures))
-    return ridge(examples, jnp.tile(overlaps, len(pictures)), penalty * len(pictures))
+    examples = jax.lax.map(lambda picture: features(picture, substates), pictures)
+    count = len(examples)
+    return ridge(jnp.concatenate(examples), jnp.tile(overlaps, count), penalty * count)
 
 
 def with_coefficients(likelihood, weights, offset, residual):

@@ -9,10 +9,10 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import FINITE, check_number, numbers_in
+from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import as_array
 from jaxpf.contract.ranges import check_ranges
-from jaxpf.likelihoods._checks import BOXES, shown_as
+from jaxpf.likelihoods._checks import shown_as
 from jaxpf.likelihoods.color import check_frame
 from jaxpf.likelihoods.discriminative.build import check_boxes, check_learned, untrained
 from jaxpf.likelihoods.discriminative.levels import shrunk
@@ -20,9 +20,8 @@ from jaxpf.likelihoods.discriminative.training import (
     BACKGROUNDS,
     RIDGE,
     before_background,
+    fit,
     only,
-    ridge,
-    training_boxes,
     with_coefficients,
 )
 from jaxpf.likelihoods.pretrained.cells import cell_features
@@ -56,8 +55,8 @@ def pretrained(
             of any sign, or a tuple of maps.  Flax, Equinox or plain JAX; give
             ``jax.tree_util.Partial(apply, weights)``, so that the weights are not compiled in.
             By default EfficientNet-lite0, with the weights of ``jaxpf[pretrained]``.
-        sharpness: trust in the scores, see :func:`jaxpf.likelihoods.discriminative`.
-        bands, grid: of the usual features, see there.
+        sharpness: trust in the scores; large values make the particles' spread too small.
+        bands, grid: of colours and gradients: bands of the histograms, rows and columns of cells.
         penalty: of the ridge regression, per background.
         names: of the objects, in messages; by default their numbers.
 
@@ -65,7 +64,7 @@ def pretrained(
         InputError: an argument is out of range, or the weights are missing.
     """
     check_frame(frame)
-    boxes = numbers_in("boxes", boxes, BOXES, FINITE)
+    boxes = np.asarray(boxes, float)
     check_boxes(boxes, frame.shape[:2], names)
     check_ranges(sharpness=sharpness)
     check_number("penalty", penalty, above=0)
@@ -114,8 +113,6 @@ def pretrained(
 
 def as_network(network: Callable) -> Callable:
     """The network as a function of its arrays: a module may also hold functions and names."""
-    if not callable(network):
-        raise TypeError(f"network is a {type(network).__name__}; give a function of a window")
     leaves, structure = jax.tree.flatten(network)
     is_array = [hasattr(leaf, "dtype") for leaf in leaves]
     if all(is_array):
@@ -134,27 +131,9 @@ def as_network(network: Callable) -> Callable:
 
 
 def map_shapes(network: Callable, size: tuple[int, int]) -> list[tuple[int, ...]]:
-    """The shapes [h, w, C] of a network's maps of a window of this height and width.
-
-    Raises:
-        InputError: it returns something else.
-    """
-    height, width = size
-    maps = jax.eval_shape(
-        lambda of, window: maps_of(of, window),
-        network,
-        jax.ShapeDtypeStruct((height, width, 3), jnp.float32),
-    )
-    for each in maps:
-        shape: tuple[int, ...] = getattr(each, "shape", ())
-        stride = height // max(shape[0], 1) if len(shape) == 3 else 0
-        if not stride or (shape[0] * stride, shape[1] * stride) != size:
-            shown = list(shape) if hasattr(each, "shape") else type(each).__name__
-            raise InputError(
-                f"the network makes {shown} of a window [{height}, {width}, 3]; return a map "
-                f"[{height} / s, {width} / s, C] with a whole stride s, or a tuple of maps."
-            )
-    return [each.shape for each in maps]
+    """The shapes [h, w, C] of a network's maps of a window of this height and width."""
+    window = jax.ShapeDtypeStruct((*size, 3), jnp.float32)
+    return [each.shape for each in jax.eval_shape(maps_of, network, window)]
 
 
 def _grid(shape: tuple[int, ...]) -> tuple[int, int]:
@@ -177,28 +156,22 @@ def _pictures(frame, box, zoom, factor):
 @functools.partial(compiled, static_argnames="cells")
 def _coefficients(known, network, pictures, box, penalty, cells):
     """Coefficients [F], offset and residual of one object, and each map's mean and spread."""
-    shifts, overlaps = (jnp.asarray(x, box.dtype) for x in training_boxes())
-    centres = box[:2] + box[2:] * (0.5 + shifts[:, :2])
-    substates = jnp.concatenate([centres, shifts[:, 2:3]], axis=1).T
-    first = jnp.zeros(len(shifts), jnp.int32)
-    places = jnp.concatenate([centres - box[2:] * shifts[:, 2:] / 2, box[2:] * shifts[:, 2:]], 1)
     maps = jax.lax.map(lambda picture: maps_of(network, picture / 255), pictures)
     middles = [jnp.mean(each, axis=(0, 1, 2)) for each in maps]
     spreads = [
         jnp.sqrt(jnp.mean(jnp.var(each, axis=(1, 2)), axis=0)) + LEAST_SPREAD for each in maps
     ]
 
-    def features(seen):
+    def features(seen, substates):
         picture, maps = seen
+        first = jnp.zeros(substates.shape[1], jnp.int32)
         columns = [known.features_all(known.seen_in([halved(picture)]), first, substates)]
+        extent = box[2:] * substates[2:].T
+        places = jnp.concatenate([substates[:2].T - extent / 2, extent], 1)
         for each, middle, spread, grid in zip(maps, middles, spreads, cells, strict=True):
             scaled = places * (2 * each.shape[0] / SIDE)
             of_cells = cell_features((each - middle) / spread, scaled, grid)
-            columns.append(of_cells.reshape(len(shifts), -1))
+            columns.append(of_cells.reshape(len(places), -1))
         return jnp.concatenate(columns, axis=1)
 
-    examples = jnp.concatenate(jax.lax.map(features, (pictures, tuple(maps))))
-    weights, offset, residual = ridge(
-        examples, jnp.tile(overlaps, len(pictures)), penalty * len(pictures)
-    )
-    return weights, offset, residual, middles, spreads
+    return *fit(features, (pictures, tuple(maps)), box, penalty), middles, spreads

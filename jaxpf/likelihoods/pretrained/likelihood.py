@@ -23,26 +23,21 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.likelihoods.discriminative.cells import Boxes
 from jaxpf.likelihoods.discriminative.levels import shrunk
 from jaxpf.likelihoods.discriminative.likelihood import (
     LARGEST,
-    LEAST_RESIDUAL,
     DiscriminativeLikelihood,
-    best_beside,
+    LearnedLikelihood,
     check_size,
-    clipped,
     grid_places,
 )
 from jaxpf.likelihoods.pretrained.cells import score_in_boxes, score_table
 from jaxpf.likelihoods.pretrained.windows import SIDE, halved, window_around
 from jaxpf.lowering.branches import one_by_one
 
-#: Of the log odds: slope, share of the best score elsewhere, and the score at which they are zero.
-_ODDS = 19.0, 0.25, 0.22
 #: Error of the place, in sizes of the object.
 _SLIP = 0.1
 
@@ -81,11 +76,8 @@ def _shown(factor, network, layers, picture, centre, zoom):
 
 
 @pytree_dataclass
-class PretrainedLikelihood(Likelihood):
+class PretrainedLikelihood(LearnedLikelihood):
     """Learned appearance of P objects by a network's features; make one with :func:`pretrained`.
-
-    A substate is (u, v, a): the centre of the box in pixels from the left and the top of the
-    frame, and its scale; the box is ``a * w`` by ``a * h``.
 
     Attributes:
         sharpness: scalar; larger trusts the score more.
@@ -118,13 +110,13 @@ class PretrainedLikelihood(Likelihood):
 
     #: Scores of colours and gradients count whole pixels.
     state_gradient = False
-    #: Windows are cut from a frame after ``observe``, which leaves it as it is.
-    fixed_observation = True
-    form = "exponential"
+    #: Fitted by logistic regression to "overlap with the truth at least .1" on 15 annotated clips,
+    #: each with the same weight; frames off the object count twice.
+    odds = (19.0, 0.25, 0.22)
 
     @property
     def model_error(self):
-        """See ``Likelihood``: of the place a tenth of the size, and of the size a factor of 1.3.
+        """Of the place a tenth of the size, and of the size a factor of 1.3.
 
         Chosen on 15 annotated clips, so that the 95% intervals hold x and y in at least 90% of the
         frames in which the object is tracked.
@@ -134,14 +126,7 @@ class PretrainedLikelihood(Likelihood):
         return jnp.stack([_SLIP * side, _SLIP * side, of_size], axis=1)
 
     def observe(self, frame):
-        """The frame, shrunk for the windows that are cut from it by :meth:`look_near`.
-
-        Args:
-            frame: uint8 RGB [H, W, 3].
-
-        Raises:
-            InputError: the frame has another shape or dtype.
-        """
+        """A frame, uint8 RGB [H, W, 3], shrunk for the windows that :meth:`look_near` cuts."""
         check_size(frame, self.frame_shape)
         return {factor: shrunk(jnp.asarray(frame), factor) for factor in set(self.factors)}
 
@@ -182,32 +167,8 @@ class PretrainedLikelihood(Likelihood):
         known = self.known.seen_in([halves.reshape(-1, *halves.shape[2:])])
         return Seen(centres, zooms, known, tuple(tables))
 
-    def log_prob_all(self, observation, partition, substates):
-        """Log-likelihoods of N particles.
-
-        Args:
-            observation: what :meth:`look_near` returned.
-            partition: int [N], the object each particle's substate belongs to.
-            substates: float [3, N].
-
-        Returns:
-            [N] in the dtype of ``substates``: NaN where a substate is not finite; -inf for a box
-            narrower than 1 pixel, lower than 2, or more than 8 times as large as at the start.
-        """
-        dtype = substates.dtype
-        residual = jnp.maximum(jnp.asarray(self.residual, dtype), LEAST_RESIDUAL)
-        scale = jnp.asarray(self.sharpness, dtype) / residual
-        score = clipped(self.scores_all(observation, partition, substates))
-        width, height = (jnp.asarray(self.sizes, dtype)[partition] * substates[2][:, None]).T
-        valid = (width >= 1) & (height >= 2) & (substates[2] <= LARGEST)
-        log_prob = jnp.where(valid, scale[partition] * score, -jnp.inf)
-        return jnp.where(jnp.all(jnp.isfinite(substates), axis=0), log_prob, jnp.nan)
-
     def scores_all(self, observation, partition, substates):
-        """Scores [N] of N particles: estimates of the overlap between box and object.
-
-        Args:
-            observation, partition, substates: as for :meth:`log_prob_all`.
+        """Scores [N] of substates [3, N], and whether their boxes are valid.
 
         Raises:
             InputError: a filter gave no estimates to look near.
@@ -231,40 +192,12 @@ class PretrainedLikelihood(Likelihood):
         for tables, weights in zip(observation.scores, self.weights, strict=True):
             stride = SIDE / (tables.shape[1] - 1)
             score += score_in_boxes(tables, partition, boxes / stride, weights.shape[1:3])
-        return score
+        width, height = size
+        valid = (width >= 1) & (height >= 2) & (substates[2] <= LARGEST)
+        return score, valid
 
-    #: They ask for frame and sizes alone.
-    reaches_border = DiscriminativeLikelihood.reaches_border
-    same_place = DiscriminativeLikelihood.same_place
-
-    def log_odds_all(self, observation, partition, substates):
-        """Log odds that objects are where they are reported.
-
-        With y an object's score and e the best score of boxes of its size beside it in its window,
-        on a coarse grid::
-
-            log odds = 19 (y - e / 4 - .22)
-
-        Fitted by logistic regression to "overlap with the truth at least .1" on 15 annotated clips,
-        each with the same weight; frames off the object count twice.
-
-        Args:
-            observation, partition, substates: as for :meth:`log_prob_all`; states are estimates.
-
-        Returns:
-            [N].
-        """
-        dtype, count = substates.dtype, len(partition)
+    def places_elsewhere(self, observation, partition, dtype):
+        """A coarse grid over each object's window."""
         steps = (grid_places((SIDE, SIDE), dtype) - SIDE / 2)[:, None]
         zoom = observation.zooms.astype(dtype)[partition]
-        places = observation.centres.astype(dtype)[partition].T[..., None] + steps / zoom[:, None]
-        scales = jnp.broadcast_to(substates[2][:, None], places.shape[1:])
-        elsewhere = jnp.concatenate([places, scales[None]])
-        every = jnp.concatenate([substates[:3, :, None], elsewhere], axis=-1)
-        numbers = jnp.repeat(partition, every.shape[-1])
-        score = clipped(self.scores_all(observation, numbers, every.reshape(3, -1)))
-        score = score.reshape(count, -1)
-        size = jnp.asarray(self.sizes, dtype)[partition].T * substates[2]
-        best = best_beside(score[:, 1:], places, substates, size)
-        slope, share, level = _ODDS
-        return slope * (score[:, 0] - share * best - level)
+        return observation.centres.astype(dtype)[partition].T[..., None] + steps / zoom[:, None]

@@ -83,7 +83,7 @@ class PretrainedPoints(Likelihood):
 
     @property
     def model_error(self):
-        """See ``Likelihood``."""
+        """Standard deviations of the truth around the best match: the slip in x and y."""
         return self.slip, self.slip, 0.0
 
     def observe(self, frame):
@@ -140,7 +140,7 @@ def pretrained_points(
         network: your own, see :func:`jaxpf.likelihoods.pretrained`; here it gets the whole frame,
             shrunk by a whole factor to at most 1000 pixels and filled up to multiples of 32.
         sharpness: trust in the scores.
-        slip: see :class:`PretrainedPoints`.
+        slip: standard deviation in pixels of a point around its best match.
 
     Raises:
         InputError: an argument is out of range, a point lies outside the frame, or the weights are

@@ -162,13 +162,11 @@ def test_the_tracker_takes_the_weights_of_the_package():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"network": lambda seen: {"maps": seen}}, "dict"),
-        ({"network": lambda seen: seen[:-1]}, "window"),
         ({"network": lambda seen: seen * jnp.nan}, "start frame"),
         ({"sharpness": -1.0}, "sharpness"),
         ({"points": [[130.0, 5.0]]}, "outside"),
     ],
-    ids=["dictionary", "size", "nan", "sharpness", "outside"],
+    ids=["nan", "sharpness", "outside"],
 )
 def test_what_cannot_be_learned_is_refused(arguments, message):
     points = arguments.pop("points", POINTS)

@@ -69,7 +69,8 @@ def pretrained(
     check_ranges(sharpness=sharpness)
     check_number("penalty", penalty, above=0)
     network = as_network(efficientnet_lite0() if network is None else network)
-    cells = [_grid(shape) for shape in map_shapes(network, (SIDE, SIDE))]
+    window = jax.ShapeDtypeStruct((SIDE, SIDE, 3), jnp.float32)
+    cells = tuple(_grid(each.shape) for each in jax.eval_shape(maps_of, network, window))
     known = untrained(frame, boxes, bands=bands, grid=grid)
     zooms = [zoom_of(*box[2:]) for box in boxes]
     factors = tuple(map(factor_of, zooms))
@@ -80,7 +81,7 @@ def pretrained(
         place = np.append(half / 2 - box[2:] * zoom / 4, box[2:] * zoom / 2)
         alone = only(known, number, place, (half, half))
         learned.append(
-            _coefficients(alone, network, pictures, as_array(place, float), penalty, tuple(cells))
+            _coefficients(alone, network, pictures, as_array(place, float), penalty, cells)
         )
     weights, offset, residual, middles, spreads = jax.tree.map(lambda *of: np.stack(of), *learned)
     for number, own in enumerate(zip(*jax.tree.leaves((middles, spreads)), strict=True)):
@@ -128,12 +129,6 @@ def as_network(network: Callable) -> Callable:
 
     arrays = [leaf for leaf, own in zip(leaves, is_array, strict=True) if own]
     return jax.tree_util.Partial(apply, arrays)
-
-
-def map_shapes(network: Callable, size: tuple[int, int]) -> list[tuple[int, ...]]:
-    """The shapes [h, w, C] of a network's maps of a window of this height and width."""
-    window = jax.ShapeDtypeStruct((*size, 3), jnp.float32)
-    return [each.shape for each in jax.eval_shape(maps_of, network, window)]
 
 
 def _grid(shape: tuple[int, ...]) -> tuple[int, int]:

@@ -35,7 +35,7 @@ from jaxpf.likelihoods._checks import points_in
 from jaxpf.likelihoods.color import check_frame
 from jaxpf.likelihoods.discriminative.levels import shrunk, size_of
 from jaxpf.likelihoods.discriminative.likelihood import check_size
-from jaxpf.likelihoods.pretrained.build import LEAST_SPREAD, as_network, map_shapes
+from jaxpf.likelihoods.pretrained.build import LEAST_SPREAD, as_network
 from jaxpf.likelihoods.pretrained.likelihood import maps_of
 from jaxpf.likelihoods.pretrained.network import efficientnet_lite0
 from jaxpf.lowering.columns import entries_at
@@ -152,7 +152,6 @@ def pretrained_points(
     check_ranges(sharpness=sharpness, slip=slip)
     network = as_network(efficientnet_lite0() if network is None else network)
     shape = int(frame.shape[0]), int(frame.shape[1])
-    map_shapes(network, _padded(shape))
     maps = compiled(_maps)(network, jnp.asarray(frame))
     middles = tuple(jnp.mean(each, axis=(0, 1)) for each in maps)
     spreads = tuple(jnp.std(each, axis=(0, 1)) + LEAST_SPREAD for each in maps)

@@ -18,6 +18,7 @@ from . import (
     sequences as sequences,
     shapes as shapes,
     smoothing as smoothing,
+    targets as targets,
     tuning as tuning,
 )
 from .contract.errors import InputError as InputError

@@ -127,7 +127,7 @@ anything = st.recursive(
 def test_an_option_has_its_type_and_bounds_or_is_refused(value, kind, length):
     if kind in (str, bool):
         length = 0
-    one = Option("x", kind(), kind, "Help.", length=length, least=-5, most=100)
+    one = Option("Help.", name="x", kind=kind, length=length, least=-5, most=100, default=kind())
     try:
         found = one.checked(value)
     except InputError as refusal:

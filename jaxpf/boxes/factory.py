@@ -1,37 +1,157 @@
-"""Builds trackers of boxes: one upright rectangle per object."""
+"""Builds trackers of boxes: one upright rectangle per object.
 
-import os
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+A substate is (u, v, a): centre in pixels and scale relative to the start (smith2004, section 2).
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.boxes.models import boxes_at
-from jaxpf.boxes.rowe2005 import rowe2005_tracker
-from jaxpf.boxes.target import BOXES
+from jaxpf import filters
+from jaxpf.boxes.models import (
+    DEFAULT_MOMENTUM,
+    DEFAULT_SCALE,
+    DEFAULT_STEPS,
+    LONE_STEPS,
+    box_model,
+    boxes_at,
+    reach_of,
+    relative_box_model,
+    relative_steps,
+)
 from jaxpf.contract.errors import InputError, check_tracker
-from jaxpf.contract.numbers import check_array, numbers_in
-from jaxpf.likelihoods.pixels import PixelLikelihood
-from jaxpf.targets import building
+from jaxpf.contract.numbers import MOST, check_array, numbers_in, plain
+from jaxpf.contract.options import OPEN, Option
+from jaxpf.contract.types import LikelihoodLike
+from jaxpf.filters.filter import FilterOptions
+from jaxpf.ordering import Ordering
+from jaxpf.targets.building import factory, looks_of
+from jaxpf.targets.target import Looks, Start
 
-if TYPE_CHECKING:
-    from jaxpf.contract.types import LikelihoodLike
-    from jaxpf.ordering import Ordering
-    from jaxpf.targets.target import Start
+#: Appearance -> default sharpness.
+_SHARPNESS = {"colour": 20.0, "discriminative": 1.0, "pretrained": 1.0}
+#: A region whose grey levels differ by at most this counts as one colour.
+_ONE_COLOUR = 2
 
 
+@factory("boxes")
 def tracker(
-    frame: ArrayLike | None,
-    boxes: ArrayLike,
+    frame: ArrayLike | Looks | None,
+    boxes: ArrayLike | Start,
     *,
     like: str | None = None,
     method: str | None = None,
     num_particles: int | None = None,
-    likelihood: "LikelihoodLike | str | None" = None,
-    ordering: "Ordering | None" = None,
+    likelihood: Annotated[
+        Literal["auto", "integral", "sampled"] | LikelihoodLike,
+        Option(
+            "How colour histograms are computed: from integral or sampled ones, or auto for the "
+            "faster (colour appearance only).",
+            compiles=True,
+            needs=("appearance", "colour"),
+        ),
+    ] = "auto",
+    ordering: Ordering | None = None,
     patches: Sequence[np.ndarray] | None = None,
-    **options: Any,
+    appearance: Annotated[
+        Literal["auto", "colour", "discriminative", "pretrained"],
+        Option(
+            "Appearance model: colour, discriminative, pretrained or auto (discriminative in "
+            "video).  Colour compares histograms; discriminative learns in the start frame to "
+            "distinguish each object from its surroundings, by colours and gradients; pretrained "
+            "also by the features of a small network, which usually lose fewer objects (pip "
+            "install 'jaxpf[pretrained]').  Auto is colour in synthetic scenes.",
+            common=True,
+            compiles=True,
+        ),
+    ] = "auto",
+    sharpness: Annotated[
+        float | None,
+        Option(
+            "Sharpness S of the likelihood, such as exp(-S d^2) of the colour distance d: larger "
+            "trusts appearance more, and gives narrower intervals.  By default 20 for colour, and "
+            "1 for learned appearance.",
+            above=0,
+            path="likelihood.sharpness",
+            tuned=("",),
+        ),
+    ] = None,
+    noise_pixels: Annotated[
+        tuple[float, float, float],
+        Option(
+            "Noise per frame: x and y in pixels, and the relative size (pixel motion only).",
+            least=0,
+            path="dynamics.scale",
+            tuned=("[0]", "[1]"),
+            needs=("motion", "pixels"),
+        ),
+    ] = DEFAULT_SCALE,
+    bands: Annotated[
+        int,
+        Option(
+            "Number of horizontal bands, each with a colour histogram of its own (colour "
+            "appearance only).",
+            least=1,
+            most=MOST,
+            compiles=True,
+            needs=("appearance", "colour"),
+        ),
+    ] = 2,
+    network: Annotated[
+        str | None,
+        Option(
+            "File with the weights of EfficientNet-lite0, .pth or .npz; by default those of "
+            "'jaxpf[pretrained]' (pretrained appearance only).",
+            needs=("appearance", "pretrained"),
+        ),
+    ] = None,
+    motion: Annotated[
+        Literal["auto", "pixels", "relative"],
+        Option(
+            "Unit of the noise: pixels (noise_pixels), relative to the object's size "
+            "(noise_relative) or auto.  Relative noise is heavy-tailed; auto is relative unless "
+            "appearance is colour.",
+            common=True,
+            compiles=True,
+        ),
+    ] = "auto",
+    noise_relative: Annotated[
+        tuple[float, ...] | None,
+        Option(
+            "Noise per frame, three standard deviations: of usual steps and of occasional long "
+            "ones, as shares of the object's size, and of the logarithm of the size; by default "
+            f"{plain(DEFAULT_STEPS)}, and {plain(LONE_STEPS)} for a single object (relative motion "
+            "only).  Three numbers for all objects, or three for each.",
+            length=3,
+            least=0,
+            per_object=True,
+            path="dynamics.steps",
+            tuned=("[0]", "[1]"),
+            needs=("motion", "relative"),
+        ),
+    ] = None,
+    momentum: Annotated[
+        float,
+        Option(
+            "Share of the last displacement that is repeated (relative motion only).",
+            least=0,
+            most=1,
+            needs=("motion", "relative"),
+        ),
+    ] = DEFAULT_MOMENTUM,
+    exclusion: Annotated[
+        Literal["none", "boxes"],
+        Option(
+            "boxes keeps two boxes from explaining the same pixels, for look-alikes that meet; "
+            "none does not (discriminative and pretrained appearance only).  If one box hides most "
+            "of another, the hidden part does not count for the other.",
+            compiles=True,
+            needs=("appearance", "discriminative", "pretrained"),
+        ),
+    ] = "none",
+    **options: Unpack[FilterOptions],
 ) -> Any:
     """Build the tracker of ``jaxpf track``, with its defaults unless options override them.
 
@@ -48,7 +168,7 @@ def tracker(
             frame.  It may be None with a user-defined likelihood.
         boxes: x, y, w, h in pixels, ``[P, 4]``.
         like: ``"smith2004"`` or ``"rowe2005"`` for that paper's system as printed; other arguments
-            override it.  Options of rowe2005 are those of ``jaxpf.boxes.rowe2005_tracker``.
+            override it.  Other settings of rowe2005: ``jaxpf.boxes.rowe2005_tracker``.
         method: ``"dps"`` (default), ``"sir"``, ``"ps"``, ``"sps"``, ``"labelled"``, ...
         num_particles: number of particles; default 300.
         likelihood: a user-defined likelihood of substates (u, v, a), the centre in pixels and the
@@ -56,8 +176,9 @@ def tracker(
         ordering: from ``jaxpf.ordering``, instead of a method.
         patches: P pictures, uint8 RGB ``[h, w, 3]``, from which colours are learned instead of
             from the frame.
-        options: named and explained as the flags of ``jaxpf track``: ``appearance``, ``motion``,
-            ``noise_relative``, ``sharpness``, ``noise_pixels``, ``resampling``, ...
+        appearance, sharpness, noise_pixels, bands, network, motion, noise_relative, momentum,
+            exclusion: explained in the signature.
+        options: of the method's filter: ``resampling``, ...
 
     Returns:
         The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.
@@ -65,24 +186,68 @@ def tracker(
     Raises:
         InputError: an unknown option or a value out of range; the message names it.
     """
-    if isinstance(like, str) and like == "rowe2005":
-        if method is not None or likelihood is not None or ordering is not None:
+    assert isinstance(boxes, Start), "by the decorator"
+    is_relative, count = motion == "relative", len(boxes.ids)
+    steps: Any = relative_steps(noise_relative, count) if is_relative else None
+    if not isinstance(likelihood, str):
+        learned: Any = likelihood
+    else:
+        looks = looks_of(frame, num_particles, patches)
+        assert sharpness is not None, "by settle"
+        if looks.background is not None:
+            _check_tunable(appearance, noise_relative)
+        if appearance == "colour":
+            learned = _histograms(looks, boxes, sharpness, bands, likelihood)
+        elif appearance == "discriminative":
+            learned = _discriminative(looks, boxes, sharpness, steps)
+        else:
+            learned = _pretrained(looks, boxes, sharpness, network)
+        if exclusion == "boxes" and appearance != "colour":
+            from jaxpf.likelihoods.exclusion import excluding
+
+            learned = excluding(learned)
+    if is_relative:
+        model = relative_box_model(learned, boxes.shapes, steps, momentum)
+    else:
+        model = box_model(learned, boxes.shapes, noise_pixels)
+    return filters.build(
+        model, method=method, num_particles=num_particles, ordering=ordering, **options
+    )
+
+
+def start(given: Any, names: Sequence[object] | np.ndarray | None = None) -> Start:
+    """Where boxes ``[P, 4]`` start; default names are numbers from 1."""
+    boxes = numbers_in("boxes", given, "x, y, w, h in pixels of every object, [>= 1, 4]")
+    for number, box in enumerate(boxes):
+        if not (np.isfinite(box).all() and (box[2:] > 0).all()):
             raise InputError(
-                "like='rowe2005' has a method and likelihood of its own; leave those out."
+                f"boxes[{number}] is {box.tolist()}: give x, y, and a positive width and height."
             )
-        if num_particles is not None:
-            options["num_particles"] = num_particles
-        return rowe2005_tracker(frame, _start(boxes).shapes, patches=patches, **options)
-    if callable(network := options.get("network")):
-        raise InputError(
-            "network names a file; for a network of your own, give "
-            "likelihood=jaxpf.likelihoods.pretrained(frame, boxes, network=...)."
-        )
-    if isinstance(network, os.PathLike):
-        options["network"] = os.fspath(network)
-    given = {"like": like, "method": method, "num_particles": num_particles, **options}
-    own = {"likelihood": likelihood, "ordering": ordering, "patches": patches}
-    return building.make(BOXES, frame, _start(boxes), given, **own)
+    return unchecked_start(boxes, names)
+
+
+def unchecked_start(boxes: np.ndarray, names: Any = None) -> Start:
+    """The same of checked boxes, of which there may be none."""
+    boxes = np.asarray(boxes, np.float64)
+    ids = np.arange(1, len(boxes) + 1) if names is None else np.asarray(names)
+    return Start(ids, boxes, boxes[:, 2:], (-1,) * len(boxes))
+
+
+def settle(
+    values: Mapping[str, Any], settings: Mapping[str, Any], num_objects: int | None = None
+) -> dict[str, Any]:
+    """By default discriminative appearance with its sharpness, and relative motion."""
+    values = dict(values)
+    if values["appearance"] == OPEN:
+        values["appearance"] = settings.get("appearance", "discriminative")
+    if values["motion"] == OPEN:
+        values["motion"] = "pixels" if values["appearance"] == "colour" else "relative"
+    if values["sharpness"] is None:
+        values["sharpness"] = _SHARPNESS[values["appearance"]]
+    if values["motion"] == "relative" and num_objects is not None:
+        steps = relative_steps(values["noise_relative"], num_objects)
+        values["noise_relative"] = tuple(steps.ravel().tolist())
+    return values
 
 
 def to_boxes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
@@ -95,6 +260,8 @@ def to_boxes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     Raises:
         InputError: the tracker's dynamics do not know the sizes.
     """
+    from jaxpf.likelihoods.pixels import PixelLikelihood
+
     check_tracker(tracker)
     if isinstance(tracker.likelihood, PixelLikelihood):
         check_array("estimate", estimate, "u, v, w, h, [..., P, >= 4]")
@@ -110,11 +277,70 @@ def to_boxes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     return boxes_at(estimate, sizes)
 
 
-def _start(boxes: ArrayLike) -> "Start":
-    array = numbers_in("boxes", boxes, "x, y, w, h in pixels of every object, [>= 1, 4]")
-    for number, box in enumerate(array):
-        if not (np.isfinite(box).all() and (box[2:] > 0).all()):
+def _histograms(looks: Looks, start: Start, sharpness: float, bands: int, method: str) -> Any:
+    from jaxpf.likelihoods.histogram import histogram, histogram_from_patches
+
+    settings: dict[str, Any] = {"sharpness": sharpness, "bands": bands}
+    if looks.background is None:
+        names = _names(start)
+        settings |= {"method": method, "num_particles": looks.num_particles, "names": names}
+        if looks.patches is None:
+            _check_contrast(looks.frame, start.shapes, names)
+            return histogram(looks.frame, start.shapes, **settings)
+    else:
+        settings |= {"method": "integral", "interpolation": "bilinear", "form": "ratio"}
+        settings["background_frames"] = looks.background
+    shape, patches = looks.frame.shape[:2], looks.patches or []
+    return histogram_from_patches(patches, start.sizes, frame_shape=shape, **settings)
+
+
+def _discriminative(looks: Looks, start: Start, sharpness: float, steps: Any) -> Any:
+    from jaxpf.likelihoods.discriminative import discriminative
+
+    settings: dict[str, Any] = {"sharpness": sharpness, "names": _names(start)}
+    if steps is not None:
+        settings["reach"] = reach_of(steps)
+    if looks.background is not None:
+        settings |= {"interpolation": "bilinear", "background_frames": looks.background}
+    likelihood = discriminative(looks.frame, start.shapes, **settings)
+    _check_contrast(looks.frame, start.shapes, _names(start))
+    return likelihood
+
+
+def _pretrained(looks: Looks, start: Start, sharpness: float, network: str | None) -> Any:
+    from jaxpf.likelihoods.pretrained import efficientnet_lite0, pretrained
+
+    settings: dict[str, Any] = {"network": efficientnet_lite0(network), "names": _names(start)}
+    likelihood = pretrained(looks.frame, start.shapes, sharpness=sharpness, **settings)
+    _check_contrast(looks.frame, start.shapes, _names(start))
+    return likelihood
+
+
+def _check_tunable(appearance: str, noise_relative: Sequence[float] | None) -> None:
+    if len(noise_relative or ()) > 3:
+        raise InputError(
+            f"noise_relative {plain(noise_relative)} differs between objects, and tuning finds one "
+            "motion for all; give three numbers."
+        )
+    if appearance == "pretrained":
+        raise InputError(
+            "tuning needs derivatives, which appearance pretrained lacks; choose appearance "
+            "discriminative or colour."
+        )
+
+
+def _check_contrast(frame: np.ndarray, boxes: np.ndarray, names: Sequence[str]) -> None:
+    """Refuse boxes ``[P, 4]`` of one uniform colour on a background of the same colour."""
+    for name, (x, y, width, height) in zip(names, boxes, strict=True):
+        left, top = (max(int(at - size / 2), 0) for at, size in ((x, width), (y, height)))
+        around = frame[top : int(y + 1.5 * height) + 1, left : int(x + 1.5 * width) + 1]
+        if around.size and np.ptp(around, axis=(0, 1)).max() <= _ONE_COLOUR:
             raise InputError(
-                f"boxes[{number}] is {box.tolist()}: give x, y, and a positive width and height."
+                f"{name} lies on one colour, and so does what is around it, so that "
+                "it cannot be located; give a box whose edges show, or another start frame."
             )
-    return BOXES.start(array)
+
+
+def _names(start: Start) -> list[str]:
+    """How messages show the boxes."""
+    return [f"the box of object {number}" for number in start.ids]

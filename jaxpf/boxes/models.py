@@ -8,8 +8,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
-from jaxpf.contract.numbers import check_array
-from jaxpf.contract.options import plain
+from jaxpf.contract.numbers import check_array, plain
 
 if TYPE_CHECKING:
     from jaxpf.contract.types import LikelihoodLike

@@ -43,7 +43,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, num_particles: 
     does each method find object 1 again?  The video shows a run of DPS, the default of `jaxpf
     track`.  All methods start from the same boxes with the same seeds; intervals are at 95%.
     """
-    count = picked({"num_particles": num_particles}, Options).num_particles
+    count = picked(Options, {"num_particles": num_particles})["num_particles"]
     start_jax()
     import jax
 

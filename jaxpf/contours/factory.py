@@ -1,31 +1,174 @@
-"""Builds trackers of contours: targets recognised by their outlines."""
+"""Builds trackers of contours: objects, look-alikes included, known by outline (maccormick1999).
 
-from typing import TYPE_CHECKING, Any
+A contour is a partition whose substate is a point of a shape space, such as those of
+``jaxpf.shapes.spaces``; all coordinates are in pixels.
+"""
+
+import dataclasses
+from typing import Annotated, Any, Literal, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from jaxpf import filters
 from jaxpf.contours.data import Contours, Learned
-from jaxpf.contours.target import CONTOURS, contour_start, polylines, shapes_of
-from jaxpf.contract.errors import check_type
-from jaxpf.targets import building
+from jaxpf.contract.errors import Argument, InputError, check_tracker, check_type
+from jaxpf.contract.numbers import check_array, plain
+from jaxpf.contract.optional import optional
+from jaxpf.contract.options import Option
+from jaxpf.contract.types import LikelihoodLike, TrackerLike
+from jaxpf.filters.filter import FilterOptions
+from jaxpf.ordering import Ordering
+from jaxpf.shapes.splines import basis, even_places, points_on
+from jaxpf.targets.building import factory, looks_of
+from jaxpf.targets.target import Looks, Start
 
-if TYPE_CHECKING:
-    from jaxpf.contract.types import LikelihoodLike, TrackerLike
-    from jaxpf.ordering import Ordering
+#: Number of segments of a reported polyline.
+PIECES = 64
+#: Default slip on film of open and of closed contours, as a share of their size; see
+#: "Contours" in docs/development/defaults.md.
+_SLIP = {False: 0.1, True: 0.05}
+#: The depth order of separate contours is unknown; few particles would keep an arbitrary one.
+_FLIP = 0.5
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class ContourStart(Start):
+    """Start contours, with an optional learned model.
+
+    Attributes:
+        contours: their control points.
+        learned: shape space and dynamics (``jaxpf.contours.Learned``), or None.
+    """
+
+    contours: Contours
+    learned: Learned | None = None
+
+
+@factory("contours")
 def tracker(
-    frame: ArrayLike | None,
-    contours: Contours,
+    frame: ArrayLike | Looks | None,
+    contours: Contours | Start,
     *,
     like: str | None = None,
     method: str | None = None,
     num_particles: int | None = None,
-    likelihood: "LikelihoodLike | str | None" = None,
-    ordering: "Ordering | None" = None,
+    likelihood: LikelihoodLike | None = None,
+    ordering: Ordering | None = None,
     learned: Learned | None = None,
-    **options: Any,
+    shape_space: Annotated[
+        Literal["translation", "similarity", "affine"] | None,
+        Option(
+            "How shapes may change: translation, similarity (default; also turns and scales) or "
+            "affine.  Other shapes are learned, see --learned.",
+            common=True,
+            compiles=True,
+        ),
+    ] = None,
+    noise_shift: Annotated[
+        float | None,
+        Option(
+            "Noise of the shift in x and y per frame, in pixels; by default 0.05 of the contour's "
+            "size, or learned.  The size is the side of a square with the diagonal of the bounding "
+            "box of the control points.",
+            least=0,
+        ),
+    ] = None,
+    noise_bend: Annotated[
+        float | None,
+        Option(
+            "Noise of every other coordinate of the shape per frame, in pixels by which points of "
+            "the contour move; by default 0.006 of the contour's size, or learned.",
+            least=0,
+        ),
+    ] = None,
+    exclusion: Annotated[
+        Literal["wires", "opaque", "none", "wires-literal", "opaque-literal", "none-literal"],
+        Option(
+            "Whether an edge may belong to several contours: wires (to one only), opaque or none.  "
+            "opaque is for two to four closed contours, of which nearer ones hide others; with "
+            "none, look-alikes coalesce.  In wires-literal, opaque-literal and none-literal, as "
+            "published, every line near an edge counts it.",
+            common=True,
+            compiles=True,
+        ),
+    ] = "wires",
+    wire_width: Annotated[
+        float | None,
+        Option(
+            "Width in pixels of a wire with two visible edges; by default that of the file (open "
+            "contours only).",
+            above=0,
+        ),
+    ] = None,
+    lines: Annotated[
+        int,
+        Option("Number of measurement lines on a contour.", least=4, most=1000, compiles=True),
+    ] = 32,
+    line_length: Annotated[
+        int,
+        Option(
+            "Length of a measurement line, an odd number of pixels: edges are found up to half of "
+            "it away.",
+            least=3,
+            most=253,
+            compiles=True,
+        ),
+    ] = 41,
+    edge_threshold: Annotated[
+        float, Option("Weakest edge that counts, in grey levels per pixel.", least=0)
+    ] = 8.0,
+    edge_smoothing: Annotated[
+        float,
+        Option(
+            "Blur of the frame before edges are found, in pixels.", least=0, most=20, compiles=True
+        ),
+    ] = 1.0,
+    sigma: Annotated[
+        float,
+        Option(
+            "Standard deviation of an edge's distance from the contour, in pixels.",
+            above=0,
+        ),
+    ] = 7.0,
+    independence: Annotated[
+        float,
+        Option(
+            "Weight of a measurement line's log likelihood: less than 1, since neighbouring lines "
+            "see the same edge.  1 as published, where few particles keep any weight.",
+            above=0,
+            most=1,
+        ),
+    ] = 0.3,
+    clutter: Annotated[
+        float | None,
+        Option(
+            "Mean number of edges on a measurement line of the background; by default the "
+            "distribution of that number is learned from the start frame.",
+            above=0,
+        ),
+    ] = None,
+    slip: Annotated[
+        float | None,
+        Option(
+            "Widens the intervals: standard deviation in pixels of a contour around its best "
+            "match.  By default, as measured on film, 0.1 of the size for open contours and 0.05 "
+            "for closed ones; 0 in synthetic scenes.",
+            least=0,
+        ),
+    ] = None,
+    flip: Annotated[
+        float | None,
+        Option(
+            "Probability per frame that two contours next to each other in depth change places, "
+            f"unless they overlap; by default {_FLIP:g}, which forgets the order while they are "
+            "apart (opaque contours only).  0.01 as published.",
+            least=0,
+            most=1,
+            needs=("exclusion", "opaque", "opaque-literal"),
+        ),
+    ] = None,
+    **options: Unpack[FilterOptions],
 ) -> Any:
     """Build the contour tracker of ``jaxpf track``.
 
@@ -47,8 +190,10 @@ def tracker(
         likelihood: a user-defined likelihood of points of the shape space.
         ordering: from ``jaxpf.ordering``, instead of a method.
         learned: shape space and dynamics.
-        options: named and explained as the flags of ``jaxpf track``: ``shape_space``,
-            ``exclusion``, ``clutter``, ``joint_weighting``, ...
+        shape_space, noise_shift, noise_bend, exclusion, wire_width, lines, line_length,
+            edge_threshold, edge_smoothing, sigma, independence, clutter, slip, flip: explained in
+            the signature.
+        options: of the method's filter: ``resampling``, ``joint_weighting``, ...
 
     Returns:
         The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.
@@ -56,15 +201,89 @@ def tracker(
     Raises:
         InputError: an unknown option or a value out of range; the message names it.
     """
-    check_type("contours", contours, Contours)
-    if learned is not None:
-        check_type("learned", learned, Learned)
-    given = {"like": like, "method": method, "num_particles": num_particles, **options}
-    start = contour_start(contours, learned)
-    return building.make(CONTOURS, frame, start, given, likelihood=likelihood, ordering=ordering)
+    from jaxpf.contours.models import contours_model, start_space
+    from jaxpf.contract.pytree import as_array
+    from jaxpf.likelihoods.contours import EdgeDetector, contours as contours_likelihood
+
+    assert isinstance(contours, ContourStart), "by the decorator"
+    given, space_of_file = contours.contours, contours.learned and contours.learned.space
+    if noise_bend is not None and shape_space == "translation":
+        raise InputError(
+            Argument("noise_bend", plain(noise_bend)),
+            " works only with shapes that change, but 'translation' only shifts them; leave one "
+            "of them out.",
+        )
+    if space_of_file is not None and shape_space is not None:
+        raise InputError(
+            f"the shape space {shape_space} was asked for and a learned one was given; leave one "
+            "of them out."
+        )
+    space = start_space(given, space_of_file or shape_space or "similarity")
+    if likelihood is None:
+        looks = looks_of(frame, num_particles)
+        typical = looks.frame[None] if looks.typical is None else looks.typical
+        made = contours_likelihood(
+            space,
+            contours.num_partitions,
+            exclusion=exclusion,
+            frames=typical if clutter is None else None,
+            clutter=clutter,
+            detector=EdgeDetector(
+                threshold=edge_threshold, length=line_length, smoothing=edge_smoothing
+            ),
+            sigma=sigma,
+            independence=independence,
+            width=given.width if wire_width is None else wire_width,
+            num_lines=lines,
+        )
+        usual = looks.settings.get("slip", _SLIP[given.closed] * given.sizes)
+        made = dataclasses.replace(made, slip=as_array(usual if slip is None else slip, float))
+        if looks.patches is None:
+            made = made.started(looks.frame, space.project(given.points))
+        likelihood = made
+    noise = noise_shift, noise_bend
+    dynamics = contours.learned and contours.learned.dynamics_of(contours.num_partitions)
+    if dynamics is not None and noise != (None, None):
+        raise InputError(
+            "noise was given, but the learned file has dynamics of its own; leave one of them out, "
+            "or learn again with --order 0."
+        )
+    model = contours_model(
+        likelihood,
+        given,
+        space,
+        dynamics=dynamics,
+        scale=np.where(
+            [value is None for value in noise], given.usual_noise, np.array(noise, float)
+        ),
+        flip=(_FLIP if flip is None else flip) if exclusion.startswith("opaque") else None,
+    )
+    return filters.build(
+        model, method=method, num_particles=num_particles, ordering=ordering, **options
+    )
 
 
-def to_contours(tracker: "TrackerLike", estimate: ArrayLike) -> np.ndarray:
+def start(given: Contours, names: Any = None) -> ContourStart:
+    """Where contours start."""
+    check_type("contours", given, Contours)
+    if names is not None:
+        given = dataclasses.replace(given, names=tuple(names))
+    kind: dict[str, Any] = {"closed": given.closed, "degree": given.degree}
+    lines = points_on(given.points, PIECES + (not given.closed), **kind)
+    if given.closed:
+        lines = np.concatenate([lines, lines[:, :1]], axis=1)
+    count = len(lines)
+    return ContourStart(
+        ids=np.asarray(given.names),
+        shapes=lines.reshape(count, -1),
+        sizes=lines.max(axis=1) - lines.min(axis=1),
+        parents=(-1,) * count,
+        contours=given,
+        remarks=given.remarks,
+    )
+
+
+def to_contours(tracker: TrackerLike, estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to polylines ``[..., P, V, 2]``, pixels.
 
     A closed contour's last point equals its first.
@@ -72,5 +291,21 @@ def to_contours(tracker: "TrackerLike", estimate: ArrayLike) -> np.ndarray:
     Args:
         tracker: from ``tracker``.
         estimate: such as ``summary.estimate``.
+
+    Raises:
+        InputError: a user-defined likelihood without a shape space.
     """
-    return polylines(shapes_of(tracker, estimate))
+    check_tracker(tracker)
+    space: Any = optional(getattr(tracker, "likelihood", None), "space")
+    if space is None:
+        raise InputError(
+            "this tracker's likelihood does not define the shape space; give it an attribute "
+            "`space`, such as jaxpf.shapes.space_of makes."
+        )
+    check_array("estimate", estimate, f"coordinates, [..., P, {space.dimension}]")
+    kind: dict[str, Any] = {"closed": space.closed, "degree": space.degree}
+    matrix = basis(even_places(PIECES + 1, closed=False), space.num_points, **kind)
+    lines = matrix @ np.asarray(space.control_points(np.asarray(estimate)), float)
+    if space.closed:
+        lines[..., -1, :] = lines[..., 0, :]
+    return lines

@@ -44,6 +44,7 @@ from .interface import (
     Proposal as Proposal,
     Tracker as Tracker,
 )
+from .model import Model as Model
 from .near import (
     expecting as expecting,
     looked_near as looked_near,
@@ -56,6 +57,7 @@ from .optional import (
     likelihood_of as likelihood_of,
     optional as optional,
 )
+from .options import Option as Option
 from .pytree import (
     as_array as as_array,
     is_concrete as is_concrete,

@@ -1,72 +1,63 @@
-"""Options, declared once as fields of frozen dataclasses.
+"""Options: parameters of a function, or fields of a dataclass, annotated with help and range::
 
-Filters and targets declare their options in modules that import no JAX.  Flags, help, TOML keys,
-evaluation grids and error messages are derived from the fields.
+    def tracker(frame, boxes, *, momentum: Annotated[float, Option("Help.", most=1)] = 0.3): ...
+
+Flags, TOML keys, the grids of evaluations, and the one check of a value are read from here.
 """
 
 import dataclasses
+import functools
+import inspect
 import math
 import sys
+import types
 import typing
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from jaxpf.contract.errors import Argument, InputError, check_known, choice
 from jaxpf.contract.numbers import bounds_in_words, check_number, check_whole, plain
 
-_KEY = "option"
 #: The value of an option that is settled automatically.
 OPEN = "auto"
-_NOUNS = {
-    bool: "true or false",
-    int: "a whole number",
-    float: "a finite number",
-    str: "a name",
-    Path: "a path",
-}
+_NOUNS = {bool: "true or false", int: "a whole number", float: "a finite number", Path: "a path"}
+_MANY = {int: "whole numbers", float: "finite numbers"}
 
 
 @dataclasses.dataclass(frozen=True)
 class Option:
-    """The declaration of an option.
+    """What an annotation says of an option.
 
     Attributes:
-        name: name of the field; the flag replaces underscores by hyphens.
-        default: default value; None means unset.
-        kind: type of the value, or of each entry of a tuple: ``int``, ``float``, ``str``, ``bool``
-            or ``Path``.
-        help: one sentence.
-        length: 0 for a single value, n for a tuple of n values, -1 for a tuple of any length.
-        per_object: whether the tuple may hold n values per object, object after object.
-        choices: allowed names; () allows any value.
+        help: what it does, in sentences; ranges and choices are added.
         least: smallest allowed value.
         above: exclusive lower bound.
         most: largest allowed value.
+        needs: another option of the same owner, then its values with which this one applies; giving
+            this one selects the first of them if the other is left open.
         flags: further flags, such as ``-n``.
-        common: whether ``--help`` explains it.
+        common: whether it has a flag of its own; the others are given by ``--set NAME=VALUE``.
         path: the value's pytree path in a tracker, if it can be tuned.
-        factors: factors from the option's values to those in the tracker, such as degrees to
+        factors: factors from the option's numbers to those in the tracker, such as degrees to
             radians; () for 1.
         tuned: endings of the path, such as "[0]", that are tuned by default.
         compiles: whether a new value compiles a new kernel.
         places: whether the values are indices of objects, typed from 1 and stored from 0.
-        implies: (name, value) of another option of the same owner.  This option applies only with
-            that value; giving it selects that value if the other option is "auto".
-        also_with: further values of the other option with which this one applies.
-        opens: whether "auto" is also allowed; it is settled later.
+        per_object: whether a tuple may hold its numbers once for every object.
+        name: the parameter's name; this and the rest are read from the signature.
+        default: its default; None means unset.
+        kind: type of the value, or of each entry of a tuple.
+        length: 0 for a single value, n for a tuple of n values, -1 for a tuple of any length.
+        choices: allowed names; () allows any value.
     """
 
-    name: str
-    default: Any
-    kind: type
     help: str
-    length: int = 0
-    per_object: bool = False
-    choices: tuple[str, ...] = ()
+    _: dataclasses.KW_ONLY
     least: float = -math.inf
     above: float = -math.inf
     most: float = math.inf
+    needs: tuple[str, ...] = ()
     flags: tuple[str, ...] = ()
     common: bool = False
     path: str = ""
@@ -74,66 +65,62 @@ class Option:
     tuned: tuple[str, ...] = ()
     compiles: bool = False
     places: bool = False
-    implies: tuple[str, str] | None = None
-    also_with: tuple[str, ...] = ()
-    opens: bool = False
+    per_object: bool = False
+    name: str = ""
+    default: Any = None
+    kind: type = str
+    length: int = 0
+    choices: tuple[str, ...] = ()
 
     @property
     def flag(self) -> str:
         """The flag, such as ``--ess-threshold``."""
         return f"--{self.name.replace('_', '-')}"
 
-    def applies_with(self, value: object) -> bool:
-        """Whether the option applies with this value of the one that it implies."""
-        return self.implies is None or value in (self.implies[1], *self.also_with)
+    def applies(self, values: Mapping[str, Any]) -> bool:
+        """Whether it applies with these values of the owner's options."""
+        return not self.needs or values.get(self.needs[0], self.needs[1]) in self.needs[1:]
 
-    def checked(self, value: Any, shown: str = "") -> Any:
+    def checked(self, value: Any) -> Any:
         """Return the value converted to the option's type.
 
-        Args:
-            value: the value; a list becomes a tuple.
-            shown: how messages show the option; default its name and an equals sign, or its flag
-                on the command line.
-
         Raises:
-            InputError: the type is wrong or the value is out of range.
+            InputError: its type is wrong, or it is out of range.
         """
-        if (value is None and self.default is None) or (self.opens and value == OPEN):
+        if value is None and self.default is None:
             return value
-
-        def named(text: str) -> Argument | str:
-            return f"{shown} {text}" if shown else Argument(self.name, text)
-
-        if self.choices and value not in self.choices:
-            raise InputError(
-                named(repr(value)), f" is unknown; choose one of {', '.join(self.choices)}."
-            )
+        if self.choices:
+            if not isinstance(value, str) or value not in self.choices:
+                known = ", ".join(self.choices)
+                raise InputError(
+                    Argument(self.name, repr(value)), f" is unknown; choose one of {known}."
+                )
+            return value
         many = isinstance(value, Sequence) and not isinstance(value, str)
-        values = tuple(value) if many else (value,)
-        if not self._fits(values, many) or not all(self._allows(entry) for entry in values):
-            raise InputError(named(plain(value) or repr(value)), f" must be {self.wanted}.")
-        values = tuple(self.kind(entry) for entry in values)
-        return values if many else values[0]
+        entries = tuple(value) if many else (value,)
+        if not self._fits(len(entries), many) or not all(map(self._allows, entries)):
+            shown = Argument(self.name, plain(value) or repr(value))
+            raise InputError(shown, f" must be {self.wanted}.")
+        entries = tuple(self.kind(entry) for entry in entries)
+        return entries if many else entries[0]
 
     @property
     def wanted(self) -> str:
         """The allowed values in words."""
-        noun = _NOUNS.get(self.kind, "")
+        noun = _NOUNS.get(self.kind, "a name")
         if self.length:
             count = {2: "two ", 3: "three "}.get(self.length, "")
-            noun = count + {int: "whole numbers", float: "finite numbers"}.get(self.kind, "names")
+            noun = count + _MANY.get(self.kind, "names")
             if self.per_object:
                 noun += f", or {count.strip()} for every object,"
         bounds = bounds_in_words(above=self.above, least=self.least, most=self.most)
         example = f", such as {plain(self.default)}" if self.length > 0 and self.default else ""
         return f"{noun}{bounds}{example}"
 
-    def _fits(self, values: tuple[object, ...], many: bool) -> bool:
+    def _fits(self, count: int, many: bool) -> bool:
         if self.length <= 0 or not many:
             return many == (self.length != 0)
-        if self.per_object:
-            return len(values) > 0 and len(values) % self.length == 0
-        return len(values) == self.length
+        return count == self.length or (self.per_object and count > 0 and count % self.length == 0)
 
     def _allows(self, value: object) -> bool:
         if self.kind in (str, bool, Path):
@@ -145,55 +132,81 @@ class Option:
         return value > self.above and self.least <= value <= self.most
 
 
-def option(default: Any, help: str, **about: Any) -> Any:
-    """Declare a field of an options class; ``about`` are attributes of ``Option``."""
-    length = {"length": len(default)} if isinstance(default, tuple) and default else {}
-    declared = {"help": help, **length, **about}
-    return dataclasses.field(default=default, metadata={_KEY: declared})
+@functools.cache
+def _declared(owner: Callable[..., Any]) -> Mapping[str, Option]:
+    found = {}
+    for name, parameter in inspect.signature(owner).parameters.items():
+        if typing.get_origin(parameter.annotation) is typing.Annotated:
+            hint, *notes = typing.get_args(parameter.annotation)
+            about = next((note for note in notes if isinstance(note, Option)), None)
+            if about is not None:
+                default = None if parameter.default is parameter.empty else parameter.default
+                says = {**_type(hint), **({"length": about.length} if about.length else {})}
+                found[name] = dataclasses.replace(about, name=name, default=default, **says)
+    return found
 
 
-def _kind_and_length(annotation: Any) -> tuple[type, int]:
-    """Return a value's type, and 0 for a single value or -1 for a tuple."""
-    inner = typing.get_args(annotation)
-    if not inner:
-        return annotation, 0
-    kind, length = _kind_and_length(inner[0])
-    return kind, -1 if typing.get_origin(annotation) is tuple else length
+def _type(hint: Any) -> dict[str, Any]:
+    """What a type says: ``kind``, ``length`` and ``choices``."""
+    arguments = typing.get_args(hint)
+    if typing.get_origin(hint) is typing.Literal:
+        return {"choices": arguments}
+    if typing.get_origin(hint) in (typing.Union, types.UnionType):
+        return _type(arguments[0])
+    if typing.get_origin(hint) is tuple:
+        length = -1 if arguments[-1] is Ellipsis else len(arguments)
+        return {**_type(arguments[0]), "length": length}
+    return {"kind": hint} if isinstance(hint, type) else {}
 
 
-def options_of(*owners: Any) -> dict[str, Option]:
-    """Map name to option for several options classes; the first declaration of a name wins."""
-    options: dict[str, Option] = {}
+def options_of(*owners: Callable[..., Any]) -> dict[str, Option]:
+    """Map name to option for functions and dataclasses; the first declaration of a name wins."""
+    found: dict[str, Option] = {}
     for owner in owners:
-        for field in dataclasses.fields(owner):
-            if _KEY in field.metadata:
-                kind, length = _kind_and_length(field.type)
-                about = {"kind": kind, "length": length, **field.metadata[_KEY]}
-                options.setdefault(field.name, Option(field.name, field.default, **about))
-    return options
+        found |= {n: option for n, option in _declared(owner).items() if n not in found}
+    return found
 
 
-def check_options(options: object) -> None:
-    """Convert every field to its type, or refuse it; for ``__post_init__``.
+def defaults_of(owner: Callable[..., Any]) -> dict[str, Any]:
+    """The defaults of an owner's options."""
+    return {name: option.default for name, option in options_of(owner).items()}
+
+
+def checked(owner: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """The checked values of all options of an owner, by default its defaults."""
+    declared = options_of(owner).items()
+    return {name: option.checked(values.get(name, option.default)) for name, option in declared}
+
+
+def complete(
+    owner: Callable[..., Any], given: Mapping[str, Any], defaults: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """The checked values of all options of an owner.
+
+    Args:
+        owner: a function or dataclass; names that it does not declare are ignored.
+        given: name -> value; a value may imply others that were left open.
+        defaults: defaults that override those of the owner.
+
+    Raises:
+        InputError: a value is out of range, or two values conflict.
+    """
+    implies = implied(owner, {name: [value] for name, value in given.items()})
+    return checked(owner, {**(defaults or {}), **given, **implies})
+
+
+def check_options(owner: Any) -> None:
+    """Check the annotated fields of a dataclass, and convert them; for ``__post_init__``.
 
     Raises:
         InputError: see ``Option.checked``.
     """
-    for name, declared in options_of(options).items():
-        object.__setattr__(options, name, declared.checked(getattr(options, name)))
+    for name, option in options_of(type(owner)).items():
+        object.__setattr__(owner, name, option.checked(getattr(owner, name)))
 
 
 def check_declared(owner: Any, options: type, *names: str, **renamed: str) -> None:
-    """Refuse fields of a tracker that are outside the ranges of their options.
-
-    Traced values pass, and so does None where it is the field's default.
-
-    Args:
-        owner: a dataclass whose constructor takes the values.
-        options: the options class that declares their ranges.
-        names: of the fields.
-        renamed: name of a field -> name of its option, if they differ.
-    """
+    """Refuse fields of a tracker that are outside the ranges of their options."""
     declared, defaults = options_of(options), type(owner).__dataclass_fields__
     for field, name in (dict(zip(names, names, strict=True)) | renamed).items():
         value, about = getattr(owner, field), declared[name]
@@ -207,11 +220,11 @@ def check_declared(owner: Any, options: type, *names: str, **renamed: str) -> No
             check_number(field, value, above=about.above, least=about.least, most=about.most)
 
 
-def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
+def implied(owner: Callable[..., Any], given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
     """Return the values that given options imply for others: name -> value.
 
     Args:
-        owner: an options class.
+        owner: a function or dataclass.
         given: name -> all values given for it.
 
     Raises:
@@ -219,13 +232,12 @@ def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
     """
     declared, values = options_of(owner), dict[str, Any]()
     for name in given:
-        giver = declared.get(name)
-        if giver is None or giver.implies is None or giver.implies[0] not in declared:
+        if name not in declared or not declared[name].needs:
             continue
-        other, wanted = giver.implies
-        chosen_values = [*given.get(other, ()), *([values[other]] if other in values else [])]
-        for value in chosen_values:
-            if value != OPEN and not giver.applies_with(value):
+        other, wanted, *_ = needs = declared[name].needs
+        others = [*given.get(other, ()), *([values[other]] if other in values else [])]
+        for value in others:
+            if value not in (OPEN, *needs[1:]):
                 raise InputError(
                     Argument(name),
                     " works only with ",
@@ -233,25 +245,17 @@ def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
                     f", but {value} was chosen, by name or by another option; leave one of them "
                     "out.",
                 )
-        if set(chosen_values) <= {wanted, OPEN}:
+        if set(others) <= {wanted, OPEN}:
             values[other] = wanted
     return values
 
 
-def counting(options: object) -> dict[str, bool]:
-    """Map each name to whether the option applies, given the values of the others."""
-    declared = options_of(options)
+def applying(owner: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Those values of an owner's options that apply, given the others."""
+    declared = options_of(owner)
     return {
-        name: entry.implies is None
-        or entry.implies[0] not in declared
-        or entry.applies_with(getattr(options, entry.implies[0]))
-        for name, entry in declared.items()
+        n: values[n] for n, option in declared.items() if n in values and option.applies(values)
     }
-
-
-def chosen(owner: type, values: Mapping[str, Any]) -> Any:
-    """Construct an options class from the values that it declares; ignore the others."""
-    return owner(**{name: values[name] for name in options_of(owner) if name in values})
 
 
 def check_distinct(name: str, values: Iterable[Hashable]) -> tuple[Any, ...]:

@@ -10,25 +10,23 @@ rules.  The appearance of an object is learned from its box in its first frame. 
 """
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf import running
-from jaxpf.boxes import target as box_target
+from jaxpf import filters, running
 from jaxpf.boxes.models import box_model, boxes_at
+from jaxpf.boxes.target import BOXES
 from jaxpf.contract.errors import Argument, InputError, check_type
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import check_array, numbers_in
-from jaxpf.contract.options import OPEN, chosen
+from jaxpf.contract.options import OPEN, complete
 from jaxpf.contract.state import Summary
 from jaxpf.detections import lifetimes
 from jaxpf.detections.lifetimes import EMPTY, Changes, Living, Refusal, Rules
-from jaxpf.filters.labelled.family import LABELLED
-from jaxpf.filters.labelled.options import Options as FilterOptions
 from jaxpf.filters.labelled.population import add_target, remove_target
 from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.filters.labelled.tracker import Labelled
@@ -38,7 +36,6 @@ from jaxpf.likelihoods.open_histogram import open_histogram, with_object
 from jaxpf.measures import association
 from jaxpf.running import streaming
 from jaxpf.running.runs import init_compiled
-from jaxpf.targets.appearance import COLOUR, RELATIVE
 from jaxpf.targets.building import check_names
 
 if TYPE_CHECKING:
@@ -71,7 +68,7 @@ class TrackedObjects(NamedTuple):
 
 
 def open_model(
-    options: box_target.Options,
+    values: Mapping[str, Any],
     frame_shape: Sequence[int],
     capacity: int,
     typical_size: tuple[float, float],
@@ -80,17 +77,16 @@ def open_model(
     """Build a model with empty slots for boxes that move by pixels and are known by colour.
 
     Args:
-        options: of boxes.
+        values: of the options of ``jaxpf.boxes.tracker``, all.
         frame_shape: of a frame, (height, width, ...).
         capacity: C, number of slots.
         typical_size: see ``open_histogram``.
-        num_particles: chooses the method of the histograms if ``options`` leave it open.
+        num_particles: chooses the method of the histograms if ``values`` leave it open.
 
     Raises:
         InputError: options that require a start frame, which a tracker without objects lacks.
     """
-    check_type("options", options, box_target.Options)
-    if options.appearance not in (OPEN, COLOUR) or options.motion == RELATIVE:
+    if values["appearance"] not in (OPEN, "colour") or values["motion"] == "relative":
         raise InputError(
             "objects that come and go are known by colour and move by pixels, because there is "
             "no start frame to learn from; leave out ",
@@ -99,19 +95,19 @@ def open_model(
             Argument("motion"),
             ".",
         )
-    options = box_target.BOXES.resolved(dataclasses.replace(options, appearance=COLOUR), {})
+    values = BOXES.settle({**values, "appearance": "colour"}, {})
     check_array("frame_shape", frame_shape, "height and width of a frame, [>= 2]", least=1)
     height, width = frame_shape[:2]
     histograms = open_histogram(
         capacity,
         (height, width),
         typical_size=typical_size,
-        sharpness=options.sharpness,
-        bands=options.bands,
-        method=options.likelihood,
+        sharpness=values["sharpness"],
+        bands=values["bands"],
+        method=values["likelihood"],
         num_particles=num_particles,
     )
-    model = box_model(histograms, np.full((capacity, 4), np.nan), options.noise_pixels)
+    model = box_model(histograms, np.full((capacity, 4), np.nan), values["noise_pixels"])
     return model._replace(initial=np.full((capacity, 3), np.nan, np.float32))
 
 
@@ -132,10 +128,11 @@ def open_box_tracker(
             ``weights``.
     """
     settings["num_particles"] = num_particles
-    check_names(settings, box_target.BOXES, LABELLED)
-    options = chosen(box_target.Options, settings)
-    model = open_model(options, frame_shape, capacity, typical_size, num_particles)
-    return LABELLED.tracker(model, chosen(FilterOptions, settings))
+    check_names(settings, BOXES, filters.filter_of("labelled"))
+    values = complete(BOXES.tracker, settings)
+    model = open_model(values, frame_shape, capacity, typical_size, num_particles)
+    of_filter = complete(filters.filter_of("labelled").options, settings)
+    return filters.build(model, **of_filter)
 
 
 def follow(

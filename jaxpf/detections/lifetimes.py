@@ -6,12 +6,12 @@ frame.  Slots are reused, ids never.
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from jaxpf.contract.numbers import check_array, check_whole, numbers_in
-from jaxpf.contract.options import check_options, option
+from jaxpf.contract.options import Option, check_options
 from jaxpf.measures import association
 from jaxpf.measures.association import pairwise_iou
 
@@ -29,37 +29,48 @@ _TWICE = 0.5
 class Rules:
     """Options of ``--detections``, those of SORT by its names; see the help of each."""
 
-    capacity: int = option(16, "Maximum number of objects at once.", least=1, most=MOST_AT_ONCE)
-    min_hits: int = option(3, "A new object starts after this number of detections.", least=1)
-    detection_iou: float = option(
-        0.1,
-        "Minimum intersection over union between a detection and the object, or "
-        "the earlier detection, that it belongs to.",
-        above=0,
-        most=1,
-    )
-    detection_confidence: float | None = option(
-        None, "Ignore detections of lower confidence.", kind=float
-    )
-    detection_interval: int | None = option(
-        None,
-        "The detector ran on every N-th frame.  Objects neither start nor end on "
-        "the frames between.  By default N follows from the frames of the detections.",
-        kind=int,
-        least=1,
-    )
-    max_age: int = option(
-        5,
-        "Maximum number of consecutive frames without a detection (frames in which the detector "
-        "did not run are skipped), or without likelihood; an object ends in the next.",
-        least=0,
-    )
-    detection_noise: float = option(
-        0.1,
-        "Standard deviation of a detection's error, as a share of the object's "
-        "size.  With 0, detections start and end objects but do not guide their positions.",
-        least=0,
-    )
+    capacity: Annotated[
+        int, Option("Maximum number of objects at once.", least=1, most=MOST_AT_ONCE)
+    ] = 16
+    min_hits: Annotated[
+        int, Option("A new object starts after this number of detections.", least=1)
+    ] = 3
+    detection_iou: Annotated[
+        float,
+        Option(
+            "Minimum intersection over union between a detection and the object, or "
+            "the earlier detection, that it belongs to.",
+            above=0,
+            most=1,
+        ),
+    ] = 0.1
+    detection_confidence: Annotated[
+        float | None, Option("Ignore detections of lower confidence.")
+    ] = None
+    detection_interval: Annotated[
+        int | None,
+        Option(
+            "The detector ran on every N-th frame.  Objects neither start nor end on "
+            "the frames between.  By default N follows from the frames of the detections.",
+            least=1,
+        ),
+    ] = None
+    max_age: Annotated[
+        int,
+        Option(
+            "Maximum number of consecutive frames without a detection (frames in which the "
+            "detector did not run are skipped), or without likelihood; an object ends in the next.",
+            least=0,
+        ),
+    ] = 5
+    detection_noise: Annotated[
+        float,
+        Option(
+            "Standard deviation of a detection's error, as a share of the object's "
+            "size.  With 0, detections start and end objects but do not guide their positions.",
+            least=0,
+        ),
+    ] = 0.1
 
     def __post_init__(self) -> None:
         check_options(self)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from jaxpf import filters
-from jaxpf.contract.options import chosen, implied, options_of
+from jaxpf.contract.options import defaults_of, implied, options_of
 from jaxpf.evaluation.plan import Plan, applicable
 from jaxpf.evaluation.results import Configuration
 from jaxpf.targets import find_target
@@ -30,13 +30,17 @@ def complete(plan: Plan, name: str, parents: Sequence[int] | None = None) -> Pla
     plan = dataclasses.replace(plan, target=plan.target or name, methods=methods)
     target = find_target(plan.target or name)
     # Where defaults differ between filters, each filter uses its own.
-    owners = [options_of(owner) for owner in (target.options, *(f.options for f in plan.filters()))]
+    owners: list[Callable[..., Any]] = [
+        target.tracker,
+        *(filter_.options for filter_ in plan.filters()),
+    ]
+    declared = [options_of(owner) for owner in owners]
     defaults = {
         name: (option.default,)
         for name, option in plan.options_for(target).items()
-        if all(own[name].default == option.default for own in owners if name in own)
+        if all(own[name].default == option.default for own in declared if name in own)
     }
-    implications = implied(target.options, plan.grid)
+    implications = implied(target.tracker, plan.grid)
     grid = {**defaults, **plan.grid, **{name: (value,) for name, value in implications.items()}}
     return dataclasses.replace(plan, grid=grid)
 
@@ -58,15 +62,15 @@ def _default_methods(target: Target, parents: Sequence[int]) -> tuple[str, ...]:
 
 
 def configurations(
-    plan: Plan, start: Start, settle: Callable[[Target, Any, int], Any]
+    plan: Plan, start: Start, settle: Callable[[Target, dict[str, Any], int], dict[str, Any]]
 ) -> list[Configuration]:
     """All configurations of the built-in methods of a complete plan.
 
     Args:
         plan: result of ``complete``.
         start: initial state of the objects.
-        settle: function from (target, its options, particles) to the options with every "auto"
-            resolved.
+        settle: function from (target, values of its options, particles) to the values with every
+            "auto" settled.
 
     Raises:
         InputError: an order is not a permutation of the objects; options are incompatible.
@@ -79,20 +83,21 @@ def configurations(
     for point in _points(plan, target):
         for method in plan.methods or ():
             filter_ = filters.filter_of(method)
-            declared = options_of(target.options, filter_.options)
+            declared = options_of(target.tracker, filter_.options)
             applies = applicable(filter_, method)
             own = {n: v for n, v in point.items() if n in declared and applies.get(n, True)}
-            for name, option in options_of(filter_.options).items():
-                if name not in filter_.varied:
-                    own.setdefault(name, option.default)
-            model = chosen(target.options, own)
+            of_filter = defaults_of(filter_.options)
+            rest = of_filter.keys() - {*filter_.varied, *own}
+            own |= {name: value for name, value in of_filter.items() if name in rest}
+            model = {n: own.get(n, d) for n, d in defaults_of(target.tracker).items()}
             numbers = [n for n in (own["num_particles"], *plan.grid.get("num_particles", ())) if n]
-            key = (model, max(numbers, default=1))
+            particles = max(numbers, default=1)
+            key = (*model.values(), particles)
             if key not in settled:
-                settled[key] = settle(target, *key)
-            parameters = {name: getattr(settled[key], name, own[name]) for name in own}
+                settled[key] = settle(target, model, particles)
+            parameters = own | {name: settled[key][name] for name in own if name in model}
             for variant in filter_.variants(method, start.parents, asked):
-                filter_.check(chosen(filter_.options, parameters | variant.values), start.parents)
+                filter_.check(of_filter | parameters | variant.values, start.parents)
                 configuration = Configuration(
                     method.upper(), variant.label, parameters, variant.values
                 )

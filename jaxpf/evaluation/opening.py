@@ -6,7 +6,7 @@ from typing import Any
 
 import scenes
 from jaxpf.contract.errors import Argument, InputError
-from jaxpf.contract.options import plain
+from jaxpf.contract.numbers import plain
 from jaxpf.sequences import open_sequence
 
 

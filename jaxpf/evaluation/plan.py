@@ -16,7 +16,7 @@ from jaxpf._resembling import renamed
 from jaxpf.contract.errors import Argument, InputError, check_type
 from jaxpf.contract.names import GIVEN, ORDERS, SWAPS
 from jaxpf.contract.numbers import check_whole
-from jaxpf.contract.options import Option, check_distinct, counting, options_of
+from jaxpf.contract.options import Option, applying, check_distinct, defaults_of, options_of
 from jaxpf.filters.filter import Filter
 from jaxpf.targets import DEFAULT, all_targets, find_target
 from jaxpf.targets.target import Target
@@ -132,7 +132,7 @@ class Plan:
 
     def options_for(self, target: Target) -> dict[str, Option]:
         """Options allowed in the grid: those of a target and of the methods' filters."""
-        options = options_of(target.options)
+        options = options_of(target.tracker)
         for filter_ in self.filters():
             own = options_of(filter_.options)
             asked = [m for m in filter_.methods if self.methods is None or m in self.methods]
@@ -160,7 +160,7 @@ class Plan:
 
     def _unknown(self, name: str, known: Collection[str]) -> InputError:
         """The error for an option that is unknown or belongs to other targets or methods."""
-        having = [kind for kind, of in all_targets().items() if name in options_of(of.options)]
+        having = [kind for kind, of in all_targets().items() if name in options_of(of.tracker)]
         whose = f" of {self.target}" if self.target else ""
         if having:
             return InputError(
@@ -199,7 +199,8 @@ def _methods_with(option: str) -> set[str]:
 
 def applicable(filter_: Filter, method: str) -> dict[str, bool]:
     """Option name -> whether the option applies to one of the filter's methods."""
-    return counting(filter_.options(method=method))
+    values = defaults_of(filter_.options) | {"method": method}
+    return {name: name in applying(filter_.options, values) for name in values}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,12 +1,14 @@
 """Stored settings of an evaluation: its scene and configurations, checked on resuming."""
 
 import dataclasses
+import inspect
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.options import OPEN, applying
 from jaxpf.evaluation.configurations import complete, configurations
 from jaxpf.evaluation.fingerprint import describe_plan, fingerprint
 from jaxpf.evaluation.plan import Plan
@@ -29,9 +31,14 @@ def new_settings(plan: Plan, scene: "Scene", of: Target, start: Start) -> dict[s
     """
     plan = complete(plan, of.name, start.parents)
 
-    def settle(of: Target, options: Any, num_particles: int) -> Any:
+    def settle(of: Target, values: dict[str, Any], num_particles: int) -> dict[str, Any]:
         # Independent of the number of runs, because these options determine the results.
-        return of.settled(options, start, looks_of(scene, num_particles))
+        looks = looks_of(scene, num_particles)
+        values = of.settle(values, looks.settings)
+        if applying(of.tracker, values).get("likelihood") == OPEN:
+            made = inspect.unwrap(of.tracker)(looks, start, **values)
+            values["likelihood"] = made.likelihood.method
+        return values
 
     listed = configurations(plan, start, settle)
     for name, function in plan.trackers.items():

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from jaxpf import filters
-from jaxpf.contract.options import plain
+from jaxpf.contract.numbers import plain
 from jaxpf.evaluation.estimates import (
     LEVEL,
     Difference,

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from jaxpf.contract.options import plain
+from jaxpf.contract.numbers import plain
 from jaxpf.evaluation.conclusion import conclude
 from jaxpf.evaluation.measures import (
     COLUMNS,

@@ -12,9 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jaxpf import filters
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.options import chosen
 from jaxpf.evaluation.results import BUILT_IN, Configuration
 from jaxpf.targets import building
 from jaxpf.targets.target import Looks, Start, Target
@@ -29,18 +27,16 @@ if TYPE_CHECKING:
 _EVERY = 8
 
 
-def looks_of(scene: "Scene", num_particles: int) -> Looks:
+def looks_of(scene: "Scene", num_particles: int | None) -> Looks:
     """Appearance of a scene's objects."""
-    return building.looks_of_scene(scene, num_particles, scene.frames[::_EVERY])
+    return building.looks_of_scene(scene, num_particles, typical=scene.frames[::_EVERY])
 
 
 def built_in_tracker(scene: "Scene", target: Target, configuration: Configuration) -> Any:
     """Build the tracker of one configuration: its filter on the scene's target."""
     values = configuration.parameters | configuration.variant
-    filter_ = filters.filter_of(values["method"])
-    start, options = target.scene_start(scene), chosen(filter_.options, values)
-    looks = looks_of(scene, options.num_particles)
-    return building.build(target, chosen(target.options, values), filter_, options, start, looks)
+    looks = looks_of(scene, values.get("num_particles"))
+    return building.build(target, values, target.scene_start(scene), looks)
 
 
 def own_tracker(name: str, function: Any, scene: Any) -> Any:

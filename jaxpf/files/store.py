@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.options import plain
+from jaxpf.contract.numbers import plain
 from jaxpf.files.executors import RETRIES, Pool, in_turn
 from jaxpf.files.writing import LOCK, atomic_write, remove_leavings, report_os_errors, write_text
 

@@ -5,7 +5,12 @@ from .labelled.population import (
     remove_target as remove_target,
 )
 from .labelled.state import LabelledState as LabelledState, LabelledSummary as LabelledSummary
-from .registry import all_filters as all_filters, filter_of as filter_of, methods as methods
+from .registry import (
+    all_filters as all_filters,
+    build as build,
+    filter_of as filter_of,
+    methods as methods,
+)
 from .uncertainty.error_bars import ErrorBars as ErrorBars, WithErrorBars as WithErrorBars
 from .uncertainty.quantiles import quantiles as quantiles
 from .uncertainty.side_by_side import RunsState as RunsState, SideBySide as SideBySide

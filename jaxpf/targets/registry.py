@@ -1,10 +1,8 @@
-"""The registry of targets.
+"""The kinds of target: those of this library, those of entry points, and those registered."""
 
-To add a target, write a ``Target`` (``jaxpf.targets.target``) as ``NAME`` in capitals of
-``jaxpf/NAME/target.py``, and add NAME to ``_TARGETS``.
-"""
-
+import functools
 import importlib
+from importlib.metadata import entry_points
 from typing import TYPE_CHECKING
 
 from jaxpf.contract.errors import InputError, check_known
@@ -13,15 +11,30 @@ if TYPE_CHECKING:
     from jaxpf.targets.target import Target
     from scenes import Scene
 
-#: Packages of the targets; a scene gets the first whose ``fits_scene`` is true.
-_TARGETS = ("points", "parts", "contours", "boxes")
 #: Target to track if none is given.
 DEFAULT = "boxes"
+#: A scene gets the first kind whose truth it has, those of users before those of this library.
+_OWN = ("points", "parts", "contours", "boxes")
+_REGISTERED: "dict[str, Target]" = {}
+
+
+def register(target: "Target") -> None:
+    """Add a kind of target to the command line and to evaluations.
+
+    A package does so by an entry point of the group ``jaxpf.targets``, ``NAME = "module:TARGET"``.
+    """
+    _REGISTERED[target.name] = target
+
+
+@functools.cache
+def _installed() -> "dict[str, Target]":
+    return {entry.name: entry.load() for entry in entry_points(group="jaxpf.targets")}
 
 
 def all_targets() -> "dict[str, Target]":
-    """All targets, by name."""
-    return {name: find_target(name) for name in _TARGETS}
+    """All kinds of target, by name."""
+    own = {n: getattr(importlib.import_module(f"jaxpf.{n}.target"), n.upper()) for n in _OWN}
+    return _REGISTERED | _installed() | own
 
 
 def find_target(name: str) -> "Target":
@@ -30,8 +43,8 @@ def find_target(name: str) -> "Target":
     Raises:
         InputError: the target is unknown.
     """
-    check_known("target ", name, _TARGETS)
-    return getattr(importlib.import_module(f"jaxpf.{name}.target"), name.upper())
+    check_known("target ", name, all_targets())
+    return all_targets()[name]
 
 
 def target_of_scene(scene: "Scene", name: str | None = None) -> "Target":
@@ -44,11 +57,11 @@ def target_of_scene(scene: "Scene", name: str | None = None) -> "Target":
     Raises:
         InputError: the target is unknown, or the ground truth is of another kind.
     """
-    own = next(target for target in all_targets().values() if target.fits_scene(scene))
+    own = next(each for each in all_targets().values() if each.scene_shapes(scene) is not None)
     if name is None:
         return own
     of = find_target(name)
-    if not of.fits_scene(scene):
+    if of.scene_shapes(scene) is None:
         raise InputError(
             f"scene {scene.name!r} has no truth for {of.name}; leave the "
             f"target out, and {own.name} are tracked."

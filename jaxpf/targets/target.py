@@ -1,11 +1,5 @@
-"""The interface of a target, so that no other module needs to know a target by name.
+"""A kind of target: the factory of its trackers, and what programs need to read and draw it."""
 
-A target defines what a substate means, and how programs read, write and draw it.  Its module
-imports JAX and OpenCV only when a tracker is built or something is drawn, so that the command line
-can list its options quickly.
-"""
-
-import abc
 import contextlib
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -15,13 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.model import Model
 
 if TYPE_CHECKING:
-    import jax
-    from jax.typing import ArrayLike
-
-    from jaxpf.contract.types import LikelihoodLike, TrackerLike
     from jaxpf.media.frame_source import FrameSource
     from scenes import Scene
 
@@ -56,30 +45,27 @@ class Start:
 
 
 class Looks(NamedTuple):
-    """What a likelihood is learned from: either ``frame`` or ``patches`` is given.
+    """What a likelihood is learned from.
 
     Attributes:
-        frame: uint8 RGB ``[H, W, 3]``, the start frame, showing the objects at ``Start``.
-        patches: P pictures, uint8 RGB ``[h, w, 3]``, upright.
-        frame_shape: height and width of all frames.
+        frame: uint8 RGB ``[H, W, 3]``, the start frame, with objects and surroundings.
+        patches: P upright pictures of the objects, uint8 RGB ``[h, w, 3]``, which take precedence
+            over the frame; None learns from the frame.
         num_particles: particles of one run, for choices that depend on cost.
-        typical: uint8 RGB ``[n, H, W, 3]``, typical frames, from which a background is learned.
-        surroundings: uint8 RGB ``[H, W, 3]``, the start frame if ``patches`` are given.
+        typical: uint8 RGB ``[n, H, W, 3]``, typical frames, from which clutter is learned; by
+            default the start frame.
         settings: values for options that the user leaves open, of a scene that brings some.
+        background: uint8 RGB ``[n, H, W, 3]``.  If given, the likelihood is one to tune: relative
+            to that of objects anywhere in these frames, and differentiable in its parameters and
+            the state.
     """
 
     frame: Any
-    patches: Any
-    frame_shape: tuple[int, int]
-    num_particles: int
+    patches: Sequence[np.ndarray] | None = None
+    num_particles: int = 300
     typical: np.ndarray | None = None
-    surroundings: np.ndarray | None = None
     settings: Mapping[str, Any] = {}
-
-    @property
-    def start_frame(self) -> Any:
-        """The start frame, showing objects and surroundings."""
-        return self.surroundings if self.frame is None else self.frame
+    background: np.ndarray | None = None
 
 
 class Marks(NamedTuple):
@@ -98,191 +84,107 @@ class Marks(NamedTuple):
     doubtful: np.ndarray | None = None
 
 
-class Target(abc.ABC):
-    """A kind of target: a substate's meaning, likelihood and motion, and its files and drawing.
+def _as_estimated(start: Start, estimate: Any, tracker: Any) -> np.ndarray:
+    return np.asarray(estimate)
 
-    A target must define ``name``, ``options`` and all abstract methods; a class without them cannot
-    be instantiated.  The rest has defaults, some of which raise ``InputError``.  A target may
-    define its own dynamics and likelihood.
+
+def _first_two(start: Start, shapes: np.ndarray) -> np.ndarray:
+    return shapes[..., :2]
+
+
+def _no_start(scene: "Scene") -> Start:
+    raise InputError(f"the objects of scene {scene.name!r} cannot be started from its truth.")
+
+
+def _dots(frame: np.ndarray, start: Start, tracker: Any, state: Any, colours: Any) -> np.ndarray:
+    """The frame with one dot for every particle."""
+    from jaxpf.media.overlay import draw_particles
+
+    if not hasattr(state, "substates"):
+        return frame
+    centres = np.swapaxes(np.asarray(state.substates)[..., :2], 0, 1)
+    return draw_particles(frame, centres, colours)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Target:
+    """A kind of target, for ``jaxpf.targets.register``.
 
     Attributes:
-        name: its name in the registry of ``jaxpf.targets``.
-        options: class of the options of its model (``jaxpf.contract.options``).
-        defaults: filter options whose defaults this target overrides.
-        unsuited: methods that refuse such targets, so that help and evaluations leave them out.
-        coordinates: display names of a substate's first coordinates; if the first two are x and
-            y, they are a position in pixels.
-        has_boxes: whether its shapes are boxes x, y, w, h, as in MOT files and standard scores.
+        name: on the command line.
+        tracker: function of a frame (or ``Looks``), what ``start`` takes (or a ``Start``), and
+            annotated options (``jaxpf.contract.options``), which returns a tracker.  It hands
+            ``**options`` on to ``jaxpf.filters.build``.
+        start: function of the tracker's second argument, and of names or None, that returns a
+            ``Start``.
+        read_start: function of the values of ``start_flags``, the index of the start frame and the
+            video (``width``, ``height``, ``path``) that returns the ``Start``.
+        outlines: function of start and shapes ``[..., P, S]`` that returns corners
+            ``[..., P, V, 2]`` of convex polygons, in order, in pixels.
+        draw: function of a frame, start, shapes ``[P, S]`` and ``Marks`` that returns the picture.
+        shapes: function of start, estimates ``[..., P, D]`` and tracker that returns their shapes
+            ``[..., P, S]``.
+        settle: function of values of the options, settings of a scene (``Looks.settings``) and the
+            number of objects or None, that returns the values with those that were left open.
+        scene_shapes: function of a scene that returns its truth ``[T, P, S]``, NaN where an object
+            is absent; None if its truth is of another kind.
+        scene_start: function of such a scene that returns where objects are in its first frame.
+        later_starts: function of the arguments of ``read_start`` that returns the objects that
+            start, or start again, in later frames, frame -> start, and a remark or None.
+        measure: function of start, shapes and truth that returns error measures per frame; by
+            default those of the outlines, ``jaxpf.measures.outlines``.
+        columns: of tracks.csv that hold an object's position; angles in degrees, others in pixels.
+        fixed_columns: those that never change, and so have no interval.
+        column_values: function of start and shapes that returns their values ``[..., P, C]``.
+        outline_file: function of a path and start that opens a new outlines.csv, as a context that
+            is a function of a frame's number and shapes, or None.
+        draw_particles: function of a frame, start, tracker, state and colours.
         outlines_of_estimates: function of estimates ``[..., P, D]`` and sizes ``[P, 2]`` that
-            returns outlines ``[..., P, V, 2]``, differentiable; None if shapes are boxes.
-        start_flags: options of ``jaxpf track`` that say where objects start, name -> arguments of
-            ``click.option``; ``read_start`` gets their values.
-        example: arguments of ``jaxpf track`` after the video, for its help.
-        columns: columns of tracks.csv that hold an object's position; angles in degrees, all
-            others in pixels.
+            returns outlines, differentiable; None if shapes are boxes.
+        can_be_tuned: whether ``tracker`` takes note of ``Looks.background``.
+        has_boxes: whether shapes are boxes x, y, w, h, as in MOT files and standard scores.
+        has_places: whether a substate begins with x and y, a position or its shift in pixels.
         place: what the interval that a verdict names is of.
-        fixed_columns: those columns that never change, and so have no interval.
+        defaults: defaults of the options of its default filter that differ from the filter's.
+        unsuited: methods that refuse such targets, so that help and evaluations leave them out.
+        start_flags: flags of ``jaxpf track`` that say where objects start, name -> arguments of
+            ``click.option``.
+        example: arguments of ``jaxpf track`` after the video, for its help.
     """
 
     name: str
-    options: type
-    defaults: Mapping[str, Any] = {}
-    unsuited: tuple[str, ...] = ()
-    coordinates: tuple[str, ...] = ()
-    has_boxes: bool = False
-    outlines_of_estimates: "Callable[[jax.Array, jax.Array], jax.Array] | None" = None
-    start_flags: Mapping[str, Mapping[str, Any]] = {}
-    example: str = ""
+    tracker: Callable[..., Any]
+    start: Callable[..., Start]
+    read_start: "Callable[[Mapping[str, Any], int, FrameSource], Start]"
+    outlines: Callable[[Start, Any], Any]
+    draw: Callable[[np.ndarray, Start, np.ndarray, Marks], np.ndarray]
+    shapes: Callable[[Start, Any, Any], np.ndarray] = _as_estimated
+    settle: Callable[..., dict[str, Any]] = lambda values, settings, num_objects=None: {**values}
+    scene_shapes: "Callable[[Scene], Any]" = lambda scene: None
+    scene_start: "Callable[[Scene], Start]" = _no_start
+    later_starts: Callable[..., tuple[dict[int, Start], str | None]] = (
+        lambda given, number, source: ({}, None)
+    )
+    measure: Callable[[Start, Any, Any], dict[str, Any]] | None = None
     columns: tuple[str, ...] = ("x", "y")
-    place: str = "centre"
     fixed_columns: tuple[str, ...] = ()
+    column_values: Callable[[Start, np.ndarray], np.ndarray] = _first_two
+    outline_file: Callable[[Path, Start], Any] = lambda path, start: contextlib.nullcontext()
+    draw_particles: Callable[..., np.ndarray] = _dots
+    outlines_of_estimates: Callable[[Any, Any], Any] | None = None
+    can_be_tuned: bool = False
+    has_boxes: bool = False
+    has_places: bool = True
+    place: str = "centre"
+    defaults: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    unsuited: tuple[str, ...] = ()
+    start_flags: Mapping[str, Mapping[str, Any]] = dataclasses.field(default_factory=dict)
+    example: str = ""
 
-    @abc.abstractmethod
-    def start(self, given: Any, names: Sequence[object] | None = None) -> Start:
-        """Where objects start, from the argument of the target's public factory.
-
-        Args:
-            given: for example boxes ``[P, 4]``.
-            names: of the objects; by default their numbers.
-
-        Raises:
-            InputError: the argument is invalid.
-        """
-
-    @abc.abstractmethod
-    def likelihood(self, options: Any, start: Start, looks: Looks) -> "LikelihoodLike":
-        """The likelihood of the objects' appearance.
-
-        Args:
-            options: resolved, see ``resolved``; the same in all methods below.
-            start: where the objects start.
-            looks: what the likelihood is learned from.
-
-        Raises:
-            InputError: an option is out of range, or an object is too small to be seen.
-        """
-
-    @abc.abstractmethod
-    def model(self, options: Any, start: Start, likelihood: "LikelihoodLike") -> Model:
-        """The model: dynamics and initial state, with the given (or a user's own) likelihood."""
-
-    def training_likelihood(
-        self, options: Any, start: Start, looks: Looks, frames: np.ndarray
-    ) -> "LikelihoodLike":
-        """A normalised likelihood, differentiable in its parameters and the state, for tuning.
-
-        Args:
-            options, start, looks: as for ``likelihood``.
-            frames: ``[n, H, W, 3]``, from which a background is learned.
-        """
-        raise InputError(
-            f"{self.name} have no differentiable model to tune; tune a tracker of your own in "
-            "Python with jaxpf.tune."
-        )
-
-    def resolved(
-        self, options: Any, settings: Mapping[str, Any], num_objects: int | None = None
-    ) -> Any:
-        """The options with "auto" values filled in, by ``Looks.settings`` first.
-
-        With ``num_objects``, defaults that depend on it are filled in as well.
-        """
-        return options
-
-    def settled(self, options: Any, start: Start, looks: Looks) -> Any:
-        """The options with every "auto" replaced by its choice, to be stored with the results."""
-        return self.resolved(options, looks.settings)
-
-    @abc.abstractmethod
-    def shapes(self, start: Start, estimate: "ArrayLike", tracker: "TrackerLike") -> np.ndarray:
-        """Shapes ``[..., P, S]`` of a tracker's estimates ``[..., P, D]``."""
-
-    @abc.abstractmethod
-    def outlines(self, start: Start, shapes: "ArrayLike") -> "jax.Array | np.ndarray":
-        """Corners ``[..., P, V, 2]`` of convex polygons, in order, in pixels."""
-
-    @property
-    def has_places(self) -> bool:
-        """Whether a substate begins with x and y, a position or its shift in pixels."""
-        return tuple(self.coordinates[:2]) == ("x", "y")
-
-    def measures(self, start: Start, shapes: "ArrayLike", truth: "ArrayLike") -> dict[str, Any]:
-        """Error measures per frame, see ``jaxpf.measures.outlines``."""
+    def measures(self, start: Start, shapes: Any, truth: Any) -> dict[str, Any]:
+        """Error measures per frame of shapes ``[..., P, S]``."""
+        if self.measure is not None:
+            return self.measure(start, shapes, truth)
         from jaxpf.measures.outlines import measure_outlines
 
         return measure_outlines(self.outlines(start, shapes), self.outlines(start, truth))
-
-    @abc.abstractmethod
-    def read_start(self, given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
-        """Read where the user's objects start.
-
-        Args:
-            given: values of ``start_flags``.
-            number: index of the start frame, from 0.
-            source: has ``width``, ``height`` and ``path``.
-
-        Raises:
-            InputError: no option was given, a file is unreadable, or an object is off the frame.
-        """
-
-    def later_starts(
-        self, given: Mapping[str, Any], number: int, source: "FrameSource"
-    ) -> tuple[dict[int, Start], str | None]:
-        """Objects that start, or start again, after the start frame ``number``.
-
-        Returns:
-            frame -> start, and a remark for the user or None.
-        """
-        return {}, None
-
-    @abc.abstractmethod
-    def fits_scene(self, scene: "Scene") -> bool:
-        """Whether a scene's ground truth is of this kind."""
-
-    @abc.abstractmethod
-    def scene_shapes(self, scene: "Scene") -> np.ndarray:
-        """A scene's ground truth ``[T, P, S]``, NaN where an object is absent."""
-
-    @abc.abstractmethod
-    def scene_start(self, scene: "Scene") -> Start:
-        """Where the objects are in a scene's first frame."""
-
-    def column_values(self, start: Start, shapes: np.ndarray) -> np.ndarray:
-        """Values ``[..., P, C]`` of ``columns`` for shapes ``[..., P, S]``."""
-        return shapes[..., :2]
-
-    def outline_file(
-        self, path: Path, start: Start
-    ) -> contextlib.AbstractContextManager[Callable[[int, np.ndarray], None] | None]:
-        """Open a new outlines.csv; as a context it is a function of a frame's number and shapes.
-
-        By default there is no such file, and the context is None.
-        """
-        return contextlib.nullcontext()
-
-    @abc.abstractmethod
-    def draw(self, frame: np.ndarray, start: Start, shapes: np.ndarray, marks: Marks) -> np.ndarray:
-        """The frame with the shapes drawn on it.
-
-        Args:
-            frame: uint8 RGB ``[H, W, 3]``.
-            start: where tracking started.
-            shapes: ``[P, S]``.
-            marks: how each is drawn.
-        """
-
-    def draw_particles(
-        self,
-        frame: np.ndarray,
-        start: Start,
-        tracker: "TrackerLike",
-        state: Any,
-        colours: np.ndarray,
-    ) -> np.ndarray:
-        """The frame with a tracker's particles drawn on it, by default one dot each."""
-        from jaxpf.media.overlay import draw_particles
-
-        if not hasattr(state, "substates"):
-            return frame
-        centres = np.swapaxes(np.asarray(state.substates)[..., :2], 0, 1)
-        return draw_particles(frame, centres, colours)

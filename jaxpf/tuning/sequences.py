@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from jaxpf.contract.errors import Argument, InputError, check_type
-from jaxpf.contract.options import chosen, options_of
+from jaxpf.contract.options import checked
 from jaxpf.gradients import named
 from jaxpf.targets import building, find_target
 from jaxpf.targets.target import Looks, Start, Target
@@ -43,9 +43,9 @@ class Recipe:
         values = {**of.defaults, **self.values}
         filter_ = building.filter_for(of, values.get("method"))
         building.check_names(self.values, of, filter_)
-        model, of_filter = chosen(of.options, values), chosen(filter_.options, values)
-        complete = {**_as_values(of_filter), **_as_values(model)}
-        object.__setattr__(self, "values", complete)
+        owners = (filter_.options, of.tracker)
+        values = {n: v for owner in owners for n, v in checked(owner, values).items()}
+        object.__setattr__(self, "values", values)
 
     @property
     def of(self) -> Target:
@@ -54,20 +54,16 @@ class Recipe:
 
     def with_values(self, values: Mapping[str, Any]) -> "Recipe":
         """Replace values by tuned ones, tracker path -> value."""
-        tuned = with_tuned(chosen(self.of.options, self.values), values, self.target)
-        return dataclasses.replace(self, values={**self.values, **_as_values(tuned)})
+        return dataclasses.replace(self, values=with_tuned(self.of, self.values, values))
 
-    def tracker(self, start: Start, looks: Looks, training_frames: Any) -> Any:
-        """The tracker of ``jaxpf evaluate``, made differentiable.
-
-        ``training_frames``, ``[n, H, W, 3]``, show the background that normalises its likelihood.
-        """
-        of = self.of
-        filter_ = building.filter_for(of, self.values["method"])
-        options = of.resolved(chosen(of.options, self.values), looks.settings)
-        likelihood = of.training_likelihood(options, start, looks, training_frames)
-        model = of.model(options, start, likelihood)
-        return filter_.tracker(model, chosen(filter_.options, self.values))
+    def tracker(self, start: Start, looks: Looks) -> Any:
+        """The tracker of ``jaxpf evaluate``, made differentiable by ``looks.background``."""
+        if not self.of.can_be_tuned:
+            raise InputError(
+                f"{self.target} have no differentiable model to tune; tune a tracker of your own "
+                "in Python with jaxpf.tune."
+            )
+        return building.build(self.of, {**self.values}, start, looks)
 
 
 def training_sequence(
@@ -87,11 +83,10 @@ def training_sequence(
     """
     of = recipe.of
     start = of.scene_start(scene)
-    looks = building.looks_of_scene(scene, int(recipe.values["num_particles"]))
     background = scene.frames[_spread(len(scene.frames), _BACKGROUND_FRAMES)]
-    tracker = dataclasses.replace(
-        recipe.tracker(start, looks, background), gradient=named(recipe.gradient)
-    )
+    particles = recipe.values["num_particles"]
+    looks = building.looks_of_scene(scene, particles, background=background)
+    tracker = dataclasses.replace(recipe.tracker(start, looks), gradient=named(recipe.gradient))
     shapes = np.array(of.scene_shapes(scene)[1:], np.float32)
     if labels is not None:
         if not 1 <= labels <= len(shapes):
@@ -116,10 +111,6 @@ def training_sequence(
 def _at_hand(frames: Any) -> Any:
     """Load all frames onto the device, since a gradient needs all of them."""
     return frames if isinstance(frames, np.ndarray) else jax.device_put(np.asarray(frames))
-
-
-def _as_values(options: object) -> dict[str, Any]:
-    return {name: getattr(options, name) for name in options_of(options)}
 
 
 def _spread(count: int, wanted: int) -> np.ndarray:

@@ -105,7 +105,9 @@ def test_what_is_typed_wins_over_the_configuration(tmp_path, monkeypatch, writte
 
 
 def test_a_typed_order_that_a_typed_method_has_not_is_refused(refusal):
-    assert "'ps'" in refusal("[track]\nmethod = 'ps'", *["--method", "dps", "--order", "2,1"])
+    assert "only with --method ps" in refusal(
+        "[track]\nmethod = 'ps'", *["--method", "dps", "--order", "2,1"]
+    )
 
 
 def test_the_output_of_the_configuration_is_used(refusal, tmp_path):

@@ -154,7 +154,7 @@ FIVE = {"closed": True, "contours": dict.fromkeys("abcde", LEAF)}
         ({"contours": {"far": [[200, 2], [203, 4], [200, 9], [209, 9]]}}, "", "'far'"),
         ({}, "--wire-width 30 --clutter 1", "width 30"),
         ({}, "--edge-threshold 1000", "threshold"),
-        ({}, "--flip 0.1", "--flip 0.1"),
+        ({}, "--flip 0.1 --exclusion wires", "--flip works only with --exclusion opaque"),
         ({}, "--shape-space translation --noise-bend 1", "--noise-bend 1"),
         pytest.param({}, "--method labelled", "log_joint", marks=pytest.mark.slow),
         ({}, "--truth gt.csv", "--truth"),

@@ -35,13 +35,3 @@ def test_help_and_version_come_without_heavy_imports(option):
     heavy = "{'jax', 'numpy', 'cv2', 'matplotlib', 'rich'}"
     program = f"import sys; from jaxpf.cli import main; main(['{option}'])"
     assert printed_by(f"{program}; print(sorted({heavy} & set(sys.modules)))") == "[]"
-
-
-def test_no_help_text_loads_jax():
-    program = (
-        "import sys; from jaxpf.cli import group, main; commands = group.list_commands(None); "
-        "[main([name, '--help']) for name in commands]; "
-        "[main(['track', name, '--help']) for name in ('points', 'parts', 'contours')]; "
-        "print('jax' in sys.modules)"
-    )
-    assert printed_by(program) == "False"

@@ -9,7 +9,8 @@ from jaxpf import cli, filters
 from jaxpf.cli.evaluating.request import Work
 from jaxpf.cli.tracking.request import OF_BOXES, Run
 from jaxpf.cli.tuning.command import Options as Tuning
-from jaxpf.contract.options import Option, options_of, plain
+from jaxpf.contract.numbers import plain
+from jaxpf.contract.options import Option, options_of
 from jaxpf.detections import Rules
 from jaxpf.targets import all_targets
 
@@ -28,8 +29,7 @@ def outside(option: Option):
 
 def method_of(option: Option, family) -> str:
     """A method to which the option applies."""
-    applies_to, method = option.implies or ("", "")
-    return method if applies_to == "method" else family.methods[0]
+    return option.needs[1] if option.needs[:1] == ("method",) else family.methods[0]
 
 
 def every_refusal(tmp_path):
@@ -40,7 +40,7 @@ def every_refusal(tmp_path):
         run = options_of(Run)
         for option in [run[n] for n in run if target.has_boxes or n not in OF_BOXES]:
             yield track, option
-        for option in options_of(target.options).values():
+        for option in options_of(target.tracker).values():
             yield track, option
             yield evaluate, option
     for family in filters.all_filters().values():

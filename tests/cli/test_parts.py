@@ -167,7 +167,7 @@ def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_pat
         ("--box 1,2,3,4", "", "--box"),
         ("--truth gt.csv", "", "--truth"),
         ("--method ps --order 2,1,3,4,5", "", "part 2"),
-        ("--likelihood patch --bands 2", "", "--bands 2"),
+        ("--likelihood patch --bands 2", "", "--bands works only with"),
         ("--dynamics absolute --noise-joints 1,1,2", "", "--noise-joints"),
         ("", "tail,body,1000,10,5,5,0", "'tail' is at (1000, 10)"),
         ("", "tail,body,10,10,0.4,5,0", "'tail' is 0.4"),

@@ -14,12 +14,9 @@ import jaxpf
 import scenes
 from jaxpf.contours import Contours
 from jaxpf.contours.files import ContourTrackWriter
-from jaxpf.contours.options import Options
 from jaxpf.contours.target import CONTOURS, _hidden
-from jaxpf.filters.partitioned.family import PARTITIONED
-from jaxpf.filters.partitioned.options import Options as FilterOptions
 from jaxpf.shapes import fit_spline
-from jaxpf.targets.target import Looks, Start
+from jaxpf.targets.target import Start
 
 
 @jax.jit
@@ -213,9 +210,7 @@ def test_a_closed_contour_ends_where_it_begins():
     start = CONTOURS.scene_start(scene)
     np.testing.assert_array_equal(start.shapes[:, :2], start.shapes[:, -2:])
     assert np.asarray(CONTOURS.measures(start, start.shapes, shapes[0])["corner_error"]).max() < 1
-    options = Options(exclusion="opaque", clutter=1.0)
-    likelihood = CONTOURS.likelihood(options, start, Looks(None, None, (9, 9), 9))
-    model = CONTOURS.model(options, start, likelihood)
-    tracker = PARTITIONED.tracker(model, FilterOptions(method="ps", num_particles=9))
+    given = {"exclusion": "opaque", "clutter": 1.0, "num_particles": 9}
+    tracker = jaxpf.contours.tracker(scene.frames[0], start, **given)
     assert tracker.ordering.keeps_components
     assert tracker.initial_label is not None

@@ -1,6 +1,5 @@
 """Plans: what may be asked, which configurations it means, and how two plans differ."""
 
-import dataclasses
 import functools
 import json
 
@@ -34,11 +33,11 @@ def start(count):
 def found(plan, count=3, method="integral", asked=None):
     """The configurations of a plan on boxes, where "auto" stands for one method."""
 
-    def settle(of, options, num_particles):
-        if options.likelihood == "auto" and asked is not None:
+    def settle(of, values, num_particles):
+        if values["likelihood"] == "auto" and asked is not None:
             asked.append(num_particles)
-        likelihood = method if options.likelihood == "auto" else options.likelihood
-        return dataclasses.replace(options, likelihood=likelihood)
+        likelihood = method if values["likelihood"] == "auto" else values["likelihood"]
+        return {**values, "likelihood": likelihood}
 
     return configurations(complete(plan, "boxes", start(count).parents), start(count), settle)
 
@@ -64,7 +63,7 @@ def test_configurations_are_methods_times_orderings_times_grid():
     assert len(configurations) == 7 * 2 * 2
     assert configurations[2].variant == {"method": "ps", "order": (1, 2, 0)}
     assert len({(c.label, *c.parameters.values()) for c in configurations}) == 28
-    defaults = options_of(BOXES.options, PARTITIONED.options)
+    defaults = options_of(BOXES.tracker, PARTITIONED.options)
     parameters = configurations[0].parameters
     assert set(parameters) == defaults.keys() - {"method", "order", "swap"}
     chosen = {"sharpness": 20.0, "num_particles": 100, "likelihood": "integral"}

@@ -35,8 +35,8 @@ def test_options_make_the_tracker_they_describe():
 
 def test_parts_of_a_tree_and_too_few_particles_are_refused():
     assert not LABELLED.admits("labelled", (-1, 0))
-    assert "parts of a tree" in message_of(LABELLED.check, Options(), (-1, 0))
-    assert "2 objects" in message_of(LABELLED.check, Options(num_particles=1), (-1, -1))
+    assert "parts of a tree" in message_of(LABELLED.check, vars(Options()), (-1, 0))
+    assert "2 objects" in message_of(LABELLED.check, vars(Options(num_particles=1)), (-1, -1))
 
 
 def test_a_start_at_which_a_target_fits_nothing_is_refused():

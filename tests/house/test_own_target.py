@@ -1,7 +1,6 @@
-"""A new target is one file and one line of the registry."""
+"""A kind of target of one's own is one file, which registers it."""
 
 import importlib
-import sys
 from pathlib import Path
 
 import cv2
@@ -10,18 +9,17 @@ import pytest
 from command_line import jaxpf as command
 from csv_rows import rows_of
 
+from jaxpf import InputError
 from jaxpf.targets import registry
-from jaxpf.targets.target import Target
 
 
 @pytest.fixture(scope="module", autouse=True)
 def entered():
-    """As if the files stood in ``jaxpf/spots``."""
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(Path(__file__).parent))
+        patch.setattr(registry, "_REGISTERED", {})
         module = importlib.import_module("own_target")
-        patch.setitem(sys.modules, "jaxpf.spots.target", module)
-        patch.setattr(registry, "_TARGETS", (*registry._TARGETS, "spots"))  # the line
+        registry.register(module.SPOTS)
         yield module
 
 
@@ -56,6 +54,9 @@ def test_its_help_shows_its_own_options():
     assert "--box" not in shown
 
 
-def test_one_that_lacks_a_method_cannot_be_made():
-    with pytest.raises(TypeError, match=r"abstract .*, "):
-        type("Half", (Target,), {"name": "half"})()
+def test_its_factory_checks_its_options(entered):
+    frame = np.zeros((48, 64, 3), np.uint8)
+    made = entered.tracker(frame, [[10, 12]], step=2, num_particles=9)
+    assert (made.dynamics.step, made.num_particles) == (2.0, 9)
+    with pytest.raises(InputError, match="step = -1 must be a finite number above 0"):
+        entered.tracker(frame, [[10, 12]], step=-1)

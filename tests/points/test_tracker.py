@@ -12,11 +12,12 @@ from refusals import message_of
 import jaxpf
 import scenes
 from jaxpf.cli.tracking.track_table import places_of
+from jaxpf.contract.options import defaults_of
 from jaxpf.evaluation import Configuration
 from jaxpf.evaluation.trackers import built_in_tracker
 from jaxpf.points import draw_points
-from jaxpf.points.target import POINTS, Options
-from jaxpf.targets.building import looks_of_scene
+from jaxpf.points.target import POINTS
+from jaxpf.targets.building import build, looks_of_scene
 from jaxpf.targets.target import Looks, Marks, Start
 from jaxpf.tuning.declared import with_tuned
 
@@ -114,8 +115,9 @@ def test_the_target_says_where_points_start():
     assert start.ids.tolist() == ["nose", "1"]
     np.testing.assert_array_equal(start.shapes, PLACES[:2])
     assert POINTS.outlines(start, start.shapes).shape == (2, 4, 2)
-    tuned = with_tuned(Options(), {"likelihood.sigma": 0.2, "dynamics.scale": 3.0}, "points")
-    assert (tuned.sigma, tuned.noise_points) == (0.2, 3.0)
+    values = {"likelihood.sigma": 0.2, "dynamics.scale": 3.0}
+    tuned = with_tuned(POINTS, defaults_of(POINTS.tracker), values)
+    assert (tuned["sigma"], tuned["noise_points"]) == (0.2, 3.0)
 
 
 @pytest.fixture
@@ -158,14 +160,14 @@ def face():
 
 @pytest.mark.slow
 def test_the_target_starts_from_a_scene(face):
-    assert POINTS.fits_scene(face)
     start = POINTS.scene_start(face)
-    options = Options(window_size=21, slip=0)
     learned = [
-        POINTS.likelihood(options, start, Looks(frame, patches, (400, 640), 10))
-        for frame, patches in ((face.frames[0], None), (None, face.patches))
+        build(POINTS, {"window_size": 21, "slip": 0}, start, Looks(face.frames[0], patches))
+        for patches in (None, face.patches)
     ]
-    np.testing.assert_allclose(*(np.asarray(one.references) for one in learned), rtol=1e-5)
+    np.testing.assert_allclose(
+        *(np.asarray(one.likelihood.references) for one in learned), rtol=1e-5
+    )
     hidden = dict(face.extras) | {"visible": face.extras["visible"] & (np.arange(18) != 3)}
     message = message_of(POINTS.scene_start, dataclasses.replace(face, extras=hidden))
     assert "'left eye inner' of scene 'face' is hidden" in message
@@ -174,8 +176,8 @@ def test_the_target_starts_from_a_scene(face):
 def test_windows_of_scenes_have_the_size_that_was_asked_for(face):
     start, looks = POINTS.scene_start(face), looks_of_scene(face, 10)
     for side in (31, 13):
-        options = Options(window_size=side, slip=0)
-        assert POINTS.likelihood(options, start, looks).window == (side, side)
+        made = build(POINTS, {"window_size": side, "slip": 0}, start, looks)
+        assert made.likelihood.window == (side, side)
 
 
 def test_points_of_a_stored_evaluation_which_knows_numbers_are_drawn():

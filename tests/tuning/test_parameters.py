@@ -55,7 +55,7 @@ def test_values_stay_within_their_bounds_whatever_the_free_numbers(low, high):
 
 def test_noise_and_sharpness_of_every_target_stay_positive_by_default():
     for target in all_targets().values():
-        for option in options_of(target.options).values():
+        for option in options_of(target.tracker).values():
             assert not option.tuned or tuning.parameter(option.path).low == 0
 
 

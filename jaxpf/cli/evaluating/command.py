@@ -11,10 +11,10 @@ from jaxpf import evaluation
 from jaxpf.cli.evaluating.request import VARIED, Compared, Request, Work, parse
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import print_table, progress_bar, say
-from jaxpf.cli.shared.flags import report_implied
 from jaxpf.cli.shared.scene_options import SceneCommand, SceneOptions
 from jaxpf.cli.shared.startup import start_jax, use_compile_cache
-from jaxpf.contract.options import chosen, counting, plain
+from jaxpf.contract.numbers import plain
+from jaxpf.contract.options import applying, options_of
 from jaxpf.files.store import LOCK, locked
 from jaxpf.files.writing import check_output_folder
 from jaxpf.running.memory import check_memory
@@ -75,8 +75,6 @@ def _prepare(request: Request) -> "tuple[Prepared, Any]":
         say(f"Baselines come first: {', '.join(options.baseline)}", err=True)
     limits = evaluation.Limits(options.memory * 2**20, workers=workers, devices=devices)
     prepared = evaluation.prepare(request.plan, request.output, limits)
-    target = prepared.target
-    report_implied(request.grid, target.resolved(target.options(), prepared.scene.settings))
     if prepared.missing_runs:
         _show_plan(prepared, workers, devices)
     elif options.dry_run:
@@ -165,9 +163,9 @@ def _plan_table(prepared: "Prepared") -> tuple[list[str], list[list[str]], dict[
     values: dict[str, dict[str, None]] = {}
     for index, configuration in enumerate(configurations):
         by_method.setdefault(configuration.method, []).append(index)
-        counts = counting(chosen(of.options, configuration.parameters))
+        left_out = options_of(of.tracker).keys() - applying(of.tracker, configuration.parameters)
         for name, value in configuration.parameters.items():
-            if counts.get(name, True):
+            if name not in left_out:
                 values.setdefault(name, {})[plain(value)] = None
     varied = [name for name, texts in values.items() if len(texts) > 1]
     rows = []

@@ -5,7 +5,7 @@ import functools
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from jaxpf import filters
 from jaxpf.cli.shared.flags import as_typed, given_in, picked
@@ -19,7 +19,7 @@ from jaxpf.cli.shared.scene_options import (
 )
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import GIVEN, ORDERS, SHIFTS
-from jaxpf.contract.options import check_options, option, options_of
+from jaxpf.contract.options import Option, check_options, options_of
 from jaxpf.targets import all_targets
 
 if TYPE_CHECKING:
@@ -39,67 +39,83 @@ _MOST = 256
 class Compared:
     """Options that choose what to compare, except those of targets and filters."""
 
-    methods: str | None = option(
-        None,
-        f"Comma-separated: {', '.join(filters.methods())}.  `jaxpf track --help-all` explains "
-        "them; by default sir, ps, dps and sps, if they suit the scene, and only sir for one "
-        "object.",
-    )
-    orders: tuple[str, ...] = option(
-        (GIVEN,),
-        f"Orders of ps, repeatable: {GIVEN} (the scene's), {SHIFTS} (all circular shifts), or the "
-        "objects by their place from 1, such as 3,1,2.",
-        length=-1,
-    )
-    swaps: str = option("combinatorial", "How sps exchanges parts between particles.")
-    tracks: tuple[str, ...] = option(
-        (),
-        "NAME=FILE, another tracker's results, repeatable.  In MOT format or with the header "
-        "frame,id,x,y,w,h.",
-    )
-    tracker: tuple[str, ...] = option(
-        (),
-        "[NAME=]FILE.py:FUNCTION, a tracker of your own, repeatable.  The function takes the scene "
-        "and returns a tracker or boxes [T, P, 4].",
-    )
-    baseline: tuple[str, ...] = option(
-        (),
-        "Baselines, comma-separated: mil, csrt, kcf, dlib, meanshift, still, all; points: spot, "
-        "flow.  Boxes of still do not move; csrt and kcf need opencv-contrib, dlib dlib-bin; all "
-        "takes those installed for boxes.  vit:NET.onnx and nano:BACKBONE.onnx:NECKHEAD.onnx are "
-        "OpenCV's networks, with model files of yours.  spot: Zhang and van der Maaten 2013; flow: "
-        "optical flow (points only).",
-    )
+    methods: Annotated[
+        str | None,
+        Option(
+            f"Comma-separated: {', '.join(filters.methods())}.  `jaxpf track --help-all` explains "
+            "them; by default sir, ps, dps and sps, if they suit the scene, and only sir for one "
+            "object."
+        ),
+    ] = None
+    orders: Annotated[
+        tuple[str, ...],
+        Option(
+            f"Orders of ps, repeatable: {GIVEN} (the scene's), {SHIFTS} (all circular shifts), or "
+            "the objects by their place from 1, such as 3,1,2.",
+            length=-1,
+        ),
+    ] = (GIVEN,)
+    swaps: Annotated[str, Option("How sps exchanges parts between particles.")] = "combinatorial"
+    tracks: Annotated[
+        tuple[str, ...],
+        Option(
+            "NAME=FILE, another tracker's results, repeatable.  In MOT format or with the header "
+            "frame,id,x,y,w,h."
+        ),
+    ] = ()
+    tracker: Annotated[
+        tuple[str, ...],
+        Option(
+            "[NAME=]FILE.py:FUNCTION, a tracker of your own, repeatable.  The function takes the "
+            "scene and returns a tracker or boxes [T, P, 4]."
+        ),
+    ] = ()
+    baseline: Annotated[
+        tuple[str, ...],
+        Option(
+            "Baselines, comma-separated: mil, csrt, kcf, dlib, meanshift, still, all; points: "
+            "spot, flow.  Boxes of still do not move; csrt and kcf need opencv-contrib, dlib "
+            "dlib-bin; all takes those installed for boxes.  vit:NET.onnx and "
+            "nano:BACKBONE.onnx:NECKHEAD.onnx are OpenCV's networks, with model files of yours.  "
+            "spot: Zhang and van der Maaten 2013; flow: optical flow (points only)."
+        ),
+    ] = ()
 
 
 @dataclasses.dataclass(frozen=True)
 class Work:
     """Options that choose the number of runs and where they run."""
 
-    runs: int = option(50, "Runs per configuration.")
-    seed: int = option(0, "Seed of all runs.")
-    workers: int = option(1, "Processes that share the work.", least=1, most=_MOST)
-    dask: str | None = option(
-        None,
-        "Dask scheduler, such as tcp://127.0.0.1:8786.",
-    )
-    devices: int | None = option(
-        None,
-        "Host devices per process; by default the processes share all cores.",
-        least=1,
-        most=_MOST,
-    )
-    memory: int = option(256, "Megabytes that a batch of runs may use.", least=1, most=2**30)
-    output: Path | None = option(  # noqa: RUF009
-        None,
-        "Folder for the results; the same command resumes from it.  [default: jaxpf-NAME]",
-        flags=("-o",),
-    )
-    speed: bool = option(
-        False,
-        "Also measure each method's speed in a single run, in frames per second (compiles again).",
-    )
-    dry_run: bool = option(False, "Show the plan only.")
+    runs: Annotated[int, Option("Runs per configuration.")] = 50
+    seed: Annotated[int, Option("Seed of all runs.")] = 0
+    workers: Annotated[int, Option("Processes that share the work.", least=1, most=_MOST)] = 1
+    dask: Annotated[str | None, Option("Dask scheduler, such as tcp://127.0.0.1:8786.")] = None
+    devices: Annotated[
+        int | None,
+        Option(
+            "Host devices per process; by default the processes share all cores.",
+            least=1,
+            most=_MOST,
+        ),
+    ] = None
+    memory: Annotated[
+        int, Option("Megabytes that a batch of runs may use.", least=1, most=2**30)
+    ] = 256
+    output: Annotated[
+        Path | None,
+        Option(
+            "Folder for the results; the same command resumes from it.  [default: jaxpf-NAME]",
+            flags=("-o",),
+        ),
+    ] = None
+    speed: Annotated[
+        bool,
+        Option(
+            "Also measure each method's speed in a single run, in frames per second (compiles "
+            "again)."
+        ),
+    ] = False
+    dry_run: Annotated[bool, Option("Show the plan only.")] = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -144,7 +160,9 @@ class Request:
 
     def table(self) -> dict[str, Any]:
         """Contents of ``run.toml``, in command-line notation."""
-        kept = {n: v for n, v in as_typed(self.options).items() if n not in _NOT_REPEATED}
+        kept = {
+            n: v for n, v in as_typed(Options, vars(self.options)).items() if n not in _NOT_REPEATED
+        }
         return {"scene": self.scene, **kept, **self.grid}
 
     def of_sequence(self, folder: Path, target: str | None, frames: int | None) -> "Request":
@@ -165,7 +183,7 @@ def parse(values: Mapping[str, Any]) -> Request:
     """
     from jaxpf.evaluation.baselines.rivals import available
 
-    options = picked(values, Options)
+    options = Options(**picked(Options, values))
     tracks = (pair("--tracks", text, os.path.realpath) for text in options.tracks)
     named = [name for text in options.baseline for name in names_in(text)]
     options = dataclasses.replace(
@@ -174,9 +192,8 @@ def parse(values: Mapping[str, Any]) -> Request:
         tracker=tuple(f"{name}={place}" for name, place in map(_own, options.tracker)),
         baseline=tuple(dict.fromkeys(available() if _ALL in named else named)),
     )
-    owners: list[Any] = [*all_targets().values()]
-    owners += filters.all_filters().values()
-    declared = options_of(*(owner.options for owner in owners))
+    owners: list[Any] = [target.tracker for target in all_targets().values()]
+    declared = options_of(*owners, *(each.options for each in filters.all_filters().values()))
     given = given_in(values)
     grid = {name: given[name] for name in declared if name in given and name not in VARIED}
     scene = resolved_scene(values["scene"])

@@ -8,7 +8,7 @@ Help explains the common options by section and lists only the names of the rest
 import dataclasses
 import inspect
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,10 +18,9 @@ from jaxpf import filters
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, NumberList, PlainCommand
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.options import OPEN, Option, counting, options_of, plain
+from jaxpf.contract.numbers import plain
+from jaxpf.contract.options import OPEN, Option, applying, complete, options_of
 from jaxpf.targets import all_targets
-from jaxpf.targets.appearance import COLOUR
-from jaxpf.targets.building import filled
 
 if TYPE_CHECKING:
     from jaxpf.filters.filter import Filter
@@ -204,7 +203,7 @@ def _click_type(option: Option, grid: bool) -> tuple[Any, bool]:
         return str, True
     if option.length:
         counted = option.length > 0 and not option.per_object
-        return NumberList(option.kind, option.length if counted else None, option.opens), grid
+        return NumberList(option.kind, option.length if counted else None), grid
     if not grid:
         return option.kind, False
     return (str if option.kind is str else NumberList(option.kind)), False
@@ -287,11 +286,11 @@ def given_in(values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value not in (None, ())}
 
 
-def as_typed(options: object) -> dict[str, Any]:
-    """Applicable options in command-line notation, by name; None for the rest."""
-    counts, typed = counting(options), {}
-    for name, option in options_of(options).items():
-        value = getattr(options, name) if counts[name] else None
+def as_typed(owner: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """An owner's applicable options in command-line notation, by name; None for the rest."""
+    applicable, typed = applying(owner, values), {}
+    for name, option in options_of(owner).items():
+        value = applicable.get(name)
         if option.places and value and value != OPEN:
             value = [place + 1 for place in value]
         typed[name] = value
@@ -299,16 +298,16 @@ def as_typed(options: object) -> dict[str, Any]:
 
 
 def picked(
-    values: Mapping[str, Any], owner: type, defaults: Mapping[str, Any] | None = None
-) -> Any:
-    """Build an instance of an option class from flags; missing ones keep their defaults."""
+    owner: Callable[..., Any], values: Mapping[str, Any], defaults: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """The checked values of an owner's options from flags; missing ones have their defaults."""
     given = {}
     for name, each in options_of(owner).items():
         if values.get(name) == "":  # as an unset variable of the shell is
             raise InputError(f"{each.flag} is empty; give a value, or leave it out.")
         if values.get(name) not in (None, ()):
             given[name] = _from_people(each, values[name])
-    return filled(owner, given, defaults)
+    return complete(owner, given, defaults)
 
 
 def _from_people(option: Option, value: Any) -> Any:
@@ -328,52 +327,25 @@ def refuse_others(values: Mapping[str, Any], target: "Target", filter_: "Filter"
         target: the target.
         filter_: the filter that tracks it.
     """
-    own = options_of(target.options, filter_.options)
-    every: dict[str, Target | Filter] = {**all_targets(), **filters.all_filters()}
+    own = options_of(target.tracker, filter_.options)
+    of_targets = {name: options_of(each.tracker) for name, each in all_targets().items()}
+    of_filters = [(each, options_of(each.options)) for each in filters.all_filters().values()]
     for name in [name for name in given_in(values) if name not in own]:
-        having = {n: options_of(owner.options) for n, owner in every.items()}
-        owners = [n for n, options in having.items() if name in options]
-        if not owners:
-            continue
-        flag, families = having[owners[0]][name].flag, filters.all_filters()
         methods = [
             method
-            for n in owners
-            if n in families
-            for method in families[n].methods
-            if having[n][name].applies_with(method) and method not in target.unsuited
+            for family, options in of_filters
+            if name in options
+            for method in family.methods
+            if options[name].applies({"method": method}) and method not in target.unsuited
         ]
+        flag = f"--{name.replace('_', '-')}"
         if methods:
             raise InputError(
                 f"{flag} works only with --method {' or '.join(methods)}, and this run uses the "
                 f"{filter_.name} filter; leave it out, or use --method {methods[0]}."
             )
-        raise InputError(
-            f"{flag} works only for {' and '.join(owners)}, and the targets are {target.name}; "
-            "leave it out."
-        )
-
-
-def report_implied(values: Mapping[str, Any], usual: object) -> None:
-    """Report options, such as --bands, that change other options left at ``auto``.
-
-    Args:
-        values: values of flags.
-        usual: the target's options without them.
-    """
-    declared, given = options_of(type(usual)), given_in(values)
-    flags: dict[tuple[str, Any], list[str]] = {}
-    for name in given:
-        implied = declared[name].implies if name in declared else None
-        if implied and values.get(implied[0]) in (None, OPEN):
-            flags.setdefault(implied, []).append(declared[name].flag)
-    for (other, wanted), causes in flags.items():
-        default = getattr(usual, other, wanted)
-        if default != wanted:
-            sets = "sets" if len(causes) == 1 else "set"
-            without = ", which reports no confidence" if wanted == COLOUR else ""
-            say(
-                f"Note: {' and '.join(causes)} {sets} {declared[other].flag} {wanted}{without}; "
-                f"the default is {default}.",
-                err=True,
+        if owners := [kind for kind, options in of_targets.items() if name in options]:
+            raise InputError(
+                f"{flag} works only for {' and '.join(owners)}, and the targets are {target.name}; "
+                "leave it out."
             )

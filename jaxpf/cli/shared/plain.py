@@ -9,7 +9,6 @@ import click
 
 from jaxpf._resembling import renamed
 from jaxpf.contract.errors import Argument, InputError
-from jaxpf.contract.options import OPEN
 
 
 class GivenPath(click.Path):
@@ -34,14 +33,12 @@ class GivenPath(click.Path):
 class NumberList(click.ParamType):
     """Numbers separated by commas, such as ``4,2,0.003``."""
 
-    def __init__(self, kind: type = float, length: int | None = None, opens: bool = False):
-        self.kind, self.length, self.opens = kind, length, opens
+    def __init__(self, kind: type = float, length: int | None = None):
+        self.kind, self.length = kind, length
         self.name = "whole numbers" if kind is int else "numbers"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Convert text or a TOML list to numbers; keeps "auto" if the option allows it."""
-        if self.opens and value == OPEN:
-            return value
+        """Convert text or a TOML list to numbers."""
         parts = value.split(",") if isinstance(value, str) else list(value)
         try:
             numbers = [self.kind(part) for part in parts]

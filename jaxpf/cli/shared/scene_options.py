@@ -5,7 +5,7 @@ import dataclasses
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import click
 
@@ -13,7 +13,7 @@ from jaxpf import filters
 from jaxpf.cli.shared.config import config_flag
 from jaxpf.cli.shared.flags import ALL, Command, Flag, declared_flags, filter_flags
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.options import option, options_of
+from jaxpf.contract.options import Option, options_of
 from jaxpf.targets import all_targets, find_target, target_of_scene
 
 _TARGET, _METHODS = "jaxpf.cli.target", "jaxpf.cli.methods"
@@ -23,20 +23,26 @@ _TARGET, _METHODS = "jaxpf.cli.target", "jaxpf.cli.methods"
 class SceneOptions:
     """The scene and the part of it to use."""
 
-    target: str | None = option(
-        None, f"Kind of target: {', '.join(all_targets())}; by default that of the truth."
-    )
-    set: tuple[str, ...] = option(
-        (), "A synthetic scene's parameter, NAME=VALUE; repeat it.  Such as lead_distance=60."
-    )
-    scene_seed: int = option(0, "Seed of a synthetic scene, or of the first one.")
-    ids: tuple[int, ...] | None = option(
-        None, "Objects of a folder's truth, such as 1,2,5; by default all in the start frame."
-    )
-    frames: int | None = option(None, "Frames of a folder to use, the start frame included.")
-    start_frame: int | None = option(
-        None, "Start frame of a folder, from 0; by default the first with all objects."
-    )
+    target: Annotated[
+        str | None,
+        Option(f"Kind of target: {', '.join(all_targets())}; by default that of the truth."),
+    ] = None
+    set: Annotated[
+        tuple[str, ...],
+        Option("A synthetic scene's parameter, NAME=VALUE; repeat it.  Such as lead_distance=60."),
+    ] = ()
+    scene_seed: Annotated[int, Option("Seed of a synthetic scene, or of the first one.")] = 0
+    ids: Annotated[
+        tuple[int, ...] | None,
+        Option("Objects of a folder's truth, such as 1,2,5; by default all in the start frame."),
+    ] = None
+    frames: Annotated[
+        int | None, Option("Frames of a folder to use, the start frame included.")
+    ] = None
+    start_frame: Annotated[
+        int | None,
+        Option("Start frame of a folder, from 0; by default the first with all objects."),
+    ] = None
 
 
 def _particles() -> str:
@@ -94,7 +100,7 @@ class SceneCommand(Command):
 
     def _of_target(self, name: str) -> list[Flag]:
         grid, _, defaults = self._about
-        declared = options_of(find_target(name).options)
+        declared = options_of(find_target(name).tracker)
         return declared_flags(declared, f"For {name}", defaults=defaults, grid=grid)
 
     def _of_filters(self, of_target: Mapping[str, Any], methods: Sequence[str] = ()) -> list[Flag]:

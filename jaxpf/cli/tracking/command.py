@@ -103,7 +103,7 @@ def _params(target: Target) -> list[click.Parameter]:
     early = ("start", "frames")
     flags: list[click.Parameter] = [click.Argument(["video"])]
     flags += start_flags(target.start_flags, "Start") + of_run("Start", *early)
-    flags += declared_flags(options_of(target.options), "Model")
+    flags += declared_flags(options_of(target.tracker), "Model")
     flags += filter_flags(target.defaults, family=filter_for(target), unsuited=target.unsuited)
     if "detections" in target.start_flags:
         flags += declared_flags(options_of(Rules), "With --detections")

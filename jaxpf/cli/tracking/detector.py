@@ -9,7 +9,8 @@ from jaxpf.boxes.tracks import BoxTable, check_boxes
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.flags import picked
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.options import options_of, plain
+from jaxpf.contract.numbers import plain
+from jaxpf.contract.options import options_of
 from jaxpf.detections.files import DETECTED, check_frames, read_detections
 from jaxpf.detections.lifetimes import Rules
 from jaxpf.media.frame_source import FrameSource
@@ -61,7 +62,7 @@ def read_detector(options: Mapping[str, Any]) -> Detector | None:
                     f"{rule.flag} works only with --detections; add it, or leave {rule.flag} out."
                 )
         return None
-    detector = Detector(read_detections(options["detections"]), picked(options, Rules))
+    detector = Detector(read_detections(options["detections"]), Rules(**picked(Rules, options)))
     if not len(detector.table):
         raise InputError(
             f"{detector.table.source} holds no boxes; give a file with detections, or leave "

@@ -1,20 +1,20 @@
 """The parsed and checked request of ``jaxpf track``, including everything that repeats the run."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import click
 
 from jaxpf import filters
-from jaxpf.cli.shared.flags import as_typed, picked, refuse_others, report_implied
+from jaxpf.cli.shared.flags import as_typed, picked, refuse_others
 from jaxpf.cli.tracking.detector import Detector, defaults_of, read_detector
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.options import OPEN, check_options, option, options_of
+from jaxpf.contract.options import OPEN, Option, check_options, options_of
+from jaxpf.detections.lifetimes import Rules
 from jaxpf.files.writing import check_output_file
 from jaxpf.filters.filter import Filter
-from jaxpf.targets.appearance import COLOUR
 from jaxpf.targets.building import defaults_for, filter_for
 from jaxpf.targets.target import Target
 
@@ -30,57 +30,63 @@ _ADDS_TO_START = ("ids", "mask_step", "learned")
 class Run:
     """Options of ``jaxpf track`` shared by all kinds of target."""
 
-    start: int = option(0, "Start frame, counting from 0.", least=0, most=_MOST_FRAMES)
-    frames: int | None = option(
-        None, "Track at most this many frames after the start.", least=1, most=_MOST_FRAMES
-    )
-    fps: float | None = option(
-        None,
-        "Frames per second.  [default: the video's or 25]",
-        above=0.0,
-    )
-    range: tuple[int, ...] | None = option(
-        None,
-        "LOW,HIGH: the values that become black and white (images of 16 bits only).  By default "
-        "the full range, or that of the content if it fills less than a quarter.",
-        kind=int,
-        length=2,
-        least=0,
-        most=2**16 - 1,
-    )
-    seed: int = option(0, "Random seed: same seed, same tracks.", least=0, most=2**32 - 1)
-    runs: int | None = option(
-        None,
-        "Number of runs; reports their mean and its standard error.  The runs share each frame's "
-        "work: ten cost two to nine times as much as one.",
-        least=2,
-        most=10_000,
-    )
-    save_state: Path | None = option(  # noqa: RUF009
-        None,
-        "Save the filter's state to this file, for --resume: every minute, so that a run that is "
-        "killed can go on, and after the last frame.",
-    )
-    resume: Path | None = option(  # noqa: RUF009
-        None,
-        "Continue from a file of --save-state, after its frames, with the same options.  The "
-        "tracks are identical to an uninterrupted run.",
-    )
-    output: Path | None = option(  # noqa: RUF009
-        None,
-        "Folder for the results.  [default: jaxpf-NAME]",
-        flags=("-o",),
-    )
-    overwrite: bool = option(False, "Replace files in an existing folder.")
-    overlay: bool = option(True, "Write the overlay video.")
-    truth: Path | None = option(  # noqa: RUF009
-        None, "True boxes to compare with, CSV or folder."
-    )
-    tracker: str | None = option(
-        None,
-        "FILE.py:FUNCTION, your own tracker.  The function receives a scene: the start frame and "
-        "its boxes.",
-    )
+    start: Annotated[int, Option("Start frame, counting from 0.", least=0, most=_MOST_FRAMES)] = 0
+    frames: Annotated[
+        int | None,
+        Option("Track at most this many frames after the start.", least=1, most=_MOST_FRAMES),
+    ] = None
+    fps: Annotated[
+        float | None, Option("Frames per second.  [default: the video's or 25]", above=0.0)
+    ] = None
+    range: Annotated[
+        tuple[int, ...] | None,
+        Option(
+            "LOW,HIGH: the values that become black and white (images of 16 bits only).  By "
+            "default the full range, or that of the content if it fills less than a quarter.",
+            length=2,
+            least=0,
+            most=2**16 - 1,
+        ),
+    ] = None
+    seed: Annotated[
+        int, Option("Random seed: same seed, same tracks.", least=0, most=2**32 - 1)
+    ] = 0
+    runs: Annotated[
+        int | None,
+        Option(
+            "Number of runs; reports their mean and its standard error.  The runs share each "
+            "frame's work: ten cost two to nine times as much as one.",
+            least=2,
+            most=10_000,
+        ),
+    ] = None
+    save_state: Annotated[
+        Path | None,
+        Option(
+            "Save the filter's state to this file, for --resume: every minute, so that a run that "
+            "is killed can go on, and after the last frame."
+        ),
+    ] = None
+    resume: Annotated[
+        Path | None,
+        Option(
+            "Continue from a file of --save-state, after its frames, with the same options.  The "
+            "tracks are identical to an uninterrupted run."
+        ),
+    ] = None
+    output: Annotated[
+        Path | None, Option("Folder for the results.  [default: jaxpf-NAME]", flags=("-o",))
+    ] = None
+    overwrite: Annotated[bool, Option("Replace files in an existing folder.")] = False
+    overlay: Annotated[bool, Option("Write the overlay video.")] = True
+    truth: Annotated[Path | None, Option("True boxes to compare with, CSV or folder.")] = None
+    tracker: Annotated[
+        str | None,
+        Option(
+            "FILE.py:FUNCTION, your own tracker.  The function receives a scene: the start frame "
+            "and its boxes."
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -99,9 +105,9 @@ class Request:
         target: the kind of target.
         starts: values of its ``start_flags``.
         run: options shared by all kinds of target.
-        model: options of the target.
+        model: values of the target's options.
         filter: the filter family.
-        filter_options: options of the filter.
+        filter_options: values of the filter's options.
         detector: detections and rules of --detections; None for a fixed set of objects.
     """
 
@@ -109,9 +115,9 @@ class Request:
     target: Target
     starts: Mapping[str, Any]
     run: Run
-    model: Any
+    model: Mapping[str, Any]
     filter: Filter
-    filter_options: Any
+    filter_options: Mapping[str, Any]
     detector: Detector | None
 
     def table(self, video: str | Path) -> dict[str, Any]:
@@ -121,10 +127,11 @@ class Request:
             video: video address without a password.
         """
         values = {"target": self.target.name, "video": video, **self.starts}
-        values |= {n: v for n, v in as_typed(self.run).items() if n not in _NOT_REPEATED}
-        values |= as_typed(self.model) | as_typed(self.filter_options)
+        values |= {n: v for n, v in as_typed(Run, vars(self.run)).items() if n not in _NOT_REPEATED}
+        values |= as_typed(self.target.tracker, self.model)
+        values |= as_typed(self.filter.options, self.filter_options)
         if self.detector is not None:
-            values |= as_typed(self.detector.rules)
+            values |= as_typed(Rules, vars(self.detector.rules))
         return {
             name: value.resolve() if isinstance(value, Path) else value
             for name, value in values.items()
@@ -135,21 +142,18 @@ class Request:
 def request_of(ctx: click.Context, target: Target) -> Request:
     """Build the request from the command line and a configuration file."""
     values = _given(ctx, target)
-    run = picked(values, Run)
+    run = Run(**picked(Run, values))
     detector = read_detector(values)
     filter_ = _filter_of(values["method"], target, detector is not None)
     refuse_others(values, target, filter_)
     particles, of_target = defaults_of(detector)
     defaults = {**defaults_for(target, filter_), **particles}
-    filter_options = picked(values, filter_.options, defaults)
+    of_filter = picked(filter_.options, values, defaults)
     # Objects that appear later are not in the start frame, so nothing can be learned from it.
-    settings = {} if detector is None else {"appearance": COLOUR}
-    model = target.resolved(picked(values, target.options, of_target), settings)
-    report_implied(values, target.resolved(target.options(), settings))
+    settings = {} if detector is None else {"appearance": "colour"}
+    model = target.settle(picked(target.tracker, values, of_target), settings)
     starts = {name: values[name] for name in target.start_flags}
-    request = Request(
-        values["video"], target, starts, run, model, filter_, filter_options, detector
-    )
+    request = Request(values["video"], target, starts, run, model, filter_, of_filter, detector)
     check_together(request)
     if run.save_state is not None:
         # A chain of runs goes on from one file, which the user names twice.
@@ -222,10 +226,11 @@ def _given(ctx: click.Context, target: Target) -> dict[str, Any]:
         chosen = filters.filter_of(values["method"])
         left_out |= set(options_of(*families)) - set(options_of(chosen.options))
         left_out |= set() if values["method"] == "ps" else {"order"}
-    for owner in (target.options, *families):
-        for name, option_ in options_of(owner).items():
-            other, _ = option_.implies or ("", "")
-            if other in typed and values[other] != OPEN and not option_.applies_with(values[other]):
+    owners: list[Callable[..., Any]] = [target.tracker, *families]
+    for owner in owners:
+        for name, option in options_of(owner).items():
+            other = option.needs[0] if option.needs else ""
+            if other in typed and values[other] != OPEN and not option.applies(values):
                 left_out.add(name)
     return {n: None if n in left_out & written else value for n, value in values.items()}
 

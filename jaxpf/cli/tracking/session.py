@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from jaxpf import contract
+from jaxpf import contract, filters
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.tracking import detector as detector_of
 from jaxpf.cli.tracking.later import all_names
@@ -25,7 +25,7 @@ from jaxpf.media.video import open_frames
 from jaxpf.running.memory import check_memory, needed_by
 from jaxpf.sequences.layouts import read_truth
 from jaxpf.sequences.tables import BoxTable
-from jaxpf.targets.building import build, looks_of_frame
+from jaxpf.targets.building import build, looks_of
 from jaxpf.targets.target import Start
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ class Session:
 
     def tracker_at(self, frame: np.ndarray, start: Start) -> "TrackerLike":
         """Build the tracker of objects that start at a frame, uint8 RGB ``[H, W, 3]``."""
-        request, options = self.request, self.request.filter_options
+        request, of_filter = self.request, self.request.filter_options
         if request.run.tracker:
             of_video = self.source.name, frame, start.shapes, self.source.fps
             return tracker_of_start(request.run.tracker, *of_video)
@@ -129,11 +129,11 @@ class Session:
             capacity = request.detector.rules.capacity
             size = request.detector.typical_size
             model = open_model(
-                request.model, frame.shape[:2], capacity, size, options.num_particles
+                request.model, frame.shape[:2], capacity, size, of_filter["num_particles"]
             )
-            return request.filter.tracker(model, options)
-        looks = looks_of_frame(frame, options.num_particles)
-        tracker = build(request.target, request.model, request.filter, options, start, looks)
+            return filters.build(model, **of_filter)
+        looks = looks_of(frame, of_filter["num_particles"])
+        tracker = build(request.target, {**request.model, **of_filter}, start, looks)
         if request.run.runs is not None:
             return SideBySide(tracker, request.run.runs)
         return tracker

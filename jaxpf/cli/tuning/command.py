@@ -4,7 +4,7 @@ import dataclasses
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
@@ -12,7 +12,7 @@ from jaxpf import tuning
 from jaxpf._resembling import resembling
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import progress_bar, say
-from jaxpf.cli.shared.flags import as_typed, picked, refuse_others, report_implied
+from jaxpf.cli.shared.flags import as_typed, picked, refuse_others
 from jaxpf.cli.shared.scene_options import (
     SceneCommand,
     SceneOptions,
@@ -23,7 +23,7 @@ from jaxpf.cli.shared.scene_options import (
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import GRADIENTS, OBJECTIVES
-from jaxpf.contract.options import OPEN, chosen, option, options_of
+from jaxpf.contract.options import OPEN, Option, options_of
 from jaxpf.files.store import locked
 from jaxpf.files.writing import check_output_folder, prepare_output_folder
 from jaxpf.running.memory import check_memory, needed_by
@@ -52,53 +52,61 @@ _LESS_MEMORY = "ask for fewer particles (-n), --runs or --frames"
 class Scenes(SceneOptions):
     """Options that choose scenes."""
 
-    target: str | None = option(
-        None, "Kind of target: boxes or parts; by default that of the truth."
-    )
-    train_scenes: int = option(3, "Synthetic scenes to tune on.", least=1, most=1000)
-    frames: int | None = option(
-        None,
-        "Frames of a folder to tune on, the start frame included; by default half.",
-    )
+    target: Annotated[
+        str | None, Option("Kind of target: boxes or parts; by default that of the truth.")
+    ] = None
+    train_scenes: Annotated[int, Option("Synthetic scenes to tune on.", least=1, most=1000)] = 3
+    frames: Annotated[
+        int | None,
+        Option("Frames of a folder to tune on, the start frame included; by default half."),
+    ] = None
 
 
 @dataclasses.dataclass(frozen=True)
 class Tuned:
     """Options that choose parameters and objective."""
 
-    parameters: str | None = option(
-        None,
-        "Parameters by their paths in the tracker, with optional bounds: "
-        "likelihood.sharpness=1:500.  By default the sharpness of the likelihood and the noise of "
-        "the position.",
-    )
-    objective: str = option(
-        "evidence",
-        "evidence (no labels), or against the truth: position, iou, crps (also judges the "
-        "posterior standard deviation).",
-        choices=OBJECTIVES,
-    )
-    labels: int | None = option(
-        None,
-        "Number of labelled frames, evenly spread; by default all.  Not for evidence.",
-    )
-    gradient: str = option(
-        "stop_gradient",
-        "Gradient through resampling: stop_gradient (a bias of order 1/N), none (less noise, but a "
-        "bias that more particles do not remove), soft or transport (both biased).",
-        choices=GRADIENTS,
-    )
+    parameters: Annotated[
+        str | None,
+        Option(
+            "Parameters by their paths in the tracker, with optional bounds: "
+            "likelihood.sharpness=1:500.  By default the sharpness of the likelihood and the noise "
+            "of the position."
+        ),
+    ] = None
+    objective: Annotated[
+        str,
+        Option(
+            "evidence (no labels), or against the truth: position, iou, crps (also judges the "
+            "posterior standard deviation).",
+            choices=OBJECTIVES,
+        ),
+    ] = "evidence"
+    labels: Annotated[
+        int | None,
+        Option("Number of labelled frames, evenly spread; by default all.  Not for evidence."),
+    ] = None
+    gradient: Annotated[
+        str,
+        Option(
+            "Gradient through resampling: stop_gradient (a bias of order 1/N), none (less noise, "
+            "but a bias that more particles do not remove), soft or transport (both biased).",
+            choices=GRADIENTS,
+        ),
+    ] = "stop_gradient"
 
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
     """Options of the output."""
 
-    output: Path | None = option(  # noqa: RUF009
-        None,
-        "Folder for the results; the same command resumes from it.  [default: jaxpf-tune-NAME]",
-        flags=("-o",),
-    )
+    output: Annotated[
+        Path | None,
+        Option(
+            "Folder for the results; the same command resumes from it.  [default: jaxpf-tune-NAME]",
+            flags=("-o",),
+        ),
+    ] = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -119,7 +127,7 @@ def _command(**values: Any) -> None:
     from jaxpf.cli.tuning.scenes import scenes_to_tune_on, unseen
     from jaxpf.tuning.checkpoint import NAME
 
-    options, source = picked(values, Options, _DEFAULTS), resolved_scene(values["scene"])
+    options, source = Options(**picked(Options, values, _DEFAULTS)), resolved_scene(values["scene"])
     _check_names(options.parameters)
     folder = options.output or Path(f"jaxpf-tune-{scene_name(source)}")
     check_output_folder(folder)
@@ -131,7 +139,7 @@ def _command(**values: Any) -> None:
     start_jax()
     before, options, repeated = _recipe(values, options, scenes[0])
     parameters = [tuning.parameter(text) for text in names_in(options.parameters or "")]
-    settings = chosen(Settings, vars(options))
+    settings = Settings(**{name: getattr(options, name) for name in options_of(Settings)})
     sequences = [
         tuning.training_sequence(scene, before, options.objective, options.labels)
         for scene in scenes
@@ -150,7 +158,7 @@ def _command(**values: Any) -> None:
     except KeyboardInterrupt:
         say(f"The steps so far are kept in '{folder}'; the same command continues.", err=True)
         raise
-    table = {"scene": source, **as_typed(options), **repeated, "output": None}
+    table = {"scene": source, **as_typed(Options, vars(options)), **repeated, "output": None}
     write_config(folder / "run.toml", "tune", table)
     outputs.write_tuned(folder / outputs.TUNED, result, result.values, before)
     outputs.write_traces(folder / outputs.TRACES, result, options.objective)
@@ -235,7 +243,7 @@ def _tune(
 
 def _check_names(parameters: str | None) -> None:
     """Refuse misspelt parameters before scenes are opened."""
-    targets = (target.options for target in all_targets().values())
+    targets = (target.tracker for target in all_targets().values())
     every = [option.path or "" for each in targets for option in options_of(each).values()]
     for name in (tuning.parameter(text).name for text in names_in(parameters or "")):
         near = resembling(name, every, cutoff=0.8)
@@ -248,7 +256,7 @@ def _check_parameters(tracker: "TrackerLike", target: "Target", wanted: "list[Pa
     from jaxpf.tuning.parameters import check_apart
 
     check_apart(wanted)
-    tunable = [option.path for option in options_of(target.options).values() if option.path]
+    tunable = [option.path for option in options_of(target.tracker).values() if option.path]
     for parameter in wanted:
         tuning.read(tracker, parameter)
         if parameter.name not in tunable:
@@ -271,20 +279,21 @@ def _recipe(
     filter_ = filter_for(target, values["method"])
     own = {n: v for n, v in values.items() if n not in options_of(Options)}
     refuse_others(own, target, filter_)
-    report_implied(own, target.resolved(target.options(), scene.settings))
     parameters = names_in(options.parameters or "")
     named = {text.partition("=")[0].partition("[")[0] for text in parameters}
-    for declared in options_of(target.options).values():
+    for declared in options_of(target.tracker).values():
         # A named parameter may imply the kind of tracker.
-        if declared.path in named and declared.implies:
-            name, value = declared.implies
+        if declared.path in named and declared.needs:
+            name, value, *_ = declared.needs
             if own.get(name) in (None, OPEN):
                 own[name] = value
-    model = target.resolved(picked(own, target.options), scene.settings, scene.num_objects)
-    filter_options = picked(own, filter_.options, {"num_particles": _PARTICLES, **target.defaults})
+    model = target.settle(picked(target.tracker, own), scene.settings, scene.num_objects)
+    defaults = {"num_particles": _PARTICLES, **target.defaults}
+    of_filter = picked(filter_.options, own, defaults)
     if options.parameters is None:
-        options = dataclasses.replace(options, parameters=",".join(tuned_by_default(model)))
-    both = (filter_options, model)
-    chosen_values = {name: getattr(owner, name) for owner in both for name in options_of(owner)}
-    typed = {n: v for owner in both for n, v in as_typed(owner).items() if n in values}
-    return Recipe(target.name, chosen_values, gradient=options.gradient), options, typed
+        options = dataclasses.replace(
+            options, parameters=",".join(tuned_by_default(target.tracker, model))
+        )
+    typed = as_typed(filter_.options, of_filter) | as_typed(target.tracker, model)
+    typed = {name: value for name, value in typed.items() if name in values}
+    return Recipe(target.name, of_filter | model, gradient=options.gradient), options, typed

@@ -7,7 +7,7 @@ import numpy as np
 import tomli_w
 
 from jaxpf.cli.shared.console import print_table, say
-from jaxpf.contract.options import options_of
+from jaxpf.contract.options import defaults_of, options_of
 from jaxpf.files.writing import atomic_write
 from jaxpf.media.plotting import save_figure
 from jaxpf.targets import DEFAULT
@@ -27,14 +27,13 @@ def write_tuned(path: Path, result: "Result", values: dict[str, Any], before: "R
     after = before.with_values(values)
     named = {path.partition("[")[0] for path in values}
     track: dict[str, Any] = {}  # `jaxpf track` defaults to boxes
-    for name, option in options_of(after.of.options).items():
+    for name, option in options_of(after.of.tracker).items():
         if option.path in named:
             track[name] = _numbers(after.values[name])
     # A sharpness belongs to an appearance, which synthetic scenes set.
     appearance = after.values.get("appearance")
-    if "sharpness" in track and appearance != getattr(
-        after.of.resolved(after.of.options(), {}), "appearance", None
-    ):
+    usual = after.of.settle(defaults_of(after.of.tracker), {}).get("appearance")
+    if "sharpness" in track and appearance != usual:
         track["appearance"] = appearance
     evaluate = {name: [value] for name, value in track.items()}
     if after.of.name != DEFAULT:

@@ -31,7 +31,7 @@ class _FactoredFilter(Filter):
         from jaxpf.filters.factored.eskil import Eskil
         from jaxpf.filters.factored.pffl import PFFL
 
-        self.check(options, model.parents)
+        self.check(vars(options), model.parents)
         method = options.method
         shared: dict[str, Any] = {
             "dynamics": model.dynamics,

@@ -1,7 +1,7 @@
 """The labelled filter as a family, for commands and evaluations."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
@@ -27,7 +27,7 @@ class _LabelledFilter(Filter):
 
         from jaxpf.filters.labelled.tracker import Labelled
 
-        self.check(options, model.parents)
+        self.check(vars(options), model.parents)
         rates = options.regularise
         return Labelled(
             dynamics=model.dynamics,
@@ -42,11 +42,11 @@ class _LabelledFilter(Filter):
             regularise=None if rates is None else np.asarray(rates, np.float32),
         )
 
-    def check(self, options: Options, parents: Sequence[int]) -> None:
-        super().check(options, parents)
-        if options.num_particles < len(parents):
+    def check(self, values: Mapping[str, Any], parents: Sequence[int]) -> None:
+        super().check(values, parents)
+        if values["num_particles"] < len(parents):
             raise InputError(
-                Argument("num_particles", options.num_particles),
+                Argument("num_particles", values["num_particles"]),
                 f" is fewer than the {len(parents)} objects that share them; give at least one "
                 "each, better some fifty.",
             )

@@ -27,7 +27,7 @@ class _PartitionedFilter(Filter):
         from jaxpf.filters.partitioned.tracker import Partitioned
         from jaxpf.ordering import branched, named
 
-        self.check(options, model.parents)
+        self.check(vars(options), model.parents)
         orders = optional(model.likelihood, "orders_of_labels")
         if options.method == "ps" and options.order is None and orders is not None:
             ordering = branched(orders)
@@ -50,25 +50,25 @@ class _PartitionedFilter(Filter):
         """No DPS on part trees, as circular shifts put parts before parents."""
         return method != "dps" or all(parent < 0 for parent in parents)
 
-    def check(self, options: Options, parents: Sequence[int]) -> None:
+    def check(self, values: Mapping[str, Any], parents: Sequence[int]) -> None:
         """DPS needs enough particles, and an order must name every object."""
-        count = len(parents)
-        if options.method == "dps" and options.num_particles < count:
+        count, order = len(parents), values["order"]
+        if values["method"] == "dps" and values["num_particles"] < count:
             raise InputError(
-                Argument("num_particles", options.num_particles),
+                Argument("num_particles", values["num_particles"]),
                 f" is fewer than the {count} components of dps, one per object; give at least "
                 f"{count}, better some hundreds.",
             )
-        if options.order is None:
+        if order is None:
             return
-        shown = ",".join(str(place + 1) for place in options.order)
-        if sorted(options.order) != list(range(count)):
+        shown = ",".join(str(place + 1) for place in order)
+        if sorted(order) != list(range(count)):
             raise InputError(
                 f"the order {shown} is not a permutation of the {count} object(s); list each of 1 "
                 f"to {count} once."
             )
         for part, parent in enumerate(parents):
-            if parent >= 0 and options.order.index(part) < options.order.index(parent):
+            if parent >= 0 and order.index(part) < order.index(parent):
                 raise InputError(
                     f"the order {shown} puts part {part + 1} before its parent {parent + 1}; list "
                     "every parent first."

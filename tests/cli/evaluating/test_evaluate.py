@@ -171,15 +171,6 @@ def test_a_dry_run_shows_the_plan_of_a_grid_and_writes_nothing(place, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(("scene", "notes"), [(["two"], 1), (SCENE, 0)])
-def test_options_that_change_others_say_so_in_one_line(place, tmp_path, monkeypatch, scene, notes):
-    monkeypatch.chdir(place)
-    options = ("--bands", "1", *COMMON[:6], "--dry-run", "-o", tmp_path / "out")
-    said = [line for line in evaluated(*scene, *options).err.splitlines() if "Note" in line]
-    assert len(said) == notes
-    assert all("--bands sets --appearance colour" in line for line in said)
-
-
 @pytest.mark.parametrize(
     ("options", "named"),
     [

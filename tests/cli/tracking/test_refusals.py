@@ -8,7 +8,7 @@ from functools import partial
 
 import pytest
 from clips import grey, write_pictures
-from command_line import asked_of_track, jaxpf, refusal_of
+from command_line import jaxpf, refusal_of
 from small_video import BOXES, PARTICLES, picture, write_lossless_video, write_truth
 
 from jaxpf import cli
@@ -39,7 +39,6 @@ BOTH = " ".join(BOXES)
                 ("--exclusion boxes --appearance colour", "--exclusion"),
                 ("--exclusion boxes --method sps", "--swap none"),
                 ("--method eskil --form literal", "--form"),
-                ("--order 2,1", "method 'ps'"),
                 ("--method ps --order 0,0", "--order 0,0"),
                 ("-n 1", "--num-particles 1"),
                 ("--bands 17", "box of object 1"),
@@ -68,23 +67,6 @@ def test_points_in_shares_of_the_frame_are_refused(place):
 def test_a_start_from_which_nothing_can_be_learned_is_refused(refuse, tmp_path, options):
     video = write_pictures(tmp_path / "flat", [grey(110)] * 2)
     assert "box of object 1" in refuse("--box", *options.split(), video=video)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        ("--bands 1 --likelihood sampled", ("--bands", "--likelihood", "--appearance colour")),
-        ("--noise-pixels 3,3,.01", ("--noise-pixels", "--motion pixels")),
-        ("--bands 1 --appearance colour", ()),
-        ("--sharpness 5", ()),
-        ("--momentum .2", ()),
-    ],
-)
-def test_options_that_change_others_say_so_in_one_line(capsys, arguments, named):
-    asked_of_track("boxes", "nowhere.mp4", *arguments.split())
-    note = capsys.readouterr().err
-    assert note.count("\n") == note.count("Note: ") == bool(named)
-    assert all(word in note for word in named)
 
 
 @pytest.mark.parametrize("option", ["-o", "--boxes", "--save-state", "--resume"])

@@ -12,7 +12,7 @@ from jaxpf import InputError, ordering
 from jaxpf.boxes import parse_box, read_boxes, write_mot
 from jaxpf.cli.shared import config
 from jaxpf.cli.shared.flags import NumberList
-from jaxpf.contract.options import Option
+from jaxpf.contract import Option
 from jaxpf.parts.files import HEADER, read_parts
 
 #: The same cases every time, and no more than a glance takes.

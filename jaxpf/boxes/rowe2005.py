@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from jaxpf.contract.errors import InputError
 from jaxpf.dynamics.gaussian import FirstOrder
 from jaxpf.filters.labelled.tracker import Labelled
 from jaxpf.likelihoods.pixels import pixels
@@ -58,6 +59,8 @@ def rowe2005_tracker(
     Raises:
         InputError: an option is unknown or out of range.
     """
+    if options.keys() & {"method", "likelihood", "ordering"}:
+        raise InputError("rowe2005 has a method and likelihood of its own; leave those out.")
     own = {name: options.pop(name) for name in Rowe2005Settings._fields if name in options}
     settings = Rowe2005Settings(**own)
     boxes = np.asarray(boxes, np.float32)

@@ -9,6 +9,7 @@ import numpy as np
 from jaxpf.boxes import tracks
 from jaxpf.boxes.factory import settle, start, tracker, unchecked_start
 from jaxpf.boxes.models import boxes_at
+from jaxpf.boxes.rowe2005 import rowe2005_tracker
 from jaxpf.contract.errors import InputError
 from jaxpf.targets.later import starts_by_frame
 from jaxpf.targets.target import Marks, Start, Target
@@ -142,6 +143,7 @@ BOXES = Target(
     column_values=_column_values,
     draw=_draw,
     can_be_tuned=True,
+    systems={"rowe2005": rowe2005_tracker},
     has_boxes=True,
     example="--box 120,80,40,90 --box 300,85,42,88",
     start_flags={

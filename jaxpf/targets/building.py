@@ -18,6 +18,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array
 from jaxpf.contract.options import complete, defaults_of, options_of
 from jaxpf.filters.filter import Filter
+from jaxpf.targets.presets import PRESETS
 from jaxpf.targets.registry import find_target
 from jaxpf.targets.target import Looks, Start, Target
 
@@ -132,17 +133,16 @@ def _made(
     function: Callable[..., R], target: Target, frame: Any, given_start: Any = None, **given: Any
 ) -> R:
     """Complete and check the options, and call the function with them."""
-    from jaxpf.targets.presets import with_preset
-
     for parameter in list(inspect.signature(function).parameters)[1:2]:
         given_start = given.pop(parameter, given_start)
     start = given_start if isinstance(given_start, Start) else target.start(given_start)
     values = {name: value for name, value in given.items() if value is not None}
     of_start = {field.name for field in dataclasses.fields(start)} & values.keys()
     start = dataclasses.replace(start, **{name: values.pop(name) for name in of_start})
-    values, start, builder = with_preset(target, values, start)
-    if builder is not None:
-        return builder(frame, start.shapes, **values)
+    if (like := values.pop("like", None)) is not None:
+        if like in target.systems:
+            return target.systems[like](frame, start.shapes, **values)
+        values, start = _with_preset(like, target, values, start)
     objects = {
         name: values.pop(name)
         for name in _OBJECTS
@@ -166,6 +166,27 @@ def _made(
     settings = frame.settings if isinstance(frame, Looks) else {}
     of_target = target.settle(complete(target.tracker, values), settings)
     return function(frame, start, **of_filter | of_target | objects)
+
+
+def _with_preset(
+    like: Any, target: Target, values: dict[str, Any], start: Start
+) -> tuple[dict[str, Any], Start]:
+    """The arguments of a factory, completed by a published system where they leave it open."""
+    known = PRESETS.get(target.name, {})
+    if like not in known:
+        names = ", ".join([*known, *target.systems])
+        raise InputError(
+            f"like={like!r:.60} is not a published system of {target.name}; choose from {names}."
+        )
+    published = known[like](start)
+    options = published.options
+    if "ordering" in values:
+        options.pop("method", None)
+    elif published.ordering is not None and "method" not in values:
+        values["ordering"] = published.ordering
+    declared = options_of(target.tracker, filter_for(target, options.get("method")).options)
+    options = {name: value for name, value in options.items() if declared[name].applies(values)}
+    return options | values, published.start
 
 
 def _plain(value: Any) -> Any:

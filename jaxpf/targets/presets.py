@@ -10,11 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from jaxpf import ordering as orderings
-from jaxpf.boxes.rowe2005 import rowe2005_tracker
-from jaxpf.contract.errors import InputError
-from jaxpf.contract.options import options_of
-from jaxpf.targets.building import filter_for
-from jaxpf.targets.target import Start, Target
+from jaxpf.targets.target import Start
 
 
 class Preset(NamedTuple):
@@ -57,44 +53,6 @@ MACCORMICK1999: Mapping[str, Mapping[str, Any]] = {
         "flip": 0.01,
     },
 }
-
-
-def with_preset(
-    target: Target, values: dict[str, Any], start: Start
-) -> tuple[dict[str, Any], Start, Callable[..., Any] | None]:
-    """Complete the arguments of a factory by those of the system that ``like`` names.
-
-    Returns:
-        The arguments, the start, and a builder of its own that takes them; None for most.
-
-    Raises:
-        InputError: no system of that paper tracks the target.
-    """
-    values = dict(values)
-    like = values.pop("like", None)
-    if like is None:
-        return values, start, None
-    known = PRESETS.get(target.name, {})
-    if not isinstance(like, str) or like not in known:
-        raise InputError(
-            f"like={like!r:.60} is not a published system of {target.name}; choose from "
-            f"{', '.join(known)}."
-        )
-    if like == "rowe2005":
-        if values.keys() & {"method", "likelihood", "ordering"}:
-            raise InputError(
-                "like='rowe2005' has a method and likelihood of its own; leave those out."
-            )
-        return values, start, rowe2005_tracker
-    published = known[like](start)
-    options = published.options
-    if "ordering" in values:
-        options.pop("method", None)
-    elif published.ordering is not None and "method" not in values:
-        values["ordering"] = published.ordering
-    declared = options_of(target.tracker, filter_for(target, options.get("method")).options)
-    options = {name: value for name, value in options.items() if declared[name].applies(values)}
-    return options | values, published.start, None
 
 
 def _smith2004(start: Start) -> Preset:
@@ -142,14 +100,9 @@ def _maccormick1999(start: Any) -> Preset:
     return Preset(options, start)
 
 
-def _rowe2005(start: Start) -> Preset:
-    """It has a builder of its own."""
-    return Preset({}, start)
-
-
-#: Target -> paper -> function of the start.
+#: Target -> paper -> function of the start.  rowe2005 has a builder, see ``Target.systems``.
 PRESETS: Mapping[str, Mapping[str, Callable[[Start], Preset]]] = {
-    "boxes": {"smith2004": _smith2004, "rowe2005": _rowe2005},
+    "boxes": {"smith2004": _smith2004},
     "parts": {"gonzales2011": _gonzales2011},
     "points": {"eskil2014": _eskil2014, "pffl": _pffl},
     "contours": {"maccormick1999": _maccormick1999},

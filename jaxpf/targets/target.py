@@ -146,6 +146,8 @@ class Target:
         has_places: whether a substate begins with x and y, a position or its shift in pixels.
         place: what the interval that a verdict names is of.
         defaults: defaults of the options of its default filter that differ from the filter's.
+        systems: published systems (``like``) with a builder of their own, paper -> function of
+            frame, shapes and settings.
         unsuited: methods that refuse such targets, so that help and evaluations leave them out.
         start_flags: flags of ``jaxpf track`` that say where objects start, name -> arguments of
             ``click.option``.
@@ -177,6 +179,7 @@ class Target:
     has_places: bool = True
     place: str = "centre"
     defaults: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    systems: Mapping[str, Callable[..., Any]] = dataclasses.field(default_factory=dict)
     unsuited: tuple[str, ...] = ()
     start_flags: Mapping[str, Mapping[str, Any]] = dataclasses.field(default_factory=dict)
     example: str = ""

@@ -9,8 +9,9 @@ from jaxpf import cli, filters
 from jaxpf.cli.evaluating.request import Work
 from jaxpf.cli.tracking.request import OF_BOXES, Run
 from jaxpf.cli.tuning.command import Options as Tuning
+from jaxpf.contract import Option
 from jaxpf.contract.numbers import plain
-from jaxpf.contract.options import Option, options_of
+from jaxpf.contract.options import options_of
 from jaxpf.detections import Rules
 from jaxpf.targets import all_targets
 

@@ -16,7 +16,7 @@ from jaxpf.contours import Contours
 from jaxpf.contours.files import ContourTrackWriter
 from jaxpf.contours.target import CONTOURS, _hidden
 from jaxpf.shapes import fit_spline
-from jaxpf.targets.target import Start
+from jaxpf.targets import Start
 
 
 @jax.jit

@@ -15,7 +15,7 @@ from jaxpf.evaluation.configurations import complete, configurations
 from jaxpf.evaluation.fingerprint import describe_plan
 from jaxpf.files.store import differences
 from jaxpf.filters.partitioned.family import PARTITIONED, order_label
-from jaxpf.targets.target import Start
+from jaxpf.targets import Start
 
 
 def load(**given):

@@ -6,7 +6,7 @@ import numpy as np
 from refusals import message_of
 
 import jaxpf
-from jaxpf.contract.model import Model
+from jaxpf.contract import Model
 from jaxpf.dynamics import AR2
 from jaxpf.filters.labelled.family import LABELLED
 from jaxpf.filters.labelled.options import Options

@@ -9,7 +9,7 @@ from jaxpf.evaluation import Batch, Configuration, Results
 from jaxpf.evaluation.batches import FOLDER, batch_name
 from jaxpf.evaluation.summaries import intervals
 from jaxpf.files.store import Store
-from jaxpf.targets.target import Start
+from jaxpf.targets import Start
 
 PARAMETERS = {"sharpness": 20.0, "noise_pixels": (2.0, 4.0, 0.5), "num_particles": 100}
 SIR = Configuration("SIR", "", PARAMETERS)

@@ -17,8 +17,8 @@ from jaxpf.evaluation import Configuration
 from jaxpf.evaluation.trackers import built_in_tracker
 from jaxpf.points import draw_points
 from jaxpf.points.target import POINTS
+from jaxpf.targets import Looks, Marks, Start
 from jaxpf.targets.building import build, looks_of_scene
-from jaxpf.targets.target import Looks, Marks, Start
 from jaxpf.tuning.declared import with_tuned
 
 RNG = np.random.default_rng(0)

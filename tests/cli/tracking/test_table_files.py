@@ -12,7 +12,7 @@ from jaxpf.boxes import read_tracks
 from jaxpf.cli.tracking.records import Record
 from jaxpf.cli.tracking.track_table import Tracks
 from jaxpf.points.target import POINTS
-from jaxpf.targets.target import Start
+from jaxpf.targets import Start
 
 #: Frames; two points in each, with x, y, their interval and speed; NaN where there is none.
 numbers = arrays(float, st.tuples(st.integers(2, 4), st.just(2), st.just(5)), elements=coordinates)

@@ -1,13 +1,15 @@
-"""Checkpoints: an interrupted descent resumes and reaches the same values."""
+"""Checkpoints: an interrupted descent resumes and reaches the same values.
+
+A store in the call's folder has a piece for each repeat that has begun.
+"""
 
 import dataclasses
-import itertools
 import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from jax.typing import ArrayLike
 
 from jaxpf import __version__
 from jaxpf.files.states import digest
@@ -17,19 +19,13 @@ from jaxpf.tuning.problem import TrainingSequence
 from jaxpf.tuning.result import Descent
 from jaxpf.tuning.settings import Settings
 
-if TYPE_CHECKING:
-    from jax.typing import ArrayLike
-
-#: Name of the checkpoint in the folder's store.
-_PIECE = "checkpoint"
-NAME = f"{_PIECE}.npz"
 #: Fields of a descent that are stored under their own names.
 _TRACES = ("loss", "gradient_norm", "stopped")
 
 
 def asked(
     wanted: Sequence[Parameter],
-    start: "Mapping[str, ArrayLike]",
+    start: Mapping[str, ArrayLike],
     objective: Any,
     settings: Settings,
     sequences: Sequence[TrainingSequence],
@@ -50,42 +46,34 @@ def asked(
     return json.loads(json.dumps(description))
 
 
-class Checkpoint:
-    """The checkpoint of a folder."""
-
-    def __init__(self, folder: Path, description: dict[str, Any]):
-        self.pieces = Store(folder, "remove it, or choose another folder")
-        self.description = description
-
-    def write(self, descents: Sequence[Descent]) -> None:
-        """Write the checkpoint atomically."""
-        arrays: dict[str, Any] = {"asked": json.dumps(self.description)}
-        for place, descent in enumerate(descents):
-            arrays |= {f"{place}.free.{name}": z for name, z in descent.free.items()}
-            arrays |= {f"{place}.moment.{i}": x for i, x in enumerate(descent.moments)}
-            arrays |= {f"{place}.{name}": getattr(descent, name) for name in _TRACES}
-        self.pieces.write(_PIECE, arrays)
-
-    def read(self) -> list[Descent]:
-        """Read the stored descents, if any; refuse a damaged checkpoint or one of another call."""
-        if not self.pieces.path(_PIECE).exists():
-            return []
-        with self.pieces.opened(_PIECE) as arrays:
-            old = dict(json.loads(str(arrays["asked"])))
-            places = itertools.takewhile(lambda i: f"{i}.loss" in arrays, itertools.count())
-            descents = [_descent(place, arrays) for place in places]
-        self.pieces.check_same(old, self.description)
-        return descents
+def write(store: Store, description: Mapping[str, Any], descent: Descent) -> None:
+    """Write a descent; the first one begins the store's job."""
+    if store.settings() is None:
+        store.begin(description)
+    arrays = {f"free.{name}": z for name, z in descent.free.items()}
+    arrays |= {f"moment.{number}": x for number, x in enumerate(descent.moments)}
+    arrays |= {name: np.asarray(getattr(descent, name)) for name in _TRACES}
+    store.write(f"repeat-{descent.repeat}", arrays)
 
 
-def _descent(place: int, arrays: Mapping[str, np.ndarray]) -> Descent:
-    free, moment = f"{place}.free.", f"{place}.moment."
-    loss, gradient_norm, stopped = (arrays[f"{place}.{name}"] for name in _TRACES)
+def read(store: Store, description: Mapping[str, Any]) -> list[Descent]:
+    """Read the stored descents, if any; refuse damaged ones, or those of another call."""
+    old = store.settings()
+    if old is None:
+        return []
+    store.check_same(old, description)
+    return [_descent(repeat, store) for repeat in range(len(store.names("repeat-*")))]
+
+
+def _descent(repeat: int, store: Store) -> Descent:
+    arrays = store.read(f"repeat-{repeat}")
+    free = [name for name in arrays if name.startswith("free.")]
+    moments = [name for name in arrays if name.startswith("moment.")]
     return Descent(
-        repeat=place,
-        free={name.removeprefix(free): arrays[name] for name in arrays if name.startswith(free)},
-        loss=loss,
-        gradient_norm=gradient_norm,
-        moments=[arrays[name] for name in arrays if name.startswith(moment)],
-        stopped=str(stopped),
+        repeat=repeat,
+        free={name.removeprefix("free."): arrays[name] for name in free},
+        loss=arrays["loss"],
+        gradient_norm=arrays["gradient_norm"],
+        moments=[arrays[name] for name in moments],
+        stopped=str(arrays["stopped"]),
     )

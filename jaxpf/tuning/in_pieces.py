@@ -4,7 +4,7 @@ The pieces' results are those of one scan, bit for bit.
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf import __version__
-from jaxpf.contract.errors import InputError, check_path
-from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.errors import InputError
 from jaxpf.files.states import digest, load_like, save
 from jaxpf.files.store import Store
 
@@ -26,11 +25,14 @@ Progress = Callable[[int, int], None]
 class LongScans:
     """One or several scans of a job.
 
-    Attributes:
-        progress: called with the number of steps done, and of all.
+    Args:
+        progress: called with the number of steps done, and of all; None reports nothing.
+        folder: holds finished pieces, so that the job goes on there; None keeps none.
         total: number of all steps.
-        store: of finished pieces; None keeps none.
-        done: number of steps done.
+        asked: everything that determines the results: by name, values or pytrees of arrays.
+
+    Raises:
+        InputError: the folder holds another job.
     """
 
     def __init__(
@@ -38,34 +40,13 @@ class LongScans:
         progress: Progress | None,
         folder: str | os.PathLike[str] | None,
         total: int,
-        asked: dict[str, Any],
+        asked: Mapping[str, Any],
     ):
-        """Begin the job, or go on with that of the folder.
-
-        Args:
-            progress: see the class; None reports nothing.
-            folder: holds finished pieces; None computes in one piece, if nothing is reported.
-            total: number of all steps.
-            asked: everything that determines the results: by name, values or pytrees of arrays.
-
-        Raises:
-            InputError: ``progress`` is no function, the call is traced, or the folder holds another
-                job.
-        """
-        if progress is not None and not callable(progress):
-            raise InputError(f"progress={progress!r:.60} must be a function of (done, total).")
-        if not (progress is None and folder is None) and not is_concrete(*asked.values()):
-            raise InputError("progress and folder need known values; call outside of jit.")
         self.progress, self.total, self.done = progress, total, 0
-        self.store: Store | None = None
-        if folder is not None:
-            self.store = Store(Path(check_path("folder", folder)))
-            settings = {"jaxpf": __version__} | {name: _shown(x) for name, x in asked.items()}
-            old = self.store.settings()
-            if old is None:
-                self.store.begin(settings)
-            else:
-                self.store.check_same(old, settings)
+        self.store = None if folder is None else Store(Path(folder))
+        if self.store is not None:
+            shown = {name: _shown(x) for name, x in asked.items()}
+            self.store.resume({"jaxpf": __version__, **shown})
 
     def scan(
         self, name: str, function: Callable[[Any, Any], Any], carry: Any, items: Any
@@ -88,17 +69,17 @@ class LongScans:
         if self.store is None:
             return function(carry, items)
         path = self.store.path(name)
-        if path.exists():
-            try:
-                return load_like(path, jax.eval_shape(function, carry, items), "this one")
-            except InputError:
-                raise InputError(
-                    f"'{path}' is damaged or of another call; remove '{self.store.folder}', or "
-                    "choose another folder."
-                ) from None
-        result = function(carry, items)
-        save(path, result)
-        return result
+        if not path.exists():
+            result = function(carry, items)
+            save(path, result)
+            return result
+        try:
+            return load_like(path, jax.eval_shape(function, carry, items), "this one")
+        except InputError:
+            raise InputError(
+                f"'{path}' is damaged or of another call; remove '{self.store.folder}', or choose "
+                "another folder."
+            ) from None
 
 
 def _shown(value: object) -> Any:

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,9 @@ import numpy as np
 import optax
 from jax.typing import ArrayLike
 
-from jaxpf.contract.errors import InputError, check_type
-from jaxpf.contract.pytree import check_not_traced
-from jaxpf.contract.types import TrackerLike
+from jaxpf.contract.errors import InputError
+from jaxpf.files.store import Store
+from jaxpf.gradients import check_motion_gradient
 from jaxpf.lowering.programs import compiled
 from jaxpf.tuning import checkpoint
 from jaxpf.tuning.parameters import Parameter, check_apart, parameter, read
@@ -77,21 +77,7 @@ def tune(
         Diverged: the loss is not finite.  The last finite values are kept, also in ``folder``.
     """
     settings = Settings() if settings is None else settings
-    check_type("settings", settings, Settings)
-    check_type("sequences", sequences, TrainingSequence, Iterable)
     sequences = [sequences] if isinstance(sequences, TrainingSequence) else list(sequences)
-    for number, sequence in enumerate(sequences):
-        check_type(f"sequences[{number}]", sequence, TrainingSequence)
-    traced = [
-        (each.tracker, each.frames, each.truth, each.sizes, each.observed, each.inputs)
-        for each in sequences
-    ]
-    remedy = "the gradient of jaxpf.tuning.log_mean_evidence"
-    check_not_traced("tune", remedy, *traced, over="steps")
-    if folder is not None:
-        check_type("folder", folder, str, os.PathLike)
-    if progress is not None and not callable(progress):
-        raise InputError(f"progress={progress!r:.60} must be a function of the descent.")
     check_objective(objective, sequences)
     wanted = [each if isinstance(each, Parameter) else parameter(each) for each in parameters]
     check_apart(wanted)
@@ -103,14 +89,13 @@ def tune(
                     f"the parameter {each.path} of {sequence.name} has another shape than that of "
                     f"{sequences[0].name}; tune sequences of the same kind together."
                 )
-        _check_gradients(sequence.tracker, wanted)
-    store = None
-    if folder is not None:
-        asked = checkpoint.asked(wanted, start, objective, settings, sequences)
-        store = checkpoint.Checkpoint(Path(folder), asked)
+        if any(each.name.startswith("dynamics.") for each in wanted):
+            check_motion_gradient(sequence.tracker)
+    asked = checkpoint.asked(wanted, start, objective, settings, sequences)
+    store = None if folder is None else Store(Path(folder), "remove it, or choose another folder")
     prepared = [ready(sequence) for sequence in sequences]
     value_and_gradient = free_loss(objective, tuple(wanted), sequences[0].outlines)
-    descents: list[Descent] = [] if store is None else store.read()
+    descents: list[Descent] = [] if store is None else checkpoint.read(store, asked)
     for repeat in range(settings.repeats):
         descent = descents[repeat] if repeat < len(descents) else None
         if descent is None:
@@ -120,7 +105,7 @@ def tune(
             for done in _descend(descent, wanted, prepared, value_and_gradient, settings):
                 descents[repeat] = done
                 if store is not None and done.num_steps % _STEPS_PER_CHECKPOINT == 0:
-                    store.write(descents)
+                    checkpoint.write(store, asked, done)
                 if progress is not None:
                     progress(done)
         except _NotFinite as error:
@@ -134,8 +119,8 @@ def tune(
             ) from None
         finally:
             # Without a step there is nothing to resume, and the next call may have other settings.
-            if store is not None and any(descent.num_steps for descent in descents):
-                store.write(descents)
+            if store is not None and descents[repeat].num_steps:
+                checkpoint.write(store, asked, descents[repeat])
     result = summarise(wanted, start, descents, settings)
     if objective == "evidence":
         errors, reason = curvature(result, wanted, prepared, value_and_gradient, settings)
@@ -152,15 +137,6 @@ class _NotFinite(Exception):
 def _shown(value: ArrayLike) -> str:
     numbers = np.ravel(value)
     return ", ".join(f"{x:.6g}" for x in numbers[:6]) + (", ..." if len(numbers) > 6 else "")
-
-
-def _check_gradients(tracker: TrackerLike, wanted: Sequence[Parameter]) -> None:
-    """Refuse motion parameters whose gradient would silently be zero."""
-    if not any(parameter.name.startswith("dynamics.") for parameter in wanted):
-        return
-    from jaxpf.gradients import check_motion_gradient
-
-    check_motion_gradient(tracker)
 
 
 def _check_moved(gradients: Sequence[dict[str, jax.Array]]) -> None:

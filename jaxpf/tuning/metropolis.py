@@ -95,7 +95,7 @@ def pmmh(
             support.
         key: random key.
         frames: as for ``jaxpf.run``.
-        initial: starting values, any pytree of floats; chains start near them.
+        initial: starting values, any pytree of numbers; chains start near them.
         num_draws: S, draws kept per chain.
         num_warmup: warm-up draws per chain, which are discarded.
         num_chains: C.
@@ -119,35 +119,18 @@ def pmmh(
         A ``jaxpf.tuning.Posterior``: draws of parameters from C chains, S each.
 
     Raises:
-        InputError: a number is below 1, parameters are not floats, the evidence is biased, the
-            start is excluded by the prior or cannot explain the frames, or the folder was begun
-            with other data or settings.
+        InputError: a number is below 1, the evidence is biased, the start is excluded by the prior
+            or cannot explain the frames, or the folder was begun with other data or settings.
     """
     counts = {"num_draws": num_draws, "num_warmup": num_warmup, "num_chains": num_chains}
     counts |= {"blocks": blocks, "num_particles": 1 if num_particles is None else num_particles}
     for name, value in counts.items():
         check_whole(name, value, most=_MOST)
-    for name, function in (("build", build), ("log_prior", log_prior)):
-        if not callable(function):
-            given = " ".join(repr(function).split())
-            raise InputError(
-                f"{name}={given:.60} must be a function of the parameters; call pmmh(build, "
-                "log_prior, key, frames, initial)."
-            )
-    if not all(jnp.issubdtype(jnp.result_type(x), jnp.floating) for x in jax.tree.leaves(initial)):
-        raise InputError(f"initial={initial!r} must hold floats alone; write 1.0 for 1.")
     initial = jax.tree.map(lambda x: jnp.asarray(x, float), initial)
     tracker, prior = build(initial), log_prior(initial)
-    if "num_particles" not in getattr(tracker, "__dataclass_fields__", ()):
-        raise InputError(
-            f"build returns a {type(tracker).__name__}, whose num_particles cannot be set; return "
-            "a tracker such as jaxpf.state_space(..., parameters=p)."
-        )
     refuse = None
     if not biased:
         refuse = biased_evidence(tracker, "pmmh", "biased=True for draws that are not exact")
-    if prior is None or jnp.shape(prior) != ():
-        raise InputError(f"log_prior returns {prior}; return one number, a sum over parameters.")
     inputs = as_arrays(inputs)
     marked, frames = running.ready(tracker, frames, observed, inputs)
     if paths:

@@ -2,8 +2,8 @@
 
 Every objective runs a tracker R times over a sequence and returns one number per run, ``[R]``,
 which shows the spread over runs.  Differentiate it in the tracker by ``jax.grad(...,
-allow_int=True)``; the tracker determines what the gradient means, see ``jaxpf.gradients``.
-Common arguments:
+allow_int=True)``; the tracker's field ``gradient`` determines what the gradient means.
+All have these arguments:
 
 ``tracker``, ``frames``, ``observed``, ``inputs``
     As for ``jaxpf.run``.
@@ -34,7 +34,7 @@ from jax.typing import ArrayLike
 from jaxpf import contract, running
 from jaxpf.contract import logs
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_array, with_nan
+from jaxpf.contract.numbers import check_whole, with_nan
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.state import Summary
 from jaxpf.contract.types import TrackerLike
@@ -106,14 +106,14 @@ def position_error(
     """
     tracker, frames = running.ready(tracker, frames, observed, inputs)
     truth, labelled = _places(truth, tracker, frames)
-    estimate = _record(tracker, keys, frames, keep_estimate, checkpoint)
+    estimate = _record(tracker, keys, frames, _keep_estimate, checkpoint)
     offset = jnp.where(labelled[:, None, :, None], estimate[..., :2] - truth[:, None], 0.0)
     square = jnp.sum(offset**2, axis=-1)
     distance = jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
     return jnp.sum(distance, axis=(0, 2)) / jnp.sum(labelled)
 
 
-def crps(
+def crps_loss(
     tracker: TrackerLike,
     keys: jax.Array,
     frames: Any,
@@ -133,7 +133,9 @@ def crps(
     tracker, frames = running.ready(tracker, frames, observed, inputs)
     truth, labelled = _places(truth, tracker, frames)
     counts = labelled[:, None, :, None]
-    estimate, spread = _record(tracker, keys, frames, keep_moments, checkpoint)
+    estimate, spread = _record(
+        tracker, keys, frames, lambda _, summary: (summary.estimate, summary.spread), checkpoint
+    )
     offset = jnp.where(counts, estimate[..., :2] - truth[:, None], 0.0)
     wide = counts & (spread[..., :2] > 0)
     spread = jnp.where(wide, spread[..., :2], 1.0)
@@ -159,24 +161,15 @@ def iou_loss(
     Where boxes do not overlap, the loss is 1 and its gradient zero: start from parameters that
     track, or add ``position_error``.  Substates begin with (u, v, a), see ``jaxpf.shapes``.
 
-    Args:
-        tracker: see above.
-        keys: see above.
-        frames: see above.
-        truth_boxes: ``[T, P, 4]``, x, y, w, h in pixels; a box of zero width or height is ignored.
-        sizes: ``[P, 2]``, width and height at scale 1, in pixels.
-        checkpoint: see above.
-        observed: see above.
-        inputs: see above.
+    ``truth_boxes`` ``[T, P, 4]`` are x, y, w, h in pixels; a box of zero width or height is
+    ignored.  ``sizes`` ``[P, 2]`` are width and height at scale 1, in pixels.
     """
     tracker, frames = running.ready(tracker, frames, observed, inputs)
-    truth = _truth("truth_boxes", truth_boxes, tracker, frames, at_least=4)
-    check_array("sizes", sizes, f"width and height in pixels, [{tracker.num_partitions}, 2]")
-    _check_labelled("truth_boxes", truth)
+    truth = _truth(truth_boxes, tracker, frames, least=4)
     labelled = is_proper(truth)
     # Dummy boxes replace missing ones, since 0/0 would put NaN into the gradient.
     truth = jnp.where(labelled[..., None], truth, jnp.ones_like(truth))
-    estimate = _record(tracker, keys, frames, keep_estimate, checkpoint)
+    estimate = _record(tracker, keys, frames, _keep_estimate, checkpoint)
     return _loss(metrics.iou(boxes_from_substates(estimate, sizes), truth[:, None]), labelled)
 
 
@@ -193,26 +186,13 @@ def outline_loss(
 ) -> jax.Array:
     """``iou_loss`` for convex outlines at any angle.
 
-    Args:
-        tracker: see above.
-        keys: see above.
-        frames: see above.
-        truth: ``[T, P, V, 2]``, corners in order, pixels.
-        outlines: estimates ``[..., P, D]`` -> corners ``[..., P, V, 2]``.
-        checkpoint: see above.
-        observed: see above.
-        inputs: see above.
+    ``truth`` ``[T, P, V, 2]`` are corners in order, pixels; ``outlines`` is a function of estimates
+    ``[..., P, D]`` -> corners ``[..., P, V, 2]``.
     """
-    if not callable(outlines):
-        raise InputError(f"outlines={outlines!r:.60} must be a function of the estimates.")
     tracker, frames = running.ready(tracker, frames, observed, inputs)
-    corners = f"[{running.num_frames(frames)}, {tracker.num_partitions}, >= 3, 2]"
-    truth = with_nan(truth)
-    check_array("truth", truth, f"corners in pixels, {corners}")
-    truth = jnp.asarray(truth)
-    _check_labelled("truth", truth.reshape(*truth.shape[:2], -1))
+    truth = _truth(truth, tracker, frames, num_axes=4)
     labelled = jnp.all(jnp.isfinite(truth), axis=(-2, -1))
-    estimate = outlines(_record(tracker, keys, frames, keep_estimate, checkpoint))
+    estimate = outlines(_record(tracker, keys, frames, _keep_estimate, checkpoint))
     # Dummy outlines replace missing ones and keep NaN out of the gradient.
     truth = jnp.where(labelled[..., None, None], truth, lax.stop_gradient(estimate[:, 0]))
     return _loss(iou_of_outlines(estimate, truth[:, None]), labelled)
@@ -228,14 +208,8 @@ def keep_log_evidence(state: object, summary: Summary) -> jax.Array:
     return summary.log_evidence
 
 
-def keep_estimate(state: object, summary: Summary) -> jax.Array:
-    """``record`` function for the estimate."""
+def _keep_estimate(state: object, summary: Summary) -> jax.Array:
     return summary.estimate
-
-
-def keep_moments(state: object, summary: Summary) -> tuple[jax.Array, jax.Array]:
-    """``record`` function for the estimate and its spread."""
-    return summary.estimate, summary.spread
 
 
 def _record(
@@ -251,11 +225,8 @@ def _record(
     """
     num_frames = running.num_frames(frames)
     keys = running.as_keys(keys)
-    is_count = isinstance(checkpoint, int | np.integer) and checkpoint >= 1
-    if checkpoint is not False and not is_count:
-        raise InputError(
-            f"checkpoint={checkpoint!r:.60} must be True, False, or a number of frames from 1."
-        )
+    if checkpoint is not False:
+        check_whole("checkpoint", int(checkpoint))
     frame_step = running.frame_step(
         contract.observed_apart(tracker)[0], running.together(tracker, keys), record
     )
@@ -287,28 +258,27 @@ def _record(
     return jax.tree.map(lambda x, y: jnp.concatenate([x, y]), recorded, last)
 
 
-def _truth(name: str, truth: ArrayLike, tracker: Any, frames: Any, at_least: int) -> jax.Array:
-    """Labels as floats, with a checked shape."""
-    expected = (running.num_frames(frames), tracker.num_partitions)
-    truth = with_nan(truth)
-    check_array(name, truth, "numbers for every frame and object")
-    truth = jnp.asarray(truth)
-    if truth.ndim != 3 or truth.shape[:2] != expected or truth.shape[2] < at_least:
+def _truth(
+    truth: ArrayLike, tracker: Any, frames: Any, num_axes: int = 3, least: int = 2
+) -> jax.Array:
+    """Labels as floats ``[T, P, ..., >= least]``; other shapes would broadcast in silence."""
+    truth = jnp.asarray(with_nan(truth))
+    begins, axes = (running.num_frames(frames), tracker.num_partitions), truth.shape
+    if len(axes) != num_axes or axes[:2] != begins or axes[-1] < least:
+        form = ", ".join(map(str, [*begins, *["V"] * (num_axes - 3), f">= {least}"]))
         raise InputError(
-            f"{name} has shape {truth.shape}; with {expected[0]} frames of {expected[1]} objects "
-            f"it must be [{expected[0]}, {expected[1]}, {at_least}], NaN where not labelled."
+            f"truth has shape {list(axes)}; it must have [{form}], for every frame and object, NaN "
+            "where not labelled."
         )
+    if is_concrete(truth):
+        labelled = np.isfinite(np.asarray(truth)).reshape(*begins, -1).all(axis=-1)
+        if not labelled.any():
+            raise InputError("truth labels no object in any frame; label at least one.")
     return truth
 
 
 def _places(truth: ArrayLike, tracker: TrackerLike, frames: Any) -> tuple[jax.Array, jax.Array]:
     """Labelled positions ``[T, P, 2]``, 0 where missing, and a mask of the labels."""
-    truth = _truth("truth", truth, tracker, frames, at_least=2)[..., :2]
-    _check_labelled("truth", truth)
+    truth = _truth(truth, tracker, frames)[..., :2]
     labelled = jnp.all(jnp.isfinite(truth), axis=-1)
     return jnp.where(labelled[..., None], truth, 0.0), labelled
-
-
-def _check_labelled(name: str, truth: jax.Array) -> None:
-    if is_concrete(truth) and not np.isfinite(np.asarray(truth)).all(axis=-1).any():
-        raise InputError(f"{name} labels no object in any frame; label at least one.")

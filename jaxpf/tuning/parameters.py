@@ -4,7 +4,6 @@ import dataclasses
 import math
 import re
 from collections.abc import Mapping, Sequence
-from numbers import Real
 from typing import Any
 
 import jax
@@ -12,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from jaxpf.contract.errors import InputError, check_type
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.types import TrackerLike
 
 _PATH = re.compile(r"(?P<name>[A-Za-z_][\w.]*)(?P<index>(\[\d+\])*)")
@@ -36,9 +35,6 @@ class Parameter:
     high: float = math.inf
 
     def __post_init__(self) -> None:
-        check_type("path", self.path, str)
-        for name in ("low", "high"):
-            check_type(name, getattr(self, name), Real)
         if not _PATH.fullmatch(self.path):
             raise InputError(
                 f"the parameter {self.path!r} is not a path; write names joined by dots, such as "
@@ -110,7 +106,6 @@ DEFAULT_BOUNDS = {
 
 def parameter(text: str) -> Parameter:
     """Parse ``PATH`` or ``PATH=LOW:HIGH``; either bound may be omitted."""
-    check_type("text", text, str)
     path, equals, bounds = (part.strip() for part in text.partition("="))
     if not equals:
         last = path.partition("[")[0].rpartition(".")[2]
@@ -136,7 +131,6 @@ def names(tracker: TrackerLike) -> list[str]:
 
 def read(tracker: TrackerLike, wanted: Parameter | str) -> jax.Array:
     """Read a parameter's value from the tracker; refuse values outside its bounds."""
-    check_type("wanted", wanted, Parameter, str)
     wanted = parameter(wanted) if isinstance(wanted, str) else wanted
     leaves = _leaves(tracker)
     leaf = leaves.get(wanted.name)

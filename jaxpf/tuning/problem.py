@@ -120,7 +120,7 @@ def loss_function(objective: str | Callable, outlines: Callable | None = None) -
         if objective == "position":
             return jnp.mean(objectives.position_error(*run, truth))
         if objective == "crps":
-            return jnp.mean(objectives.crps(*run, truth))
+            return jnp.mean(objectives.crps_loss(*run, truth))
         if outlines is None:
             return jnp.mean(objectives.iou_loss(*run, truth, sizes))
         true = outlines(truth, sizes)

@@ -20,7 +20,6 @@ from jax import lax
 from jax.flatten_util import ravel_pytree
 
 from jaxpf import contract, running
-from jaxpf.contract.errors import InputError
 from jaxpf.contract.logs import add_exactly, multiplied
 from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.refusals import biased_evidence, poisoned
@@ -102,33 +101,23 @@ def smc2(
         M weighted draws, their moments after every frame, and the evidence.
 
     Raises:
-        InputError: a number out of range, a function or parameters of the wrong kind, a biased
-            evidence, or a folder that was begun with other data or settings.
+        InputError: a number out of range, a biased evidence, or a folder that was begun with other
+            data or settings.
     """
     for name, value in (("num_draws", num_draws), ("num_moves", num_moves)):
         check_whole(name, value)
     check_number("ess_threshold", ess_threshold, least=0, most=1)
-    functions = {"build": build, "log_prior": log_prior, "draw_prior": draw_prior}
-    for name, function in functions.items():
-        if not callable(function):
-            raise InputError(f"{name}={function!r:.60} must be a function.")
     key = running.as_key(key)
     start = draw_prior(jax.random.clone(key))  # for its form alone
-    if not all(jnp.issubdtype(jnp.result_type(x), jnp.floating) for x in jax.tree.leaves(start)):
-        raise InputError(f"draw_prior returns {start!r:.60}; return floats alone.")
     tracker = build(start)
     refuse = biased_evidence(tracker, "smc2", "another filter")
     inputs = as_arrays(inputs)
     marked, frames = running.ready(tracker, frames, observed, inputs)
     filters = _Filters(build, log_prior, isinstance(marked, gaps.WithGaps), num_particles)
     settings = num_draws, num_moves, float(ess_threshold)
-    asked: dict[str, Any] = {
-        "num_draws": num_draws,
-        "num_moves": num_moves,
-        "num_particles": num_particles,
-    }
-    asked |= {"ess_threshold": ess_threshold, "key": key, "frames": (frames, inputs)}
-    asked |= {"observed": observed, "start": start}
+    asked: dict[str, Any] = {"num_draws": num_draws, "num_moves": num_moves, "key": key}
+    asked |= {"num_particles": num_particles, "ess_threshold": ess_threshold, "start": start}
+    asked |= {"frames": (frames, inputs), "observed": observed}
     scans = LongScans(progress, folder, running.num_frames(frames), asked)
     prior_key, filter_key, move_key = jax.random.split(key, 3)
     first = _begun(filters, draw_prior, num_draws, (prior_key, filter_key), inputs)

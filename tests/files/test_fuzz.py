@@ -24,11 +24,12 @@ from jaxpf.cli.shared.flags import NumberList
 from jaxpf.contours.files import read_contours
 from jaxpf.detections.files import read_detections
 from jaxpf.evaluation import Results
+from jaxpf.files.store import Store
 from jaxpf.media import open_frames
 from jaxpf.parts.files import read_parts
 from jaxpf.points.files import read_points
 from jaxpf.sequences import open_sequence
-from jaxpf.tuning.checkpoint import NAME, Checkpoint
+from jaxpf.tuning import checkpoint
 
 SEED = 17
 #: Seconds that a reader may take for a file of some hundred bytes.
@@ -206,14 +207,11 @@ def test_damaged_sequences_of_benchmarks_are_read_or_refused(tmp_path):
 
 
 def test_damaged_checkpoints_and_settings_are_read_or_refused(tmp_path):
-    tuning.tune(made_sequence(), SCALE, settings=QUICK, folder=tmp_path)
-    valid = (tmp_path / NAME).read_bytes()
-    with np.load(tmp_path / NAME) as content:
-        asked = json.loads(str(content["asked"]))
-    assert (
-        survives(tmp_path / NAME, valid, lambda _: Checkpoint(tmp_path, asked).read(), 200, NAME)
-        > 100
-    )
+    store = Store(tmp_path / "tuned")
+    tuning.tune(made_sequence(), SCALE, settings=QUICK, folder=store.folder)
+    valid, asked = store.path("repeat-0").read_bytes(), store.settings()
+    read = functools.partial(checkpoint.read, store, asked)
+    assert survives(store.path("repeat-0"), valid, lambda _: read(), 200, "repeat-0.npz") > 100
     scene = {"object_ids": [1], "parents": [-1], "target": "boxes", "name": "a"}
     settings = {"versions": {}, "asked": {}, "runs": 1, "float64": False, "scene": scene}
     np.savez(

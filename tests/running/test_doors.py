@@ -179,7 +179,7 @@ DOORS = {
     "position_error": (
         objective(tuning.position_error, STATES[:, None] + np.float32([3, 4])), lambda seen: 5.0,
     ),
-    "crps": (objective(tuning.crps, STATES[:, None] + np.float32([3, 4])), lambda seen: 3.5),
+    "crps": (objective(tuning.crps_loss, STATES[:, None] + np.float32([3, 4])), lambda seen: 3.5),
 }  # fmt: skip
 
 

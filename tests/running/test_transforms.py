@@ -165,14 +165,6 @@ def in_jit(function):
             in_jit(lambda its, key: smoothing.LookBack(its, key).add(its.init(key))),
             "use jaxpf.smooth",
         ),
-        (
-            in_jit(
-                lambda its, key: jaxpf.tune(
-                    tuning.TrainingSequence(its, jax.random.normal(key, FRAMES.shape)), []
-                )
-            ),
-            "use the gradient of jaxpf.tuning.log_mean_evidence",
-        ),
     ],
 )
 def test_loops_in_python_say_that_they_cannot_be_traced(call, sentence):

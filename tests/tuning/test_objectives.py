@@ -117,7 +117,7 @@ def test_an_evidence_of_zero_has_a_finite_gradient():
 
 def test_losses_are_those_of_the_measures(summaries):
     """Without their gradients, which slow tests check beside them."""
-    losses = tuning.position_error, tuning.crps, tuning.iou_loss
+    losses = tuning.position_error, tuning.crps_loss, tuning.iou_loss
     labels = (TRUTH,), (TRUTH,), (BOXES, SIZES)
 
     @jax.jit
@@ -144,7 +144,7 @@ def test_position_error_and_crps_skip_what_is_not_labelled(summaries):
     found, slope = with_gradient(tuning.position_error, tracker(), TRUTH)
     offset = np.asarray(summaries.estimate)[:, [2, 5], 0, :2] - TRUTH[[2, 5], 0]
     np.testing.assert_allclose(found, np.linalg.norm(offset, axis=-1).mean(1), rtol=1e-4)
-    scores, other = with_gradient(tuning.crps, tracker(), TRUTH)
+    scores, other = with_gradient(tuning.crps_loss, tracker(), TRUTH)
     expected = crps(offset, np.asarray(summaries.spread)[:, [2, 5], 0, :2]).mean((1, 2))
     np.testing.assert_allclose(scores, expected, rtol=1e-4)
     for gradient in (slope, other):
@@ -160,7 +160,9 @@ def test_an_estimate_without_a_spread_has_a_finite_gradient():
 
     def both(made, keys, frames, exact, truth, checkpoint):
         error = tuning.position_error(made, keys, frames, exact, checkpoint=checkpoint)
-        return jnp.stack([error, tuning.crps(made, keys, frames, truth, checkpoint=checkpoint)])
+        return jnp.stack(
+            [error, tuning.crps_loss(made, keys, frames, truth, checkpoint=checkpoint)]
+        )
 
     (error, crps_), slope = with_gradient(both, still, exact, TRUTH)
     np.testing.assert_array_equal(error, 0.0)
@@ -179,7 +181,7 @@ def test_crps_asks_for_an_honest_spread():
         likelihood = Gaussian(noise=noise * np.eye(3, dtype=np.float32)[None])
         walk = RandomWalk(scale=np.full(3, 2.0, np.float32))
         made = tracker(likelihood=likelihood, dynamics=walk, initial=truth[0], num_particles=1000)
-        return tuning.crps(made, KEYS, frames, truth[..., :2], checkpoint=False)
+        return tuning.crps_loss(made, KEYS, frames, truth[..., :2], checkpoint=False)
 
     honest, sure, unsure = (np.asarray(score(np.float32(x))) for x in (1.0, 0.1, 10.0))
     for other in (sure, unsure):
@@ -198,7 +200,7 @@ def test_iou_loss_skips_what_is_not_labelled(summaries):
     assert np.abs(slope).max() > 0
 
 
-PAIRS, QUADS = np.zeros((T, 1, 2)), np.zeros((T, 1, 4))
+PAIRS = np.zeros((T, 1, 2))
 
 
 @pytest.mark.parametrize(
@@ -207,9 +209,8 @@ PAIRS, QUADS = np.zeros((T, 1, 2)), np.zeros((T, 1, 4))
         (tuning.log_evidence, (KEYS, FRAMES[:0]), "frame"),
         (tuning.log_evidence, (KEYS[:0], FRAMES), "key"),
         (partial(tuning.log_evidence, checkpoint=0), (KEYS, FRAMES), "checkpoint"),
-        (tuning.outline_loss, (KEYS, FRAMES, PAIRS, len), "corners"),
-        (tuning.iou_loss, (KEYS, FRAMES, QUADS, [1, 2]), "sizes"),
-        (tuning.iou_loss, (KEYS, FRAMES, PAIRS, [[1, 1]]), "truth_boxes"),
+        (tuning.outline_loss, (KEYS, FRAMES, PAIRS, len), r"\[7, 1, V, >= 2\]"),
+        (tuning.iou_loss, (KEYS, FRAMES, PAIRS, [[1, 1]]), r"\[7, 1, >= 4\]"),
         (tuning.position_error, (KEYS, FRAMES, np.zeros((T, 2, 2))), "truth"),
         (tuning.position_error, (KEYS, FRAMES, PAIRS + np.nan), "truth"),
     ],

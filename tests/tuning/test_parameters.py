@@ -15,14 +15,15 @@ from jaxpf.contract.options import options_of
 from jaxpf.likelihoods import histogram
 from jaxpf.targets import all_targets
 from jaxpf.tuning import Parameter, TrainingSequence
+from jaxpf.tuning.parameters import parameter, read
 
 # Paths and bounds
 
 
 def test_parameters_are_named_by_their_path():
     assert tuning.names(tracker()) == ["dynamics.scale", "likelihood.noise", "initial"]
-    one = tuning.read(tracker(scale=3.0), Parameter("dynamics.scale[0]", low=0.0))
-    assert one == tuning.read(tracker(scale=3.0), "dynamics.scale[0]=0:")
+    one = read(tracker(scale=3.0), Parameter("dynamics.scale[0]", low=0.0))
+    assert one == read(tracker(scale=3.0), "dynamics.scale[0]=0:")
     assert one.shape == ()
     assert one == 3.0
     changed = tuning.replace(tracker(), {"dynamics.scale[0]": 5.0, "likelihood.noise": [[[2.0]]]})
@@ -56,14 +57,14 @@ def test_values_stay_within_their_bounds_whatever_the_free_numbers(low, high):
 def test_noise_and_sharpness_of_every_target_stay_positive_by_default():
     for target in all_targets().values():
         for option in options_of(target.tracker).values():
-            assert not option.tuned or tuning.parameter(option.path).low == 0
+            assert not option.tuned or parameter(option.path).low == 0
 
 
 def test_bounds_are_written_beside_the_path():
-    assert tuning.parameter("likelihood.sharpness") == Parameter("likelihood.sharpness", 0.0)
-    assert tuning.parameter("dynamics.scale[1]=0.5:9") == Parameter("dynamics.scale[1]", 0.5, 9.0)
-    assert tuning.parameter("initial") == Parameter("initial")
-    assert tuning.parameter("initial=:4").high == 4.0
+    assert parameter("likelihood.sharpness") == Parameter("likelihood.sharpness", 0.0)
+    assert parameter("dynamics.scale[1]=0.5:9") == Parameter("dynamics.scale[1]", 0.5, 9.0)
+    assert parameter("initial") == Parameter("initial")
+    assert parameter("initial=:4").high == 4.0
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from jaxpf.tuning import Descent, Parameter, Result
+from jaxpf.tuning import Parameter, Result
+from jaxpf.tuning.result import Descent
 
 
 @pytest.mark.parametrize(

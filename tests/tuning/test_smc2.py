@@ -93,7 +93,3 @@ def test_an_interrupted_job_goes_on_and_ends_with_the_same_bits(tmp_path, job, t
         np.testing.assert_array_equal(one, other)
     with pytest.raises(InputError, match=r"was begun with num_draws = .*, now 61; choose"):
         job(folder=tmp_path, num_draws=61)
-    with pytest.raises(InputError, match="outside of jit"):
-        jax.jit(lambda frames: jaxpf.pmmh(
-            build, log_prior, KEY, frames, START, num_particles=5, folder=tmp_path
-        ))(FRAMES)  # fmt: skip

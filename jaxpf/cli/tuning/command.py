@@ -2,14 +2,13 @@
 
 import dataclasses
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
 from jaxpf import tuning
-from jaxpf._resembling import resembling
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import progress_bar, say
 from jaxpf.cli.shared.flags import as_typed, picked, refuse_others
@@ -19,15 +18,17 @@ from jaxpf.cli.shared.scene_options import (
     names_in,
     resolved_scene,
     scene_name,
+    scene_parameters,
 )
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import GRADIENTS, OBJECTIVES
 from jaxpf.contract.options import OPEN, Option, options_of
-from jaxpf.files.store import locked
+from jaxpf.evaluation.opening import load_scene
+from jaxpf.evaluation.scene import check_scene
+from jaxpf.files.store import Store, locked
 from jaxpf.files.writing import check_output_folder, prepare_output_folder
-from jaxpf.running.memory import check_memory, needed_by
-from jaxpf.targets import all_targets, target_of_scene
+from jaxpf.targets import target_of_scene
 from jaxpf.targets.building import filter_for
 from jaxpf.tuning.declared import tuned_by_default
 from jaxpf.tuning.settings import Settings
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
 _PARTICLES = 100
 #: Defaults of the descent that differ from the library's: less work per step.
 _DEFAULTS = {"runs": 2, "sequences_per_step": 1}
-_LESS_MEMORY = "ask for fewer particles (-n), --runs or --frames"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -124,29 +124,22 @@ class Options(Outcome, Settings, Tuned, Scenes):
 
 def _command(**values: Any) -> None:
     from jaxpf.cli.tuning import output as outputs
-    from jaxpf.cli.tuning.scenes import scenes_to_tune_on, unseen
-    from jaxpf.tuning.checkpoint import NAME
+    from jaxpf.tuning.parameters import parameter
 
     options, source = Options(**picked(Options, values, _DEFAULTS)), resolved_scene(values["scene"])
-    _check_names(options.parameters)
     folder = options.output or Path(f"jaxpf-tune-{scene_name(source)}")
     check_output_folder(folder)
-    continues = (folder / NAME).is_file()
-    scenes = scenes_to_tune_on(source, options)
-    # A gradient needs all frames both in memory and on the device.
-    num_bytes = 2 * sum(scene.frames.nbytes for scene in scenes)
-    check_memory(num_bytes, _LESS_MEMORY)
+    continues = Store(folder).settings() is not None
+    scenes = _scenes_to_tune_on(source, options)
     start_jax()
     before, options, repeated = _recipe(values, options, scenes[0])
-    parameters = [tuning.parameter(text) for text in names_in(options.parameters or "")]
+    parameters = [parameter(text) for text in names_in(options.parameters or "")]
     settings = Settings(**{name: getattr(options, name) for name in options_of(Settings)})
     sequences = [
         tuning.training_sequence(scene, before, options.objective, options.labels)
         for scene in scenes
     ]
-    tracker, longest = sequences[0].tracker, max(len(each.frames) for each in sequences)
-    _check_parameters(tracker, before.of, parameters)
-    check_memory(num_bytes + needed_by(tracker, settings.runs, longest), _LESS_MEMORY)
+    _check_parameters(sequences[0].tracker, before.of, parameters)
     prepare_output_folder(folder, overwrite=continues)
     click.get_current_context().with_resource(locked(folder, "tuning", keep=False))
     try:
@@ -164,7 +157,7 @@ def _command(**values: Any) -> None:
     outputs.write_traces(folder / outputs.TRACES, result, options.objective)
     outputs.show(result)
     say(f"{folder}/: {outputs.TUNED}, {outputs.TRACES}, run.toml")
-    others = shlex.join([source, *unseen(scenes, options)])
+    others = shlex.join([source, *_unseen(scenes, options)])
     config = shlex.quote(str(folder / outputs.TUNED))
     say(
         "To compare on unseen frames, run this with and without --config: jaxpf evaluate "
@@ -210,6 +203,56 @@ command = SceneCommand(
 )
 
 
+def _scenes_to_tune_on(source: str, options: "Options") -> "list[Scene]":
+    """Synthetic scenes with consecutive seeds, or the first frames of a folder."""
+    first, *others = range(options.scene_seed, options.scene_seed + options.train_scenes)
+    parameters = scene_parameters(options.set)
+    scene = load_scene(source, first, options.ids, options.start_frame, None, parameters)
+    check_scene(scene)
+    if "source" in scene.extras:
+        return [_cut(scene, options.frames)]
+    if options.frames is not None:
+        raise InputError(
+            f"--frames {options.frames} divides a folder's frames, but {source!r} is drawn by a "
+            "function; leave it out."
+        )
+    drawn = {first: scene}
+    for seed in others:
+        drawn[seed] = load_scene(source, seed, parameters=parameters)
+        check_scene(drawn[seed])
+    return [
+        dataclasses.replace(scene, name=f"{scene.name}, seed {seed}")
+        for seed, scene in drawn.items()
+    ]
+
+
+def _cut(scene: "Scene", count: int | None) -> "Scene":
+    """The first frames of a sequence, by default half."""
+    total = len(scene.frames)
+    count = total // 2 if count is None else count
+    if not 2 <= count <= total - 2:
+        raise InputError(
+            f"--frames {count} must be 2 to {total - 2}: of the {total} frames of {scene.name!r} "
+            "some must be left for a comparison."
+        )
+    start = int(scene.extras["start_frame"])
+    return dataclasses.replace(
+        scene,
+        frames=scene.frames[:count],
+        boxes=scene.boxes[:count],
+        name=f"{scene.name}, frames {start} to {start + count - 1}",
+    )
+
+
+def _unseen(scenes: "list[Scene]", options: "Options") -> list[str]:
+    """Flags of `jaxpf evaluate` for frames after a folder's, or for the next seed."""
+    extras = scenes[0].extras
+    if "source" in extras:
+        return ["--start-frame", str(int(extras["start_frame"]) + len(scenes[0].frames))]
+    parameters = [word for text in options.set for word in ("--set", text)]
+    return ["--scene-seed", str(options.scene_seed + len(scenes)), *parameters]
+
+
 def _tune(
     sequences: "list[TrainingSequence]",
     wanted: "list[Parameter]",
@@ -241,24 +284,16 @@ def _tune(
         )
 
 
-def _check_names(parameters: str | None) -> None:
-    """Refuse misspelt parameters before scenes are opened."""
-    targets = (target.tracker for target in all_targets().values())
-    every = [option.path or "" for each in targets for option in options_of(each).values()]
-    for name in (tuning.parameter(text).name for text in names_in(parameters or "")):
-        near = resembling(name, every, cutoff=0.8)
-        if near and name not in every:
-            raise InputError(f"there is no parameter {name} to tune; did you mean {near[0]}?")
-
-
-def _check_parameters(tracker: "TrackerLike", target: "Target", wanted: "list[Parameter]") -> None:
+def _check_parameters(
+    tracker: "TrackerLike", target: "Target", wanted: "Sequence[Parameter]"
+) -> None:
     """Refuse parameters without an option of `jaxpf track` and `jaxpf evaluate`."""
-    from jaxpf.tuning.parameters import check_apart
+    from jaxpf.tuning.parameters import check_apart, read
 
     check_apart(wanted)
     tunable = [option.path for option in options_of(target.tracker).values() if option.path]
     for parameter in wanted:
-        tuning.read(tracker, parameter)
+        read(tracker, parameter)
         if parameter.name not in tunable:
             raise InputError(
                 f"the parameter {parameter.path} has no option in `jaxpf track` and `jaxpf "

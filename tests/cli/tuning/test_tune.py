@@ -11,7 +11,7 @@ from command_line import jaxpf, refusal_of
 from small_evaluation import small_scene
 from small_sequence_folder import SMALL, write_sequence
 
-WRITTEN = {"tuned.toml", "tuning.png", "run.toml", "checkpoint.npz"}
+WRITTEN = {"tuned.toml", "tuning.png", "run.toml", "settings.json", "repeat-0.npz"}
 #: Every successful call has these shapes, so that the filter is compiled once.
 QUICK = shlex.split(
     "-n 20 --runs 2 --method sir --gradient none --repeats 1 --window 2 --noise-pixels 1,1,0.001"

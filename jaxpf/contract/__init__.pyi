@@ -46,9 +46,7 @@ from .interface import (
 )
 from .model import Model as Model
 from .near import (
-    expecting as expecting,
-    looked_near as looked_near,
-    looks_near as looks_near,
+    look_near as look_near,
     observe_nearby as observe_nearby,
 )
 from .optional import (

@@ -259,12 +259,10 @@ class Likelihood:
       auxiliary particle filter selects a particle before it moves, such as a rough predictive
       density of the frame.
     * ``sample(key, substates [P, D]) -> frame``: draws an observation, for ``jaxpf.simulate``.
-    * ``look_near(observation, estimates [P, D]) -> observation``: what is costly to see and is
-      needed near the objects only; the estimates are those of the previous frame.
+    * ``look_near(observation, estimates [P, D]) -> observation``: what depends on the estimates
+      of the previous frame, or is costly to see and is needed near the objects only.
     * ``observe_nearby(frame, estimates [P, D]) -> observation``: ``observe`` of the frame near the
       objects alone, see ``jaxpf.contract.observe_nearby``.
-    * ``expecting(estimates [P, D]) -> likelihood``: the likelihood of a frame, given the estimates
-      of the previous one; called once per frame by filters that keep an estimate.
     * ``at_frame`` and ``with_inputs``: for a likelihood that changes with time, as for
       ``Dynamics``.  ``observe`` stays that of the likelihood without a time.
     * ``log_odds(observation, partition [], substate [D]) -> []``, or ``log_odds_all`` with

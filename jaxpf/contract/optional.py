@@ -26,7 +26,6 @@ OPTIONAL: dict[str, Any] = {
     "propagate_label": None,
     # of likelihoods
     "as_seen": None,
-    "expecting": None,
     "fixed_observation": False,
     "form": None,
     "handles_nan": False,

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import Argument, InputError
-from jaxpf.contract.near import looks_near
 from jaxpf.contract.optional import filter_of, likelihood_of, optional
 from jaxpf.contract.pytree import T, is_concrete
 from jaxpf.contract.state import STATUS_OK, STATUS_UNSUPPORTED, Summary
@@ -64,7 +63,7 @@ def evidence_biases(tracker: TrackerLike) -> Sequence[Bias]:
     """
     biases = optional(filter_of(tracker, "evidence_biases"), "evidence_biases")
     likelihood = likelihood_of(tracker)
-    if not looks_near(likelihood):
+    if not optional(likelihood, "look_near"):
         return biases
     cause = f"{type(likelihood).__name__}, which looks near the particles' mean,"
     return *biases, Bias(True, cause, "a likelihood of the frame alone", gross=False)

@@ -13,7 +13,6 @@ from jaxpf.contract.interface import Likelihood, Tracker
 #: Optional methods of a likelihood that take substates or estimates: their place among the
 #: arguments, and the axis of coordinates, 0 in ``[D, N]`` and 1 in ``[P, D]`` and ``[P, D, N]``.
 SUBSTATES = {
-    "expecting": (0, 1),
     "log_first_stage": (1, 1),
     "log_joint": (1, 1),
     "log_joint_all": (1, 1),
@@ -37,7 +36,7 @@ def offered(wrapper: Any, field: str, name: str) -> Any:
     if name.startswith("__") or name == field:  # the field may be missing while it is copied
         raise AttributeError(name)
     inner = getattr(getattr(wrapper, field), name)
-    if name not in ("at_frame", "expecting", "with_inputs"):
+    if name not in ("at_frame", "with_inputs"):
         return inner
     return lambda *given: changed_inside(wrapper, field, lambda _: inner(*given))
 

@@ -20,12 +20,11 @@ intensity.
 *Size term.*  Small boxes inside the target match as well as the whole target and overlap it
 better, so boxes shrink and collapse.  The factor (w h / expected w h)^b favours larger ones.
 
-The expected box is the filter's last estimate if it reports one (``expecting``), otherwise the
+The expected box is the filter's last estimate (``look_near``); before, it is the size of the
 target's picture.  Pixel (i, j) is the square [j, j + 1) x [i, i + 1); pixels outside the frame are
 black.
 """
 
-import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -79,14 +78,20 @@ class PixelLikelihood(Likelihood):
     fixed_observation = True
 
     def observe(self, frame):
-        """The frame's colours or greys, one word per pixel: uint32 [H + 2, W + 2]."""
+        """The frame's colours or greys, uint32 [H + 2, W + 2], and the expected boxes [L, 2]."""
         check_frame(frame)
-        return _words(frame, self.colour)
+        return _words(frame, self.colour), jnp.asarray(self.expected)
 
-    def expecting(self, estimates: jax.Array) -> "PixelLikelihood":
-        """The likelihood with expected boxes from estimates ``[L, D]``."""
-        expected = jnp.maximum(estimates[:, 2:4], 1.0)
-        return dataclasses.replace(self, expected=jax.lax.stop_gradient(expected))
+    @property
+    def look_near(self):
+        """Function of (observation, estimates [L, D]): the observation with boxes expected there.
+
+        Raises:
+            AttributeError: neither power nor size term is used, so nothing depends on estimates.
+        """
+        if self.min_slope is None and self.size_term is None:
+            raise AttributeError("without power and size term, no boxes are expected")
+        return lambda observation, near: (observation[0], jnp.maximum(near[:, 2:4], 1.0))
 
     def log_prob_all(self, observation, partition, substates):
         """Log-likelihoods of N particles.
@@ -102,7 +107,8 @@ class PixelLikelihood(Likelihood):
         """
         dtype = substates.dtype
         width, height = substates[2], substates[3]
-        seen = _colours_in(observation, substates, self.window)
+        words, expected = observation
+        seen = _colours_in(words, substates, self.window)
         references = of_partition(jnp.asarray(self.references, dtype), partition)
         sigma = jnp.asarray(self.sigma, dtype)
         difference = (seen[..., : references.shape[-1]] - references) / sigma
@@ -115,7 +121,7 @@ class PixelLikelihood(Likelihood):
             relative = jnp.sum(log_pixel, axis=1)
         peak = -num_channels * (jnp.log(sigma) + 0.5 * math.log(2 * math.pi))
         log_prob = relative + peak * (1 if self.pool == "mean" else num_places)
-        expected = jnp.asarray(self.expected, dtype)
+        expected = expected.astype(dtype)
         if self.min_slope is not None:
             slope = jnp.asarray(self.min_slope, dtype)
             power = jnp.maximum(1.0, slope * jnp.max(expected, axis=-1))

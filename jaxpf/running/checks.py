@@ -247,7 +247,7 @@ def _check_methods(tracker: Any, frame: Any, num_partitions: int | None) -> None
     estimates = jax.ShapeDtypeStruct((num_partitions, *substate.shape), substate.dtype)
     seen = tried(
         tracker.likelihood,
-        lambda filter_, seen, near: contract.looked_near(filter_.likelihood, seen, lambda: near),
+        lambda filter_, seen, near: contract.look_near(filter_.likelihood, seen, lambda: near),
         *(tracker, seen, estimates),
     )
     check_first(

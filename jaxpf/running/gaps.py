@@ -28,7 +28,7 @@ from jaxpf.contract.pytree import pytree_dataclass
 #: a million particles.
 _ROUNDING = 1000
 #: Optional methods of a likelihood that take substates and no observation.
-_OF_STATES = frozenset({"expecting", "reaches_border", "same_place", "sample"})
+_OF_STATES = frozenset({"reaches_border", "same_place", "sample"})
 
 
 @pytree_dataclass

@@ -158,7 +158,7 @@ def check_conditional(tracker: "Partitioned") -> jax.Array | None:
             raise InputError(
                 f"conditional SMC has not been proved valid with {name}; leave it out."
             )
-    if contract.looks_near(tracker.likelihood):
+    if contract.optional(tracker.likelihood, "look_near"):
         raise InputError(
             f"conditional SMC has not been proved valid with {type(tracker.likelihood).__name__}, "
             "which looks near the particles' mean; use a likelihood of the frame alone."

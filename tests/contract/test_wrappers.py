@@ -91,9 +91,6 @@ class Everything:
     def sample(self, key, substates):
         return total(substates, 1) + jax.random.normal(key)
 
-    def expecting(self, estimates):
-        return dataclasses.replace(self, shift=jnp.sum(total(estimates, 1)))
-
     def at_frame(self, time):
         return dataclasses.replace(self, shift=3.0 * time)
 
@@ -121,7 +118,6 @@ OF_OBSERVATIONS = {
 OF_FRAMES = {"observe_nearby": lambda frame, x: (frame, x.T)}
 OF_STATES = {
     "at_frame": lambda _, x: (7,),
-    "expecting": lambda _, x: (x.T,),
     "reaches_border": lambda _, x: (PARTITION, x),
     "same_place": lambda _, x: (PARTITION, x),
     "sample": lambda _, x: (KEY, x.T),
@@ -151,7 +147,7 @@ WRAPPERS = {
 def result(likelihood, name, frame, substates):
     seen = frame if name in OF_FRAMES else likelihood.observe(frame)
     value = getattr(likelihood, name)(*METHODS[name](seen, substates))
-    if name in ("at_frame", "expecting", "with_inputs"):
+    if name in ("at_frame", "with_inputs"):
         assert type(value) is type(likelihood)
         return value.log_prob_all(value.observe(frame), PARTITION, substates)
     is_pair = isinstance(value, tuple) and len(value) == 2

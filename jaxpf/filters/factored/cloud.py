@@ -182,9 +182,9 @@ def multiplied(log_weights: jax.Array, log_factor: jax.Array) -> tuple[jax.Array
     return jnp.where(possible, weighted, logs.normalised(log_weights)[0]), totals
 
 
-def looked_near(tracker: "PFFL | Eskil", state: FactoredState, observation: Any) -> Any:
-    """The observation near the estimates of a state, see ``jaxpf.contract.looked_near``."""
-    return contract.looked_near(
+def look_near(tracker: "PFFL | Eskil", state: FactoredState, observation: Any) -> Any:
+    """The observation near the estimates of a state, see ``jaxpf.contract.look_near``."""
+    return contract.look_near(
         tracker.likelihood, observation, lambda: means(state.log_weights, state.lagged[0]).T
     )
 

@@ -106,8 +106,7 @@ def weigh(
     They are ``[N]``, relative to the largest of their label, ``[L]``, which is returned next.
     """
     moved = state.lagged[0]
-    likelihood = contract.expecting(tracker.likelihood, state.estimate.T)
-    log_prob = contract.log_prob_all(likelihood, observation, state.labels, moved)
+    log_prob = contract.log_prob_all(tracker.likelihood, observation, state.labels, moved)
     log_prob, num_invalid = sanitised(log_prob.astype(moved.dtype))
     log_prob = lax.optimization_barrier(log_prob)
     if tracker.motion_gradient == "score":

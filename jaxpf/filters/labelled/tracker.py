@@ -36,8 +36,7 @@ class Labelled(Tracker):
 
     Attributes:
         dynamics: see ``jaxpf.contract.Dynamics``; a partition is a target, without parents.
-        likelihood: see ``jaxpf.contract.Likelihood``; must not define ``log_joint``.  If it defines
-            ``expecting(estimates [L, D]) -> likelihood``, every frame passes it the last estimates.
+        likelihood: see ``jaxpf.contract.Likelihood``; must not define ``log_joint``.
         initial: state just before the first frame: ``[L, D]`` array, or a sampler
             ``key -> [L, D]`` registered as a pytree, from which a particle takes its own target's
             row.  In an open population, an array in which a row of NaN is an empty slot.
@@ -147,7 +146,7 @@ class Labelled(Tracker):
         """Advance one frame: resample, then propagate and weight every particle."""
         chex.assert_shape(state.log_weights, (self.num_particles,))
         chex.assert_shape(state.lagged, (2, None, self.num_particles))
-        observation = contract.looked_near(self.likelihood, observation, lambda: state.estimate.T)
+        observation = contract.look_near(self.likelihood, observation, lambda: state.estimate.T)
         # Same keys as Partitioned with one partition: one target gives the same particles.
         begin_key, stages_key = jax.random.split(key)
         resample_key = jax.random.split(begin_key)[0]

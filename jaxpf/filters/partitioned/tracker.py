@@ -208,7 +208,7 @@ class Partitioned(Tracker):
                 f"{self.num_particles} of {self.num_partitions}; go on with the tracker that made "
                 "the state."
             )
-        observation = contract.looked_near(self.likelihood, observation, lambda: _means(state))
+        observation = contract.look_near(self.likelihood, observation, lambda: _means(state))
         return poisoned(self.refused, kernel.step(self, key, state, observation))
 
 

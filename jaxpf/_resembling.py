@@ -40,7 +40,6 @@ RENAMED = {
     "success_area": ("success_auc",),
     "success_at_half": ("success_rate_50",),
     "success_half": ("success_rate_50",),
-    "TrackedPopulation": ("TrackedObjects",),
     "transforms": ("pit_values",),
     "turned": ("rotate",),
     "uniqueness": ("distinct_share",),

@@ -1,9 +1,4 @@
-from .following import (
-    TrackedObjects as TrackedObjects,
-    follow as follow,
-    open_box_tracker as open_box_tracker,
-    open_model as open_model,
-)
+from .following import follow as follow
 from .lifetimes import (
     EMPTY as EMPTY,
     Changes as Changes,
@@ -14,4 +9,12 @@ from .lifetimes import (
     Started as Started,
     advance as advance,
     start_empty as start_empty,
+)
+from .population import (
+    open_box_tracker as open_box_tracker,
+    open_model as open_model,
+)
+from .records import (
+    Group as Group,
+    Record as Record,
 )

@@ -15,12 +15,9 @@ import numpy as np
 from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.results import BUILT_IN, Configuration
 from jaxpf.targets import building
-from jaxpf.targets.target import Looks, Start, Target
+from jaxpf.targets.target import Looks, Target
 
 if TYPE_CHECKING:
-    from jax.typing import ArrayLike
-
-    from jaxpf.contract.types import TrackerLike
     from scenes import Scene
 
 #: One frame in this many samples the appearance of a scene.
@@ -71,15 +68,6 @@ def own_tracker(name: str, function: Any, scene: Any) -> Any:
         f"the tracker {name!r} is {type(tracker).__name__}; return a tracker with init and step, "
         "or boxes [T, P, 4]."
     )
-
-
-def shapes_of(
-    tracker: "TrackerLike", target: Target, start: Start, estimate: "ArrayLike"
-) -> np.ndarray:
-    """Convert estimates to shapes ``[..., P, S]``, by the tracker if it can, else by the target."""
-    if target.has_boxes and hasattr(tracker, "boxes"):
-        return np.asarray(tracker.boxes(estimate))
-    return target.shapes(start, np.asarray(estimate), tracker)
 
 
 def tracker_of(

@@ -13,10 +13,11 @@ from jaxpf.contract.state import Summary
 from jaxpf.evaluation.batches import Batch
 from jaxpf.evaluation.results import BUILT_IN, Configuration
 from jaxpf.evaluation.scene import same_scene
-from jaxpf.evaluation.trackers import shapes_of, tracker_of
+from jaxpf.evaluation.trackers import tracker_of
 from jaxpf.running.blocks import run_blocks
 from jaxpf.running.widths import Blocks
 from jaxpf.targets import find_target
+from jaxpf.targets.building import shapes_of
 
 if TYPE_CHECKING:
     from scenes import Scene

@@ -7,7 +7,6 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
 
 if TYPE_CHECKING:
-    from jaxpf.contract.state import Summary
     from jaxpf.contract.types import TrackerLike
 
 
@@ -80,12 +79,6 @@ class Filter:
                 f"method {values['method']!r} tracks independent objects, and these are parts of a "
                 "tree; choose sir, ps or sps."
             )
-
-    def check_first(self, summary: "Summary", ids: Sequence[object]) -> None:
-        """Refuse an initial state that does not fit the first frame, judged by its summary.
-
-        ``ids`` are the partitions' names.
-        """
 
     def variants(
         self, method: str, parents: Sequence[int], asked: Mapping[str, Sequence[Any]]

@@ -23,6 +23,9 @@ from jaxpf.targets.registry import find_target
 from jaxpf.targets.target import Looks, Start, Target
 
 if TYPE_CHECKING:
+    from jax.typing import ArrayLike
+
+    from jaxpf.contract.types import TrackerLike
     from scenes import Scene
 
 P = ParamSpec("P")
@@ -79,6 +82,15 @@ def build(target: Target, values: dict[str, Any], start: Start, looks: Looks) ->
     filter_.check(defaults_of(filter_.options) | values, start.parents)
     settled = target.settle(defaults_of(target.tracker) | values, looks.settings)
     return inspect.unwrap(target.tracker)(looks, start, **settled)
+
+
+def shapes_of(
+    tracker: "TrackerLike", target: Target, start: Start, estimate: "ArrayLike"
+) -> np.ndarray:
+    """Convert estimates to shapes ``[..., P, S]``, by the tracker if it can, else by the target."""
+    if target.has_boxes and hasattr(tracker, "boxes"):
+        return np.asarray(tracker.boxes(estimate))
+    return target.shapes(start, np.asarray(estimate), tracker)
 
 
 def looks_of(frame: Any, num_particles: int | None = None, patches: Any = None) -> Looks:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxpf.boxes.target import BOXES
-from jaxpf.cli.tracking.track_table import places_of
+from jaxpf.cli.tracking.columns import places_of
 
 #: x, y, w, h.
 BOX = np.array([[20.0, 30.0, 40.0, 80.0]])
@@ -26,14 +26,10 @@ def with_centres(boxes):
 def interval_of(particles, place=0.0, size=0.0):
     """95% intervals [2, 1, 6] of x, y, w, h and the centre, given the model's errors."""
     state = SimpleNamespace(substates=particles, log_weights=np.full(20_000, -np.log(20_000)))
-    scene = SimpleNamespace(
-        target=BOXES,
-        first=0,
-        shown_at=lambda number: number / 25,
-        shapes=lambda start, substates: substates,
-        model_error=lambda count: np.array([[place, place, size]]),
+    error, slots = np.array([[place, place, size]]), slice(None)
+    places, _ = places_of(
+        BOXES, None, BOX, BOX[:, :2], 1 / 25, slots, state, lambda substates: substates, error
     )
-    places, _ = places_of(scene, 1, None, BOX, state, BOX[:, :2])
     names = [*"xywh", "centre_x", "centre_y"]
     ends = [[places[f"{name}_{level}"] for name in names] for level in ("2.5", "97.5")]
     return np.array(ends).transpose(0, 2, 1)

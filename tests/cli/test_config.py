@@ -17,7 +17,7 @@ from jaxpf.cli.shared import config
 def refusal(tmp_path, monkeypatch):
     """The sentence with which ``jaxpf track`` refuses a configuration and typed options."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("jaxpf.cli.tracking.work.use_compile_cache", lambda: None)
+    monkeypatch.setattr("jaxpf.cli.tracking.run.use_compile_cache", lambda: None)
     images = write_pictures(tmp_path / "images", [picture(0), picture(1)])
 
     def run(content, *arguments):

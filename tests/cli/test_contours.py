@@ -69,7 +69,7 @@ def test_the_spread_is_drawn_around_the_contour(clip, start, tmp_path, monkeypat
         drawn.append(np.array(centres))
         return picture
 
-    monkeypatch.setattr("jaxpf.cli.tracking.writers.draw_spreads", record)
+    monkeypatch.setattr("jaxpf.cli.tracking.overlay.draw_spreads", record)
     assert track(clip, start, tmp_path / "out", "--overlay").code == 0
     rows = [row for row in rows_of(tmp_path / "out" / "tracks.csv") if row["frame"] != "0"]
     places = [(float(row["x"]), float(row["y"])) for row in rows]

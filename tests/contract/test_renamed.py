@@ -60,7 +60,6 @@ def test_only_a_known_name_takes_the_place():
         (jaxpf, "populations", "detections"),
         (jaxpf.boxes, "detections", "to_supervision"),
         (jaxpf.contract, "STATUS_LOST", "STATUS_WITHOUT_LIKELIHOOD"),
-        (jaxpf.detections, "TrackedPopulation", "TrackedObjects"),
         (jaxpf.detections, "nobody", "start_empty"),
         (jaxpf.filters, "born", "add_target"),
         (jaxpf.filters, "ended", "remove_target"),

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import jaxpf
+from jaxpf.boxes.target import BOXES
 from jaxpf.detections import EMPTY, Rules, follow, open_box_tracker
 
 COLOURS = ((220, 30, 30), (30, 40, 220), (30, 180, 40))
@@ -45,8 +46,30 @@ def tracked(clip, capacity=3, detections="all", **settings):
         typical_size=(12, 16),
         noise_pixels=(3, 2, 0.003),
     )
-    found = found if detections == "all" else detections
-    return list(follow(tracker, jax.random.key(0), frames, found, **({"rules": RULES} | settings)))
+    found = found if isinstance(detections, str) else detections
+    given = {"rules": RULES, "detections": found} | settings
+    return [Objects(record) for record in follow(tracker, jax.random.key(0), frames, **given)]
+
+
+class Objects:
+    """A record of one labelled tracker, in its slots."""
+
+    def __init__(self, record):
+        (group,) = record.groups
+        self.time, self.changes, self.group = record.number, record.changes, group
+        self.ids, self.boxes = group.start.ids, group.shapes
+
+
+def starts(*rows):
+    """Starts by frame, of rows of a frame, an id and a box."""
+    frames = dict.fromkeys(frame for frame, *_ in rows)
+    return {
+        at: BOXES.start(
+            np.array([box for frame, _, box in rows if frame == at]),
+            [identity for frame, identity, _ in rows if frame == at],
+        )
+        for at in frames
+    }
 
 
 @pytest.mark.parametrize("scale", [pytest.param(0.0, marks=pytest.mark.slow), 0.1])
@@ -96,8 +119,8 @@ def test_more_objects_than_places_are_refused_and_tracking_goes_on(clip):
 
 
 def test_a_users_boxes_start_objects_in_any_frame_without_a_detector(clip):
-    named = [(0, 5, true_box(0, 0)), (10, 9, true_box(2, 10))]
-    run = tracked(clip, detections=None, named=named)
+    named = starts((0, 5, true_box(0, 0)), (10, 9, true_box(2, 10)))
+    run = tracked(clip, detections=None, start=named.pop(0), later=named)
     assert run[9].ids.tolist() == [5, EMPTY, EMPTY]
     assert run[-1].ids.tolist() == [5, 9, EMPTY]
     np.testing.assert_array_equal(run[10].boxes[1], true_box(2, 10))
@@ -108,19 +131,15 @@ def test_a_users_boxes_start_objects_in_any_frame_without_a_detector(clip):
 def test_what_cannot_start_in_the_first_frame_is_an_error_and_later_a_note(clip):
     below = np.array([20.0, 41, 12, 16])  # its lower band lies outside
     with pytest.raises(jaxpf.InputError, match="object 4 at 20,41,12,16 cannot start"):
-        tracked(clip, named=[(0, 4, below)])
-    run = tracked(clip, named=[(3, 4, below)])
+        tracked(clip, start=starts((0, 4, below))[0])
+    run = tracked(clip, later=starts((3, 4, below)))
     (refusal,) = run[3].changes.refused
     assert refusal.id == 4
     assert "no pixel inside" in refusal.reason
     assert 4 not in run[-1].ids
-    with pytest.raises(jaxpf.InputError, match="detections end with frame 2, and there is"):
-        tracked(clip, detections=clip[1][:3])
     crowd = [(0, identity, true_box(0, 0)) for identity in range(4)]
     with pytest.raises(jaxpf.InputError, match=r"object 3 at .* capacity"):
-        tracked(clip, named=crowd)
-    with pytest.raises(jaxpf.InputError, match="a number of its own"):
-        tracked(clip, named=[crowd[0], crowd[0]])
+        tracked(clip, start=starts(*crowd)[0])
 
 
 @pytest.mark.slow
@@ -130,13 +149,14 @@ def test_who_fits_nothing_is_an_error_in_the_first_frame_and_lost_later(clip):
     wild = open_box_tracker(SHAPE, capacity=1, num_particles=1, noise_pixels=(1, 1, 1000.0))
     keys = [jax.random.key(seed) for seed in range(8)]
     rules = Rules(min_hits=1, detection_noise=0.0)
-    ran = [list(follow(wild, key, frames[:2], detections, rules=rules)) for key in keys]
-    lost = [bool(run[1].without_likelihood.any()) for run in ran]
+    given = {"detections": detections, "rules": rules}
+    ran = [list(follow(wild, key, frames[:2], **given)) for key in keys]
+    lost = [bool(run[1].groups[0].without_likelihood.any()) for run in ran]
     assert 0 < sum(lost) < 8
-    named = [(0, 3, true_box(0, 0))]
+    named = {"start": starts((0, 3, true_box(0, 0)))[0], "rules": Rules()}
     with pytest.raises(jaxpf.InputError, match="every particle of target 3 has likelihood zero"):
-        list(follow(wild, keys[lost.index(True)], frames[:2], None, named=named))
-    assert len(list(follow(wild, keys[lost.index(False)], frames[:2], None, named=named))) == 2
+        list(follow(wild, keys[lost.index(True)], frames[:2], **named))
+    assert len(list(follow(wild, keys[lost.index(False)], frames[:2], **named))) == 2
 
 
 def test_a_detection_of_which_nothing_can_be_learned_waits(clip):

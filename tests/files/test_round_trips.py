@@ -8,7 +8,6 @@ import csv
 import math
 import tomllib
 from pathlib import Path
-from types import SimpleNamespace
 
 import jax
 import numpy as np
@@ -20,7 +19,7 @@ from jaxpf import InputError, save
 from jaxpf.boxes import read_boxes, read_tracks
 from jaxpf.cli.marking.starts import write_start
 from jaxpf.cli.shared.config import write_config
-from jaxpf.cli.tracking.track_table import Tracks
+from jaxpf.cli.tracking.columns import TrackTable
 from jaxpf.contours import Contours
 from jaxpf.contours.files import read_contours, write_contours
 from jaxpf.detections.files import read_detections, write_detections
@@ -152,30 +151,15 @@ def tracked(draw):
 @given(tracked=tracked(), rate=st.sampled_from([0.3, 25, 29.97, 1e6]))
 def test_tracks_csv(folder, tracked, rate):
     ids, frames = tracked
-    start = SimpleNamespace(ids=ids)
-    target = SimpleNamespace(columns=("x", "y"), outline_file=lambda *_: contextlib.nullcontext())
-    scene = SimpleNamespace(target=target, start=start, shown_at=lambda number: number / rate)
-    with contextlib.ExitStack() as stack:
-        tracks = Tracks(folder, scene, stack)
+    with TrackTable(folder / "tracks.csv", ("x", "y")) as table:
         for number, rows in enumerate(frames):
             columns = np.array(rows, float).T
-            record = SimpleNamespace(
-                number=number,
-                shapes=None,
-                start=start,
-                places=dict(zip(("x", "y", *MEASURED), columns, strict=False)),
-                confidence=columns[4],
-                lost=columns[5].astype(bool),
-                errors={"x_mc_error": columns[0]},
-            )
-            record.groups = (record,)
-            tracks(record)
-    table, read = tracks.table, read_tracks(folder / "tracks.csv")
-    for names_in in (read, table):
-        assert [str(name) for name in names_in.pop("id")] == [*map(str, ids)] * len(frames)
-    assert read.keys() == table.keys()
-    for name, values in table.items():
-        np.testing.assert_array_equal(read[name], values)
+            places = dict(zip(("x", "y", *MEASURED), columns, strict=False))
+            sure = {"confidence": columns[4], "lost": columns[5], "x_mc_error": columns[0]}
+            table.add(number, number / rate, ids, places | sure)
+            table.flush()
+    read = read_tracks(folder / "tracks.csv")
+    assert [str(name) for name in read.pop("id")] == [*map(str, ids)] * len(frames)
     found = np.array([read[name] for name in ("x", "y", *MEASURED, "confidence", "lost")])
     expected = np.concatenate(frames).astype(float).T
     np.testing.assert_allclose(found[:4], expected[:4], atol=0.00051, rtol=1e-12)

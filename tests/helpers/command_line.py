@@ -10,7 +10,7 @@ import numpy as np
 from jaxpf import cli
 from jaxpf.cli.tracking.command import TrackCommand
 from jaxpf.cli.tracking.request import request_of
-from jaxpf.cli.tracking.session import open_session
+from jaxpf.cli.tracking.run import open_video, read_starts, tracker_of
 from jaxpf.targets import find_target
 
 
@@ -48,23 +48,18 @@ def asked_of_track(target, *arguments):
         return request_of(context, target)
 
 
-def opened_by_track(target, *arguments):
-    """The session that ``jaxpf track`` opens."""
-    target = find_target(target)
-    with TrackCommand(target).make_context("track", list(map(str, arguments))) as context:
-        return open_session(request_of(context, target))
-
-
 def started_by_track(target, *arguments):
     """Where ``jaxpf track`` starts; no tracker is built."""
-    return opened_by_track(target, *arguments).start
+    request = asked_of_track(target, *arguments)
+    return read_starts(request, open_video(request))[0]
 
 
 def built_by_track(target, *arguments):
     """Where ``jaxpf track`` starts and the tracker that it builds, which is not run."""
-    session = opened_by_track(target, *arguments)
-    session.build()
-    return session.start, session.tracker
+    request = asked_of_track(target, *arguments)
+    source = open_video(request)
+    start, _ = read_starts(request, source)
+    return start, tracker_of(request, source, next(source.frames(request.run.start)), start)
 
 
 def assert_same(one, other):

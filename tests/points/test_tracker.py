@@ -11,7 +11,7 @@ from refusals import message_of
 
 import jaxpf
 import scenes
-from jaxpf.cli.tracking.track_table import places_of
+from jaxpf.cli.tracking.columns import places_of
 from jaxpf.contract.options import defaults_of
 from jaxpf.evaluation import Configuration
 from jaxpf.evaluation.trackers import built_in_tracker
@@ -209,15 +209,11 @@ def test_intervals_in_tracks_are_widened_by_the_slip():
     state = SimpleNamespace(substates=particles, log_weights=np.full(20_000, -np.log(20_000)))
     shapes = particles.mean(axis=0)
     slips, deviations = np.array([0.0, 4.0, 7**0.5]), np.array([3.0, 5.0, 4.0])
-    scene = SimpleNamespace(
-        target=POINTS,
-        first=0,
-        shown_at=lambda number: number / 25,
-        shapes=lambda start, substates: substates,
-        model_error=lambda count: slips[:, None] * [1, 1, 0],
-    )
+    error = slips[:, None] * [1, 1, 0]
     for slots in (slice(None), np.array([2, 0])):  # all points, or those that are reported
-        places, _ = places_of(scene, 1, start, shapes, state, PLACES, slots)
+        places, _ = places_of(
+            POINTS, start, shapes, PLACES, 1 / 25, slots, state, lambda substates: substates, error
+        )
         width = np.stack([places[f"{x}_97.5"] - places[f"{x}_2.5"] for x in "xy"], axis=1)
         expected = 3.92 * np.tile(deviations[slots, None], 2)
         # 4.5 standard errors of two 2.5% quantiles.

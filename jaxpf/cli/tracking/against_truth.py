@@ -2,10 +2,10 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from jaxpf.cli.shared import console
 from jaxpf.files.writing import csv_text, write_text
@@ -24,18 +24,18 @@ _HEADINGS = {
 
 def report_truth(
     output: Path,
-    table: Mapping[str, np.ndarray],
+    table: pd.DataFrame,
     ids: Sequence[Any],
     first: int,
     truth: BoxTable,
-    given: Mapping[int, Sequence[object]] = MappingProxyType({}),
-    late: Collection[object] = (),
+    given: Mapping[int, Sequence[object]],
+    late: Collection[object],
 ) -> None:
     """Report metrics over the frames with ground truth, as a table and as metrics.csv.
 
     Args:
         output: folder of the run.
-        table: columns of its tracks, see ``jaxpf.boxes.read_tracks``.
+        table: its tracks, from ``read_tracks``.
         ids: ids of the objects.
         first: start frame; metrics cover the frames after it.
         truth: boxes, as returned by ``read_boxes``.
@@ -73,7 +73,7 @@ def report_truth(
 
 
 def report_identities(
-    output: Path, start: int, num_frames: int, table: Mapping[str, np.ndarray], truth: BoxTable
+    output: Path, start: int, num_frames: int, table: pd.DataFrame, truth: BoxTable
 ) -> None:
     """Report identity scores of objects that come and go, as a table and as metrics.csv.
 
@@ -81,7 +81,7 @@ def report_identities(
         output: folder of the run.
         start: start frame; scores cover the frames after it.
         num_frames: number of frames after the start frame.
-        table: columns of its tracks, see ``jaxpf.boxes.read_tracks``.
+        table: its tracks, from ``read_tracks``.
         truth: boxes, as returned by ``read_boxes``.
     """
     first = start + 1
@@ -97,9 +97,10 @@ def report_identities(
     write_text(output / "metrics.csv", csv_text(lines))
 
 
-def _boxes(table: Mapping[str, np.ndarray]) -> BoxTable:
+def _boxes(table: pd.DataFrame) -> BoxTable:
     """The boxes of tracks; one without area, as it was written, is none."""
-    box = np.stack([table[name] for name in "xywh"], axis=1)
+    box = table[list("xywh")].to_numpy()
     kept = (box[:, 2:] > 0).all(axis=1)
     unknown = np.full(kept.sum(), -1)
-    return BoxTable(table["frame"][kept], table["id"][kept], box[kept], unknown, unknown)
+    frame, name = (table[column].to_numpy()[kept] for column in ("frame", "id"))
+    return BoxTable(frame, name, box[kept], unknown, unknown)

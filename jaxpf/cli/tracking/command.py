@@ -133,6 +133,6 @@ command = _Targets("track")
 def _track(ctx: click.Context, **_: Any) -> None:
     assert isinstance(ctx.command, TrackCommand)
     request = request_of(ctx, ctx.command.target)
-    from jaxpf.cli.tracking.work import track
+    from jaxpf.cli.tracking.run import track
 
     track(request)

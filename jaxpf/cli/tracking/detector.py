@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxpf.boxes.target import BOXES
 from jaxpf.boxes.tracks import BoxTable, check_boxes
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.flags import picked
@@ -50,6 +51,52 @@ class Detector(NamedTuple):
         """Width and height of a typical object, pixels."""
         width, height = np.median(self.table.box[:, 2:], axis=0)
         return float(width), float(height)
+
+    @property
+    def by_frame(self) -> "Detections | None":
+        """Detections by number of the frame, as ``follow`` takes them; None without any."""
+        if not self.watched:
+            return None
+        frames = self.table.frame[self.table.id == DETECTED]
+        every = self.rules.detection_interval or detection_step(frames)
+        counts = self.counted
+        return Detections(
+            self.table.frame[counts], self.table.box[counts], int(frames.min()), every
+        )
+
+    def starts(self, start: Start, number: int) -> tuple[Start, dict[int, Start]]:
+        """Start boxes and those of the file's rows with ids: in frame ``number``, and later."""
+        named = self.table.id != DETECTED
+        rows = {
+            int(frame): named & (self.table.frame == frame) for frame in self.table.frame[named]
+        }
+        later = {
+            at: BOXES.start(self.table.box[own], self.table.id[own]) for at, own in rows.items()
+        }
+        if (here := later.pop(number, None)) is not None:
+            boxes = np.concatenate([start.shapes, here.shapes])
+            start = BOXES.start(boxes, np.concatenate([start.ids, here.ids]))
+        return start, later
+
+
+class Detections(Sequence):
+    """Boxes ``[M, 4]`` by frame, of which the video may have more than the file.
+
+    None for frames in which the detector did not run.
+    """
+
+    def __init__(self, frames: np.ndarray, boxes: np.ndarray, first: int, every: int):
+        self._frames, self._boxes = frames, boxes
+        self._first, self._every = first, every
+
+    def __getitem__(self, number: Any) -> Any:
+        if (number - self._first) % self._every:
+            return None
+        low, high = np.searchsorted(self._frames, [number, number + 1])
+        return self._boxes[low:high]
+
+    def __len__(self) -> int:
+        return int(self._frames[-1]) + 1 if len(self._frames) else 0
 
 
 def read_detector(options: Mapping[str, Any]) -> Detector | None:
@@ -137,22 +184,6 @@ def check_detector(detector: Detector, start: Start, number: int, source: FrameS
         )
 
 
-def by_frame(
-    detector: Detector, start: Start, number: int
-) -> tuple["Detections | None", list[tuple[int, int, np.ndarray]]]:
-    """Detections from the start frame on, and the objects with ids; see ``follow``."""
-    table = detector.table
-    named = [(0, int(name), box) for name, box in zip(start.ids, start.shapes, strict=True)]
-    rows = zip(table.frame - number, table.id, table.box, strict=True)
-    named += [(int(time), int(name), box) for time, name, box in rows if name != DETECTED]
-    if not detector.watched:
-        return None, named
-    frames, counts = table.frame[table.id == DETECTED], detector.counted
-    every = detector.rules.detection_interval or detection_step(frames)
-    first = int(frames.min()) - number
-    return Detections(table.frame[counts] - number, table.box[counts], first, every), named
-
-
 def detection_step(frames: np.ndarray) -> int:
     """The detector's frame step: the largest step shared by all frames with detections.
 
@@ -185,23 +216,3 @@ def why_none_started(detector: Detector, start: int) -> str:
         f"detector's step is {every} frame(s)); lower --detection-iou or --min-hits, or "
         "correct --detection-interval."
     )
-
-
-class Detections(Sequence):
-    """Boxes ``[M, 4]`` of every frame; the video may be longer than the file.
-
-    None for frames in which the detector did not run.
-    """
-
-    def __init__(self, times: np.ndarray, boxes: np.ndarray, first: int, every: int):
-        self._times, self._boxes = times, boxes
-        self._first, self._every = first, every
-
-    def __getitem__(self, time: Any) -> Any:
-        if (time - self._first) % self._every:
-            return None
-        low, high = np.searchsorted(self._times, [time, time + 1])
-        return self._boxes[low:high]
-
-    def __len__(self) -> int:
-        return int(self._times[-1]) + 1 if len(self._times) else 0

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from jaxpf.contract.lost import LOST_BELOW
 
@@ -11,13 +12,11 @@ from jaxpf.contract.lost import LOST_BELOW
 _NEAR_ONE = 2.0
 
 
-def object_verdicts(
-    table: Mapping[str, np.ndarray], ids: Sequence[object]
-) -> dict[str, dict[str, Any]]:
+def object_verdicts(table: pd.DataFrame, ids: Sequence[object]) -> dict[str, dict[str, Any]]:
     """Judge each object of tracks.csv.
 
     Args:
-        table: columns, see ``read_tracks``.
+        table: from ``read_tracks``.
         ids: ids of the objects.
 
     Returns:
@@ -27,50 +26,39 @@ def object_verdicts(
         intervals of the centre's x and y where the object is not lost (None if unknown);
         ``mean_confidence`` (None if the likelihood defines none).
     """
-    names = np.array([str(name) for name in table["id"].tolist()])
-    confidence, lost = table.get("confidence"), table["lost"] == 1
-    verdicts = {}
+    verdicts, ids_of_rows = {}, table["id"].astype(str)
+    # The start frame holds the user's input and has no speed.
+    is_tracked = np.isfinite(table["speed"])
     for name in map(str, ids):
-        # The start frame holds the user's input and has no speed.
-        rows = np.flatnonzero((names == name) & np.isfinite(table["speed"]))
-        frames = table["frame"][rows].astype(int)
-        stretches = _stretches(frames[lost[rows]])
-        kept = [int(row) for row in rows if not lost[row]]
-        first = stretches[0][0] if stretches else None
-        before = frames if first is None else frames[frames < first]
+        rows = table[is_tracked & (ids_of_rows == name)]
+        frames, lost = rows["frame"], rows["lost"] == 1
+        stretches = _stretches(frames[lost].to_numpy())
+        before = frames[frames < stretches[0][0]] if stretches else frames
         about: dict[str, Any] = {
-            "frames": len(frames),
-            "tracked_until": int(before[-1]) if len(before) else None,
-            "frames_lost": int(lost[rows].sum()),
+            "frames": len(rows),
+            "tracked_until": int(before.iloc[-1]) if len(before) else None,
+            "frames_lost": int(lost.sum()),
             "lost": stretches,
-            "interval_width": _widths(table, kept),
+            "interval_width": _widths(rows[~lost]),
             "mean_confidence": None,
         }
-        if confidence is not None and len(rows):
-            about["mean_confidence"] = round(float(np.mean(confidence[rows])), 4)
+        if "confidence" in rows and len(rows):
+            about["mean_confidence"] = round(float(np.mean(rows["confidence"].to_numpy())), 4)
         verdicts[name] = about
     return verdicts
 
 
 def _stretches(frames: np.ndarray) -> list[list[int]]:
     """First and last frames of stretches."""
-    pieces: list[list[int]] = []
-    for frame in frames.tolist():
-        if pieces and frame == pieces[-1][1] + 1:
-            pieces[-1][1] = frame
-        else:
-            pieces.append([frame, frame])
-    return pieces
+    pieces = np.split(frames, np.flatnonzero(np.diff(frames) != 1) + 1)
+    return [[int(piece[0]), int(piece[-1])] for piece in pieces if len(piece)]
 
 
-def _widths(table: Mapping[str, np.ndarray], rows: list[int]) -> dict[str, float] | None:
-    before = "centre_" if "centre_x_2.5" in table else ""  # x and y of a box are a corner's
-    if f"{before}x_2.5" not in table:
+def _widths(rows: pd.DataFrame) -> dict[str, float] | None:
+    before = "centre_" if "centre_x_2.5" in rows else ""  # x and y of a box are a corner's
+    if f"{before}x_2.5" not in rows:
         return None
-    widths = {
-        axis: table[f"{before}{axis}_97.5"][rows] - table[f"{before}{axis}_2.5"][rows]
-        for axis in "xy"
-    }
+    widths = {axis: rows[f"{before}{axis}_97.5"] - rows[f"{before}{axis}_2.5"] for axis in "xy"}
     if not all(np.isfinite(width).any() for width in widths.values()):
         return None
     return {axis: round(float(np.nanmedian(width)), 3) for axis, width in widths.items()}

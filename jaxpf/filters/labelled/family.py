@@ -9,7 +9,6 @@ from jaxpf.filters.filter import Filter
 from jaxpf.filters.labelled.options import METHODS, Options
 
 if TYPE_CHECKING:
-    from jaxpf.contract.state import Summary
     from jaxpf.filters.labelled.tracker import Labelled
 
 
@@ -50,11 +49,6 @@ class _LabelledFilter(Filter):
                 f" is fewer than the {len(parents)} objects that share them; give at least one "
                 "each, better some fifty.",
             )
-
-    def check_first(self, summary: "Summary", ids: Sequence[object]) -> None:
-        from jaxpf.filters.labelled.refusals import check_started
-
-        check_started(summary, ids)
 
 
 LABELLED = _LabelledFilter()

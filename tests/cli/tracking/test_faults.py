@@ -117,7 +117,7 @@ def test_ctrl_c_before_the_first_frame_leaves_what_was_there(track, tmp_path, mo
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("jaxpf.cli.tracking.records.stream", interrupted)
+    monkeypatch.setattr("jaxpf.detections.following.stream", interrupted)
     assert track(*BOXES, "--overwrite").code == 130
     assert left_in(tmp_path / "out") == old
     assert track(*BOXES, "-o", tmp_path / "new").code == 130

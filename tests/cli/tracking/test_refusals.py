@@ -44,7 +44,6 @@ BOTH = " ".join(BOXES)
                 ("--bands 17", "box of object 1"),
                 ("--noise-pixels 1,2", "noise"),
                 (f"--noise-relative {NINE}", "3 objects"),
-                ("--runs 10000 -n 1000000", "--runs"),
                 ("--runs 4 --tracker x.py:f", "SideBySide"),
                 ("--range 5,9", "--range 5,9"),
                 ("more", "argument"),
@@ -83,7 +82,7 @@ def test_what_is_no_video_is_refused(refuse, tmp_path, monkeypatch):
     # Named like a kind of target, it needs its folder.
     assert "'points'" in refusal_of("track", "./points", *BOXES)
     # Before anything is compiled.
-    monkeypatch.setattr("jaxpf.cli.tracking.work.use_compile_cache", lambda: 1 / 0)
+    monkeypatch.setattr("jaxpf.cli.tracking.run.use_compile_cache", lambda: 1 / 0)
     images = write_pictures(tmp_path / "one", [picture(0)])
     for one in (images, write_lossless_video(tmp_path / "one.avi", [picture(0)])):
         assert "nothing to track" in refuse(*BOXES, video=one)

@@ -3,6 +3,7 @@
 import warnings
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from jaxpf.cli.tracking.verdict import object_verdicts, sentences
@@ -20,7 +21,8 @@ def table(confidence=None, lost=0.0):
     for name, centre, above in (("x", x, 3.0), ("y", y, 7.0)):
         columns[f"{name}_2.5"] = np.where(first, np.nan, centre - 2)
         columns[f"{name}_97.5"] = np.where(first, np.nan, centre + above)
-    return columns if confidence is None else columns | {"confidence": confidence}
+    columns |= {} if confidence is None else {"confidence": confidence}
+    return pd.DataFrame(columns)
 
 
 def test_an_object_that_is_followed_throughout_needs_no_advice():
@@ -81,7 +83,7 @@ def test_trajectories_shade_what_is_lost_and_have_a_panel_for_each_coordinate():
 
 @pytest.mark.parametrize("name", ["$\\frac{$", "$x$", "\N{WOMAN}", "_a"])
 def test_names_are_drawn_as_they_are(name, tmp_path):
-    figure = plotting.trajectories(table() | {"id": np.full(30, name)}, ["x"], {})
+    figure = plotting.trajectories(table().assign(id=name), ["x"], {})
     figure.axes[0].set_title(name)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

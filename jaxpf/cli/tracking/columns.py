@@ -1,0 +1,244 @@
+"""The columns of tracks.csv: one row per frame and object, for every kind of target."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxpf import contract
+from jaxpf.detections.records import Group
+from jaxpf.files.writing import LineWriter
+from jaxpf.filters import quantiles
+from jaxpf.targets.building import shapes_of
+from jaxpf.targets.target import Start, Target
+
+#: Percentages of the quantiles that bound a 95% interval.
+LEVELS = (2.5, 97.5)
+#: Maximum number of particles times objects sorted per frame; larger sets are thinned evenly.
+_MOST_SORTED = 200_000
+
+
+class Columns:
+    """The columns of each group; remembers centres, because speeds are steps between frames."""
+
+    def __init__(self, target: Target, shown_at: Callable[[int], float]):
+        self._target, self._shown_at = target, shown_at
+        self._before: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+
+    def resume(self, since: int, tracker: Any, start: Start, state: Any) -> None:
+        """Take the centres of the last frame of an earlier run from its state."""
+        centres = np.full((len(start.ids), 2), np.nan)
+        if hasattr(state, "substates") and not self._has_own_boxes(tracker):
+            kept, weights = _kept(state)
+            shapes = shapes_of(tracker, self._target, start, np.asarray(state.substates)[kept])
+            values = self._target.column_values(start, np.asarray(shapes, float))
+            centres = _mean(centres_of(self._target, values), weights)
+        self._before[since] = start.ids, centres
+
+    def __call__(self, number: int, group: Group) -> dict[str, np.ndarray]:
+        """Columns of frame ``number``, ``[Q]`` each; only the coordinates where a group starts."""
+        target, tracker, start = self._target, group.tracker, group.start
+        ids, before = self._before.get(
+            group.since, (start.ids, np.full((len(start.ids), 2), np.nan))
+        )
+        places, centres = places_of(
+            target,
+            start,
+            group.shapes,
+            np.where((start.ids == ids)[:, None], before, np.nan),
+            self._shown_at(number) - self._shown_at(number - 1) if number > group.since else np.nan,
+            group.slots,
+            None if self._has_own_boxes(tracker) else group.state,
+            lambda estimate: np.asarray(shapes_of(tracker, target, start, estimate), float),
+            contract.model_error(tracker, len(start.ids)),
+        )
+        self._before[group.since] = start.ids, centres
+        if group.summary is None:
+            return {name: places[name] for name in target.columns} | {"lost": group.lost}
+        if group.confidence is not None:
+            places["confidence"] = group.confidence
+        places["lost"] = group.lost
+        variance = getattr(group.summary, "estimate_variance", None)
+        if variance is not None and target.has_places:
+            errors = np.sqrt(variance)[group.slots]
+            places |= {"x_mc_error": errors[:, 0], "y_mc_error": errors[:, 1]}
+        return places
+
+    def _has_own_boxes(self, tracker: Any) -> bool:
+        """Whether a user-defined tracker converts estimates to boxes itself."""
+        return self._target.has_boxes and hasattr(tracker, "boxes")
+
+
+def places_of(
+    target: Target,
+    start: Start,
+    shapes: np.ndarray,
+    before: np.ndarray,
+    step: float,
+    slots: np.ndarray | slice,
+    state: Any,
+    to_shapes: Callable[[np.ndarray], np.ndarray],
+    error: np.ndarray,
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Places of one frame, and the centres ``[P, 2]`` for the next.
+
+    Places are columns of tracks.csv, ``[Q]`` each: values in pixels and degrees, their quantiles at
+    ``LEVELS``, those of a box's centre, the speed in pixels per second, and its quantiles.
+
+    Args:
+        target: the kind of target.
+        start: start of all P partitions.
+        shapes: ``[P, S]``, the estimate, NaN for a partition without an object.
+        before: ``[P, 2]``, centres in the previous frame; NaN if unknown.
+        step: seconds since that frame.
+        slots: the Q partitions to report.
+        state: holds the weighted particles; a state without ``substates`` has no intervals.
+        to_shapes: function from substates ``[..., P, D]`` to shapes ``[..., P, S]``.
+        error: ``[P, 3]``, see ``model_error`` of ``jaxpf.contract.Likelihood``.
+    """
+    values = target.column_values(start, shapes)
+    places = dict(zip(target.columns, values[slots].T, strict=True))
+    substates = getattr(state, "substates", None)
+    if substates is None:
+        centres = centres_of(target, values)
+        speed = np.linalg.norm(centres - before, axis=-1) / step
+        return places | {"speed": speed[slots]}, centres
+    kept, weights = _kept(state)
+    particles = target.column_values(start, to_shapes(np.asarray(substates)[kept]))
+    levels = [level / 100 for level in LEVELS]
+    # Sort only the reported partitions.
+    shown = weights if weights.ndim == 1 else weights[slots]
+    middles = centres_of(target, particles)
+    centres = _mean(middles, weights)
+    error = error[slots]
+
+    def interval_of(values: np.ndarray, particles: np.ndarray, has_boxes: bool) -> np.ndarray:
+        interval = quantiles(particles[:, slots], shown, levels)
+        return _widened(values, interval, error, has_boxes) if error.any() else interval
+
+    interval = interval_of(values[slots], particles, target.has_boxes)
+    moved = (centres - before) / step
+    speed = np.linalg.norm(moved, axis=-1)
+    for column, name in enumerate(target.columns):
+        if name not in target.fixed_columns:
+            places |= _ends(name, interval[..., column])
+    if target.has_boxes:  # x, y is a corner
+        interval = interval_of(centres_of(target, values[slots]), middles, False)
+        places |= _ends("centre_x", interval[..., 0]) | _ends("centre_y", interval[..., 1])
+    places["speed"] = speed[slots]
+    previous = getattr(state, "previous_substates", None)
+    if previous is None:
+        return places, centres
+    earlier = target.column_values(start, to_shapes(np.asarray(previous)[kept]))
+    steps = (middles - centres_of(target, earlier)) / step
+    # Deviation of each particle's step from the mean step, along the estimate's direction.
+    along = np.sum((steps - _mean(steps, weights)) * moved, -1) / np.maximum(speed, 1e-9)
+    ends = speed[slots] + quantiles(along[:, slots, None], shown, levels)[..., 0]
+    return places | _ends("speed", np.maximum(ends, 0)), centres
+
+
+def _ends(name: str, interval: np.ndarray) -> dict[str, np.ndarray]:
+    """The columns of an interval ``[2, Q]``."""
+    return {f"{name}_{level:g}": end for level, end in zip(LEVELS, interval, strict=True)}
+
+
+def _widened(
+    values: np.ndarray, interval: np.ndarray, error: np.ndarray, has_boxes: bool
+) -> np.ndarray:
+    """Add the model's error, independent and normal, to 95% intervals ``[2, P, C]``.
+
+    Exact if the particles are normally distributed around the values.
+    """
+
+    def around(values: np.ndarray, interval: np.ndarray, deviation: np.ndarray) -> np.ndarray:
+        reach = np.hypot(interval - values, 1.96 * deviation)
+        return np.stack([values - reach[0], values + reach[1]])
+
+    place, rest = error[:, :2], interval[..., 2:]
+    if has_boxes:  # x, y is a corner, and moves with the size
+        extent = values[:, 2:]
+        place = np.hypot(place, error[:, 2:] * extent / 2)
+        rest = np.exp(around(np.log(extent), np.log(rest), error[:, 2:]))
+    return np.concatenate([around(values[:, :2], interval[..., :2], place), rest], axis=-1)
+
+
+def _kept(state: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the particles to sort, and their log-weights ``[N]`` or ``[P, N]``."""
+    count, num_partitions = state.substates.shape[:2]
+    most = min(count, _MOST_SORTED // max(num_partitions, 1))
+    kept = np.unique(np.linspace(0, count - 1, most).astype(int))
+    return kept, np.asarray(state.log_weights)[..., kept]
+
+
+def _mean(values: np.ndarray, log_weights: np.ndarray) -> np.ndarray:
+    """Weighted means ``[P, C]`` of ``[N, P, C]``; NaN for a partition without particles."""
+    weights = np.exp(np.asarray(log_weights, np.float64))
+    weights = weights[:, None] if weights.ndim == 1 else weights.T
+    held = np.isfinite(values).all(axis=-1)
+    weights = np.where(held, weights, 0.0)[..., None]
+    total = weights.sum(axis=0)
+    sums = np.sum(np.where(held[..., None], values, 0) * weights, axis=0)
+    return np.where(total > 0, sums / np.maximum(total, 1e-300), np.nan)
+
+
+def centres_of(target: Target, values: np.ndarray) -> np.ndarray:
+    """x and y of the centre: ``[..., 2]``."""
+    corner = values[..., :2]
+    return corner + values[..., 2:4] / 2 if target.has_boxes else corner
+
+
+class TrackTable(LineWriter):
+    """Writes tracks.csv; the first filtered frame determines the header.
+
+    The start frame's rows, which hold coordinates alone, wait until then.
+    """
+
+    def __init__(self, path: Path, coordinates: Sequence[str]):
+        super().__init__(path)
+        self._coordinates = coordinates
+        self._waiting: list[tuple[int, float, np.ndarray, dict[str, np.ndarray]]] = []
+        self._columns: list[str] = []
+
+    def add(
+        self, number: int, time: float, ids: np.ndarray, columns: dict[str, np.ndarray]
+    ) -> None:
+        """Add rows of objects, to be written with ``flush``; an object without a place has none.
+
+        Args:
+            number: of the frame.
+            time: at which it is shown, seconds.
+            ids: ``[Q]``.
+            columns: ``[Q]`` each, see ``Columns``.
+        """
+        self._waiting.append((number, time, ids, columns))
+
+    def flush(self) -> None:
+        """Write all rows of a frame, or none."""
+        if not self._columns:
+            filtered = [columns for *_, columns in self._waiting if "speed" in columns]
+            if not filtered:
+                return
+            self._columns = list(filtered[0])
+            self.write_rows([["frame", "time", "id", *self._columns]])
+        self.write_rows([row for each in self._waiting for row in self._rows(*each)])
+        self._waiting.clear()
+
+    def _rows(
+        self, number: int, time: float, ids: np.ndarray, columns: dict[str, np.ndarray]
+    ) -> Iterator[list[Any]]:
+        there = np.isfinite([columns[name] for name in self._coordinates]).all(axis=0)
+        for place in np.flatnonzero(there):
+            cells = [
+                _cell(name, columns[name][place]) if name in columns else ""
+                for name in self._columns
+            ]
+            yield [number, f"{time:.4f}", ids[place], *cells]
+
+
+def _cell(name: str, value: float) -> str:
+    if name == "lost":
+        return f"{int(value)}"
+    if np.isnan(value):
+        return ""
+    return f"{value:.6g}" if name in ("confidence", "x_mc_error", "y_mc_error") else f"{value:.3f}"

@@ -1,0 +1,294 @@
+"""The output folder of ``jaxpf track``: receives records, and keeps what was tracked."""
+
+import contextlib
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxpf import contract
+from jaxpf.cli.shared import console
+from jaxpf.cli.shared.config import write_config
+from jaxpf.cli.shared.stopping import announced_stop
+from jaxpf.cli.tracking.columns import Columns, TrackTable
+from jaxpf.cli.tracking.overlay import Overlay
+from jaxpf.cli.tracking.request import Request
+from jaxpf.contract.errors import InputError
+from jaxpf.detections.lifetimes import EMPTY
+from jaxpf.detections.records import Group, Record
+from jaxpf.files import states, writing
+from jaxpf.files.store import locked
+from jaxpf.files.writing import LineWriter
+from jaxpf.media.frame_source import FrameSource
+from jaxpf.targets.target import Start
+
+#: All files that a run may leave in its output folder.
+OUTPUTS = (
+    "tracks.csv",
+    "outlines.csv",
+    "overlay.mp4",
+    "diagnostics.csv",
+    "trajectories.png",
+    "metrics.csv",
+    "summary.json",
+    "run.toml",
+)
+#: Seconds between two saves of the state, from which a killed run goes on.
+_SAVE_EVERY = 60.0
+
+
+class Results:
+    """Writes the records of a run, and counts.
+
+    Attributes:
+        request, source, output, tracker, start, later: of the run.
+        resumed: number of frames that an earlier run has tracked.
+        names: names of a fixed set of objects, in the order of their first frames.
+        tracked: number of tracked frames.
+        last: number of the last frame.
+        invalid: number of likelihoods that were not a number.
+        impossible: number of frames in which no particle had any likelihood.
+        outside: name -> frames in which the object was outside the picture.
+        without_likelihood: name -> frames in which no particle of it had any likelihood.
+        changes: detected objects that started, ended or were refused, by kind.
+        ess: effective sample sizes of the tracked frames, rounded as in diagnostics.csv.
+        seconds: time of the first frame, which includes compilation, and of all others.
+        stopped: the exception that ended the run early, or None.
+    """
+
+    def __init__(
+        self,
+        request: Request,
+        source: FrameSource,
+        output: Path,
+        tracker: Any,
+        start: Start,
+        later: Mapping[int, Start],
+        state: Any,
+    ):
+        self.request, self.source, self.output = request, source, output
+        self.tracker, self.start, self.later = tracker, start, later
+        self.resumed = 0 if state is None else int(contract.time_of(state))
+        of_start = [name for each in (start, *later.values()) for name in each.ids.tolist()]
+        self.names: list[Any] = [] if request.detector else list(dict.fromkeys(of_start))
+        self.tracked = self.last = self.invalid = self.impossible = 0
+        self.outside: dict[str, list[int]] = {str(name): [] for name in self.names}
+        self.without_likelihood: dict[str, list[int]] = {str(name): [] for name in self.names}
+        self.changes: dict[str, list[dict]] = {"started": [], "ended": [], "refused": []}
+        self.ess: list[float] = []
+        self.seconds = 0.0, 0.0
+        self.stopped: KeyboardInterrupt | InputError | None = None
+        self.has_begun = False
+        self._columns = Columns(request.target, source.shown_at)
+        if state is not None:
+            self._columns.resume(request.run.start, tracker, start, state)
+        self._waiting: list[Record] = []
+        self._state: Any = None
+        self._saved, self._clock = time.monotonic(), time.perf_counter()
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether there are results to keep."""
+        return self.stopped is None or self.tracked > 0
+
+    @property
+    def expected(self) -> int | None:
+        """Number of frames to track according to the video and --frames; None if unknown."""
+        run, expected = self.request.run, self.source.num_frames or self.source.frames_expected
+        frames = [] if expected is None else [expected - run.start - 1]
+        frames += [] if run.frames is None else [run.frames]
+        return max(min(frames) - self.resumed, 0) if frames else None
+
+    def open(self, files: contextlib.ExitStack, progress: Any) -> None:
+        """Take what closes the files, and the progress bar."""
+        self._files, self._progress = files, progress
+        self._task = progress.add_task("compiling", total=self.expected)
+
+    def add(self, record: Record) -> None:
+        """Write a record; old results are replaced when the first frame has been tracked."""
+        self._waiting.append(record)
+        if not self.has_begun:
+            if not record.filtered:
+                return
+            self._begin()
+        for each in self._waiting:
+            self._write(each)
+        self._waiting.clear()
+        if not record.filtered:
+            return
+        if self.request.run.save_state and time.monotonic() - self._saved > _SAVE_EVERY:
+            self.save_state()
+        elapsed, self._clock = time.perf_counter() - self._clock, time.perf_counter()
+        if self.tracked == 1:
+            self.seconds = elapsed, 0.0
+            self._progress.reset(
+                self._task, total=self.expected, completed=1, description="tracking"
+            )
+        else:
+            self.seconds = self.seconds[0], self.seconds[1] + elapsed
+            self._progress.advance(self._task)
+
+    def save_state(self) -> None:
+        """Save the state for --resume."""
+        if self.request.run.save_state is not None and self.tracked:
+            states.save(self.request.run.save_state, self._state)
+            self._saved = time.monotonic()
+
+    def _begin(self) -> None:
+        """Open the files; the overlay may fail, so it is opened while old results are there."""
+        request, target = self.request, self.request.target
+        self._overlay = None
+        if request.run.overlay:
+            self._overlay = Overlay(self.output / "overlay.mp4", target, self.source)
+            self._files.enter_context(self._overlay.video)
+        remove_outputs(self.output)
+        self.has_begun = True
+        write_config(self.output / "run.toml", "track", request.table(self.source.path))
+        table = TrackTable(self.output / "tracks.csv", target.columns)
+        self._tracks = self._files.enter_context(table)
+        outlines = target.outline_file(self.output / "outlines.csv", self.start)
+        self._outlines = self._files.enter_context(outlines)
+        detector = request.detector
+        names = self.names
+        if detector is not None:
+            names = [f"slot_{number}" for number in range(1, detector.rules.capacity + 1)]
+        diagnostics = Diagnostics(self.output / "diagnostics.csv", names, detector is not None)
+        self._diagnostics = self._files.enter_context(diagnostics)
+
+    def _write(self, record: Record) -> None:
+        number, filtered = record.number, record.filtered
+        if self._outlines is not None:
+            self._outlines(number, record.shapes)
+        columns = [self._columns(number, group) for group in record.groups]
+        shown_at = self.source.shown_at(number)
+        for group, each in zip(record.groups, columns, strict=True):
+            self._tracks.add(number, shown_at, group.ids, each)
+        self._tracks.flush()
+        if filtered:
+            self.ess.append(self._diagnostics.write(record))
+        self._count(record)
+        if self._overlay is not None:
+            self._overlay.write(record, columns)
+
+    def _count(self, record: Record) -> None:
+        """Count a frame; ``last`` is its number, also where objects only start again."""
+        self.last, filtered = record.number, record.filtered
+        self._state = record.groups[0].state
+        self.tracked += bool(filtered)
+        self.invalid += int(sum(_reported(filtered, "num_invalid", 0)))
+        self.impossible += bool(filtered) and bool(
+            np.isneginf(sum(_reported(filtered, "log_evidence")))
+        )
+        for group in filtered:
+            for where, frames in (
+                (group.outside, self.outside),
+                (group.without_likelihood, self.without_likelihood),
+            ):
+                for name in group.ids[where]:
+                    frames.setdefault(str(name), []).append(record.number)
+        if (changes := record.changes) is None:
+            return
+        at = {"frame": record.number}
+        for new in changes.started:
+            self.changes["started"].append({"id": new.id, **at, "box": new.box.tolist()})
+        for gone in changes.ended:
+            self.changes["ended"].append({"id": gone.id, **at, "reason": gone.reason})
+        for refusal in changes.refused:
+            name = None if refusal.id == EMPTY else refusal.id
+            box = refusal.box.tolist()
+            self.changes["refused"].append({"id": name, **at, "box": box, "reason": refusal.reason})
+
+
+@contextlib.contextmanager
+def writing_results(results: Results) -> Iterator[Results]:
+    """Lock the folder and open its files; keep what was tracked, whatever ends the run.
+
+    Ctrl-C and errors of input are kept as ``results.stopped`` and not raised.
+    """
+    output, existed = results.output, results.output.is_dir()
+    writing.prepare_output_folder(output, results.request.run.overwrite)
+    with locked(output, "tracking", keep=False):
+        try:
+            with (
+                announced_stop("Finishing: what was tracked is being written."),
+                contextlib.ExitStack() as files,
+                console.progress_bar("frames") as progress,
+            ):
+                results.open(files, progress)
+                try:
+                    yield results
+                finally:
+                    results.save_state()
+                if results.tracked == 0:
+                    start = results.request.run.start + results.resumed
+                    raise nothing_follows(results.source, start)
+                progress.update(progress.task_ids[0], total=results.tracked)
+        except (KeyboardInterrupt, InputError) as error:
+            results.stopped = error
+        if results.has_begun and not results.is_kept:
+            remove_outputs(output)
+    if not results.is_kept and not existed:
+        with contextlib.suppress(OSError):
+            output.rmdir()
+
+
+class Diagnostics(LineWriter):
+    """Writes diagnostics.csv: effective sample size, log evidence, share of distinct particles, and
+    confidence, by object or by slot.
+    """
+
+    def __init__(self, path: Path, names: list[Any], by_slot: bool):
+        super().__init__(path)
+        self._names, self._by_slot, self._is_new = names, by_slot, True
+
+    def write(self, record: Record) -> float:
+        """Write a row; a user-defined tracker may report less than the built-in ones."""
+        groups = record.filtered
+        columns = {"distinct_share": self._row(groups, "distinct_share")}
+        if any(group.confidence is not None for group in groups):
+            columns["confidence"] = self._row(groups, "confidence")
+        if self._is_new:
+            names = [f"{column}_{name}" for column in columns for name in self._names]
+            self.write_rows([["frame", "ess", "log_evidence", *names]])
+            self._is_new = False
+        scalars = [min(_reported(groups, "ess")), sum(_reported(groups, "log_evidence"))]
+        values = [*scalars, *np.concatenate([*columns.values()])]
+        cells = [f"{value:.6g}" for value in values]
+        self.write_rows([[record.number, *cells]])
+        return float(cells[0])
+
+    def _row(self, groups: list[Group], name: str) -> np.ndarray:
+        """A column of the summaries; NaN where a group does not report it."""
+        row = np.full(len(self._names), np.nan)
+        for group in groups:
+            if (values := getattr(group.summary, name, None)) is None:
+                continue
+            values = np.array(values, float)
+            if name == "confidence":
+                values[group.slots] = group.confidence
+            if self._by_slot:
+                return values
+            row[[self._names.index(each) for each in group.ids.tolist()]] = values[group.slots]
+        return row
+
+
+def _reported(groups: list[Group], name: str, otherwise: float = np.nan) -> list[float]:
+    """A number of each summary."""
+    return [float(getattr(group.summary, name, otherwise)) for group in groups]
+
+
+def remove_outputs(output: Path) -> None:
+    """Remove the files of an earlier run and no others."""
+    for path in (output / name for name in OUTPUTS):
+        with writing.report_os_errors("replace", path):
+            path.unlink(missing_ok=True)
+
+
+def nothing_follows(source: FrameSource, start: int) -> InputError:
+    """The error for a video that ends with its start frame."""
+    return InputError(
+        f"no frame of '{source.path}' follows the start frame {start}, so there is nothing to "
+        "track; give a longer video, or an earlier --start."
+    )

@@ -1,0 +1,170 @@
+"""``jaxpf track``: open, build, follow, write, report; ``request_of`` parses and checks."""
+
+import contextlib
+import functools
+import itertools
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import jax
+import numpy as np
+
+from jaxpf import contract, filters
+from jaxpf.cli.shared.console import say
+from jaxpf.cli.shared.startup import use_compile_cache
+from jaxpf.cli.tracking.detector import check_detector
+from jaxpf.cli.tracking.report import report
+from jaxpf.cli.tracking.request import Request, check_together
+from jaxpf.cli.tracking.results import OUTPUTS, Results, nothing_follows, writing_results
+from jaxpf.cli.tracking.user_tracker import tracker_of_start
+from jaxpf.contract.errors import InputError
+from jaxpf.detections import follow, open_model
+from jaxpf.files import states
+from jaxpf.filters import SideBySide
+from jaxpf.media.frame_source import FrameSource
+from jaxpf.media.video import open_frames
+from jaxpf.sequences.layouts import read_truth
+from jaxpf.sequences.tables import BoxTable
+from jaxpf.targets.building import build, looks_of
+from jaxpf.targets.target import Start
+
+if TYPE_CHECKING:
+    from jaxpf.contract.types import TrackerLike
+
+
+def track(request: Request) -> None:
+    """Track, and write each frame into the output folder at once.
+
+    After an interruption or an error the tracked frames are kept and reported; a run without any
+    tracked frame leaves no files.
+    """
+    run, source, detector = request.run, open_video(request), request.detector
+    with contextlib.closing(source.frames(run.start)) as frames:
+        picture = next(frames)
+        start, later = read_starts(request, source)
+        truth = _read_truth(request, [start, *later.values()])
+        output = _output_folder(request, source)
+        if (second := next(frames, None)) is None:  # fails before compilation
+            raise nothing_follows(source, run.start)
+        use_compile_cache()
+        make = functools.partial(tracker_of, request, source)
+        tracker = make(picture, start)
+        state = _state_before(request, tracker)
+        results = Results(request, source, output, tracker, start, later, state)
+        with writing_results(results), warnings.catch_warnings():
+            # At the end, the report says how many there were.
+            warnings.filterwarnings("ignore", "the log-likelihood of frame", UserWarning)
+            for record in follow(
+                tracker,
+                jax.random.key(run.seed),
+                itertools.islice(itertools.chain([picture, second], frames), _shown(run.frames)),
+                start,
+                target=request.target,
+                later=later,
+                make=make,
+                detections=detector and detector.by_frame,
+                rules=detector and detector.rules,
+                state=state,
+                first=run.start,
+            ):
+                results.add(record)
+    report(results, truth)
+
+
+def _shown(frames: int | None) -> int | None:
+    """Number of frames to read for --frames: the start frame comes before them."""
+    return None if frames is None else frames + 1
+
+
+def open_video(request: Request) -> FrameSource:
+    """Open the video, and refuse options that do not go with a live one."""
+    source = open_frames(request.video, request.run.fps, request.run.range)
+    check_together(request, source.path, live=source.is_live)
+    return source
+
+
+def read_starts(request: Request, source: FrameSource) -> tuple[Start, dict[int, Start]]:
+    """Objects of the start frame, and frame -> those that start, or start again, later."""
+    run, target, detector = request.run, request.target, request.detector
+    start = target.read_start(request.starts, run.start, source)
+    later, note = target.later_starts(request.starts, run.start, source)
+    remarks = [*start.remarks, *([note] if note else [])]
+    if run.frames is not None:
+        end = run.start + run.frames
+        if beyond := [at for at in later if at > end]:
+            remarks.append(f"what the start file names in frame {beyond[0]} comes after --frames")
+        later = {at: each for at, each in later.items() if at <= end}
+    check_together(request, later=later)
+    for remark in remarks:
+        say(f"Note: {remark}", err=True)
+    if detector is None:
+        return start, later
+    check_detector(detector, start, run.start, source)
+    named, of_detector = detector.starts(start, run.start)
+    return named, later | of_detector
+
+
+def tracker_of(
+    request: Request, source: FrameSource, frame: np.ndarray, start: Start
+) -> "TrackerLike":
+    """Build the tracker of objects that start at a frame, uint8 RGB ``[H, W, 3]``."""
+    run, of_filter, detector = request.run, request.filter_options, request.detector
+    if run.tracker:
+        return tracker_of_start(run.tracker, source.name, frame, start.shapes, source.fps)
+    count = of_filter["num_particles"]
+    if detector is not None:
+        size, capacity = detector.typical_size, detector.rules.capacity
+        model = open_model(request.model, frame.shape[:2], capacity, size, count)
+        return filters.build(model, **of_filter)
+    values = {**request.model, **of_filter}
+    tracker = build(request.target, values, start, looks_of(frame, count))
+    return tracker if run.runs is None else SideBySide(tracker, run.runs)
+
+
+def _state_before(request: Request, tracker: "TrackerLike") -> Any:
+    """The state of --resume, or None."""
+    path, frames = request.run.resume, request.run.frames
+    if path is None:
+        return None
+    state = states.load(path, tracker)
+    time = int(contract.time_of(state))
+    if frames is not None and frames <= time:
+        raise InputError(
+            f"--resume {path} has tracked {time} frames already, and --frames {frames} includes "
+            "them; give a larger number."
+        )
+    return state
+
+
+def _read_truth(request: Request, starts: Sequence[Start]) -> BoxTable | None:
+    """Read the boxes of --truth, which must cover some object and frame of this run."""
+    if request.run.truth is None:
+        return None
+    first, count = request.run.start, request.run.frames
+    truth = read_truth(request.run.truth)
+    names = dict.fromkeys(name for start in starts for name in start.ids.tolist())
+    ids = list(names) if request.detector is None else np.unique(truth.id)
+    last = np.inf if count is None else first + count
+    if not (np.isin(truth.id, ids) & (truth.frame > first) & (truth.frame <= last)).any():
+        until = "on" if count is None else f"to {last}"
+        raise InputError(
+            f"--truth {truth.source} has no box of object {', '.join(map(str, ids))}, which this "
+            f"run tracks, in the frames from {first + 1} {until} (counting from 0); give another "
+            "start or the truth of these objects, or leave it out."
+        )
+    return truth
+
+
+def _output_folder(request: Request, source: FrameSource) -> Path:
+    """The folder for the results, which neither holds the frames nor is the video's own."""
+    output = request.run.output or Path(f"jaxpf-{source.name}")
+    if isinstance(source.path, Path):
+        folder, video = output.resolve(), source.path.resolve()
+        if folder == video or (folder == video.parent and video.name in OUTPUTS):
+            raise InputError(
+                f"output folder '{output}' would mix the results with the video '{video}' itself; "
+                "choose another --output."
+            )
+    return output

@@ -1,0 +1,260 @@
+"""Boxes that come and go, tracked by one labelled filter with a fixed number of slots.
+
+See ``jaxpf.filters.labelled.population`` for the filter and ``jaxpf.detections.lifetimes`` for the
+rules.  The appearance of an object is learned from its box in its first frame.
+"""
+
+import dataclasses
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf import filters
+from jaxpf.boxes.models import box_model, boxes_at
+from jaxpf.boxes.target import BOXES
+from jaxpf.contract.errors import Argument, InputError
+from jaxpf.contract.model import Model
+from jaxpf.contract.options import OPEN, complete
+from jaxpf.detections import lifetimes
+from jaxpf.detections.lifetimes import EMPTY, Changes, Living, Refusal, Rules
+from jaxpf.detections.records import Group
+from jaxpf.filters.labelled.population import add_target, remove_target
+from jaxpf.filters.labelled.refusals import check_started
+from jaxpf.filters.labelled.tracker import Labelled
+from jaxpf.likelihoods.detected import Detected
+from jaxpf.likelihoods.open_histogram import open_histogram, with_object
+from jaxpf.measures import association
+from jaxpf.running import streaming
+from jaxpf.running.runs import init_compiled
+from jaxpf.targets.building import check_names
+from jaxpf.targets.target import Start
+
+
+def open_model(
+    values: Mapping[str, Any],
+    frame_shape: Sequence[int],
+    capacity: int,
+    typical_size: tuple[float, float],
+    num_particles: int | None = None,
+) -> Model:
+    """Build a model with empty slots for boxes that move by pixels and are known by colour.
+
+    Args:
+        values: of the options of ``jaxpf.boxes.tracker``, all.
+        frame_shape: of a frame, (height, width, ...).
+        capacity: C, number of slots.
+        typical_size: see ``open_histogram``.
+        num_particles: chooses the method of the histograms if ``values`` leave it open.
+
+    Raises:
+        InputError: options that require a start frame, which a tracker without objects lacks.
+    """
+    if values["appearance"] not in (OPEN, "colour") or values["motion"] == "relative":
+        raise InputError(
+            "objects that come and go are known by colour and move by pixels, because there is "
+            "no start frame to learn from; leave out ",
+            Argument("appearance"),
+            " and ",
+            Argument("motion"),
+            ".",
+        )
+    values = BOXES.settle({**values, "appearance": "colour"}, {})
+    height, width = frame_shape[:2]
+    histograms = open_histogram(
+        capacity,
+        (height, width),
+        typical_size=typical_size,
+        sharpness=values["sharpness"],
+        bands=values["bands"],
+        method=values["likelihood"],
+        num_particles=num_particles,
+    )
+    model = box_model(histograms, np.full((capacity, 4), np.nan), values["noise_pixels"])
+    return model._replace(initial=np.full((capacity, 3), np.nan, np.float32))
+
+
+def open_box_tracker(
+    frame_shape: Sequence[int],
+    *,
+    capacity: int = 16,
+    num_particles: int = 1600,
+    typical_size: tuple[float, float] = (32.0, 64.0),
+    **settings: Any,
+) -> Labelled:
+    """Build a labelled tracker with ``capacity`` empty slots; ``follow`` fills them.
+
+    Args:
+        frame_shape, capacity, typical_size: as in ``open_model``.
+        num_particles: N, shared by all tracked objects.
+        settings: options of boxes and of the labelled filter, such as ``noise_pixels`` and
+            ``weights``.
+    """
+    settings["num_particles"] = num_particles
+    check_names(settings, BOXES, filters.filter_of("labelled"))
+    values = complete(BOXES.tracker, settings)
+    model = open_model(values, frame_shape, capacity, typical_size, num_particles)
+    of_filter = complete(filters.filter_of("labelled").options, settings)
+    return filters.build(model, **of_filter)
+
+
+def come_and_go(
+    tracker: Any,
+    key: jax.Array,
+    frames: Iterable[np.ndarray],
+    named: Mapping[int, Start],
+    detections: Sequence[np.ndarray | None] | None,
+    rules: Rules,
+    first: int,
+) -> Iterator[Group]:
+    """The objects of each frame; arguments as for ``follow``, ``named`` starts by frame."""
+    ids = [int(name) for start in named.values() for name in start.ids]
+    living = lifetimes.start_empty(tracker.num_targets, max(ids, default=0))
+    state: Any = init_compiled(tracker, key)
+    summary: Any = None
+    boxes = np.full((tracker.num_targets, 4), np.nan)
+    without = np.zeros(tracker.num_targets, bool)
+    if detections is not None and rules.detection_noise > 0:
+        nothing = np.full(tracker.initial.shape, np.nan, np.float32)
+        tracker = dataclasses.replace(
+            tracker, likelihood=Detected(tracker.likelihood, nothing, nothing)
+        )
+    for number, frame in enumerate(frames, first):
+        detected = None if detections is None else detections[number]
+        if number > first:
+            tracker = _with_detections(tracker, boxes, detected, rules)
+            state, summary = streaming.step(tracker, key, number - first - 1, state, frame)
+            summary = jax.tree.map(np.asarray, summary)
+            boxes, without = _boxes(tracker, summary.estimate), summary.without_likelihood
+        if number == first + 1:
+            named_first = np.isin(living.ids, named[first].ids if first in named else [])
+            seen = dataclasses.replace(summary, without_likelihood=without & named_first)
+            check_started(seen, living.ids)
+        asked = named.get(number)
+        starting = [] if asked is None else list(zip(asked.ids.tolist(), asked.shapes, strict=True))
+        living, changes = lifetimes.advance(
+            living, boxes, without, detected, starting, frame.shape, rules
+        )
+        tracker, state, living, changes = _changed(tracker, state, living, changes, frame, ids)
+        if number == first:
+            _check_named(changes)
+        alive = living.ids != EMPTY
+        boxes, without = np.where(alive[:, None], boxes, np.nan), without & alive
+        for new in changes.started:
+            boxes[new.slot], without[new.slot] = new.box, False
+        yield _group(first, tracker, living.ids, boxes, without, changes, summary, state, frame)
+
+
+def _group(
+    since: int,
+    tracker: Labelled,
+    ids: np.ndarray,
+    boxes: np.ndarray,
+    without_likelihood: np.ndarray,
+    changes: Changes,
+    summary: Any,
+    state: Any,
+    frame: np.ndarray,
+) -> Group:
+    """The objects in the slots of a tracker, with the sizes at which a scale of 1 gives them."""
+    slots, scales, confidence = np.flatnonzero(ids != EMPTY), np.ones(len(ids)), None
+    if summary is not None:
+        # An object that starts in this frame has no estimate yet, and a scale of 1.
+        scales = np.maximum(np.nan_to_num(summary.estimate[:, 2], nan=1.0), 1e-9)
+        confidence = getattr(summary, "confidence", None)
+    if confidence is not None:
+        confidence = np.array(confidence)
+        confidence[[new.slot for new in changes.started]] = np.nan
+        confidence = confidence[slots]
+    nobody = np.zeros(len(slots), bool)
+    return Group(
+        since=since,
+        tracker=tracker,
+        start=Start(ids, boxes, boxes[:, 2:] / scales[:, None], (-1,) * len(ids)),
+        shapes=boxes,
+        slots=slots,
+        outside=nobody,
+        without_likelihood=without_likelihood[slots],
+        lost=nobody,
+        confidence=confidence,
+        summary=summary,
+        state=None if summary is None else state,
+        changes=changes,
+    ).judged(BOXES, frame)
+
+
+def _changed(
+    tracker: Labelled,
+    state: Any,
+    living: Living,
+    changes: Changes,
+    frame: np.ndarray,
+    named: Sequence[int],
+) -> tuple[Labelled, Any, Living, Changes]:
+    """Apply starts and ends to tracker and state; return them and the objects that did start.
+
+    A detected object that cannot start (not in ``named``) may start later, at a better detection.
+    """
+    ids, started, refused = living.ids.copy(), [], list(changes.refused)
+    for gone in changes.ended:
+        state = remove_target(state, jnp.int32(gone.slot))
+    for new in changes.started:
+        slot = jnp.int32(new.slot)
+        try:
+            likelihood: Any = with_object(_of_pictures(tracker), slot, frame, new.box)
+        except InputError as error:  # too small, or too far outside the frame
+            ids[new.slot] = EMPTY
+            identity = new.id if new.id in named else EMPTY
+            refused.append(Refusal(identity, new.box, str(error)))
+            continue
+        if isinstance(tracker.likelihood, Detected):
+            likelihood = dataclasses.replace(tracker.likelihood, likelihood=likelihood)
+        tracker = dataclasses.replace(tracker, likelihood=likelihood)
+        centre = new.box[:2] + new.box[2:] / 2
+        state = add_target(state, slot, jnp.asarray([*centre, 1.0]))
+        started.append(new)
+    return tracker, state, living._replace(ids=ids), Changes(started, changes.ended, refused)
+
+
+def _with_detections(
+    tracker: Labelled, boxes: np.ndarray, detections: np.ndarray | None, rules: Rules
+) -> Labelled:
+    """Pass to the tracker the detections that match its objects' boxes in the previous frame."""
+    if not isinstance(tracker.likelihood, Detected):
+        return tracker
+    if detections is None:
+        detections = np.zeros((0, 4))
+    mine = association.assigned(boxes, detections, rules.detection_iou)
+    own = np.append(detections, np.full((1, 4), np.nan), axis=0)[mine]  # -1 is the last
+    sizes = np.asarray(_of_pictures(tracker).sizes)
+    size = np.sqrt(np.prod(own[:, 2:] / sizes, axis=1, keepdims=True))
+    places = np.hstack([own[:, :2] + own[:, 2:] / 2, size])
+    scale = rules.detection_noise * np.hstack([own[:, 2:], size])
+    likelihood = dataclasses.replace(
+        tracker.likelihood, places=places.astype(np.float32), scale=scale.astype(np.float32)
+    )
+    return dataclasses.replace(tracker, likelihood=likelihood)
+
+
+def _of_pictures(tracker: Labelled) -> Any:
+    """The likelihood of the picture, without the detection term."""
+    likelihood = tracker.likelihood
+    return likelihood.likelihood if isinstance(likelihood, Detected) else likelihood
+
+
+def _boxes(tracker: Labelled, estimate: np.ndarray) -> np.ndarray:
+    """Boxes ``[C, 4]`` of estimates (u, v, a), which are relative to the start boxes."""
+    return boxes_at(estimate, _of_pictures(tracker).sizes).astype(float)
+
+
+def _check_named(changes: Changes) -> None:
+    """Refuse to begin if a named object cannot start; detected ones may start later."""
+    for refusal in changes.refused:
+        if refusal.id != EMPTY:
+            x, y, w, h = refusal.box
+            raise InputError(
+                f"object {refusal.id} at {x:g},{y:g},{w:g},{h:g} cannot start in the first frame: "
+                f"{refusal.reason}"
+            )

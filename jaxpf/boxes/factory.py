@@ -25,7 +25,7 @@ from jaxpf.contract.errors import InputError, check_tracker
 from jaxpf.contract.numbers import MOST, check_array, numbers_in, plain
 from jaxpf.contract.options import OPEN, Option
 from jaxpf.contract.types import LikelihoodLike
-from jaxpf.filters.filter import FilterOptions
+from jaxpf.filters.options import FilterOptions
 from jaxpf.ordering import Ordering
 from jaxpf.targets.building import factory, looks_of
 from jaxpf.targets.target import Looks, Start

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
+from jaxpf import filters
 from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.console import print_table, say
 from jaxpf.cli.shared.flags import declared_flags, picked
@@ -15,7 +16,6 @@ from jaxpf.cli.shared.plain import PlainCommand
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.contract.options import options_of
 from jaxpf.files.writing import prepare_output_folder
-from jaxpf.filters.partitioned.options import Options
 from jaxpf.running.memory import check_memory, needed_by
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 #: Method shown in the video.
 _SHOWN = "DPS"
 _COLUMNS = ("", "recovery, object 1", "success, objects 2-7", "precision", "recall", "distinct")
-_PARTICLES = {"num_particles": options_of(Options)["num_particles"]}
+_PARTICLES = {"num_particles": options_of(filters.filter_of("dps").build)["num_particles"]}
 
 
 @click.command("demo", cls=PlainCommand, params=declared_flags(_PARTICLES, "Options"))
@@ -43,7 +43,9 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, num_particles: 
     does each method find object 1 again?  The video shows a run of DPS, the default of `jaxpf
     track`.  All methods start from the same boxes with the same seeds; intervals are at 95%.
     """
-    count = picked(Options, {"num_particles": num_particles})["num_particles"]
+    count = picked(filters.filter_of("dps").build, {"num_particles": num_particles})[
+        "num_particles"
+    ]
     start_jax()
     import jax
 

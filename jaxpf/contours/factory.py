@@ -17,7 +17,7 @@ from jaxpf.contract.numbers import check_array, plain
 from jaxpf.contract.optional import optional
 from jaxpf.contract.options import Option
 from jaxpf.contract.types import LikelihoodLike, TrackerLike
-from jaxpf.filters.filter import FilterOptions
+from jaxpf.filters.options import FilterOptions
 from jaxpf.ordering import Ordering
 from jaxpf.shapes.splines import basis, even_places, points_on
 from jaxpf.targets.building import factory, looks_of

@@ -156,7 +156,7 @@ def _type(hint: Any) -> dict[str, Any]:
     if typing.get_origin(hint) is tuple:
         length = -1 if arguments[-1] is Ellipsis else len(arguments)
         return {**_type(arguments[0]), "length": length}
-    return {"kind": hint} if isinstance(hint, type) else {}
+    return {"kind": hint} if isinstance(hint, type) and hint is not Any else {}
 
 
 def options_of(*owners: Callable[..., Any]) -> dict[str, Option]:
@@ -205,19 +205,22 @@ def check_options(owner: Any) -> None:
         object.__setattr__(owner, name, option.checked(getattr(owner, name)))
 
 
-def check_declared(owner: Any, options: type, *names: str, **renamed: str) -> None:
-    """Refuse fields of a tracker that are outside the ranges of their options."""
-    declared, defaults = options_of(options), type(owner).__dataclass_fields__
-    for field, name in (dict(zip(names, names, strict=True)) | renamed).items():
-        value, about = getattr(owner, field), declared[name]
-        if value is None and defaults[field].default is None:
+def check_fields(owner: Any) -> None:
+    """Refuse annotated fields of a tracker outside their ranges; traced values pass.
+
+    Raises:
+        InputError: names the field and its range.
+    """
+    for name, about in options_of(type(owner)).items():
+        value = getattr(owner, name)
+        if value is None and about.default is None:
             continue
         if about.choices:
-            check_known(f"{field}=", value, about.choices)
+            check_known(f"{name}=", value, about.choices)
         elif about.kind is int:
-            check_whole(field, value, int(about.least), int(about.most))
+            check_whole(name, value, int(about.least), int(about.most))
         else:
-            check_number(field, value, above=about.above, least=about.least, most=about.most)
+            check_number(name, value, above=about.above, least=about.least, most=about.most)
 
 
 def implied(owner: Callable[..., Any], given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:

@@ -96,7 +96,7 @@ def open_box_tracker(
     check_names(settings, BOXES, filters.filter_of("labelled"))
     values = complete(BOXES.tracker, settings)
     model = open_model(values, frame_shape, capacity, typical_size, num_particles)
-    of_filter = complete(filters.filter_of("labelled").options, settings)
+    of_filter = complete(filters.filter_of("labelled").build, settings)
     return filters.build(model, **of_filter)
 
 

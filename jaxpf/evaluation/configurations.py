@@ -32,7 +32,7 @@ def complete(plan: Plan, name: str, parents: Sequence[int] | None = None) -> Pla
     # Where defaults differ between filters, each filter uses its own.
     owners: list[Callable[..., Any]] = [
         target.tracker,
-        *(filter_.options for filter_ in plan.filters()),
+        *(filter_.build for filter_ in plan.filters()),
     ]
     declared = [options_of(owner) for owner in owners]
     defaults = {
@@ -83,10 +83,10 @@ def configurations(
     for point in _points(plan, target):
         for method in plan.methods or ():
             filter_ = filters.filter_of(method)
-            declared = options_of(target.tracker, filter_.options)
+            declared = options_of(target.tracker, filter_.build)
             applies = applicable(filter_, method)
             own = {n: v for n, v in point.items() if n in declared and applies.get(n, True)}
-            of_filter = defaults_of(filter_.options)
+            of_filter = defaults_of(filter_.build)
             rest = of_filter.keys() - {*filter_.varied, *own}
             own |= {name: value for name, value in of_filter.items() if name in rest}
             model = {n: own.get(n, d) for n, d in defaults_of(target.tracker).items()}
@@ -97,7 +97,7 @@ def configurations(
                 settled[key] = settle(target, model, particles)
             parameters = own | {name: settled[key][name] for name in own if name in model}
             for variant in filter_.variants(method, start.parents, asked):
-                filter_.check(of_filter | parameters | variant.values, start.parents)
+                filter_.check_model(of_filter | parameters | variant.values, start.parents)
                 configuration = Configuration(
                     method.upper(), variant.label, parameters, variant.values
                 )

@@ -17,7 +17,7 @@ from jaxpf.contract.errors import Argument, InputError, check_type
 from jaxpf.contract.names import GIVEN, ORDERS, SWAPS
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.options import Option, applying, check_distinct, defaults_of, options_of
-from jaxpf.filters.filter import Filter
+from jaxpf.filters.registry import Filter
 from jaxpf.targets import DEFAULT, all_targets, find_target
 from jaxpf.targets.target import Target
 
@@ -87,7 +87,7 @@ class Plan:
             if self.methods or not (self.tracks or self.trackers):
                 self._keep("methods", self.methods)
         self._keep("orders", [_order(value) for value in self.orders])
-        swap = options_of(*(each.options for each in filters.all_filters().values()))["swap"]
+        swap = options_of(*(each.build for each in filters.all_filters().values()))["swap"]
         swaps = dataclasses.replace(swap, name="swaps")
         self._keep("swaps", [swaps.checked(value) for value in self.swaps])
         for name, option in (("orders", "order"), ("swaps", "swap")):
@@ -134,7 +134,7 @@ class Plan:
         """Options allowed in the grid: those of a target and of the methods' filters."""
         options = options_of(target.tracker)
         for filter_ in self.filters():
-            own = options_of(filter_.options)
+            own = options_of(filter_.build)
             asked = [m for m in filter_.methods if self.methods is None or m in self.methods]
             applying = {n for m in asked for n, has in applicable(filter_, m).items() if has}
             options |= {n: own[n] for n in own if n in applying - {*filter_.varied, *options}}
@@ -167,7 +167,7 @@ class Plan:
                 f"{name} is not an option{whose}, but of {' and '.join(having)}; leave it out."
             )
         for filter_ in filters.all_filters().values():
-            if name in options_of(filter_.options) and name not in filter_.varied:
+            if name in options_of(filter_.build) and name not in filter_.varied:
                 having = [m for m in filter_.methods if applicable(filter_, m)[name]]
                 return InputError(
                     f"{name} is an option of {', '.join(having)}, and not of "
@@ -199,8 +199,8 @@ def _methods_with(option: str) -> set[str]:
 
 def applicable(filter_: Filter, method: str) -> dict[str, bool]:
     """Option name -> whether the option applies to one of the filter's methods."""
-    values = defaults_of(filter_.options) | {"method": method}
-    return {name: name in applying(filter_.options, values) for name in values}
+    values = defaults_of(filter_.build) | {"method": method}
+    return {name: name in applying(filter_.build, values) for name in values}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -177,7 +177,7 @@ def shape_of(configuration: Configuration, target: Target) -> tuple[Hashable, ..
     if configuration.kind != BUILT_IN:
         return (configuration.method,)
     filter_ = filters.filter_of(configuration.variant["method"])
-    options = options_of(target.tracker, filter_.options)
+    options = options_of(target.tracker, filter_.build)
     names = [
         name for name, option in options.items() if option.compiles and name not in filter_.varied
     ]

@@ -6,10 +6,13 @@ from .labelled.population import (
 )
 from .labelled.state import LabelledState as LabelledState, LabelledSummary as LabelledSummary
 from .registry import (
+    Filter as Filter,
+    Variant as Variant,
     all_filters as all_filters,
     build as build,
     filter_of as filter_of,
     methods as methods,
+    register as register,
 )
 from .uncertainty.error_bars import ErrorBars as ErrorBars, WithErrorBars as WithErrorBars
 from .uncertainty.quantiles import quantiles as quantiles

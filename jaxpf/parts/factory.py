@@ -19,7 +19,7 @@ from jaxpf.contract.model import check_tree
 from jaxpf.contract.numbers import MOST, check_array, numbers_in
 from jaxpf.contract.options import Option
 from jaxpf.contract.types import LikelihoodLike, TrackerLike
-from jaxpf.filters.filter import FilterOptions
+from jaxpf.filters.options import FilterOptions
 from jaxpf.ordering import Ordering
 from jaxpf.parts.data import Parts
 from jaxpf.targets.building import factory, looks_of

@@ -15,7 +15,7 @@ from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import check_array, numbers_in
 from jaxpf.contract.options import Option
 from jaxpf.contract.types import LikelihoodLike, TrackerLike
-from jaxpf.filters.filter import FilterOptions
+from jaxpf.filters.options import FilterOptions
 from jaxpf.ordering import Ordering
 from jaxpf.targets.building import factory, looks_of
 from jaxpf.targets.target import Looks, Start

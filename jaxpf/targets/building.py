@@ -17,7 +17,7 @@ from jaxpf._resembling import resembling
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array
 from jaxpf.contract.options import complete, defaults_of, options_of
-from jaxpf.filters.filter import Filter
+from jaxpf.filters.registry import Filter
 from jaxpf.targets.presets import PRESETS
 from jaxpf.targets.registry import find_target
 from jaxpf.targets.target import Looks, Start, Target
@@ -52,7 +52,7 @@ def check_names(given: Iterable[str], target: Target, filter_: Filter) -> None:
     Raises:
         InputError: suggests the names that resemble it.
     """
-    names = [*options_of(target.tracker, filter_.options)]
+    names = [*options_of(target.tracker, filter_.build)]
     for name in given:
         if name not in names:
             near = resembling(name, names, most=3, cutoff=0.5)
@@ -79,7 +79,7 @@ def build(target: Target, values: dict[str, Any], start: Start, looks: Looks) ->
         InputError: options conflict, or an object cannot be seen.
     """
     filter_ = filter_for(target, values.get("method"))
-    filter_.check(defaults_of(filter_.options) | values, start.parents)
+    filter_.check_model(defaults_of(filter_.build) | values, start.parents)
     settled = target.settle(defaults_of(target.tracker) | values, looks.settings)
     return inspect.unwrap(target.tracker)(looks, start, **settled)
 
@@ -173,8 +173,8 @@ def _made(
     values = {name: _plain(value) for name, value in values.items()}
     filter_ = filter_for(target, values.get("method"))
     check_names(values, target, filter_)
-    of_filter = complete(filter_.options, values, defaults_for(target, filter_))
-    filter_.check(of_filter, start.parents)
+    of_filter = complete(filter_.build, values, defaults_for(target, filter_))
+    filter_.check_model(of_filter, start.parents)
     settings = frame.settings if isinstance(frame, Looks) else {}
     of_target = target.settle(complete(target.tracker, values), settings)
     return function(frame, start, **of_filter | of_target | objects)
@@ -196,9 +196,10 @@ def _with_preset(
         options.pop("method", None)
     elif published.ordering is not None and "method" not in values:
         values["ordering"] = published.ordering
-    declared = options_of(target.tracker, filter_for(target, options.get("method")).options)
-    options = {name: value for name, value in options.items() if declared[name].applies(values)}
-    return options | values, published.start
+    filter_ = filter_for(target, values.get("method", options.get("method")))
+    declared = options_of(target.tracker, filter_.build)
+    fits = {n for n in options if n in declared and declared[n].applies(values)}
+    return {name: options[name] for name in fits} | values, published.start
 
 
 def _plain(value: Any) -> Any:

@@ -43,7 +43,7 @@ class Recipe:
         values = {**of.defaults, **self.values}
         filter_ = building.filter_for(of, values.get("method"))
         building.check_names(self.values, of, filter_)
-        owners = (filter_.options, of.tracker)
+        owners = (filter_.build, of.tracker)
         values = {n: v for owner in owners for n, v in checked(owner, values).items()}
         object.__setattr__(self, "values", values)
 

@@ -45,7 +45,7 @@ def every_refusal(tmp_path):
             yield track, option
             yield evaluate, option
     for family in filters.all_filters().values():
-        for option in options_of(family.options).values():
+        for option in options_of(family.build).values():
             if option.name == "method":
                 yield ("track", "nowhere.mp4"), option
                 continue

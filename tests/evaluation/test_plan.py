@@ -14,7 +14,8 @@ from jaxpf.evaluation import Limits, Plan
 from jaxpf.evaluation.configurations import complete, configurations
 from jaxpf.evaluation.fingerprint import describe_plan
 from jaxpf.files.store import differences
-from jaxpf.filters.partitioned.family import PARTITIONED, order_label
+from jaxpf.filters import filter_of
+from jaxpf.filters.registry import order_label
 from jaxpf.targets import Start
 
 
@@ -63,7 +64,7 @@ def test_configurations_are_methods_times_orderings_times_grid():
     assert len(configurations) == 7 * 2 * 2
     assert configurations[2].variant == {"method": "ps", "order": (1, 2, 0)}
     assert len({(c.label, *c.parameters.values()) for c in configurations}) == 28
-    defaults = options_of(BOXES.tracker, PARTITIONED.options)
+    defaults = options_of(BOXES.tracker, filter_of("dps").build)
     parameters = configurations[0].parameters
     assert set(parameters) == defaults.keys() - {"method", "order", "swap"}
     chosen = {"sharpness": 20.0, "num_particles": 100, "likelihood": "integral"}

@@ -193,7 +193,7 @@ def parse(values: Mapping[str, Any]) -> Request:
         baseline=tuple(dict.fromkeys(available() if _ALL in named else named)),
     )
     owners: list[Any] = [target.tracker for target in all_targets().values()]
-    declared = options_of(*owners, *(each.options for each in filters.all_filters().values()))
+    declared = options_of(*owners, *(each.build for each in filters.all_filters().values()))
     given = given_in(values)
     grid = {name: given[name] for name in declared if name in given and name not in VARIED}
     scene = resolved_scene(values["scene"])

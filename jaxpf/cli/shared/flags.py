@@ -23,7 +23,7 @@ from jaxpf.contract.options import OPEN, Option, applying, complete, options_of
 from jaxpf.targets import all_targets
 
 if TYPE_CHECKING:
-    from jaxpf.filters.filter import Filter
+    from jaxpf.filters.registry import Filter
     from jaxpf.targets.target import Target
 
 
@@ -231,12 +231,12 @@ def filter_flags(
     """
     families = list(filters.all_filters().values())
     meant = options_of(
-        *(each.options for each in families if not methods or set(each.methods) & set(methods))
+        *(each.build for each in families if not methods or set(each.methods) & set(methods))
     )
     shared: dict[str, Option] = {}
     for each in families:
-        for name, declared in options_of(each.options).items():
-            if sum(name in options_of(other.options) for other in families) > 1:
+        for name, declared in options_of(each.build).items():
+            if sum(name in options_of(other.build) for other in families) > 1:
                 first = shared.setdefault(name, declared)
                 if declared.help not in first.help:
                     shared[name] = dataclasses.replace(first, help=f"{first.help}  {declared.help}")
@@ -250,7 +250,7 @@ def filter_flags(
     for each in families:
         if set(each.methods) <= set(unsuited):
             refused.add(_section(each))
-        own = options_of(each.options)
+        own = options_of(each.build)
         sections[_section(each)] = {n: own[n] for n in own if n not in shared}
     flags = []
     for title, options in sections.items():
@@ -327,9 +327,9 @@ def refuse_others(values: Mapping[str, Any], target: "Target", filter_: "Filter"
         target: the target.
         filter_: the filter that tracks it.
     """
-    own = options_of(target.tracker, filter_.options)
+    own = options_of(target.tracker, filter_.build)
     of_targets = {name: options_of(each.tracker) for name, each in all_targets().items()}
-    of_filters = [(each, options_of(each.options)) for each in filters.all_filters().values()]
+    of_filters = [(each, options_of(each.build)) for each in filters.all_filters().values()]
     for name in [name for name in given_in(values) if name not in own]:
         methods = [
             method

@@ -51,7 +51,7 @@ def _particles() -> str:
     others = [
         f"{name} {own['num_particles']}" for name, own in defaults.items() if "num_particles" in own
     ]
-    usual = options_of(filters.filter_of("dps").options)["num_particles"].default
+    usual = options_of(filters.filter_of("dps").build)["num_particles"].default
     return f"{usual}; {', '.join(others)}"
 
 

@@ -14,7 +14,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, Option, check_options, options_of
 from jaxpf.detections.lifetimes import Rules
 from jaxpf.files.writing import check_output_file
-from jaxpf.filters.filter import Filter
+from jaxpf.filters.registry import Filter
 from jaxpf.targets.building import defaults_for, filter_for
 from jaxpf.targets.target import Target
 
@@ -129,7 +129,7 @@ class Request:
         values = {"target": self.target.name, "video": video, **self.starts}
         values |= {n: v for n, v in as_typed(Run, vars(self.run)).items() if n not in _NOT_REPEATED}
         values |= as_typed(self.target.tracker, self.model)
-        values |= as_typed(self.filter.options, self.filter_options)
+        values |= as_typed(self.filter.build, self.filter_options)
         if self.detector is not None:
             values |= as_typed(Rules, vars(self.detector.rules))
         return {
@@ -148,7 +148,7 @@ def request_of(ctx: click.Context, target: Target) -> Request:
     refuse_others(values, target, filter_)
     particles, of_target = defaults_of(detector)
     defaults = {**defaults_for(target, filter_), **particles}
-    of_filter = picked(filter_.options, values, defaults)
+    of_filter = picked(filter_.build, values, defaults)
     # Objects that appear later are not in the start frame, so nothing can be learned from it.
     settings = {} if detector is None else {"appearance": "colour"}
     model = target.settle(picked(target.tracker, values, of_target), settings)
@@ -221,10 +221,10 @@ def _given(ctx: click.Context, target: Target) -> dict[str, Any]:
     left_out: set[str] = set()
     if (typed & set(target.start_flags)) - set(_ADDS_TO_START):
         left_out |= set(target.start_flags)
-    families = [family.options for family in filters.all_filters().values()]
+    families = [family.build for family in filters.all_filters().values()]
     if "method" in typed:
         chosen = filters.filter_of(values["method"])
-        left_out |= set(options_of(*families)) - set(options_of(chosen.options))
+        left_out |= set(options_of(*families)) - set(options_of(chosen.build))
         left_out |= set() if values["method"] == "ps" else {"order"}
     owners: list[Callable[..., Any]] = [target.tracker, *families]
     for owner in owners:

@@ -324,11 +324,11 @@ def _recipe(
                 own[name] = value
     model = target.settle(picked(target.tracker, own), scene.settings, scene.num_objects)
     defaults = {"num_particles": _PARTICLES, **target.defaults}
-    of_filter = picked(filter_.options, own, defaults)
+    of_filter = picked(filter_.build, own, defaults)
     if options.parameters is None:
         options = dataclasses.replace(
             options, parameters=",".join(tuned_by_default(target.tracker, model))
         )
-    typed = as_typed(filter_.options, of_filter) | as_typed(target.tracker, model)
+    typed = as_typed(filter_.build, of_filter) | as_typed(target.tracker, model)
     typed = {name: value for name, value in typed.items() if name in values}
     return Recipe(target.name, of_filter | model, gradient=options.gradient), options, typed

@@ -11,20 +11,18 @@ from typing import Any
 import chex
 import jax
 import jax.numpy as jnp
-from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract.calls import check_factors
 from jaxpf.contract.errors import InputError, check_has, choice
 from jaxpf.contract.numbers import FINITE, check_array
-from jaxpf.contract.options import check_declared
+from jaxpf.contract.options import check_fields
 from jaxpf.contract.pytree import as_array, compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.refusals import Bias, refused
 from jaxpf.contract.state import Summary
-from jaxpf.filters import confidence
+from jaxpf.filters import confidence, options as of
 from jaxpf.filters.factored import cloud, drift, shape
 from jaxpf.filters.factored.cloud import FactoredState
-from jaxpf.filters.factored.options import Options
 from jaxpf.filters.initial import initial_rows
 from jaxpf.filters.noiseless import noiseless, without_noise
 from jaxpf.lowering.threefry import with_written_out_key
@@ -77,12 +75,12 @@ class Eskil(contract.Tracker):
     likelihood: Any
     initial: Any
     reference: Any = None
-    shape_scale: ArrayLike = 0.1
-    num_particles: int = static_field(default=10)
-    upsampling: int = static_field(default=3)
-    memory: int = static_field(default=10)
-    drift: str = static_field(default="clip")
-    shape: str = static_field(default="relative")
+    shape_scale: of.ShapeScale = 0.1
+    num_particles: of.NumParticles = static_field(default=10)
+    upsampling: of.Upsampling = static_field(default=3)
+    memory: of.VelocityMemory = static_field(default=10)
+    drift: of.Drift = static_field(default="clip")
+    shape: of.Shape = static_field(default="relative")
     proper: bool = static_field(default=False)
     resampling: Any = "systematic"
 
@@ -191,9 +189,7 @@ def _log_ratio(dynamics, new, diffused, lagged):
 
 
 def _check(tracker: Eskil) -> None:
-    names = ("num_particles", "upsampling", "drift", "shape", "shape_scale")
-    renamed = {"memory": "velocity_memory"}
-    check_declared(tracker, Options, *names, **renamed)
+    check_fields(tracker)
     check_factors(tracker.dynamics, tracker.likelihood, "factored particles")
     if tracker.drift != "none" and tracker.num_partitions < 2:
         raise InputError(

@@ -15,14 +15,13 @@ from jax.typing import ArrayLike
 from jaxpf.contract import Tracker
 from jaxpf.contract.calls import check_factors
 from jaxpf.contract.numbers import check_number
-from jaxpf.contract.options import check_declared
+from jaxpf.contract.options import check_fields
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.refusals import Bias
 from jaxpf.contract.state import Summary
-from jaxpf.filters import confidence
+from jaxpf.filters import confidence, options as of
 from jaxpf.filters.factored import cloud
 from jaxpf.filters.factored.cloud import FactoredState
-from jaxpf.filters.factored.options import Options
 from jaxpf.filters.initial import initial_rows
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
@@ -58,15 +57,15 @@ class PFFL(Tracker):
     likelihood: Any
     initial: Any
     safety: ArrayLike = 0.1
-    num_particles: int = static_field(default=50)
-    upsampling: int = static_field(default=1)
-    form: str = static_field(default="auxiliary")
+    num_particles: of.NumParticles = static_field(default=50)
+    upsampling: of.Upsampling = static_field(default=1)
+    form: of.Form = static_field(default="auxiliary")
     resampling: Any = "systematic"
 
     def __post_init__(self):
         object.__setattr__(self, "initial", initial_rows(self.initial))
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
-        check_declared(self, Options, "upsampling", "form", "num_particles")
+        check_fields(self)
         check_factors(self.dynamics, self.likelihood, "factored particles")
         check_number("safety", self.safety, above=0, most=1)
 

@@ -8,9 +8,8 @@ import numpy as np
 from jaxpf.contract.calls import check_factors
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.numbers import TINY, check_array
-from jaxpf.contract.options import check_declared
+from jaxpf.contract.options import check_fields
 from jaxpf.contract.refusals import refused
-from jaxpf.filters.labelled.options import Options
 from jaxpf.filters.noiseless import noiseless, without_noise
 from jaxpf.gradients import Gradient, check_gradients
 
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 
 def check_tracker(tracker: "Labelled") -> None:
     """Refuse settings that cannot work or would be silently wrong."""
-    check_declared(tracker, Options, "weights", "feedback", "num_particles")
+    check_fields(tracker)
     check_known("population=", tracker.population, ("fixed", "open"))
     gradient = tracker.gradient
     if isinstance(gradient, Gradient) and (gradient.blends or not gradient.equalises):

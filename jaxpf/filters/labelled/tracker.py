@@ -14,7 +14,7 @@ from jaxpf.contract import Tracker
 from jaxpf.contract.numbers import coordinates_in
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.refusals import Bias
-from jaxpf.filters import confidence
+from jaxpf.filters import confidence, options as of
 from jaxpf.filters.initial import as_floats, initial_rows
 from jaxpf.filters.labelled import by_label, kernel, population
 from jaxpf.filters.labelled.population import add_target, remove_target
@@ -67,9 +67,9 @@ class Labelled(Tracker):
     resampling: Any = "systematic"
     gradient: Any = NoGradient()
     num_targets: Any = static_field(default=None)
-    num_particles: int = static_field(default=300)
-    weights: str = static_field(default="equal_share")
-    feedback: str = static_field(default="none")
+    num_particles: of.NumParticles = static_field(default=300)
+    weights: of.Weights = static_field(default="equal_share")
+    feedback: of.Feedback = static_field(default="none")
     population: str = static_field(default="fixed")
     position: Sequence[int] = static_field(default=(0, 1))
     speed: Sequence[int] | None = static_field(default=None)

@@ -9,11 +9,10 @@ from jaxpf import contract
 from jaxpf.contract.calls import coupled_with
 from jaxpf.contract.errors import InputError, check_separate, choice
 from jaxpf.contract.numbers import check_number
-from jaxpf.contract.options import check_declared
+from jaxpf.contract.options import check_fields
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.refusals import refused
 from jaxpf.filters.partitioned.labels import check_labels, moves_labels
-from jaxpf.filters.partitioned.options import Options
 from jaxpf.gradients import check_gradients
 
 if TYPE_CHECKING:
@@ -29,7 +28,7 @@ def check_tracker(tracker: "Partitioned") -> "jax.Array | None":
     Returns:
         Bool, whether traced values make one to refuse; None if they are known.
     """
-    check_declared(tracker, Options, "ess_threshold", "num_particles")
+    check_fields(tracker)
     check_gradients(tracker)
     if tracker.tempering is not None:
         check_number("tempering", tracker.tempering, above=0, most=1)

@@ -16,7 +16,7 @@ from jaxpf.contract.model import check_tree
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.refusals import Bias, poisoned
 from jaxpf.contract.state import ParticleState, Summary, moments
-from jaxpf.filters import confidence
+from jaxpf.filters import confidence, options as of
 from jaxpf.filters.initial import as_floats, initial_rows
 from jaxpf.filters.partitioned import kernel, labels, levels
 from jaxpf.filters.partitioned.motion import Motion, motion_of
@@ -84,13 +84,13 @@ class Partitioned(Tracker):
     initial: Any
     initial_label: Any = None
     tempering: ArrayLike | None = None
-    ess_threshold: Any = None
+    ess_threshold: of.EssThreshold = None
     proposal: Any = None
     resampling: Any = "systematic"
     gradient: Any = NoGradient()
     joint_weighting: bool = static_field(default=False)
     parents: Any = static_field(default=None)
-    num_particles: int = static_field(default=300)
+    num_particles: of.NumParticles = static_field(default=300)
     keep_ancestors: bool = static_field(default=False)
     motion_gradient: str = static_field(default="pathwise")
     refused: Any = dataclasses.field(default=None, init=False)

@@ -191,8 +191,8 @@ def test_run_toml_repeats_the_run_bit_for_bit(whole_run, tmp_path, monkeypatch):
 def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     options = tomllib.loads((whole_run[1] / "run.toml").read_text())["track"]
     params = command.get_command(None, "boxes").params
-    every = options_of(*(one.options for one in all_filters().values()))
-    of_others = every.keys() - options_of(filter_of("dps").options) | options_of(Rules).keys()
+    every = options_of(*(one.build for one in all_filters().values()))
+    of_others = every.keys() - options_of(filter_of("dps").build) | options_of(Rules).keys()
     # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
     unset = "bands likelihood noise_pixels swap noise_relative network boxes ids detections frames"
     unset += " fps range order ess_threshold tracker runs resume"

@@ -48,8 +48,8 @@ The public names stand in ``__init__.pyi`` and are imported when they are first 
 importing JAX takes most of a second, which ``jaxpf --help`` does not need.
 """
 
-from jaxpf._lazy import attach
+import lazy_loader as lazy
 
 __version__ = "0.1.0"
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -47,9 +47,9 @@ from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
-from jaxpf.contract.errors import InputError, check_has, check_known, check_separate
+from jaxpf.contract.errors import InputError, check_known, check_separate
 from jaxpf.contract.names import MOTION_GRADIENTS
-from jaxpf.contract.numbers import TINY, check_array
+from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import ParticleState
 from jaxpf.resampling import transport, weighted
@@ -134,7 +134,7 @@ class Soft(Gradient):
     def check(self, tracker: "Partitioned | Labelled") -> None:
         """See ``Gradient``."""
         super().check(tracker)
-        check_array("Soft's share", self.share, "above 0 and at most 1", TINY, 1)
+        check_number("Soft's share", self.share, above=0, most=1)
 
 
 @pytree_dataclass
@@ -168,7 +168,7 @@ class Transport(Gradient):
         super().check(tracker)
         if importlib.util.find_spec("ott") is None:
             raise InputError(transport.MISSING)
-        check_array("Transport's epsilon", self.epsilon, "a finite number above 0", TINY)
+        check_number("Transport's epsilon", self.epsilon, above=0)
         check_separate(
             "gradient Transport, which blends particles,",
             (tracker.ordering.keeps_components, "components that particles keep"),
@@ -195,21 +195,12 @@ def check_gradients(tracker: "Partitioned | Labelled") -> None:
     """Refuse gradient settings that are incompatible with the rest of a tracker.
 
     Raises:
-        InputError: not a strategy, an unknown name, ``score`` without ``log_density``; see also
-            ``Gradient.check``.
+        InputError: an unknown name, ``score`` of coupled dynamics; see also ``Gradient.check``.
     """
-    if not isinstance(tracker.gradient, Gradient):
-        raise InputError(
-            f"gradient={tracker.gradient!r} is not a strategy of jaxpf.gradients; give "
-            f"{', '.join(f'{each.__name__}()' for each in _NAMED.values())}."
-        )
     tracker.gradient.check(tracker)
     check_known("motion_gradient=", tracker.motion_gradient, MOTION_GRADIENTS)
     if tracker.motion_gradient == "score":
-        score = "motion_gradient='score'"
-        check_uncoupled(tracker.dynamics, score)
-        has_density = contract.has_log_density(tracker.dynamics)
-        check_has(score, tracker.dynamics, "log_density of the dynamics", has_density)
+        check_uncoupled(tracker.dynamics, "motion_gradient='score'")
 
 
 def check_motion_gradient(tracker: Any) -> None:

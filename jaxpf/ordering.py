@@ -9,9 +9,7 @@ The tables are padded to at least C = P components; unused components are empty.
 """
 
 import dataclasses
-import operator
 from collections.abc import Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -123,7 +121,7 @@ def ps(order: Sequence[int]) -> Ordering:
 
     Source: maccormick1999, section 5; smith2004, figure 1.
     """
-    return _ordering([order], _all_but_last(len(_entries(order))))
+    return _ordering([order], _all_but_last(len(order)))
 
 
 def dps(
@@ -147,17 +145,9 @@ def dps(
             part).
     """
     if orders is None:
-        if num_partitions is None:
-            raise InputError("dps() needs a number of partitions or a list of orders.")
         check_whole("num_partitions", num_partitions, most=_MOST_PARTITIONS)
-        base = list(range(num_partitions))
-        orders = [base[shift:] + base[:shift] for shift in range(num_partitions)]
-    orders = _listed(orders)
-    if num_partitions is not None and any(len(order) != num_partitions for order in orders):
-        raise InputError(
-            f"orders={list(map(list, orders))} do not all hold the {num_partitions} partitions; "
-            "give each component a permutation of all of them."
-        )
+        base = list(range(num_partitions or 0))
+        orders = [base[shift:] + base[:shift] for shift in base]
     check_known("reassembly=", reassembly, REASSEMBLIES)
     return _ordering(orders, _all_but_last(len(orders[0])), literal=reassembly == "literal")
 
@@ -169,7 +159,6 @@ def branched(orders: Sequence[Sequence[int]]) -> Ordering:
     ``orders[state.component]`` and keep their component through resampling.  Branch sizes vary at
     run time and may be 0 (maccormick1999, figure 8).
     """
-    orders = _listed(orders)
     return _ordering(orders, _all_but_last(len(orders[0])), keeps_components=True)
 
 
@@ -204,10 +193,8 @@ def sps(
             without parts.  For roots with parts it adds an O(1/N) bias; ``False`` is exact.
     """
     if parents is None:
-        if num_partitions is None:
-            raise InputError("sps() needs the part tree `parents` or a number of partitions.")
         check_whole("num_partitions", num_partitions, most=_MOST_PARTITIONS)
-        parents = [-1] * num_partitions
+        parents = [-1] * (num_partitions or 0)
     check_known("swap=", swap, SWAPS)
     tree = check_tree(parents)
     depth = tree_levels(tree)
@@ -273,7 +260,6 @@ def named(
     check_known("method ", method, METHODS)
     if order is not None and method != "ps":
         raise InputError(f"an order was given, but method {method!r} has none; use method 'ps'.")
-    order = None if order is None else _entries(order)
     if order is not None and len(order) != len(tree):
         raise InputError(
             f"order {order} has {len(order)} entries for {len(tree)} objects; name every object "
@@ -311,39 +297,12 @@ def _all_but_last(num_partitions: int) -> np.ndarray:
 
 
 def _check_permutation(order: Sequence[int], num_partitions: int, component: int) -> list[int]:
-    entries = _entries(order)
-    if sorted(entries) != list(range(num_partitions)) or not entries:
+    if sorted(order) != list(range(num_partitions)) or not num_partitions:
         raise InputError(
-            f"order {entries} of component {component} is not a permutation of "
+            f"order {list(order)} of component {component} is not a permutation of "
             f"0..{max(num_partitions - 1, 0)}; name every partition exactly once."
         )
-    return entries
-
-
-def _entries(order: Any) -> list[int]:
-    """Return an order's integers; refuse a string of digits."""
-    try:
-        if isinstance(order, str | bytes):
-            raise TypeError
-        return [operator.index(partition) for partition in order]
-    except TypeError:
-        raise InputError(
-            f"order {order!r} is not a list of whole numbers; give the partitions, counted from 0, "
-            "such as [2, 0, 1]."
-        ) from None
-
-
-def _listed(orders: Any) -> list[list[int]]:
-    """Return orders as lists; refuse none, and what holds no orders."""
-    try:
-        listed = list(orders)
-    except TypeError:
-        raise InputError(
-            f"orders={orders!r} must be a list of orders, such as [[0, 1], [1, 0]]."
-        ) from None
-    if not listed:
-        raise InputError("orders is empty; give at least one permutation of the partitions.")
-    return [_entries(order) for order in listed]
+    return list(order)
 
 
 def _ordering(
@@ -359,7 +318,7 @@ def _ordering(
     keeps_components: bool = False,
 ) -> Ordering:
     """Build an ordering, with tables padded to at least P components."""
-    num_partitions = len(_entries(orders[0]))
+    num_partitions = len(orders[0])
     table = np.array(
         [_check_permutation(order, num_partitions, c) for c, order in enumerate(orders)], np.int32
     )

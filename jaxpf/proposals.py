@@ -22,7 +22,6 @@ from jax import lax
 
 from jaxpf import contract
 from jaxpf.contract import Proposal, of_partition
-from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import pytree_dataclass
 
@@ -53,8 +52,6 @@ class Mixture(WrappedProposal):
     dynamics: Any = None
 
     def __post_init__(self):
-        if not any(hasattr(self.proposal, x) for x in ("propose", "propose_all", "of_model")):
-            raise InputError(f"proposal is {self.proposal!r:.60}, without a method propose.")
         check_number("share", self.share, least=0, below=1)
 
     def of_model(self, dynamics, likelihood):
@@ -133,12 +130,6 @@ class LocallyOptimal(_Normal):
 
     def of_model(self, dynamics, likelihood):
         """See ``jaxpf.contract.Proposal``."""
-        noise = getattr(likelihood, "noise", None)
-        if noise is None or np.ndim(noise) != 3:
-            raise InputError(
-                f"LocallyOptimal is the proposal of jaxpf.likelihoods.Gaussian, and the likelihood "
-                f"is a {type(likelihood).__name__}; use Linearised."
-            )
         return LocallyOptimal(dynamics, likelihood)
 
     def _moments(self, observation, partition, current, previous, parent):
@@ -189,11 +180,6 @@ class Linearised(_Normal):
         # Axes: the residual [N, E] and its derivative [N, E, D].
         seen = observation, partition, expected
         residual = jax.vmap(self.residual, in_axes=(None, 0, 1))(*seen)
-        if residual.ndim != 2:
-            raise InputError(
-                f"Linearised's residual returns shape {list(residual.shape[1:])}; return [E], one "
-                "number for each observed dimension."
-            )
         slope = jax.vmap(jax.jacfwd(self.residual, argnums=2), in_axes=(None, 0, 1))(*seen)
         precision = precision + jnp.swapaxes(slope, 1, 2) @ slope
         step = _solve(precision, index, jnp.einsum("ned,ne->dn", slope, residual))

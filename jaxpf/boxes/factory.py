@@ -21,7 +21,7 @@ from jaxpf.boxes.models import (
     relative_box_model,
     relative_steps,
 )
-from jaxpf.contract.errors import InputError, check_tracker
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import MOST, check_array, numbers_in, plain
 from jaxpf.contract.options import OPEN, Option
 from jaxpf.contract.types import LikelihoodLike
@@ -262,7 +262,6 @@ def to_boxes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     """
     from jaxpf.likelihoods.pixels import PixelLikelihood
 
-    check_tracker(tracker)
     if isinstance(tracker.likelihood, PixelLikelihood):
         check_array("estimate", estimate, "u, v, w, h, [..., P, >= 4]")
         centre, sides = np.split(np.asarray(estimate)[..., :4], 2, axis=-1)

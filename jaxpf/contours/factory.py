@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf import filters
 from jaxpf.contours.data import Contours, Learned
-from jaxpf.contract.errors import Argument, InputError, check_tracker, check_type
+from jaxpf.contract.errors import Argument, InputError, check_type
 from jaxpf.contract.numbers import check_array, plain
 from jaxpf.contract.optional import optional
 from jaxpf.contract.options import Option
@@ -295,7 +295,6 @@ def to_contours(tracker: TrackerLike, estimate: ArrayLike) -> np.ndarray:
     Raises:
         InputError: a user-defined likelihood without a shape space.
     """
-    check_tracker(tracker)
     space: Any = optional(getattr(tracker, "likelihood", None), "space")
     if space is None:
         raise InputError(

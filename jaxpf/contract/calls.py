@@ -20,7 +20,6 @@ from jaxpf.contract.interface import (
     Likelihood,
     Proposal,
 )
-from jaxpf.contract.numbers import returned
 from jaxpf.contract.optional import filter_of, likelihood_of, optional
 from jaxpf.contract.pytree import T
 from jaxpf.contract.types import DynamicsLike, LikelihoodLike, ProposalLike, TrackerLike
@@ -36,21 +35,19 @@ def observed_apart(tracker: Any) -> tuple[Callable, Callable]:
     return (lambda frame: frame), tracker.step
 
 
-def time_of(state: object) -> jax.Array:
+def time_of(state: Any) -> jax.Array:
     """Number of frames that led to a state, ``[]`` int32; see ``Tracker``.
 
     Raises:
         InputError: the state does not say, so that it cannot be resumed.
     """
-    time = getattr(state, "time", None)
-    if time is None or jnp.ndim(time) or not jnp.issubdtype(jnp.result_type(time), jnp.integer):
-        what = "no field time" if time is None else f"the time {' '.join(repr(time).split()):.60}"
+    if getattr(state, "time", None) is None:
         raise InputError(
-            f"{type(state).__name__} has {what}, so resuming would repeat the random numbers of "
-            "the first frames; let the state hold time, one integer that init sets to 0 and every "
-            "step increases by 1."
+            f"{type(state).__name__} has no field time, so resuming would repeat the random "
+            "numbers of the first frames; let the state hold time, one integer that init sets to 0 "
+            "and every step increases by 1."
         )
-    return time
+    return state.time
 
 
 def moments(tracker: TrackerLike, values: jax.Array) -> Any:
@@ -228,8 +225,7 @@ def proposal_of(proposal: ProposalLike, dynamics: DynamicsLike, likelihood: Like
 def propose_all(proposal, key, observation, partition, current, previous, parent) -> jax.Array:
     """Draw substates ``[D, N]`` from the proposal, with the batched method if defined."""
     method = method_of(proposal, Proposal, "propose_all")
-    new = method(key, observation, partition, current, previous, parent)
-    return returned(new, current.shape, f"{type(proposal).__name__}.propose_all")
+    return method(key, observation, partition, current, previous, parent)
 
 
 def proposal_log_density_all(

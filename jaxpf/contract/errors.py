@@ -7,8 +7,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from jaxpf._resembling import resembling
-
 
 class Argument(NamedTuple):
     """An argument in a message, with its value: ``runs = 0``; ``--runs 0`` on the command line.
@@ -87,21 +85,6 @@ def check_names(names: object, count: int) -> None:
         )
 
 
-def check_fields(
-    owner: str, given: Collection[str], fields: Collection[str], kind: str = "field"
-) -> None:
-    """Refuse keyword arguments that are no fields, or what else they are called.
-
-    Raises:
-        InputError: suggests the fields that resemble the name.
-    """
-    for name in given:
-        if name not in fields:
-            near = resembling(name, fields)
-            remedy = f"did you mean {near[0]}?" if near else f"there are {', '.join(fields)}."
-            raise InputError(f"{owner} has no {kind} {name!r}; {remedy}")
-
-
 def check_type(name: str, value: object, *kinds: type) -> None:
     """Refuse a ``value`` of the argument ``name`` that is of none of these ``kinds``.
 
@@ -125,19 +108,6 @@ def check_path(name: str, value: Any) -> Path:
     return Path(path)
 
 
-def check_tracker(tracker: object) -> None:
-    """Refuse what has no method ``init``, and so is no tracker.
-
-    Raises:
-        InputError: shows what was given.
-    """
-    if not hasattr(tracker, "init"):
-        raise InputError(
-            f"tracker is {tracker!r:.60}; give a tracker, such as jaxpf.Partitioned, or an object "
-            "with the methods init and step."
-        )
-
-
 def check_separate(what: str, *others: tuple[object, str]) -> None:
     """Refuse a setting together with others that it does not work with.
 
@@ -151,19 +121,6 @@ def check_separate(what: str, *others: tuple[object, str]) -> None:
     for used, other in others:
         if used:
             raise InputError(f"{what} does not work with {other}; leave one of them out.")
-
-
-def check_has(what: str, part: object, method: str, has: bool) -> None:
-    """Refuse a part of a model without an optional method that ``what`` needs.
-
-    Raises:
-        InputError: names the class and the method.
-    """
-    if not has:
-        raise InputError(
-            f"{what} needs the method {method}, and {type(part).__name__} has none; write it (see "
-            f"jaxpf.contract), or leave {what} out."
-        )
 
 
 def check_known(shown: str, value: object, known: Collection[str]) -> None:

@@ -26,8 +26,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import returned
 from jaxpf.contract.pytree import compiled_alone
 
 
@@ -47,16 +45,6 @@ class Tracker:
     partition; ``evidence_biases``, see there; ``moments`` and ``states``, for states that are
     pytrees; and ``observe_nearby(frame, state)``, see ``jaxpf.contract.observe_nearby``.
     """
-
-    def __new__(cls, *_: object, **options: object):
-        """Refuse a proposal by name: a missing field alone would not name the remedy."""
-        fields = getattr(cls, "__dataclass_fields__", options)
-        if options.get("proposal") is not None and "proposal" not in fields:
-            raise InputError(
-                f"{cls.__name__} draws by its dynamics alone and takes no proposal; use "
-                "jaxpf.Partitioned(proposal=...), or leave it out."
-            )
-        return super().__new__(cls)
 
     def init(self, key: jax.Array) -> Any:
         """Return the state just before the first frame."""
@@ -335,12 +323,7 @@ class Proposal:
         """``propose`` for N particles, ``[D, N]``: ``partition`` ``[N]``, substates ``[D, N]``."""
         _check_defined(self, Proposal, "propose", "propose_all")
         keys = jax.random.split(key, partition.shape[0])
-
-        def propose(*arguments):
-            name = f"{type(self).__name__}.propose"
-            return returned(self.propose(*arguments), (current.shape[0],), name)
-
-        return jax.vmap(propose, in_axes=(0, None, 0, 1, 1, 1), out_axes=1)(
+        return jax.vmap(self.propose, in_axes=(0, None, 0, 1, 1, 1), out_axes=1)(
             keys, observation, partition, current, previous, parent
         )
 
@@ -353,12 +336,7 @@ class Proposal:
     def log_density_all(self, observation, partition, new, current, previous, parent) -> jax.Array:
         """``log_density`` for N particles, ``[N]``: substates ``[D, N]``."""
         _check_defined(self, Proposal, "log_density", "log_density_all")
-
-        def log_density(*arguments):
-            name = f"{type(self).__name__}.log_density"
-            return returned(self.log_density(*arguments), (), name)
-
-        return jax.vmap(log_density, in_axes=(None, 0, 1, 1, 1, 1))(
+        return jax.vmap(self.log_density, in_axes=(None, 0, 1, 1, 1, 1))(
             observation, partition, new, current, previous, parent
         )
 

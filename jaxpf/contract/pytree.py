@@ -16,17 +16,13 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
 
-from jaxpf.contract.errors import InputError, check_fields
+from jaxpf.contract.errors import InputError
 from jaxpf.lowering.programs import compiled, in_full
 
 T = TypeVar("T")
 
 #: What ``jax.jit`` takes as an array.
 _ARRAYS = jax.Array | np.ndarray | np.generic | int | float | complex
-
-#: Limits of ``described``: line length; largest array whose range, and whose values, are shown.
-_LINE, _READ, _SHOWN = 96, 10_000, 6
-_SHORT_KINDS = (("uint", "u"), ("int", "i"), ("bfloat", "bf"), ("float", "f"), ("complex", "c"))
 
 
 def static_field(**kwargs: Any) -> Any:
@@ -38,7 +34,8 @@ def static_field(**kwargs: Any) -> Any:
 def pytree_dataclass(cls: type[T]) -> type[T]:
     """Make ``cls`` a frozen dataclass and register it as a pytree with named keys.
 
-    Equality is identity: arrays are not compared.  ``repr`` gives a few lines, see ``described``.
+    Equality is identity: arrays are not compared.  Functions in its fields become static, see
+    ``with_static_functions``.
 
     Example::
 
@@ -52,15 +49,23 @@ def pytree_dataclass(cls: type[T]) -> type[T]:
     Returns:
         The dataclass.
     """
-    if "__repr__" not in vars(cls):
-        cls.__repr__ = described  # type: ignore[method-assign]
     is_made = "__init__" not in vars(cls)
-    cls = dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
+    cls = dataclasses.dataclass(frozen=True, eq=False)(cls)
     fields = dataclasses.fields(cls)  # type: ignore[arg-type]
-    if is_made:
-        cls.__init__ = _checked(cls)  # type: ignore[method-assign]
     data_names = tuple(f.name for f in fields if not f.metadata.get("static", False))
     static_names = tuple(f.name for f in fields if f.metadata.get("static", False))
+    construct = cls.__init__
+
+    @functools.wraps(construct)
+    def constructor(self, *values, **named):
+        construct(self, *values, **named)
+        for name in data_names:
+            value = getattr(self, name)
+            if (changed := with_static_functions(value)) is not value:
+                object.__setattr__(self, name, changed)
+
+    if is_made:
+        cls.__init__ = constructor  # type: ignore[method-assign]
 
     def flatten_with_keys(node):
         children = [(jax.tree_util.GetAttrKey(name), getattr(node, name)) for name in data_names]
@@ -80,26 +85,6 @@ def pytree_dataclass(cls: type[T]) -> type[T]:
 
     jax.tree_util.register_pytree_with_keys(cls, flatten_with_keys, unflatten, flatten)
     return cls
-
-
-def _checked(cls: Any) -> Callable[..., None]:
-    """The constructor of a dataclass, which suggests a name for a misspelt field.
-
-    Functions in its fields become static, see ``with_static_functions``.
-    """
-    construct, names = cls.__init__, [x.name for x in dataclasses.fields(cls) if x.init]
-    data = [x.name for x in dataclasses.fields(cls) if not x.metadata.get("static", False)]
-
-    @functools.wraps(construct)
-    def constructor(self, *values, **named):
-        check_fields(cls.__name__, named, names)
-        construct(self, *values, **named)
-        for name in data:
-            value = getattr(self, name)
-            if (changed := with_static_functions(value)) is not value:
-                object.__setattr__(self, name, changed)
-
-    return constructor
 
 
 def with_static_functions(tree: T) -> T:
@@ -161,84 +146,3 @@ def as_array(value: Any, dtype: DTypeLike | None = None) -> jax.Array:
     wanted = jax.dtypes.canonicalize_dtype(value.dtype if dtype is None else dtype)
     with jax.ensure_compile_time_eval():
         return jax.device_put(value.astype(wanted))
-
-
-def described(value: object, first: str = "", nested: bool = False) -> str:
-    """Describe a value in a few lines.
-
-    Arrays show their dtype and shape, and their values, or for longer arrays the range.  Values of
-    large or traced arrays are not read.  Fields that are None and static settings at their defaults
-    are omitted.
-
-    Args:
-        value: a pytree, or a part of one.
-        first: text before the value on its line.
-        nested: whether the result must fit on one line.
-    """
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = [f for f in dataclasses.fields(value) if not _is_default(value, f)]
-        inner = [(f"{f.name}=", getattr(value, f.name)) for f in fields]
-        left, right = f"{type(value).__name__}(", ")"
-    elif isinstance(value, dict):
-        inner, left, right = [(f"{k!r}: ", x) for k, x in value.items()], "{", "}"
-    elif isinstance(value, list | tuple):
-        inner, (left, right) = [("", x) for x in value], "[]" if isinstance(value, list) else "()"
-        right = ",)" if isinstance(value, tuple) and len(value) == 1 else right
-    else:
-        return first + _described_leaf(value)
-    parts = [described(x, name, True) for name, x in inner if x is not None]
-    line = f"{first}{left}{', '.join(parts)}{right}"
-    if len(line) <= _LINE:
-        return line
-    if not nested:
-        return f"{first}{left}\n" + "".join(f"  {part},\n" for part in parts) + right
-    while parts and len(line) > _LINE:
-        parts.pop()
-        line = f"{first}{left}{''.join(f'{part}, ' for part in parts)}...{right}"
-    return line
-
-
-def _is_default(node: object, field: dataclasses.Field) -> bool:
-    value = getattr(node, field.name, None)
-    return value is None or (
-        field.metadata.get("static", False)
-        and isinstance(value, bool | str | int | float)
-        and value == field.default
-    )
-
-
-def _described_leaf(value: object) -> str:
-    if isinstance(value, jax.ShapeDtypeStruct | jax.Array | np.ndarray):
-        kind = str(value.dtype)
-        for long, short in _SHORT_KINDS:
-            kind = kind.replace(long, short)
-        text = f"{kind}{list(value.shape)}"
-        is_here = isinstance(value, np.ndarray) or (
-            isinstance(value, jax.Array)
-            and not isinstance(value, jax.core.Tracer)
-            and not value.is_deleted()
-            and value.is_fully_addressable
-        )
-        is_real = jnp.issubdtype(value.dtype, jnp.number) or value.dtype == bool
-        if not is_here or not is_real or not 0 < value.size <= _READ:
-            return text
-        values = np.asarray(value)
-        if values.size <= _SHOWN:
-            return f"{text} {_numbers(values)}"
-        if np.iscomplexobj(values):
-            return text
-        values = values.astype(float)
-        values = values[~np.isnan(values)]
-        ends = [f"{end(values):.4g}" for end in (np.min, np.max)] if values.size else ["nan"]
-        return f"{text} {'..'.join(dict.fromkeys(ends))}"
-    if isinstance(value, jax.tree_util.Partial) and not (value.args or value.keywords):
-        value = value.func
-    if callable(value) and hasattr(value, "__name__"):
-        return value.__name__
-    text = " ".join(repr(value).split())
-    return text if len(text) <= _LINE else f"{text[: _LINE - 4]} ..."
-
-
-def _numbers(values: np.ndarray) -> str:
-    text = np.array2string(values, precision=4, separator=", ", max_line_width=1000)
-    return " ".join(text.split())

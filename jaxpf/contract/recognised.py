@@ -12,12 +12,8 @@ from typing import Any
 import jax
 import numpy as np
 
-#: Packages whose modules, classes and functions do not change while a program runs.
+#: Packages whose functions and objects do not change while a program runs.
 _FIXED = {"builtins", "functools", "jax", "jaxlib", "jaxpf", "math", "numpy", "scipy"}
-
-#: Largest NumPy array that is compared by its values, bytes.
-_MOST_BYTES = 2**16
-
 _known: weakref.WeakValueDictionary[Hashable, Any] = weakref.WeakValueDictionary()
 #: What each function read when it was met first, as its compiled program does.
 _read: weakref.WeakKeyDictionary[Any, Hashable] = weakref.WeakKeyDictionary()
@@ -32,51 +28,30 @@ def recognised(function: Any) -> Any:
     if not isinstance(function, types.FunctionType):
         return function
     try:
-        return _known.setdefault(_read.setdefault(function, _key_of(function, ())), function)
-    except (TypeError, ValueError):  # a value that can change, or is not there yet
+        return _known.setdefault(_read.setdefault(function, _key_of(function)), function)
+    except (TypeError, ValueError, RecursionError):  # a value that can change, or is not there yet
         return function
 
 
-def _key_of(value: Any, outer: tuple) -> Hashable:
+def _key_of(value: Any) -> Hashable:
     """Equal for values that a program cannot tell apart; ``TypeError`` if that is unknown."""
-    kind = type(value)
-    if kind in (type(None), bool, int, str, bytes):
-        return kind, value
-    if kind is float:
-        return kind, value.hex()  # tells -0.0 from 0.0
-    if kind is tuple:
-        return kind, *(_key_of(x, outer) for x in value)
-    is_small = isinstance(value, np.ndarray | np.generic) and value.nbytes <= _MOST_BYTES
-    if is_small and not value.dtype.hasobject:
-        return kind, value.dtype.str, value.shape, value.tobytes()
-    module = value.__name__ if kind is types.ModuleType else getattr(value, "__module__", None)
-    if hasattr(value, "__name__") and str(module).partition(".")[0] in _FIXED:
-        return kind, _Same(value)
-    if kind is types.FunctionType and value in outer:  # it calls itself
-        return kind, outer.index(value)
-    if kind is types.FunctionType:
-        cells = (cell.cell_contents for cell in value.__closure__ or ())
+    if value is None or isinstance(value, bool | int | float | str | bytes):
+        return type(value), repr(value)  # tells 1 from 1.0 and True, and -0.0 from 0.0
+    if type(value) is tuple:
+        return tuple(map(_key_of, value))
+    if isinstance(value, np.ndarray | np.generic) and not value.dtype.hasobject:
+        return type(value), value.dtype.str, value.shape, value.tobytes()
+    module = value.__name__ if isinstance(value, types.ModuleType) else type(value).__module__
+    home = str(getattr(value, "__module__", module) or module).partition(".")[0]
+    if home in _FIXED and not isinstance(value, list | dict | set | jax.core.Tracer):
+        return type(value), id(value)  # which cannot be another's while the function lives
+    if isinstance(value, types.FunctionType):
+        cells = tuple(cell.cell_contents for cell in value.__closure__ or ())
         names = sorted(_names_in(value.__code__) & value.__globals__.keys())
-        named = (*(value.__kwdefaults__ or {}).items(), *vars(value).items())
-        looked_up = tuple((name, value.__globals__[name]) for name in names)
-        read = (*cells, value.__defaults__, named, looked_up)
-        return value.__code__, _key_of(read, (*outer, value))
-    if isinstance(value, jax.Array) and not isinstance(value, jax.core.Tracer):
-        return kind, _Same(value)
-    raise TypeError(f"a {kind.__name__} can change")
-
-
-class _Same:
-    """Equal to the same object only, which it keeps alive."""
-
-    def __init__(self, value: object):
-        self.value = value
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and self.value is other.value
-
-    def __hash__(self) -> int:
-        return id(self.value)
+        named = *vars(value).items(), *(value.__kwdefaults__ or {}).items()
+        looked_up = tuple(value.__globals__[name] for name in names)
+        return value.__code__, _key_of((cells, value.__defaults__, named, looked_up))
+    raise TypeError(f"a {type(value).__name__} can change")
 
 
 def _names_in(code: types.CodeType) -> set[str]:

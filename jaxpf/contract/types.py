@@ -11,7 +11,7 @@ Initial = jax.Array | np.ndarray | Callable[[jax.Array], jax.Array]
 
 
 class TrackerLike(Protocol):
-    """What ``jaxpf.contract.errors.check_tracker`` accepts: a tracker, inherited or not."""
+    """A tracker, inherited or not."""
 
     @property
     def init(self) -> Callable[[jax.Array], Any]:

@@ -13,12 +13,8 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract import DynamicsWithDensity, DynamicsWithPrediction, of_partition
-from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import FINITE, check_array, check_together, coordinates_in
+from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import pytree_dataclass, static_field
-
-#: How messages describe a scale.
-SCALE = "finite standard deviations from 0, one for all, or one per coordinate"
 
 
 class _NoisyDrift(DynamicsWithDensity, DynamicsWithPrediction):
@@ -58,7 +54,7 @@ class RandomWalk(_NoisyDrift):
     scale: ArrayLike
 
     def __post_init__(self):
-        check_array("scale", self.scale, SCALE, least=0)
+        check_number("scale", self.scale, least=0)
 
     def _drift(self, current, previous):
         return current
@@ -80,8 +76,8 @@ class AR2(_NoisyDrift):
     momentum: ArrayLike = 0.5
 
     def __post_init__(self):
-        check_array("scale", self.scale, SCALE, least=0)
-        check_array("momentum", self.momentum, "finite numbers", least=FINITE)
+        check_number("scale", self.scale, least=0)
+        check_number("momentum", self.momentum)
 
     def _drift(self, current, previous):
         return current + jnp.asarray(self.momentum, current.dtype) * (current - previous)
@@ -104,14 +100,9 @@ class FirstOrder(_NoisyDrift):
     speed: tuple[int, ...] = static_field(default=(2, 3))
 
     def __post_init__(self):
-        check_array("scale", self.scale, SCALE, least=0)
+        check_number("scale", self.scale, least=0)
         for name in ("position", "speed"):
-            object.__setattr__(self, name, coordinates_in(name, getattr(self, name)))
-        if len(self.position) != len(self.speed):
-            raise InputError(
-                f"position={self.position} and speed={self.speed} must name the same "
-                "number of coordinates."
-            )
+            object.__setattr__(self, name, tuple(getattr(self, name)))
 
     def _drift(self, current, previous):
         return current.at[np.array(self.position)].add(current[np.array(self.speed)])
@@ -138,16 +129,9 @@ class LinearGaussian(DynamicsWithDensity, DynamicsWithPrediction):
     offset: ArrayLike | None = None
 
     def __post_init__(self):
-        wanted = "one finite matrix for each partition"
-        check_array("transition", self.transition, f"{wanted}, [P, D, D]", least=FINITE)
-        count, size, _ = np.shape(self.transition)
-        for name in ("transition", "noise", "lag", "coupling"):
-            if getattr(self, name) is not None or name == "noise":
-                shape = f"[{count}, {size}, {size}]"
-                check_array(name, getattr(self, name), f"{wanted}, {shape}", least=FINITE)
-        if self.offset is not None:
-            wanted = f"one finite row for each partition, [{count}, {size}]"
-            check_array("offset", self.offset, wanted, least=FINITE)
+        for name in self.by_partition:
+            if getattr(self, name) is not None:
+                check_number(name, getattr(self, name))
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[D, N]``."""
@@ -196,9 +180,8 @@ class IndependentGaussian:
     independent = True
 
     def __post_init__(self):
-        check_array("mean", self.mean, "one finite row for each partition, [P, D]", least=FINITE)
-        check_array("scale", self.scale, SCALE, least=0)
-        check_together(mean=self.mean, scale=self.scale)
+        check_number("mean", self.mean)
+        check_number("scale", self.scale, least=0)
 
     def __call__(self, key):
         """Draw all partitions, ``[P, D]``."""

@@ -18,9 +18,8 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract import DynamicsWithDensity
-from jaxpf.contract.errors import check_type
 from jaxpf.contract.model import check_tree
-from jaxpf.contract.numbers import FINITE, check_array, check_together
+from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.dynamics.gaussian import log_normal
 from jaxpf.lowering.columns import ready_to_mix
@@ -65,10 +64,9 @@ class RelativeToParent(DynamicsWithDensity):
         object.__setattr__(self, "parents", check_tree(self.parents))
         for name in ("scale", "joint_scale", "memory"):
             if getattr(self, name) is not None or name != "joint_scale":
-                check_array(name, getattr(self, name), "finite numbers from 0", least=0)
+                check_number(name, getattr(self, name), least=0)
         for name in ("parent_anchor", "part_anchor"):
-            wanted = f"finite x, y in pixels, [{len(self.parents)}, 2]"
-            check_array(name, getattr(self, name), wanted, least=FINITE)
+            check_number(name, getattr(self, name))
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[6, N]``."""
@@ -136,9 +134,8 @@ class UniformAround:
     independent = True
 
     def __post_init__(self):
-        check_array("poses", self.poses, "finite x, y, theta of every part, [P, 3]", least=FINITE)
-        check_array("reach", self.reach, "finite numbers from 0", least=0)
-        check_together(poses=self.poses, reach=self.reach)
+        check_number("poses", self.poses)
+        check_number("reach", self.reach, least=0)
 
     def __call__(self, key):
         """Draw all parts, ``[P, 3]``."""
@@ -164,11 +161,8 @@ class UniformJoints:
     independent = True
 
     def __post_init__(self):
-        check_type("dynamics", self.dynamics, RelativeToParent)
-        wanted = f"finite x, y, theta of every part, [{len(self.dynamics.parents)}, 3]"
-        check_array("poses", self.poses, wanted, least=FINITE)
-        check_array("reach", self.reach, "finite numbers from 0", least=0)
-        check_together(poses=self.poses, reach=self.reach)
+        check_number("poses", self.poses)
+        check_number("reach", self.reach, least=0)
 
     def __call__(self, key):
         """Draw all parts, ``[P, 6]``."""
@@ -201,9 +195,6 @@ def substates_at(dynamics: RelativeToParent, poses: ArrayLike, shift: ArrayLike 
         shift: ``[P, 3]``, added to the pose of a root or of a part that walks alone, and to the
             joint of any other part; child parts follow.
     """
-    check_type("dynamics", dynamics, RelativeToParent)
-    check_array("poses", poses, f"x, y, theta of every part, [{len(dynamics.parents)}, 3]")
-    check_together(poses=poses, shift=shift)
     poses = jnp.asarray(poses)
     shift = jnp.broadcast_to(jnp.asarray(shift, poses.dtype), poses.shape)
     anchors = [jnp.asarray(x, poses.dtype) for x in (dynamics.parent_anchor, dynamics.part_anchor)]
@@ -241,10 +232,6 @@ def joints_between(
     Returns:
         ``parent_anchor`` and ``part_anchor``, ``[P, 2]`` each; zeros for a root.
     """
-    count = len(check_tree(parents))
-    wanted = f"finite x, y, theta of every part, [{count}, 3]"
-    check_array("poses", poses, wanted, least=FINITE)
-    check_array("sizes", sizes, f"width and height of every part, [{count}, 2]", least=0)
     poses, sizes = np.asarray(poses, float), np.asarray(sizes, float)
     parent_anchor, part_anchor = np.zeros(sizes.shape), np.zeros(sizes.shape)
     for part, parent in enumerate(parents):

@@ -11,12 +11,9 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 
 from jaxpf.contract import DynamicsWithDensity, DynamicsWithPrediction, of_partition
-from jaxpf.contract.numbers import check_array
+from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.dynamics.gaussian import AR2
-
-#: How messages describe sizes.
-SIZES = "width and height in pixels from 0, [P, 2]"
 
 
 @pytree_dataclass
@@ -33,8 +30,6 @@ class PixelMotion(AR2):
 
     def __post_init__(self):
         super().__post_init__()
-        if self.sizes is not None:
-            check_array("sizes", self.sizes, SIZES)  # NaN in places kept for newcomers
 
 
 @pytree_dataclass
@@ -68,10 +63,10 @@ class RelativeMotion(DynamicsWithDensity, DynamicsWithPrediction):
     pull: ArrayLike = 0.02
 
     def __post_init__(self):
-        check_array("sizes", self.sizes, SIZES, least=0)
-        check_array("steps", self.steps, "three finite numbers from 0, [..., 3]", least=0)
+        for name in ("sizes", "steps"):
+            check_number(name, getattr(self, name), least=0)
         for name in ("momentum", "long", "pull"):
-            check_array(name, getattr(self, name), "from 0 to 1", least=0, most=1)
+            check_number(name, getattr(self, name), least=0, most=1)
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[D, N]``."""

@@ -1,5 +1,5 @@
 """Monte Carlo evaluations: many runs of several methods on one scene, stored on disk."""
 
-from jaxpf._lazy import attach
+import lazy_loader as lazy
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -12,7 +12,6 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from jaxpf import filters
-from jaxpf._resembling import renamed
 from jaxpf.contract.errors import Argument, InputError, check_type
 from jaxpf.contract.names import GIVEN, ORDERS, SWAPS
 from jaxpf.contract.numbers import check_whole
@@ -174,9 +173,7 @@ class Plan:
                     f"{', '.join(self.methods or ())}; leave it out, or name one of them among "
                     "the methods."
                 )
-        near = renamed(name, known)
-        remedy = f"did you mean {near[0]}?" if near else f"the options are {', '.join(known)}."
-        return InputError(f"{name} is not an option{whose}; {remedy}")
+        return InputError(f"{name} is not an option{whose}; the options are {', '.join(known)}.")
 
 
 def _listed(name: str, values: Any) -> tuple[Any, ...]:

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract.errors import InputError, check_path, check_tracker
+from jaxpf.contract.errors import InputError, check_path
 from jaxpf.contract.types import TrackerLike
 from jaxpf.files.store import DIGEST, open_arrays, write_arrays
 
@@ -65,7 +65,6 @@ def load(path: str | os.PathLike[str], tracker: TrackerLike) -> Any:
         InputError: the file cannot be read, or its state belongs to another filter or to another
             number of particles or objects.
     """
-    check_tracker(tracker)
     wanted = jax.eval_shape(tracker.init, jax.random.key(0))
     return load_like(path, wanted, type(tracker).__name__)
 

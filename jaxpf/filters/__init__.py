@@ -1,5 +1,5 @@
 """Particle filters: partitioned, labelled and factored, with uncertainty estimates."""
 
-from jaxpf._lazy import attach
+import lazy_loader as lazy
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -1,7 +1,6 @@
 """A particle filter from plain functions: a state-space model with a single state, no classes."""
 
 import dataclasses
-import inspect
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
@@ -13,7 +12,7 @@ from jax import lax
 from jax.typing import ArrayLike
 
 from jaxpf import contract
-from jaxpf.contract.errors import InputError, check_fields
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import (
     is_concrete,
     pytree_dataclass,
@@ -21,25 +20,13 @@ from jaxpf.contract.pytree import (
     with_static_functions,
 )
 from jaxpf.contract.recognised import recognised
+from jaxpf.contract.types import ProposalLike
 from jaxpf.filters.layout import Layout
 from jaxpf.filters.partitioned.tracker import Partitioned
-from jaxpf.filters.user_functions import (
-    asks_for,
-    call,
-    check_arguments,
-    extras_of,
-    layout_of,
-    number,
-    of_state,
-)
+from jaxpf.filters.user_functions import asks_for, call, extras_of, layout_of
+from jaxpf.gradients import Gradient, NoGradient
 from jaxpf.ordering import sir
 from jaxpf.proposals import WrappedProposal
-
-#: Fields of ``Partitioned`` that do not apply to a model with a single state.
-_NO_OPTIONS = {
-    *("dynamics", "likelihood", "ordering", "initial", "initial_label", "parents", "num_particles"),
-    *("joint_weighting", "refused"),
-}
 
 
 def state_space(
@@ -53,7 +40,12 @@ def state_space(
     first_stage: Callable | None = None,
     num_values: int | Mapping[str, int] | None = None,
     num_particles: int = 1000,
-    **options: Any,
+    resampling: Any = "systematic",
+    ess_threshold: Any = None,
+    proposal: ProposalLike | None = None,
+    gradient: Gradient = NoGradient(),  # noqa: B008
+    motion_gradient: str = "pathwise",
+    keep_ancestors: bool = False,
 ) -> Partitioned:
     """Build a particle filter for a state-space model from plain functions.
 
@@ -109,50 +101,28 @@ def state_space(
             such as ``{"regime": 3}``.  The estimate of an integer is then the probability of each
             value, ``[..., K]``, instead of the mean.
         num_particles: N.
-        options: further fields of ``Partitioned``, such as ``resampling``, ``ess_threshold`` or
-            ``gradient``.
+        resampling, ess_threshold, proposal, gradient, motion_gradient, keep_ancestors: as for
+            ``Partitioned``.
 
     Returns:
         The tracker, a ``Partitioned`` with one partition.
-
-    Raises:
-        InputError: a function with other arguments or results, or an unknown option.
     """
-    check_arguments("transition", transition)
-    check_arguments("log_likelihood", log_likelihood)
-    if callable(initial):
-        check_arguments("initial", initial)
-    optional = {"observation": observation, "first_stage": first_stage}
-    for name, function in (optional | {"transition_log_density": transition_log_density}).items():
-        if function is not None:
-            check_arguments(name, function)
     parameters = with_static_functions(parameters)
-    for path, leaf in jax.tree_util.tree_leaves_with_path(parameters):
-        if not hasattr(leaf, "dtype") and not isinstance(leaf, int | float | complex):
-            raise InputError(
-                f"parameters{jax.tree_util.keystr(path)} is {leaf!r:.40}; give numbers and arrays."
-            )
-    own = [name for name in inspect.signature(state_space).parameters if name != "options"]
-    fields = sorted(Partitioned.__dataclass_fields__.keys() - _NO_OPTIONS)
-    check_fields("state_space", options, [*own, *fields], "option")
-    initial = recognised(initial)
-    transition = recognised(transition)
-    log_likelihood = recognised(log_likelihood)
-    transition_log_density = recognised(transition_log_density)
-    optional = {name: recognised(function) for name, function in optional.items()}
-    layout = layout_of(initial, transition, transition_log_density, parameters, num_values)
+    initial, transition, log_likelihood, transition_log_density, observation, first_stage = map(
+        recognised,
+        (initial, transition, log_likelihood, transition_log_density, observation, first_stage),
+    )
+    layout = layout_of(initial, transition, parameters, num_values)
     copies = 2 if any(asks_for(f, "previous") for f in (log_likelihood, observation)) else 1
-    if copies == 2 and options.get("proposal") is not None:
-        options["proposal"] = FunctionProposal(options["proposal"])
-    gradient = options.get("gradient")
+    if copies == 2 and proposal is not None:
+        proposal = FunctionProposal(proposal)
     has_integers = any(leaf.dtype is not None for leaf in layout.leaves)
-    if has_integers and getattr(gradient, "blends", False):
+    if has_integers and gradient.blends:
         raise InputError(
             "gradient Transport blends particles, and the state holds integers or bools, which "
             "have no values between; use jaxpf.gradients.StopGradient()."
         )
-    along_paths = options.get("motion_gradient", "pathwise") == "pathwise"
-    if has_integers and getattr(gradient, "keeps_scores", False) and along_paths:
+    if has_integers and gradient.keeps_scores and motion_gradient == "pathwise":
         warnings.warn(
             "no derivative passes through the integers or bools of the state, so those in the "
             "parameters that move them are 0; give transition_log_density and "
@@ -170,11 +140,16 @@ def state_space(
             )
     return StateSpace(
         dynamics=FunctionDynamics(parameters, transition, transition_log_density, layout, copies),
-        likelihood=FunctionLikelihood(parameters, log_likelihood, layout, **optional),
+        likelihood=FunctionLikelihood(parameters, log_likelihood, layout, observation, first_stage),
         ordering=_ORDERING,
         initial=start,
         num_particles=num_particles,
-        **options,
+        resampling=resampling,
+        ess_threshold=ess_threshold,
+        proposal=proposal,
+        gradient=gradient,
+        motion_gradient=motion_gradient,
+        keep_ancestors=keep_ancestors,
     )
 
 
@@ -306,7 +281,7 @@ class FunctionDynamics(contract.Dynamics):
         x = self.layout.unpack(current)
         extras = extras_of(self.transition, self.frame, lambda: self.layout.unpack(previous))
         new = call("transition", self.transition, key, x, self.parameters, **extras)
-        new = self.layout.pack(of_state(new, self.layout))
+        new = self.layout.pack(new)
         return new if self.copies == 1 else jnp.concatenate([new, current[: self.layout.size]])
 
     @property
@@ -320,7 +295,7 @@ class FunctionDynamics(contract.Dynamics):
             states = (self.layout.unpack(x) for x in (new, current))
             extras = extras_of(density, self.frame, lambda: self.layout.unpack(previous))
             name = "transition_log_density"
-            return number(name, call(name, density, *states, self.parameters, **extras))
+            return jnp.reshape(call(name, density, *states, self.parameters, **extras), ())
 
         return log_density
 
@@ -388,7 +363,7 @@ class FunctionLikelihood(contract.Likelihood):
     def log_prob(self, observation, partition, substate):
         """Log-likelihood ``[]`` of a substate ``[D]``."""
         name = "log_likelihood"
-        value = number(name, self._called(name, self.function, observation, substate))
+        value = jnp.reshape(self._called(name, self.function, observation, substate), ())
         outside = self.layout.is_outside(self.layout.unpack(substate))
         return value if outside is False else jnp.where(outside, jnp.nan, value)
 
@@ -397,8 +372,8 @@ class FunctionLikelihood(contract.Likelihood):
         """Log of a first-stage weight; exists only with ``first_stage``."""
         if self.first_stage is None:
             raise AttributeError("log_first_stage")
-        return lambda observation, substates: number(
-            "first_stage", self._called("first_stage", self.first_stage, observation, substates[0])
+        return lambda observation, substates: jnp.reshape(
+            self._called("first_stage", self.first_stage, observation, substates[0]), ()
         )
 
     @property

@@ -1,4 +1,4 @@
-"""Checks of the initial state, for every filter."""
+"""The initial state, for every filter."""
 
 from typing import Any
 
@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import as_array, is_concrete
 
@@ -18,7 +19,14 @@ def checked_initial(initial: Any, may_be_empty: bool = False) -> Any:
     if callable(initial):
         return initial
     if is_concrete(initial):
-        _check(initial, may_be_empty)
+        is_wrong = ~np.isfinite(np.asarray(initial))
+        if may_be_empty:
+            is_wrong &= ~is_wrong.all(axis=-1, keepdims=True)
+        if is_wrong.any():
+            raise InputError(
+                f"initial holds {is_wrong.sum()} value(s) that are not finite, the first at "
+                f"{np.argwhere(is_wrong)[0].tolist()}; give finite numbers."
+            )
     return as_floats(as_array(initial))
 
 
@@ -35,28 +43,21 @@ def initial_rows(initial: Any, count: int | None = None, may_be_empty: bool = Fa
     return initial
 
 
+def check_rows(dynamics: Any, num_partitions: int) -> None:
+    """Refuse fields with a row for each partition that have another number of rows.
+
+    JAX would repeat the last row.
+    """
+    for name in contract.optional(dynamics, "by_partition"):
+        rows = np.shape(getattr(dynamics, name))
+        if len(rows) > 1 and rows[0] not in (1, num_partitions):
+            raise InputError(
+                f"{type(dynamics).__name__}.{name} has shape {list(rows)}, but there are "
+                f"{num_partitions} partitions; give a row for each, or one for all."
+            )
+
+
 def as_floats(values: jax.Array) -> jax.Array:
     """Convert whole numbers, and half precision, which cannot separate particles, to floats."""
     is_float = jnp.issubdtype(values.dtype, jnp.floating)
     return values.astype(jnp.promote_types(values.dtype, jnp.float32) if is_float else float)
-
-
-def _check(initial: object, may_be_empty: bool) -> None:
-    try:
-        values = np.asarray(initial)
-    except ValueError:  # rows of different lengths
-        values = np.asarray(None)
-    if values.dtype.kind not in "iuf":
-        kind = {"c": "complex numbers", "b": "truth values"}.get(values.dtype.kind)
-        what = f"holds {kind}" if kind else f"is {type(initial).__name__}, not an array of numbers"
-        raise InputError(f"initial {what}; give real numbers, or a sampler key -> [P, D].")
-    values = np.asarray(values, float)
-    is_wrong = ~np.isfinite(values)
-    if may_be_empty and values.ndim:
-        is_wrong &= ~np.isnan(values).all(axis=-1, keepdims=True)
-    wrong = np.argwhere(is_wrong)
-    if len(wrong):
-        raise InputError(
-            f"initial holds {len(wrong)} value(s) that are not finite, the first at "
-            f"{wrong[0].tolist()}; give finite numbers."
-        )

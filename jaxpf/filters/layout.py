@@ -121,7 +121,8 @@ class Layout(NamedTuple):
     def pack(self, state: Any) -> jax.Array:
         """Flatten a state to ``[D]``."""
         values, remainders = [], []
-        for leaf, x in zip(self.leaves, map(jnp.ravel, jax.tree.leaves(state)), strict=True):
+        leaves = self.structure.flatten_up_to(state)
+        for leaf, x in zip(self.leaves, map(jnp.ravel, leaves), strict=True):
             count = leaf.num_values
             value = as_floats(x if count is None else jnp.ravel(jax.nn.one_hot(x, count)))
             values.append(value)

@@ -9,8 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.numbers import check_array
-
 
 class Rules(NamedTuple):
     """Rules for continuing, reporting and ending tracks.
@@ -113,9 +111,6 @@ def pairwise_iou(one: ArrayLike, other: ArrayLike) -> np.ndarray:
     Raises:
         InputError: boxes of another length than 4.
     """
-    for boxes in (one, other):
-        if not isinstance(boxes, list) or boxes:  # an empty list is no boxes
-            check_array("boxes", boxes, "x, y, w, h, [..., 4]")
     one = _proper_or_empty(one)[:, None]
     other = _proper_or_empty(other)[None, :]
     start = np.maximum(one[..., :2], other[..., :2])

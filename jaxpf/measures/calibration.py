@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.lost import LOST_BELOW
-from jaxpf.contract.numbers import check_array, check_together, check_whole, numbers_in
+from jaxpf.contract.numbers import check_whole, numbers_in
 from jaxpf.measures.intervals import Interval, mean_interval
 
 #: Number of bins in ``confidence_counts``.
@@ -81,7 +81,6 @@ def confidence_counts(confidence: ArrayLike, on_object: ArrayLike) -> np.ndarray
     Returns:
         int ``[R, 2, 100]``: frames off and on their object, in equal bins of confidence.
     """
-    check_together(confidence=confidence, on_object=on_object)
     confidence, on_object = np.broadcast_arrays(
         numbers_in("confidence", confidence, "numbers from 0 to 1"),
         np.asarray(on_object, float),
@@ -119,7 +118,6 @@ class Reliability:
 
     def add(self, counts: np.ndarray) -> None:
         """Add the ``counts [R, 2, 100]`` of R runs."""
-        check_array("counts", counts, f"counts of every run, [R, 2, {CONFIDENCE_BINS}]")
         counts = np.asarray(counts)
         self.counts += counts.sum(axis=0)
         by_bin = counts.reshape(len(counts), 2, self.bins, -1).sum(axis=-1)
@@ -166,7 +164,6 @@ class Reliability:
 
 
 def _standard(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
-    check_together(offset=offset, spread=spread)
     offset, spread = np.asarray(offset, float), np.asarray(spread, float)
     if (spread < 0).any():
         raise InputError(

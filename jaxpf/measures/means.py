@@ -6,12 +6,9 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from jaxpf.contract.numbers import check_together
-
 
 def masked_mean(values: ArrayLike, mask: ArrayLike, axis: int | Sequence[int]) -> Array:
     """Mean of the finite values where ``mask`` is true; NaN if there are none."""
-    check_together(values=values, mask=mask)
     values = as_float(values)
     axis = axis if isinstance(axis, int) else tuple(axis)
     counts = jnp.isfinite(values) & jnp.asarray(mask, bool)

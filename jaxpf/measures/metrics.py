@@ -22,7 +22,6 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_array, check_together
 from jaxpf.lowering.programs import compiled
 from jaxpf.measures.intervals import Interval, check_level, mean_interval, median_interval
 from jaxpf.measures.means import masked_mean
@@ -246,8 +245,6 @@ def _of_runs(estimate: Array, truth: Array) -> dict[str, tuple[Array, Array]]:
 
 def check_same_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
     """Check that boxes ``[..., T, P, 4]`` have the truth's numbers of frames and objects."""
-    for name, boxes in (("estimate", estimate), ("truth", truth)):
-        check_array(name, boxes, "boxes x, y, w, h, [..., T, P, 4]")
     shapes = np.shape(estimate), np.shape(truth)
     if shapes[0][-3:] != shapes[1][-3:]:
         raise InputError(
@@ -258,15 +255,9 @@ def check_same_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
 
 def _check_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
     """Check that both arguments are boxes ``[..., 4]`` and that their shapes broadcast."""
-    for name, boxes in (("estimate", estimate), ("truth", truth)):
-        check_array(name, boxes, "boxes x, y, w, h, [..., 4]")
-    check_together(estimate=estimate, truth=truth)
 
 
 def _of_frames(tracked: ArrayLike, present: ArrayLike) -> tuple[Array, Array]:
-    for name, values in (("tracked", tracked), ("present", present)):
-        check_array(name, values, "truth values, [..., T, P]")
-    check_together(tracked=tracked, present=present)
     return jnp.asarray(tracked, bool), jnp.asarray(present, bool)
 
 

@@ -5,7 +5,6 @@ from jax import Array
 from jax.scipy.special import logsumexp
 from jax.typing import ArrayLike
 
-from jaxpf.contract.numbers import check_array, check_together
 from jaxpf.measures.means import as_float
 
 
@@ -22,7 +21,6 @@ def effective_dynamics(spread: ArrayLike, scale: ArrayLike) -> Array:
     Returns:
         ``[..., P, D]``; NaN in coordinates without process noise.
     """
-    check_together(spread=spread, scale=scale)
     spread, scale = as_float(spread), as_float(scale)
     has_noise = scale > 0
     return jnp.where(has_noise, spread / jnp.where(has_noise, scale, 1), jnp.nan)
@@ -41,9 +39,6 @@ def corner_distances(estimate: ArrayLike, truth: ArrayLike) -> Array:
         ``[...]``, the sum over all 4 P corners, in pixels; NaN if any corner of either is not
         finite.
     """
-    for name, corners in (("estimate", estimate), ("truth", truth)):
-        check_array(name, corners, "corners in pixels, [..., P, 4, 2]")
-    check_together(estimate=estimate, truth=truth)
     apart = as_float(estimate) - as_float(truth)
     distance = jnp.hypot(apart[..., 0], apart[..., 1])
     total = jnp.sum(distance, axis=(-2, -1))
@@ -65,8 +60,6 @@ def pose_variance(spread: ArrayLike, sizes: ArrayLike) -> Array:
     Returns:
         ``[...]``; NaN if a spread is not finite.
     """
-    check_array("spread", spread, "of x, y, theta, [..., P, >= 3]")
-    check_array("sizes", sizes, "width and height in pixels, [P, 2]")
     spread, sizes = as_float(spread), as_float(sizes)
     radius = 0.5 * jnp.hypot(sizes[..., 0], sizes[..., 1])
     levers = jnp.stack([jnp.ones_like(radius), jnp.ones_like(radius), radius], axis=-1)
@@ -83,7 +76,6 @@ def resamplings_per_frame(resample_after: ArrayLike) -> Array:
     Returns:
         ``[...]`` int, including the resampling at the start of the frame.
     """
-    check_array("resample_after", resample_after, "truth values, [..., P]")
     return 1 + jnp.sum(jnp.asarray(resample_after), axis=-1)
 
 
@@ -98,7 +90,6 @@ def effective_sample_size(log_weights: ArrayLike) -> Array:
     Returns:
         ``[...]``, from 1 to N, or 0 if all weights are 0.
     """
-    check_array("log_weights", log_weights, "one for every particle, [..., >= 1]")
     log_weights = as_float(log_weights)
     log_weights = jnp.where(jnp.isfinite(log_weights), log_weights, -jnp.inf)
     largest = jnp.max(log_weights, axis=-1, keepdims=True)
@@ -117,7 +108,6 @@ def distinct_share(lineage: ArrayLike) -> Array:
     Returns:
         ``[..., P]``, from 1 / N to 1.
     """
-    check_array("lineage", lineage, "ids of particles, [..., P, >= 1]")
     ordered = jnp.sort(jnp.asarray(lineage), axis=-1)
     changes = jnp.sum(ordered[..., 1:] != ordered[..., :-1], axis=-1)
     return (1 + changes) / ordered.shape[-1]

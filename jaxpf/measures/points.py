@@ -7,7 +7,7 @@ unknown; ``visible`` ``[T, P]`` marks the points in view.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.numbers import check_array, check_together, numbers_in
+from jaxpf.contract.numbers import numbers_in
 
 
 def point_distances(estimates: ArrayLike, truth: ArrayLike, length: ArrayLike = 1.0) -> np.ndarray:
@@ -19,9 +19,6 @@ def point_distances(estimates: ArrayLike, truth: ArrayLike, length: ArrayLike = 
         length: ``[]`` or ``[T]``, body length; distances are relative to it (eskil2014's relative
             error).  By default distances are in pixels.
     """
-    check_array("estimates", estimates, "x, y, [..., T, P, 2]")
-    check_array("truth", truth, "x, y, [T, P, 2]")
-    check_together(estimates=estimates, truth=truth)
     away = np.linalg.norm(np.asarray(estimates, float) - np.asarray(truth, float), axis=-1)
     length = numbers_in("length", length, "one number, or one for every frame")
     return away / (length[:, None] if length.ndim else length)

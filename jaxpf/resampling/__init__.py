@@ -12,6 +12,6 @@ components and labels like the built-in schemes.  With C components it draws N a
 C times the work, and a component of n slots keeps n of its N draws, evenly spaced.
 """
 
-from jaxpf._lazy import attach
+import lazy_loader as lazy
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -7,10 +7,9 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import check_known
 from jaxpf.contract.names import SCHEMES
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.lowering import platform
@@ -82,31 +81,12 @@ class Own:
 
 
 def scheme_of(given: object) -> BuiltIn | Own:
-    """Return a scheme from a name or a custom scheme, after checking it."""
+    """Return a scheme from a name or a custom scheme."""
     if isinstance(given, BuiltIn | Own):
         return given
-    if isinstance(given, str) and given in SCHEMES:
+    if isinstance(given, str):
+        check_known("resampling=", given, SCHEMES)
         return BuiltIn(given)
-    if not callable(given):
-        raise InputError(
-            f"resampling={given!r} is not a resampling scheme; choose one of {', '.join(SCHEMES)}, "
-            "or write your own (see jaxpf.resampling)."
-        )
-    name = getattr(given, "__name__", type(given).__name__)
-    if any(leaf is given for leaf in jax.tree.leaves(given)):
-        raise InputError(
-            f"the resampling scheme {name} is not a pytree; wrap a function in "
-            "jax.tree_util.Partial, or decorate its class with @jaxpf.pytree_dataclass."
-        )
-    drawn = jax.eval_shape(
-        lambda scheme, key: scheme(key, jnp.zeros(4), 3), given, jax.random.key(0)
-    )
-    shape, dtype = jnp.shape(drawn), getattr(drawn, "dtype", np.dtype(object))
-    if shape != (3,) or not jnp.issubdtype(dtype, jnp.integer):
-        raise InputError(
-            f"the resampling scheme {name} returns {dtype} of shape {list(shape)} for count = 3; "
-            "return the ancestors' places, whole numbers [count]."
-        )
     return Own(given)
 
 

@@ -4,6 +4,6 @@ All loops over frames use ``frame_step``: a single run, many runs (``blocks``), 
 frames, and differentiated objectives.  ``missing_frames`` skips missing frames.
 """
 
-from jaxpf._lazy import attach
+import lazy_loader as lazy
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

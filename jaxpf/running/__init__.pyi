@@ -1,12 +1,11 @@
 from .blocks import monte_carlo as monte_carlo
+from .frames import num_frames as num_frames
 from .runs import (
     as_key as as_key,
-    as_keys as as_keys,
     forecast as forecast,
     frame_key as frame_key,
     frame_step as frame_step,
     init as init,
-    num_frames as num_frames,
     one_run as one_run,
     ready as ready,
     run as run,

@@ -11,26 +11,17 @@ from jax import lax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from jaxpf import contract
-from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.recognised import recognised
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering import platform
 from jaxpf.lowering.programs import compiled
-from jaxpf.running import (
-    as_keys,
-    frame_step,
-    init,
-    missing_frames,
-    num_frames,
-    summary_only,
-    together,
-    with_inputs,
-)
-from jaxpf.running.checks import as_arrays, check_frames, check_order, check_run, warn_of_frames
-from jaxpf.running.chunks import come_one_by_one, in_chunks
+from jaxpf.running import missing_frames
+from jaxpf.running.chunks import in_chunks
+from jaxpf.running.frames import Frames, frames_of, noted, num_frames, warn_of_frames
 from jaxpf.running.memory import device_memory, num_idle_cores, say_that_cores_are_idle
+from jaxpf.running.runs import as_key, frame_step, init, summary_only, together, with_inputs
 from jaxpf.running.widths import Blocks, blocks_of, even_blocks, widest
 
 _AXIS = "runs"
@@ -91,14 +82,12 @@ def monte_carlo(
         Recorded values with leading axes ``[R, T]``, divided among devices as the keys are.
 
     Raises:
-        InputError: as for ``run``; no keys; ``batch_size`` or ``frames_per_chunk`` < 1; no
-            devices; frames that differ in shape.
+        InputError: as for ``run``; ``batch_size`` or ``frames_per_chunk`` < 1; frames that differ
+            in shape.
     """
     if batch_size is not None:
         check_whole("batch_size", batch_size)
-    frames = as_arrays(frames)
-    check_order(tracker, keys, frames)
-    keys = as_keys(keys)
+    frames, keys = frames_of(frames), as_key(keys)
     place = keys.sharding if is_concrete(keys) else None
     if isinstance(place, NamedSharding):  # blocks are divided among the devices in their own way
         with jax.ensure_compile_time_eval():
@@ -108,13 +97,12 @@ def monte_carlo(
     blocks = blocks_of(count) if batch_size is None else ((-(-count // batch_size), batch_size),)
     if devices is None and num_idle_cores() and max(count for count, _ in blocks) > 1:
         say_that_cores_are_idle()
-    record = recognised(record)
-    tracker = with_inputs(tracker, inputs, frames)
-    recorded = run_blocks(
-        tracker, keys, frames, blocks, record, devices, frames_per_chunk, observed, batch_size
-    )
-    kept = not come_one_by_one(frames)
-    warn_of_frames(recorded, (lambda t: jax.tree.map(lambda x: x[t], frames)) if kept else None)
+    if inputs is not None:
+        tracker = with_inputs(tracker, inputs, num_frames(frames.stacked()))
+    sizes = frames_per_chunk, observed, batch_size
+    recorded = run_blocks(tracker, keys, frames, blocks, recognised(record), devices, *sizes)
+    kept = frames.whole
+    warn_of_frames(recorded, None if kept is None else lambda t: jax.tree.map(lambda x: x[t], kept))
     if isinstance(place, NamedSharding) and is_concrete(recorded):
         recorded = jax.device_put(recorded, place)
     return recorded
@@ -138,13 +126,14 @@ def run_blocks(
     Raises:
         InputError: as for ``monte_carlo``.
     """
-    if not come_one_by_one(frames):
-        check_frames(frames)
-        num_frames(frames)
-    tracker, frames = missing_frames.marked(tracker, frames, observed)
+    frames = frames_of(frames)
+    if frames.source is None:
+        tracker, whole = missing_frames.marked(tracker, frames.whole, observed)
+        frames = Frames(whole)
+    elif observed is not None:
+        tracker, source = missing_frames.marked_source(tracker, frames, observed)
+        frames = Frames(None, source)
     devices = tuple(jax.local_devices() if devices is None else devices)
-    if not devices:
-        raise InputError("devices is empty; give at least one, or None for all there are.")
     may_narrow = platform.on_accelerator() and batch_size is None
     if may_narrow:
         share = -(-keys.shape[0] // len(devices))
@@ -155,15 +144,17 @@ def run_blocks(
     length = 0
     for first, count, chunk in in_chunks(frames, frames_per_chunk, len(used)):
         of_chunk = tracker
-        if come_one_by_one(frames):
+        if frames.source is not None:
             # Missing frames are known only now.
             of_chunk, chunk = missing_frames.marked(tracker, chunk, first=first)
         grouped = in_groups(first, chunk, used)
         if not kept:
-            check_run(*missing_frames.unmarked(of_chunk, chunk))
             narrow = may_narrow and is_concrete(tracker, keys, chunk)
             begun = _begin_narrowing if narrow else _begin
-            sizes, batches, states, recorded = begun(of_chunk, keys, blocks, grouped, record, used)
+            with noted(tracker):
+                sizes, batches, states, recorded = begun(
+                    of_chunk, keys, blocks, grouped, record, used
+                )
         else:
             # Compute one chunk while reading the next, without queueing more.
             jax.block_until_ready(kept[-1])

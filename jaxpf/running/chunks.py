@@ -9,21 +9,13 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole, with_nan
+from jaxpf.running.frames import Frames, num_frames
 
 #: Default size of a chunk's frames, bytes.
 CHUNK_BYTES = 64 * 2**20
 #: Minimum number of frames per chunk and device: the compiler unrolls a loop with one iteration,
 #: which may round differently.
 _LEAST = 2
-
-
-def come_one_by_one(frames: object) -> bool:
-    """Whether frames are an iterable that is neither an array nor a pytree of arrays."""
-    return (
-        isinstance(frames, Iterable)
-        and not isinstance(frames, np.ndarray | jax.Array | str)
-        and jax.tree_util.all_leaves([frames])
-    )
 
 
 def chunk_length(num_frames: int | None, frame_bytes: int, most_bytes: int = CHUNK_BYTES) -> int:
@@ -40,11 +32,11 @@ def chunk_length(num_frames: int | None, frame_bytes: int, most_bytes: int = CHU
     return max(_LEAST, -(-num_frames // -(-num_frames // most)))
 
 
-def in_chunks(frames: Any, length: int | None, multiple: int) -> Iterator[tuple[int, int, Any]]:
+def in_chunks(frames: Frames, length: int | None, multiple: int) -> Iterator[tuple[int, int, Any]]:
     """Yield a sequence's frames in chunks.
 
     Args:
-        frames: NumPy or device arrays with a leading axis T, or an iterable of single frames.
+        frames: in NumPy or device arrays, or one by one.
         length: frames per chunk, rounded up to a multiple of ``multiple``.  None: as many as fit in
             ``CHUNK_BYTES``, or all frames if they are already on a device.
         multiple: the length of every chunk is a multiple of this.
@@ -59,11 +51,10 @@ def in_chunks(frames: Any, length: int | None, multiple: int) -> Iterator[tuple[
     """
     if length is not None:
         check_whole("frames_per_chunk", length)
-    if come_one_by_one(frames):
-        yield from _gathered(frames, length, multiple)
+    if frames.source is not None:
+        yield from _gathered(frames.source, length, multiple)
         return
-    leaves = jax.tree.leaves(frames)
-    total = np.shape(leaves[0])[0]
+    leaves, total = jax.tree.leaves(frames.whole), num_frames(frames.whole)
     if length is None and not all(isinstance(leaf, np.ndarray) for leaf in leaves):
         length = total
     elif length is None:
@@ -72,7 +63,7 @@ def in_chunks(frames: Any, length: int | None, multiple: int) -> Iterator[tuple[
     for first in range(0, total, length):
         count = min(length, total - first)
         wanted = _filled_length(first, count, length, multiple)
-        chunk = jax.tree.map(lambda x, i=first, n=count: x[i : i + n], frames)
+        chunk = jax.tree.map(lambda x, i=first, n=count: x[i : i + n], frames.whole)
         if wanted > count:
             places = np.minimum(np.arange(wanted), count - 1)
             chunk = jax.tree.map(lambda x, places=places: x[places], chunk)

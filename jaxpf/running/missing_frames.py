@@ -3,9 +3,8 @@
 ``jaxpf.running.gaps`` wraps a tracker so that it takes the marked frames.
 """
 
-import inspect
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
 
@@ -15,11 +14,10 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf import contract
-from jaxpf.contract.errors import InputError, check_type
-from jaxpf.contract.numbers import check_array, with_nan
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.types import TrackerLike
-from jaxpf.running.chunks import come_one_by_one
+from jaxpf.running.frames import Frames, frames_of, num_frames
 from jaxpf.running.gaps import WithGaps
 
 
@@ -30,68 +28,60 @@ def marked(
 
     Args:
         tracker: any tracker.
-        frames: ``[T, ...]``, or an iterable of single frames.
+        frames: pytree of arrays ``[T, ...]``.
         observed: ``[T]`` bool, which frames were seen, or ``[T, P]``, which partitions.  None: all
             frames except float frames that are entirely NaN; traced frames are tested at run time.
             In the shape of ``frames``: which components, for a likelihood that handles NaN.
         first: number of the first frame, for messages.
 
     Raises:
-        InputError: ``observed`` has a wrong shape, the tracker does not support missing frames, or
-            a frame that was seen holds NaN.
+        InputError: ``observed`` has a wrong shape, the tracker does not support missing
+            partitions, or a frame that was seen holds NaN.
     """
-    if getattr(tracker, "is_marked", False):
+    if getattr(tracker, "is_marked", False) or (
+        observed is None and contract.likelihood_of(tracker) is None
+    ):
         return tracker, frames
     if observed is None:
-        if come_one_by_one(frames) or not _can_have_gaps(tracker):
-            return tracker, frames
         seen = _seen(frames)
         _check_nan(tracker, frames, seen, first)
-        if seen is None:
-            return tracker, frames
-        return WithGaps(tracker), (frames, seen)
-    check_gaps(tracker)
-    if come_one_by_one(frames):
-        each = marked_one_by_one(tracker, frames, observed)
-        pairs = (taken if its is not tracker else (taken, True) for _, its, taken in each)
-        return WithGaps(tracker), pairs
-    total, parts = len(jax.tree.leaves(frames)[0]), contract.optional(tracker, "num_partitions")
-    check_array("observed", observed, "one bool for every frame")
-    shape = np.shape(observed)
-    if _names_components(tracker, frames, shape):
-        return marked(tracker, jnp.where(_as_bool(observed), frames, jnp.nan), None, first)
-    if shape != (total,) and shape != (total, parts):
-        if parts == 1 and len(shape) == 2:
-            raise InputError(
-                f"observed has shape {list(shape)}, and this model has one partition, which a "
-                f"frame shows or not: give [{total}]; if single components of y are missing, let a "
-                "log_likelihood that leaves NaN out say so by its attribute handles_nan = True."
-            )
-        of_parts = "" if parts is None else f", or which partitions, [{total}, {parts}]"
+        return (tracker, frames) if seen is None else (WithGaps(tracker), (frames, seen))
+    seen, shape = _as_bool(observed), np.shape(observed)
+    total, parts = num_frames(frames), contract.optional(tracker, "num_partitions")
+    of_components = len(shape) > 1 and shape == np.shape(frames) != (total, parts)
+    if of_components and contract.handles_nan(tracker):
+        return marked(tracker, jnp.where(seen, frames, jnp.nan), None, first)
+    if shape not in ((total,), (total, parts)):
         raise InputError(
-            f"observed has shape {shape}; say of each of the {total} frames whether it was seen, "
-            f"[{total}]{of_parts}."
+            f"observed has shape {list(shape)}; say of each of the {total} frames whether it was "
+            f"seen, [{total}], or which partitions, [{total}, {parts}]; single components of y may "
+            "be missing for a likelihood (or log_likelihood) with handles_nan = True."
         )
-    if len(shape) == 2:
-        _check_parts(tracker)
-    _check_nan(tracker, frames, observed, first)
-    return WithGaps(tracker), (frames, _as_bool(observed))
+    if len(shape) == 2 and hasattr(filter_ := contract.filter_of(tracker), "population"):
+        raise InputError(
+            f"{type(filter_).__name__} compares particles of different targets, which a missing "
+            "target would upset; give observed for whole frames, [T]."
+        )
+    _check_nan(tracker, frames, seen, first)
+    return WithGaps(tracker), (frames, seen)
+
+
+def marked_source(tracker: TrackerLike, frames: Frames, observed: Any) -> tuple[Any, Iterator[Any]]:
+    """``marked`` for frames that come one by one."""
+    each = marked_one_by_one(tracker, frames, observed)
+    pairs = (taken if its is not tracker else (taken, True) for _, its, taken in each)
+    return WithGaps(tracker), pairs
 
 
 def unmarked(tracker: TrackerLike, frames: Any) -> tuple[Any, Any]:
     """Undo ``marked``: return the original tracker and frames."""
-    if not isinstance(tracker, WithGaps):
-        return tracker, frames
-    return tracker.tracker, frames if come_one_by_one(frames) else frames[0]
+    return (tracker.tracker, frames[0]) if isinstance(tracker, WithGaps) else (tracker, frames)
 
 
-def marked_one_by_one(tracker: TrackerLike, frames: Any, observed: Any = None) -> Iterator[Any]:
+def marked_one_by_one(tracker: TrackerLike, frames: Frames, observed: Any = None) -> Iterator[Any]:
     """Yield each frame, the tracker for it, and the frame in that tracker's format."""
-    check_type("frames", frames, Iterable)
-    frames = (jax.tree.map(with_nan, frame) for frame in frames)
-    if observed is not None:
-        check_type("observed", observed, Iterable)
-    pairs = itertools.zip_longest(frames, () if observed is None else observed)
+    rows = () if observed is None else frames_of(observed).one_by_one()
+    pairs = itertools.zip_longest(frames.one_by_one(), rows)
     for number, (frame, seen) in enumerate(pairs):
         if observed is not None and (frame is None or seen is None):
             raise InputError("observed must have one row for each frame.")
@@ -101,17 +91,6 @@ def marked_one_by_one(tracker: TrackerLike, frames: Any, observed: Any = None) -
         its, taken = marked(tracker, one, seen if seen is None else np.asarray(seen)[None], number)
         is_changed = seen is not None or its is not tracker
         yield frame, its, jax.tree.map(lambda x: x[0], taken) if is_changed else frame
-
-
-def _names_components(tracker: TrackerLike, frames: Any, shape: tuple[int, ...]) -> bool:
-    """Whether an ``observed`` of this shape names components of frames, not partitions."""
-    parts = contract.optional(tracker, "num_partitions")
-    return (
-        len(shape) > 1
-        and isinstance(frames, np.ndarray | jax.Array)
-        and shape == frames.shape != (len(frames), parts)
-        and contract.handles_nan(tracker)
-    )
 
 
 def _as_bool(observed: ArrayLike) -> np.ndarray | jax.Array:
@@ -167,43 +146,4 @@ def _check_nan(tracker: TrackerLike, frames: Any, seen: Any, first: int) -> None
                 f"frame {first + frame} holds NaN{jax.tree_util.keystr(path)} at {place}, but not "
                 "only NaN; give observed= to say which frames or partitions are missing, or set "
                 "handles_nan = True on a likelihood (or log_likelihood) that understands NaN."
-            )
-
-
-def _can_have_gaps(tracker: TrackerLike) -> bool:
-    return contract.likelihood_of(tracker) is not None
-
-
-def check_gaps(tracker: TrackerLike) -> None:
-    """Refuse a tracker that does not support missing frames.
-
-    Raises:
-        InputError: the tracker has no likelihood to skip.
-    """
-    if not _can_have_gaps(tracker):
-        raise InputError(
-            f"{type(tracker).__name__} has no field likelihood that could be left out where a "
-            "frame is missing; give it one, or frames that were all seen."
-        )
-
-
-def _check_parts(tracker: Any) -> None:
-    """Refuse a tracker that does not support missing partitions.
-
-    Raises:
-        InputError: particles hold one target each, or the joint likelihood takes no ``observed``.
-    """
-    filter_ = contract.filter_of(tracker)
-    if hasattr(filter_, "population"):
-        raise InputError(
-            f"{type(filter_).__name__} compares particles of different targets, which a missing "
-            "target would upset; give observed for whole frames, [T]."
-        )
-    likelihood = filter_.likelihood
-    for name in contract.SUBSTATES:
-        joint = contract.optional(likelihood, name) if name.startswith("log_joint") else None
-        if joint and "observed" not in inspect.signature(joint).parameters:
-            raise InputError(
-                f"{type(likelihood).__name__}.{name} does not say what a missing partition means; "
-                "give it an argument observed [P], or observed for whole frames, [T]."
             )

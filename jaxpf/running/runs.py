@@ -18,8 +18,7 @@ from jaxpf.contract.recognised import recognised
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.running import gaps, missing_frames
-from jaxpf.running.checks import as_arrays, check_frames, check_order, check_run, warn_of_frames
-from jaxpf.running.chunks import come_one_by_one
+from jaxpf.running.frames import as_arrays, frames_of, noted, num_frames, warn_of_frames
 
 
 def summary_only(state: object, summary: Any) -> Any:
@@ -76,16 +75,13 @@ def run(
 
     Raises:
         InputError: no frames, arrays with different numbers of frames, or an iterable of single
-            frames; ``observed`` of a wrong shape; a frame that is NaN in part; see also
-            ``jaxpf.running.checks.check_run``.
+            frames; ``observed`` of a wrong shape; a frame that is NaN in part.
     """
-    frames = as_arrays(frames)
-    check_order(tracker, key, frames)
-    key = as_key(key)
-    first = check_resumed(tracker, key, state, record)
+    frames = frames_of(frames).stacked()
+    first: Any = 0 if state is None else contract.time_of(state)
     tracker, taken = ready(tracker, frames, observed, inputs, first)
-    record = recognised(record)
-    state, recorded = run_compiled(tracker, key, taken, record, state)
+    with noted(tracker):
+        state, recorded = run_compiled(tracker, as_key(key), taken, recognised(record), state)
     warn_of_frames(recorded, lambda time: jax.tree.map(lambda x: x[time], frames), first)
     return state, recorded
 
@@ -120,18 +116,14 @@ def forecast(
         The state S frames ahead, and the recorded values with a leading axis S.
 
     Raises:
-        InputError: fewer than one step, an invalid key, a tracker without a likelihood, or a model
-            with inputs that are not given for each step.
+        InputError: fewer than one step, or a model with inputs that are not given for each step.
     """
     check_whole("steps", steps)
-    missing_frames.check_gaps(tracker)
-    key = as_key(key)
-    first = check_resumed(tracker, key, state, record)
     nothing = np.zeros(steps, bool)
-    tracker = with_inputs(tracker, inputs, nothing, first)
+    tracker = with_inputs(tracker, inputs, steps, contract.time_of(state))
     blind = gaps.WithoutFrames(tracker)
-    record = recognised(record)
-    return run_compiled(blind, key, (nothing, nothing), record, state)
+    with noted(tracker):
+        return run_compiled(blind, as_key(key), (nothing, nothing), recognised(record), state)
 
 
 def ready(
@@ -141,7 +133,7 @@ def ready(
     inputs: Any = None,
     first: ArrayLike = 0,
 ) -> tuple[Any, Any]:
-    """Check a tracker and all of its frames, and let it know their inputs and what is missing.
+    """Let a tracker know the inputs of all frames, and which are missing.
 
     Args:
         tracker: any tracker.
@@ -156,40 +148,20 @@ def ready(
     Raises:
         InputError: as for ``run``.
     """
-    frames = as_arrays(frames)
-    if come_one_by_one(frames):
-        raise InputError(
-            "frames come one by one, and are needed all at once; give np.stack(list(frames)), or "
-            "use jaxpf.stream or jaxpf.monte_carlo, which keep few of them."
-        )
-    check_frames(frames)
-    num_frames(frames)
-    tracker = with_inputs(tracker, inputs, frames, first)
-    check_run(tracker, frames)
+    frames = frames_of(frames).stacked()
+    tracker = with_inputs(tracker, inputs, num_frames(frames), first)
     return missing_frames.marked(tracker, frames, observed)
 
 
-def with_inputs(tracker: T, inputs: Any, frames: Any, first: ArrayLike = 0) -> T:
-    """Return the tracker with the inputs of frames ``[T, ...]``; unchanged if there are none.
-
-    Args:
-        tracker: any tracker.
-        inputs: as for ``run``.
-        frames: as for ``run``.
-        first: number of the first frame.
+def with_inputs(tracker: T, inputs: Any, count: int, first: ArrayLike = 0) -> T:
+    """Return the tracker with the inputs of ``count`` frames; unchanged if there are none.
 
     Raises:
-        InputError: frames that come one by one, or other than T rows; no part of the model takes
-            inputs.
+        InputError: another number of rows; no part of the model takes inputs.
     """
     if inputs is None:
         return tracker
-    if come_one_by_one(frames):
-        raise InputError(
-            "frames come one by one, and inputs are rows of all frames; give "
-            "np.stack(list(frames)), or use jaxpf.stream, which takes inputs one by one."
-        )
-    inputs, count = as_arrays(inputs), num_frames(frames)
+    inputs = as_arrays(inputs)
     for path, leaf in jax.tree_util.tree_leaves_with_path(inputs):
         if np.shape(leaf)[:1] != (count,):
             raise InputError(
@@ -212,68 +184,9 @@ def init(tracker: TrackerLike, key: jax.Array) -> Any:
 init_compiled = compiled(init)
 
 
-def check_resumed(tracker: TrackerLike, key: jax.Array, state: Any, record: object) -> Any:
-    """Refuse a state that is not one of the tracker, and what cannot record; return its time.
-
-    Raises:
-        InputError: names the argument.
-    """
-    if not callable(record):
-        raise InputError(f"record={record!r:.60} must be a function of (state, summary).")
-    if state is None:
-        return 0
-    given: Any = jax.tree.structure(state)
-    if given != jax.tree.structure(jax.eval_shape(init, tracker, key)):
-        raise InputError(
-            f"state is {type(state).__name__}, no state of this tracker; give one that a run of "
-            "the same tracker returned, or None to start."
-        )
-    return contract.time_of(state)
-
-
-def as_key(key: object) -> jax.Array:
-    """Convert a typed or legacy key to one typed key, ``[]``.
-
-    Raises:
-        InputError: not a key.
-    """
-    return _typed(key, 0, "key", "a random key, such as jax.random.key(0)")
-
-
-def as_keys(keys: jax.Array) -> jax.Array:
-    """Convert typed or legacy keys to one typed key per run, ``[R]``.
-
-    Raises:
-        InputError: not keys, or an array of a wrong shape.
-    """
-    return _typed(keys, 1, "keys", "one key per run, as jax.random.split(key, R) does")
-
-
-def _typed(keys: Any, ndim: int, name: str, wanted: str) -> jax.Array:
-    dtype = getattr(keys, "dtype", None)
-    if dtype == np.uint32 and keys.ndim == ndim + 1:  # legacy keys
-        keys = jax.random.wrap_key_data(jnp.asarray(keys))
-    elif dtype is None or not jax.dtypes.issubdtype(dtype, jax.dtypes.prng_key):
-        raise InputError(f"{name} is {' '.join(repr(keys).split()):.60}; give {wanted}.")
-    if keys.ndim != ndim or keys.size == 0:
-        raise InputError(f"{name} has shape {keys.shape}; give {wanted}.")
-    return keys
-
-
-def num_frames(frames: Any) -> int:
-    """Return the length of the leading axis of all arrays.
-
-    Raises:
-        InputError: no frames, or arrays with different numbers of frames.
-    """
-    leaves = jax.tree.leaves(frames)
-    lengths = {jnp.shape(leaf)[0] if jnp.ndim(leaf) else 0 for leaf in leaves}
-    if len(lengths) != 1 or 0 in lengths:
-        raise InputError(
-            f"frames have leading axes {sorted(lengths)}; give at least one frame, and the same "
-            "number of frames in every array."
-        )
-    return lengths.pop()
+def as_key(key: jax.Array) -> jax.Array:
+    """Convert a typed or legacy key, or several, to typed ones."""
+    return jax.random.wrap_key_data(jnp.asarray(key)) if key.dtype == np.uint32 else key
 
 
 def frame_step(

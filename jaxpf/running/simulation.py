@@ -11,13 +11,13 @@ from jax import lax
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_array, check_whole
+from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.state import ParticleState
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
-from jaxpf.running.checks import check_pytree
+from jaxpf.running.frames import noted
 from jaxpf.running.gaps import WithoutFrames
-from jaxpf.running.runs import as_key, check_resumed, init, one_run, summary_only, with_inputs
+from jaxpf.running.runs import as_key, init, one_run, with_inputs
 
 
 class Simulated(NamedTuple):
@@ -38,7 +38,7 @@ class Simulated(NamedTuple):
 
 def central_interval(draws: Any, level: float, axes: int | tuple[int, ...]) -> tuple[Any, Any]:
     """Ends of the intervals that contain the share ``level`` of the draws along some axes."""
-    check_array("level", level, "a share from 0 to 1, []", least=0, most=1)
+    check_number("level", level, least=0, most=1)
     lower, upper = (
         jax.tree.map(partial(jnp.quantile, q=end, axis=axes), draws)
         for end in ((1 - level) / 2, (1 + level) / 2)
@@ -76,26 +76,21 @@ def simulate(
         The states and frames, a ``Simulated``.
 
     Raises:
-        InputError: another filter, a likelihood without ``sample``, or a number below 1.
+        InputError: a likelihood without ``sample``, or a number below 1.
     """
-    check_pytree(tracker)
     check_whole("num_frames", num_frames)
     if num_draws is not None:
         check_whole("num_draws", num_draws)
-    key = as_key(key)
     likelihood = contract.likelihood_of(tracker)
-    if not isinstance(jax.eval_shape(init, tracker, key), ParticleState):
-        raise InputError(
-            f"{type(tracker).__name__} cannot be simulated; use jaxpf.Partitioned with its model."
-        )
     if not contract.optional(likelihood, "sample"):
         raise InputError(
             f"{type(likelihood).__name__} draws no observations; write its method sample(key, "
             "substates [P, D]), or give jaxpf.state_space an observation."
         )
-    first = check_resumed(tracker, key, state, summary_only)
-    tracker = with_inputs(tracker, inputs, np.zeros(num_frames), first)
-    drawn = _simulated(tracker, key, state, num_frames, num_draws or 1)
+    first = 0 if state is None else contract.time_of(state)
+    tracker = with_inputs(tracker, inputs, num_frames, first)
+    with noted(tracker):
+        drawn = _simulated(tracker, as_key(key), state, num_frames, num_draws or 1)
     return drawn if num_draws is not None else jax.tree.map(lambda x: x[0], drawn)
 
 

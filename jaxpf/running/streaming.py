@@ -6,15 +6,13 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from jaxpf import contract, running
+from jaxpf import contract
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.pytree import check_not_traced
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import as_arrays, check_order, check_pytree, warn_of_frames
-from jaxpf.running.chunks import come_one_by_one
-from jaxpf.running.runs import check_resumed, init_compiled
+from jaxpf.running.frames import frames_of, noted, warn_of_frames
+from jaxpf.running.runs import as_key, init_compiled, one_run, summary_only, with_inputs
 
 
 class TrackedFrame(NamedTuple):
@@ -66,44 +64,27 @@ def stream(
     Yields:
         A ``TrackedFrame`` for each frame: ``time``, ``frame``, ``state`` and ``summary``.
     """
-    frames = as_arrays(frames)
-    check_order(tracker, key, frames)
-    key = running.as_key(key)
-    check_pytree(tracker)
-    check_resumed(tracker, key, state, running.summary_only)
-    observed = as_arrays(observed)
-    whole = () if come_one_by_one(frames) else frames
-    check_not_traced("jaxpf.stream", "jaxpf.run", tracker, key, whole, state)
+    key = as_key(key)
     first = 0 if state is None else int(contract.time_of(state))
-    if state is None:
-        state = init_compiled(tracker, key)
-    marked = missing_frames.marked_one_by_one(tracker, frames, observed)
-    given, told = _one_by_one(inputs), 0
+    with noted(tracker):
+        state = init_compiled(tracker, key) if state is None else state
+    marked = missing_frames.marked_one_by_one(tracker, frames_of(frames), observed)
+    given, told = iter(()) if inputs is None else frames_of(inputs).one_by_one(), 0
     for number, (frame, its_tracker, taken) in enumerate(marked, first):
         if inputs is not None:
             row = next(given, None)
             if row is None:
                 raise InputError(f"inputs end before frame {number}; give a row for each frame.")
             row = jax.tree.map(lambda x: np.asarray(x)[None], row)
-            its_tracker = running.with_inputs(its_tracker, row, np.zeros(1), number)
-        state, summary = step(its_tracker, key, number, state, taken)
-        check_not_traced("jaxpf.stream", "jaxpf.run", summary)
+            its_tracker = with_inputs(its_tracker, row, 1, number)
+        with noted(tracker):
+            state, summary = step(its_tracker, key, number, state, taken)
         summary = jax.tree.map(np.asarray, summary)
         told = warn_of_frames(summary, [frame].__getitem__, number, told)
         yield TrackedFrame(number, frame, state, summary)
 
 
-def _one_by_one(inputs: Any) -> Iterator[Any]:
-    """Rows of inputs, which are arrays ``[T, ...]`` or come one by one."""
-    inputs = as_arrays(inputs)
-    if come_one_by_one(inputs):
-        yield from inputs
-        return
-    for place in range(running.num_frames(inputs)):
-        yield jax.tree.map(lambda x, place=place: x[place], inputs)
-
-
 @compiled
 def step(tracker: TrackerLike, key: jax.Array, time: int, state: Any, frame: np.ndarray) -> Any:
     """Return state and summary of frame ``time`` (from 0) of a run, as in ``stream``."""
-    return running.one_run(tracker, key, running.summary_only)(state, (time, frame))
+    return one_run(tracker, key, summary_only)(state, (time, frame))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_array, check_whole
+from jaxpf.contract.numbers import check_whole
 
 #: Particles are divided among the orders: 24 for four targets, 120 for five.
 MOST_OPAQUE = 4
@@ -63,7 +63,6 @@ def in_front(label_probabilities: ArrayLike) -> np.ndarray:
     Raises:
         InputError: the last axis is not P! for P from 2 to ``MOST_OPAQUE``.
     """
-    check_array("label_probabilities", label_probabilities, "probabilities, [..., L]")
     probabilities = np.asarray(label_probabilities)
     counts = {factorial(count): count for count in range(2, MOST_OPAQUE + 1)}
     labels = probabilities.shape[-1]

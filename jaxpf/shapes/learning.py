@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.names import ANNOTATIONS
-from jaxpf.contract.numbers import check_array, check_whole, numbers_in
+from jaxpf.contract.numbers import check_whole, numbers_in
 from jaxpf.shapes.spaces import ShapeSpace, key_frame_space
 from jaxpf.shapes.splines import check_order, fit_spline, resample_polyline
 
@@ -97,7 +97,6 @@ def outline_of(mask: ArrayLike, number: int = 0) -> np.ndarray:
     """
     import cv2
 
-    check_array(f"mask {number}", mask, "a picture that is not 0 on the target, [H, W]")
     marked = (np.asarray(mask) != 0).astype(np.uint8)
     if not marked.any():
         raise InputError(

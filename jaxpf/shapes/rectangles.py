@@ -10,11 +10,8 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
-
-from jaxpf.contract.numbers import check_array, check_together
 
 #: How messages describe boxes.
 _BOXES = "x, y, w, h in pixels, [..., 4]"
@@ -30,8 +27,6 @@ def boxes_from_substates(substates: ArrayLike, sizes: ArrayLike) -> Array:
     Returns:
         ``[..., P, 4]``: x = u - a w / 2, y = v - a h / 2, a w, a h.
     """
-    check_array("substates", substates, "u, v, a, [..., P, >= 3]")
-    _check_sizes(sizes, substates)
     substates, sizes = jnp.asarray(substates), jnp.asarray(sizes)
     extent = substates[..., 2:3] * sizes
     return jnp.concatenate([substates[..., :2] - extent / 2, extent], axis=-1)
@@ -42,7 +37,6 @@ def centres(boxes: ArrayLike) -> Array:
 
     A box without area still has a centre.
     """
-    check_array("boxes", boxes, _BOXES)
     boxes = jnp.asarray(boxes)
     is_finite = jnp.all(jnp.isfinite(boxes), axis=-1, keepdims=True)
     return jnp.where(is_finite, boxes[..., :2] + boxes[..., 2:] / 2, jnp.nan)
@@ -59,8 +53,6 @@ def corners_from_poses(poses: ArrayLike, sizes: ArrayLike) -> Array:
     Returns:
         ``[..., P, 4, 2]``: the corners, at angle 0 top left, top right, bottom right, bottom left.
     """
-    check_array("poses", poses, "x, y, theta, [..., P, >= 3]")
-    _check_sizes(sizes, poses)
     return _corners(jnp.asarray(poses), jnp.asarray(sizes))
 
 
@@ -104,7 +96,6 @@ def cos_sin(angle: ArrayLike) -> tuple[Array, Array]:
 
 def is_proper(boxes: ArrayLike) -> Array:
     """``[...]`` bool: whether boxes ``[..., 4]`` are finite and have width and height."""
-    check_array("boxes", boxes, _BOXES)
     boxes = jnp.asarray(boxes)
     return jnp.all(jnp.isfinite(boxes), axis=-1) & jnp.all(boxes[..., 2:] > 0, axis=-1)
 
@@ -128,7 +119,6 @@ def intersection_area(boxes: ArrayLike, other: ArrayLike) -> Array:
     Returns:
         ``[...]``.
     """
-    check_together(boxes=boxes, other=other)
     first, second = _proper_or_empty(boxes), _proper_or_empty(other)
     start = jnp.maximum(first[..., :2], second[..., :2])
     end = jnp.minimum(first[..., :2] + first[..., 2:], second[..., :2] + second[..., 2:])
@@ -136,11 +126,6 @@ def intersection_area(boxes: ArrayLike, other: ArrayLike) -> Array:
     extent = jnp.minimum(end - start, jnp.minimum(first[..., 2:], second[..., 2:]))
     extent = jnp.maximum(extent, 0)
     return extent[..., 0] * extent[..., 1]
-
-
-def _check_sizes(sizes: ArrayLike, objects: ArrayLike) -> None:
-    count = np.shape(objects)[-2]
-    check_array("sizes", sizes, f"width and height in pixels of every object, [{count}, 2]")
 
 
 def _proper_or_empty(boxes: ArrayLike) -> Array:

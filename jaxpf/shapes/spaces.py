@@ -16,7 +16,7 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.names import SHAPE_SPACES
-from jaxpf.contract.numbers import check_array, check_whole, numbers_in
+from jaxpf.contract.numbers import check_whole, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.lowering.programs import in_full
 from jaxpf.shapes.splines import CUBIC, check_order
@@ -63,7 +63,6 @@ class ShapeSpace:
     @in_full
     def control_points(self, substates):
         """Control points ``[..., P, K, 2]`` of substates ``[..., P, D]``, in pixels."""
-        check_array("substates", substates, f"[..., {self._count}, {self.dimension}]")
         substates = jnp.asarray(substates)
         template = jnp.asarray(self.template, substates.dtype)
         modes = jnp.asarray(self.modes, substates.dtype)

@@ -7,6 +7,6 @@ it traces the particles' ancestors back, which needs no density of moves.
 posterior invariant at any number of particles.
 """
 
-from jaxpf._lazy import attach
+import lazy_loader as lazy
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

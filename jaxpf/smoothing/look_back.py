@@ -10,10 +10,8 @@ import numpy as np
 from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
-from jaxpf.contract.pytree import check_not_traced
 from jaxpf.contract.state import ParticleState, Summary
-from jaxpf.running.checks import as_arrays, check_frames, check_run
-from jaxpf.running.chunks import come_one_by_one
+from jaxpf.running.frames import frames_of
 from jaxpf.smoothing import passes
 from jaxpf.smoothing.backward import History
 from jaxpf.smoothing.groups import check_smoothing, looks_back
@@ -57,7 +55,7 @@ def stream(
     Args:
         tracker: as for ``smooth``.
         key: as for ``smooth``.
-        frames: an array or pytree ``[T, ...]``, or an iterable of single frames.
+        frames: as for ``jaxpf.stream``.
         lag: minimum number of later frames to use.
         num_trajectories: as for ``smooth``.
         observed: as for ``jaxpf.run``.
@@ -67,16 +65,10 @@ def stream(
         InputError: as for ``smooth``.
     """
     check_whole("lag", lag)
-    frames = as_arrays(frames)
-    tracker = running.with_inputs(tracker, inputs, frames)
+    frames = frames_of(frames)
+    if inputs is not None:
+        tracker = running.with_inputs(tracker, inputs, running.num_frames(frames.stacked()))
     look_back = LookBack(tracker, key, lag, num_trajectories=num_trajectories)
-    if not come_one_by_one(frames):
-        check_not_traced("smoothing with a lag", "jaxpf.smooth without a lag", tracker, key, frames)
-        check_frames(frames)
-        running.num_frames(frames)
-        check_run(tracker, frames)
-        whole, length = frames, running.num_frames(frames)
-        frames = (jax.tree.map(lambda x, time=time: x[time], whole) for time in range(length))
     summaries: deque[Summary] = deque()
     for tracked in running.stream(tracker, key, frames, observed):
         summaries.append(tracked.summary)
@@ -133,7 +125,6 @@ class LookBack:
 
     def add(self, state: ParticleState) -> list[SmoothedFrame]:
         """Add the next frame's ``ParticleState``; return the frames that are now complete."""
-        check_not_traced("LookBack", "jaxpf.smooth", state)
         lagged = np.asarray(state.lagged)
         # Copy, so that the device need not keep every state.
         kept: Any = (

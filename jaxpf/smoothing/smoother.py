@@ -8,14 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract, running
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass
 from jaxpf.contract.refusals import poisoned
 from jaxpf.contract.state import Summary
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import as_arrays, check_frames
-from jaxpf.running.chunks import come_one_by_one
+from jaxpf.running.frames import frames_of
 from jaxpf.smoothing import passes
 from jaxpf.smoothing.backward import SeenMoves
 from jaxpf.smoothing.genealogy import draw_paths, trace_back
@@ -113,11 +112,11 @@ def smooth(
             trajectory; a lag below 1; paths or another method with a lag; a clip without a lag
             that does not fit into memory.
     """
-    if method not in METHODS:
-        raise InputError(f"method={method!r} is unknown; give one of {', '.join(METHODS)}.")
+    check_known("method=", method, METHODS)
     check_whole("paths", paths, 0)
-    frames = as_arrays(frames)
-    tracker = running.with_inputs(tracker, inputs, frames)
+    frames = frames_of(frames)
+    if inputs is not None:
+        tracker = running.with_inputs(tracker, inputs, running.num_frames(frames.stacked()))
     if lag is not None:
         if paths or method != "backward":
             asked = f"paths={paths}" if paths else f"method={method!r}"
@@ -133,12 +132,7 @@ def smooth(
         refuse = check_genealogy(tracker)
     else:
         refuse = check_smoothing(tracker, whole=True)
-    if come_one_by_one(frames):
-        raise InputError(
-            "frames come one by one, and smoothing a whole clip needs them all at once; give a "
-            "lag, or np.stack(list(frames))."
-        )
-    check_frames(frames)
+    frames = frames.stacked()
     if method != "backward":
         tracker = dataclasses.replace(tracker, keep_ancestors=True)
     if method == "genealogy":

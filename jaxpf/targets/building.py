@@ -4,6 +4,7 @@ The command line, evaluation and tuning check options themselves, and call ``bui
 """
 
 import dataclasses
+import difflib
 import functools
 import inspect
 import os
@@ -13,7 +14,6 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 import numpy as np
 
 from jaxpf import filters
-from jaxpf._resembling import resembling
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_array
 from jaxpf.contract.options import complete, defaults_of, options_of
@@ -55,7 +55,7 @@ def check_names(given: Iterable[str], target: Target, filter_: Filter) -> None:
     names = [*options_of(target.tracker, filter_.build)]
     for name in given:
         if name not in names:
-            near = resembling(name, names, most=3, cutoff=0.5)
+            near = difflib.get_close_matches(name, names, cutoff=0.5)
             remedy = (
                 f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(names)}."
             )
@@ -106,7 +106,7 @@ def looks_of(frame: Any, num_particles: int | None = None, patches: Any = None) 
     wanted = "the frame in which tracking starts, uint8 RGB [H, W, 3], or a likelihood of your own"
     check_array("frame", frame, wanted)
     frame = np.asarray(frame)
-    if frame.shape[2] != 3 or frame.dtype != np.uint8:
+    if frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype != np.uint8:
         raise InputError(f"frame is {frame.dtype} {list(frame.shape)}; give {wanted}.")
     return Looks(frame, patches, num_particles or Looks._field_defaults["num_particles"])
 

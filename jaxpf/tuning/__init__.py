@@ -4,6 +4,6 @@ Parameters are named by their path in the tracker.  Choose an objective; the res
 values and their uncertainty.
 """
 
-from jaxpf._lazy import attach
+import lazy_loader as lazy
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

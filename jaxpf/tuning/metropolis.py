@@ -32,7 +32,7 @@ from jaxpf.contract.state import Summary
 from jaxpf.lowering import platform
 from jaxpf.lowering.programs import compiled
 from jaxpf.running import gaps
-from jaxpf.running.checks import as_arrays
+from jaxpf.running.frames import as_arrays
 from jaxpf.smoothing.genealogy import draw_paths
 from jaxpf.smoothing.groups import check_genealogy, sees_previous
 from jaxpf.smoothing.passes import backward_key

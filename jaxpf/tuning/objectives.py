@@ -224,7 +224,7 @@ def _record(
     All runs advance together, so each frame is observed once for all of them.
     """
     num_frames = running.num_frames(frames)
-    keys = running.as_keys(keys)
+    keys = running.as_key(keys)
     if checkpoint is not False:
         check_whole("checkpoint", int(checkpoint))
     frame_step = running.frame_step(

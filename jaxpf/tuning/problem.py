@@ -15,11 +15,11 @@ from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import OBJECTIVES
 from jaxpf.contract.numbers import with_nan
-from jaxpf.contract.pytree import described, pytree_dataclass
+from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.refusals import biased_evidence
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
-from jaxpf.running.checks import as_arrays
+from jaxpf.running.frames import as_arrays
 from jaxpf.running.gaps import WithGaps
 from jaxpf.tuning import objectives
 from jaxpf.tuning.parameters import Parameter, replace
@@ -53,8 +53,6 @@ class TrainingSequence:
     outlines: Callable | None = None
     observed: Any = None
     inputs: Any = None
-
-    __repr__ = described
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "frames", as_arrays(self.frames))
@@ -175,7 +173,7 @@ def ready(sequence: TrainingSequence) -> TrainingSequence:
     The latter only if the observations do not depend on parameters, and fit in memory.
     """
     frames = sequence.frames  # arrays since it was made
-    tracker = running.with_inputs(sequence.tracker, sequence.inputs, frames)
+    tracker = running.with_inputs(sequence.tracker, sequence.inputs, running.num_frames(frames))
     is_fixed = contract.optional(contract.likelihood_of(tracker), "fixed_observation")
     # Else objectives mark frames of NaN themselves; those of users may read the filter's fields.
     if is_fixed or sequence.observed is not None:

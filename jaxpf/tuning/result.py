@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.special import stdtrit
 
-from jaxpf.contract.pytree import described
 from jaxpf.tuning.parameters import Parameter, replace
 from jaxpf.tuning.settings import Settings
 
@@ -39,8 +38,6 @@ class Descent:
     gradient_norm: np.ndarray
     moments: list[np.ndarray]
     stopped: str
-
-    __repr__ = described
 
     @property
     def num_steps(self) -> int:

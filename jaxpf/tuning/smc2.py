@@ -28,7 +28,7 @@ from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.resampling.weighted import ancestors
 from jaxpf.running import gaps
-from jaxpf.running.checks import as_arrays
+from jaxpf.running.frames import as_arrays
 from jaxpf.tuning.in_pieces import LongScans, Progress
 from jaxpf.tuning.objectives import keep_log_evidence
 

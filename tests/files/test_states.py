@@ -3,8 +3,6 @@
 ``test_round_trips.py`` reads what was saved, and ``tests/running/test_resuming.py`` goes on.
 """
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -43,11 +41,6 @@ def in_double_precision(saved):
         jaxpf.load(saved, one())
 
 
-def go_on(saved, tracker):
-    frames = FRAMES[:, [0] * tracker.num_partitions]
-    return jaxpf.run(tracker, KEY, frames, state=jaxpf.load(saved, one()))
-
-
 @pytest.mark.parametrize(
     ("call", "named"),
     [
@@ -57,8 +50,6 @@ def go_on(saved, tracker):
         (in_double_precision, "jax_enable_x64"),
         (lambda saved: jaxpf.load(saved.with_name("none.npz"), one()), "none.npz"),
         (lambda saved: jaxpf.save("", jaxpf.load(saved, one())), "path"),
-        (lambda saved: go_on(saved, one(21)), "21 of 2"),
-        (lambda saved: go_on(saved, one(20, 3)), "20 of 3"),
         (lambda saved: jaxpf.forecast(one(), KEY, jaxpf.load(saved, one()), 0), "steps"),
     ],
 )
@@ -81,15 +72,3 @@ def test_another_format_is_told(tmp_path):
     for other in (1, 99):  # files of format 1 do not say when the state was
         np.savez(tmp_path / "x.npz", format=other)
         assert f"format {other}" in message_of(jaxpf.load, tmp_path / "x.npz", one())
-
-
-@pytest.mark.parametrize("time", [jnp.float32(3), jnp.full(2, 3)])
-def test_a_state_that_does_not_say_its_time_is_refused(saved, time):
-    """It chooses a frame's random numbers."""
-    state = dataclasses.replace(jaxpf.load(saved, one()), time=time)
-    for call in (
-        lambda: jaxpf.run(one(), KEY, FRAMES, state=state),
-        lambda: jaxpf.forecast(one(), KEY, state, 1),
-        lambda: next(jaxpf.stream(one(), KEY, iter(FRAMES), state=state)),
-    ):
-        assert "time" in message_of(call)

@@ -19,19 +19,12 @@ from jaxpf.measures import (
 TRUTH = np.ones((5, 3, 4))
 
 
-@pytest.mark.parametrize("level", [-1, 0, 1, 95, math.nan, "x", None, [0.9, 0.95]])
+@pytest.mark.parametrize("level", [-1, 0, 1, 95, math.nan, [0.9, 0.95]])
 def test_a_level_that_is_no_probability_is_refused(level):
     named = "must be above 0 and below 1"
     for interval in (mean_interval, median_interval):
         assert named in message_of(interval, [1.0, 2.0, 3.0], level=level)
     assert named in message_of(difference_interval, [0.5, 1.0], [0.2, 0.3], level)
-
-
-@pytest.mark.parametrize("name", ["track_state", "precision", "recall", "iou", "centre_error"])
-@pytest.mark.parametrize("shape", [(2, 4), (3, 3), (4, 1)])
-def test_what_is_no_box_of_the_truth_is_refused(name, shape):
-    message = message_of(getattr(measures, name), np.ones(shape), TRUTH[0])
-    assert "boxes x, y, w, h" in message or "do not go together" in message
 
 
 @pytest.mark.parametrize("measure", [measures.success, measures.recovery])

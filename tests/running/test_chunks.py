@@ -13,6 +13,7 @@ from jaxpf import InputError, ordering
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian
 from jaxpf.running.chunks import chunk_length, in_chunks
+from jaxpf.running.frames import frames_of
 
 pytestmark = pytest.mark.compiled_as_by_users
 
@@ -120,7 +121,7 @@ def test_no_more_frames_are_read_than_two_chunks_hold():
     ],
 )
 def test_chunks_have_one_length_and_end_with_the_last_frame(source, length, multiple, found):
-    chunks = list(in_chunks(source(FRAMES), length, multiple))
+    chunks = list(in_chunks(frames_of(source(FRAMES)), length, multiple))
     lengths = [len(jax.tree.leaves(chunk)[0]) for _, _, chunk in chunks]
     assert [(*chunk[:2], n) for chunk, n in zip(chunks, lengths, strict=True)] == found
     own = [jax.tree.leaves(chunk)[0][:count] for _, count, chunk in chunks]

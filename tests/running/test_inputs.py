@@ -1,7 +1,6 @@
 """Known inputs ``u`` and the time of a frame in the functions of a state-space model."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import LIMIT, rauch_tung_striebel
@@ -147,8 +146,6 @@ def test_inputs_that_do_not_fit_are_refused():
         log_likelihood=lambda y, x, p: -((y - x) ** 2),
     )
     for call, said in (
-        (lambda: jaxpf.run(its, KEY, FRAMES), "asks for a known input u; give inputs="),
-        (lambda: jaxpf.forecast(its, KEY, state, 2), "asks for a known input u; give inputs="),
         (
             lambda: jaxpf.forecast(its, KEY, state, 5, inputs=INPUTS),
             r"inputs\['offset'\] has shape \[4, 1\] for 5 frames; give a row for each, \[5, ...\]",
@@ -159,11 +156,9 @@ def test_inputs_that_do_not_fit_are_refused():
         ),
         (
             lambda: jaxpf.monte_carlo(its, KEY[None], iter(FRAMES), inputs=INPUTS),
-            "frames come one by one, and inputs are rows of all frames",
+            "frames come one by one, and are needed all at once",
         ),
         (lambda: jaxpf.run(none, KEY, FRAMES, inputs=INPUTS), "takes no inputs; let a function"),
     ):
         with pytest.raises(InputError, match=said):
             call()
-    with pytest.raises(InputError, match=r"transition returns shape \[2\], and initial \[\]"):
-        jaxpf.run(model(transition=lambda key, x, p, u: jnp.zeros(2)), KEY, FRAMES, inputs=INPUTS)

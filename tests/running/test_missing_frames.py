@@ -174,8 +174,6 @@ def test_what_has_no_forecast_is_refused():
     its = partitioned(ordering.ps([0, 1, 2]))
     with pytest.raises(TypeError, match="time"):  # the state says it
         jaxpf.forecast(its, KEY, its.init(KEY), 4, time=0)
-    with pytest.raises(InputError, match="Foreign has no field likelihood"):
-        jaxpf.forecast(Foreign(), KEY, None, 3)
 
 
 @pytest.mark.slow
@@ -234,31 +232,17 @@ def test_smoothing_with_a_lag_goes_through_a_gap():
     np.testing.assert_allclose(summaries, expected, atol=1e-5)
 
 
-@pytree_dataclass
-class Foreign:
-    """A tracker without a likelihood."""
-
-    def init(self, key):
-        return jnp.zeros(())
-
-    def step(self, key, state, frame):
-        return state, state
-
-
 @pytest.mark.parametrize(
     ("its", "observed", "sentence"),
     [
         (partitioned(ordering.sir(3)), np.ones(4, bool), "observed has shape"),
         (partitioned(ordering.sir(3)), np.ones((5, 2), bool), r"or which partitions, \[5, 3\]"),
-        (TRACKERS["joint"], np.ones((5, 3), bool), "log_joint does not say what a missing part"),
         (TRACKERS["labelled"], np.ones((5, 3), bool), "compares particles of different targets"),
-        (Foreign(), SEEN, "Foreign has no field likelihood"),
     ],
 )
 def test_what_says_nothing_of_frames_is_refused(its, observed, sentence):
-    frames = FRAMES[..., 0] if its is TRACKERS["joint"] else FRAMES
     with pytest.raises(InputError, match=sentence):
-        jaxpf.run(its, KEY, frames, observed=observed)
+        jaxpf.run(its, KEY, FRAMES, observed=observed)
 
 
 # NaN in a part of a frame

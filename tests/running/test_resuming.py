@@ -98,8 +98,6 @@ def test_streams_forecasts_and_transforms_resume_at_the_time_of_the_state():
     np.testing.assert_allclose(
         later.lagged[1], jaxpf.forecast(its, KEY, other, 2)[0].lagged, rtol=1e-6
     )
-    with pytest.raises(InputError, match=r"ParticleState has the time Array\(\[2, 3\]"):
-        jaxpf.run(its, KEY, frames, state=both)
 
 
 @pytest.mark.statistical

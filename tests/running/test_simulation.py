@@ -105,13 +105,6 @@ def test_a_particle_is_drawn_by_its_weight_and_goes_on_with_the_rows_of_its_fram
         assert abs(share - expected) < LIMIT * (expected * (1 - expected) / draws) ** 0.5
 
 
-@pytest.mark.parametrize(
-    ("tracker", "words"),
-    [
-        (lambda: walk(observation=None), "draws no observations; write its method sample"),
-        (lambda: walk(observation=lambda x, p: x), "observation takes .* but must take"),
-    ],
-)
-def test_a_model_that_draws_no_observations_is_refused(tracker, words):
-    with pytest.raises(InputError, match=words):
-        jaxpf.simulate(tracker(), KEY, 3)
+def test_a_model_that_draws_no_observations_is_refused():
+    with pytest.raises(InputError, match="draws no observations; write its method sample"):
+        jaxpf.simulate(walk(observation=None), KEY, 3)

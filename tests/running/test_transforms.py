@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError, ordering, smoothing, tuning
+from jaxpf import ordering, smoothing, tuning
 from jaxpf.dynamics import RandomWalk
 from jaxpf.filters import SideBySide, WithErrorBars
 from jaxpf.likelihoods import Gaussian
@@ -147,29 +147,6 @@ def test_frames_that_are_closed_over_give_what_a_run_outside_gives():
     made, frames = partitioned(1.0), jnp.asarray(GAPS)
     inside = jax.jit(lambda its, key: jaxpf.run(its, key, frames, final)[1])(made, KEY)
     np.testing.assert_allclose(inside, jaxpf.run(made, KEY, GAPS, final)[1], rtol=1e-5, atol=1e-6)
-
-
-def in_jit(function):
-    return lambda: jax.jit(lambda key: function(partitioned(1.0), key))(KEY)
-
-
-@pytest.mark.parametrize(
-    ("call", "sentence"),
-    [
-        (in_jit(lambda its, key: [*jaxpf.stream(its, key, FRAMES)]), "use jaxpf.run"),
-        (
-            in_jit(lambda its, key: jaxpf.smooth(its, key, FRAMES, lag=1).estimate),
-            "without a lag",
-        ),
-        (
-            in_jit(lambda its, key: smoothing.LookBack(its, key).add(its.init(key))),
-            "use jaxpf.smooth",
-        ),
-    ],
-)
-def test_loops_in_python_say_that_they_cannot_be_traced(call, sentence):
-    with pytest.raises(InputError, match=f"cannot be traced.*{sentence}"):
-        call()
 
 
 @pytest.mark.parametrize(

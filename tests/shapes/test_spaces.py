@@ -73,7 +73,6 @@ def test_key_frames_span_what_they_vary_in():
 
 
 @every([
-    (lambda: key_frame_space(np.zeros((0, 8, 2)), 4), "[0, 8, 2]"),
     (lambda: key_frame_space(np.ones((3, 8, 2)), 4), "3 key frame"),
     (lambda: key_frame_space(np.ones((30, 8, 2)), 1), "dimension = 1"),
     (lambda: space_of("affine", CONTOURS * [[[np.nan]], [[1]]]), "contour 0"),

@@ -207,7 +207,6 @@ PAIRS = np.zeros((T, 1, 2))
     ("call", "arguments", "what"),
     [
         (tuning.log_evidence, (KEYS, FRAMES[:0]), "frame"),
-        (tuning.log_evidence, (KEYS[:0], FRAMES), "key"),
         (partial(tuning.log_evidence, checkpoint=0), (KEYS, FRAMES), "checkpoint"),
         (tuning.outline_loss, (KEYS, FRAMES, PAIRS, len), r"\[7, 1, V, >= 2\]"),
         (tuning.iou_loss, (KEYS, FRAMES, PAIRS, [[1, 1]]), r"\[7, 1, >= 4\]"),

@@ -7,7 +7,6 @@ from typing import Any
 
 import click
 
-from jaxpf._resembling import renamed
 from jaxpf.cli.shared.flags import Flag
 from jaxpf.cli.shared.plain import NumberList
 from jaxpf.contract.errors import InputError
@@ -92,15 +91,9 @@ def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
             hint = getattr(ctx.command, "hint", lambda flag: "")(f"--{key.replace('_', '-')}")
             if hint:
                 raise InputError(f"the configuration '{path}' sets '{key}' in [{name}]: {hint}")
-            near = renamed(key, accepted)
-            remedy = (
-                f"did you mean '{near[0]}'?"
-                if near
-                else f"the options are {', '.join(sorted(accepted))}."
-            )
             raise InputError(
                 f"the configuration '{path}' sets '{key[:40]}' in [{name}], which is not an "
-                f"option; {remedy}"
+                f"option; the options are {', '.join(sorted(accepted))}."
             )
         several = isinstance(param, click.Option) and param.multiple
         keeps_list = isinstance(value, list) and (several or isinstance(param.type, NumberList))

@@ -7,7 +7,6 @@ from typing import Any
 
 import click
 
-from jaxpf._resembling import renamed
 from jaxpf.contract.errors import Argument, InputError
 
 
@@ -53,17 +52,6 @@ class NumberList(click.ParamType):
 
 class PlainCommand(click.Command):
     """A command whose error messages name flags instead of arguments."""
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse as click does; an option that was renamed is refused with its new name."""
-        try:
-            return super().parse_args(ctx, args)
-        except click.NoSuchOption as error:
-            name, known = error.option_name, [flag for param in self.params for flag in param.opts]
-            if near := renamed(name, known):
-                sentence = f"No such option {name}; did you mean {near[0]}?"
-                raise click.NoSuchOption(name, sentence, ctx=ctx) from None
-            raise
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command and show its errors with the names of its flags."""

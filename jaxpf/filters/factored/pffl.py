@@ -22,7 +22,7 @@ from jaxpf.contract.state import Summary
 from jaxpf.filters import confidence, options as of
 from jaxpf.filters.factored import cloud
 from jaxpf.filters.factored.cloud import FactoredState
-from jaxpf.filters.initial import initial_rows
+from jaxpf.filters.initial import check_rows, initial_rows
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
 
@@ -67,6 +67,7 @@ class PFFL(Tracker):
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
         check_fields(self)
         check_factors(self.dynamics, self.likelihood, "factored particles")
+        check_rows(self.dynamics, self.num_partitions)
         check_number("safety", self.safety, above=0, most=1)
 
     @property

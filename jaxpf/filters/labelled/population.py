@@ -23,7 +23,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.logs import normalised
-from jaxpf.contract.numbers import check_array, check_whole
+from jaxpf.contract.numbers import check_whole
 from jaxpf.filters.labelled import by_label
 from jaxpf.filters.labelled.state import LabelledState
 from jaxpf.lowering.programs import compiled
@@ -134,7 +134,6 @@ def with_newborn(tracker: "Labelled", state: LabelledState) -> LabelledState:
 
 def assign_slots(alive: jax.Array, num_particles: int) -> jax.Array:
     """Assign the living labels to the N slots in turn: ``[N]`` int32."""
-    check_array("alive", alive, "truth values, [>= 1]")
     check_whole("num_particles", num_particles)
     living_first = jnp.argsort(~jnp.asarray(alive, bool)).astype(jnp.int32)
     number = jnp.maximum(jnp.sum(alive), 1)

@@ -7,11 +7,12 @@ import numpy as np
 
 from jaxpf.contract.calls import check_factors
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import TINY, check_array
+from jaxpf.contract.numbers import check_number
 from jaxpf.contract.options import check_fields
 from jaxpf.contract.refusals import refused
+from jaxpf.filters.initial import check_rows
 from jaxpf.filters.noiseless import noiseless, without_noise
-from jaxpf.gradients import Gradient, check_gradients
+from jaxpf.gradients import check_gradients
 
 if TYPE_CHECKING:
     from jaxpf.contract.state import Summary
@@ -23,7 +24,7 @@ def check_tracker(tracker: "Labelled") -> None:
     check_fields(tracker)
     check_known("population=", tracker.population, ("fixed", "open"))
     gradient = tracker.gradient
-    if isinstance(gradient, Gradient) and (gradient.blends or not gradient.equalises):
+    if gradient.blends or not gradient.equalises:
         raise InputError(
             f"gradient {type(gradient).__name__} needs particles that hold all targets; "
             "use NoGradient() or StopGradient() of jaxpf.gradients."
@@ -34,8 +35,8 @@ def check_tracker(tracker: "Labelled") -> None:
         _check_open(tracker)
     _check_coordinates(tracker)
     if tracker.regularise is not None:
-        wanted = "two rates above 0 and at most 1, of position and speed, or None, [2]"
-        check_array("regularise", tracker.regularise, wanted, TINY, 1)
+        check_number("regularise", tracker.regularise, above=0, most=1)
+    check_rows(tracker.dynamics, tracker.num_targets)
     check_factors(tracker.dynamics, tracker.likelihood, "labelled particles")
     if tracker.motion_gradient == "score" and tracker.feedback != "none":
         raise InputError(

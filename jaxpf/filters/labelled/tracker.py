@@ -11,7 +11,6 @@ from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract import Tracker
-from jaxpf.contract.numbers import coordinates_in
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.refusals import Bias
 from jaxpf.filters import confidence, options as of
@@ -83,8 +82,7 @@ class Labelled(Tracker):
             object.__setattr__(self, "num_targets", initial.shape[0])
         for name in ("position", "speed"):
             value = getattr(self, name)
-            value = value if value is None else coordinates_in(name, value)
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, None if value is None else tuple(value))
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
         check_tracker(self)
 

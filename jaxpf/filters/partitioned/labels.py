@@ -12,7 +12,6 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_array
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.state import sanitised
 from jaxpf.filters.partitioned.carry import Carry
@@ -80,9 +79,7 @@ def check_labels(tracker: "Partitioned") -> None:
                 "the likelihood's log_joint_labelled needs labels; give initial_label, the "
                 "probabilities of each label, or define log_joint as well."
             )
-        return
-    check_array("initial_label", given, "the probability of each label, [>= 1]")
-    if is_concrete(given):
+    elif is_concrete(given):
         values = np.asarray(given)
         if not (values >= 0).all() or not np.isclose(values.sum(), 1, atol=1e-4):
             raise InputError(

@@ -15,7 +15,7 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
-from jaxpf.contract.errors import check_has
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.state import ParticleState
 from jaxpf.contract.types import ProposalLike
 from jaxpf.filters.noiseless import noiseless, without_noise
@@ -65,10 +65,6 @@ class Proposed(Motion):
     def check(self, tracker: "Partitioned") -> None:
         """See ``Motion``."""
         contract.check_uncoupled(tracker.dynamics, "a proposal")
-        has_density = contract.has_log_density(tracker.dynamics)
-        method = "log_density of the dynamics (transition_log_density of jaxpf.state_space)"
-        check_has("a proposal", tracker.dynamics, method, has_density)
-        contract.proposal_of(self.proposal, tracker.dynamics, tracker.likelihood)
 
     def cases(self, tracker: "Partitioned") -> Iterator[Any]:
         """See ``Motion``."""
@@ -124,10 +120,11 @@ class Scored(Motion):
     def check(self, tracker: "Partitioned") -> None:
         """See ``Motion``."""
         self.inner.check(tracker)
-        if labels.moves_labels(tracker):
-            method = "log_label(new, label, substates) -> [] of the dynamics"
-            has_label = contract.has_log_label(tracker.dynamics)
-            check_has("motion_gradient='score'", tracker.dynamics, method, has_label)
+        if labels.moves_labels(tracker) and not contract.has_log_label(tracker.dynamics):
+            raise InputError(
+                "motion_gradient='score' needs the method log_label(new, label, substates) -> [] "
+                f"of the dynamics, and {type(tracker.dynamics).__name__} has none; write it."
+            )
 
     def cases(self, tracker: "Partitioned") -> Iterator[Any]:
         """See ``Motion``."""

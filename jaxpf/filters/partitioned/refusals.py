@@ -12,6 +12,7 @@ from jaxpf.contract.numbers import check_number
 from jaxpf.contract.options import check_fields
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.refusals import refused
+from jaxpf.filters.initial import check_rows
 from jaxpf.filters.partitioned.labels import check_labels, moves_labels
 from jaxpf.gradients import check_gradients
 
@@ -40,6 +41,7 @@ def check_tracker(tracker: "Partitioned") -> "jax.Array | None":
         )
     blends = tracker.keep_ancestors and tracker.gradient.blends
     check_separate("keep_ancestors=True", (blends, "gradient Transport, which blends particles"))
+    check_rows(tracker.dynamics, ordering.num_partitions)
     check_labels(tracker)
     tracker.motion.check(tracker)
     tracker.weighing.check(tracker)

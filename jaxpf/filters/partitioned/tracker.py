@@ -11,7 +11,6 @@ from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract import Tracker
-from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import check_tree
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.refusals import Bias, poisoned
@@ -96,11 +95,6 @@ class Partitioned(Tracker):
     refused: Any = dataclasses.field(default=None, init=False)
 
     def __post_init__(self):
-        if not isinstance(self.ordering, Ordering):
-            raise InputError(
-                f"ordering={self.ordering!r} is not an ordering; make one by jaxpf.ordering, such "
-                "as jaxpf.ordering.ps([0, 1, 2])."
-            )
         tree = (-1,) * self.ordering.num_partitions if self.parents is None else self.parents
         object.__setattr__(self, "parents", check_tree(tree))
         initial = initial_rows(self.initial, self.ordering.num_partitions)
@@ -201,13 +195,7 @@ class Partitioned(Tracker):
         self, key: jax.Array, state: ParticleState, observation: Any
     ) -> tuple[ParticleState, Summary]:
         """Advance by one observed frame: resample, then propagate and weight every partition."""
-        shape = state.lagged.shape[2:]
-        if shape != (self.num_partitions, self.num_particles):
-            raise InputError(
-                f"the state has {shape[1]} particles of {shape[0]} partition(s), and the tracker "
-                f"{self.num_particles} of {self.num_partitions}; go on with the tracker that made "
-                "the state."
-            )
+        chex.assert_shape(state.lagged, (2, None, self.num_partitions, self.num_particles))
         observation = contract.look_near(self.likelihood, observation, lambda: _means(state))
         return poisoned(self.refused, kernel.step(self, key, state, observation))
 

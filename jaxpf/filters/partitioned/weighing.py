@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf import contract
-from jaxpf.contract.errors import check_has, check_separate
+from jaxpf.contract.errors import check_separate
 from jaxpf.filters.partitioned.carry import Carry, Drawn, Shared
 
 if TYPE_CHECKING:
@@ -52,10 +52,6 @@ class JointWeighting(Weighing):
 
     def check(self, tracker: "Partitioned") -> None:
         """See ``Weighing``."""
-        likelihood, dynamics = tracker.likelihood, tracker.dynamics
-        has_joint, predicts = contract.has_log_joint(likelihood), contract.has_prediction(dynamics)
-        check_has("joint_weighting", likelihood, "log_joint of the likelihood", has_joint)
-        check_has("joint_weighting", dynamics, "predict of the dynamics", predicts)
         check_separate(
             "joint_weighting",
             (any(parent >= 0 for parent in tracker.parents), "a part tree"),

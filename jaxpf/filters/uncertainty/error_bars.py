@@ -116,12 +116,6 @@ class WithErrorBars(contract.WrappedTracker):
 
     def __post_init__(self):
         tracker = self.tracker
-        if not isinstance(tracker, Partitioned):
-            raise InputError(
-                "Monte Carlo standard errors from one run follow the ancestors of whole particles, "
-                f"which {type(tracker).__name__} does not keep; use jaxpf.Partitioned, or compare "
-                "many runs."
-            )
         if contract.optional(tracker, "moments"):
             raise InputError(
                 "Monte Carlo standard errors need states that are arrays, not pytrees; make the "

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract.numbers import check_array
+from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import is_concrete
 
 if TYPE_CHECKING:
@@ -32,12 +32,10 @@ def quantiles(
         partition without particles of any weight.
 
     Raises:
-        InputError: no level, or one outside of 0 to 1.
+        InputError: a level outside of 0 to 1.
     """
-    check_array("levels", levels, "a list of numbers from 0 to 1, [>= 1]", least=0, most=1)
+    check_number("levels", levels, least=0, most=1)
     shares = np.asarray(levels, float)
-    check_array("values", values, "coordinates of the particles, [N, P, C]")
-    check_array("log_weights", log_weights, f"of the particles, [..., {np.shape(values)[0]}]")
     # NumPy, in float64, wherever the values are known.
     xp: Any = np if is_concrete(values, log_weights) else jnp
     values = xp.moveaxis(xp.asarray(values), 0, -1)

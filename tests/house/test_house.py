@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 from command_line import jaxpf as command
 from csv_rows import rows_of
-from models import partitioned, walks
-from refusals import message_of
+from models import walks
 from scipy.stats import multivariate_normal
 
 import jaxpf
@@ -129,18 +128,6 @@ def test_a_scheme_leaves_the_evidence_of_every_filter_unbiased(kind):
 
 def only_evidence(state, summary):
     return summary.log_evidence
-
-
-@pytest.mark.parametrize(
-    ("scheme", "named"),
-    [
-        ("best", "systematic"),
-        (lambda key, log_weights, count: 0, "jax.tree_util.Partial"),
-        (jax.tree_util.Partial(lambda key, w, count: w), "float32 of shape [4] for count = 3"),
-    ],
-)
-def test_what_is_no_scheme_is_refused(scheme, named):
-    assert named in message_of(partitioned, resampling=scheme)
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import numpy as np
 from jax import Array
 
 from jaxpf.contract.logs import log_evidence
-from jaxpf.evaluation.batches import Batch
+from jaxpf.evaluation.results import Batch
 from jaxpf.lowering.programs import compiled
 from jaxpf.measures import calibration, metrics
 from jaxpf.measures.scores import CENTRE_THRESHOLDS, IOU_THRESHOLDS

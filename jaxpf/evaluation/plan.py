@@ -1,8 +1,6 @@
 """The plan of an evaluation: methods, orderings, a grid of options, and runs; checked when made.
 
-``configurations`` completes a plan and lists its configurations; ``work.fingerprint`` describes it
-for comparison with a stored one.  None of these modules imports JAX, so a finished evaluation is
-recognised quickly.
+``configurations`` completes a plan and lists its configurations.
 """
 
 import contextlib
@@ -25,8 +23,6 @@ if TYPE_CHECKING:
 
 #: Largest number of runs per configuration; planning more batches would take minutes.
 _MOST_RUNS = 10**6
-#: Largest limit on memory.
-_MOST_BYTES = 2**60
 #: Longest tracker name that fits in tables and file names, in letters.
 _LONGEST_NAME = 100
 
@@ -198,36 +194,6 @@ def applicable(filter_: Filter, method: str) -> dict[str, bool]:
     """Option name -> whether the option applies to one of the filter's methods."""
     values = defaults_of(filter_.build) | {"method": method}
     return {name: name in applying(filter_.build, values) for name in values}
-
-
-@dataclasses.dataclass(frozen=True)
-class Limits:
-    """Limits on the division of runs into batches; results do not depend on them.
-
-    A batch is written as a whole, so an interrupted process loses at most one batch: seconds of
-    work, less if memory is short.
-
-    Attributes:
-        memory: bytes that a batch may use while it is computed.
-        runs_per_batch: fixed runs per batch instead, rounded up to whole compiled batches.
-        workers: number of processes; runs are divided into at least that many batches.
-        devices: per process, so that a batch keeps all of them busy; by default as many as this
-            process has.
-    """
-
-    memory: int = 256 * 2**20
-    runs_per_batch: int | None = None
-    workers: int = 1
-    devices: int | None = None
-
-    def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            if value is not None or field.default is not None:
-                check_whole(field.name, value, most=_MOST_BYTES)
-
-
-DEFAULT_LIMITS = Limits()
 
 
 def _allowed(options: Sequence[Option], value: object) -> Any:

@@ -1,19 +1,19 @@
-"""Reads the results of an evaluation, finished or not."""
+"""The stored results of an evaluation, finished or not: settings, truth and batches of runs."""
 
 import contextlib
 import dataclasses
 import json
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError, check_type
-from jaxpf.evaluation.batches import FIELDS, FOLDER, Batch, batch_name, batch_names
+from jaxpf.contract.errors import InputError
 from jaxpf.files.store import SETTINGS, Damaged, Store
+from jaxpf.files.writing import write_text
 from jaxpf.targets import find_target
 from jaxpf.targets.target import Start, Target
 
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 #: Name of the stored file with the ground truth.
 TRUTH = "truth"
 _ARRAYS = ("truth", "start", "sizes")
+#: Folder of the batches, the pieces of the evaluation's store.
+FOLDER = "batches"
 #: Name of the file with speeds, apart from the results because only those are reproducible.
 SPEEDS = "speed.json"
 _REMEDY = "evaluate into another folder"
@@ -73,6 +75,54 @@ class Configuration:
     def is_imported(self) -> bool:
         """Whether this is a single run of imported boxes."""
         return self.kind == IMPORTED
+
+
+@dataclasses.dataclass(frozen=True)
+class Batch:
+    """R runs of one configuration over the T frames after the start frame.
+
+    Measures that a tracker lacks, such as the share of distinct particles of imported
+    tracks, are NaN.
+
+    Attributes:
+        seeds: ``[R]`` int64, the evaluation's seed.
+        runs: ``[R]`` int64, run numbers from 0, ascending.  Seed and run number determine the
+            random numbers of a run, so all methods share them.
+        shapes: ``[R, T, P, S]`` float32, estimated shapes, see ``jaxpf.targets.target``; for
+            boxes x, y, w, h in pixels.
+        distinct_share: ``[R, T, P]`` float32, distinct draws over particles.
+        spread: ``[R, T, P, D]`` float32, standard deviation of the particle set.
+        model_error: ``[R, P, 3]`` float32, see ``jaxpf.contract.Likelihood``.
+        confidence: ``[R, T, P]`` float32, 0 to 1, see ``jaxpf.contract.Summary``.
+        ess: ``[R, T]`` float32, effective sample size.
+        log_evidence: ``[R, T]`` float32, increment per frame.
+        without_likelihood: ``[R, T, P]`` bool, whether an object has zero likelihood in every
+            particle; for imported tracks, whether it has no box.
+    """
+
+    seeds: np.ndarray
+    runs: np.ndarray
+    shapes: np.ndarray
+    distinct_share: np.ndarray
+    spread: np.ndarray
+    model_error: np.ndarray
+    confidence: np.ndarray
+    ess: np.ndarray
+    log_evidence: np.ndarray
+    without_likelihood: np.ndarray
+
+    def __len__(self) -> int:
+        """Number of runs, R."""
+        return len(self.runs)
+
+
+#: Names of the arrays of a batch.
+_FIELDS = tuple(field.name for field in dataclasses.fields(Batch))
+
+
+def batch_name(configuration: int, first_run: int) -> str:
+    """Name of a batch in the store, by the index of its configuration; they sort by their runs."""
+    return f"{configuration:04d}-{first_run:08d}"
 
 
 class Results:
@@ -191,6 +241,11 @@ class Results:
         kept = [*(kept if isinstance(kept, list) else []), *[None] * count][:count]
         return [float(x) if isinstance(x, int | float) and x > 0 else math.nan for x in kept]
 
+    def write_speeds(self, speeds: Sequence[float]) -> None:
+        """Store the frames per second of each configuration; NaN where not measured."""
+        rounded = [round(x, 4) if math.isfinite(x) else None for x in speeds]
+        write_text(self.folder / SPEEDS, json.dumps(rounded))
+
     def finished(self, configuration: Configuration) -> int:
         """Number of runs of a configuration on disk."""
         return sum(map(len, self.batches(configuration)))
@@ -199,10 +254,11 @@ class Results:
         """Yield the finished runs of a configuration in order.
 
         Raises:
-            InputError: the configuration is not part of this evaluation; a batch is damaged.
+            ValueError: the configuration is not part of this evaluation.
+            InputError: a batch is damaged.
         """
-        for name in self.store.names(batch_names(self._index(configuration))):
-            yield Batch(**self.store.read(name, *FIELDS))
+        for name in self._names(self.configurations.index(configuration)):
+            yield Batch(**self.store.read(name, *_FIELDS))
 
     def write(self, configuration: int, batch: Batch) -> None:
         """Store a batch of the configuration with an index."""
@@ -218,9 +274,9 @@ class Results:
         done, damaged = [], []
         for index, configuration in enumerate(self.configurations):
             finished = np.zeros(1 if configuration.is_imported else self.runs, bool)
-            for name in self.store.names(batch_names(index)):
+            for name in self._names(index):
                 with contextlib.suppress(Damaged):
-                    batch = Batch(**self.store.read(name, *FIELDS))
+                    batch = Batch(**self.store.read(name, *_FIELDS))
                     if batch.shapes.shape == (len(batch), *self.truth.shape):
                         finished[batch.runs[batch.runs < len(finished)]] = True
                         continue
@@ -228,15 +284,9 @@ class Results:
             done.append(finished)
         return done, damaged
 
-    def _index(self, configuration: Configuration) -> int:
-        check_type("configuration", configuration, Configuration)
-        configurations = self.configurations
-        if configuration not in configurations:
-            raise InputError(
-                f"'{self.folder}' has no configuration {configuration.label!r} with "
-                f"{configuration.parameters}; take one of its `configurations`."
-            )
-        return configurations.index(configuration)
+    def _names(self, configuration: int) -> list[str]:
+        """Names of a configuration's batches, in the order of their runs."""
+        return self.store.names(f"{configuration:04d}-{8 * '[0-9]'}")
 
     def scene(self) -> "Scene":
         """Open the scene again.

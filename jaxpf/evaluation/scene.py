@@ -1,18 +1,77 @@
-"""Opens an evaluation's scene once per process, checks it, and identifies it by a digest."""
+"""Opens scenes, drawn ones and recordings: once per process, identified by a digest."""
 
 import hashlib
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+import scenes
+from jaxpf.contract.errors import Argument, InputError
+from jaxpf.contract.numbers import plain
+from jaxpf.sequences import open_sequence
+from scenes import Scene
 
-if TYPE_CHECKING:
-    from scenes import Scene
+#: What a plan has: a scene, or a function that opens it.
+SceneSource = Scene | Callable[[], Scene]
 
 
-def open_scene(scene: "Scene | Callable[[], Scene]") -> "Scene":
+def load_scene(
+    source: Any,
+    seed: int = 0,
+    ids: Sequence[int] | None = None,
+    start_frame: int | None = None,
+    num_frames: int | None = None,
+    parameters: Mapping[str, Any] | None = None,
+) -> scenes.Scene:
+    """Open a scene from any source; picklable, for ``functools.partial`` and worker processes.
+
+    Args:
+        source: a name or a function, see ``scenes.open_scene``, or the folder of a recorded
+            sequence; write ``./distracter`` for a folder with the name of a drawn scene.
+        seed: of drawn scenes.
+        ids, start_frame, num_frames: of recordings, see ``jaxpf.sequences.Sequence.scene``.
+        parameters: of drawn scenes, by name.
+
+    Raises:
+        InputError: the scene cannot be opened.
+    """
+    if _is_folder(source):
+        if parameters:
+            raise InputError(
+                f"{source} is a recorded sequence and has no parameters, but "
+                f"{', '.join(map(repr, parameters))} was given."
+            )
+        return open_sequence(source).scene(ids, start_frame, num_frames)
+    for name, value in {"ids": ids, "start_frame": start_frame, "num_frames": num_frames}.items():
+        if value is not None:
+            raise InputError(
+                Argument(name, repr(value), typed=plain(value)),
+                f" chooses from a recorded sequence, but the scene {source!r} is drawn by a "
+                "function; set its own parameters instead.",
+            )
+    try:
+        return scenes.open_scene(source, seed=seed, parameters=parameters)
+    except scenes.SceneError as error:
+        raise as_input_error(error) from error
+
+
+def _is_folder(source: Any) -> bool:
+    """Whether ``source`` is or looks like a folder, and is neither a name nor a function."""
+    if isinstance(source, Path):
+        return True
+    if not isinstance(source, str) or source in scenes.names():
+        return False
+    return Path(source).exists() or ("/" in source and not scenes.names_function(source))
+
+
+def as_input_error(error: scenes.SceneError) -> InputError:
+    """Convert a ``SceneError`` to an ``InputError`` with the same message."""
+    return InputError(f"{str(error).removesuffix('.')}.")
+
+
+def open_scene(scene: SceneSource) -> Scene:
     """Return the plan's scene, calling it if it is a function.
 
     Raises:
@@ -24,7 +83,7 @@ def open_scene(scene: "Scene | Callable[[], Scene]") -> "Scene":
     return opened
 
 
-def scene_digest(scene: "Scene") -> str:
+def scene_digest(scene: Scene) -> str:
     """Digest of a scene's frames, boxes and patches."""
     digest = hashlib.sha256()
     for array in (scene.frames, scene.boxes, *scene.patches):
@@ -34,12 +93,21 @@ def scene_digest(scene: "Scene") -> str:
     return digest.hexdigest()
 
 
-def remember_scene(scene: "Scene", digest: str) -> None:
+def check_same_scene(scene: Scene, digest: str, folder: Path) -> None:
+    """Refuse a scene that differs from that of the evaluation begun in a folder."""
+    if scene_digest(scene) != digest:
+        raise InputError(
+            f"scene {scene.name!r} has other pictures or boxes than when the evaluation in "
+            f"'{folder}' was begun; choose another output folder, or restore the scene."
+        )
+
+
+def remember_scene(scene: Scene, digest: str) -> None:
     """Cache an open scene so that ``same_scene`` in this process does not open it again."""
     _last_scene[:] = [(digest, scene)]
 
 
-def same_scene(scene: "Scene | Callable[[], Scene]", digest: str) -> "Scene":
+def same_scene(scene: SceneSource, digest: str) -> Scene:
     """This process's open scene with a digest; without one, the plan's scene is opened.
 
     Raises:
@@ -60,10 +128,10 @@ def same_scene(scene: "Scene | Callable[[], Scene]", digest: str) -> "Scene":
 
 
 #: The scene that this process used last, as (digest, scene).
-_last_scene: "list[tuple[str, Scene]]" = []
+_last_scene: list[tuple[str, Scene]] = []
 
 
-def check_scene(scene: "Scene") -> None:
+def check_scene(scene: Scene) -> None:
     """Check that trackers can start in a scene.
 
     Raises:
@@ -83,11 +151,11 @@ def check_scene(scene: "Scene") -> None:
         )
 
 
-def object_ids(scene: "Scene") -> list[int]:
+def object_ids(scene: Scene) -> list[int]:
     """Ground-truth ids of the objects; counted from 1 if the scene has none."""
     return [int(number) for number in scene.extras.get("ids", range(1, scene.boxes.shape[1] + 1))]
 
 
-def start_frame(scene: "Scene") -> int:
+def start_frame(scene: Scene) -> int:
     """First frame of a scene in its source."""
     return int(scene.extras.get("start_frame", 0))

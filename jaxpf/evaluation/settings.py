@@ -1,29 +1,65 @@
-"""Stored settings of an evaluation: its scene and configurations, checked on resuming."""
+"""The settings of an evaluation: what determines its results, stored and compared on resuming."""
 
 import dataclasses
+import functools
+import hashlib
 import inspect
+import os
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 
+from jaxpf import __version__
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, applying
 from jaxpf.evaluation.configurations import complete, configurations
-from jaxpf.evaluation.fingerprint import describe_plan, fingerprint
 from jaxpf.evaluation.plan import Plan
-from jaxpf.evaluation.results import IMPORTED, OWN, Configuration
+from jaxpf.evaluation.results import (
+    FOLDER,
+    IMPORTED,
+    OWN,
+    TRUTH,
+    Configuration,
+    Results,
+    read_settings,
+)
 from jaxpf.evaluation.scene import object_ids, scene_digest, start_frame
-from jaxpf.evaluation.schedule import double_precision
 from jaxpf.evaluation.trackers import looks_of, own_tracker
+from jaxpf.files.store import SETTINGS, Store
 from jaxpf.files.versions import versions
+from jaxpf.files.writing import is_left_over, report_os_errors
 from jaxpf.targets.target import Start, Target
-
-if TYPE_CHECKING:
-    from scenes import Scene
+from scenes import Scene
 
 
-def new_settings(plan: Plan, scene: "Scene", of: Target, start: Start) -> dict[str, Any]:
+def stored_settings(plan: Plan, folder: Path) -> dict[str, Any] | None:
+    """The settings of the evaluation that ``plan`` resumes; None if the evaluation is new.
+
+    Raises:
+        InputError: the folder holds something else, or an evaluation of another version or with
+            other settings.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"'{folder}' is a file; choose another output folder.")
+    if not (folder / SETTINGS).exists():
+        _check_empty(folder)
+        return None
+    settings = read_settings(folder)
+    plan = complete(plan, settings["scene"]["target"], settings["scene"]["parents"])
+    # The number of runs may grow.
+    old = {"version": settings["versions"].get("jaxpf"), "runs": settings["runs"]}
+    new = {"version": __version__, "runs": min(plan.runs, settings["runs"])}
+    old["precision"], new["precision"] = (
+        "double" if float64 else "single" for float64 in (settings["float64"], double_precision())
+    )
+    Store(folder).check_same(old | settings["asked"], new | describe_plan(plan))
+    return {**settings, "runs": plan.runs}
+
+
+def new_settings(plan: Plan, scene: Scene, of: Target, start: Start) -> dict[str, Any]:
     """Make the content of ``settings.json``.
 
     Raises:
@@ -61,26 +97,97 @@ def new_settings(plan: Plan, scene: "Scene", of: Target, start: Start) -> dict[s
             "width": scene.frames.shape[2],
             "height": scene.frames.shape[1],
             "digest": scene_digest(scene),
-            "files": fingerprint(plan.scene),
         },
         "configurations": [dataclasses.asdict(each) for each in listed],
     }
 
 
-def check_continues(settings: dict[str, Any], scene: "Scene", folder: Path) -> None:
-    """Check that the scene and the precision match the finished batches.
+def write_settings(results: Results) -> None:
+    """Start or resume an evaluation; settings are written last, because they mark the folder.
 
     Raises:
-        InputError: the scene or the precision differs.
+        InputError: the folder or the files cannot be written.
     """
-    if scene_digest(scene) != settings["scene"]["digest"]:
-        raise InputError(
-            f"scene {scene.name!r} has other pictures or boxes than when the evaluation in "
-            f"'{folder}' was begun; choose another output folder, or restore the scene."
-        )
-    if double_precision() != settings["float64"]:
-        begun, now = ("double", "single") if settings["float64"] else ("single", "double")
-        raise InputError(
-            f"the evaluation in '{folder}' was begun in {begun} precision, now {now}; choose "
-            "another output folder, or set JAX_ENABLE_X64 as it was."
-        )
+    with report_os_errors("create the folder", results.folder):
+        (results.folder / FOLDER).mkdir(parents=True, exist_ok=True)
+    store, start = Store(results.folder), results.start
+    if not store.path(TRUTH).exists():
+        store.write(TRUTH, {"truth": results.truth, "start": start.shapes, "sizes": start.sizes})
+    store.begin(results.settings)
+
+
+def double_precision() -> bool:
+    """Whether JAX computes in double precision."""
+    return jnp.zeros(()).dtype == jnp.float64
+
+
+def _check_empty(folder: Path) -> None:
+    """Reject a folder with foreign files; remains of an interrupted start are allowed."""
+    if not folder.is_dir():
+        return
+    with report_os_errors("read the folder", folder):
+        names = sorted(os.listdir(folder))
+    for name in names:
+        if not (name == f"{TRUTH}.npz" or is_left_over(folder / name)):
+            raise InputError(
+                f"'{folder}' holds '{name}' but no evaluation ('{SETTINGS}' is missing); choose "
+                "another output folder."
+            )
+
+
+def describe_plan(plan: Plan) -> dict[str, Any]:
+    """Everything that determines the results except the number of runs, as JSON values.
+
+    Raises:
+        InputError: a file of ``tracks`` cannot be read.
+    """
+    return {
+        "scene": _described(plan.scene),
+        "target": plan.target,
+        "methods": _plain(plan.methods),
+        "orders": _plain(plan.orders),
+        "swaps": list(plan.swaps),
+        "grid": _plain(plan.grid),
+        "seed": plan.seed,
+        "tracks": {name: _file(path) for name, path in plan.tracks.items()},
+        "trackers": {name: _function(each) for name, each in plan.trackers.items()},
+    }
+
+
+def _described(scene: Any) -> dict[str, Any]:
+    """A scene, or the function that opens it."""
+    if isinstance(scene, functools.partial):
+        return {
+            **_described(scene.func),
+            **({"arguments": [_plain(value) for value in scene.args]} if scene.args else {}),
+            **{name: _plain(value) for name, value in scene.keywords.items()},
+        }
+    if callable(scene):
+        name = getattr(scene, "__qualname__", type(scene).__qualname__)
+        return {"function": f"{scene.__module__}.{name}"}
+    return {"name": scene.name, "parameters": _plain(scene.parameters)}
+
+
+def _function(function: Callable[..., Any]) -> dict[str, Any]:
+    """A user's function, with the digest of its source if it has one."""
+    digest = getattr(function, "sha256", None)
+    return _described(function) | ({"sha256": digest} if digest else {})
+
+
+def _file(path: str | os.PathLike[str]) -> dict[str, str]:
+    with report_os_errors("read", path):
+        content = Path(path).read_bytes()
+    return {"file": os.fspath(path), "sha256": hashlib.sha256(content).hexdigest()}
+
+
+def _plain(value: object) -> Any:
+    """Convert a value to its form after a round trip through JSON."""
+    if isinstance(value, Mapping):
+        return {str(name): _plain(entry) for name, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return repr(value)

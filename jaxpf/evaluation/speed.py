@@ -3,44 +3,29 @@
 Speeds are stored apart from the results, because only the results are reproducible.
 """
 
-import json
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import numpy as np
 
+from jaxpf import filters
+from jaxpf.contract.options import options_of
 from jaxpf.contract.types import TrackerLike
-from jaxpf.evaluation.results import SPEEDS, Results
-from jaxpf.evaluation.schedule import shape_of
+from jaxpf.evaluation.results import BUILT_IN, Configuration, Results
 from jaxpf.evaluation.trackers import tracker_of
-from jaxpf.files.writing import write_text
 from jaxpf.running.streaming import stream
-
-if TYPE_CHECKING:
-    from scenes import Scene
+from jaxpf.targets.target import Target
+from scenes import Scene
 
 #: Timing of a run stops after this many frames or about this many seconds.
 _FRAMES, _SECONDS = 60, 3.0
 
 
-def keep_speeds(results: Results, seconds: Mapping[int, float]) -> None:
-    """Store the speed of baselines and of user functions that return boxes.
-
-    Args:
-        results: of the evaluation.
-        seconds: for the whole clip, keyed by the configuration's index.
-    """
-    speeds = results.speeds
-    for index, took in seconds.items():
-        speeds[index] = len(results.truth) / max(took, 1e-9)
-    _write(results, speeds)
-
-
 def measure_speeds(
     results: Results,
-    trackers: "Mapping[str, Callable[[Scene], Any]]",
+    trackers: Mapping[str, Callable[[Scene], Any]],
     on_begin: Callable[[str], None] = lambda label: None,
 ) -> None:
     """Time a single run of each method, as in ``jaxpf track``, and store the speeds.
@@ -60,7 +45,7 @@ def measure_speeds(
     for index, configuration in enumerate(configurations):
         if configuration.is_imported or np.isfinite(speeds[index]):
             continue
-        kind = configuration.method, shape_of(configuration, results.target)
+        kind = configuration.method, _kernel(configuration, results.target)
         if kind not in measured:
             on_begin(configuration.label)
             scene, function = results.scene(), trackers.get(configuration.method)
@@ -68,12 +53,19 @@ def measure_speeds(
             frames = scene.frames[1 : 2 + _FRAMES]
             measured[kind] = _frames_per_second(tracker, jax.random.key(results.seed), frames)
         speeds[index] = measured[kind]
-    _write(results, speeds)
+    results.write_speeds(speeds)
 
 
-def _write(results: Results, speeds: Sequence[float]) -> None:
-    rounded = [round(x, 4) if np.isfinite(x) else None for x in speeds]
-    write_text(results.folder / SPEEDS, json.dumps(rounded))
+def _kernel(configuration: Configuration, target: Target) -> tuple[Hashable, ...]:
+    """Values on which the compiled kernel depends; equal ones share a kernel."""
+    if configuration.kind != BUILT_IN:
+        return (configuration.method,)
+    filter_ = filters.filter_of(configuration.variant["method"])
+    options = options_of(target.tracker, filter_.build)
+    names = [
+        name for name, option in options.items() if option.compiles and name not in filter_.varied
+    ]
+    return (filter_.name, *(configuration.parameters[name] for name in names))
 
 
 def _frames_per_second(tracker: TrackerLike, key: jax.Array, frames: Sequence[np.ndarray]) -> float:

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -10,17 +10,13 @@ import numpy as np
 
 from jaxpf.contract import model_error
 from jaxpf.contract.state import Summary
-from jaxpf.evaluation.batches import Batch
-from jaxpf.evaluation.results import BUILT_IN, Configuration
-from jaxpf.evaluation.scene import same_scene
+from jaxpf.evaluation.results import BUILT_IN, Batch, Configuration
 from jaxpf.evaluation.trackers import tracker_of
 from jaxpf.running.blocks import run_blocks
 from jaxpf.running.widths import Blocks
 from jaxpf.targets import find_target
 from jaxpf.targets.building import shapes_of
-
-if TYPE_CHECKING:
-    from scenes import Scene
+from scenes import Scene
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,11 +29,10 @@ class Work:
         first_run: number of the first run.
         num_runs: R.
         blocks: vectorised blocks of runs, padded so that many batches share one shape.
-        frames_per_chunk: frames that move to the devices together.
         seed: of the evaluation.
         float64: whether JAX computes in double precision.
-        scene: the scene, or a picklable function without arguments that opens it.
-        digest: of the scene, which must be the same in every process.
+        open_scene: picklable function without arguments that returns the scene, the same in
+            every process.
         target: name of the target, the type of the scene's objects.
         function: for a user-defined tracker, the function of the scene that makes it.
     """
@@ -47,33 +42,22 @@ class Work:
     first_run: int
     num_runs: int
     blocks: Blocks
-    frames_per_chunk: int
     seed: int
     float64: bool
-    scene: "Scene | Callable[[], Scene]"
-    digest: str
+    open_scene: Callable[[], Scene]
     target: str
     function: Callable[[Any], Any] | None = None
-
-    @property
-    def width(self) -> int:
-        """Number of computed runs, including the padding of the last block."""
-        return sum(count * width for count, width in self.blocks)
 
 
 def run_batch(work: Work) -> dict[str, np.ndarray]:
     """Run one batch; returns the fields of a ``Batch``.
 
-    Args:
-        work: the batch to run.
-
     Raises:
         InputError: the scene cannot be opened in this process, or differs from the planned one.
     """
     with jax.enable_x64(work.float64):
-        scene = same_scene(work.scene, work.digest)
-        of = find_target(work.target)
-        start, tracker = of.scene_start(scene), _tracker(scene, work)
+        scene, target = work.open_scene(), find_target(work.target)
+        start, tracker = target.scene_start(scene), _tracker(scene, work)
         error = model_error(tracker, start.num_partitions).astype(np.float32)
         recorded = run_blocks(
             tracker,
@@ -81,7 +65,6 @@ def run_batch(work: Work) -> dict[str, np.ndarray]:
             scene.frames[1:],
             work.blocks,
             record=keep_measures,
-            frames_per_chunk=work.frames_per_chunk,
         )
     kept = {
         name: np.asarray(value, bool if name == "without_likelihood" else np.float32)
@@ -90,7 +73,7 @@ def run_batch(work: Work) -> dict[str, np.ndarray]:
     return {
         "seeds": np.full(work.num_runs, work.seed, np.int64),
         "runs": np.arange(work.first_run, work.first_run + work.num_runs),
-        "shapes": shapes_of(tracker, of, start, kept.pop("estimate")).astype(np.float32),
+        "shapes": shapes_of(tracker, target, start, kept.pop("estimate")).astype(np.float32),
         "model_error": np.broadcast_to(error, (work.num_runs, *error.shape)),
         **kept,
     }
@@ -145,16 +128,16 @@ def imported_batch(shapes: np.ndarray, seed: int) -> Batch:
     )
 
 
-def _tracker(scene: "Scene", work: Work) -> Any:
+def _tracker(scene: Scene, work: Work) -> Any:
     """Make the tracker; a user's function is called once per scene and its tracker reused."""
     if work.configuration.kind == BUILT_IN:
         return tracker_of(scene, find_target(work.target), work.configuration)
-    key = work.digest, work.configuration.method
+    key = id(scene), work.configuration.method
     if _own_tracker.get("key") != key:
         tracker = tracker_of(scene, find_target(work.target), work.configuration, work.function)
-        _own_tracker.update(key=key, tracker=tracker)
+        _own_tracker.update(key=key, tracker=tracker, scene=scene)
     return _own_tracker["tracker"]
 
 
-#: The last user-defined tracker made in this process, with its key (scene digest, name).
+#: The last user-defined tracker made in this process, with its scene and its key.
 _own_tracker: dict[str, Any] = {}

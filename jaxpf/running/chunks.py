@@ -18,15 +18,14 @@ CHUNK_BYTES = 64 * 2**20
 _LEAST = 2
 
 
-def chunk_length(num_frames: int | None, frame_bytes: int, most_bytes: int = CHUNK_BYTES) -> int:
-    """Number of frames per chunk that fits into ``most_bytes``, at least two.
+def chunk_length(num_frames: int | None, frame_bytes: int) -> int:
+    """Number of frames per chunk that fits into ``CHUNK_BYTES``, at least two.
 
     Args:
         num_frames: length of the sequence, which is divided evenly; None if unknown.
         frame_bytes: size of one frame.
-        most_bytes: maximum size of a chunk.
     """
-    most = max(_LEAST, most_bytes // max(frame_bytes, 1))
+    most = max(_LEAST, CHUNK_BYTES // max(frame_bytes, 1))
     if num_frames is None:
         return most
     return max(_LEAST, -(-num_frames // -(-num_frames // most)))

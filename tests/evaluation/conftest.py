@@ -1,7 +1,7 @@
 """Evaluations that many tests start from."""
 
 import pytest
-from small_evaluation import ONE, RUNS, TWICE, small_plan
+from small_evaluation import RUNS, TWICE, small_plan
 
 from jaxpf.evaluation import evaluate
 
@@ -10,7 +10,7 @@ from jaxpf.evaluation import evaluate
 def whole(tmp_path_factory):
     """An uninterrupted evaluation of two files per configuration."""
     folder = tmp_path_factory.mktemp("whole")
-    return evaluate(small_plan(runs=TWICE), folder, limits=ONE)
+    return evaluate(small_plan(runs=TWICE), folder, runs_per_batch=RUNS)
 
 
 @pytest.fixture
@@ -22,4 +22,4 @@ def without_scores(monkeypatch):
 @pytest.fixture
 def part(tmp_path, whole):
     """A folder with the first half of the same evaluation."""
-    return evaluate(small_plan(runs=RUNS), tmp_path / "part", limits=ONE).folder
+    return evaluate(small_plan(runs=RUNS), tmp_path / "part", runs_per_batch=RUNS).folder

@@ -21,8 +21,8 @@ from small_evaluation import (
 
 import jaxpf
 from jaxpf import InputError
-from jaxpf.evaluation import Limits, Results, evaluate, finished, prepare
-from jaxpf.evaluation.schedule import divide
+from jaxpf.evaluation import Results, evaluate, prepare
+from jaxpf.evaluation.engine import divide
 from jaxpf.evaluation.worker import keep_measures
 from jaxpf.likelihoods import histogram_from_patches
 from jaxpf.shapes import boxes_from_substates
@@ -86,23 +86,8 @@ def test_runs_and_configurations_differ_but_numbers_are_common(whole):
     assert not np.array_equal(found[0, "shapes"], found[1, "shapes"])
 
 
-def test_a_finished_evaluation_is_told_without_its_scene_or_jax(whole):
-    code = f"""
-import sys
-from small_evaluation import small_plan
-from jaxpf.evaluation import finished
-assert finished(small_plan(runs={TWICE}), {str(whole.folder)!r}) is not None
-assert finished(small_plan(runs={TWICE + 1}), {str(whole.folder)!r}) is None
-"""
-    subprocess.run([sys.executable, "-c", code], cwd=HERE, check=True)
-
-    def unopened():
-        raise AssertionError("the scene was opened")
-
+def test_a_finished_evaluation_is_not_done_again(whole):
     before = stamps(whole.folder)
-    assert finished(small_plan(runs=TWICE), whole.folder) is not None
-    with pytest.raises(InputError, match="function"):
-        finished(small_plan(unopened, runs=TWICE), whole.folder)
     evaluate(small_plan(runs=TWICE), whole.folder)
     assert stamps(whole.folder) == before
 
@@ -134,7 +119,7 @@ def test_imported_tracks_enter_as_one_run(tmp_path):
     np.testing.assert_array_equal(np.argwhere(batch.without_likelihood), [[0, 3, 1]])
     for name in ("distinct_share", "spread", "ess", "log_evidence"):
         assert np.all(np.isnan(getattr(batch, name)))
-    assert finished(plan, tmp_path / "out") is not None
+    assert prepare(plan, tmp_path / "out").missing_runs == 0
     more = evaluate(small_plan(tracks={"theirs": path}, runs=TWICE), tmp_path / "out")
     assert more.finished(theirs) == 1
 
@@ -151,19 +136,17 @@ def test_scenes_without_a_start_or_a_second_frame_are_refused(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_work_is_divided_to_the_memory_budget_and_among_workers(tmp_path):
+def test_work_is_divided_into_batches_of_one_shape_and_among_workers(tmp_path):
     plan = small_plan(runs=10_000)
     one = prepare(plan, tmp_path)
     assert one.missing_runs == 20_000
     assert not list(tmp_path.iterdir())
-    tight = prepare(plan, tmp_path, Limits(memory=10 * 2**20))
-    assert tight.memory < one.memory
-    assert max(work.width for work in tight.work) < max(work.width for work in one.work)
-    assert len({work.width for work in tight.work}) == 1  # one shape, one kernel
-    shared = prepare(plan, tmp_path, Limits(workers=8))
+    small = prepare(plan, tmp_path, runs_per_batch=60)
+    assert {work.blocks for work in small.work} == {((2, 25),)}  # one shape, one kernel
+    shared = prepare(plan, tmp_path, workers=8)
     assert len(shared.work) >= 8
     assert len(one.work) < 8
-    for prepared in (one, tight, shared):
+    for prepared in (one, small, shared):
         for index in (0, 1):
             runs = [
                 run
@@ -207,10 +190,10 @@ def test_memory_does_not_grow_with_the_runs(tmp_path):
 import resource
 from jaxpf.cli.shared.startup import use_compile_cache
 use_compile_cache()
-from jaxpf.evaluation import (Limits, evaluate)
+from jaxpf.evaluation import evaluate
 from small_evaluation import small_plan
 evaluate(small_plan(runs={runs}, methods=["sir"], num_particles=[4]), {str(tmp_path / str(runs))!r},
-         limits=Limits(runs_per_batch=2000))
+         runs_per_batch=2000)
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """
         ran = subprocess.run(

@@ -6,16 +6,14 @@ import sys
 import cv2
 import numpy as np
 import pytest
-from small_evaluation import ONE, RUNS, TWICE, assert_equal_bits, content, names, small_plan
+from small_evaluation import RUNS, TWICE, assert_equal_bits, content, names, small_plan
 from small_sequence_folder import write_sequence
 
 from jaxpf import InputError
-from jaxpf.evaluation import Limits, evaluate, prepare
-from jaxpf.evaluation.opening import load_scene
+from jaxpf.evaluation import evaluate
+from jaxpf.evaluation.scene import load_scene
+from jaxpf.running import chunks
 from jaxpf.sequences import Frames, sequence as sequences
-
-#: Chunks of two frames, and one batch per file.
-TINY = Limits(memory=1, runs_per_batch=RUNS)
 
 
 @pytest.fixture
@@ -31,8 +29,9 @@ def plan(folder, **given):
 def test_a_clip_in_chunks_gives_the_same_bits_also_after_an_interruption(
     folder, tmp_path, monkeypatch
 ):
-    whole = evaluate(plan(folder, runs=TWICE), tmp_path / "whole", limits=ONE)
+    whole = evaluate(plan(folder, runs=TWICE), tmp_path / "whole", runs_per_batch=RUNS)
     monkeypatch.setattr(sequences, "MOST_KEPT", 0)
+    monkeypatch.setattr(chunks, "CHUNK_BYTES", 1)  # two frames
     pictures = Frames.__iter__
 
     # The power fails while the second batch is half-way through the clip: 10 frames of the
@@ -47,20 +46,11 @@ def test_a_clip_in_chunks_gives_the_same_bits_also_after_an_interruption(
 
     monkeypatch.setattr(Frames, "__iter__", until_then)
     with pytest.raises(KeyboardInterrupt):
-        evaluate(plan(folder, runs=TWICE), tmp_path / "part", limits=TINY)
+        evaluate(plan(folder, runs=TWICE), tmp_path / "part", runs_per_batch=RUNS)
     assert len(names(tmp_path / "part")) == 1
     monkeypatch.setattr(Frames, "__iter__", pictures)
-    continued = evaluate(plan(folder, runs=TWICE), tmp_path / "part", limits=TINY)
+    continued = evaluate(plan(folder, runs=TWICE), tmp_path / "part", runs_per_batch=RUNS)
     assert_equal_bits(content(continued), content(whole))
-
-
-def test_the_plan_counts_a_chunk_in_the_place_of_a_long_clip(folder, tmp_path, monkeypatch):
-    size = 10 * 30 * 40 * 3
-    limits = Limits(memory=8 * 3 * 30 * 40 * 3)  # of which a chunk of 3 frames has a quarter
-    short = prepare(plan(folder), tmp_path / "out", limits)
-    assert {work.frames_per_chunk for work in short.work} == {5}
-    monkeypatch.setattr(sequences, "MOST_KEPT", 0)
-    assert short.memory - prepare(plan(folder), tmp_path / "out", limits).memory == size
 
 
 def test_a_damaged_picture_is_told_in_one_sentence(folder, tmp_path, monkeypatch):
@@ -76,14 +66,15 @@ import functools, pathlib, resource, sys
 from jaxpf.cli.shared.startup import use_compile_cache
 use_compile_cache()
 import numpy as np
-from jaxpf.evaluation import (Limits, Plan, evaluate)
-from jaxpf.evaluation.opening import load_scene
+from jaxpf.evaluation import (Plan, evaluate)
+from jaxpf.evaluation.scene import load_scene
+from jaxpf.running import chunks
 from jaxpf.sequences import Frames, sequence as sequences
 
 def evaluated(name, num_frames):
     load = functools.partial(load_scene, source=sys.argv[1], num_frames=num_frames)
     plan = Plan(load, methods=["sir"], runs=1, grid={"num_particles": (20,)})
-    return evaluate(plan, pathlib.Path(sys.argv[1]) / name, limits=Limits(memory=64 * 2**20))
+    return evaluate(plan, pathlib.Path(sys.argv[1]) / name)
 
 evaluated("short", 37)
 status = pathlib.Path("/proc/self/status").read_text()

@@ -5,7 +5,7 @@ import pytest
 from refusals import message_of
 
 from jaxpf.boxes import read_boxes, write_mot
-from jaxpf.evaluation import match_tracks, read_tracks
+from jaxpf.evaluation.trackers import match_tracks, read_boxes_like
 from jaxpf.measures import pairwise_iou
 
 IDS = [3, 5]
@@ -40,7 +40,7 @@ def shifted(x, y=0):
 
 
 def complaint_of(path, truth):
-    return message_of(read_tracks, path, truth, IDS, START)
+    return message_of(read_boxes_like, path, truth, IDS, START)
 
 
 def matched(path, truth):
@@ -48,16 +48,16 @@ def matched(path, truth):
 
 
 def test_a_perfect_tracker_is_the_truth_also_if_it_tracks_longer(write, truth):
-    np.testing.assert_array_equal(read_tracks(write(truth), truth, IDS, START), truth)
+    np.testing.assert_array_equal(read_boxes_like(write(truth), truth, IDS, START), truth)
     path = write(np.concatenate([truth[:1] + 1, truth, truth[:2] + 7]), start=START - 1)
-    np.testing.assert_array_equal(read_tracks(path, truth, IDS, START), truth)
+    np.testing.assert_array_equal(read_boxes_like(path, truth, IDS, START), truth)
 
 
 def test_a_gt_csv_counts_from_0(tmp_path, truth):
     path = tmp_path / "t.csv"
     rows = [f"{t + START},5,{x},{y},{w},{h}" for t, (x, y, w, h) in enumerate(truth[:3, 1])]
     path.write_text("\n".join(["frame,id,x,y,w,h", *rows]))
-    boxes = read_tracks(path, truth, IDS, START)
+    boxes = read_boxes_like(path, truth, IDS, START)
     np.testing.assert_array_equal(boxes[:, 1], truth[:, 1])
     assert np.isnan(boxes[:, 0]).all()
 
@@ -69,13 +69,13 @@ def test_other_ids_are_assigned_by_overlap_in_the_start_frame(write, truth):
     for given, ids in ((boxes, [71, 2]), (boxes[:, ::-1], [2, 71])):
         path = write(given, [71, 2])
         assert matched(path, truth) == ids
-        np.testing.assert_array_equal(read_tracks(path, truth, IDS, START), boxes)
+        np.testing.assert_array_equal(read_boxes_like(path, truth, IDS, START), boxes)
 
 
 def test_ids_that_agree_by_chance_are_not_trusted(write, truth):
     path = write(truth[:, ::-1])
     assert matched(path, truth) == [5, 3]
-    np.testing.assert_array_equal(read_tracks(path, truth, IDS, START), truth)
+    np.testing.assert_array_equal(read_boxes_like(path, truth, IDS, START), truth)
 
 
 def test_an_inaccurate_tracker_and_one_without_a_box_at_the_start_keep_their_ids(write, truth):
@@ -84,7 +84,7 @@ def test_an_inaccurate_tracker_and_one_without_a_box_at_the_start_keep_their_ids
     boxes[0, 0] = np.nan
     path = write(boxes)
     assert matched(path, truth) == IDS
-    np.testing.assert_array_equal(read_tracks(path, truth, IDS, START), boxes)
+    np.testing.assert_array_equal(read_boxes_like(path, truth, IDS, START), boxes)
     # Also beside a neighbour that overlaps a little: 8 / 32.
     truth[:, 1, :2] = truth[:, 0, :2] + np.array([12, 0])
     boxes = truth.copy()
@@ -93,7 +93,7 @@ def test_an_inaccurate_tracker_and_one_without_a_box_at_the_start_keep_their_ids
 
 
 def test_a_tracker_that_confirms_late_is_matched_where_it_begins(write, truth):
-    boxes = read_tracks(write(truth[2:], [8, 9], START + 2), truth, IDS, START)
+    boxes = read_boxes_like(write(truth[2:], [8, 9], START + 2), truth, IDS, START)
     assert np.isnan(boxes[:2]).all()
     np.testing.assert_array_equal(boxes[2:], truth[2:])
 
@@ -105,7 +105,7 @@ def test_the_largest_overlap_goes_first_and_each_track_once(write, truth):
     boxes = np.array([[[x + 3, y, w, h], [x, y, w, h], [x, y + 5, w, h], far]])
     path = write(boxes, [4, 1, 6, 7])
     assert matched(path, truth) == [1, None]
-    assert np.isnan(read_tracks(path, truth, IDS, START)[:, 1]).all()
+    assert np.isnan(read_boxes_like(path, truth, IDS, START)[:, 1]).all()
     truth[:, 1] = truth[:, 0] + shifted(5)
     assert matched(write(truth[:, :1] + shifted(2), [8]), truth) == [8, None]
 
@@ -115,7 +115,7 @@ def test_an_empty_box_is_an_absent_one(write, truth):
     lines = path.read_text().splitlines()
     lines[2] = "4,3,12,13,0,0,1,-1,-1,-1"
     path.write_text("\n".join(lines))
-    boxes = read_tracks(path, truth, IDS, START)
+    boxes = read_boxes_like(path, truth, IDS, START)
     assert np.isnan(boxes[1, 0]).all()
     np.testing.assert_array_equal(np.delete(boxes, 1, axis=0), np.delete(truth, 1, axis=0))
 

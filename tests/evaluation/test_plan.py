@@ -10,9 +10,9 @@ from refusals import message_of
 from jaxpf import InputError
 from jaxpf.boxes.target import BOXES
 from jaxpf.contract.options import options_of
-from jaxpf.evaluation import Limits, Plan
+from jaxpf.evaluation import Plan
 from jaxpf.evaluation.configurations import complete, configurations
-from jaxpf.evaluation.fingerprint import describe_plan
+from jaxpf.evaluation.settings import describe_plan
 from jaxpf.files.store import differences
 from jaxpf.filters import filter_of
 from jaxpf.filters.registry import order_label
@@ -128,11 +128,6 @@ def test_auto_is_decided_once_and_merges_with_what_it_stands_for():
 )
 def test_what_cannot_be_asked_is_refused(given, named):
     assert named in message_of(Plan, SCENE, **given)
-
-
-@pytest.mark.parametrize("name", ["memory", "workers", "runs_per_batch", "devices"])
-def test_limits_of_nothing_are_refused(name):
-    assert f"{name} = 0" in message_of(Limits, **{name: 0})
 
 
 def test_an_option_of_another_target_is_refused_once_the_target_is_known():

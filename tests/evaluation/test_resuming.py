@@ -15,7 +15,6 @@ import pytest
 from refusals import message_of
 from small_evaluation import (
     HERE,
-    ONE,
     RUNS,
     TWICE,
     assert_equal_bits,
@@ -27,21 +26,21 @@ from small_evaluation import (
 )
 
 from jaxpf import InputError
-from jaxpf.evaluation import Results, evaluate, finished, folder, prepare
+from jaxpf.evaluation import Results, evaluate, prepare
 from jaxpf.files import writing as files
-from jaxpf.files.store import LOCK, locked
+from jaxpf.files.store import LOCK, SETTINGS, locked
 
 
 def test_more_runs_are_added_and_only_missing_ones_are_done_again(whole, part):
     before = stamps(part)
-    results = evaluate(small_plan(runs=TWICE), part, limits=ONE)
+    results = evaluate(small_plan(runs=TWICE), part, runs_per_batch=RUNS)
     assert results.runs == TWICE
     assert before.items() <= stamps(part).items()
     assert_equal_bits(content(results), content(whole))
     (part / "batches" / names(part)[1]).unlink()
     before, done = stamps(part), []
-    assert finished(small_plan(runs=TWICE), part) is None
-    results = evaluate(small_plan(runs=TWICE), part, limits=ONE, progress=done.append)
+    assert prepare(small_plan(runs=TWICE), part).missing_runs > 0
+    results = evaluate(small_plan(runs=TWICE), part, runs_per_batch=RUNS, progress=done.append)
     assert done == [RUNS]
     assert before.items() <= stamps(part).items()
     assert_equal_bits(content(results), content(whole))
@@ -65,9 +64,9 @@ def test_a_damaged_batch_is_found_and_done_again(part, harm):
     harm(path)
     prepared = prepare(small_plan(), part)
     assert (prepared.damaged, prepared.missing_runs) == ([path], RUNS)
-    assert finished(small_plan(), part) is None
+    assert prepare(small_plan(), part).missing_runs > 0
     results = evaluate(small_plan(), part)
-    assert finished(small_plan(), part) is not None
+    assert prepare(small_plan(), part).missing_runs == 0
     assert_equal_bits(content(results), intact)
 
 
@@ -95,7 +94,7 @@ def test_changed_settings_are_refused_by_name_with_both_values(part, change, nam
 def test_another_precision_or_version_and_what_is_no_evaluation_are_refused(part, tmp_path):
     with jax.enable_x64(True):
         assert "double" in message_of(evaluate, small_plan(runs=TWICE), part)
-    path = part / folder.SETTINGS
+    path = part / SETTINGS
     settings = json.loads(path.read_text())
     settings["versions"]["jaxpf"] = "0.0.9"
     for text in (json.dumps(settings), "{", "[]", "{}", ""):
@@ -138,7 +137,7 @@ def test_two_processes_cannot_evaluate_into_one_folder(part):
     # It is given back, also after an error that is not the lock's own.
     with pytest.raises(FileNotFoundError, match="elsewhere"), locked(part, "evaluating"):
         raise FileNotFoundError("elsewhere")
-    assert evaluate(small_plan(), part, limits=ONE).runs == RUNS
+    assert evaluate(small_plan(), part, runs_per_batch=RUNS).runs == RUNS
 
 
 def test_a_full_disk_is_one_sentence_and_finished_batches_stay(whole, tmp_path, monkeypatch):
@@ -154,12 +153,12 @@ def test_a_full_disk_is_one_sentence_and_finished_batches_stay(whole, tmp_path, 
 
     monkeypatch.setattr(files.os, "replace", full)
     with pytest.raises(InputError, match="no space left on device") as error:
-        evaluate(small_plan(runs=TWICE), tmp_path, limits=ONE)
+        evaluate(small_plan(runs=TWICE), tmp_path, runs_per_batch=RUNS)
     assert "\n" not in str(error.value)
     monkeypatch.undo()
     assert len(names(tmp_path)) == 2
     before = stamps(tmp_path)
-    results = evaluate(small_plan(runs=TWICE), tmp_path, limits=ONE)
+    results = evaluate(small_plan(runs=TWICE), tmp_path, runs_per_batch=RUNS)
     assert before.items() <= stamps(tmp_path).items()
     assert_equal_bits(content(results), content(whole))
 
@@ -171,8 +170,8 @@ def test_leavings_of_a_killed_start_do_not_stand_in_the_way(whole, tmp_path):
     leaving = tmp_path / "batches" / ".0000-00000000.77.partial.npz"
     results = evaluate(small_plan(), tmp_path)
     leaving.write_bytes(b"half")
-    assert finished(small_plan(), tmp_path) is not None
-    results = evaluate(small_plan(runs=TWICE), tmp_path, limits=ONE)
+    assert prepare(small_plan(), tmp_path).missing_runs == 0
+    results = evaluate(small_plan(runs=TWICE), tmp_path, runs_per_batch=RUNS)
     assert not leaving.exists()
     assert_equal_bits(content(results), content(whole))
 
@@ -184,9 +183,9 @@ def test_killing_it_loses_only_the_batch_in_flight(whole, tmp_path):
     code = f"""
 from jaxpf.cli.shared.startup import use_compile_cache
 use_compile_cache()
-from jaxpf.evaluation import (Limits, evaluate)
+from jaxpf.evaluation import evaluate
 from small_evaluation import small_plan
-evaluate(small_plan(runs={runs}), {str(tmp_path)!r}, limits=Limits(runs_per_batch={RUNS}))
+evaluate(small_plan(runs={runs}), {str(tmp_path)!r}, runs_per_batch={RUNS})
 """
     known: dict[str, int] = {}
     for _ in range(2):
@@ -205,7 +204,7 @@ evaluate(small_plan(runs={runs}), {str(tmp_path)!r}, limits=Limits(runs_per_batc
         for name in known:
             with np.load(tmp_path / "batches" / name) as arrays:
                 assert len(arrays["runs"]) == RUNS
-    results = evaluate(small_plan(runs=runs), tmp_path, limits=ONE)
+    results = evaluate(small_plan(runs=runs), tmp_path, runs_per_batch=RUNS)
     assert known.items() <= stamps(tmp_path).items()
     found = content(results)
     np.testing.assert_array_equal(found[1, "runs"], np.arange(runs))

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 from small_evaluation import (
     HERE,
-    ONE,
     RUNS,
     TWICE,
     assert_equal_bits,
@@ -17,8 +16,8 @@ from small_evaluation import (
     small_scene,
 )
 
-from jaxpf.cli.tracking.user_tracker import OwnTracker
-from jaxpf.evaluation import Limits, Plan, Pool, Results, evaluate, local_pool
+from jaxpf.evaluation import Plan, Pool, Results, evaluate, local_pool
+from jaxpf.evaluation.trackers import OwnTracker
 
 #: A user's own files.
 HOUSE = Path(__file__).parents[1] / "house"
@@ -26,7 +25,7 @@ HOUSE = Path(__file__).parents[1] / "house"
 
 @pytest.mark.slow
 def test_the_size_of_batches_does_not_matter(whole, tmp_path):
-    together = evaluate(small_plan(runs=TWICE), tmp_path, limits=Limits(runs_per_batch=1000))
+    together = evaluate(small_plan(runs=TWICE), tmp_path, runs_per_batch=1000)
     assert len(names(tmp_path)) == 2
     assert_equal_bits(content(together), content(whole))
 
@@ -36,7 +35,7 @@ def test_the_size_of_batches_does_not_matter(whole, tmp_path):
 def test_blocks_of_two_widths_are_the_same_together_and_apart(tmp_path, runs):
     plan = small_plan(runs=runs, methods=["dps"])
     together, apart = (
-        evaluate(plan, tmp_path / name, limits=Limits(runs_per_batch=size))
+        evaluate(plan, tmp_path / name, runs_per_batch=size)
         for name, size in (("together", 1000), ("apart", 5))
     )
     assert len(names(together.folder)) < len(names(apart.folder))
@@ -51,7 +50,7 @@ def test_two_processes_give_the_same_bits(whole, tmp_path):
     results = evaluate(
         small_plan(runs=TWICE),
         tmp_path,
-        limits=ONE,
+        runs_per_batch=RUNS,
         pool=local_pool(2, 1, use_compile_cache),
         progress=done.append,
     )
@@ -69,7 +68,7 @@ def test_dask_gives_the_same_bits(whole, tmp_path):
     # A user's tracker travels as its file's text: the file may be gone on the other machine.
     file = tmp_path / "own.py"
     file.write_text((HOUSE / "own_likelihood.py").read_text())
-    plan = small_plan(runs=TWICE, trackers={"own": OwnTracker(f"{file}:centre_colour")})
+    plan = small_plan(runs=TWICE, trackers={"own": OwnTracker.read(f"{file}:centre_colour")})
     file.unlink()
     with (
         distributed.LocalCluster(
@@ -78,9 +77,11 @@ def test_dask_gives_the_same_bits(whole, tmp_path):
         distributed.Client(cluster) as client,
     ):
         client.run(use_compile_cache)
-        results = evaluate(plan, tmp_path / "there", limits=ONE, pool=Pool(client.get_executor, 2))
+        results = evaluate(
+            plan, tmp_path / "there", runs_per_batch=RUNS, pool=Pool(client.get_executor, 2)
+        )
     alone = Plan(small_scene, methods=(), runs=TWICE, trackers=plan.trackers)
-    here = evaluate(alone, tmp_path / "here", limits=ONE)
+    here = evaluate(alone, tmp_path / "here", runs_per_batch=RUNS)
     built_in, own = 2, content(here)
     there = content(results)
     assert_equal_bits({of: there[of] for of in there if of[0] < built_in}, content(whole))
@@ -95,7 +96,7 @@ import jax
 jax.config.update("jax_num_cpu_devices", {devices})
 from jaxpf.cli.shared.startup import use_compile_cache
 use_compile_cache()
-from jaxpf.evaluation import (Limits, evaluate)
+from jaxpf.evaluation import evaluate
 from small_evaluation import small_plan
 assert jax.device_count() == {devices}
 evaluate(small_plan(runs={TWICE}), {str(tmp_path)!r})

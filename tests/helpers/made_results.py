@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from jaxpf.evaluation import Batch, Configuration, Results
-from jaxpf.evaluation.batches import FOLDER, batch_name
+from jaxpf.evaluation.results import FOLDER, batch_name
 from jaxpf.evaluation.summaries import intervals
 from jaxpf.files.store import Store
 from jaxpf.targets import Start

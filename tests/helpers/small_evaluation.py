@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxpf.evaluation import Limits, Plan
-from jaxpf.evaluation.opening import load_scene
+from jaxpf.evaluation import Plan
+from jaxpf.evaluation.scene import load_scene
 
 #: Two objects in 40 x 30 pixels, 10 frames.
 PARAMETERS = {
@@ -44,8 +44,6 @@ COMMON = (
 )
 #: Two files per configuration.
 TWICE = 2 * RUNS
-#: One compiled batch per file.
-ONE = Limits(runs_per_batch=RUNS)
 
 small_scene = functools.partial(load_scene, source="distracter", seed=0, parameters=PARAMETERS)
 

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from refusals import message_of
 
-from jaxpf.evaluation.opening import load_scene
+from jaxpf.evaluation.scene import load_scene
 
 SMALL = {"num_frames": 8, "frame_width": 120, "frame_height": 100, "num_objects": 2}
 SEQINFO = (

@@ -14,7 +14,7 @@ import scenes
 from jaxpf.cli.tracking.columns import places_of
 from jaxpf.contract.options import defaults_of
 from jaxpf.evaluation import Configuration
-from jaxpf.evaluation.trackers import built_in_tracker
+from jaxpf.evaluation.trackers import tracker_of
 from jaxpf.points import draw_points
 from jaxpf.points.target import POINTS
 from jaxpf.targets import Looks, Marks, Start
@@ -198,7 +198,7 @@ def test_points_slip_on_film_and_not_in_drawn_scenes(face):
     filmed = dataclasses.replace(face, settings={})
     for values, slips in (({}, [0.0, 8.0]), ({"slip": 3.0}, [3.0, 3.0])):
         given = Configuration("pffl", parameters={"method": "pffl", **values})
-        trackers = [built_in_tracker(scene, POINTS, given) for scene in (face, filmed)]
+        trackers = [tracker_of(scene, POINTS, given) for scene in (face, filmed)]
         assert [float(tracker.likelihood.slip) for tracker in trackers] == slips
     assert jaxpf.points.tracker(PICTURE, PLACES).likelihood.slip == 8
 

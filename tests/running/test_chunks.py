@@ -12,6 +12,7 @@ import jaxpf
 from jaxpf import InputError, ordering
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian
+from jaxpf.running import chunks
 from jaxpf.running.chunks import chunk_length, in_chunks
 from jaxpf.running.frames import frames_of
 
@@ -129,11 +130,12 @@ def test_chunks_have_one_length_and_end_with_the_last_frame(source, length, mult
     np.testing.assert_array_equal(jax.tree.leaves(chunks[-1][2])[0][-1], FRAMES[-1])
 
 
-def test_a_chunk_holds_as_much_as_it_may_and_all_hold_nearly_the_same():
-    assert chunk_length(None, 10, 99) == 9
-    assert chunk_length(20, 10, 99) == 7  # 7, 7 and 6
-    assert chunk_length(5, 10, 99) == 5
-    assert chunk_length(20, 10, 3) == 2
+def test_a_chunk_holds_as_much_as_it_may_and_all_hold_nearly_the_same(monkeypatch):
+    monkeypatch.setattr(chunks, "CHUNK_BYTES", 99)
+    assert chunk_length(None, 10) == 9
+    assert chunk_length(20, 10) == 7  # 7, 7 and 6
+    assert chunk_length(5, 10) == 5
+    assert chunk_length(20, 100) == 2
 
 
 @pytest.mark.parametrize(

@@ -216,7 +216,7 @@ def test_any_object_with_init_and_step_can_be_run_and_record_picks_what_is_kept(
 
 
 def test_few_runs_cost_about_their_share_of_many():
-    """A block costs as much as its runs and .8 of one, see ``jaxpf.evaluation.schedule``."""
+    """A block costs as much as its runs and .8 of one, which starts it."""
     for count in (*range(1, 200), 750):
         blocks = blocks_of(count)
         assert len(blocks) <= 2

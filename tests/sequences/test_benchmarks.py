@@ -7,7 +7,7 @@ from small_sequences import mot_rows, otb_text
 from jaxpf import InputError
 from jaxpf.boxes import read_boxes
 from jaxpf.detections.files import read_detections
-from jaxpf.evaluation.opening import load_scene
+from jaxpf.evaluation.scene import load_scene
 from jaxpf.sequences import open_sequence
 
 # MOTChallenge

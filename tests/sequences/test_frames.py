@@ -7,7 +7,7 @@ import pytest
 from small_video import LENGTH, picture, write_lossless_video
 
 from jaxpf import InputError
-from jaxpf.evaluation.opening import load_scene
+from jaxpf.evaluation.scene import load_scene
 from jaxpf.sequences import Frames, sequence as sequences
 
 META = '{{"name": "a", "frames": "{}", "n_frames": {}, "width": 64, "height": 48, "fps": 10}}'

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxpf import InputError
-from jaxpf.evaluation.opening import load_scene
+from jaxpf.evaluation.scene import load_scene
 from jaxpf.sequences import open_sequence
 from jaxpf.targets import target_of_scene
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from small_sequences import SMALL, complaint_of, mot_rows
 
-from jaxpf.evaluation.opening import load_scene
+from jaxpf.evaluation.scene import load_scene
 
 
 def test_a_folder_may_be_called_like_a_scene(mot_folder, monkeypatch):

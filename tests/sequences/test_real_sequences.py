@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_sequences import write_pictures
 
-from jaxpf.evaluation.opening import load_scene
+from jaxpf.evaluation.scene import load_scene
 from jaxpf.sequences import open_sequence
 
 # Real sequences

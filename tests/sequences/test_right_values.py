@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from jaxpf.cli.tuning.scenes import scenes_to_tune_on
 from PIL import Image
 from small_sequences import write_pictures
 
 from jaxpf.boxes import dense, read_boxes
-from jaxpf.cli.tuning.scenes import scenes_to_tune_on
-from jaxpf.evaluation.opening import load_scene
+from jaxpf.evaluation.scene import load_scene
 from jaxpf.media import open_frames
 from jaxpf.media.images import read_mask
 from jaxpf.sequences import open_sequence

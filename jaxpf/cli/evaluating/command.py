@@ -17,7 +17,6 @@ from jaxpf.contract.numbers import plain
 from jaxpf.contract.options import applying, options_of
 from jaxpf.files.store import LOCK, locked
 from jaxpf.files.writing import check_output_folder
-from jaxpf.running.memory import check_memory
 
 if TYPE_CHECKING:
     from jaxpf.evaluation.engine import Prepared
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
 
 #: Output files that the last line lists.
 _WRITTEN = ("report.html", "results.csv", "summary.csv", "curves.csv", "run.toml")
-_LESS_MEMORY = "ask for fewer particles, workers or frames, or a smaller --memory"
 
 
 def _command(**values: Any) -> None:
@@ -54,8 +52,7 @@ def _prepare(request: Request) -> "tuple[Prepared, Any]":
         ``jaxpf.evaluation.Prepared``, and processes or Dask workers; None for this process.
 
     Raises:
-        InputError: no scheduler answers, the scene cannot be opened, or the work does not fit in
-            memory.
+        InputError: no scheduler answers, or the scene cannot be opened.
     """
     options, pool = request.options, None
     check_output_folder(request.output)
@@ -73,13 +70,11 @@ def _prepare(request: Request) -> "tuple[Prepared, Any]":
     say(f"Reading {request.scene}", err=True)
     if options.baseline:
         say(f"Baselines come first: {', '.join(options.baseline)}", err=True)
-    limits = evaluation.Limits(options.memory * 2**20, workers=workers, devices=devices)
-    prepared = evaluation.prepare(request.plan, request.output, limits)
+    prepared = evaluation.prepare(request.plan, request.output, workers)
     if prepared.missing_runs:
         _show_plan(prepared, workers, devices)
     elif options.dry_run:
         say(f"{request.output}/: finished, nothing left to do")
-    check_memory(options.workers * prepared.memory, _LESS_MEMORY)
     return prepared, pool
 
 
@@ -88,7 +83,7 @@ def _run(request: Request, prepared: "Prepared", pool: Any) -> "Results":
 
     An interruption keeps the finished runs and says how to resume.
     """
-    from jaxpf.evaluation.speed import keep_speeds, measure_speeds
+    from jaxpf.evaluation.speed import measure_speeds
 
     try:
         with progress_bar("runs") as bar:
@@ -102,8 +97,6 @@ def _run(request: Request, prepared: "Prepared", pool: Any) -> "Results":
     except KeyboardInterrupt:
         say(f"Finished runs are kept in '{request.output}'; the same command continues.", err=True)
         raise
-    if prepared.import_seconds:
-        keep_speeds(results, prepared.import_seconds)
     if request.options.speed:
 
         def announce(label: str) -> None:
@@ -131,8 +124,6 @@ def _finish(request: Request, results: "Results") -> None:
 
 def _show_plan(prepared: "Prepared", workers: int, devices: int) -> None:
     """Print what is compared, and its cost."""
-    from jaxpf.evaluation.results import OWN
-
     results, scene = prepared.results, prepared.results.settings["scene"]
     count, frames = len(scene["object_ids"]), len(results.truth)
     say(
@@ -145,20 +136,15 @@ def _show_plan(prepared: "Prepared", workers: int, devices: int) -> None:
         say(", ".join(f"{name} {value}" for name, value in common_to_all.items()))
     if prepared.damaged:
         say(f"{len(prepared.damaged)} damaged file(s) will be made again.")
-    has_own = any(each.kind == OWN for each in results.configurations)
     place = f"on {devices} device{'s' if devices > 1 else ''}"
     if workers > 1:
         place = f"in each of {workers} processes {place}"
-    say(
-        f"{prepared.missing_runs} runs to do, with {prepared.memory / 2**30:.1f} GB of memory "
-        + place
-        + (", trackers of your own not counted" if has_own else "")
-    )
+    say(f"{prepared.missing_runs} runs to do {place}")
 
 
 def _plan_table(prepared: "Prepared") -> tuple[list[str], list[list[str]], dict[str, str]]:
     """A row per method, and the parameters that all configurations share."""
-    of, configurations = prepared.target, prepared.results.configurations
+    of, configurations = prepared.results.target, prepared.results.configurations
     by_method: dict[str, list[int]] = {}
     values: dict[str, dict[str, None]] = {}
     for index, configuration in enumerate(configurations):
@@ -185,7 +171,7 @@ command = SceneCommand(
     "evaluate",
     {"Scene": SceneOptions, "What is compared": Compared, "Runs and work": Work},
     _command,
-    rare=("target", "scene_seed", "start_frame", "swaps", "devices", "memory", "speed"),
+    rare=("target", "scene_seed", "start_frame", "swaps", "devices", "speed"),
     grid=True,
     without=VARIED,
     help="""Compare methods on SCENE over many runs, with intervals, and write tables and a report.
@@ -205,6 +191,6 @@ command = SceneCommand(
     or OTB sequence.  The sequences of a folder are evaluated one after another.  Tables over all of
     them have intervals over the sequences.
 
-    Runs are stored batch by batch.  The results of a seed do not depend on --workers, --devices or
-    --memory.""",
+    Runs are stored batch by batch.  The results of a seed depend neither on --workers nor on
+    --devices.""",
 )

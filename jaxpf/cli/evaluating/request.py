@@ -98,9 +98,6 @@ class Work:
             most=_MOST,
         ),
     ] = None
-    memory: Annotated[
-        int, Option("Megabytes that a batch of runs may use.", least=1, most=2**30)
-    ] = 256
     output: Annotated[
         Path | None,
         Option(
@@ -202,13 +199,13 @@ def parse(values: Mapping[str, Any]) -> Request:
 
 def _plan(scene: str, options: Options, grid: Mapping[str, Any]) -> "Plan":
     """The library's plan of a request."""
-    from jaxpf.cli.tracking.user_tracker import OwnTracker
     from jaxpf.evaluation import Plan
     from jaxpf.evaluation.baselines.rivals import baselines
-    from jaxpf.evaluation.opening import load_scene
+    from jaxpf.evaluation.scene import load_scene
+    from jaxpf.evaluation.trackers import OwnTracker
 
     tracks = dict(pair("--tracks", text, str) for text in options.tracks)
-    trackers = dict(pair("--tracker", text, OwnTracker) for text in options.tracker)
+    trackers = dict(pair("--tracker", text, OwnTracker.read) for text in options.tracker)
     for flag, named, typed in (
         ("--tracks", tracks, options.tracks),
         ("--tracker", trackers, options.tracker),

@@ -136,7 +136,7 @@ class SceneCommand(Command):
 
 def _target_of(values: Mapping[str, Any]) -> str | None:
     """The target of the scene, or None without a scene."""
-    from jaxpf.evaluation.opening import load_scene
+    from jaxpf.evaluation.scene import load_scene
 
     if values["target"] or not values["scene"]:
         return values["target"]

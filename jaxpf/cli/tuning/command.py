@@ -24,8 +24,7 @@ from jaxpf.cli.shared.startup import start_jax
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import GRADIENTS, OBJECTIVES
 from jaxpf.contract.options import OPEN, Option, options_of
-from jaxpf.evaluation.opening import load_scene
-from jaxpf.evaluation.scene import check_scene
+from jaxpf.evaluation.scene import check_scene, load_scene
 from jaxpf.files.store import Store, locked
 from jaxpf.files.writing import check_output_folder, prepare_output_folder
 from jaxpf.targets import target_of_scene

@@ -21,7 +21,7 @@ from jaxpf.contract.state import Summary
 from jaxpf.dynamics.gaussian import RandomWalk
 from jaxpf.dynamics.learned import fit
 from jaxpf.dynamics.occlusion import WithOcclusion
-from jaxpf.evaluation.opening import load_scene
+from jaxpf.evaluation.scene import load_scene
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods.contours import EdgeDetector, contours, learn_clutter
 from jaxpf.lowering import platform

@@ -42,7 +42,7 @@ def test_it_shows_the_plan_first_then_the_tables_and_writes_everything(whole):
     plan, tables = outcome.out.index("Plan"), outcome.out.index("all objects")
     assert plan < tables
     assert "distracter: 2 objects, 9 frames after the start frame 0, 40 x 30" in outcome.out
-    assert "12 runs to do, with " in outcome.out
+    assert "12 runs to do on " in outcome.out
     assert f"num_particles {PARTICLES}" in outcome.out
     for name in WRITTEN:
         assert (output / name).stat().st_size > 0, name

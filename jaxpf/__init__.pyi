@@ -32,7 +32,7 @@ from .filters.functions import state_space as state_space
 from .filters.labelled.tracker import Labelled as Labelled
 from .filters.partitioned.tracker import Partitioned as Partitioned
 from .running.blocks import monte_carlo as monte_carlo
-from .running.memory import use_cores as use_cores
+from .running.cores import use_cores as use_cores
 from .running.runs import forecast as forecast, run as run
 from .running.simulation import simulate as simulate
 from .running.streaming import stream as stream

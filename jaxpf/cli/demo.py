@@ -16,7 +16,6 @@ from jaxpf.cli.shared.plain import PlainCommand
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.contract.options import options_of
 from jaxpf.files.writing import prepare_output_folder
-from jaxpf.running.memory import check_memory, needed_by
 
 if TYPE_CHECKING:
     from jaxpf.contract.state import Summary
@@ -54,7 +53,6 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, num_particles: 
     from jaxpf.measures import summarise
     from jaxpf.papers.smith2004.scenes import scene_tracker
     from jaxpf.running.blocks import monte_carlo
-    from jaxpf.running.widths import WIDE
     from jaxpf.shapes.rectangles import boxes_from_substates
 
     scene = scenes.make("distracter", seed=seed)
@@ -66,7 +64,6 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, num_particles: 
     }
     # The objects' colours are learned once.
     tracker = scene_tracker(scene, methods["SIR"], num_particles=count)
-    check_memory(needed_by(tracker, min(runs, WIDE)), "ask for fewer particles (-n)")
     prepare_output_folder(output, overwrite)
     trackers = {name: dataclasses.replace(tracker, ordering=o) for name, o in methods.items()}
     say(

@@ -36,7 +36,7 @@ from jaxpf.files.executors import RETRIES, Pool as Pool, local_pool as local_poo
 from jaxpf.files.store import locked
 from jaxpf.files.writing import remove_leavings, report_os_errors
 from jaxpf.lowering import platform
-from jaxpf.running.widths import WIDE, Blocks, blocks_of
+from jaxpf.running.blocks import WIDE, Blocks, blocks_of
 from jaxpf.targets import target_of_scene
 from scenes import Scene
 
@@ -91,7 +91,7 @@ def evaluate(
 
     The same call resumes, or adds runs if ``plan.runs`` is larger.  On one machine, the results of
     a seed are identical bit for bit for any batches, pool, and number of workers or devices.
-    With another number of runs, blocks may have other widths (``jaxpf.running.widths.blocks_of``)
+    With another number of runs, blocks may have other widths (``jaxpf.running.blocks.blocks_of``)
     and results can differ by rounding.
 
     Args:

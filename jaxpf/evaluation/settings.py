@@ -12,7 +12,6 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf import __version__
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, applying
 from jaxpf.evaluation.configurations import complete, configurations
@@ -49,14 +48,17 @@ def stored_settings(plan: Plan, folder: Path) -> dict[str, Any] | None:
         return None
     settings = read_settings(folder)
     plan = complete(plan, settings["scene"]["target"], settings["scene"]["parents"])
-    # The number of runs may grow.
-    old = {"version": settings["versions"].get("jaxpf"), "runs": settings["runs"]}
-    new = {"version": __version__, "runs": min(plan.runs, settings["runs"])}
-    old["precision"], new["precision"] = (
-        "double" if float64 else "single" for float64 in (settings["float64"], double_precision())
-    )
-    Store(folder).check_same(old | settings["asked"], new | describe_plan(plan))
+    runs = min(plan.runs, settings["runs"])  # may grow
+    now = {"versions": versions(), "asked": describe_plan(plan), "float64": double_precision()}
+    Store(folder).check_same(_compared(settings), _compared({**now, "runs": runs}))
     return {**settings, "runs": plan.runs}
+
+
+def _compared(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """What must be the same on resuming."""
+    precision = "double" if settings["float64"] else "single"
+    own = {"jaxpf": settings["versions"].get("jaxpf"), "precision": precision}
+    return {**own, **settings["asked"], "runs": settings["runs"]}
 
 
 def new_settings(plan: Plan, scene: Scene, of: Target, start: Start) -> dict[str, Any]:

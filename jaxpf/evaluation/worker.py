@@ -12,8 +12,7 @@ from jaxpf.contract import model_error
 from jaxpf.contract.state import Summary
 from jaxpf.evaluation.results import BUILT_IN, Batch, Configuration
 from jaxpf.evaluation.trackers import tracker_of
-from jaxpf.running.blocks import run_blocks
-from jaxpf.running.widths import Blocks
+from jaxpf.running.blocks import Blocks, run_blocks
 from jaxpf.targets import find_target
 from jaxpf.targets.building import shapes_of
 from scenes import Scene

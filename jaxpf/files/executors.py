@@ -19,7 +19,7 @@ from concurrent.futures import (
 from typing import Any, NamedTuple
 
 from jaxpf.contract.errors import InputError
-from jaxpf.running.memory import num_cores
+from jaxpf.running.cores import num_cores
 
 #: Times that a piece of work is repeated after a worker's death.
 RETRIES = 3

@@ -1,6 +1,6 @@
 """Many independent runs of any tracker, vectorised in blocks across devices."""
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -19,11 +19,19 @@ from jaxpf.lowering import platform
 from jaxpf.lowering.programs import compiled
 from jaxpf.running import missing_frames
 from jaxpf.running.chunks import in_chunks
+from jaxpf.running.cores import num_idle_cores, say_that_cores_are_idle
 from jaxpf.running.frames import Frames, frames_of, noted, num_frames, warn_of_frames
-from jaxpf.running.memory import device_memory, num_idle_cores, say_that_cores_are_idle
 from jaxpf.running.runs import as_key, frame_step, init, summary_only, together, with_inputs
-from jaxpf.running.widths import Blocks, blocks_of, even_blocks, widest
 
+#: Block widths for many and for few runs on a CPU, whose cache they suit.  A block of 5 costs up to
+#: a third more per run than one of 25, but computing 25 runs to get one costs ten times as much.
+WIDE, NARROW = 25, 5
+#: From this number of remaining runs, one padded wide block is cheaper than narrow blocks.
+_MANY_LEFT = 20
+#: Largest width on an accelerator, which is halved if memory runs out.
+_ON_ACCELERATOR = 1024
+#: ``((count, width), ...)``: ``count`` blocks of ``width`` vectorised runs, in sequence.
+Blocks = tuple[tuple[int, int], ...]
 _AXIS = "runs"
 #: Sharding over devices: everything replicated, or split by batch, or by frame of a group.
 _REPLICATED, _OF_BATCHES = PartitionSpec(), PartitionSpec(_AXIS)
@@ -45,10 +53,10 @@ def monte_carlo(
 
     Runs are vectorised in blocks.  A run's result depends only on its key: bit for bit between
     blocks of the same width, up to rounding between widths.  On a CPU the width depends on the
-    number of runs alone (``jaxpf.running.widths``), not on devices or chunks.  On an accelerator
-    a block is as wide as its memory allows, and becomes narrower if that runs out: results equal
-    those of a CPU, of other numbers of devices and of other memory sizes up to rounding, unless
-    ``batch_size`` fixes the width.  ``tracker.observe`` runs once per frame for all runs, on one
+    number of runs alone (``blocks_of``), not on devices or chunks.  On an accelerator blocks
+    have up to 1024 runs, and half as many if memory runs out: results equal those of a CPU, of
+    other numbers of devices and of other memory sizes up to rounding, unless ``batch_size`` fixes
+    the width.  ``tracker.observe`` runs once per frame for all runs, on one
     device only.
 
     Frames are sent to the devices in chunks, which does not change the results.  Memory does not
@@ -121,7 +129,7 @@ def run_blocks(
 ) -> Any:
     """``monte_carlo`` in given blocks, the last of which may be padded.
 
-    Unless ``batch_size`` fixes their width, blocks are narrowed to fit an accelerator's memory.
+    Unless ``batch_size`` fixes their width, blocks are halved if an accelerator's memory runs out.
 
     Raises:
         InputError: as for ``monte_carlo``.
@@ -134,10 +142,10 @@ def run_blocks(
         tracker, source = missing_frames.marked_source(tracker, frames, observed)
         frames = Frames(None, source)
     devices = tuple(jax.local_devices() if devices is None else devices)
-    may_narrow = platform.on_accelerator() and batch_size is None
-    if may_narrow:
+    may_halve = platform.on_accelerator() and batch_size is None
+    if may_halve:
         share = -(-keys.shape[0] // len(devices))
-        blocks = even_blocks(keys.shape[0], min(share, widest(blocks)))
+        blocks = even_blocks(keys.shape[0], min(share, _widest(blocks)))
     used = devices[: max(count for count, _ in blocks)]
 
     kept: list[Any] = []
@@ -149,10 +157,9 @@ def run_blocks(
             of_chunk, chunk = missing_frames.marked(tracker, chunk, first=first)
         grouped = in_groups(first, chunk, used)
         if not kept:
-            narrow = may_narrow and is_concrete(tracker, keys, chunk)
-            begun = _begin_narrowing if narrow else _begin
+            begin = _begin_halving if may_halve and is_concrete(tracker, keys, chunk) else _begin
             with noted(tracker):
-                sizes, batches, states, recorded = begun(
+                sizes, batches, states, recorded = begin(
                     of_chunk, keys, blocks, grouped, record, used
                 )
         else:
@@ -170,16 +177,45 @@ def run_blocks(
     return _joined(kept, tuple(sizes), length)
 
 
+def blocks_of(num_runs: int, asked: int | None = None) -> Blocks:
+    """Divide runs into blocks of at most two widths.
+
+    On a CPU this depends only on their number.  With 25 runs or more: blocks of 25, and the rest in
+    blocks of 5, the last one padded.  With fewer: blocks of 5 and one block of the rest.
+
+    On an accelerator: as few blocks of one width as possible.
+
+    Args:
+        num_runs: number of runs to do.
+        asked: total number of runs requested, of which ``num_runs`` remain; default ``num_runs``.
+    """
+    if platform.on_accelerator():
+        return even_blocks(num_runs, _ON_ACCELERATOR)
+    if (num_runs if asked is None else asked) < WIDE:
+        blocks = (num_runs // NARROW, NARROW), (1, num_runs % NARROW)
+    else:
+        wide, left = divmod(num_runs, WIDE)
+        if left >= _MANY_LEFT:
+            wide, left = wide + 1, 0
+        blocks = (wide, WIDE), (-(-left // NARROW), NARROW)
+    return tuple((count, width) for count, width in blocks if count * width)
+
+
+def even_blocks(num_runs: int, most: int) -> Blocks:
+    """Divide runs into as few blocks of one width, at most ``most``, as possible."""
+    count = -(-num_runs // max(1, most))
+    return ((count, -(-num_runs // count)),)
+
+
+def _widest(blocks: Blocks) -> int:
+    """Largest width."""
+    return max(width for _, width in blocks)
+
+
 def _begin(
-    tracker: TrackerLike,
-    keys: jax.Array,
-    blocks: Blocks,
-    grouped: tuple,
-    record: Callable,
-    used: tuple,
-    has_room: Callable = lambda *_: True,
+    tracker: TrackerLike, keys: jax.Array, blocks: Blocks, grouped: tuple, record: Any, used: tuple
 ) -> Any:
-    """Advance all runs through the first chunk of frames, if ``has_room`` says that they fit.
+    """Advance all runs through the first chunk of frames.
 
     Returns:
         For each width: the number of runs, their keys ``[B, W]``, padded so that every device has
@@ -192,51 +228,21 @@ def _begin(
         places = first + np.minimum(places, sizes[-1] - 1)
         batches.append(_taken(keys, places.reshape(-1, width)))
         first += sizes[-1]
-    arguments = tracker, batches, _begin_compiled(tracker, batches, used), *grouped, record, used
-    if not has_room(*arguments):
-        return None
-    return sizes, batches, *_advance_compiled(*arguments)
+    states = _begin_compiled(tracker, batches, used)
+    return sizes, batches, *_advance_compiled(tracker, batches, states, *grouped, record, used)
 
 
-def _begin_narrowing(tracker, keys, blocks, grouped, record, used) -> Any:
-    """``_begin`` in blocks that are narrowed until they fit into the devices' memory.
-
-    The compiled program's own estimate comes first.  Where there is none or it is too low, the
-    width is halved at every failure.
-    """
+def _begin_halving(
+    tracker: TrackerLike, keys: jax.Array, blocks: Blocks, grouped: tuple, record: Any, used: tuple
+) -> Any:
+    """``_begin`` in blocks that are halved until they fit into the devices' memory."""
     while True:
-        width, share = widest(blocks), 1.0
-
-        def has_room(*arguments, width=width):
-            nonlocal share
-            share = device_memory(used) / _bytes_needed(*arguments)
-            return share >= 1 or width == 1
-
         try:
-            begun = _begin(tracker, keys, blocks, grouped, record, used, has_room)
-            if begun is not None:
-                return jax.block_until_ready(begun)
+            return jax.block_until_ready(_begin(tracker, keys, blocks, grouped, record, used))
         except jax.errors.JaxRuntimeError as error:
-            if "RESOURCE_EXHAUSTED" not in str(error) or width == 1:
+            if "RESOURCE_EXHAUSTED" not in str(error) or _widest(blocks) == 1:
                 raise
-            share = 0.5
-        blocks = even_blocks(keys.shape[0], min(int(width * share), width - 1))
-
-
-#: What ``_bytes_needed`` has found, by program: asking takes longer than many a run.
-_FOUND: dict[Hashable, float] = {}
-
-
-def _bytes_needed(*arguments: Any) -> float:
-    """Memory of the compiled program beyond its arguments, on each device; the call reuses it."""
-    *arrays, record, used = arguments
-    leaves, tree = jax.tree.flatten(arrays)
-    program = tree, tuple((np.shape(x), jnp.result_type(x)) for x in leaves), record, used
-    if program not in _FOUND:
-        analysis = _advance_compiled.lower(*arguments).compile().memory_analysis()
-        needed = analysis and analysis.temp_size_in_bytes + analysis.output_size_in_bytes
-        _FOUND[program] = max(1.0, needed or 0.0)
-    return _FOUND[program]
+        blocks = even_blocks(keys.shape[0], _widest(blocks) // 2)
 
 
 # Compiled as a whole: otherwise JAX compiles each operation separately in every process.

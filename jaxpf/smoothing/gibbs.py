@@ -34,7 +34,7 @@ from jaxpf.contract.refusals import poisoned, refused
 from jaxpf.gradients import NoGradient
 from jaxpf.lowering.programs import compiled
 from jaxpf.resampling.schemes import BuiltIn
-from jaxpf.running import memory, missing_frames
+from jaxpf.running import missing_frames
 from jaxpf.smoothing.backward import Drawn, History, log_densities
 from jaxpf.smoothing.groups import check_smoothing, looks_back
 
@@ -104,20 +104,15 @@ def particle_gibbs(
     Raises:
         InputError: a tracker that cannot be smoothed (``check_smoothing``) or has no conditional
             sweep (``check_conditional``); an iterable of single frames; a reference of a wrong
-            shape; fewer than one sweep; not enough memory; inputs that do not fit (``jaxpf.run``).
+            shape; fewer than one sweep; inputs that do not fit (``jaxpf.run``).
     """
     marked, frames = running.ready(tracker, frames, observed, inputs)
     tracker = missing_frames.unmarked(marked, frames)[0]
     refuse = check_conditional(tracker)
     check_whole("num_sweeps", num_sweeps)
-    num_frames, num_particles = running.num_frames(frames), tracker.num_particles
+    num_frames = running.num_frames(frames)
     lagged = jax.eval_shape(tracker.init, jax.random.key(0)).lagged
     _, dimension, num_partitions, _ = lagged.shape
-    bytes_each = dimension * num_partitions * lagged.dtype.itemsize
-    memory.check_memory(
-        num_frames * bytes_each * (num_particles + num_sweeps),
-        "give fewer particles or sweeps, going on from the last trajectory",
-    )
     key, first_key = jax.random.split(running.as_key(key))
     second_order = looks_back(tracker)
     if reference is None:

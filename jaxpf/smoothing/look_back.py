@@ -92,7 +92,6 @@ class LookBack:
         tracker: "Partitioned",
         key: jax.Array,
         lag: int | None = None,
-        num_frames: int | None = None,
         first: int = 0,
         num_trajectories: int | None = None,
     ):
@@ -102,12 +101,11 @@ class LookBack:
             tracker: a ``jaxpf.Partitioned``.
             key: the key of the tracking run.
             lag: as for ``jaxpf.smooth``.
-            num_frames: number of frames to track, if known.
             first: number of the first frame, if earlier frames were tracked before.
             num_trajectories: as for ``jaxpf.smooth``.
 
         Raises:
-            InputError: a tracker that cannot be smoothed; a lag below 1; not enough memory.
+            InputError: a tracker that cannot be smoothed; a lag below 1.
         """
         check_smoothing(tracker)
         if lag is not None:
@@ -117,9 +115,6 @@ class LookBack:
         self._key = passes.backward_key(running.as_key(key))
         self._num_trajectories = passes.checked_number(tracker, num_trajectories)
         self._has_two_lags = looks_back(tracker)
-        kept = num_frames if lag is None else 2 * lag
-        if kept is not None:
-            passes.check_length(tracker, kept, 1 + self._has_two_lags)
         self._kept: list[History] = []
         self._start, self._passes, self.broken = first, 0, 0
 

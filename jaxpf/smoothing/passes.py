@@ -1,4 +1,4 @@
-"""What the backward passes over a filter's weighted sets share: what to keep, keys and memory."""
+"""What the backward passes over a filter's weighted sets share: what to keep, and keys."""
 
 from functools import partial
 from typing import TYPE_CHECKING
@@ -12,7 +12,6 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.state import ParticleState, Summary
 from jaxpf.lowering.programs import compiled
-from jaxpf.running import memory
 from jaxpf.smoothing.backward import History, Pass, backward
 from jaxpf.smoothing.groups import together
 
@@ -87,19 +86,3 @@ def checked_number(tracker: "Partitioned", num_trajectories: int | None, num_pat
             f"paths={num_paths} are more than num_trajectories={num_trajectories}; draw as many."
         )
     return num_trajectories
-
-
-def check_length(
-    tracker: "Partitioned", num_frames: int, lags: int = 1, num_paths: int = 0
-) -> None:
-    """Refuse a clip whose weighted sets do not fit into memory, before tracking it."""
-    state = jax.eval_shape(tracker.init, jax.random.key(0))
-    _, dimension, num_partitions, num_particles = state.lagged.shape
-    numbers = num_particles * (lags * dimension * num_partitions + 2)
-    numbers += 2 * num_paths * dimension * num_partitions
-    if state.sources is not None:
-        numbers += num_particles * num_partitions
-    memory.check_memory(
-        num_frames * numbers * state.lagged.dtype.itemsize,
-        "smooth with a fixed lag, such as jaxpf.smooth(..., lag=50), or fewer particles",
-    )

@@ -109,8 +109,7 @@ def smooth(
 
     Raises:
         InputError: a tracker that cannot be smoothed (``check_smoothing``); fewer than one
-            trajectory; a lag below 1; paths or another method with a lag; a clip without a lag
-            that does not fit into memory.
+            trajectory; a lag below 1; paths or another method with a lag.
     """
     check_known("method=", method, METHODS)
     check_whole("paths", paths, 0)
@@ -168,7 +167,6 @@ def smooth(
 def _drawn(tracker, key, frames, num_trajectories, num_paths, num_steps, observed) -> Smoothed:
     """Smooth by backward simulation."""
     second_order = looks_back(tracker)
-    passes.check_length(tracker, running.num_frames(frames), 1 + second_order, num_paths)
     record = passes.keep_both_lags if second_order else passes.keep_substates
     _, (history, summaries) = running.run(tracker, key, frames, record, observed)
     moved_by = tracker
@@ -183,7 +181,6 @@ def _drawn(tracker, key, frames, num_trajectories, num_paths, num_steps, observe
 
 def _traced(tracker, key, frames, num_paths, observed) -> Smoothed:
     """Smooth by the genealogy."""
-    passes.check_length(tracker, running.num_frames(frames), 1, num_paths)
     record = passes.keep_substates
     state, (history, summaries) = running.run(tracker, key, frames, record, observed)
     ancestry = history.current, history.sources, state.log_weights

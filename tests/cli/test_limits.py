@@ -1,12 +1,10 @@
-"""What is too much is refused at once: memory, processes, names, numbers."""
+"""What is too much is refused at once: processes, names, numbers."""
 
 import pytest
-from command_line import jaxpf, refusal_of
-from small_sequence_folder import SMALL
+from command_line import refusal_of
 
 from jaxpf import InputError
 from jaxpf.evaluation import Plan
-from jaxpf.running import memory
 
 LONG = "x" * 300
 
@@ -15,25 +13,6 @@ def refused(*arguments):
     sentence = refusal_of(*arguments)
     assert len(sentence) < 700
     return sentence
-
-
-def test_more_memory_than_there_is_is_refused_with_both_sums(monkeypatch):
-    assert 2**28 < memory.machine_memory() < 2**50
-    monkeypatch.setattr(memory, "machine_memory", lambda: 8 * 2**30)
-    with pytest.raises(InputError, match=r"9\.5 GB .* 8\.0 GB; ask for less\."):
-        memory.check_memory(9.5 * 2**30, "ask for less")
-    memory.check_memory(7.5 * 2**30, "ask for less")
-
-
-def test_commands_that_do_not_fit_are_refused_also_where_they_are_only_planned(tmp_path):
-    tune = ("tune", "distracter", *SMALL, "--train-scenes", "1")
-    options = ("--methods", "sir", "--likelihood", "integral", "--runs", "25", "--dry-run")
-    evaluate = ("evaluate", "distracter", *options)
-    for command in (("demo",), tune, evaluate):
-        outcome = jaxpf(*command, "-n", "500000000", "-o", tmp_path / "o")
-        assert outcome.code == 2
-        assert "fewer particles" in outcome.err
-        assert not (tmp_path / "o").exists()
 
 
 @pytest.mark.parametrize("command", ["evaluate", "tune"])

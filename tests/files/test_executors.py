@@ -26,7 +26,7 @@ from worker_functions import (
 from jaxpf import InputError
 from jaxpf.evaluation import Pool, local_pool
 from jaxpf.files.executors import in_turn
-from jaxpf.running.memory import num_cores
+from jaxpf.running.cores import num_cores
 
 PIECES = {str(piece): piece for piece in range(12)}
 SQUARES = {name: piece**2 for name, piece in PIECES.items()}

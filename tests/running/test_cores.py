@@ -12,7 +12,7 @@ import pytest
 import jaxpf
 from jaxpf import InputError
 from jaxpf.lowering import platform
-from jaxpf.running import memory
+from jaxpf.running import cores
 
 
 @jaxpf.pytree_dataclass
@@ -33,8 +33,8 @@ def run(count, **given):
 
 def test_idle_cores_are_said_once(monkeypatch):
     monkeypatch.setattr(platform, "on_accelerator", lambda: False)
-    monkeypatch.setattr(memory, "num_cores", lambda: 8)
-    memory.say_that_cores_are_idle.cache_clear()
+    monkeypatch.setattr(cores, "num_cores", lambda: 8)
+    cores.say_that_cores_are_idle.cache_clear()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         run(2)  # one block, which other cores could not share

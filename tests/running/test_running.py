@@ -12,7 +12,7 @@ import jaxpf
 from jaxpf import ordering, pytree_dataclass
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian
-from jaxpf.running.widths import WIDE, blocks_of
+from jaxpf.running.blocks import WIDE, blocks_of
 
 pytestmark = pytest.mark.compiled_as_by_users
 

@@ -12,7 +12,6 @@ import jaxpf
 from jaxpf import ordering, smoothing
 from jaxpf.dynamics import AR2
 from jaxpf.gradients import Transport
-from jaxpf.running import memory
 
 KEY = jax.random.key(0)
 FRAMES = np.zeros((5, 2, 1), np.float32)
@@ -49,7 +48,6 @@ def sweeps(number=2, reference=None, order=None, **changes):
     (lambda: smooth(method="ancestry"), "backward, metropolis, genealogy"),
     (lambda: smooth(frames=iter(FRAMES)), "lag"),
     (lambda: smooth(frames=iter(()), lag=2), "no frame"),
-    (lambda: smoothing.LookBack(tracker(), KEY, num_frames=2 * 10**9), "lag"),
     (lambda: sweeps(resampling="systematic"), "resampling='multinomial'"),
     (lambda: sweeps(order=ordering.sps([-1, -1])), "jaxpf.ordering.ps or sir"),
     (lambda: sweeps(order=ordering.dps(2)), "jaxpf.ordering.ps or sir"),
@@ -65,8 +63,3 @@ def test_what_cannot_be_smoothed_is_refused(call, named):
 def test_roots_that_stay_can_be_smoothed():
     smoothing.check_smoothing(forest(exchange_roots=False))
     smoothing.check_smoothing(forest(swap="none"))
-
-
-def test_a_clip_too_long_for_the_memory_names_the_fixed_lag(monkeypatch):
-    monkeypatch.setattr(memory, "machine_memory", lambda: 2**10)
-    assert "lag=50" in message_of(smooth)

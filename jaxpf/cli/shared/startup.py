@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 from jaxpf.contract.errors import InputError
-from jaxpf.running.memory import num_cores, use_cores
+from jaxpf.running.cores import num_cores, use_cores
 
 
 def start_jax(devices: int | None = None, processes: int = 1) -> int:

@@ -175,7 +175,7 @@ def test_a_dry_run_shows_the_plan_of_a_grid_and_writes_nothing(place, tmp_path):
     ("options", "named"),
     [
         ("--tracker {}:missing", "'missing'"),  # before settings are compared
-        ("--tracker {}:present", "'present' is new"),
+        ("--tracker {}:present", "present = nothing, now"),
         ("--seed 9", "seed = 0, now 9"),
         ("--runs 2", "runs"),
     ],

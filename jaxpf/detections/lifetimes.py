@@ -10,7 +10,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.contract.options import Option, check_options
 from jaxpf.measures import association
 from jaxpf.measures.association import pairwise_iou
@@ -128,8 +127,6 @@ class Changes(NamedTuple):
 
 def start_empty(capacity: int, last_id: int = 0) -> Living:
     """Return the state before the first frame; ids up to ``last_id`` are reserved."""
-    check_whole("capacity", capacity, most=MOST_AT_ONCE)
-    check_whole("last_id", last_id, 0, most=2**63 - 1)  # as files may hold
     none = np.zeros(capacity, int)
     return Living(np.full(capacity, EMPTY), none, none, association.no_tracks(), last_id)
 
@@ -155,12 +152,6 @@ def advance(
         frame_shape: height and width of the frame.
         rules: see ``Rules``.
     """
-    boxes = numbers_in("boxes", boxes, f"x, y, w, h of every place, [{len(living.ids)}, 4]")
-    form = f"bool, [{len(living.ids)}]"
-    without_likelihood = numbers_in("without_likelihood", without_likelihood, form) > 0
-    if detections is not None:
-        detections = numbers_in("detections", detections, "x, y, w, h, [M, 4]")
-    check_array("frame_shape", frame_shape, "height and width of the frame, [>= 2]", least=1)
     unseen, undetected, ended = _find_ended(
         living, boxes, without_likelihood, detections, frame_shape, rules
     )

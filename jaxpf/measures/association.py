@@ -107,9 +107,6 @@ def pairwise_iou(one: ArrayLike, other: ArrayLike) -> np.ndarray:
 
     Returns:
         float64 ``[P, Q]``; 0 where a box is not finite or has no width or no height.
-
-    Raises:
-        InputError: boxes of another length than 4.
     """
     one = _proper_or_empty(one)[:, None]
     other = _proper_or_empty(other)[None, :]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.lost import LOST_BELOW
-from jaxpf.contract.numbers import check_whole, numbers_in
+from jaxpf.contract.numbers import numbers_in
 from jaxpf.measures.intervals import Interval, mean_interval
 
 #: Number of bins in ``confidence_counts``.
@@ -85,10 +85,6 @@ def confidence_counts(confidence: ArrayLike, on_object: ArrayLike) -> np.ndarray
         numbers_in("confidence", confidence, "numbers from 0 to 1"),
         np.asarray(on_object, float),
     )
-    if ((confidence < 0) | (confidence > 1)).any() or not np.isin(
-        on_object[~np.isnan(on_object)], (0, 1)
-    ).all():
-        raise InputError("confidence must be from 0 to 1, and on_object 0 or 1, or NaN.")
     counts = np.zeros((len(confidence), 2, CONFIDENCE_BINS), np.int64)
     run = np.indices(confidence.shape)[0]
     is_given = np.isfinite(confidence) & np.isfinite(on_object)
@@ -108,7 +104,6 @@ class Reliability:
     """
 
     def __init__(self, bins: int = 5):
-        check_whole("bins", bins, most=CONFIDENCE_BINS)
         if CONFIDENCE_BINS % bins:
             raise InputError(f"bins={bins} must divide {CONFIDENCE_BINS}, such as 5 or 10.")
         self.bins = bins
@@ -118,7 +113,6 @@ class Reliability:
 
     def add(self, counts: np.ndarray) -> None:
         """Add the ``counts [R, 2, 100]`` of R runs."""
-        counts = np.asarray(counts)
         self.counts += counts.sum(axis=0)
         by_bin = counts.reshape(len(counts), 2, self.bins, -1).sum(axis=-1)
         by_bin = np.concatenate([by_bin, by_bin.sum(axis=-1, keepdims=True)], axis=-1)

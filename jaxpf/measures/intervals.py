@@ -29,8 +29,6 @@ from numpy.typing import ArrayLike
 from scipy.special import bdtr, betaincinv, stdtrit
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import numbers_in
-from jaxpf.contract.pytree import is_concrete
 
 Bounds = tuple[float, float]
 
@@ -164,16 +162,16 @@ def has_width(low: float, high: float) -> bool:
     return high - low > _ROUNDING * max(abs(low), abs(high))
 
 
-def check_level(level: Any) -> None:
+def check_level(level: float) -> None:
     """Refuse a confidence that is not above 0 and below 1."""
-    if not (np.ndim(level) == 0 and 0 < level < 1):
+    if not 0 < level < 1:
         raise InputError(f"level={level!r} must be above 0 and below 1, such as 0.95.")
 
 
 def _checked(bounds: Bounds | None) -> Bounds | None:
     if bounds is None:
         return None
-    low, high = numbers_in("bounds", bounds, "the smallest and the largest value, [2]")
+    low, high = bounds
     if not low < high:
         raise InputError(f"bounds={bounds} must be a smaller number and a larger one.")
     return low, high
@@ -302,8 +300,6 @@ def _counted(
     values: ArrayLike, weights: ArrayLike, axis: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Values and weights ``[U, ...]``, 0 where a unit does not count, and the number that do."""
-    if not is_concrete(values, weights):
-        raise InputError("Intervals are made in NumPy: call them outside of jit, vmap and scan.")
     values, mass = np.broadcast_arrays(np.asarray(values, float), np.asarray(weights, float))
     values, mass = np.moveaxis(values, axis, 0), np.moveaxis(mass, axis, 0)
     counts = np.isfinite(values) & (mass > 0)

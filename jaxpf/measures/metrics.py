@@ -17,13 +17,11 @@ from collections.abc import Sequence
 from typing import Literal
 
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from jaxpf.contract.errors import InputError
 from jaxpf.lowering.programs import compiled
-from jaxpf.measures.intervals import Interval, check_level, mean_interval, median_interval
+from jaxpf.measures.intervals import Interval, mean_interval, median_interval
 from jaxpf.measures.means import masked_mean
 from jaxpf.shapes.rectangles import area, centres, intersection_area, is_proper
 
@@ -48,25 +46,21 @@ def track_state(estimate: ArrayLike, truth: ArrayLike) -> Array:
     Returns:
         ``[...]`` bool; false where there is no truth.
     """
-    _check_boxes(estimate, truth)
     return intersection_area(estimate, truth) > 0
 
 
 def precision(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """``[...]``: share of the estimated area that is correct, area(E and G) / area(E)."""
-    _check_boxes(estimate, truth)
     return _share_of_intersection(estimate, truth, area(estimate))
 
 
 def recall(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """``[...]``: share of the true area that is covered, area(E and G) / area(G)."""
-    _check_boxes(estimate, truth)
     return _share_of_intersection(estimate, truth, area(truth))
 
 
 def iou(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """``[...]``: intersection over union, area(E and G) / area(E or G); not in smith2004."""
-    _check_boxes(estimate, truth)
     union = area(estimate) + area(truth) - intersection_area(estimate, truth)
     return _share_of_intersection(estimate, truth, union)
 
@@ -76,7 +70,6 @@ def centre_error(estimate: ArrayLike, truth: ArrayLike) -> Array:
 
     NaN without truth, or if the estimate is not finite.
     """
-    _check_boxes(estimate, truth)
     offset = centres(estimate) - centres(truth)
     return jnp.where(has_truth(truth), jnp.hypot(offset[..., 0], offset[..., 1]), jnp.nan)
 
@@ -94,7 +87,6 @@ def success(estimate: ArrayLike, truth: ArrayLike) -> Array:
     Returns:
         ``[..., P]`` bool; false for an object without truth.
     """
-    check_same_boxes(estimate, truth)
     return throughout(track_state(estimate, truth), _presence(estimate, truth))
 
 
@@ -111,7 +103,6 @@ def recovery(estimate: ArrayLike, truth: ArrayLike) -> Array:
     tracking" without a duration; this is our interpretation.  Arguments and result as for
     ``success``.
     """
-    check_same_boxes(estimate, truth)
     return in_the_end(track_state(estimate, truth), _presence(estimate, truth))
 
 
@@ -200,14 +191,7 @@ def summarise(
         * ``centre_error``: in pixels, the median over runs of each run's mean over frames with
           truth and a finite estimate, because errors have no bound.
     """
-    check_same_boxes(boxes_estimate, boxes_truth)
-    check_level(level)
     estimate, truth = jnp.asarray(boxes_estimate), jnp.asarray(boxes_truth)
-    if estimate.ndim != 4 or estimate.shape[1:] != truth.shape or truth.shape[-1] != 4:
-        raise InputError(
-            f"summarise: boxes_estimate has the shape {list(estimate.shape)} and boxes_truth "
-            f"{list(truth.shape)}; they must be [R, T, P, 4] and [T, P, 4]"
-        )
     found = {
         name: median_interval(values, level=level)
         if name == "centre_error"
@@ -243,20 +227,6 @@ def _of_runs(estimate: Array, truth: Array) -> dict[str, tuple[Array, Array]]:
 # Helpers
 
 
-def check_same_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
-    """Check that boxes ``[..., T, P, 4]`` have the truth's numbers of frames and objects."""
-    shapes = np.shape(estimate), np.shape(truth)
-    if shapes[0][-3:] != shapes[1][-3:]:
-        raise InputError(
-            f"boxes of the shapes {list(shapes[0])} and {list(shapes[1])} cannot be compared; "
-            "give [..., T, P, 4] of the same frames and objects"
-        )
-
-
-def _check_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
-    """Check that both arguments are boxes ``[..., 4]`` and that their shapes broadcast."""
-
-
 def _of_frames(tracked: ArrayLike, present: ArrayLike) -> tuple[Array, Array]:
     return jnp.asarray(tracked, bool), jnp.asarray(present, bool)
 
@@ -275,12 +245,9 @@ def _presence(estimate: ArrayLike, truth: ArrayLike) -> Array:
 
 
 def _frames_that_count(estimate: ArrayLike, truth: ArrayLike, over: Over) -> Array:
-    check_same_boxes(estimate, truth)
     if over == "tracked":
         return track_state(estimate, truth)
-    if over == "all":
-        return _presence(estimate, truth)
-    raise InputError(f'over={over!r} is unknown; choose "tracked" or "all".')
+    return _presence(estimate, truth)
 
 
 def _rate(outcome: Array, truth: ArrayLike, level: float) -> Interval:

@@ -7,8 +7,6 @@ unknown; ``visible`` ``[T, P]`` marks the points in view.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.numbers import numbers_in
-
 
 def point_distances(estimates: ArrayLike, truth: ArrayLike, length: ArrayLike = 1.0) -> np.ndarray:
     """Distances ``[..., T, P]`` of points from the truth; NaN where the truth is unknown.
@@ -20,7 +18,7 @@ def point_distances(estimates: ArrayLike, truth: ArrayLike, length: ArrayLike = 
             error).  By default distances are in pixels.
     """
     away = np.linalg.norm(np.asarray(estimates, float) - np.asarray(truth, float), axis=-1)
-    length = numbers_in("length", length, "one number, or one for every frame")
+    length = np.asarray(length, float)
     return away / (length[:, None] if length.ndim else length)
 
 

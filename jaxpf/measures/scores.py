@@ -19,7 +19,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.measures.association import pairwise_iou
 from jaxpf.measures.means import masked_mean
-from jaxpf.measures.metrics import centre_error, check_same_boxes, has_truth, iou
+from jaxpf.measures.metrics import centre_error, has_truth, iou
 
 __all__ = [
     "CENTRE_THRESHOLDS",
@@ -101,7 +101,6 @@ def success_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
     Returns:
         ``[..., P, 21]``; NaN for an object without truth.
     """
-    check_same_boxes(estimate, truth)
     ious = iou(estimate, truth)
     exceeds = ious[..., None] > jnp.asarray(IOU_THRESHOLDS, ious.dtype)
     return _share_of_frames(exceeds.astype(ious.dtype), truth)
@@ -125,7 +124,6 @@ def precision_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
     Returns:
         ``[..., P, 51]``.
     """
-    check_same_boxes(estimate, truth)
     errors = centre_error(estimate, truth)
     within = errors[..., None] <= jnp.asarray(CENTRE_THRESHOLDS, errors.dtype)
     return _share_of_frames(within.astype(errors.dtype), truth)

@@ -10,7 +10,6 @@ from .page.notebook import (
     view as view,
 )
 from .plotting import (
-    bars_with_intervals as bars_with_intervals,
     colours as colours,
     new_figure as new_figure,
     save_figure as save_figure,

@@ -2,17 +2,12 @@
 
 from collections.abc import Generator
 from fractions import Fraction
-from numbers import Integral
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError, check_type
+from jaxpf.contract.errors import InputError
 from jaxpf.media.clock import Clock
-
-if TYPE_CHECKING:
-    from jaxpf.media.decoder import Decoder
 
 #: Frames per second if the source does not specify it.
 DEFAULT_FPS = 25.0
@@ -76,11 +71,8 @@ class FrameSource:
             uint8 RGB [H, W, 3]; each is a fresh array.
 
         Raises:
-            InputError: ``start`` is negative or past the end, or a frame is unusable.
+            InputError: ``start`` is past the end, or a frame is unusable.
         """
-        check_type("start", start, Integral)
-        if start < 0:
-            raise InputError(f"frame {start} of '{self.path}' is negative; frames count from 0")
         if self.num_frames is not None and start >= self.num_frames:
             raise self._past_the_end(start, self.num_frames)
         return self._frames(start)
@@ -120,31 +112,4 @@ class FrameSource:
             raise InputError(
                 f"'{self.path}' changes its size at frame {number}, from "
                 f"{self.width}x{self.height} to {width}x{height}; convert it to one size"
-            )
-
-    def _describe(self, film: "Decoder") -> None:
-        """Take what a ``Decoder`` knows once its first frame is upright."""
-        self.frames_expected = film.frames_expected
-        self.pixel_aspect = film.pixel_aspect
-        if film.pixel_aspect != 1:
-            self.note = (
-                f"pixels of '{self.path}' are {float(film.pixel_aspect):.3g} times as wide as "
-                "high; coordinates count pixels"
-            )
-
-    def _reached_end(self, film: "Decoder", count: int) -> None:
-        """Judge a ``Decoder`` that has yielded all ``count`` frames."""
-        self.num_frames = count
-        self.truncated = film.is_cut(self._clock.rate)
-        if self.truncated:
-            expected = film.frames_expected
-            self.note = (
-                f"'{self.path}' announces {expected} frames, and {count} can be decoded: it is cut "
-                f"off or damaged after frame {count - 1}; copy or convert it again if the rest "
-                "matters"
-            )
-        elif film.damaged:
-            self.note = (
-                f"'{self.path}' is damaged: {film.damaged} frame(s) are missing or decoded only in "
-                "part; copy it again"
             )

@@ -12,7 +12,6 @@ import cv2
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_whole
 from jaxpf.media.clock import Clock
 from jaxpf.media.frame_source import DEFAULT_FPS, FrameSource
 from jaxpf.media.images import to_rgb
@@ -27,7 +26,6 @@ _PATIENCE = 10_000
 def live_address(source: str | os.PathLike[str] | int) -> str | int | None:
     """Return a camera's index or a stream's address; None for other paths."""
     if isinstance(source, numbers.Integral):
-        check_whole("path", source, 0)  # OpenCV crashes at -1
         return int(source)
     text = f"{source}"
     if _URL.match(text):

@@ -5,18 +5,13 @@ continuous pixels: pixel (0, 0) is the square [0, 1) x [0, 1).
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.errors import InputError, check_names
-from jaxpf.contract.numbers import check_array, check_whole, numbers_in
 from jaxpf.media.labels import DARK, Label, draw_labels, line_thickness
 
-#: Largest number of objects with colours.
-_MOST_OBJECTS = 10**6
 #: Opacity of faint lines.
 _FAINT = 0.5
 #: Fractional bits of OpenCV's coordinates.
@@ -46,7 +41,6 @@ def object_colours(num_objects: int) -> np.ndarray:
     Returns:
         uint8 RGB [num_objects, 3].
     """
-    check_whole("num_objects", num_objects, 0, _MOST_OBJECTS)
     palette = np.asarray(_PALETTE, np.float64)
     rounds = (palette, palette + 0.55 * (255 - palette), 0.55 * palette)
     colours = np.concatenate(rounds)[np.arange(num_objects) % NUM_COLOURS]
@@ -71,9 +65,7 @@ def draw_boxes(
         lost: see ``draw_outlines``.
         doubtful: see ``draw_outlines``.
     """
-    if isinstance(boxes, list | tuple | np.ndarray) and len(boxes) == 0:
-        boxes = np.zeros((0, 4))
-    x, y, w, h = numbers_in("boxes", boxes, "x, y, w, h, [..., 4]").reshape(-1, 4).T
+    x, y, w, h = np.reshape(np.asarray(boxes, float), (-1, 4)).T
     # Along the first and last row and column of pixels that a box covers.
     left, top = np.round(x) + 0.5, np.round(y) + 0.5
     right = np.maximum(np.round(x + w) - 0.5, left)
@@ -103,8 +95,9 @@ def draw_outlines(
         lost: bool [P]; a lost object is dashed and faint, and its label says "lost".
         doubtful: bool [P]; a doubtful object is dashed, and its label has a question mark.
     """
-    lines = numbers_in("lines", lines, "points of outlines, [P, V, 2]")
-    return _draw_outlines(frame, lines, names, colours, lost, doubtful, cv2.LINE_AA)
+    return _draw_outlines(
+        frame, np.asarray(lines, float), names, colours, lost, doubtful, cv2.LINE_AA
+    )
 
 
 def _draw_outlines(
@@ -116,47 +109,36 @@ def _draw_outlines(
     doubtful: ArrayLike | None,
     kind: int,
 ) -> np.ndarray:
-    check_frame(frame)
-    check_names(names, len(lines))
-    picture, nobody = np.ascontiguousarray(frame).copy(), np.zeros(len(lines), bool)
-    lost, doubtful = (
-        nobody if marks is None else numbers_in(name, marks, f"bool, [{len(lines)}]") > 0
-        for name, marks in (("lost", lost), ("doubtful", doubtful))
+    picture = np.ascontiguousarray(frame).copy()
+    is_lost, is_doubtful = (
+        np.zeros(len(lines), bool) if marks is None else np.asarray(marks, bool)
+        for marks in (lost, doubtful)
     )
-    doubtful = doubtful & ~lost
     shades = shades_of(len(lines), colours)
     # Clip, because OpenCV's integers overflow far outside.
     size, shown = np.array(frame.shape[1::-1]), np.isfinite(lines).all(axis=(1, 2))
     lines = np.clip(lines, -size, 2 * size)
     faint = picture.copy()
-    for index in np.flatnonzero(shown & lost):
+    for index in np.flatnonzero(shown & is_lost):
         _draw_outline(faint, lines[index], shades[index], True, kind)
     cv2.addWeighted(faint, _FAINT, picture, 1 - _FAINT, 0, dst=picture)
-    for index in np.flatnonzero(shown & ~lost):
-        _draw_outline(picture, lines[index], shades[index], bool(doubtful[index]), kind)
+    for index in np.flatnonzero(shown & ~is_lost):
+        _draw_outline(picture, lines[index], shades[index], bool(is_doubtful[index]), kind)
     # Labels come last, so that no outline crosses one.
     labels = []
     for place, name in enumerate(names):
         if shown[place]:
-            mark = " lost" if lost[place] else " ?" if doubtful[place] else ""
+            mark = " lost" if is_lost[place] else " ?" if is_doubtful[place] else ""
             low, high = lines[place].min(axis=0), lines[place].max(axis=0) + 0.5
             labels.append(Label.around(f"{name}{mark}", low, high, shades[place]))
     draw_labels(picture, labels)
     return picture
 
 
-def check_frame(frame: np.ndarray) -> None:
-    """Refuse what is no picture of uint8 RGB ``[H, W, 3]``."""
-    check_array("frame", frame, "a picture of uint8 RGB, [>= 1, >= 1, 3]")
-    if getattr(frame, "dtype", None) != np.uint8:
-        raise InputError(f"frame is of {np.asarray(frame).dtype}; give a picture of uint8 RGB.")
-
-
-def shades_of(count: int, colours: Any) -> list[tuple[int, int, int]]:
-    """Colours as OpenCV takes them."""
-    colours = object_colours(count) if colours is None else colours
-    check_array("colours", colours, f"uint8 RGB, [{count}, 3]", least=0, most=255)
-    return [(int(red), int(green), int(blue)) for red, green, blue in colours]
+def shades_of(count: int, colours: ArrayLike | None) -> list[tuple[int, int, int]]:
+    """Colours as OpenCV takes them; by default those of ``object_colours``."""
+    rows = np.asarray(object_colours(count) if colours is None else colours)
+    return [(int(red), int(green), int(blue)) for red, green, blue in rows]
 
 
 def _draw_outline(
@@ -198,10 +180,7 @@ def draw_particles(
         max_per_object: maximum number of particles to draw, evenly spaced in the particle index,
             so that the picture does not depend on chance.
     """
-    check_frame(frame)
     frame = frame.copy()
-    centres = numbers_in("centres", centres, "x, y in pixels, [P, N, 2]")
-    check_whole("max_per_object", max_per_object, 0)
     radius = line_thickness(frame)
     num_particles = centres.shape[1]
     chosen = np.unique(
@@ -237,12 +216,6 @@ def draw_spreads(
         spreads: standard deviations of x and of y in pixels [P, 2].
         colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
     """
-    check_frame(frame)
-    centres = numbers_in("centres", centres, "x, y in pixels, [P, 2]")
-    wanted = f"standard deviations of x and y in pixels, [{len(centres)}, 2]"
-    spreads = numbers_in("spreads", spreads, wanted)
-    if (spreads < 0).any():
-        raise InputError(f"spreads hold {np.nanmin(spreads):g}; give {wanted}.")
     shown, size = frame.copy(), np.array(frame.shape[1::-1])
     shades = shades_of(len(centres), colours)
     for centre, spread, colour in zip(centres, spreads, shades, strict=True):

@@ -8,16 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jaxpf.contract.numbers import check_whole
 from jaxpf.files.writing import atomic_write
 from jaxpf.media.overlay import object_colours
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Largest number of rows or columns of a figure.
-_MOST_AXES = 1000
 #: Approximate gamma of sRGB, and the weights of its primaries in the luminance (white is 1).
 _GAMMA = 2.2
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -32,8 +28,6 @@ def new_figure(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    check_whole("rows", rows, most=_MOST_AXES)
-    check_whole("columns", columns, most=_MOST_AXES)
     figure = Figure(layout="constrained", **options)
     FigureCanvasAgg(figure)
     return figure, figure.subplots(rows, columns, squeeze=False, sharex=share_x)
@@ -41,7 +35,6 @@ def new_figure(
 
 def save_figure(figure: "Figure", path: str | os.PathLike[str], dpi: int = 120) -> None:
     """Write a figure as a PNG file, completely or not at all."""
-    check_whole("dpi", dpi, most=10_000)
     with atomic_write(path, "wb") as file, _names_as_they_are(figure):
         figure.savefig(file, dpi=dpi, format="png")
 
@@ -114,18 +107,3 @@ def trajectories(
     axes[0, 0].set_title(f"Bands: 95% intervals.  Shaded: lost{note}.", fontsize="small")
     axes[-1, 0].set(xlabel="frame")
     return figure
-
-
-def bars_with_intervals(
-    axis: "Axes", values: Mapping[str, tuple[float, float, float]], ylabel: str
-) -> None:
-    """Draw bars with asymmetric intervals: name -> (value, low, high)."""
-    names = list(values)
-    heights = np.array([values[name][0] for name in names])
-    low = np.array([values[name][1] for name in names])
-    high = np.array([values[name][2] for name in names])
-    # Rounding may put a bound slightly on the wrong side of the value.
-    errors = np.clip(np.stack([heights - low, high - heights]), 0, None)
-    axis.bar(names, heights, yerr=errors, color=colours(len(names)), capsize=4)
-    axis.set_ylabel(ylabel)
-    axis.grid(axis="y", alpha=0.3)

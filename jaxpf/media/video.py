@@ -1,7 +1,4 @@
-"""Reads video files, folders of images and live sources, one frame at a time.
-
-Frames are uint8 RGB arrays [H, W, 3].  See :mod:`jaxpf.media.live` for live sources.
-"""
+"""Reads video files, folders of images and live sources, one frame at a time."""
 
 import errno
 import itertools
@@ -30,9 +27,6 @@ from jaxpf.media.images import (
     read_image,
 )
 from jaxpf.media.live import LiveSource, live_address
-from jaxpf.media.video_writer import VideoWriter
-
-__all__ = ["DEFAULT_FPS", "FrameSource", "VideoWriter", "open_frames"]
 
 # Signatures of common containers; used only to distinguish "damaged" from "not a video".
 _CONTAINERS = ((4, b"ftyp", "MP4"), (8, b"AVI ", "AVI"), (0, b"\x1a\x45\xdf\xa3", "WebM or MKV"))
@@ -100,7 +94,7 @@ def open_frames(
             with open(path, "rb") as file:
                 beginning = file.read(16)
         except OSError as error:
-            if error.errno not in (errno.ENOENT, errno.ENOTDIR, errno.ELOOP):
+            if error.errno not in (errno.ENOENT, errno.ENOTDIR):
                 raise
             raise InputError(
                 f"there is no video or folder at '{path}'; check the path (current folder: "
@@ -187,6 +181,33 @@ class _VideoFile(FrameSource):
             self._reached_end(film, count)
         if count <= start:
             raise self._past_the_end(start, count)
+
+    def _describe(self, film: Decoder) -> None:
+        """Take what a ``Decoder`` knows once its first frame is upright."""
+        self.frames_expected = film.frames_expected
+        self.pixel_aspect = film.pixel_aspect
+        if film.pixel_aspect != 1:
+            self.note = (
+                f"pixels of '{self.path}' are {float(film.pixel_aspect):.3g} times as wide as "
+                "high; coordinates count pixels"
+            )
+
+    def _reached_end(self, film: Decoder, count: int) -> None:
+        """Judge a ``Decoder`` that has yielded all ``count`` frames."""
+        self.num_frames = count
+        self.truncated = film.is_cut(self._clock.rate)
+        if self.truncated:
+            expected = film.frames_expected
+            self.note = (
+                f"'{self.path}' announces {expected} frames, and {count} can be decoded: it is cut "
+                f"off or damaged after frame {count - 1}; copy or convert it again if the rest "
+                "matters"
+            )
+        elif film.damaged:
+            self.note = (
+                f"'{self.path}' is damaged: {film.damaged} frame(s) are missing or decoded only in "
+                "part; copy it again"
+            )
 
 
 class _ImageFolder(FrameSource):

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from jaxpf.contract.errors import check_names
 from jaxpf.contract.numbers import check_array, check_number, numbers_in
 from jaxpf.media.labels import DARK, Label, draw_labels_beside
-from jaxpf.media.overlay import check_frame, shades_of
+from jaxpf.media.overlay import shades_of
 
 _SHIFT = 3  # fractional bits of OpenCV coordinates
 
@@ -37,7 +37,6 @@ def draw_points(
         names: [P], written beside the points, or in a corner where points are too dense.
         radius: of a point, pixels; by default larger in larger frames.
     """
-    check_frame(frame)
     picture = np.ascontiguousarray(frame).copy()
     places = numbers_in("places", places, "x, y in pixels, [P, 2]")
     count = len(places)

@@ -11,8 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError, check_type
-from jaxpf.contract.numbers import check_array, check_whole
+from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import FARTHEST, LARGEST_WHOLE, check_pixels, parse_number, read_rows
 
 _BOX = ("frame", "id", "x", "y", "w", "h")
@@ -57,12 +56,6 @@ class BoxTable:
     occlusion: np.ndarray
     confidence: np.ndarray
     source: str = "the table"
-
-    def __post_init__(self) -> None:
-        check_array("frame", self.frame, "the frame of every row, from 0, [K]")
-        for name in ("id", "occlusion", "confidence"):
-            check_array(name, getattr(self, name), f"one for every row, [{len(self.frame)}]")
-        check_array("box", self.box, f"x, y, w, h of every row, [{len(self.frame)}, 4]")
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -157,10 +150,9 @@ def box_rows(
         raise InputError(f"'{path}' {state}; expected {_FORMATS}")
     for line, fields in rows:
         place = f"line {line} of '{path}'"
-        if len(fields) != len(names) or (names == _MOT and _has_decimal_commas(fields)):
+        if len(fields) != len(names):
             raise InputError(
-                f"{place} has {len(fields)} columns, or decimal commas; expected {len(names)}, "
-                f"{','.join(names)}; write decimals with a point"
+                f"{place} has {len(fields)} columns; expected {len(names)}, {','.join(names)}"
             )
         row = dict(zip(names, fields, strict=True))
 
@@ -192,8 +184,6 @@ def dense(table: BoxTable, ids: Sequence[int], num_frames: int) -> np.ndarray:
     Raises:
         InputError: an id that occurs nowhere in the table.
     """
-    check_type("table", table, BoxTable)
-    check_whole("num_frames", num_frames, 0)
     available = set(table.id.tolist())
     boxes = np.full((num_frames, len(ids), 4), np.nan)
     for column, identity in enumerate(ids):
@@ -233,16 +223,6 @@ def _is_visdrone(rows: list[tuple[int, list[str]]]) -> bool:
         and occlusion in ("0", "1", "2")
         for score, category, truncation, occlusion in ends
     )
-
-
-def _has_decimal_commas(fields: list[str]) -> bool:
-    """Whether ``1,1,10,5,20,5,30,0,40,0`` was meant as frame, id and a box of 10.5, 20.5, 30, 40.
-
-    Ten valid MOT columns end in -1,-1,-1, in zeros, or in a position with decimals.
-    """
-    if not all(field.isdecimal() for field in fields[6:]):
-        return False
-    return all(float(".".join(fields[k : k + 2])) > 0 for k in (6, 8))
 
 
 def _occlusion(visibility: float) -> int:

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
-from jaxpf.cli.tuning.scenes import scenes_to_tune_on
 from PIL import Image
 from small_sequences import write_pictures
 
@@ -23,7 +22,7 @@ def tuned_on(folder):
     """The scene that ``jaxpf tune`` opens."""
     options = SimpleNamespace(scene_seed=0, train_scenes=1, set=(), ids=None, start_frame=None)
     options.frames = T - 2
-    return scenes_to_tune_on(str(folder), options)[0]
+    return _scenes_to_tune_on(str(folder), options)[0]
 
 
 def assert_same_truth(folder, file, ids, expected):

@@ -2,14 +2,14 @@
 
 import os
 from collections.abc import Generator
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.errors import InputError, check_known, check_path
-from jaxpf.contract.numbers import check_array
+from jaxpf.contract.errors import check_known
 from jaxpf.media.page.runs import Run
 from jaxpf.media.page.server import Server, described
 from jaxpf.media.video import open_frames
@@ -88,13 +88,8 @@ def mark(frames: ArrayLike | str | os.PathLike[str], kind: str = "boxes") -> Dra
     check_known("kind=", kind, ("boxes", "points", "parts", "contours"))
     if isinstance(frames, str | os.PathLike):
         return Drawn(open_frames(frames), kind=kind)
-    check_array("frames", frames, "uint8 RGB [T, H, W, 3] or [H, W, 3]")
     whole = np.asarray(frames)
     whole = whole[None] if whole.ndim == 3 else whole
-    if whole.ndim != 4 or whole.shape[-1] != 3 or whole.dtype != np.uint8:
-        raise InputError(
-            f"frames are {whole.dtype} {list(whole.shape)}; give uint8 RGB [T, H, W, 3]."
-        )
 
     def from_number(start: int) -> Generator[np.ndarray]:
         yield from whole[start:]
@@ -114,6 +109,6 @@ def view(folder: str | os.PathLike[str]) -> Drawn:
     Raises:
         InputError: the folder holds no run, or its film cannot be read.
     """
-    run = Run(check_path("folder", folder))
+    run = Run(Path(folder))
     about = {"kind": run.kind, "start": run.start, "results": [run.name], "can_draw": False}
     return Drawn(open_frames(run.video, range=run.table.get("range")), runs=[run], **about)

@@ -9,6 +9,7 @@ from PIL import Image
 from small_sequences import write_pictures
 
 from jaxpf.boxes import dense, read_boxes
+from jaxpf.cli.tuning.command import _scenes_to_tune_on
 from jaxpf.evaluation.scene import load_scene
 from jaxpf.media import open_frames
 from jaxpf.media.images import read_mask

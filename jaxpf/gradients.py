@@ -40,7 +40,7 @@ likelihood.
 """
 
 import importlib.util
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 from jax.typing import ArrayLike
@@ -52,12 +52,9 @@ from jaxpf.contract.names import MOTION_GRADIENTS
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import ParticleState
+from jaxpf.contract.types import Differentiable
 from jaxpf.resampling import transport, weighted
 from jaxpf.resampling.components import Components
-
-if TYPE_CHECKING:
-    from jaxpf.filters.labelled.tracker import Labelled
-    from jaxpf.filters.partitioned.tracker import Partitioned
 
 
 class Gradient:
@@ -82,7 +79,7 @@ class Gradient:
         """Return the log-weights ``[N]`` after a selection, given those ``before`` it."""
         return log_weights
 
-    def check(self, tracker: "Partitioned | Labelled") -> None:
+    def check(self, tracker: Differentiable) -> None:
         """Refuse settings that are incompatible with the strategy.
 
         Raises:
@@ -97,7 +94,7 @@ class Gradient:
 class NoGradient(Gradient):
     """Differentiates weights but not ancestors."""
 
-    def check(self, tracker: "Partitioned | Labelled") -> None:
+    def check(self, tracker: Differentiable) -> None:
         """See ``Gradient``: compatible with all settings."""
 
 
@@ -131,7 +128,7 @@ class Soft(Gradient):
         """See ``Gradient``: adds the derivative of the total before the selection."""
         return weighted.keep_total(log_weights, before, components)
 
-    def check(self, tracker: "Partitioned | Labelled") -> None:
+    def check(self, tracker: Differentiable) -> None:
         """See ``Gradient``."""
         super().check(tracker)
         check_number("Soft's share", self.share, above=0, most=1)
@@ -191,7 +188,7 @@ def named(name: str) -> Gradient:
     return _NAMED[name]()
 
 
-def check_gradients(tracker: "Partitioned | Labelled") -> None:
+def check_gradients(tracker: Differentiable) -> None:
     """Refuse gradient settings that are incompatible with the rest of a tracker.
 
     Raises:

@@ -23,17 +23,14 @@ def name_of(path):
 MODULES = {name_of(path): path for path in ROOT.rglob("*.py")}
 
 
-def imported(node):
-    """Modules of jaxpf that a program imports, wherever; what only a type checker sees is none."""
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING":
-            continue
-        if isinstance(child, ast.Import):
-            yield from (alias.name for alias in child.names if alias.name in MODULES)
-        if isinstance(child, ast.ImportFrom) and child.module in MODULES:
-            every = {f"{child.module}.{alias.name}" for alias in child.names}
-            yield from every & MODULES.keys() or {child.module}
-        yield from imported(child)
+def imported(tree):
+    """Modules of jaxpf that a program imports, wherever, for a type checker alone, too."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in MODULES)
+        if isinstance(node, ast.ImportFrom) and node.module in MODULES:
+            every = {f"{node.module}.{alias.name}" for alias in node.names}
+            yield from every & MODULES.keys() or {node.module}
 
 
 @functools.cache

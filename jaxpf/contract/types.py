@@ -18,6 +18,34 @@ class TrackerLike(Protocol):
         """Function of a key that returns the state just before the first frame."""
 
 
+class HoldsModel(Protocol):
+    """A filter, of which a function reads the model."""
+
+    @property
+    def dynamics(self) -> Any:
+        """The motion model."""
+
+    @property
+    def likelihood(self) -> Any:
+        """The observation model."""
+
+    @property
+    def initial(self) -> Any:
+        """Substates before the first frame, or a sampler of them."""
+
+
+class Differentiable(HoldsModel, Protocol):
+    """A filter with strategies for gradients, see ``jaxpf.gradients``."""
+
+    @property
+    def gradient(self) -> Any:
+        """The strategy for resampling."""
+
+    @property
+    def motion_gradient(self) -> str:
+        """The name of the strategy for the motion."""
+
+
 class _Moves(Protocol):
     @property
     def propagate(self) -> Callable[..., jax.Array]: ...

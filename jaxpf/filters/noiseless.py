@@ -1,7 +1,7 @@
 """Coordinates whose moves have no noise, so that the transition density leaves them out."""
 
 import contextlib
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -10,11 +10,7 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import is_concrete
-
-if TYPE_CHECKING:
-    from jaxpf.filters.factored.eskil import Eskil
-    from jaxpf.filters.labelled.tracker import Labelled
-    from jaxpf.filters.partitioned.tracker import Partitioned
+from jaxpf.contract.types import HoldsModel
 
 
 class Noiseless(NamedTuple):
@@ -29,7 +25,7 @@ class Noiseless(NamedTuple):
     moved: jax.Array | np.ndarray
 
 
-def noiseless(tracker: "Partitioned | Labelled | Eskil") -> Noiseless:
+def noiseless(tracker: HoldsModel) -> Noiseless:
     """Find them by one move of every partition from a place near the initial one.
 
     Where a density is not finite there, nothing is known of it, and nothing found.
@@ -76,7 +72,7 @@ def noiseless(tracker: "Partitioned | Labelled | Eskil") -> Noiseless:
 
 
 def without_noise(
-    what: str, tracker: "Partitioned | Labelled | Eskil", wrong: jax.Array | np.ndarray
+    what: str, tracker: HoldsModel, wrong: jax.Array | np.ndarray
 ) -> tuple[jax.Array | np.bool_, tuple[str, ...]]:
     """The case that coordinates ``wrong``, bool ``[P, D]``, have no noise, for ``refused``."""
     where = "a coordinate"

@@ -42,7 +42,7 @@ the others.
 """
 
 import math
-from typing import TYPE_CHECKING
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -52,9 +52,6 @@ from jax.typing import ArrayLike
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.lowering.programs import compiled
-
-if TYPE_CHECKING:
-    from jaxpf.likelihoods.histogram import HistogramLikelihood
 
 FORMS = ("exponential", "density", "ratio")
 
@@ -101,9 +98,7 @@ def log_density(form, sharpness, bands, background, partition, squared_distance)
     return value - log_tilt(sharpness, jnp.asarray(background, value.dtype))[partition]
 
 
-def learn_background(
-    likelihood: "HistogramLikelihood", frames: ArrayLike, *, num_boxes: int = 100_000
-) -> jax.Array:
+def learn_background(likelihood: Any, frames: ArrayLike, *, num_boxes: int = 100_000) -> jax.Array:
     """Each object's distribution of d^2 over whole frames, for ``form="ratio"``.
 
     Boxes have the object's size and lie inside the frame on a grid with a spacing of 1, 2, 3

@@ -21,7 +21,7 @@ renew paths that would coalesce (Dau & Chopin 2023).
 import dataclasses
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -33,12 +33,10 @@ from jaxpf.contract.logs import finite
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import moments, sanitised
 from jaxpf.contract.types import TrackerLike
+from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.lowering import platform
 from jaxpf.lowering.prefix import running_sum
 from jaxpf.running import gaps, missing_frames
-
-if TYPE_CHECKING:
-    from jaxpf.filters.partitioned.tracker import Partitioned
 
 #: Array size in a pass over particles and trajectories: fits into a core's cache, or a small part
 #: of an accelerator's memory.
@@ -141,7 +139,7 @@ class SeenMoves(contract.DynamicsWithDensity):
 
 
 def backward(
-    tracker: "Partitioned",
+    tracker: Partitioned,
     key: jax.Array,
     history: History,
     parts: jax.Array,
@@ -231,7 +229,7 @@ def backward(
 
 
 def log_densities(
-    tracker: "Partitioned",
+    tracker: Partitioned,
     here: History,
     drawn: Drawn,
     parts: jax.Array,

@@ -18,7 +18,7 @@ because no rule has been proved for the partitions still to be processed.
 
 import dataclasses
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -31,15 +31,13 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.refusals import poisoned, refused
+from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.gradients import NoGradient
 from jaxpf.lowering.programs import compiled
 from jaxpf.resampling.schemes import BuiltIn
 from jaxpf.running import missing_frames
 from jaxpf.smoothing.backward import Drawn, History, log_densities
 from jaxpf.smoothing.groups import check_smoothing, looks_back
-
-if TYPE_CHECKING:
-    from jaxpf.filters.partitioned.tracker import Partitioned
 
 
 @pytree_dataclass
@@ -74,7 +72,7 @@ class _HoldsFirst:
 
 
 def particle_gibbs(
-    tracker: "Partitioned",
+    tracker: Partitioned,
     key: jax.Array,
     frames: Any,
     num_sweeps: int,
@@ -128,7 +126,7 @@ def particle_gibbs(
     return poisoned(refuse, drawn)
 
 
-def check_conditional(tracker: "Partitioned") -> jax.Array | None:
+def check_conditional(tracker: Partitioned) -> jax.Array | None:
     """Refuse trackers for which no conditional sweep has been proved.
 
     Returns:

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -11,13 +11,11 @@ from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.state import ParticleState, Summary
+from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.running.frames import frames_of
 from jaxpf.smoothing import passes
 from jaxpf.smoothing.backward import History
 from jaxpf.smoothing.groups import check_smoothing, looks_back
-
-if TYPE_CHECKING:
-    from jaxpf.filters.partitioned.tracker import Partitioned
 
 
 class SmoothedFrame(NamedTuple):
@@ -39,7 +37,7 @@ class SmoothedFrame(NamedTuple):
 
 
 def stream(
-    tracker: "Partitioned",
+    tracker: Partitioned,
     key: jax.Array,
     frames: Any,
     lag: int,
@@ -89,7 +87,7 @@ class LookBack:
 
     def __init__(
         self,
-        tracker: "Partitioned",
+        tracker: Partitioned,
         key: jax.Array,
         lag: int | None = None,
         first: int = 0,

@@ -1,7 +1,6 @@
 """What the backward passes over a filter's weighted sets share: what to keep, and keys."""
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
@@ -11,12 +10,10 @@ from jax import lax
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.state import ParticleState, Summary
+from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.lowering.programs import compiled
 from jaxpf.smoothing.backward import History, Pass, backward
 from jaxpf.smoothing.groups import together
-
-if TYPE_CHECKING:
-    from jaxpf.filters.partitioned.tracker import Partitioned
 
 #: Index of the key for backward passes; frames use indices from 0.
 _BACKWARD = np.uint32(2**32 - 1)
@@ -76,7 +73,7 @@ def back_over(tracker, key, history, num_trajectories, num_paths=0, first=0, num
     )
 
 
-def checked_number(tracker: "Partitioned", num_trajectories: int | None, num_paths: int = 0) -> int:
+def checked_number(tracker: Partitioned, num_trajectories: int | None, num_paths: int = 0) -> int:
     """Return the number of trajectories; refuse fewer than one, and fewer than paths."""
     if num_trajectories is None:
         return max(tracker.num_particles, num_paths)

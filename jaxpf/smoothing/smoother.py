@@ -1,7 +1,7 @@
 """Smooth a clip, whole or with a fixed lag: run the filter forward, then go back over it."""
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +13,7 @@ from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass
 from jaxpf.contract.refusals import poisoned
 from jaxpf.contract.state import Summary
+from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.running import missing_frames
 from jaxpf.running.frames import frames_of
 from jaxpf.smoothing import passes
@@ -26,9 +27,6 @@ from jaxpf.smoothing.groups import (
     together,
 )
 from jaxpf.smoothing.look_back import stream
-
-if TYPE_CHECKING:
-    from jaxpf.filters.partitioned.tracker import Partitioned
 
 #: How trajectories are found: drawn backward exactly or by Metropolis steps, or traced back.
 METHODS = ("backward", "metropolis", "genealogy")
@@ -60,7 +58,7 @@ class Smoothed:
 
 
 def smooth(
-    tracker: "Partitioned",
+    tracker: Partitioned,
     key: jax.Array,
     frames: Any,
     num_trajectories: int | None = None,
@@ -192,7 +190,7 @@ def _traced(tracker, key, frames, num_paths, observed) -> Smoothed:
     return Smoothed(estimate, spread, summaries, none, paths, num_ancestors)
 
 
-def _check_one_ancestor(tracker: "Partitioned") -> None:
+def _check_one_ancestor(tracker: Partitioned) -> None:
     """Refuse Metropolis steps of parts smoothed together that each have an ancestor of their own.
 
     Raises:

@@ -5,7 +5,7 @@ has its own random keys, so partitions do not affect each other.
 """
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import chex
 import jax
@@ -27,9 +27,33 @@ from jaxpf.filters import confidence
 from jaxpf.filters.initial import as_floats
 from jaxpf.resampling import weighted as resampling
 
-if TYPE_CHECKING:
-    from jaxpf.filters.factored.eskil import Eskil
-    from jaxpf.filters.factored.pffl import PFFL
+
+class Factored(Protocol):
+    """What these operations read of a factored filter."""
+
+    @property
+    def dynamics(self) -> Any:
+        """The motion model."""
+
+    @property
+    def likelihood(self) -> Any:
+        """The observation model."""
+
+    @property
+    def initial(self) -> Any:
+        """Substates before the first frame, or a sampler of them."""
+
+    @property
+    def num_particles(self) -> int:
+        """Of each partition, before upsampling."""
+
+    @property
+    def upsampling(self) -> int:
+        """Number of moves per particle."""
+
+    @property
+    def resampling(self) -> Any:
+        """The scheme."""
 
 
 @pytree_dataclass
@@ -76,7 +100,7 @@ def count_partitions(initial: Initial) -> int:
     return jax.eval_shape(initial, jax.random.key(0)).shape[0]
 
 
-def start(key: jax.Array, tracker: "PFFL | Eskil") -> FactoredState:
+def start(key: jax.Array, tracker: Factored) -> FactoredState:
     """Draw a tracker's particles from its initial state, with equal weights."""
     initial, num = tracker.initial, tracker.num_particles * tracker.upsampling
     if callable(initial):
@@ -99,7 +123,7 @@ def keys_of(key: jax.Array, num_partitions: int) -> jax.Array:
     return jax.vmap(lambda p: jax.random.fold_in(key, p))(jnp.arange(num_partitions))
 
 
-def survivors(tracker, key, state: FactoredState) -> tuple[jax.Array, jax.Array]:
+def survivors(tracker: Factored, key, state: FactoredState) -> tuple[jax.Array, jax.Array]:
     """Resample M of the K = M * upsampling particles of each partition by their weights.
 
     Returns:
@@ -119,7 +143,7 @@ def survivors(tracker, key, state: FactoredState) -> tuple[jax.Array, jax.Array]
     return taken(state.lagged, ancestors), jnp.where(state.weighted, log_weights, uniform)
 
 
-def choose(tracker, key, log_weights, log_selection) -> tuple[jax.Array, jax.Array]:
+def choose(tracker: Factored, key, log_weights, log_selection) -> tuple[jax.Array, jax.Array]:
     """Weighted resampling within each partition: ancestors and log-weights ``[P, N]``."""
     weights = (log_weights,) if log_weights is log_selection else (log_weights, log_selection)
 
@@ -145,7 +169,7 @@ def upsampled(lagged, log_weights, factor: int) -> tuple[jax.Array, jax.Array]:
     )
 
 
-def moved(tracker, key, lagged: jax.Array) -> jax.Array:
+def moved(tracker: Factored, key, lagged: jax.Array) -> jax.Array:
     """Move every particle by the dynamics: ``[2, D, P, N]`` to ``[D, P, N]``."""
     num_partitions, num = lagged.shape[-2:]
     parent = jnp.zeros((lagged.shape[1], num), lagged.dtype)
@@ -160,7 +184,7 @@ def moved(tracker, key, lagged: jax.Array) -> jax.Array:
     return new.astype(lagged.dtype)
 
 
-def weighed(tracker, observation, values: jax.Array) -> tuple[jax.Array, jax.Array]:
+def weighed(tracker: Factored, observation, values: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Log-likelihoods ``[P, N]`` of ``[D, P, N]``; NaN and +inf are set to -inf and counted."""
     dimension, num_partitions, num = values.shape
     partition = jnp.repeat(jnp.arange(num_partitions, dtype=jnp.int32), num)
@@ -182,7 +206,7 @@ def multiplied(log_weights: jax.Array, log_factor: jax.Array) -> tuple[jax.Array
     return jnp.where(possible, weighted, logs.normalised(log_weights)[0]), totals
 
 
-def look_near(tracker: "PFFL | Eskil", state: FactoredState, observation: Any) -> Any:
+def look_near(tracker: Factored, state: FactoredState, observation: Any) -> Any:
     """The observation near the estimates of a state, see ``jaxpf.contract.look_near``."""
     return contract.look_near(
         tracker.likelihood, observation, lambda: means(state.log_weights, state.lagged[0]).T

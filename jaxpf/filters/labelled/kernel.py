@@ -26,7 +26,7 @@ is skipped for that label and its particles continue; otherwise its weight stays
 """
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -43,14 +43,12 @@ from jaxpf.contract.state import (
     sanitised,
 )
 from jaxpf.filters.labelled import by_label, estimation
+from jaxpf.filters.labelled.settings import Settings
 from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
 from jaxpf.lowering.branches import computed_before
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.resampling import weighted
 from jaxpf.resampling.components import one_component
-
-if TYPE_CHECKING:
-    from jaxpf.filters.labelled.tracker import Labelled
 
 
 def first_labels(num_particles: int, num_targets: int) -> np.ndarray:
@@ -58,7 +56,7 @@ def first_labels(num_particles: int, num_targets: int) -> np.ndarray:
     return (np.arange(num_particles) * num_targets // num_particles).astype(np.int32)
 
 
-def select(tracker: "Labelled", key: jax.Array, state: LabelledState) -> LabelledState:
+def select(tracker: Settings, key: jax.Array, state: LabelledState) -> LabelledState:
     """Resample across labels, at the start of the frame."""
     num_particles = tracker.num_particles
     incoming = state.log_weights
@@ -81,7 +79,7 @@ def select(tracker: "Labelled", key: jax.Array, state: LabelledState) -> Labelle
 
 
 def move(
-    tracker: "Labelled", key: jax.Array, state: LabelledState
+    tracker: Settings, key: jax.Array, state: LabelledState
 ) -> tuple[LabelledState, jax.Array]:
     """Propagate all particles; return the new state and the previous lags ``[2, D, N]``."""
     left, fed_back = state.lagged, tracker.feedback == "estimate"
@@ -99,7 +97,7 @@ def move(
 
 
 def weigh(
-    tracker: "Labelled", state: LabelledState, left: jax.Array, observation: Any
+    tracker: Settings, state: LabelledState, left: jax.Array, observation: Any
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Log-likelihoods of ``state.lagged[0]``, and the number of invalid ones, ``[]``.
 
@@ -120,7 +118,7 @@ def weigh(
 
 
 def share_out(
-    tracker: "Labelled", state: LabelledState, log_factor: jax.Array, largest: jax.Array
+    tracker: Settings, state: LabelledState, log_factor: jax.Array, largest: jax.Array
 ) -> tuple[LabelledState, jax.Array, jax.Array]:
     """Multiply the weights by a factor and normalise, with or without eq. 4.
 
@@ -181,7 +179,7 @@ def share_out(
 
 
 def report(
-    tracker: "Labelled",
+    tracker: Settings,
     state: LabelledState,
     log_evidence: jax.Array,
     label_log_evidence: jax.Array,

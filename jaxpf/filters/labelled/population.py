@@ -15,7 +15,6 @@ skipped for its mass and its particles: both stay unchanged, and the others shar
 """
 
 import dataclasses
-from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
@@ -25,11 +24,9 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.logs import normalised
 from jaxpf.contract.numbers import check_whole
 from jaxpf.filters.labelled import by_label
+from jaxpf.filters.labelled.settings import Settings
 from jaxpf.filters.labelled.state import LabelledState
 from jaxpf.lowering.programs import compiled
-
-if TYPE_CHECKING:
-    from jaxpf.filters.labelled.tracker import Labelled
 
 
 def add_target(state: LabelledState, slot: jax.Array, substate: jax.Array) -> LabelledState:
@@ -82,7 +79,7 @@ def _remove(state, slot):
     )
 
 
-def first_state(tracker: "Labelled") -> LabelledState:
+def first_state(tracker: Settings) -> LabelledState:
     """Build the state just before the first frame; a row of NaN in ``initial`` is an empty slot."""
     initial, num_particles = tracker.initial.T, tracker.num_particles
     alive = jnp.all(jnp.isfinite(initial), axis=0)
@@ -109,7 +106,7 @@ def first_state(tracker: "Labelled") -> LabelledState:
     )
 
 
-def with_newborn(tracker: "Labelled", state: LabelledState) -> LabelledState:
+def with_newborn(tracker: Settings, state: LabelledState) -> LabelledState:
     """Give newborn targets their first particles, each at its own place.
 
     The slots are assigned in turn, so that all labels give up particles evenly.  ``state`` is that

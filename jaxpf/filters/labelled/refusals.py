@@ -1,7 +1,6 @@
 """Checks of a labelled tracker at construction."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,16 +9,14 @@ from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.options import check_fields
 from jaxpf.contract.refusals import refused
+from jaxpf.contract.state import Summary
 from jaxpf.filters.initial import check_rows
+from jaxpf.filters.labelled.settings import Settings
 from jaxpf.filters.noiseless import noiseless, without_noise
 from jaxpf.gradients import check_gradients
 
-if TYPE_CHECKING:
-    from jaxpf.contract.state import Summary
-    from jaxpf.filters.labelled.tracker import Labelled
 
-
-def check_tracker(tracker: "Labelled") -> None:
+def check_tracker(tracker: Settings) -> None:
     """Refuse settings that cannot work or would be silently wrong."""
     check_fields(tracker)
     check_known("population=", tracker.population, ("fixed", "open"))
@@ -47,7 +44,7 @@ def check_tracker(tracker: "Labelled") -> None:
         refused(without_noise("motion_gradient='score'", tracker, noiseless(tracker).moved))
 
 
-def _check_targets(tracker: "Labelled") -> None:
+def _check_targets(tracker: Settings) -> None:
     num_targets = tracker.num_targets
     if num_targets is None or num_targets < 1:
         raise InputError(
@@ -61,7 +58,7 @@ def _check_targets(tracker: "Labelled") -> None:
         )
 
 
-def _check_open(tracker: "Labelled") -> None:
+def _check_open(tracker: Settings) -> None:
     if callable(tracker.initial):
         raise InputError(
             "population='open' starts from an array [L, D] whose rows of NaN are empty slots, not "
@@ -74,7 +71,7 @@ def _check_open(tracker: "Labelled") -> None:
         )
 
 
-def _check_coordinates(tracker: "Labelled") -> None:
+def _check_coordinates(tracker: Settings) -> None:
     position, speed = tracker.position, tracker.speed
     if tracker.feedback == "none" and tracker.regularise is None and speed is None:
         return  # unused
@@ -93,7 +90,7 @@ def _check_coordinates(tracker: "Labelled") -> None:
         )
 
 
-def check_started(summary: "Summary", ids: Sequence[object] | np.ndarray | None = None) -> None:
+def check_started(summary: Summary, ids: Sequence[object] | np.ndarray | None = None) -> None:
     """Refuse the summary of a first frame in which a target has no weight.
 
     ``ids`` are the targets' names; default their numbers.

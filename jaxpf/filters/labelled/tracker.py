@@ -1,25 +1,23 @@
 """The labelled particle filter as a tracker: ``init`` and ``step``."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract import Tracker
-from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
+from jaxpf.contract.pytree import compiled_alone, pytree_dataclass
 from jaxpf.contract.refusals import Bias
-from jaxpf.filters import confidence, options as of
+from jaxpf.filters import confidence
 from jaxpf.filters.initial import as_floats, initial_rows
 from jaxpf.filters.labelled import by_label, kernel, population
 from jaxpf.filters.labelled.population import add_target, remove_target
 from jaxpf.filters.labelled.refusals import check_tracker
+from jaxpf.filters.labelled.settings import Settings
 from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
-from jaxpf.gradients import NoGradient
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
 
@@ -27,7 +25,7 @@ __all__ = ["Labelled", "LabelledState", "LabelledSummary", "add_target", "remove
 
 
 @pytree_dataclass
-class Labelled(Tracker):
+class Labelled(Settings, Tracker):
     """Labelled particle filter: N particles for L targets, each particle holds one (rowe2005).
 
     Cost grows with the number of particles only, not with the number of targets.  Targets do not
@@ -58,21 +56,6 @@ class Labelled(Tracker):
             ``position``; None for dynamics that take it from ``current - previous``.
         motion_gradient: static, one of ``jaxpf.gradients.MOTION_GRADIENTS``.
     """
-
-    dynamics: Any
-    likelihood: Any
-    initial: Any
-    regularise: ArrayLike | None = None
-    resampling: Any = "systematic"
-    gradient: Any = NoGradient()
-    num_targets: Any = static_field(default=None)
-    num_particles: of.NumParticles = static_field(default=300)
-    weights: of.Weights = static_field(default="equal_share")
-    feedback: of.Feedback = static_field(default="none")
-    population: str = static_field(default="fixed")
-    position: Sequence[int] = static_field(default=(0, 1))
-    speed: Sequence[int] | None = static_field(default=None)
-    motion_gradient: str = static_field(default="pathwise")
 
     def __post_init__(self):
         is_open = self.population != "fixed"

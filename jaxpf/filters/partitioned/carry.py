@@ -1,6 +1,6 @@
 """Data that the stages of a frame share, draw, and carry from one to the next."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -9,12 +9,9 @@ from jax import lax
 from jaxpf.contract.logs import add_exactly, counted, finite
 from jaxpf.contract.state import ParticleState
 from jaxpf.filters.partitioned.exchange import Groups, Offer
+from jaxpf.filters.partitioned.settings import Settings
 from jaxpf.lowering.columns import pick_in_rows
 from jaxpf.resampling.components import Components, component_max
-
-if TYPE_CHECKING:
-    from jaxpf.filters.partitioned.motion import Motion
-    from jaxpf.filters.partitioned.tracker import Partitioned
 
 
 class Shared(NamedTuple):
@@ -28,11 +25,18 @@ class Shared(NamedTuple):
         motion: the strategy that draws substates.
     """
 
-    tracker: "Partitioned"
+    tracker: Settings
     state: ParticleState
     observation: Any
     components: Components
-    motion: "Motion"
+    motion: "Draws"
+
+
+class Draws(Protocol):
+    """What draws a stage's substates, see ``jaxpf.filters.partitioned.motion``."""
+
+    def draw(self, shared: Shared, key: jax.Array, turn: "Turn") -> "Drawn":
+        """Draw one substate for every particle."""
 
 
 class Keys(NamedTuple):

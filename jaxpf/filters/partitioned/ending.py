@@ -1,7 +1,7 @@
 """The end of a frame: reassemble, correct, normalise and report the particles."""
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -21,17 +21,16 @@ from jaxpf.contract.state import (
 )
 from jaxpf.filters.partitioned import labels
 from jaxpf.filters.partitioned.carry import Carry
+from jaxpf.filters.partitioned.settings import Settings
+from jaxpf.filters.partitioned.weighing import weighing_of
 from jaxpf.lowering.branches import choose, computed_before
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.resampling import weighted
 from jaxpf.resampling.components import Components
 
-if TYPE_CHECKING:
-    from jaxpf.filters.partitioned.tracker import Partitioned
-
 
 def finish(
-    tracker: "Partitioned",
+    tracker: Settings,
     label_key: jax.Array,
     observation: Any,
     components: Components,
@@ -62,7 +61,7 @@ def finish(
         label, label_score = labels.move(tracker, label_key, carry.label, lagged[0])
         carry = labels.weigh(tracker, label, carry, components)
     log_quotient = None
-    if not tracker.weighing.is_complete(tracker):
+    if not weighing_of(tracker).is_complete(tracker):
         factors = carry.log_probs.reshape(-1)[drawn]
         carry, log_quotient = _corrected(
             tracker, observation, components, carry, lagged[0], factors, label
@@ -124,7 +123,7 @@ def finish(
     return state, dataclasses.replace(summary, label_probabilities=probabilities)
 
 
-def _gathered(tracker: "Partitioned", carry: Carry, row: jax.Array) -> tuple[jax.Array, jax.Array]:
+def _gathered(tracker: Settings, carry: Carry, row: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Lineage ``[P, N]`` and substates ``[2, D, P, N]`` by partition."""
     ordering, num_particles = tracker.ordering, tracker.num_particles
 
@@ -150,7 +149,7 @@ def _gathered(tracker: "Partitioned", carry: Carry, row: jax.Array) -> tuple[jax
 
 
 def _corrected(
-    tracker: "Partitioned",
+    tracker: Settings,
     observation: Any,
     components: Components,
     carry: Carry,
@@ -162,7 +161,7 @@ def _corrected(
 
     Also returns the log of the quotient, ``[N]``.
     """
-    log_probs = tracker.weighing.log_probs(tracker, observation, substates, factors)
+    log_probs = weighing_of(tracker).log_probs(tracker, observation, substates, factors)
     log_joint = contract.log_joint_all(tracker.likelihood, observation, substates, log_probs, label)
     log_joint, num_invalid = sanitised(log_joint.astype(factors.dtype))
     carry = carry._replace(num_invalid=carry.num_invalid + num_invalid)

@@ -3,8 +3,8 @@
 A frame has P stages, and a stage has four operations, one function each: *move* the partition that
 the ordering assigns to the particle's component, *weigh* it, *exchange* parts if the ordering does,
 and *select* within components.  After the last stage, *finish* reassembles the particles and
-reports.  The tracker's strategies ``motion``, ``weighing``, ``resampling`` and
-``gradient`` define how a stage draws, weights and selects.  Two ideas keep the kernel short and
+reports.  Strategies (``motion_of``, ``weighing_of``, and the tracker's ``resampling`` and
+``gradient``) define how a stage draws, weights and selects.  Two ideas keep the kernel short and
 fast:
 
 - *Stage rows.*  Inside a frame, row j of every array belongs to stage j, whichever partition a
@@ -18,7 +18,7 @@ fast:
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import chex
 import jax
@@ -30,22 +30,22 @@ from jaxpf.contract.state import ParticleState, Summary, sanitised
 from jaxpf.filters import confidence
 from jaxpf.filters.partitioned import ending, exchange as rules, levels, selection
 from jaxpf.filters.partitioned.carry import Carry, Drawn, Keys, Shared, Turn
+from jaxpf.filters.partitioned.motion import motion_of
+from jaxpf.filters.partitioned.settings import Settings
+from jaxpf.filters.partitioned.weighing import weighing_of
 from jaxpf.lowering.branches import choose, computed_before, repeated
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.lowering.integers import order_by_group
 from jaxpf.lowering.threefry import key_at
 from jaxpf.resampling.components import Components, component_max, components_of_sizes
 
-if TYPE_CHECKING:
-    from jaxpf.filters.partitioned.tracker import Partitioned
-
 
 def step(
-    tracker: "Partitioned", key: jax.Array, state: ParticleState, observation: Any
+    tracker: Settings, key: jax.Array, state: ParticleState, observation: Any
 ) -> tuple[ParticleState, Summary]:
     """Advance the weighted set by one frame."""
     begin_key, stages_key = jax.random.split(key)
-    motion = tracker.motion.begin(tracker, stages_key, state, observation)
+    motion = motion_of(tracker).begin(tracker, stages_key, state, observation)
     log_first_stage = contract.log_first_stage_all(tracker.likelihood, observation, state.lagged[0])
     state, components, carry = begin(tracker, begin_key, state, log_first_stage)
     shared = Shared(tracker, state, observation, components, motion)
@@ -68,7 +68,7 @@ def step(
 
 
 def begin(
-    tracker: "Partitioned",
+    tracker: Settings,
     key: jax.Array,
     state: ParticleState,
     log_first_stage: jax.Array | None = None,
@@ -154,7 +154,7 @@ def move(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry) -> Draw
 def weigh(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry, drawn: Drawn) -> Carry:
     """Multiply the weights by the likelihood of the draws, and prepare their exchange."""
     tracker = shared.tracker
-    log_prob = tracker.weighing.log_factor(shared, stage, carry, drawn)
+    log_prob = weighing_of(tracker).log_factor(shared, stage, carry, drawn)
     log_prob = log_prob.astype(drawn.substates.dtype)
     chex.assert_shape(log_prob, (tracker.num_particles,))
     log_prob, num_invalid = sanitised(log_prob)

@@ -4,8 +4,6 @@ Labels are drawn at the start, follow their particles through every selection, a
 of a frame.
 """
 
-from typing import TYPE_CHECKING
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -15,13 +13,11 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.state import sanitised
 from jaxpf.filters.partitioned.carry import Carry
+from jaxpf.filters.partitioned.settings import Settings
 from jaxpf.resampling.components import Components
 
-if TYPE_CHECKING:
-    from jaxpf.filters.partitioned.tracker import Partitioned
 
-
-def draw_first(tracker: "Partitioned", key: jax.Array, dtype) -> tuple[jax.Array, jax.Array]:
+def draw_first(tracker: Settings, key: jax.Array, dtype) -> tuple[jax.Array, jax.Array]:
     """Draw labels ``[N]`` just before the first frame, with their log-probabilities ``[N]``."""
     log_probabilities = jnp.log(jnp.asarray(tracker.initial_label, dtype))
     label = jax.random.categorical(key, log_probabilities, shape=(tracker.num_particles,))
@@ -29,7 +25,7 @@ def draw_first(tracker: "Partitioned", key: jax.Array, dtype) -> tuple[jax.Array
 
 
 def move(
-    tracker: "Partitioned", key: jax.Array, label: jax.Array, substates: jax.Array
+    tracker: Settings, key: jax.Array, label: jax.Array, substates: jax.Array
 ) -> tuple[jax.Array, jax.Array | None]:
     """Move labels ``[N]`` given the new substates ``[D, P, N]`` (maccormick1999, section 4).
 
@@ -46,7 +42,7 @@ def move(
     return moved, score.astype(substates.dtype)
 
 
-def weigh(tracker: "Partitioned", label: jax.Array, carry: Carry, components: Components) -> Carry:
+def weigh(tracker: Settings, label: jax.Array, carry: Carry, components: Components) -> Carry:
     """Make particles impossible whose labels ``[N]`` were moved outside of 0 to L - 1."""
     if not contract.optional(tracker.dynamics, "propagate_label"):
         return carry
@@ -57,19 +53,19 @@ def weigh(tracker: "Partitioned", label: jax.Array, carry: Carry, components: Co
     return carry.absorb(log_factor, jnp.zeros_like(carry.largest), components)
 
 
-def probabilities(tracker: "Partitioned", label: jax.Array, log_weights: jax.Array) -> jax.Array:
+def probabilities(tracker: Settings, label: jax.Array, log_weights: jax.Array) -> jax.Array:
     """Total weight ``[L]`` of the particles with each label."""
     is_label = label == jnp.arange(jnp.shape(tracker.initial_label)[0])[:, None]
     return is_label.astype(log_weights.dtype) @ jnp.exp(log_weights)
 
 
-def moves_labels(tracker: "Partitioned") -> bool:
+def moves_labels(tracker: Settings) -> bool:
     """Whether particles carry labels that change from frame to frame."""
     moves = contract.optional(contract.first_motion(tracker.dynamics), "propagate_label")
     return tracker.initial_label is not None and moves is not None
 
 
-def check_labels(tracker: "Partitioned") -> None:
+def check_labels(tracker: Settings) -> None:
     """Refuse labels that are malformed, or are missing although required."""
     likelihood, given = tracker.likelihood, tracker.initial_label
     if given is None:

@@ -6,7 +6,7 @@ the strategy corrects for it by a weight per draw, ``Drawn.log_weight``.
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import chex
 import jax
@@ -21,24 +21,22 @@ from jaxpf.contract.types import ProposalLike
 from jaxpf.filters.noiseless import noiseless, without_noise
 from jaxpf.filters.partitioned import labels
 from jaxpf.filters.partitioned.carry import Drawn, Shared, Turn
+from jaxpf.filters.partitioned.settings import Settings
 from jaxpf.lowering.branches import computed_once
-
-if TYPE_CHECKING:
-    from jaxpf.filters.partitioned.tracker import Partitioned
 
 
 class Motion:
     """Draws from the dynamics, without weights."""
 
-    def check(self, tracker: "Partitioned") -> None:
+    def check(self, tracker: Settings) -> None:
         """Refuse a tracker that is incompatible with the strategy."""
 
-    def cases(self, tracker: "Partitioned") -> Iterator[Any]:
+    def cases(self, tracker: Settings) -> Iterator[Any]:
         """Cases to refuse that depend on values, for ``contract.refusals.refused``."""
         return iter(())
 
     def begin(
-        self, tracker: "Partitioned", key: jax.Array, state: ParticleState, observation: Any
+        self, tracker: Settings, key: jax.Array, state: ParticleState, observation: Any
     ) -> "Motion":
         """Prepare the strategy for one frame, given the weighted set of the previous frame."""
         return self
@@ -62,11 +60,11 @@ class Proposed(Motion):
     def __init__(self, proposal: ProposalLike):
         self.proposal = proposal
 
-    def check(self, tracker: "Partitioned") -> None:
+    def check(self, tracker: Settings) -> None:
         """See ``Motion``."""
         contract.check_uncoupled(tracker.dynamics, "a proposal")
 
-    def cases(self, tracker: "Partitioned") -> Iterator[Any]:
+    def cases(self, tracker: Settings) -> Iterator[Any]:
         """See ``Motion``."""
         if contract.optional(self.proposal, "needs_noise"):
             what = f"proposal {type(self.proposal).__name__}"
@@ -117,7 +115,7 @@ class Scored(Motion):
     def __init__(self, inner: Motion):
         self.inner = inner
 
-    def check(self, tracker: "Partitioned") -> None:
+    def check(self, tracker: Settings) -> None:
         """See ``Motion``."""
         self.inner.check(tracker)
         if labels.moves_labels(tracker) and not contract.has_log_label(tracker.dynamics):
@@ -126,7 +124,7 @@ class Scored(Motion):
                 f"of the dynamics, and {type(tracker.dynamics).__name__} has none; write it."
             )
 
-    def cases(self, tracker: "Partitioned") -> Iterator[Any]:
+    def cases(self, tracker: Settings) -> Iterator[Any]:
         """See ``Motion``."""
         yield from self.inner.cases(tracker)
         yield without_noise("motion_gradient='score'", tracker, noiseless(tracker).moved)
@@ -145,7 +143,7 @@ class Scored(Motion):
         return drawn._replace(substates=substates, log_weight=log_weight, score=score)
 
 
-def motion_of(tracker: "Partitioned") -> Motion:
+def motion_of(tracker: Settings) -> Motion:
     """Choose the strategy for a tracker's settings."""
     motion = Motion()
     if tracker.proposal is not None:

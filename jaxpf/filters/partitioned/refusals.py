@@ -1,29 +1,27 @@
 """Checks of a partitioned tracker at construction; strategies check themselves."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import jax
 import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.calls import coupled_with
-from jaxpf.contract.errors import InputError, check_separate, choice
+from jaxpf.contract.errors import Argument, InputError, check_separate, choice
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.options import check_fields
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.refusals import refused
 from jaxpf.filters.initial import check_rows
 from jaxpf.filters.partitioned.labels import check_labels, moves_labels
+from jaxpf.filters.partitioned.motion import motion_of
+from jaxpf.filters.partitioned.settings import Settings
+from jaxpf.filters.partitioned.weighing import weighing_of
 from jaxpf.gradients import check_gradients
 
-if TYPE_CHECKING:
-    import jax
 
-    from jaxpf.contract.errors import Argument
-    from jaxpf.filters.partitioned.tracker import Partitioned
-
-
-def check_tracker(tracker: "Partitioned") -> "jax.Array | None":
+def check_tracker(tracker: Settings) -> jax.Array | None:
     """Refuse settings that cannot work or would be silently wrong.
 
     Returns:
@@ -43,13 +41,13 @@ def check_tracker(tracker: "Partitioned") -> "jax.Array | None":
     check_separate("keep_ancestors=True", (blends, "gradient Transport, which blends particles"))
     check_rows(tracker.dynamics, ordering.num_partitions)
     check_labels(tracker)
-    tracker.motion.check(tracker)
-    tracker.weighing.check(tracker)
-    of_motion = tracker.motion.cases(tracker)
-    return refused(*_of_ordering(tracker), *_of_exchange(tracker), *of_motion)
+    motion = motion_of(tracker)
+    motion.check(tracker)
+    weighing_of(tracker).check(tracker)
+    return refused(*_of_ordering(tracker), *_of_exchange(tracker), *motion.cases(tracker))
 
 
-def _of_ordering(tracker: "Partitioned") -> "Iterator[tuple[Any, tuple[str | Argument, ...]]]":
+def _of_ordering(tracker: Settings) -> Iterator[tuple[Any, tuple[str | Argument, ...]]]:
     """Cases in which the ordering's components do not fit the rest, for ``refused``."""
     ordering = tracker.ordering.known
     used = (ordering.fractions > 0).sum(-1)
@@ -83,7 +81,7 @@ def _of_ordering(tracker: "Partitioned") -> "Iterator[tuple[Any, tuple[str | Arg
         )
 
 
-def _of_exchange(tracker: "Partitioned") -> Iterator[tuple[Any, tuple[Any, ...]]]:
+def _of_exchange(tracker: Settings) -> Iterator[tuple[Any, tuple[Any, ...]]]:
     """Cases in which an exchange does not work or would be biased, for ``refused``."""
     ordering, likelihood = tracker.ordering.known, type(tracker.likelihood).__name__
     swap, none = ordering.swap_shown, choice("swap", "none")
@@ -130,5 +128,5 @@ def _of_exchange(tracker: "Partitioned") -> Iterator[tuple[Any, tuple[Any, ...]]
         )
 
 
-def _largest(counts: "jax.Array") -> Any:
+def _largest(counts: jax.Array) -> Any:
     return counts.max() if is_concrete(counts) else ""

@@ -4,7 +4,7 @@ The tracker's settings choose the scheme (``jaxpf.resampling``), adaptive or unc
 resampling, tempering of the weights, and the gradient strategy (``jaxpf.gradients``).
 """
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -14,11 +14,9 @@ from jax.ad_checkpoint import checkpoint_name
 
 from jaxpf.contract.state import ParticleState
 from jaxpf.filters.partitioned.carry import Carry
+from jaxpf.filters.partitioned.settings import Settings
 from jaxpf.resampling import weighted
 from jaxpf.resampling.components import Components, few_effective, one_component
-
-if TYPE_CHECKING:
-    from jaxpf.filters.partitioned.tracker import Partitioned
 
 #: Name under which ``jax.checkpoint`` may keep ancestors: small, but slow to recompute.
 ANCESTORS = "ancestors"
@@ -41,7 +39,7 @@ class Selected(NamedTuple):
 
 
 def select_between_frames(
-    tracker: "Partitioned",
+    tracker: Settings,
     key: jax.Array,
     state: ParticleState,
     log_first_stage: jax.Array | None = None,
@@ -73,7 +71,7 @@ def select_between_frames(
 
 
 def select(
-    tracker: "Partitioned",
+    tracker: Settings,
     key: jax.Array,
     carry: Carry,
     before: jax.Array,
@@ -103,7 +101,7 @@ def select(
 
 
 def resample(
-    tracker: "Partitioned",
+    tracker: Settings,
     key: jax.Array,
     log_weights: jax.Array,
     log_selection: jax.Array,
@@ -132,5 +130,5 @@ def resample(
     )
 
 
-def _slots(tracker: "Partitioned") -> jax.Array:
+def _slots(tracker: Settings) -> jax.Array:
     return jnp.arange(tracker.num_particles, dtype=jnp.int32)

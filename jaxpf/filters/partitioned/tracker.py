@@ -1,35 +1,30 @@
 """The partitioned particle filter as a tracker: its settings, ``init`` and ``step``."""
 
-import dataclasses
 from typing import Any
 
 import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract import Tracker
 from jaxpf.contract.model import check_tree
-from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
+from jaxpf.contract.pytree import compiled_alone, pytree_dataclass
 from jaxpf.contract.refusals import Bias, poisoned
 from jaxpf.contract.state import ParticleState, Summary, moments
-from jaxpf.filters import confidence, options as of
+from jaxpf.filters import confidence
 from jaxpf.filters.initial import as_floats, initial_rows
 from jaxpf.filters.partitioned import kernel, labels, levels
-from jaxpf.filters.partitioned.motion import Motion, motion_of
 from jaxpf.filters.partitioned.refusals import check_tracker
-from jaxpf.filters.partitioned.weighing import Weighing, weighing_of
-from jaxpf.gradients import NoGradient
+from jaxpf.filters.partitioned.settings import Settings
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.lowering.threefry import with_written_out_key
-from jaxpf.ordering import Ordering
 from jaxpf.resampling.schemes import scheme_of
 
 
 @pytree_dataclass
-class Partitioned(Tracker):
+class Partitioned(Settings, Tracker):
     """Partitioned particle filter: SIR, PS, DPS, SPS or branched, by its ordering.
 
     Example::
@@ -77,23 +72,6 @@ class Partitioned(Tracker):
             NaN with ``STATUS_UNSUPPORTED``.  None if all are known, and were checked.
     """
 
-    dynamics: Any
-    likelihood: Any
-    ordering: Ordering
-    initial: Any
-    initial_label: Any = None
-    tempering: ArrayLike | None = None
-    ess_threshold: of.EssThreshold = None
-    proposal: Any = None
-    resampling: Any = "systematic"
-    gradient: Any = NoGradient()
-    joint_weighting: bool = static_field(default=False)
-    parents: Any = static_field(default=None)
-    num_particles: of.NumParticles = static_field(default=300)
-    keep_ancestors: bool = static_field(default=False)
-    motion_gradient: str = static_field(default="pathwise")
-    refused: Any = dataclasses.field(default=None, init=False)
-
     def __post_init__(self):
         tree = (-1,) * self.ordering.num_partitions if self.parents is None else self.parents
         object.__setattr__(self, "parents", check_tree(tree))
@@ -101,21 +79,6 @@ class Partitioned(Tracker):
         object.__setattr__(self, "initial", initial)
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
         object.__setattr__(self, "refused", check_tracker(self))
-
-    @property
-    def num_partitions(self) -> int:
-        """Number of partitions, P."""
-        return self.ordering.num_partitions
-
-    @property
-    def motion(self) -> Motion:
-        """The strategy that draws a stage's substates."""
-        return motion_of(self)
-
-    @property
-    def weighing(self) -> Weighing:
-        """The strategy that weights a stage's draws."""
-        return weighing_of(self)
 
     @property
     def evidence_biases(self) -> tuple[Bias, ...]:

@@ -3,7 +3,7 @@
 ``weighing_of`` chooses one from a tracker's settings.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -11,15 +11,13 @@ import jax.numpy as jnp
 from jaxpf import contract
 from jaxpf.contract.errors import check_separate
 from jaxpf.filters.partitioned.carry import Carry, Drawn, Shared
-
-if TYPE_CHECKING:
-    from jaxpf.filters.partitioned.tracker import Partitioned
+from jaxpf.filters.partitioned.settings import Settings
 
 
 class Weighing:
     """Weights each partition by ``log_prob``; a joint likelihood corrects at the frame's end."""
 
-    def check(self, tracker: "Partitioned") -> None:
+    def check(self, tracker: Settings) -> None:
         """Refuse a tracker that is incompatible with the strategy."""
 
     def log_factor(self, shared: Shared, stage: jax.Array, carry: Carry, drawn: Drawn) -> jax.Array:
@@ -28,12 +26,12 @@ class Weighing:
             shared.tracker.likelihood, shared.observation, drawn.partition, drawn.substates
         )
 
-    def is_complete(self, tracker: "Partitioned") -> bool:
+    def is_complete(self, tracker: Settings) -> bool:
         """Whether the product of the stages' factors is the full likelihood."""
         return not contract.has_log_joint(tracker.likelihood)
 
     def log_probs(
-        self, tracker: "Partitioned", observation: Any, substates: jax.Array, factors: jax.Array
+        self, tracker: Settings, observation: Any, substates: jax.Array, factors: jax.Array
     ) -> jax.Array:
         """Log-likelihoods ``[P, N]`` of single partitions, given the stages' ``factors``."""
         return factors
@@ -50,7 +48,7 @@ class JointWeighting(Weighing):
     evidence is unbiased if ``L_j > 0`` wherever ``L_P > 0``.
     """
 
-    def check(self, tracker: "Partitioned") -> None:
+    def check(self, tracker: Settings) -> None:
         """See ``Weighing``."""
         check_separate(
             "joint_weighting",
@@ -71,25 +69,23 @@ class JointWeighting(Weighing):
         )
         return joint.astype(carry.log_probs.dtype) - _log_joint_before(stage, carry)
 
-    def is_complete(self, tracker: "Partitioned") -> bool:
+    def is_complete(self, tracker: Settings) -> bool:
         """See ``Weighing``: true unless a label moves after the last stage."""
         return tracker.initial_label is None
 
     def log_probs(
-        self, tracker: "Partitioned", observation: Any, substates: jax.Array, factors: jax.Array
+        self, tracker: Settings, observation: Any, substates: jax.Array, factors: jax.Array
     ) -> jax.Array:
         """See ``Weighing``: recomputed, because the stages use other factors."""
         return _of_single_partitions(tracker, observation, substates)
 
 
-def weighing_of(tracker: "Partitioned") -> Weighing:
+def weighing_of(tracker: Settings) -> Weighing:
     """Choose the strategy for a tracker's settings."""
     return JointWeighting() if tracker.joint_weighting else Weighing()
 
 
-def _of_single_partitions(
-    tracker: "Partitioned", observation: Any, substates: jax.Array
-) -> jax.Array:
+def _of_single_partitions(tracker: Settings, observation: Any, substates: jax.Array) -> jax.Array:
     """Log-likelihoods ``[P, N]`` of substates ``[D, P, N]``; XLA drops them if unused."""
 
     def of_one(partition, substates):

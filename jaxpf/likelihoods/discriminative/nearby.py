@@ -16,7 +16,7 @@ frame: windows change the time, not the model, and evidence remains the density 
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -25,9 +25,6 @@ import numpy as np
 from jaxpf.likelihoods.discriminative.cells import Boxes, least_sum, line_at, whole_values
 from jaxpf.likelihoods.discriminative.levels import shrunk_part, size_of
 from jaxpf.likelihoods.discriminative.maps import gradients, hues
-
-if TYPE_CHECKING:
-    from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
 
 #: Rows and columns of the grid of places elsewhere in the frame.
 PLACES = 12
@@ -76,7 +73,7 @@ class Nearby(NamedTuple):
     corners: jax.Array
 
 
-def window_shape(likelihood: "DiscriminativeLikelihood", reach: float) -> WindowShape | None:
+def window_shape(likelihood: Any, reach: float) -> WindowShape | None:
     """The shape of windows; None if they save little, or if the features may depend on more pixels.
 
     Args:
@@ -97,9 +94,7 @@ def window_shape(likelihood: "DiscriminativeLikelihood", reach: float) -> Window
     return shape if cost <= _LARGEST_SHARE * whole else None
 
 
-def observe(
-    likelihood: "DiscriminativeLikelihood", frame: jax.Array, estimates: jax.Array
-) -> Nearby:
+def observe(likelihood: Any, frame: jax.Array, estimates: jax.Array) -> Nearby:
     """Tables of windows around estimates, [P, D], and the pixels of tiles.
 
     The window of an estimate that is not finite contains no box.
@@ -128,7 +123,7 @@ def observe(
 
 
 def in_windows(
-    likelihood: "DiscriminativeLikelihood", corners: jax.Array, partition: jax.Array, boxes: Boxes
+    likelihood: Any, corners: jax.Array, partition: jax.Array, boxes: Boxes
 ) -> tuple[Boxes, jax.Array]:
     """Boxes of levels as boxes of windows, and bool [N], whether the windows contain them."""
     shape = likelihood.windows
@@ -143,9 +138,7 @@ def in_windows(
     return boxes._replace(first_row=partition * shape.rows - row, first_column=-column), inside
 
 
-def scores_on_grid(
-    likelihood: "DiscriminativeLikelihood", tiles: Any, partition: jax.Array, boxes: Boxes
-) -> jax.Array:
+def scores_on_grid(likelihood: Any, tiles: Any, partition: jax.Array, boxes: Boxes) -> jax.Array:
     """Scores [N, 144] of N objects' boxes at the places of the grid, [N * 144], of levels.
 
     ``tiles`` is ``Nearby.elsewhere``.

@@ -63,8 +63,7 @@ def log_evidence(
     = 0 makes it one, so its evidence prefers lambda = 0 for any frames.  Tune such a sharpness by a
     supervised loss, or normalise the likelihood.
     """
-    tracker, frames = running.ready(tracker, frames, observed, inputs)
-    increments = _record(tracker, keys, frames, keep_log_evidence, checkpoint)
+    increments = _record(keep_log_evidence, tracker, keys, frames, checkpoint, observed, inputs)
     return logs.sum_evenly(increments, axis=0)
 
 
@@ -82,8 +81,7 @@ def log_mean_evidence(
     Unlike the mean of the logs it approaches the log evidence as R grows, even with few particles.
     So does its gradient with ``jaxpf.gradients.StopGradient``.
     """
-    tracker, frames = running.ready(tracker, frames, observed, inputs)
-    increments = _record(tracker, keys, frames, keep_log_evidence, checkpoint)
+    increments = _record(keep_log_evidence, tracker, keys, frames, checkpoint, observed, inputs)
     # Runs are compared by their differences: sums of large numbers would be rounded.
     common = logs.finite(lax.stop_gradient(jnp.max(increments, axis=1)))
     every = logs.sum_evenly(increments - common[:, None], axis=0)
@@ -104,9 +102,8 @@ def position_error(
 
     Substates begin with the coordinates (u, v), and so does ``truth``, ``[T, P, >= 2]``.
     """
-    tracker, frames = running.ready(tracker, frames, observed, inputs)
-    truth, labelled = _places(truth, tracker, frames)
-    estimate = _record(tracker, keys, frames, _keep_estimate, checkpoint)
+    estimate = _record(_keep_estimate, tracker, keys, frames, checkpoint, observed, inputs)
+    truth, labelled = _places(truth, estimate)
     offset = jnp.where(labelled[:, None, :, None], estimate[..., :2] - truth[:, None], 0.0)
     square = jnp.sum(offset**2, axis=-1)
     distance = jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
@@ -130,12 +127,12 @@ def crps_loss(
     matches the estimation error; without spread it is the distance.  ``truth`` as for
     ``position_error``.
     """
-    tracker, frames = running.ready(tracker, frames, observed, inputs)
-    truth, labelled = _places(truth, tracker, frames)
-    counts = labelled[:, None, :, None]
     estimate, spread = _record(
-        tracker, keys, frames, lambda _, summary: (summary.estimate, summary.spread), checkpoint
+        lambda state, summary: (summary.estimate, summary.spread),
+        *(tracker, keys, frames, checkpoint, observed, inputs),
     )
+    truth, labelled = _places(truth, estimate)
+    counts = labelled[:, None, :, None]
     offset = jnp.where(counts, estimate[..., :2] - truth[:, None], 0.0)
     wide = counts & (spread[..., :2] > 0)
     spread = jnp.where(wide, spread[..., :2], 1.0)
@@ -146,7 +143,7 @@ def crps_loss(
 
 
 def iou_loss(
-    tracker: Any,
+    tracker: TrackerLike,
     keys: jax.Array,
     frames: Any,
     truth_boxes: ArrayLike,
@@ -164,17 +161,16 @@ def iou_loss(
     ``truth_boxes`` ``[T, P, 4]`` are x, y, w, h in pixels; a box of zero width or height is
     ignored.  ``sizes`` ``[P, 2]`` are width and height at scale 1, in pixels.
     """
-    tracker, frames = running.ready(tracker, frames, observed, inputs)
-    truth = _truth(truth_boxes, tracker, frames, least=4)
+    estimate = _record(_keep_estimate, tracker, keys, frames, checkpoint, observed, inputs)
+    truth = _truth(truth_boxes, estimate, least=4)
     labelled = is_proper(truth)
     # Dummy boxes replace missing ones, since 0/0 would put NaN into the gradient.
     truth = jnp.where(labelled[..., None], truth, jnp.ones_like(truth))
-    estimate = _record(tracker, keys, frames, _keep_estimate, checkpoint)
     return _loss(metrics.iou(boxes_from_substates(estimate, sizes), truth[:, None]), labelled)
 
 
 def outline_loss(
-    tracker: Any,
+    tracker: TrackerLike,
     keys: jax.Array,
     frames: Any,
     truth: ArrayLike,
@@ -189,13 +185,13 @@ def outline_loss(
     ``truth`` ``[T, P, V, 2]`` are corners in order, pixels; ``outlines`` is a function of estimates
     ``[..., P, D]`` -> corners ``[..., P, V, 2]``.
     """
-    tracker, frames = running.ready(tracker, frames, observed, inputs)
-    truth = _truth(truth, tracker, frames, num_axes=4)
+    estimate = _record(_keep_estimate, tracker, keys, frames, checkpoint, observed, inputs)
+    truth = _truth(truth, estimate, num_axes=4)
     labelled = jnp.all(jnp.isfinite(truth), axis=(-2, -1))
-    estimate = outlines(_record(tracker, keys, frames, _keep_estimate, checkpoint))
+    found = outlines(estimate)
     # Dummy outlines replace missing ones and keep NaN out of the gradient.
-    truth = jnp.where(labelled[..., None, None], truth, lax.stop_gradient(estimate[:, 0]))
-    return _loss(iou_of_outlines(estimate, truth[:, None]), labelled)
+    truth = jnp.where(labelled[..., None, None], truth, lax.stop_gradient(found[:, 0]))
+    return _loss(iou_of_outlines(found, truth[:, None]), labelled)
 
 
 def _loss(iou: jax.Array, labelled: jax.Array) -> jax.Array:
@@ -213,16 +209,19 @@ def _keep_estimate(state: object, summary: Summary) -> jax.Array:
 
 
 def _record(
+    record: Callable[[Any, Any], Any],
     tracker: TrackerLike,
     keys: jax.Array,
     frames: Any,
-    record: Callable[[Any, Any], Any],
     checkpoint: bool | int,
+    observed: Any,
+    inputs: Any,
 ) -> Any:
     """``record(state, summary)`` for every frame and run, leading axes ``[T, R]``.
 
     All runs advance together, so each frame is observed once for all of them.
     """
+    tracker, frames = running.ready(tracker, frames, observed, inputs)
     num_frames = running.num_frames(frames)
     keys = running.as_key(keys)
     if checkpoint is not False:
@@ -258,12 +257,13 @@ def _record(
     return jax.tree.map(lambda x, y: jnp.concatenate([x, y]), recorded, last)
 
 
-def _truth(
-    truth: ArrayLike, tracker: Any, frames: Any, num_axes: int = 3, least: int = 2
-) -> jax.Array:
-    """Labels as floats ``[T, P, ..., >= least]``; other shapes would broadcast in silence."""
+def _truth(truth: ArrayLike, estimate: jax.Array, num_axes: int = 3, least: int = 2) -> jax.Array:
+    """Labels as floats ``[T, P, ..., >= least]``; other shapes would broadcast in silence.
+
+    ``estimate`` is ``[T, R, P, D]``.
+    """
     truth = jnp.asarray(with_nan(truth))
-    begins, axes = (running.num_frames(frames), tracker.num_partitions), truth.shape
+    begins, axes = (len(estimate), estimate.shape[2]), truth.shape
     if len(axes) != num_axes or axes[:2] != begins or axes[-1] < least:
         form = ", ".join(map(str, [*begins, *["V"] * (num_axes - 3), f">= {least}"]))
         raise InputError(
@@ -277,8 +277,8 @@ def _truth(
     return truth
 
 
-def _places(truth: ArrayLike, tracker: TrackerLike, frames: Any) -> tuple[jax.Array, jax.Array]:
+def _places(truth: ArrayLike, estimate: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Labelled positions ``[T, P, 2]``, 0 where missing, and a mask of the labels."""
-    truth = _truth(truth, tracker, frames)[..., :2]
+    truth = _truth(truth, estimate)[..., :2]
     labelled = jnp.all(jnp.isfinite(truth), axis=-1)
     return jnp.where(labelled[..., None], truth, 0.0), labelled

@@ -24,19 +24,22 @@ from jaxpf.papers.paper import paper_of
 
 
 @pytest.mark.parametrize("paper", PAPERS)
-def test_every_row_has_the_cells_of_its_header(paper):
+def test_the_files_of_a_paper_are_whole(paper):
     """A comma without quotation marks cuts a sentence off."""
-    folder = Path(verdicts.__file__).parents[1] / paper
-    for path in folder.glob("*.csv"):
+    for path in (Path(papers.__file__).parent / paper).glob("*.csv"):
         with path.open(newline="", encoding="utf-8") as file:
             header, *rows = csv.reader(file)
         assert {len(row) for row in rows} <= {len(header)}, path.name
+    for name, columns in (("not_judged", "claim source reason"), ("settings", "setting value how")):
+        rows = list(read_rows(paper, f"{name}.csv"))
+        assert len(rows) > 3
+        assert all(row[column] for row in rows for column in columns.split())
+    assert all(all(row.values()) for row in verdicts.earlier(paper))
 
 
 @pytest.mark.parametrize("paper", PAPERS)
-def test_a_claim_has_eight_words_and_a_sentence(paper):
-    claims = claims_of(paper)
-    assert len(claims) > 9
+def test_a_claim_has_eight_words_a_sentence_and_a_verdict_that_says_what_it_rests_on(paper):
+    claims, stored = claims_of(paper), verdicts.stored(paper)
     for key, claim in claims.items():
         assert len(claim.claim.split()) <= 8, key
         assert claim.sentence.endswith("."), key
@@ -45,11 +48,6 @@ def test_a_claim_has_eight_words_and_a_sentence(paper):
         assert claim.at_least < claim.at_most
         if claim.margin:
             assert "ours" in claim.sentence or "Our margin" in claim.sentence
-
-
-@pytest.mark.parametrize("paper", PAPERS)
-def test_a_stored_verdict_says_what_it_rests_on(paper):
-    stored = verdicts.stored(paper)
     assert len({each.claim.key for each in stored}) == len(stored) > 9
     for each in stored:
         assert each.command.startswith(f"jaxpf reproduce {paper}")
@@ -92,23 +90,6 @@ def test_no_key_of_a_verdict_disappears():
     assert once <= now | earlier
     assert not now & earlier
     assert now <= once, "add the key to the list"
-    for paper in PAPERS:
-        for row in verdicts.earlier(paper):
-            assert all(row.values()), row["key"]
-
-
-@pytest.mark.parametrize("paper", PAPERS)
-def test_a_claim_without_a_verdict_has_a_reason(paper):
-    left = verdicts.not_judged(paper)
-    assert len(left) > 3
-    assert all(each["claim"] and each["source"] and each["reason"] for each in left)
-
-
-@pytest.mark.parametrize("paper", PAPERS)
-def test_chosen_settings_say_how_they_were_chosen(paper):
-    rows = list(read_rows(paper, "settings.csv"))
-    assert len(rows) > 3
-    assert all(row["setting"] and row["value"] and row["how"] for row in rows)
 
 
 def test_the_summary_counts_the_papers_own_claims():
@@ -126,19 +107,16 @@ def test_the_summary_counts_the_papers_own_claims():
     assert verdicts.summary("rowe2005", doubted).endswith("1 weaker than claimed, 1 open")
 
 
-def test_all_papers_fit_on_two_screens():
+def test_all_papers_fit_on_two_screens_and_their_details_on_its_width():
     result = jaxpf("verdicts")
     assert result.code == 0, result.err
     lines = result.out.splitlines()
     assert len(lines) <= 100
-    assert max(map(len, lines)) <= 100
     for paper in PAPERS:
-        assert verdicts.summary(paper, verdicts.stored(paper)) in lines
-
-
-@pytest.mark.parametrize("paper", PAPERS)
-def test_details_fit_the_screen_too(paper):
-    assert max(map(len, verdicts.report(paper, verdicts.stored(paper), details=True))) <= 100
+        stored = verdicts.stored(paper)
+        assert verdicts.summary(paper, stored) in lines
+        lines += verdicts.report(paper, stored, details=True)
+    assert max(map(len, lines)) <= 100
 
 
 def test_details_print_the_sentence_and_the_other_claims():

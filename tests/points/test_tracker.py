@@ -19,7 +19,7 @@ from jaxpf.points import draw_points
 from jaxpf.points.target import POINTS
 from jaxpf.targets import Looks, Marks, Start
 from jaxpf.targets.building import build, looks_of_scene
-from jaxpf.tuning.declared import with_tuned
+from jaxpf.tuning.sequences import with_tuned
 
 RNG = np.random.default_rng(0)
 PICTURE = np.kron(RNG.integers(30, 256, (20, 26, 3), dtype=np.uint8), np.ones((6, 6, 1), np.uint8))

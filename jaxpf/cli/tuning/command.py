@@ -29,7 +29,6 @@ from jaxpf.files.store import Store, locked
 from jaxpf.files.writing import check_output_folder, prepare_output_folder
 from jaxpf.targets import target_of_scene
 from jaxpf.targets.building import filter_for
-from jaxpf.tuning.declared import tuned_by_default
 from jaxpf.tuning.settings import Settings
 
 if TYPE_CHECKING:
@@ -307,7 +306,7 @@ def _recipe(
     """The recipe of the tracker before tuning, the options with their default parameters, and the
     recipe's options in command-line notation.
     """
-    from jaxpf.tuning.sequences import Recipe
+    from jaxpf.tuning.sequences import Recipe, tuned_by_default
 
     target = target_of_scene(scene, options.target)
     filter_ = filter_for(target, values["method"])

@@ -51,6 +51,7 @@ def tracker(
             "faster (colour appearance only).",
             compiles=True,
             needs=("appearance", "colour"),
+            rare=True,
         ),
     ] = "auto",
     ordering: Ordering | None = None,
@@ -63,7 +64,6 @@ def tracker(
             "distinguish each object from its surroundings, by colours and gradients; pretrained "
             "also by the features of a small network, which usually lose fewer objects (pip "
             "install 'jaxpf[pretrained]').  Auto is colour in synthetic scenes.",
-            common=True,
             compiles=True,
         ),
     ] = "auto",
@@ -97,6 +97,7 @@ def tracker(
             most=MOST,
             compiles=True,
             needs=("appearance", "colour"),
+            rare=True,
         ),
     ] = 2,
     network: Annotated[
@@ -105,6 +106,7 @@ def tracker(
             "File with the weights of EfficientNet-lite0, .pth or .npz; by default those of "
             "'jaxpf[pretrained]' (pretrained appearance only).",
             needs=("appearance", "pretrained"),
+            rare=True,
         ),
     ] = None,
     motion: Annotated[
@@ -113,7 +115,6 @@ def tracker(
             "Unit of the noise: pixels (noise_pixels), relative to the object's size "
             "(noise_relative) or auto.  Relative noise is heavy-tailed; auto is relative unless "
             "appearance is colour.",
-            common=True,
             compiles=True,
         ),
     ] = "auto",
@@ -139,6 +140,7 @@ def tracker(
             least=0,
             most=1,
             needs=("motion", "relative"),
+            rare=True,
         ),
     ] = DEFAULT_MOMENTUM,
     exclusion: Annotated[

@@ -61,7 +61,6 @@ def tracker(
         Option(
             "How shapes may change: translation, similarity (default; also turns and scales) or "
             "affine.  Other shapes are learned, see --learned.",
-            common=True,
             compiles=True,
         ),
     ] = None,
@@ -89,7 +88,6 @@ def tracker(
             "opaque is for two to four closed contours, of which nearer ones hide others; with "
             "none, look-alikes coalesce.  In wires-literal, opaque-literal and none-literal, as "
             "published, every line near an edge counts it.",
-            common=True,
             compiles=True,
         ),
     ] = "wires",
@@ -99,11 +97,18 @@ def tracker(
             "Width in pixels of a wire with two visible edges; by default that of the file (open "
             "contours only).",
             above=0,
+            rare=True,
         ),
     ] = None,
     lines: Annotated[
         int,
-        Option("Number of measurement lines on a contour.", least=4, most=1000, compiles=True),
+        Option(
+            "Number of measurement lines on a contour.",
+            least=4,
+            most=1000,
+            compiles=True,
+            rare=True,
+        ),
     ] = 32,
     line_length: Annotated[
         int,
@@ -113,23 +118,25 @@ def tracker(
             least=3,
             most=253,
             compiles=True,
+            rare=True,
         ),
     ] = 41,
     edge_threshold: Annotated[
-        float, Option("Weakest edge that counts, in grey levels per pixel.", least=0)
+        float, Option("Weakest edge that counts, in grey levels per pixel.", least=0, rare=True)
     ] = 8.0,
     edge_smoothing: Annotated[
         float,
         Option(
-            "Blur of the frame before edges are found, in pixels.", least=0, most=20, compiles=True
+            "Blur of the frame before edges are found, in pixels.",
+            least=0,
+            most=20,
+            compiles=True,
+            rare=True,
         ),
     ] = 1.0,
     sigma: Annotated[
         float,
-        Option(
-            "Standard deviation of an edge's distance from the contour, in pixels.",
-            above=0,
-        ),
+        Option("Standard deviation of an edge's distance from the contour, in pixels.", above=0),
     ] = 7.0,
     independence: Annotated[
         float,
@@ -138,6 +145,7 @@ def tracker(
             "see the same edge.  1 as published, where few particles keep any weight.",
             above=0,
             most=1,
+            rare=True,
         ),
     ] = 0.3,
     clutter: Annotated[
@@ -146,6 +154,7 @@ def tracker(
             "Mean number of edges on a measurement line of the background; by default the "
             "distribution of that number is learned from the start frame.",
             above=0,
+            rare=True,
         ),
     ] = None,
     slip: Annotated[
@@ -166,6 +175,7 @@ def tracker(
             least=0,
             most=1,
             needs=("exclusion", "opaque", "opaque-literal"),
+            rare=True,
         ),
     ] = None,
     **options: Unpack[FilterOptions],

@@ -32,7 +32,7 @@ class Argument(NamedTuple):
 
 
 def choice(name: str, value: str) -> Argument:
-    """A named choice in a message: ``swap='none'``; ``--swap none`` on the command line."""
+    """A named choice in a message: ``motion='pixels'``; ``--motion pixels`` on the command line."""
     return Argument(name, repr(value), "=", value)
 
 

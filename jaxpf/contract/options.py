@@ -37,7 +37,7 @@ class Option:
         needs: another option of the same owner, then its values with which this one applies; giving
             this one selects the first of them if the other is left open.
         flags: further flags, such as ``-n``.
-        common: whether it has a flag of its own; the others are given by ``--set NAME=VALUE``.
+        rare: whether the command line takes it by ``--set NAME=VALUE`` instead of a flag.
         path: the value's pytree path in a tracker, if it can be tuned.
         factors: factors from the option's numbers to those in the tracker, such as degrees to
             radians; () for 1.
@@ -59,7 +59,7 @@ class Option:
     most: float = math.inf
     needs: tuple[str, ...] = ()
     flags: tuple[str, ...] = ()
-    common: bool = False
+    rare: bool = False
     path: str = ""
     factors: tuple[float, ...] = ()
     tuned: tuple[str, ...] = ()
@@ -74,8 +74,8 @@ class Option:
 
     @property
     def flag(self) -> str:
-        """The flag, such as ``--ess-threshold``."""
-        return f"--{self.name.replace('_', '-')}"
+        """How the command line spells it, such as ``--num-particles`` or ``--set resampling``."""
+        return f"--set {self.name}" if self.rare else f"--{self.name.replace('_', '-')}"
 
     def applies(self, values: Mapping[str, Any]) -> bool:
         """Whether it applies with these values of the owner's options."""

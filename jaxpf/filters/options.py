@@ -14,6 +14,7 @@ Order = Annotated[
         least=0,
         places=True,
         needs=("method", "ps"),
+        rare=True,
     ),
 ]
 Swap = Annotated[
@@ -22,6 +23,7 @@ Swap = Annotated[
         "How sps exchanges parts between particles: combinatorial (unbiased), sorted (as published "
         "in 2011; biased), random or none.",
         needs=("method", "sps"),
+        rare=True,
     ),
 ]
 NumParticles = Annotated[
@@ -31,11 +33,10 @@ NumParticles = Annotated[
         least=1,
         most=MOST,
         flags=("-n",),
-        common=True,
         compiles=True,
     ),
 ]
-Resampling = Annotated[Any, Option("Resampling scheme.", choices=SCHEMES, compiles=True)]
+Resampling = Annotated[Any, Option("Resampling scheme.", choices=SCHEMES, compiles=True, rare=True)]
 EssThreshold = Annotated[
     Any,
     Option(
@@ -44,6 +45,7 @@ EssThreshold = Annotated[
         kind=float,
         least=0,
         most=1,
+        rare=True,
     ),
 ]
 JointWeighting = Annotated[
@@ -52,16 +54,19 @@ JointWeighting = Annotated[
         "Weight each object by the joint likelihood, with the others as predicted; for objects "
         "that exclude one another, such as contours.",
         compiles=True,
+        rare=True,
     ),
 ]
-Upsampling = Annotated[int, Option("Moves per particle.", least=1, most=1000, compiles=True)]
+Upsampling = Annotated[
+    int, Option("Moves per particle.", least=1, most=1000, compiles=True, rare=True)
+]
 Drift = Annotated[
     Literal["clip", "signed", "literal", "ridge", "none"],
-    Option("How objects move together (eskil only).", compiles=True),
+    Option("How objects move together (eskil only).", compiles=True, rare=True),
 ]
 Shape = Annotated[
     Literal["relative", "pixels", "none"],
-    Option("How objects keep their distances (eskil only).", compiles=True),
+    Option("How objects keep their distances (eskil only).", compiles=True, rare=True),
 ]
 ShapeScale = Annotated[
     Any,
@@ -70,6 +75,7 @@ ShapeScale = Annotated[
         kind=float,
         above=0,
         path="shape_scale",
+        rare=True,
     ),
 ]
 VelocityMemory = Annotated[
@@ -79,11 +85,16 @@ VelocityMemory = Annotated[
         least=2,
         most=1000,
         compiles=True,
+        rare=True,
     ),
 ]
 Proper = Annotated[
     bool,
-    Option("The drift is a proposal instead of part of the dynamics (eskil only).", compiles=True),
+    Option(
+        "The drift is a proposal instead of part of the dynamics (eskil only).",
+        compiles=True,
+        rare=True,
+    ),
 ]
 Form = Annotated[
     Literal["auxiliary", "literal"],
@@ -91,6 +102,7 @@ Form = Annotated[
         "How pffl weights: as a properly weighted auxiliary particle filter, or literally as "
         "published.",
         compiles=True,
+        rare=True,
     ),
 ]
 Weights = Annotated[
@@ -100,6 +112,7 @@ Weights = Annotated[
         "published; biases the evidence), plain (in proportion to their likelihoods), corrected "
         "(equal shares, weights kept).",
         compiles=True,
+        rare=True,
     ),
 ]
 Feedback = Annotated[
@@ -107,6 +120,7 @@ Feedback = Annotated[
     Option(
         "Whether labelled particles move at their own speed (none) or at that of the estimate.",
         compiles=True,
+        rare=True,
     ),
 ]
 Regularise = Annotated[
@@ -117,6 +131,7 @@ Regularise = Annotated[
         above=0,
         most=1,
         path="regularise",
+        rare=True,
     ),
 ]
 

@@ -106,8 +106,7 @@ def _partitioned(
         Option(
             "sir (bootstrap filter, all objects at once), ps (one after another), dps (ps in as "
             "many orders as there are objects; not for part trees), sps (side by side, then "
-            "exchanged between particles).",
-            common=True,
+            "exchanged between particles)."
         ),
     ] = "dps",
     ordering: Ordering | None = None,

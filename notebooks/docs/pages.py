@@ -11,7 +11,6 @@ import numpy as np
 import jaxpf
 import scenes
 from jaxpf import cli, media
-from jaxpf.cli.shared.flags import ALL
 from jaxpf.files.tables import markdown_table
 from jaxpf.papers import PAPERS
 from jaxpf.papers.judging import verdicts
@@ -76,7 +75,6 @@ def _command(folder, command, path):
     """Its whole help, as the terminal shows it."""
     title = " ".join(("jaxpf", *path))
     context = click.Context(command, info_name=title, terminal_width=79)
-    context.meta[ALL] = True
     lines = command.get_help(context).splitlines()
     body = "\n".join(f"   {line}".rstrip() for line in lines)
     name = "-".join(("jaxpf", *path))

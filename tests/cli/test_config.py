@@ -49,8 +49,8 @@ def refusal(tmp_path, monkeypatch):
         ("[track]\nbox = [6, 8, 12, 16]", "box '6'"),
         ("[track]\nbox = [[70, 0, 5, 5]]", "(70,0,5,5)"),
         ("[track]\nbox = ['70,0,5,5']", "(70,0,5,5)"),
-        ("[track]\ness_threshold = 2", "--ess-threshold 2"),
-        ("[track]\nparts = 'a.csv'", "--parts"),
+        ("[track]\ness_threshold = 2", "--set ess_threshold=2"),
+        ("[track]\nparts = 'a.csv'", "'parts'"),
         ("[track]\ntarget = 'trees'", "'trees'"),
     ],
     ids=range(19),
@@ -106,7 +106,7 @@ def test_what_is_typed_wins_over_the_configuration(tmp_path, monkeypatch, writte
 
 def test_a_typed_order_that_a_typed_method_has_not_is_refused(refusal):
     assert "only with --method ps" in refusal(
-        "[track]\nmethod = 'ps'", *["--method", "dps", "--order", "2,1"]
+        "[track]\nmethod = 'ps'", *["--method", "dps", "--set", "order=2,1"]
     )
 
 

@@ -13,7 +13,7 @@ from csv_rows import rows_of
 
 WIDTH, HEIGHT, LENGTH = 120, 90, 6
 #: Every run has these, so that the filter is compiled once.
-FEW = ("-n", "60", "--lines", "8", "--line-length", "21", "--sigma", "3")
+FEW = ("-n", "60", "--set", "lines=8", "--set", "line_length=21", "--sigma", "3")
 
 
 def wire(side, time):
@@ -136,7 +136,9 @@ def test_three_opaque_contours_are_tracked_and_drawn(tmp_path):
     corners = np.array([(0, -22), (18, 0), (0, 22), (-18, 0)]) * 1.3
     points = {name: corners + middle for name, middle in middles.items()}
     start = contours(tmp_path, closed=True, contours=points)
-    outcome = track(tmp_path, start, tmp_path / "out", "--exclusion", "opaque", "--clutter", "1")
+    outcome = track(
+        tmp_path, start, tmp_path / "out", "--exclusion", "opaque", "--set", "clutter=1"
+    )
     assert outcome.code == 0, outcome.err
     rows = rows_of(tmp_path / "out" / "outlines.csv")
     assert {row["id"] for row in rows} == {"a", "b", "c"}
@@ -152,9 +154,9 @@ FIVE = {"closed": True, "contours": dict.fromkeys("abcde", LEAF)}
         ({}, "--exclusion opaque", "open contours"),
         (FIVE, "--exclusion opaque", "5 opaque"),
         ({"contours": {"far": [[200, 2], [203, 4], [200, 9], [209, 9]]}}, "", "'far'"),
-        ({}, "--wire-width 30 --clutter 1", "width 30"),
-        ({}, "--edge-threshold 1000", "threshold"),
-        ({}, "--flip 0.1 --exclusion wires", "--flip works only with --exclusion opaque"),
+        ({}, "--set wire_width=30 --set clutter=1", "width 30"),
+        ({}, "--set edge_threshold=1000", "threshold"),
+        ({}, "--set flip=0.1 --exclusion wires", "--set flip works only with --exclusion opaque"),
         ({}, "--shape-space translation --noise-bend 1", "--noise-bend 1"),
         pytest.param({}, "--method labelled", "log_joint", marks=pytest.mark.slow),
         ({}, "--truth gt.csv", "--truth"),

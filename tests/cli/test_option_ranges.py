@@ -66,7 +66,8 @@ def test_a_value_outside_its_range_is_refused_with_the_option_and_the_range(tmp_
     seen = set()
     for arguments, option in every_refusal(tmp_path):
         for value in outside(option):
-            asked = (*arguments, option.flag, value)
+            words = option.flag.split()
+            asked = (*arguments, words[0], f"{words[1]}={value}" if option.rare else value)
             outcome = jaxpf(*asked)
             assert (outcome.code, outcome.out) == (2, ""), asked
             assert outcome.err.startswith("Error: "), (asked, outcome.err)

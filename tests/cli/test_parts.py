@@ -144,7 +144,12 @@ def test_the_configuration_repeats_the_run(whole_run, clip, parts):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
-    ["--method ps --order 1,3,2,5,4", "--swap sorted", "--dynamics absolute", "--likelihood patch"],
+    [
+        "--method ps --set order=1,3,2,5,4",
+        "--set swap=sorted",
+        "--dynamics absolute",
+        "--set likelihood=patch",
+    ],
 )
 def test_other_ways_to_track_parts(scene, track, tmp_path, options):
     sharpness = ("--sharpness", 20) if "patch" in options else ()
@@ -157,7 +162,7 @@ def test_other_ways_to_track_parts(scene, track, tmp_path, options):
 
 def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_path):
     config = ("--config", whole_run[1] / "run.toml", "--box", "900,900,5,5", "-o", tmp_path / "o")
-    assert "--box works only for boxes" in refusal_of("track", clip, *config)
+    assert "No such option '--box'" in refusal_of("track", clip, *config)
     assert "run.toml' is not for boxes" in refusal_of("track", "boxes", clip, *config)
 
 
@@ -166,8 +171,8 @@ def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_pat
     [
         ("--box 1,2,3,4", "", "--box"),
         ("--truth gt.csv", "", "--truth"),
-        ("--method ps --order 2,1,3,4,5", "", "part 2"),
-        ("--likelihood patch --bands 2", "", "--bands works only with"),
+        ("--method ps --set order=2,1,3,4,5", "", "part 2"),
+        ("--set likelihood=patch --set bands=2", "", "--set bands works only with"),
         ("--dynamics absolute --noise-joints 1,1,2", "", "--noise-joints"),
         ("", "tail,body,1000,10,5,5,0", "'tail' is at (1000, 10)"),
         ("", "tail,body,10,10,0.4,5,0", "'tail' is 0.4"),

@@ -101,8 +101,7 @@ def test_every_refusal_is_one_line(arguments, named):
     "command", ["evaluate", "tune", "track boxes", "track contours", "reproduce", "contour learn"]
 )
 def test_help_has_no_stray_blanks(command):
-    wanted = "--help" if command in ("reproduce", "contour learn") else "--help-all"
-    shown = jaxpf(*command.split(), wanted).out
+    shown = jaxpf(*command.split(), "--help").out
     assert "\n\n\n" not in shown
     assert not re.search(r"[ \t]\n", shown)
     description = re.split(r"\n\n(?=\S)", shown)[0].split("\n\n", 1)[1]
@@ -117,14 +116,14 @@ def test_help_has_no_stray_blanks(command):
         ("track boxes", "300"),
         ("track points", "1000"),
         ("track contours", "500"),
-        ("evaluate", "300; points 1000, contours 500"),
+        ("evaluate", "300"),
         ("tune", "100"),
     ],
 )
 def test_help_shows_the_number_of_particles_and_names_the_effect_first(command, default):
     shown = " ".join(jaxpf(*command.split(), "--help").out.split())
-    assert f"Number of particles. [default: {default}]" in shown
-    every = jaxpf(*command.split(), "--help-all").out
+    assert f"Number of particles; of eskil and pffl, of each object. [default: {default}]" in shown
+    every = jaxpf(*command.split(), "--help").out
     scope_first = (
         r"  (Of (points|parts|contours|centrelines|relative|discrim)|For sps|With --detections:)"
     )

@@ -37,7 +37,7 @@ def tracker(
     frame,
     spots,
     *,
-    step: Annotated[float, Option("Noise per frame, pixels.", above=0, common=True)] = 3.0,
+    step: Annotated[float, Option("Noise per frame, pixels.", above=0)] = 3.0,
     **options: Any,
 ):
     places = spots.shapes.astype(np.float32)

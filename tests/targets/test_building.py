@@ -61,11 +61,11 @@ STARTS = {
 GIVEN = {
     "boxes": (
         {"appearance": "colour", "sharpness": 3.0, "momentum": 0.1},
-        ["--appearance=colour", "--sharpness=3", "--momentum=0.1"],
+        ["--appearance=colour", "--sharpness=3", "--set=momentum=0.1"],
     ),
     "points": ({"method": "pffl", "noise_points": 4.0}, ["--method=pffl", "--noise-points=4"]),
-    "parts": ({"num_particles": 50, "bands": 2}, ["--num-particles=50", "--bands=2"]),
-    "contours": ({"method": "sir", "clutter": 2.0}, ["--method=sir", "--clutter=2"]),
+    "parts": ({"num_particles": 50, "bands": 2}, ["--num-particles=50", "--set=bands=2"]),
+    "contours": ({"method": "sir", "clutter": 2.0}, ["--method=sir", "--set=clutter=2"]),
 }
 
 

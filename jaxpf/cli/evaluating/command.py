@@ -171,26 +171,25 @@ command = SceneCommand(
     "evaluate",
     {"Scene": SceneOptions, "What is compared": Compared, "Runs and work": Work},
     _command,
-    rare=("target", "scene_seed", "start_frame", "swaps", "devices", "speed"),
     grid=True,
     without=VARIED,
     help="""Compare methods on SCENE over many runs, with intervals, and write tables and a report.
 
     SCENE is a folder with a sequence and its truth, a folder of such folders, the name of a
     synthetic scene, such as distracter, or a function that makes a scene, file.py:function.
-    Comma-separated values of options are all combined; `jaxpf evaluate SCENE --help` shows the
-    options for the objects in that scene.
+    Comma-separated values of options are all combined.
 
     The same command resumes after an interruption, or adds runs if --runs is larger.
 
     Examples: jaxpf evaluate distracter --sharpness 20,30,40,50
 
     jaxpf evaluate FOLDER --baseline all --speed
-    """,
-    more="""A sequence is a folder with a video or frames, gt.csv and meta.json, or a MOTChallenge
+
+    A sequence is a folder with a video or frames, gt.csv and meta.json, or a MOTChallenge
     or OTB sequence.  The sequences of a folder are evaluated one after another.  Tables over all of
     them have intervals over the sequences.
 
     Runs are stored batch by batch.  The results of a seed depend neither on --workers nor on
-    --devices.""",
+    --devices.
+    """,
 )

@@ -42,7 +42,7 @@ class Compared:
     methods: Annotated[
         str | None,
         Option(
-            f"Comma-separated: {', '.join(filters.methods())}.  `jaxpf track --help-all` explains "
+            f"Comma-separated: {', '.join(filters.methods())}.  `jaxpf track --help` explains "
             "them; by default sir, ps, dps and sps, if they suit the scene, and only sir for one "
             "object."
         ),

@@ -84,13 +84,11 @@ def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
             "before the video, or choose another configuration."
         )
     accepted = {str(param.name): param for param in ctx.command.params if param.name != "config"}
+    accepted |= getattr(ctx.command, "rare", {})
     options = {}
     for key, value in table.items():
         param = accepted.get(key.replace("-", "_"))
         if param is None:
-            hint = getattr(ctx.command, "hint", lambda flag: "")(f"--{key.replace('_', '-')}")
-            if hint:
-                raise InputError(f"the configuration '{path}' sets '{key}' in [{name}]: {hint}")
             raise InputError(
                 f"the configuration '{path}' sets '{key[:40]}' in [{name}], which is not an "
                 f"option; the options are {', '.join(sorted(accepted))}."

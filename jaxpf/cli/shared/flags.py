@@ -1,141 +1,109 @@
-"""Flags of declared options, and help that fits on a screen.
-
-Option classes (``jaxpf.contract.options``) fully describe each option; one loop makes its flag.
-Help explains the common options by section and lists only the names of the rest, which
-``--help-all`` explains.
-"""
+"""Flags of declared options (``jaxpf.contract.options``); rare ones by ``--set NAME=VALUE``."""
 
 import dataclasses
-import inspect
-import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from jaxpf import filters
-from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, NumberList, PlainCommand
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import plain
 from jaxpf.contract.options import OPEN, Option, applying, complete, options_of
-from jaxpf.targets import all_targets
+from jaxpf.filters import Filter
+from jaxpf.targets import Target, all_targets
 
-if TYPE_CHECKING:
-    from jaxpf.filters.registry import Filter
-    from jaxpf.targets.target import Target
+_SET = "A further option, NAME=VALUE; repeat it.  They are {names}, explained in {where}."
 
 
 class Flag(click.Option):
-    """An option with its place in the help.
+    """An option with its section in the help; a rare one has no flag, see ``Command``."""
 
-    Attributes:
-        section: help section.
-        common: whether ``--help`` explains it or only lists its name.
-        is_named: whether ``--help`` lists it at all.
-    """
-
-    def __init__(
-        self, *spellings: Any, section: str = "Options", common: bool = True, **about: Any
-    ):
+    def __init__(self, *spellings: Any, section: str = "Options", rare: bool = False, **about: Any):
         super().__init__(*spellings, **about)
-        self.section, self.common, self.is_named = section, common, True
+        self.section, self.rare = section, rare
 
-    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
-        """Spellings and help: first sentence and default only, unless ``--help-all`` is given."""
-        record = super().get_help_record(ctx)
-        if record is None or ctx.meta.get(ALL):
-            return record
-        first, *_, last = record[1].split(".  ") * 2
-        default = f".  {last}" if last != first and last.startswith("[default") else ""
-        return record[0], first.removesuffix(".") + (default or ".")
+    def get_error_hint(self, ctx: click.Context | None) -> str:
+        """How messages show it."""
+        return f"'--set {self.name}'" if self.rare else super().get_error_hint(ctx)
 
 
 class Command(PlainCommand):
-    """A command with help in sections, see ``Flag``.
+    """A command with help in sections, and rare options by ``--set``."""
 
-    ``--help`` explains each common option in a sentence and lists the names of the rest;
-    ``--help-all`` explains every option.
-    """
-
-    def __init__(self, *arguments: Any, more: str = "", **settings: Any):
-        """Make the command.
-
-        Args:
-            arguments: see ``click.Command``.
-            more: text shown by ``--help-all`` only.
-            settings: see ``click.Command``.
-        """
+    def __init__(self, *arguments: Any, where: str = "", **settings: Any):
+        """Make the command; ``where`` the rare options are explained, the rest as by click."""
         super().__init__(*arguments, **settings)
-        self.more = inspect.cleandoc(more)
-        self.params.append(_help_all())
+        rare = [each for each in self.params if isinstance(each, Flag) and each.rare]
+        self.rare = {str(each.name): each for each in rare}
+        self.params = [each for each in self.params if each.name not in self.rare]
+        about = _SET.format(names=", ".join(sorted(self.rare)), where=where)
+        own = [each for each in self.params if each.name == "set"]
+        self.takes_others = bool(own)
+        if own and isinstance(own[0], click.Option):
+            own[0].help = f"{own[0].help}  {about}"
+        elif self.rare:
+            section = getattr(self.params[-1], "section", "Options")
+            extra = Flag(
+                ["--set"], section=section, multiple=True, metavar="NAME=VALUE", help=about
+            )
+            self.params.append(extra)
 
-    def shown(self, ctx: click.Context) -> list[click.Parameter]:
-        """The parameters to show in the help, in order."""
-        return self.get_params(ctx)
-
-    def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the description of the command."""
-        super().format_help_text(ctx, formatter)
-        if ctx.meta.get(ALL) and self.more:
-            formatter.write_paragraph()
-            with formatter.indentation():
-                formatter.write_text(self.more)
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse as click does; then move rare options from ``--set`` to values of their own."""
+        try:
+            rest = super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            name = error.option_name.removeprefix("--").replace("-", "_")
+            if name not in self.rare:
+                raise
+            how = f"No such option {error.option_name}; write --set {name}=VALUE"
+            raise click.NoSuchOption(error.option_name, how, ctx=ctx) from None
+        given: dict[str, list[str]] = {}
+        others = []
+        for text in ctx.params.pop("set", None) or ():
+            name, value = pair("--set", text, str)
+            if (plain_name := name.replace("-", "_")) in self.rare:
+                given.setdefault(plain_name, []).append(value)
+            elif self.takes_others:
+                others.append(text)
+            else:
+                known = ", ".join(sorted(self.rare))
+                raise InputError(f"--set {name} is not an option; there are {known}.")
+        if self.takes_others:
+            ctx.params["set"] = tuple(others)
+        written = ctx.default_map or {}
+        for name, flag in self.rare.items():
+            raw: Any = written.get(name)
+            source = click.core.ParameterSource.DEFAULT_MAP
+            if name in given:
+                raw = given[name] if flag.multiple else given[name][-1]
+                source = click.core.ParameterSource.COMMANDLINE
+            ctx.params[name] = None if raw is None else flag.type_cast_value(ctx, raw)
+            ctx.set_parameter_source(name, source)
+        return rest
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the sections, then the names of the omitted options."""
-        explained: dict[str, list[tuple[str, str]]] = {}
-        left_out: dict[str, list[str]] = {}
-        unnamed: list[str] = []
+        """Write the options, a section after the other."""
+        sections: dict[str, list[tuple[str, str]]] = {}
         title = "Options"
-        for param in self.shown(ctx):
-            if not isinstance(param, click.Option) or param.hidden:
-                continue
+        for param in self.get_params(ctx):
             title = getattr(param, "section", title)
-            if not ctx.meta.get(ALL) and not getattr(param, "common", True):
-                if getattr(param, "is_named", True):
-                    left_out.setdefault(title, []).append(param.opts[0])
-                elif title not in unnamed:
-                    unnamed.append(title)
-            elif record := param.get_help_record(ctx):
-                explained.setdefault(title, []).append(record)
-        for title, records in explained.items():
+            if isinstance(param, click.Option) and (record := param.get_help_record(ctx)):
+                sections.setdefault(title, []).append(record)
+        for title, records in sections.items():
             with formatter.section(title):
                 formatter.write_dl(records, col_max=28)
-        if left_out:
-            rows: list[tuple[str, str]] = []
-            for title, names in left_out.items():
-                width = formatter.width - 2 - max(map(len, left_out)) - 2
-                lines = textwrap.wrap(" ".join(names), width, break_on_hyphens=False)
-                rows += zip([title, *[""] * len(lines)], lines, strict=False)
-            if unnamed:
-                families = ", ".join(title.removeprefix(_FOR) for title in unnamed)
-                rows.append(("Other families", f"options of {families}"))
-            with formatter.section("More, explained by --help-all"):
-                formatter.write_dl(rows)
 
 
-ALL = "jaxpf.cli.help_all"
-#: How the title of a section for some methods or a kind of target begins.
-_FOR = "For "
-
-
-def _help_all() -> click.Option:
-    def show(ctx: click.Context, param: click.Parameter, wanted: bool) -> None:
-        if wanted and not ctx.resilient_parsing:
-            ctx.meta[ALL] = True
-            say(ctx.get_help())
-            ctx.exit()
-
-    return click.Option(
-        ["--help-all"],
-        is_flag=True,
-        is_eager=True,
-        expose_value=False,
-        callback=show,
-        help="Explain every option, and exit.",
-    )
+def pair(option: str, text: str, convert: Callable[[str], Any]) -> tuple[str, Any]:
+    """Parse ``NAME=VALUE``."""
+    name, equals, value = text.partition("=")
+    if not (equals and name.strip() and value.strip()):
+        raise InputError(f"{option} {text!r} must have the form NAME=VALUE.")
+    return name.strip(), convert(value.strip())
 
 
 def declared_flags(
@@ -144,7 +112,6 @@ def declared_flags(
     *,
     defaults: Mapping[str, Any] | None = None,
     grid: bool = False,
-    rare: Sequence[str] | None = None,
 ) -> list[Flag]:
     """Make the flags of declared options.
 
@@ -154,40 +121,32 @@ def declared_flags(
         defaults: defaults that differ from the declared ones.
         grid: whether each flag takes several comma-separated values; an option of several numbers
             is repeated instead.
-        rare: for a command's own options: those explained by ``--help-all`` only.
     """
     flags = []
     for option in declared.values():
         default = (defaults or {}).get(option.name, option.default)
-        about: dict[str, Any] = {
-            "section": section,
-            "common": option.common if rare is None else option.name not in rare,
-            "help": _help(option, default, states_off=rare is None),
-        }
-        spellings = [option.flag, *option.flags, option.name]
+        about: dict[str, Any] = {"section": section, "rare": option.rare}
+        about["help"] = _help(option, default)
+        spelling = f"--{option.name.replace('_', '-')}"
         if option.kind is bool:
             about |= {"is_flag": True, "default": None}
-            if option.default or rare is None:
-                spellings[0] = f"{option.flag}/--no-{option.flag.removeprefix('--')}"
+            if option.default:
+                spelling = f"{spelling}/--no-{spelling.removeprefix('--')}"
         else:
             about["type"], about["multiple"] = _click_type(option, grid)
-        flags.append(Flag(spellings, **about))
+        flags.append(Flag([spelling, *option.flags, option.name], **about))
     return flags
 
 
-def _help(option: Option, default: object, *, states_off: bool) -> str:
-    """What the option does, its choices, and its default; of a boolean "off" only on request."""
+def _help(option: Option, default: object) -> str:
+    """What the option does, its choices and its default."""
     text = option.help
     if option.name != "method" and not all(choice in text for choice in option.choices):
         effect, *more = text.split(".  ", 1)
         text = ".  ".join([f"{effect.removesuffix('.')}: {_either(option.choices)}.", *more])
-    if default is None or default == () or "default" in text:
+    if default is None or default is False or default == () or "default" in text:
         return text
-    if isinstance(default, bool):
-        shown = "on" if default else "off" if states_off else ""
-    else:
-        shown = plain(default)
-    return f"{text}  [default: {shown}]" if shown else text
+    return f"{text}  [default: {'on' if default is True else plain(default)}]"
 
 
 def _either(names: Sequence[str]) -> str:
@@ -209,62 +168,13 @@ def _click_type(option: Option, grid: bool) -> tuple[Any, bool]:
     return (str if option.kind is str else NumberList(option.kind)), False
 
 
-def filter_flags(
-    defaults: Mapping[str, Any],
-    *,
-    grid: bool = False,
-    without: Sequence[str] = (),
-    methods: Sequence[str] = (),
-    family: "Filter | None" = None,
-    unsuited: Sequence[str] = (),
-) -> list[Flag]:
-    """Make the flags of all filters: first those shared by several filters, then those of each.
-
-    Args:
-        defaults: target defaults that differ from the filters'.
-        grid: see ``declared_flags``.
-        without: names to omit.
-        methods: methods whose filters have flags; default all.
-        family: filter whose methods and options ``--help`` shows; ``--help-all`` shows the rest.
-            Default all.
-        unsuited: methods that the target refuses, which are not shown.
-    """
-    families = list(filters.all_filters().values())
-    meant = options_of(
-        *(each.build for each in families if not methods or set(each.methods) & set(methods))
-    )
-    shared: dict[str, Option] = {}
-    for each in families:
-        for name, declared in options_of(each.build).items():
-            if sum(name in options_of(other.build) for other in families) > 1:
-                first = shared.setdefault(name, declared)
-                if declared.help not in first.help:
-                    shared[name] = dataclasses.replace(first, help=f"{first.help}  {declared.help}")
-    method = shared["method"]
-    shown = filters.methods() if family is None else family.methods
-    names = f"Sampling: {_either([name for name in shown if name not in unsuited])}."
-    if others := [name for name in filters.methods() if name not in (*shown, *unsuited)]:
-        names += f"  Other families: {', '.join(others)}."
-    shared["method"] = dataclasses.replace(method, help=f"{names}  {method.help}")
-    sections, refused = {"Filter": shared}, set()
-    for each in families:
-        if set(each.methods) <= set(unsuited):
-            refused.add(_section(each))
-        own = options_of(each.build)
-        sections[_section(each)] = {n: own[n] for n in own if n not in shared}
-    flags = []
-    for title, options in sections.items():
-        chosen = {n: option for n, option in options.items() if n in meant and n not in without}
-        for flag in declared_flags(chosen, title, defaults=defaults, grid=grid):
-            flag.is_named = family is None or title in ("Filter", _section(family))
-            flag.hidden = title in refused
-            flags.append(flag)
-    return flags
-
-
-def _section(family: "Filter") -> str:
-    """Title of the help section for a filter's own options."""
-    return _FOR + ", ".join(family.methods)
+def filter_options(unsuited: Sequence[str] = ()) -> dict[str, Option]:
+    """The options of all filters but those whose methods are ``unsuited``."""
+    families = [each for each in filters.all_filters().values() if {*each.methods} - {*unsuited}]
+    declared = options_of(*(each.build for each in families))
+    about = [options_of(each.build)["method"].help.removesuffix(".") for each in families]
+    method = dataclasses.replace(declared["method"], help=f"Sampling: {', '.join(about)}.")
+    return {**declared, "method": method}
 
 
 def start_flags(flags: Mapping[str, Mapping[str, Any]], section: str) -> list[Flag]:
@@ -319,7 +229,7 @@ def _from_people(option: Option, value: Any) -> Any:
     return tuple(place - 1 for place in value)
 
 
-def refuse_others(values: Mapping[str, Any], target: "Target", filter_: "Filter") -> None:
+def refuse_others(values: Mapping[str, Any], target: Target, filter_: Filter) -> None:
     """Refuse options of another target or another filter.
 
     Args:
@@ -331,21 +241,20 @@ def refuse_others(values: Mapping[str, Any], target: "Target", filter_: "Filter"
     of_targets = {name: options_of(each.tracker) for name, each in all_targets().items()}
     of_filters = [(each, options_of(each.build)) for each in filters.all_filters().values()]
     for name in [name for name in given_in(values) if name not in own]:
+        having = [(each, options[name]) for each, options in of_filters if name in options]
         methods = [
             method
-            for family, options in of_filters
-            if name in options
+            for family, option in having
             for method in family.methods
-            if options[name].applies({"method": method}) and method not in target.unsuited
+            if option.applies({"method": method}) and method not in target.unsuited
         ]
-        flag = f"--{name.replace('_', '-')}"
         if methods:
             raise InputError(
-                f"{flag} works only with --method {' or '.join(methods)}, and this run uses the "
-                f"{filter_.name} filter; leave it out, or use --method {methods[0]}."
+                f"{having[0][1].flag} works only with --method {' or '.join(methods)}, and this "
+                f"run uses the {filter_.name} filter; leave it out, or use --method {methods[0]}."
             )
         if owners := [kind for kind, options in of_targets.items() if name in options]:
             raise InputError(
-                f"{flag} works only for {' and '.join(owners)}, and the targets are {target.name}; "
-                "leave it out."
+                f"{of_targets[owners[0]][name].flag} works only for {' and '.join(owners)}, and "
+                f"the targets are {target.name}; leave it out."
             )

@@ -1,7 +1,7 @@
 """Commands whose errors use command-line notation, ``--frames 0``, and their usual options."""
 
 import errno
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +53,9 @@ class NumberList(click.ParamType):
 class PlainCommand(click.Command):
     """A command whose error messages name flags instead of arguments."""
 
+    #: Options without a flag of their own, by name.
+    rare: Mapping[str, click.Option] = {}
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command and show its errors with the names of its flags."""
         flags = {
@@ -64,6 +67,10 @@ class PlainCommand(click.Command):
         def show(argument: Argument) -> str:
             # The frames of a clip are `num_frames` in Python.
             flag = flags.get(argument.name) or flags.get(argument.name.removeprefix("num_"))
+            if argument.name in self.rare:
+                return argument.as_flag(f"--set {argument.name}").replace(
+                    f"{argument.name} ", f"{argument.name}=", 1
+                )
             return argument.as_flag(flag) if flag else str(argument)
 
         try:

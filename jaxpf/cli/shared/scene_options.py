@@ -1,6 +1,5 @@
 """Options shared by `jaxpf evaluate` and `jaxpf tune`: a scene, and options of its target."""
 
-import contextlib
 import dataclasses
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -9,14 +8,11 @@ from typing import Annotated, Any
 
 import click
 
-from jaxpf import filters
 from jaxpf.cli.shared.config import config_flag
-from jaxpf.cli.shared.flags import ALL, Command, Flag, declared_flags, filter_flags
+from jaxpf.cli.shared.flags import Command, declared_flags, filter_options, pair
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import Option, options_of
-from jaxpf.targets import all_targets, find_target, target_of_scene
-
-_TARGET, _METHODS = "jaxpf.cli.target", "jaxpf.cli.methods"
+from jaxpf.targets import DEFAULT, all_targets
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,21 +41,10 @@ class SceneOptions:
     ] = None
 
 
-def _particles() -> str:
-    """The default number of particles, with the targets that have another."""
-    defaults = {name: target.defaults for name, target in all_targets().items()}
-    others = [
-        f"{name} {own['num_particles']}" for name, own in defaults.items() if "num_particles" in own
-    ]
-    usual = options_of(filters.filter_of("dps").build)["num_particles"].default
-    return f"{usual}; {', '.join(others)}"
-
-
 class SceneCommand(Command):
-    """A command on a scene, with options of the scene's target and of the methods.
+    """A command on a scene, with options of all kinds of target and of all filters.
 
-    The target is known only once the scene is open.  Options of all targets are parsed first and
-    those of other targets refused later; ``COMMAND SCENE --help`` explains this target's options.
+    The target is known only once the scene is open; then options of other targets are refused.
     """
 
     def __init__(
@@ -68,7 +53,6 @@ class SceneCommand(Command):
         options: Mapping[str, type],
         callback: Callable[..., None],
         *,
-        rare: Sequence[str],
         grid: bool = False,
         without: Sequence[str] = (),
         defaults: Mapping[str, Any] | None = None,
@@ -80,75 +64,28 @@ class SceneCommand(Command):
             name: name of the command.
             options: help section -> class of the command's own options.
             callback: function of all values by name.
-            rare: see ``declared_flags``.
             grid: see ``declared_flags``.
             without: names of filter options to omit.
             defaults: defaults that differ from the declared ones.
             settings: see ``Command``.
         """
-        own = [
-            flag
-            for section, owner in options.items()
-            for flag in declared_flags(options_of(owner), section, defaults=defaults, rare=rare)
-        ]
-        params = [click.Argument(["scene"]), *own, config_flag(own[-1].section)]
-        super().__init__(name, params=params, callback=callback, **settings)
-        self._own, self._about = list(self.params), (grid, tuple(without), defaults or {})
-        flags = [flag for name in all_targets() for flag in self._of_target(name)]
-        by_name = {flag.name: flag for flag in reversed([*flags, *self._of_filters({})])}
-        self.params = [*self.params, *reversed(by_name.values())]
-
-    def _of_target(self, name: str) -> list[Flag]:
-        grid, _, defaults = self._about
-        declared = options_of(find_target(name).tracker)
-        return declared_flags(declared, f"For {name}", defaults=defaults, grid=grid)
-
-    def _of_filters(self, of_target: Mapping[str, Any], methods: Sequence[str] = ()) -> list[Flag]:
-        grid, without, defaults = self._about
-        defaults = {**of_target, **defaults}
-        return filter_flags(defaults, grid=grid, without=without, methods=methods)
-
-    def shown(self, ctx: click.Context) -> list[click.Parameter]:
-        """Show the options of the scene's target and of the named methods; without a scene,
-        ``--help-all`` shows those of all targets.
-        """
-        named, methods = ctx.meta.get(_TARGET), ctx.meta.get(_METHODS, ())
-        names = [named] if named else all_targets()
-        of = [flag for name in names for flag in self._of_target(name)]
-        for flag in of:
-            flag.common = bool(named)
-        of_target = find_target(named).defaults if named else {"num_particles": _particles()}
-        of_filters = self._of_filters(of_target, methods)
-        own = [*self._own, *self.get_params(ctx)[-1:], *of_filters]
-        return [*own, *of] if named or ctx.meta.get(ALL) else own
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse as click does; help refers to the scene, if one is given."""
-        wanted = {"-h", "--help", "--help-all"} & set(args)
-        if wanted and not ctx.resilient_parsing:
-            others = [text for text in args if text not in wanted]
-            with contextlib.suppress(InputError):
-                asked = self.make_context(self.name, others, ctx.parent, resilient_parsing=True)
-                ctx.meta[_METHODS] = _methods_of(asked.params)
-                ctx.meta[_TARGET] = _target_of(asked.params)
-        return super().parse_args(ctx, args)
-
-
-def _target_of(values: Mapping[str, Any]) -> str | None:
-    """The target of the scene, or None without a scene."""
-    from jaxpf.evaluation.scene import load_scene
-
-    if values["target"] or not values["scene"]:
-        return values["target"]
-    return target_of_scene(load_scene(values["scene"])).name
-
-
-def _methods_of(values: Mapping[str, Any]) -> list[str]:
-    """The methods given to ``evaluate`` or ``tune``; an empty list means all."""
-    named = names_in(values.get("methods") or values.get("method") or "")
-    for method in named:
-        filters.filter_of(method)
-    return named
+        params: list[click.Parameter] = [click.Argument(["scene"])]
+        for section, owner in options.items():
+            params += declared_flags(options_of(owner), section, defaults=defaults)
+        of_filters = {n: each for n, each in filter_options().items() if n not in without}
+        every = sorted(all_targets().values(), key=lambda target: target.name != DEFAULT)
+        of = {target.name: options_of(target.tracker) for target in every}
+        of_targets: dict[str, Option] = {}
+        for declared in of.values():
+            for each, option in declared.items():
+                kinds = ", ".join(name for name in of if each in of[name])
+                help_ = f"{option.help}  ({kinds})"
+                of_targets.setdefault(each, dataclasses.replace(option, help=help_))
+        for section, some in (("Model", of_targets), ("Filter", of_filters)):
+            params += declared_flags(some, section, defaults=defaults, grid=grid)
+        where = "jaxpf.boxes.tracker and the other factories"
+        params.append(config_flag())
+        super().__init__(name, params=params, callback=callback, where=where, **settings)
 
 
 def resolved_scene(source: str) -> str:
@@ -173,14 +110,6 @@ def scene_name(source: str) -> str:
 def names_in(text: str) -> list[str]:
     """Split comma-separated names."""
     return [name.strip() for name in text.split(",") if name.strip()]
-
-
-def pair(option: str, text: str, convert: Callable[[str], Any]) -> tuple[str, Any]:
-    """Parse ``NAME=VALUE``."""
-    name, equals, value = text.partition("=")
-    if not (equals and name.strip() and value.strip()):
-        raise InputError(f"{option} {text!r} must have the form NAME=VALUE.")
-    return name.strip(), convert(value.strip())
 
 
 def scene_parameters(texts: Sequence[str]) -> dict[str, Any]:

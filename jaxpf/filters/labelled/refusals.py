@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from jaxpf.contract.calls import check_factors
-from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.errors import Argument, InputError, check_known
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.options import check_fields
 from jaxpf.contract.refusals import refused
@@ -53,8 +53,9 @@ def _check_targets(tracker: Settings) -> None:
         )
     if tracker.num_particles < num_targets:
         raise InputError(
-            f"num_particles={tracker.num_particles} is fewer than the {num_targets} targets that "
-            "share them; use at least one particle per target, better some fifty."
+            Argument("num_particles", tracker.num_particles),
+            f" is fewer than the {num_targets} targets that share them; use at least one particle "
+            "per target, better some fifty.",
         )
 
 

@@ -84,7 +84,7 @@ class EdgeDetector:
             raise InputError(
                 f"max_features {self.max_features} must be 1 to {self.length // 2 + 1} on lines of "
                 f"{self.length} pixels, as two features are two pixels apart at least; give fewer, "
-                "or longer lines (--line-length)."
+                "or longer lines (line_length)."
             )
 
     @property

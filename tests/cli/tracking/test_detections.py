@@ -98,7 +98,7 @@ ONCE = "1,-1,1,1,9,9,1\n"
         ("2,7,1,1,9,9\n", f"{BOX} {BOX} --capacity 1", "capacity of 1"),
         (ONCE, "-n 15", "--num-particles 15"),
         (ONCE, "--method dps", "--method labelled"),
-        (ONCE, "--weights plain", "equal share"),
+        (ONCE, "--set weights=plain", "equal share"),
         (ONCE, "--detection-confidence 2", "--detection-confidence 2"),
         (ONCE, "--tracker a.py:f", "--detections"),
     ],

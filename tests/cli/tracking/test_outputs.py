@@ -190,14 +190,14 @@ def test_run_toml_repeats_the_run_bit_for_bit(whole_run, tmp_path, monkeypatch):
 
 def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     options = tomllib.loads((whole_run[1] / "run.toml").read_text())["track"]
-    params = command.get_command(None, "boxes").params
+    boxes = command.get_command(None, "boxes")
     every = options_of(*(one.build for one in all_filters().values()))
     of_others = every.keys() - options_of(filter_of("dps").build) | options_of(Rules).keys()
     # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
     unset = "bands likelihood noise_pixels swap noise_relative network boxes ids detections frames"
     unset += " fps range order ess_threshold tracker runs resume"
-    elsewhere = "output overwrite config help_all save_state"
-    names = {param.name for param in params} | {"target"}
+    elsewhere = "output overwrite config set save_state"
+    names = {param.name for param in boxes.params} | boxes.rare.keys() | {"target"}
     assert set(options) == names - of_others - {*unset.split(), *elsewhere.split()}
 
 
@@ -248,7 +248,7 @@ def test_ids_and_frames_are_chosen_and_names_may_have_any_letters(place, tmp_pat
 
 
 def test_an_order_counts_from_1_and_every_object_may_have_a_noise_of_its_own(place):
-    given = ("--method", "ps", "--order", "2,1", "--noise-relative", ".045,.18,.02,0,0,0")
+    given = ("--method", "ps", "--set", "order=2,1", "--noise-relative", ".045,.18,.02,0,0,0")
     _, tracker = built_by_track("boxes", place / "clip.avi", *BOXES, *given)
     assert_same(tracker.ordering, ordering.ps([1, 0]))
     np.testing.assert_allclose(tracker.dynamics.steps, [[0.045, 0.18, 0.02], [0, 0, 0]])

@@ -3,15 +3,12 @@
 ``test_option_ranges.py`` has the values out of range.
 """
 
-import re
 from functools import partial
 
 import pytest
 from clips import grey, write_pictures
 from command_line import jaxpf, refusal_of
 from small_video import BOXES, PARTICLES, picture, write_lossless_video, write_truth
-
-from jaxpf import cli
 
 slow = partial(pytest.param, marks=pytest.mark.slow)
 NINE = ",".join("1" * 9)
@@ -33,15 +30,15 @@ BOTH = " ".join(BOXES)
                 ("--ids 1", "--ids"),
                 ("--start 10", "frame 10"),
                 ("--target points", "target"),
-                ("--drift none", "--drift"),
-                ("--form literal", "--method pffl"),
+                ("--set drift=none", "--set drift"),
+                ("--set form=literal", "--method pffl"),
                 ("--capacity 4", "--detections"),
                 ("--exclusion boxes --appearance colour", "--exclusion"),
-                ("--exclusion boxes --method sps", "--swap none"),
-                ("--method eskil --form literal", "--form"),
-                ("--method ps --order 0,0", "--order 0,0"),
+                ("--exclusion boxes --method sps", "--set swap=none"),
+                ("--method eskil --set form=literal", "--set form"),
+                ("--method ps --set order=0,0", "--set order 0,0"),
                 ("-n 1", "--num-particles 1"),
-                ("--bands 17", "box of object 1"),
+                ("--set bands=17", "box of object 1"),
                 ("--noise-pixels 1,2", "noise"),
                 (f"--noise-relative {NINE}", "3 objects"),
                 ("--runs 4 --tracker x.py:f", "SideBySide"),
@@ -117,20 +114,3 @@ def test_an_output_folder_that_cannot_be_used_stays_as_it_is(place, tmp_path):
     earlier.write_bytes(clip.read_bytes())
     said(earlier, earlier.parent, "--overwrite")
     assert earlier.read_bytes() == clip.read_bytes()
-
-
-@pytest.mark.parametrize("target", ["boxes", "points", "parts", "contours"])
-def test_help_fits_on_a_screen_and_explains_everything_on_request(target, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "80")
-    shown = jaxpf("track", target, "--help").out
-    assert len(shown.splitlines()) <= 60
-    every = jaxpf("track", target, "--help-all").out
-    for param in cli.group.get_command(None, "track").get_command(None, target).params:
-        if getattr(param, "hidden", False):  # of methods that this kind of target refuses
-            assert target == "parts"
-            assert param.opts[0] not in re.split(r"[\s,]+", every)
-        elif param.name != "video":
-            assert param.opts[0] in every
-            # Options of filter families that this kind of target rarely needs are left out.
-            assert (param.opts[0] in re.split(r"[\s,]+", shown)) == getattr(param, "is_named", True)
-    assert "--regularise" not in shown

@@ -163,7 +163,7 @@ def test_a_loss_that_is_not_finite_keeps_the_last_values(tmp_path):
 def test_parts_are_tuned_on_their_outlines(tmp_path):
     """A target without boxes: its own options are written."""
     options = shlex.split(
-        "--set num_frames=6 --set num_parts=3 --method sir --likelihood patch --objective iou "
+        "--set num_frames=6 --set num_parts=3 --method sir --set likelihood=patch --objective iou "
         "--parameters dynamics.scale --num-particles 20 --runs 2 --repeats 1 --window 2 --steps 2 "
         "--train-scenes 1"
     )

@@ -199,8 +199,6 @@ def test_rowe2005_tracks_boxes_of_any_shape():
     np.testing.assert_allclose(jaxpf.boxes.to_boxes(tracker, tracker.initial), BOXES)
     with pytest.raises(InputError, match="has a method and likelihood of its own"):
         jaxpf.boxes.tracker(FRAME, BOXES, like="rowe2005", method="ps")
-    with pytest.raises(InputError, match="no field 'sharpnes'"):
-        jaxpf.boxes.tracker(FRAME, BOXES, like="rowe2005", sharpnes=1)
 
 
 def test_the_command_line_takes_the_function_that_the_page_shows(tmp_path):

@@ -38,7 +38,7 @@ def wires():
 
 
 def test_a_case_starts_on_its_targets_and_learns_from_other_seeds(wires):
-    tracker = cases.tracker_of(wires, "wires", 10)
+    tracker = cases.tracker_of(wires, cases.Method("wires", "ps", 10))
     start = np.asarray(tracker.likelihood.outline_points(wires.start))
     still = wires._replace(truth=wires.truth[:1])
     gaps = cases.distances(still, start[None])[0]
@@ -52,12 +52,12 @@ def test_each_likelihood_has_its_own_noise_and_the_printed_one_that_of_its_rule(
     learned = np.asarray(wires.dynamics.noise)
     factors = cases.NOISE_OF_WIRES
     for exclusion, factor in (*factors.items(), ("wires-literal", factors["wires"])):
-        noise = cases.tracker_of(wires, exclusion, 10).dynamics.noise
+        noise = cases.tracker_of(wires, cases.Method(exclusion, "ps", 10)).dynamics.noise
         np.testing.assert_allclose(noise, factor * learned, rtol=1e-6)
 
 
 def test_a_case_as_printed_has_the_papers_lines_and_its_own_noise(wires):
-    printed = cases.tracker_of(cases.as_printed(wires), "wires-literal", 10)
+    printed = cases.tracker_of(wires, cases.Method("wires-literal", "ps", 10, all_printed=True))
     factor = cases.NOISE_AS_PRINTED["wires"]
     np.testing.assert_allclose(printed.dynamics.noise, factor * np.asarray(wires.dynamics.noise))
     assert (printed.likelihood.sigma, printed.likelihood.independence) == (7, 1)
@@ -71,7 +71,7 @@ def test_of_two_trackers_neither_depends_on_the_other(wires):
     moved = wires._replace(start=wires.start + np.float32([[0], [9]]))
 
     def first_of(case, method):
-        tracker = cases.tracker_of(case, "none", 20, method)
+        tracker = cases.tracker_of(case, cases.Method("none", method, 20))
         _, summary = jaxpf.run(tracker, jax.random.key(0), wires.frames[:3])
         return np.asarray(summary.estimate)[:, 0]
 
@@ -88,7 +88,7 @@ def test_leaves_move_as_other_leaves_did_with_the_noise_that_was_chosen():
     for name in ("transition", "lag", "noise"):
         found = (getattr(each.dynamics, name) for each in (case, other))
         np.testing.assert_array_equal(*found)
-    tracked = cases.tracker_of(case, "opaque", 10).dynamics.dynamics
+    tracked = cases.tracker_of(case, cases.Method("opaque", "ps", 10)).dynamics.dynamics
     factor = cases.NOISE_OF_LEAVES["opaque"]
     np.testing.assert_allclose(tracked.noise, factor * case.dynamics.noise, rtol=1e-6)
 
@@ -262,7 +262,7 @@ def test_slow_filters_track_the_first_sequences(monkeypatch, wires):
         ends = [np.array([seed == 2])] * 3
         return cases.Outcome(*[np.zeros((1, 10, 2))] * 3, *ends, np.zeros((1, 10)))
 
-    monkeypatch.setattr(study, "tracker_of", lambda case, kind, particles, *_: particles)
+    monkeypatch.setattr(study, "tracker_of", lambda case, method: method.num_particles)
     monkeypatch.setattr(study, "track", track)
     methods = {"a": study.Method("wires", "ps", 1), "b": study.Method("none", "sir", 2, 3)}
     values, shown = study.measure("wires", lambda _: wires, methods, range(4), lambda line: None)

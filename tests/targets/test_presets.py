@@ -174,7 +174,7 @@ def test_rows_of_gonzales2011_start_and_exchange_as_the_preset_does():
 )
 def test_rows_of_maccormick1999_as_printed_are_the_presets(kind, case, method):
     judged, ours = (
-        passing.tracker_as_judged(case(0, num_frames=9), method),
+        cases.tracker_of(case(0, num_frames=9), method),
         preset(f"maccormick1999, {kind}"),
     )
     for attribute, _ in PUBLISHED[f"maccormick1999, {kind}"]:

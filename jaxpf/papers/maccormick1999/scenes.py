@@ -51,6 +51,9 @@ _BATCH = 5
 #: ``settings.csv``.  While the targets are apart nothing reveals the order, and at the paper's .01
 #: a filter with few particles loses one of the two orders before they meet.
 REDRAWN = 0.5
+_OPAQUE = MACCORMICK1999["opaque"]
+#: The paper's.
+FLIP: float = _OPAQUE["flip"]
 
 
 class Case(NamedTuple):
@@ -259,31 +262,38 @@ class Outcome(NamedTuple):
     in_front: np.ndarray
 
 
-def tracker_of(
-    case: Case,
-    exclusion: str,
-    num_particles: int,
-    method: str = "ps",
-    flip: float = REDRAWN,
-    resampling: str = "systematic",
-) -> Partitioned:
-    """Build a tracker of both targets of a case.
+class Method(NamedTuple):
+    """A filter of both targets of a case.
 
-    Args:
-        case: the case.
+    Attributes:
         exclusion: see ``jaxpf.likelihoods.contours``; ``"none"`` is the paper's control.
-        num_particles: N.
-        method: ``"ps"``; ``"sir"`` for the unpartitioned filter, ordinary Condensation;
+        ordering: ``"ps"``; ``"sir"`` for the unpartitioned filter, ordinary Condensation;
             ``"independent"`` for one Condensation tracker of N particles for each target.  With
             opaque targets, particles of ``"ps"`` place the target first that their label puts in
             front (figure 8).
+        num_particles: N.
+        one_in: tracks only the first 1 / one_in of the sequences, since slow filters take long.
         flip: for opaque targets, probability per frame that their depth order changes while they do
             not overlap.
-        resampling: see ``jaxpf.Partitioned``.
+        all_printed: whether labels, lines, edges and resampling are the paper's.
     """
-    likelihood = contours(case.space, 2, exclusion=exclusion, **case.options)
+
+    exclusion: str
+    ordering: str
+    num_particles: int
+    one_in: int = 1
+    flip: float = REDRAWN
+    all_printed: bool = False
+
+
+def tracker_of(case: Case, method: Method) -> Partitioned:
+    """Build the tracker of a method for a case."""
+    flip, resampling = method.flip, "systematic"
+    if method.all_printed:
+        case, flip, resampling = as_printed(case), FLIP, _OPAQUE["resampling"]
+    likelihood = contours(case.space, 2, exclusion=method.exclusion, **case.options)
     dynamics, label = case.dynamics, None
-    if (rule := exclusion.removesuffix("-literal")) in case.noise:
+    if (rule := method.exclusion.removesuffix("-literal")) in case.noise:
         noise = case.noise[rule] * np.asarray(dynamics.noise)
         dynamics = dataclasses.replace(dynamics, noise=noise)
     ordering = {
@@ -291,10 +301,10 @@ def tracker_of(
         "sir": orderings.sir(2),
         # All pairings of the two targets' particles: each target is resampled by its own weights.
         "independent": orderings.sps(num_partitions=2),
-    }[method]
+    }[method.ordering]
     if rule == "opaque":
         dynamics, label = WithOcclusion(dynamics, likelihood, flip), np.full(2, 0.5, np.float32)
-        if method == "ps":
+        if method.ordering == "ps":
             ordering = orderings.branched([[0, 1], [1, 0]])
     return Partitioned(
         dynamics=dynamics,
@@ -302,7 +312,7 @@ def tracker_of(
         ordering=ordering,
         initial=case.start,
         initial_label=label,
-        num_particles=num_particles,
+        num_particles=method.num_particles,
         resampling=resampling,
     )
 

@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.media import plotting
 from jaxpf.papers.checkpoints import of_scenes
 from jaxpf.papers.judging.claims import counted
@@ -16,10 +15,10 @@ from jaxpf.papers.judging.estimates import mean_of
 from jaxpf.papers.maccormick1999 import scenes, toy
 from jaxpf.papers.maccormick1999.scenes import (
     FIRST_FRAMES,
-    REDRAWN,
+    FLIP,
     Case,
+    Method,
     Outcome,
-    as_printed,
     track,
     tracker_of,
 )
@@ -29,32 +28,10 @@ from jaxpf.targets.presets import MACCORMICK1999
 Values = dict[tuple[str, str, str], Any]
 
 
-class Method(NamedTuple):
-    """A filter to compare.
-
-    Attributes:
-        exclusion: exclusion of its likelihood.
-        ordering: see ``tracker_of``.
-        num_particles: N.
-        one_in: tracks only the first 1 / one_in of the sequences, since slow filters take long.
-        flip: see ``tracker_of``.
-        all_printed: whether labels, lines, edges and resampling are the paper's.
-    """
-
-    exclusion: str
-    ordering: str
-    num_particles: int
-    one_in: int = 1
-    flip: float = REDRAWN
-    all_printed: bool = False
-
-
 def _as_preset(preset: Mapping[str, Any]) -> Method:
     """The method of a preset."""
-    exclusion, ordering, particles = map(
-        preset.__getitem__, ("exclusion", "method", "num_particles")
-    )
-    return Method(exclusion, ordering, particles, all_printed=True)
+    kind, ordering, count = map(preset.__getitem__, ("exclusion", "method", "num_particles"))
+    return Method(kind, ordering, count, all_printed=True)
 
 
 EXCLUSIVE, NAIVE = "P, exclusion", "P', none"
@@ -65,16 +42,13 @@ CONDENSATION = ", Condensation"
 PRINTED = " as printed"
 #: Suffix where labels, lines, edges and resampling are as printed, too.
 ALL_PRINTED = ", all as printed"
-_WIRES, _OPAQUE = MACCORMICK1999["wires"], MACCORMICK1999["opaque"]
-#: The paper's probability that the depth order changes while targets do not overlap.
-FLIP: float = _OPAQUE["flip"]
 PARTITIONED, AS_MANY, FOUR_TIMES, ENOUGH = "PS, 750", "SIR, 750", "SIR, 3000", "SIR, 4000"
 #: 750 partitioned particles as in the paper, and the 4000 that it needs without partitions.
 LEAVES = {
     PARTITIONED: Method("opaque", "ps", 750),
     "PS, 750, delta .01": Method("opaque", "ps", 750, 2, FLIP),
     PARTITIONED + PRINTED: Method("opaque-literal", "ps", 750),
-    PARTITIONED + ALL_PRINTED: _as_preset(_OPAQUE),
+    PARTITIONED + ALL_PRINTED: _as_preset(MACCORMICK1999["opaque"]),
     AS_MANY: Method("opaque", "sir", 750),
     FOUR_TIMES: Method("opaque", "sir", 3000),
     ENOUGH: Method("opaque", "sir", 4000, 2),
@@ -83,7 +57,7 @@ LEAVES = {
 WIRES = {
     **{name: Method(kind, "ps", 300) for name, kind in LIKELIHOODS.items()},
     **{name + CONDENSATION: Method(kind, "sir", 300) for name, kind in LIKELIHOODS.items()},
-    EXCLUSIVE + ALL_PRINTED: _as_preset(_WIRES),
+    EXCLUSIVE + ALL_PRINTED: _as_preset(MACCORMICK1999["wires"]),
 }
 FIGURE_11 = {name: LEAVES[name] for name in (PARTITIONED, AS_MANY)}
 OCCLUSION, INDEPENDENT = "occlusion", "two trackers"
@@ -161,15 +135,6 @@ def measure(
     return values, Passing(make(seeds[0]), outlines, ess)
 
 
-def tracker_as_judged(case: Case, method: Method) -> Partitioned:
-    """The tracker of a method on a case."""
-    kind, ordering, particles, _, flip, all_printed = method
-    if all_printed:
-        used = as_printed(case)
-        return tracker_of(used, kind, particles, ordering, FLIP, _OPAQUE["resampling"])
-    return tracker_of(case, kind, particles, ordering, flip)
-
-
 def _on_scene(
     make: Callable[[int], Case],
     methods: Mapping[str, Method],
@@ -183,7 +148,7 @@ def _on_scene(
     for name, method in methods.items():
         if seed not in tracked[name]:
             continue
-        outcome = track(case, tracker_as_judged(case, method), 1, seed)
+        outcome = track(case, tracker_of(case, method), 1, seed)
         arrays = measures(case, outcome) | {"N": method.num_particles, "ess curve": outcome.ess[0]}
         if method.ordering == "independent":
             # Resampled apart, so that joint particles have equal weights.

@@ -37,7 +37,7 @@ _COMMANDS = {
         "Tune parameters by gradient descent.",
     ),
     "export": (
-        "jaxpf.cli.exporting.command",
+        "jaxpf.cli.export",
         "Write tracks for COCO, CVAT, MOT, DeepLabCut and SLEAP.",
     ),
     "demo": ("jaxpf.cli.demo", "Compare SIR, PS, DPS and SPS on a synthetic scene."),

@@ -3,8 +3,7 @@
 import shlex
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -26,14 +25,6 @@ if TYPE_CHECKING:
 _SEED = 1
 
 
-class _Example(NamedTuple):
-    """Contents of an example: the clip, its files, and how to track it."""
-
-    scene: "Callable[[ModuleType], Scene]"
-    write: "Callable[[Path, Scene], None]"
-    track: str
-
-
 @click.command("example", cls=PlainCommand)
 @click.argument(
     "kind",
@@ -48,18 +39,18 @@ def command(kind: str, folder: Path, overwrite: bool) -> None:
     KIND is boxes or detections (people in a street), parts (a puppet), points (a fish in a school)
     or contours (two wires).  The command prints how to track the clip.
     """
-    example = _EXAMPLES[kind]
+    draw, write, track = _EXAMPLES[kind]
     prepare_output_folder(folder, overwrite)
-    scene = example.scene(scenes)
+    scene = draw()
     height, width = scene.frames.shape[1:3]
     with VideoWriter(folder / "clip.mp4", width, height, scene.fps) as video:
         for frame in scene.frames:
             video.write(frame)
-    example.write(folder, scene)
+    write(folder, scene)
     names = ", ".join(sorted(path.name for path in folder.iterdir()))
     say(f"{folder}/: {names}; {scene.num_frames} frames of {width}x{height} pixels.  Try:")
     place = shlex.quote(str(folder))
-    say(f"  jaxpf {example.track.format(place)} -o {place}/tracks")
+    say(f"  jaxpf {track.format(place)} -o {place}/tracks")
 
 
 def _write_boxes(folder: Path, scene: "Scene") -> None:
@@ -118,31 +109,30 @@ def _write_contours(folder: Path, scene: "Scene") -> None:
     _table(folder / "centrelines.csv", "frame,id,k,x,y", rows)
 
 
-_EXAMPLES = {
-    "boxes": _Example(
-        lambda scenes: scenes.street_scene(seed=_SEED),
+#: Kind -> how its scene is drawn, how its files are written, and how it is tracked.
+_EXAMPLES: "dict[str, tuple[Callable[[], Scene], Callable[[Path, Scene], None], str]]" = {
+    "boxes": (
+        lambda: scenes.street_scene(seed=_SEED),
         _write_boxes,
         "track {0}/clip.mp4 --boxes {0}/start.csv --truth {0}/truth.csv",
     ),
-    "parts": _Example(
-        lambda scenes: scenes.puppet_scene(seed=_SEED),
+    "parts": (
+        lambda: scenes.puppet_scene(seed=_SEED),
         _write_parts,
         "track parts {0}/clip.mp4 --parts {0}/parts.csv",
     ),
-    "points": _Example(
-        lambda scenes: scenes.make(
-            "fish", seed=_SEED, num_frames=60, frame_width=640, frame_height=360
-        ),
+    "points": (
+        lambda: scenes.make("fish", seed=_SEED, num_frames=60, frame_width=640, frame_height=360),
         _write_points,
         "track points {0}/clip.mp4 --points {0}/points.csv",
     ),
-    "contours": _Example(
-        lambda scenes: scenes.make("wires", seed=_SEED, clutter=20.0, clutter_grain=5.0),
+    "contours": (
+        lambda: scenes.make("wires", seed=_SEED, clutter=20.0, clutter_grain=5.0),
         _write_contours,
         "track contours {0}/clip.mp4 --contours {0}/wires.json --sigma 3",
     ),
-    "detections": _Example(
-        lambda scenes: scenes.street_scene(120, seed=_SEED, come_and_go=True),
+    "detections": (
+        lambda: scenes.street_scene(120, seed=_SEED, come_and_go=True),
         _write_detections_of,
         "track {0}/clip.mp4 --detections {0}/det.txt",
     ),

@@ -1,4 +1,4 @@
-"""Tracks in the formats of other projects: COCO, CVAT, MOT, DeepLabCut and SLEAP.
+"""``jaxpf export``: tracks in the formats of COCO, CVAT, MOT, DeepLabCut and SLEAP.
 
 All read the output folder of ``jaxpf track``, without the video, and keep the objects' ids.  In
 memory, frames and pixels count from 0, and pixel (0, 0) is the square [0, 1) x [0, 1).  File
@@ -23,13 +23,17 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 
 from jaxpf.boxes.tracks import read_tracks, write_mot
+from jaxpf.cli.shared import plain
+from jaxpf.cli.shared.console import say
+from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.contract.errors import InputError
 from jaxpf.files.digests import SUMMARY
 from jaxpf.files.reading import read_rows, read_text
-from jaxpf.files.writing import atomic_write, csv_text, write_text
+from jaxpf.files.writing import atomic_write, check_output_file, csv_text, write_text
 
 #: Category of all tracked objects.
 _LABEL = "object"
@@ -248,10 +252,6 @@ def _skeletons(tracked: Tracked) -> Iterator[dict[str, Any]]:
 
 def write_cvat(path: Path, tracked: Tracked) -> None:
     """Write CVAT's "MOT 1.1" archive."""
-    if tracked.target == "points":
-        raise InputError(
-            "CVAT's MOT archive holds boxes, and points have none; choose coco, dlc or sleap."
-        )
     boxes = tracked.boxes
     lines = (
         ",".join(map(str, [t + tracked.first + 1, tracked.ids[p], *_rounded(boxes[t, p]), 1, 1, 1]))
@@ -264,8 +264,6 @@ def write_cvat(path: Path, tracked: Tracked) -> None:
 
 def write_motchallenge(path: Path, tracked: Tracked) -> None:
     """Write MOT lines ``frame,id,x,y,w,h,confidence,-1,-1,-1``; frames and x, y count from 1."""
-    if tracked.target == "points":
-        raise InputError("MOT files hold boxes, and points have none; choose coco, dlc or sleap.")
     times, objects = tracked.places.T
     ids = np.array(tracked.ids)[objects]
     boxes, confidence = tracked.boxes[times, objects], tracked.confidence[times, objects]
@@ -274,7 +272,6 @@ def write_motchallenge(path: Path, tracked: Tracked) -> None:
 
 def write_deeplabcut(path: Path, tracked: Tracked) -> None:
     """Write the CSV table of predictions of one animal as DeepLabCut writes it."""
-    _check_points(tracked, "DeepLabCut")
     header = [
         ["scorer"] + 3 * len(tracked.names) * ["jaxpf"],
         ["bodyparts", *(name for name in tracked.names for _ in range(3))],
@@ -286,21 +283,12 @@ def write_deeplabcut(path: Path, tracked: Tracked) -> None:
 
 def write_sleap(path: Path, tracked: Tracked) -> None:
     """Write the CSV table of SLEAP's "Export Analysis CSV", with one instance."""
-    _check_points(tracked, "SLEAP")
     columns = (f"{name}.{what}" for name in tracked.names for what in ("x", "y", "score"))
     header = ["track", "frame_idx", "instance.score", *columns]
     score = tracked.confidence.mean(axis=1).round(4)
     points = zip(score, _keypoints(tracked), strict=True)
     rows = (["jaxpf", frame, mean, *cells] for mean, (frame, cells) in points)
     write_text(path, csv_text([header, *rows]))
-
-
-def _check_points(tracked: Tracked, program: str) -> None:
-    if tracked.target != "points":
-        raise InputError(
-            f"{program} holds only keypoints, and these are tracks of {tracked.target}; "
-            "choose coco, cvat or mot."
-        )
 
 
 def _keypoints(tracked: Tracked) -> Iterator[tuple[int, list[str | float]]]:
@@ -315,11 +303,42 @@ def _rounded(values: Iterable[float]) -> list[float]:
     return [round(float(value), 3) for value in values]
 
 
-#: Format -> file-name suffix and writer.
-FORMATS: dict[str, tuple[str, Callable[[Path, Tracked], None]]] = {
-    "coco": (".json", write_coco),
-    "cvat": (".zip", write_cvat),
-    "mot": (".txt", write_motchallenge),
-    "dlc": (".csv", write_deeplabcut),
-    "sleap": (".csv", write_sleap),
+#: Format -> file-name suffix, writer, and whether it holds keypoints alone (True), boxes alone
+#: (False), or both (None).
+_FORMATS: dict[str, tuple[str, Callable[[Path, Tracked], None], bool | None]] = {
+    "coco": (".json", write_coco, None),
+    "cvat": (".zip", write_cvat, False),
+    "mot": (".txt", write_motchallenge, False),
+    "dlc": (".csv", write_deeplabcut, True),
+    "sleap": (".csv", write_sleap, True),
 }
+
+
+@click.command("export", cls=PlainCommand)
+@click.argument("folder", type=GivenPath())
+@click.argument("form", metavar="FORMAT", type=click.Choice(list(_FORMATS)))
+@click.argument("output", metavar="FILE", type=GivenPath())
+@plain.overwrite_file
+def command(folder: Path, form: str, output: Path, overwrite: bool) -> None:
+    """Write the tracks of `jaxpf track` in FOLDER to FILE, in FORMAT.
+
+    coco: JSON with boxes, polygons or keypoints.  cvat: the archive that CVAT imports as "MOT
+    1.1".  mot: text lines of the MOTChallenge, which count from 1.  dlc: keypoints as DeepLabCut's
+    table of predictions.  sleap: keypoints as SLEAP's analysis CSV.
+
+    Example: jaxpf export jaxpf-clip coco tracks.json
+    """
+    suffix, write, of_points = _FORMATS[form]
+    if output.suffix != suffix:
+        raise InputError(f"output '{output}' must end in {suffix}; rename it.")
+    check_output_file(output, "FILE", overwrite)
+    tracked = read_tracked(folder)
+    if of_points not in (None, tracked.target == "points"):
+        holds, others = ("keypoints", "cvat or mot") if of_points else ("boxes", "dlc or sleap")
+        raise InputError(
+            f"{form} files hold only {holds}, and these are tracks of {tracked.target}; choose "
+            f"coco, {others}."
+        )
+    write(output, tracked)
+    count, frames = len(tracked.names), len(tracked.times)
+    say(f"{output}: {count} {tracked.target} in {frames} frames")

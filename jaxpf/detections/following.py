@@ -31,7 +31,7 @@ def follow(
     target: Target = BOXES,
     later: Mapping[int, Start] | None = None,
     make: Callable[[np.ndarray, Start], TrackerLike] | None = None,
-    detections: Sequence[np.ndarray | None] | None = None,
+    detections: Mapping[int, np.ndarray | None] | Sequence[np.ndarray | None] | None = None,
     rules: Rules | None = None,
     state: Any = None,
     first: int = 0,

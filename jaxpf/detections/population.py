@@ -105,7 +105,7 @@ def come_and_go(
     key: jax.Array,
     frames: Iterable[np.ndarray],
     named: Mapping[int, Start],
-    detections: Sequence[np.ndarray | None] | None,
+    detections: Mapping[int, np.ndarray | None] | Sequence[np.ndarray | None] | None,
     rules: Rules,
     first: int,
 ) -> Iterator[Group]:

@@ -1,6 +1,6 @@
 """``jaxpf track --detections``: objects that come and go, from a file of detections."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,10 +59,7 @@ class Detector(NamedTuple):
             return None
         frames = self.table.frame[self.table.id == DETECTED]
         every = self.rules.detection_interval or detection_step(frames)
-        counts = self.counted
-        return Detections(
-            self.table.frame[counts], self.table.box[counts], int(frames.min()), every
-        )
+        return Detections(self.table, self.counted, int(frames.min()), every)
 
     def starts(self, start: Start, number: int) -> tuple[Start, dict[int, Start]]:
         """Start boxes and those of the file's rows with ids: in frame ``number``, and later."""
@@ -79,24 +76,17 @@ class Detector(NamedTuple):
         return start, later
 
 
-class Detections(Sequence):
-    """Boxes ``[M, 4]`` by frame, of which the video may have more than the file.
+class Detections(dict[int, np.ndarray | None]):
+    """Boxes ``[M, 4]`` by frame; None for frames in which the detector did not run."""
 
-    None for frames in which the detector did not run.
-    """
-
-    def __init__(self, frames: np.ndarray, boxes: np.ndarray, first: int, every: int):
-        self._frames, self._boxes = frames, boxes
+    def __init__(self, table: BoxTable, counted: np.ndarray, first: int, every: int):
+        rows = counted & ((table.frame - first) % every == 0)
+        frames = np.unique(table.frame[rows]).tolist()
+        super().__init__({at: table.box[rows & (table.frame == at)] for at in frames})
         self._first, self._every = first, every
 
-    def __getitem__(self, number: Any) -> Any:
-        if (number - self._first) % self._every:
-            return None
-        low, high = np.searchsorted(self._frames, [number, number + 1])
-        return self._boxes[low:high]
-
-    def __len__(self) -> int:
-        return int(self._frames[-1]) + 1 if len(self._frames) else 0
+    def __missing__(self, number: int) -> np.ndarray | None:
+        return None if (number - self._first) % self._every else np.zeros((0, 4))
 
 
 def read_detector(options: Mapping[str, Any]) -> Detector | None:
@@ -115,24 +105,19 @@ def read_detector(options: Mapping[str, Any]) -> Detector | None:
             f"{detector.table.source} holds no boxes; give a file with detections, or leave "
             "--detections out."
         )
-    _check_confidence(detector)
-    if options["truth"]:
-        from jaxpf.measures.scores import import_trackeval
-
-        import_trackeval()
-    return detector
-
-
-def _check_confidence(detector: Detector) -> None:
-    """Refuse a --detection-confidence that excludes every detection."""
-    confidences = detector.table.confidence[detector.table.id == DETECTED]
     least = detector.rules.detection_confidence
     if least is not None and detector.watched and not detector.counted.any():
+        confidences = detector.table.confidence[detector.table.id == DETECTED]
         raise InputError(
             f"--detection-confidence {plain(least)} leaves out every detection of "
             f"{detector.table.source}, whose confidences are from {confidences.min():g} to "
             f"{confidences.max():g}; give a lower one."
         )
+    if options["truth"]:
+        from jaxpf.measures.scores import import_trackeval
+
+        import_trackeval()
+    return detector
 
 
 def defaults_of(detector: Detector | None) -> tuple[dict, Mapping[str, Any]]:
@@ -155,7 +140,8 @@ def check_detector(detector: Detector, start: Start, number: int, source: FrameS
     named = table.id != DETECTED
     names = [f"the object that starts in frame {frame}" for frame in table.frame[named]]
     check_boxes(table.box[named], source.width, source.height, names)
-    outside = _outside(table.box[~named], source.width, source.height)
+    low, size = table.box[~named, :2], [source.width, source.height]
+    outside = np.any((low >= size) | (low + table.box[~named, 2:] <= 0), axis=1)
     if outside.any():
         say(
             f"Note: {outside.sum()} of {len(outside)} detections of {table.source} lie outside the "
@@ -191,12 +177,6 @@ def detection_step(frames: np.ndarray) -> int:
     """
     steps = np.diff(np.unique(frames))
     return int(np.gcd.reduce(steps)) if len(steps) > 1 else 1
-
-
-def _outside(boxes: np.ndarray, width: int, height: int) -> np.ndarray:
-    """``[M]`` bool: the box lies entirely outside the image."""
-    low, high = boxes[:, :2], boxes[:, :2] + boxes[:, 2:]
-    return np.any((low >= [width, height]) | (high <= 0), axis=1)
 
 
 def why_none_started(detector: Detector, start: int) -> str:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
+import scenes
 from jaxpf import contract, filters
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.startup import use_compile_cache
@@ -18,9 +19,9 @@ from jaxpf.cli.tracking.detector import check_detector
 from jaxpf.cli.tracking.report import report
 from jaxpf.cli.tracking.request import Request, check_together
 from jaxpf.cli.tracking.results import OUTPUTS, Results, nothing_follows, writing_results
-from jaxpf.cli.tracking.user_tracker import tracker_of_start
 from jaxpf.contract.errors import InputError
 from jaxpf.detections import follow, open_model
+from jaxpf.evaluation.trackers import OwnTracker, own_tracker
 from jaxpf.files import states
 from jaxpf.filters import SideBySide
 from jaxpf.media.frame_source import FrameSource
@@ -112,7 +113,7 @@ def tracker_of(
     """Build the tracker of objects that start at a frame, uint8 RGB ``[H, W, 3]``."""
     run, of_filter, detector = request.run, request.filter_options, request.detector
     if run.tracker:
-        return tracker_of_start(run.tracker, source.name, frame, start.shapes, source.fps)
+        return _own_tracker(run.tracker, source, frame, start.shapes)
     count = of_filter["num_particles"]
     if detector is not None:
         size, capacity = detector.typical_size, detector.rules.capacity
@@ -121,6 +122,23 @@ def tracker_of(
     values = {**request.model, **of_filter}
     tracker = build(request.target, values, start, looks_of(frame, count))
     return tracker if run.runs is None else SideBySide(tracker, run.runs)
+
+
+def _own_tracker(place: str, source: FrameSource, frame: np.ndarray, boxes: np.ndarray) -> Any:
+    """Call the function of --tracker with a scene that consists of the start frame."""
+    scene = scenes.Scene(
+        name=source.name,
+        frames=frame[None],
+        boxes=boxes[None],
+        patches=[scenes.cut_patch(frame, box) for box in boxes],
+        fps=source.fps,
+        parameters={},
+        settings={},
+    )
+    tracker = own_tracker(place, OwnTracker.read(place), scene)
+    if hasattr(tracker, "init"):
+        return tracker
+    raise InputError(f"the tracker {place!r} returned boxes; for a video return a tracker.")
 
 
 def _state_before(request: Request, tracker: "TrackerLike") -> Any:

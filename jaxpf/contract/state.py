@@ -20,6 +20,23 @@ STATUS_UNSUPPORTED = 8  # a traced ordering that does not work with the rest; al
 
 
 @pytree_dataclass
+class Presence:
+    """Whether P objects are at their estimates, from past frames: for ``Summary.confidence``.
+
+    Attributes:
+        log_odds: ``[P]``, log odds that each object is at its estimate, smoothed over frames.
+        left: ``[P]`` bool, whether each object was last seen at the frame's border; None if the
+            likelihood has no ``reaches_border``.
+        together: ``[P]``, 0 to 1, how long each object has been in the place of a likelier one;
+            None for one object, or if the likelihood has no ``same_place``.
+    """
+
+    log_odds: jax.Array
+    left: jax.Array | None = None
+    together: jax.Array | None = None
+
+
+@pytree_dataclass
 class ParticleState:
     """A weighted set of N particles over P partitions of D dimensions.
 
@@ -39,12 +56,7 @@ class ParticleState:
             along its own lineage (``jaxpf.gradients.StopGradient``); else None.
         label: ``[N]`` int32, each particle's discrete label, with any ordering; None if particles
             carry no labels.
-        log_odds: ``[P]``, log odds that each object is at its estimate, smoothed over past frames;
-            None if the likelihood has no ``log_odds``.
-        left: ``[P]`` bool, whether each object was last seen at the frame's border; None if the
-            likelihood has no ``reaches_border``.
-        together: ``[P]``, 0 to 1, how long each object has been in the place of a likelier one;
-            None for one object, or if the likelihood has no ``same_place``.
+        presence: whether objects are at their estimates; None without ``log_odds`` of a likelihood.
         sources: ``[P, N]`` int32, the particle of the previous frame that each draw continues, by
             partition; None unless ``Partitioned(keep_ancestors=True)`` or a wrapper requests them.
         selections: ``[]``, number of selections in this frame; the initial draws count as one.  A
@@ -60,9 +72,7 @@ class ParticleState:
     weighted: jax.Array
     path_scores: jax.Array | None = None
     label: jax.Array | None = None
-    log_odds: jax.Array | None = None
-    left: jax.Array | None = None
-    together: jax.Array | None = None
+    presence: Presence | None = None
     sources: jax.Array | None = None
     selections: jax.Array | None = None
     time: jax.Array | None = None

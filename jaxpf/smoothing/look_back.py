@@ -1,6 +1,5 @@
-"""Smoothing with a fixed lag, beside a loop over frames: takes states, returns smoothed frames."""
+"""Smoothing with a fixed lag, beside the loop over frames."""
 
-from collections import deque
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -10,11 +9,9 @@ import numpy as np
 from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
-from jaxpf.contract.state import ParticleState, Summary
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.running.frames import frames_of
 from jaxpf.smoothing import passes
-from jaxpf.smoothing.backward import History
 from jaxpf.smoothing.groups import check_smoothing, looks_back
 
 
@@ -25,7 +22,7 @@ class SmoothedFrame(NamedTuple):
         time: number of the frame, from 0.
         estimate: ``[P, D]``.
         spread: ``[P, D]``.
-        summary: the filter's summary; None from ``LookBack``.
+        summary: the filter's summary.
         broken: number of moves in all passes so far with zero density from every particle.
     """
 
@@ -36,7 +33,7 @@ class SmoothedFrame(NamedTuple):
     broken: int
 
 
-def stream(
+def smooth_stream(
     tracker: Partitioned,
     key: jax.Array,
     frames: Any,
@@ -63,95 +60,37 @@ def stream(
         InputError: as for ``smooth``.
     """
     check_whole("lag", lag)
+    check_smoothing(tracker)
     frames = frames_of(frames)
     if inputs is not None:
         tracker = running.with_inputs(tracker, inputs, running.num_frames(frames.stacked()))
-    look_back = LookBack(tracker, key, lag, num_trajectories=num_trajectories)
-    summaries: deque[Summary] = deque()
-    for tracked in running.stream(tracker, key, frames, observed):
-        summaries.append(tracked.summary)
-        for smoothed in look_back.add(tracked.state):
-            yield smoothed._replace(summary=summaries.popleft())
-    if not summaries:
-        raise InputError("frames has no frame; give at least one.")
-    for smoothed in look_back.finish():
-        yield smoothed._replace(summary=summaries.popleft())
+    number = passes.checked_number(tracker, num_trajectories)
+    record = passes.keep_both_lags if looks_back(tracker) else passes.keep_substates
+    back_key = passes.backward_key(running.as_key(key))
+    kept: list[Any] = []  # the weighted set and the summary of each frame that is not smoothed yet
+    done = broken = 0
 
-
-class LookBack:
-    """Smooths states tracked elsewhere, like ``smooth`` or, with a lag, like ``stream``.
-
-    Attributes:
-        broken: number of moves so far with zero density from every particle.
-    """
-
-    def __init__(
-        self,
-        tracker: Partitioned,
-        key: jax.Array,
-        lag: int | None = None,
-        first: int = 0,
-        num_trajectories: int | None = None,
-    ):
-        """Start before the first state.
-
-        Args:
-            tracker: a ``jaxpf.Partitioned``.
-            key: the key of the tracking run.
-            lag: as for ``jaxpf.smooth``.
-            first: number of the first frame, if earlier frames were tracked before.
-            num_trajectories: as for ``jaxpf.smooth``.
-
-        Raises:
-            InputError: a tracker that cannot be smoothed; a lag below 1.
-        """
-        check_smoothing(tracker)
-        if lag is not None:
-            check_whole("lag", lag)
-        check_whole("first", first, 0)
-        self._tracker, self._lag = tracker, lag
-        self._key = passes.backward_key(running.as_key(key))
-        self._num_trajectories = passes.checked_number(tracker, num_trajectories)
-        self._has_two_lags = looks_back(tracker)
-        self._kept: list[History] = []
-        self._start, self._passes, self.broken = first, 0, 0
-
-    def add(self, state: ParticleState) -> list[SmoothedFrame]:
-        """Add the next frame's ``ParticleState``; return the frames that are now complete."""
-        lagged = np.asarray(state.lagged)
-        # Copy, so that the device need not keep every state.
-        kept: Any = (
-            lagged[0],
-            lagged[1] if self._has_two_lags else None,
-            state.log_weights,
-            state.label,
-        )
-        arrays: list[Any] = [None if x is None else np.array(x) for x in kept]
-        self._kept.append(History(*arrays))
-        if self._lag is None or len(self._kept) < 2 * self._lag:
-            return []
-        return list(self._pass(self._lag))
-
-    def finish(self) -> Iterator[SmoothedFrame]:
-        """Yield the remaining frames."""
-        while self._kept:
-            yield from self._pass(self._lag or len(self._kept))
-
-    def _pass(self, length: int) -> Iterator[SmoothedFrame]:
-        """Smooth all stored states; yield the first ``length`` frames and drop their states."""
-        key = self._key
-        if self._lag is not None:
-            key = jax.random.fold_in(key, self._passes)
-        history = jax.tree.map(lambda *x: np.stack(x), *self._kept)
-        sizes = self._num_trajectories, 0, self._start
-        passed = passes.back_over(self._tracker, key, history, *sizes)
-        self.broken += int(passed.broken)
+    def smoothed() -> Iterator[SmoothedFrame]:
+        """Smooth all kept frames; yield the first ``lag`` of them, and drop them."""
+        nonlocal done, broken
+        history = jax.tree.map(lambda *x: np.stack(x), *(frame for frame, _ in kept))
+        pass_key = jax.random.fold_in(back_key, done // lag)
+        passed = passes.back_over(tracker, pass_key, history, number, 0, done)
+        broken += int(passed.broken)
         estimate, spread = np.asarray(passed.estimate), np.asarray(passed.spread)
-        for place in range(min(length, len(self._kept))):
-            time = self._start + place
-            mean, deviation = (
-                contract.moments(self._tracker, x[place]) for x in (estimate, spread)
-            )
-            yield SmoothedFrame(time, mean, deviation, None, self.broken)
-        self._kept, self._start = self._kept[length:], self._start + length
-        self._passes += 1
+        for place, (_, summary) in enumerate(kept[:lag]):
+            means, deviations = (contract.moments(tracker, x[place]) for x in (estimate, spread))
+            yield SmoothedFrame(done + place, means, deviations, summary, broken)
+        done += lag
+        del kept[:lag]
+
+    for tracked in running.stream(tracker, key, frames, observed):
+        # Copied, so that the device need not keep every state.
+        frame, summary = record(tracked.state, tracked.summary)
+        kept.append((jax.tree.map(np.array, frame._replace(sources=None)), summary))
+        if len(kept) == 2 * lag:
+            yield from smoothed()
+    if not kept:
+        raise InputError("frames has no frame; give at least one.")
+    while kept:
+        yield from smoothed()

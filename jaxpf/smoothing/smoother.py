@@ -26,7 +26,7 @@ from jaxpf.smoothing.groups import (
     sees_previous,
     together,
 )
-from jaxpf.smoothing.look_back import stream
+from jaxpf.smoothing.look_back import smooth_stream
 
 #: How trajectories are found: drawn backward exactly or by Metropolis steps, or traced back.
 METHODS = ("backward", "metropolis", "genealogy")
@@ -121,7 +121,7 @@ def smooth(
                 f"{asked} asks for whole trajectories, which a fixed lag does not draw; leave out "
                 "one of the two."
             )
-        found = list(stream(tracker, key, frames, lag, num_trajectories, observed))
+        found = list(smooth_stream(tracker, key, frames, lag, num_trajectories, observed))
         values = [(frame.estimate, frame.spread, frame.summary) for frame in found]
         estimate, spread, summaries = jax.tree.map(lambda *x: jnp.stack(x), *values)
         return Smoothed(estimate, spread, summaries, jnp.asarray(found[-1].broken))

@@ -28,7 +28,7 @@ def told(observed=None):
 def test_a_likelihood_that_cannot_tell_is_not_asked():
     state, summary = tracked("dps")
     assert summary.confidence is None
-    assert state.log_odds is None
+    assert state.presence is None
 
 
 @pytest.mark.slow
@@ -104,7 +104,7 @@ def test_who_was_lost_at_the_border_needs_more_evidence_to_be_back():
     less = np.array([0, 4, 4, 4, 4, 0, 0])
     expected = 1 / (1 + np.exp(-np.stack([odds, odds - less], axis=1)))
     np.testing.assert_allclose(summary.confidence, expected, rtol=1e-5)
-    assert not state.left.any()
+    assert not state.presence.left.any()
 
 
 @pytree_dataclass
@@ -136,9 +136,9 @@ def test_the_weaker_of_two_objects_in_one_place_is_doubted_more_and_more():
     together = np.stack([first, second], axis=1)
     expected = 1 / (1 + np.exp(4 * together - odds))
     np.testing.assert_allclose(summary.confidence, expected, atol=3e-4)
-    np.testing.assert_allclose(state.together, together[-1], atol=1e-3)
+    np.testing.assert_allclose(state.presence.together, together[-1], atol=1e-3)
 
 
 def test_one_object_alone_is_not_compared():
     its = at_origin(ordering.ps([0]), likelihood=InOnePlace())
-    assert jax.eval_shape(its.init, jax.random.key(0)).together is None
+    assert jax.eval_shape(its.init, jax.random.key(0)).presence.together is None

@@ -377,7 +377,6 @@ def test_a_column_of_a_table_is_a_series_of_frames():
     "smooth",
     [
         lambda its: jaxpf.smooth(its, KEY, FRAMES, lag=2),
-        lambda its: jaxpf.smoothing.LookBack(its, KEY),
         lambda its: jaxpf.smoothing.particle_gibbs(its, KEY, FRAMES, 2),
     ],
 )

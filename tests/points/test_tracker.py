@@ -55,7 +55,9 @@ def test_every_filter_doubts_a_point_that_disappears(method):
     if method != "eskil":  # its ten particles follow too loosely to be sure
         assert hidden < 0.5
         assert np.all(others > 0.8)
-    np.testing.assert_allclose(jax.nn.sigmoid(state.log_odds), summary.confidence[-1], rtol=1e-6)
+    np.testing.assert_allclose(
+        jax.nn.sigmoid(state.presence.log_odds), summary.confidence[-1], rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize(

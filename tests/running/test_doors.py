@@ -161,8 +161,8 @@ DOORS = {
         lambda y, **options: smoothed(y, lag=2, **options),
         increments_and_states,
     ),
-    "smoothing.stream": (
-        lambda y, **options: streamed(smoothing.stream(MODEL, KEY, y, 2, **options)),
+    "smoothing.smooth_stream": (
+        lambda y, **options: streamed(smoothing.smooth_stream(MODEL, KEY, y, 2, **options)),
         increments_and_states,
     ),
     "particle_gibbs": (

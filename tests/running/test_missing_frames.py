@@ -226,7 +226,7 @@ def test_nothing_of_a_missing_frame_gets_into_a_derivative():
 @pytest.mark.slow
 def test_smoothing_with_a_lag_goes_through_a_gap():
     its = partitioned(ordering.ps([0, 1, 2]))
-    lagged = list(smoothing.stream(its, KEY, iter(GAPS), 2))
+    lagged = list(smoothing.smooth_stream(its, KEY, iter(GAPS), 2))
     summaries = np.array([frame.summary.estimate for frame in lagged])
     expected = jaxpf.run(its, KEY, GAPS)[1].estimate
     np.testing.assert_allclose(summaries, expected, atol=1e-5)

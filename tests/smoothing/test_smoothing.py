@@ -166,25 +166,11 @@ def test_whatever_is_not_known_to_be_independent_goes_together():
 @pytest.mark.always
 def test_frames_come_one_by_one_with_a_lag(ran):
     its, key = tracker(), KEY
-    streamed = list(smoothing.stream(its, key, iter(FRAMES), 2))
+    streamed = list(smoothing.smooth_stream(its, key, iter(FRAMES), 2))
     assert [frame.time for frame in streamed] == [0, 1, 2, 3, 4]
     whole = jaxpf.smooth(its, key, FRAMES, lag=2)
     np.testing.assert_array_equal(whole.estimate, [frame.estimate for frame in streamed])
     np.testing.assert_allclose(whole.summaries.estimate, ran[1].estimate, atol=1e-5)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("lag", [None, 2])
-def test_looking_back_beside_a_loop_gives_what_smoothing_gives(lag):
-    its, key = tracker(), jax.random.key(4)
-    beside, found = smoothing.LookBack(its, key, lag), []
-    for tracked in jaxpf.stream(its, key, list(FRAMES)):
-        found += beside.add(tracked.state)
-    found += beside.finish()
-    whole = jaxpf.smooth(its, key, FRAMES, lag=lag)
-    assert [frame.time for frame in found] == list(range(len(FRAMES)))
-    np.testing.assert_allclose([frame.estimate for frame in found], whole.estimate, atol=1e-5)
-    np.testing.assert_allclose([frame.spread for frame in found], whole.spread, atol=1e-5)
 
 
 def kept(**changes):

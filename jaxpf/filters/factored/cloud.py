@@ -18,6 +18,7 @@ from jaxpf.contract.state import (
     STATUS_IMPOSSIBLE,
     STATUS_INVALID_LIKELIHOOD,
     STATUS_WITHOUT_LIKELIHOOD,
+    Presence,
     Summary,
     moments,
     sanitised,
@@ -65,8 +66,7 @@ class FactoredState:
         log_weights: ``[P, K]``, normalised for each partition.
         weighted: ``[]`` bool, false for initial sets that have not been weighted.
         history: data from earlier frames, for trackers that need it; else None.
-        log_odds: ``[P]``, see ``jaxpf.ParticleState``; None if the likelihood has none.
-        left, together: ``[P]``, see ``jaxpf.ParticleState``.
+        presence: whether objects are at their estimates; None without ``log_odds`` of a likelihood.
         time: ``[]`` int32, number of frames processed, see ``jaxpf.contract.Tracker``.
     """
 
@@ -74,9 +74,7 @@ class FactoredState:
     log_weights: jax.Array
     weighted: jax.Array
     history: Any = None
-    log_odds: jax.Array | None = None
-    left: jax.Array | None = None
-    together: jax.Array | None = None
+    presence: Presence | None = None
     time: jax.Array | None = None
 
     @property
@@ -113,7 +111,7 @@ def start(key: jax.Array, tracker: Factored) -> FactoredState:
         lagged=jnp.stack([values, values]),
         log_weights=jnp.full(values.shape[1:], -math.log(num), values.dtype),
         weighted=jnp.zeros((), bool),
-        **confidence.at_start(tracker.likelihood, values.shape[1], values.dtype),
+        presence=confidence.at_start(tracker.likelihood, values.shape[1], values.dtype),
         time=jnp.zeros((), jnp.int32),
     )
 

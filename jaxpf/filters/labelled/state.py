@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf.contract.pytree import pytree_dataclass
-from jaxpf.contract.state import Summary
+from jaxpf.contract.state import Presence, Summary
 
 
 @pytree_dataclass
@@ -27,9 +27,8 @@ class LabelledState:
             population.
         newborn: ``[L]`` bool, targets that get their first particles in the next frame; None in a
             fixed population.
-        log_odds: ``[L]``, log odds that the targets are at their estimates, smoothed over past
-            frames; None for likelihoods without ``log_odds``, and in an open population.
-        left, together: ``[L]``, see ``jaxpf.ParticleState``.
+        presence: whether targets are at their estimates; None for likelihoods without
+            ``log_odds``, and in an open population.
         time: ``[]`` int32, number of frames processed, see ``jaxpf.contract.Tracker``.
     """
 
@@ -43,9 +42,7 @@ class LabelledState:
     weighted: jax.Array
     alive: Any = None
     newborn: Any = None
-    log_odds: Any = None
-    left: Any = None
-    together: Any = None
+    presence: Presence | None = None
     time: jax.Array | None = None
 
     @property

@@ -112,7 +112,7 @@ class Labelled(Settings, Tracker):
             velocity=velocity,
             lost=jnp.zeros((self.num_targets,), bool),
             weighted=jnp.zeros((), bool),
-            **confidence.at_start(self.likelihood, self.num_targets, values.dtype),
+            presence=confidence.at_start(self.likelihood, self.num_targets, values.dtype),
             time=jnp.zeros((), jnp.int32),
         )
 

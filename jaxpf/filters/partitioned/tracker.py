@@ -138,7 +138,7 @@ class Partitioned(Settings, Tracker):
             weighted=jnp.zeros((), bool),
             path_scores=path_scores,
             label=label,
-            **confidence.at_start(self.likelihood, self.num_partitions, values.dtype),
+            presence=confidence.at_start(self.likelihood, self.num_partitions, values.dtype),
             sources=jnp.zeros(shape, jnp.int32) if self.keep_ancestors else None,
             time=jnp.zeros((), jnp.int32),
         )

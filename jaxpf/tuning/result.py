@@ -2,18 +2,15 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from jax.typing import ArrayLike
 from scipy.special import stdtrit
 
+from jaxpf.contract.types import TrackerLike
 from jaxpf.tuning.parameters import Parameter, replace
 from jaxpf.tuning.settings import Settings
-
-if TYPE_CHECKING:
-    from jax.typing import ArrayLike
-
-    from jaxpf.contract.types import TrackerLike
 
 #: Maximum number of array entries that are printed.
 _SHOWN = 6
@@ -114,7 +111,7 @@ class Result:
         """path -> value of the last step with a finite loss."""
         return self._values({name: z[-1] for name, z in self.descents[-1].free.items()})
 
-    def _values(self, free: "Mapping[str, ArrayLike]") -> dict[str, np.ndarray]:
+    def _values(self, free: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
         return {
             parameter.path: np.asarray(parameter.to_value(free[parameter.path]))
             for parameter in self.parameters
@@ -155,14 +152,14 @@ class Result:
         low, high = map(self._values, ends)
         return {name: (low[name], high[name]) for name in self.free}
 
-    def apply(self, tracker: "TrackerLike") -> Any:
+    def apply(self, tracker: TrackerLike) -> Any:
         """The tracker with the tuned values."""
         return replace(tracker, self.values)
 
 
 def summarise(
     wanted: Sequence[Parameter],
-    start: "Mapping[str, ArrayLike]",
+    start: Mapping[str, ArrayLike],
     descents: list[Descent],
     settings: Settings,
 ) -> Result:

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import numpy as np
@@ -14,9 +14,7 @@ from jaxpf.gradients import named
 from jaxpf.targets import building, find_target
 from jaxpf.targets.target import Looks, Start, Target
 from jaxpf.tuning.problem import TrainingSequence
-
-if TYPE_CHECKING:
-    from scenes import Scene
+from scenes import Scene
 
 #: Number of frames from which the background is learned.
 _BACKGROUND_FRAMES = 3
@@ -67,7 +65,7 @@ class Recipe:
 
 
 def training_sequence(
-    scene: "Scene", recipe: Recipe, objective: str | Callable, labels: int | None = None
+    scene: Scene, recipe: Recipe, objective: str | Callable, labels: int | None = None
 ) -> TrainingSequence:
     """Build a sequence with a tracker that is differentiable in parameters and state.
 

@@ -2,13 +2,12 @@
 
 import dataclasses
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import click
 
-from jaxpf import tuning
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import progress_bar, say
 from jaxpf.cli.shared.flags import as_typed, picked, refuse_others
@@ -21,6 +20,7 @@ from jaxpf.cli.shared.scene_options import (
     scene_parameters,
 )
 from jaxpf.cli.shared.startup import start_jax
+from jaxpf.cli.tuning import output as outputs
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import GRADIENTS, OBJECTIVES
 from jaxpf.contract.options import OPEN, Option, options_of
@@ -29,16 +29,12 @@ from jaxpf.files.store import Store, locked
 from jaxpf.files.writing import check_output_folder, prepare_output_folder
 from jaxpf.targets import target_of_scene
 from jaxpf.targets.building import filter_for
+from jaxpf.tuning.loop import Diverged, tune
+from jaxpf.tuning.parameters import check_apart, parameter, read
+from jaxpf.tuning.result import Descent
+from jaxpf.tuning.sequences import Recipe, training_sequence, tuned_by_default
 from jaxpf.tuning.settings import Settings
-
-if TYPE_CHECKING:
-    from jaxpf.contract.types import TrackerLike
-    from jaxpf.targets.target import Target
-    from jaxpf.tuning.parameters import Parameter
-    from jaxpf.tuning.problem import TrainingSequence
-    from jaxpf.tuning.result import Descent, Result
-    from jaxpf.tuning.sequences import Recipe
-    from scenes import Scene
+from scenes import Scene
 
 #: Default number of particles: a gradient costs more than a run.
 _PARTICLES = 100
@@ -121,35 +117,60 @@ class Options(Outcome, Settings, Tuned, Scenes):
 
 
 def _command(**values: Any) -> None:
-    from jaxpf.cli.tuning import output as outputs
-    from jaxpf.tuning.parameters import parameter
-
     options, source = Options(**picked(Options, values, _DEFAULTS)), resolved_scene(values["scene"])
     folder = options.output or Path(f"jaxpf-tune-{scene_name(source)}")
     check_output_folder(folder)
     continues = Store(folder).settings() is not None
     scenes = _scenes_to_tune_on(source, options)
     start_jax()
-    before, options, repeated = _recipe(values, options, scenes[0])
+    before, typed = _recipe(values, options, scenes[0])
+    if options.parameters is None:
+        by_default = tuned_by_default(before.of.tracker, before.values)
+        options = dataclasses.replace(options, parameters=",".join(by_default))
     parameters = [parameter(text) for text in names_in(options.parameters or "")]
     settings = Settings(**{name: getattr(options, name) for name in options_of(Settings)})
     sequences = [
-        tuning.training_sequence(scene, before, options.objective, options.labels)
-        for scene in scenes
+        training_sequence(scene, before, options.objective, options.labels) for scene in scenes
     ]
-    _check_parameters(sequences[0].tracker, before.of, parameters)
+    check_apart(parameters)
+    tunable = [each.path for each in options_of(before.of.tracker).values() if each.path]
+    for each in parameters:
+        read(sequences[0].tracker, each)
+        if each.name not in tunable:
+            raise InputError(
+                f"the parameter {each.path} has no option in `jaxpf track` and `jaxpf evaluate`; "
+                f"tune it in Python with jaxpf.tune, or choose among {', '.join(tunable)}."
+            )
     prepare_output_folder(folder, overwrite=continues)
     click.get_current_context().with_resource(locked(folder, "tuning", keep=False))
     try:
-        result = _tune(sequences, parameters, settings, options.objective, folder)
-    except tuning.Diverged as error:
+        with progress_bar("steps") as bar:
+            task = bar.add_task("compiling", total=settings.steps * settings.repeats)
+
+            def progress(descent: Descent) -> None:
+                done = settings.steps if descent.stopped else descent.num_steps
+                bar.update(
+                    task,
+                    completed=descent.repeat * settings.steps + done,
+                    description=f"repeat {descent.repeat + 1}, loss {descent.loss[-1]:.4g}",
+                )
+
+            result = tune(
+                sequences,
+                parameters,
+                objective=options.objective,
+                settings=settings,
+                folder=folder,
+                progress=progress,
+            )
+    except Diverged as error:
         tuned = folder / outputs.TUNED
         outputs.write_tuned(tuned, error.result, error.result.last_good, before)
         raise InputError(f"{error} They are kept in '{tuned}'.") from None
     except KeyboardInterrupt:
         say(f"The steps so far are kept in '{folder}'; the same command continues.", err=True)
         raise
-    table = {"scene": source, **as_typed(Options, vars(options)), **repeated, "output": None}
+    table = {"scene": source, **as_typed(Options, vars(options)), **typed, "output": None}
     write_config(folder / "run.toml", "tune", table)
     outputs.write_tuned(folder / outputs.TUNED, result, result.values, before)
     outputs.write_traces(folder / outputs.TRACES, result, options.objective)
@@ -187,7 +208,7 @@ command = SceneCommand(
 )
 
 
-def _scenes_to_tune_on(source: str, options: "Options") -> "list[Scene]":
+def _scenes_to_tune_on(source: str, options: Options) -> list[Scene]:
     """Synthetic scenes with consecutive seeds, or the first frames of a folder."""
     first, *others = range(options.scene_seed, options.scene_seed + options.train_scenes)
     parameters = scene_parameters(options.set)
@@ -210,7 +231,7 @@ def _scenes_to_tune_on(source: str, options: "Options") -> "list[Scene]":
     ]
 
 
-def _cut(scene: "Scene", count: int | None) -> "Scene":
+def _cut(scene: Scene, count: int | None) -> Scene:
     """The first frames of a sequence, by default half."""
     total = len(scene.frames)
     count = total // 2 if count is None else count
@@ -228,7 +249,7 @@ def _cut(scene: "Scene", count: int | None) -> "Scene":
     )
 
 
-def _unseen(scenes: "list[Scene]", options: "Options") -> list[str]:
+def _unseen(scenes: list[Scene], options: Options) -> list[str]:
     """Flags of `jaxpf evaluate` for frames after a folder's, or for the next seed."""
     extras = scenes[0].extras
     if "source" in extras:
@@ -237,63 +258,10 @@ def _unseen(scenes: "list[Scene]", options: "Options") -> list[str]:
     return ["--scene-seed", str(options.scene_seed + len(scenes)), *parameters]
 
 
-def _tune(
-    sequences: "list[TrainingSequence]",
-    wanted: "list[Parameter]",
-    settings: Settings,
-    objective: str,
-    output: Path,
-) -> "Result":
-    """Tune with a progress bar."""
-    from jaxpf.tuning import loop
-
-    with progress_bar("steps") as bar:
-        task = bar.add_task("compiling", total=settings.steps * settings.repeats)
-
-        def progress(descent: "Descent") -> None:
-            done = settings.steps if descent.stopped else descent.num_steps
-            bar.update(
-                task,
-                completed=descent.repeat * settings.steps + done,
-                description=f"repeat {descent.repeat + 1}, loss {descent.loss[-1]:.4g}",
-            )
-
-        return loop.tune(
-            sequences,
-            wanted,
-            objective=objective,
-            settings=settings,
-            folder=output,
-            progress=progress,
-        )
-
-
-def _check_parameters(
-    tracker: "TrackerLike", target: "Target", wanted: "Sequence[Parameter]"
-) -> None:
-    """Refuse parameters without an option of `jaxpf track` and `jaxpf evaluate`."""
-    from jaxpf.tuning.parameters import check_apart, read
-
-    check_apart(wanted)
-    tunable = [option.path for option in options_of(target.tracker).values() if option.path]
-    for parameter in wanted:
-        read(tracker, parameter)
-        if parameter.name not in tunable:
-            raise InputError(
-                f"the parameter {parameter.path} has no option in `jaxpf track` and `jaxpf "
-                f"evaluate`; tune it in Python with jaxpf.tune, or choose among "
-                f"{', '.join(tunable)}."
-            )
-
-
 def _recipe(
-    values: Mapping[str, Any], options: Options, scene: "Scene"
-) -> "tuple[Recipe, Options, dict[str, Any]]":
-    """The recipe of the tracker before tuning, the options with their default parameters, and the
-    recipe's options in command-line notation.
-    """
-    from jaxpf.tuning.sequences import Recipe, tuned_by_default
-
+    values: Mapping[str, Any], options: Options, scene: Scene
+) -> tuple[Recipe, dict[str, Any]]:
+    """The recipe of the tracker before tuning, and its options in command-line notation."""
     target = target_of_scene(scene, options.target)
     filter_ = filter_for(target, values["method"])
     own = {n: v for n, v in values.items() if n not in options_of(Options)}
@@ -309,10 +277,6 @@ def _recipe(
     model = target.settle(picked(target.tracker, own), scene.settings, scene.num_objects)
     defaults = {"num_particles": _PARTICLES, **target.defaults}
     of_filter = picked(filter_.build, own, defaults)
-    if options.parameters is None:
-        options = dataclasses.replace(
-            options, parameters=",".join(tuned_by_default(target.tracker, model))
-        )
     typed = as_typed(filter_.build, of_filter) | as_typed(target.tracker, model)
     typed = {name: value for name, value in typed.items() if name in values}
-    return Recipe(target.name, of_filter | model, gradient=options.gradient), options, typed
+    return Recipe(target.name, of_filter | model, gradient=options.gradient), typed

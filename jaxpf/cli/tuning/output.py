@@ -1,10 +1,11 @@
 """Output of `jaxpf tune`: values and traces."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import tomli_w
+from numpy.typing import ArrayLike
 
 from jaxpf.cli.shared.console import print_table, say
 from jaxpf.contract.options import defaults_of, options_of
@@ -12,17 +13,13 @@ from jaxpf.files.writing import atomic_write
 from jaxpf.media.plotting import save_figure
 from jaxpf.targets import DEFAULT
 from jaxpf.tuning.plot import traces
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from jaxpf.tuning.result import Result
-    from jaxpf.tuning.sequences import Recipe
+from jaxpf.tuning.result import Result
+from jaxpf.tuning.sequences import Recipe
 
 TUNED, TRACES = "tuned.toml", "tuning.png"
 
 
-def write_tuned(path: Path, result: "Result", values: dict[str, Any], before: "Recipe") -> None:
+def write_tuned(path: Path, result: Result, values: dict[str, Any], before: Recipe) -> None:
     """Write the values as options of `track` and `evaluate`, with their uncertainty."""
     after = before.with_values(values)
     named = {path.partition("[")[0] for path in values}
@@ -51,12 +48,12 @@ def write_tuned(path: Path, result: "Result", values: dict[str, Any], before: "R
             file.write(f"# {remark}\n".encode())
 
 
-def _numbers(value: "ArrayLike") -> Any:
+def _numbers(value: ArrayLike) -> Any:
     """Round to six digits, for TOML."""
     return np.vectorize(lambda x: float(f"{x:.6g}"))(np.asarray(value, float)).tolist()
 
 
-def write_traces(path: Path, result: "Result", objective: str) -> None:
+def write_traces(path: Path, result: Result, objective: str) -> None:
     """Write the figure of the descents."""
     names = {
         "evidence": "- log evidence per frame",
@@ -67,7 +64,7 @@ def write_traces(path: Path, result: "Result", objective: str) -> None:
     save_figure(traces(result, names[objective]), path)
 
 
-def show(result: "Result") -> None:
+def show(result: Result) -> None:
     """Print the table of values, and how the descents ended."""
     values, intervals = result.values, result.intervals()
     rows = []

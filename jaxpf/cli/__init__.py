@@ -43,10 +43,6 @@ _COMMANDS = {
     "demo": ("jaxpf.cli.demo", "Compare SIR, PS, DPS and SPS on a synthetic scene."),
     "reproduce": ("jaxpf.cli.reproduce", "Repeat a paper's experiment; judge its claims."),
     "verdicts": ("jaxpf.cli.verdicts", "Print the stored verdicts on the papers' claims."),
-    "bench": (
-        "jaxpf.cli.benchmarks.command",
-        "Measure speed on this machine, compared with baselines.",
-    ),
 }
 
 

@@ -40,7 +40,7 @@ def interrupted_at(module, program, then="raise"):
 
 
 def test_ctrl_c_while_jax_is_imported_prints_no_traceback():
-    arguments = "sys.argv = ['jaxpf', 'bench', '--repeats', '1']\n"
+    arguments = "sys.argv = ['jaxpf', 'demo', '--runs', '1']\n"
     program = f"{arguments}from jaxpf.cli import main\nmain()\n"
     ended = interrupted_at("jax._src.core", program, then="sys.exit('crashed, as JAX may')")
     assert (ended.returncode, ended.stderr) == (130, b"Interrupted.\n")

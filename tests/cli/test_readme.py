@@ -31,7 +31,7 @@ LEFT_OUT = {
     "dask scheduler": "leaves programs running",
     "jaxpf evaluate": "takes minutes, or reads files of the clone",
     "jaxpf reproduce": "takes minutes",
-    "jaxpf bench": "takes minutes",
+    "python tests/benchmarks": "takes minutes",
 }
 
 

@@ -1,28 +1,32 @@
-"""Sections of ``jaxpf bench``; each lists cases to time and their baselines."""
+"""Speed on this machine, each figure beside its baseline: ``python tests/benchmarks/speed.py``.
+
+ns: nanoseconds per particle, partition and frame, compilation excluded; the whole kernel includes
+the histogram table.  Ratios to the baseline's time are medians of interleaved pairs with 95%
+intervals (from six repeats on).  On a shared machine trust them more than the nanoseconds.
+"""
 
 import dataclasses
+import sys
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+import cv2
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
 import jaxpf
 from jaxpf import ordering as orderings
 from jaxpf.boxes.models import box_model
-from jaxpf.cli.benchmarks import rivals
-from jaxpf.contract.pytree import pytree_dataclass
-from jaxpf.contract.state import Summary
-from jaxpf.dynamics.gaussian import LinearGaussian
-from jaxpf.likelihoods.gaussian import Gaussian
-from jaxpf.likelihoods.histogram import histogram
-from jaxpf.measures.intervals import Interval, median_interval
+from jaxpf.cli.shared.console import print_table
+from jaxpf.cli.shared.startup import start_jax
+from jaxpf.dynamics import LinearGaussian
+from jaxpf.likelihoods import Gaussian, histogram
+from jaxpf.measures import median_interval
+from jaxpf.measures.intervals import Interval
 from jaxpf.measures.timing import interleaved
-
-if TYPE_CHECKING:
-    from jaxpf.filters.partitioned.tracker import Partitioned
 
 RUNS, PARTICLES, OBJECTS = 50, 300, 7
 #: Noise of x, y (pixels) and of the scale.
@@ -86,20 +90,22 @@ def kernel(num_frames: int = 24) -> Section:
         model = box_model(likelihood, boxes, _BOX_SCALE)._asdict()
         tracker = jaxpf.Partitioned(**model, ordering=order, num_particles=PARTICLES)
         cases.append(_case(f"whole kernel, {name}", tracker, frames, "whole kernel, PS", goal))
-    loop = rivals.opencv_loop(frame, boxes[0])
+    loop = opencv_loop(frame, boxes[0])
     name = "OpenCV, one likelihood alone"
-    cases.append(Case(name, loop, rivals.LOOPED, "whole kernel, DPS", ">= 24"))
+    cases.append(Case(name, loop, LOOPED, "whole kernel, DPS", ">= 24"))
     return Section("Whole kernel: 50 runs, 300 particles, 7 objects, 360x288", cases)
 
 
-def _case(what: str, tracker: "Partitioned", frames: jax.Array, baseline: str, goal: str) -> Case:
+def _case(
+    what: str, tracker: jaxpf.Partitioned, frames: jax.Array, baseline: str, goal: str
+) -> Case:
     """All runs of a tracker over all frames."""
     run = partial(jaxpf.monte_carlo, tracker, _keys(), frames, _record)
     units = RUNS * tracker.num_particles * tracker.num_partitions * len(frames)
     return Case(what, run, units, baseline, goal)
 
 
-def _record(state: object, summary: Summary) -> tuple[jax.Array, ...]:
+def _record(state: object, summary: jaxpf.contract.Summary) -> tuple[jax.Array, ...]:
     return summary.estimate, summary.log_evidence, summary.ess
 
 
@@ -120,7 +126,7 @@ def frame_sizes(
     return Section("Frame sizes: learned appearance, 3 objects of 32 pixels, one run", cases)
 
 
-@pytree_dataclass
+@jaxpf.pytree_dataclass
 class _UserDynamics:
     """Dynamics of the 1-D model as a user would write them."""
 
@@ -128,7 +134,7 @@ class _UserDynamics:
         return 0.9 * current + jax.random.normal(key, current.shape, current.dtype)
 
 
-@pytree_dataclass
+@jaxpf.pytree_dataclass
 class _UserLikelihood:
     """Likelihood of the 1-D model as a user would write it."""
 
@@ -146,9 +152,7 @@ def generic(num_particles: int = 1000, num_frames: int = 50) -> Section:
     """
     noise = np.random.default_rng(0).normal(size=(num_frames, 1, 1))
     frames, keys = jnp.asarray(noise, jnp.float32), _keys()
-    minimal = jax.jit(
-        jax.vmap(lambda key: rivals.minimal_filter(key, frames[:, 0, 0], num_particles))
-    )
+    minimal = jax.jit(jax.vmap(lambda key: minimal_filter(key, frames[:, 0, 0], num_particles)))
     unit = jnp.ones((1, 1, 1))
     built_in = jaxpf.Partitioned(
         dynamics=LinearGaussian(transition=0.9 * unit, noise=unit),
@@ -182,9 +186,83 @@ def _frame_with_boxes(
     return frame, boxes.astype(float)
 
 
-#: Sections in the order of measurement.
-SECTIONS = (kernel, frame_sizes, generic)
+#: Particles per pass of ``opencv_loop``.
+LOOPED = 300
+
+
+def opencv_loop(frame: np.ndarray, box: np.ndarray) -> Callable[[], None]:
+    """The usual loop: calcHist and compareHist, particle by particle.
+
+    One hue-saturation histogram of 110 bins without body parts: less work than our likelihood does.
+    """
+    cv2.setNumThreads(1)
+    hsv = cv2.cvtColor(frame, cv2.COLOR_RGB2HSV)
+    x, y, w, h = (round(value) for value in box)
+    offsets = np.random.default_rng(1).normal(0, 4, (LOOPED, 2)).round().astype(int)
+
+    def histogram(left: int, top: int) -> np.ndarray:
+        window = hsv[max(top, 0) : top + h, max(left, 0) : left + w]
+        return cv2.calcHist([window], [0, 1], None, [11, 10], [0, 180, 0, 256])
+
+    reference = histogram(x, y)
+
+    def loop() -> None:
+        for right, down in offsets:
+            counts = histogram(x + right, y + down)
+            np.exp(-20 * cv2.compareHist(reference, counts, cv2.HISTCMP_BHATTACHARYYA) ** 2)
+
+    return loop
+
+
+def minimal_filter(key: jax.Array, frames: jax.Array, num_particles: int) -> tuple[jax.Array, ...]:
+    """A bootstrap filter written by hand for the model of ``generic``."""
+
+    def step(carry, item):
+        x, log_weights = carry
+        time, y = item
+        resample_key, noise_key = jax.random.split(jax.random.fold_in(key, time))
+        weights = jnp.exp(log_weights - jnp.max(log_weights))
+        total = lax.scan(lambda c, w: (c + w, c + w), jnp.zeros(()), weights)[1]
+        offset = jax.random.uniform(resample_key)
+        ends = jnp.ceil(num_particles * total / total[-1] - offset).astype(jnp.int32)
+        counts = jnp.zeros(num_particles + 1, jnp.int32).at[ends].add(1, mode="drop")
+        ancestors = lax.scan(
+            lambda c, n: (c + n, c + n), jnp.zeros((), jnp.int32), counts[:num_particles]
+        )[1]
+        x = 0.9 * x[ancestors] + jax.random.normal(noise_key, (num_particles,))
+        log_weights = -0.5 * (y - x) ** 2 - 0.5 * jnp.log(2 * jnp.pi)
+        largest = jnp.max(log_weights)
+        weights = jnp.exp(log_weights - largest)
+        sum_ = jnp.sum(weights)
+        report = (
+            largest + jnp.log(sum_ / num_particles),
+            jnp.sum(weights * x) / sum_,
+            sum_**2 / jnp.sum(weights**2),
+        )
+        return (x, log_weights), report
+
+    start = jnp.zeros(num_particles), jnp.zeros(num_particles)
+    return lax.scan(step, start, (jnp.arange(frames.shape[0]), frames))[1]
 
 
 def _keys() -> jax.Array:
     return jax.random.split(jax.random.key(0), RUNS)
+
+
+def main(repeats: int = 15) -> None:
+    """Measure and print every section; ``repeats`` interleaved repeats."""
+    start_jax()
+    for make in (kernel, frame_sizes, generic):
+        section = make()
+        rows = []
+        for case, (nanoseconds, ratio) in zip(section.cases, section.measure(repeats), strict=True):
+            value, _, low, high = ratio
+            ends = f"[{low:.2f}, {high:.2f}]" if low < high else ""
+            shown = [f"{value:.2f}", ends] if case.baseline else ["", ""]
+            rows.append([case.what, f"{nanoseconds:.1f}", *shown, case.baseline, case.goal])
+        columns = ["", "ns", "ratio", "95% interval", "to", "goal"]
+        print_table(section.title, columns, rows)
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:]))

@@ -1,1 +1,0 @@
-"""``jaxpf bench``: each figure is timed together with its baseline."""

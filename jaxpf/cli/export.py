@@ -31,9 +31,14 @@ from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.contract.errors import InputError
-from jaxpf.files.digests import SUMMARY
 from jaxpf.files.reading import read_rows, read_text
-from jaxpf.files.writing import atomic_write, check_output_file, csv_text, write_text
+from jaxpf.files.writing import (
+    SUMMARY,
+    atomic_write,
+    check_output_file,
+    csv_text,
+    write_text,
+)
 
 #: Category of all tracked objects.
 _LABEL = "object"
@@ -92,13 +97,13 @@ def read_tracked(folder: Path) -> Tracked:
     text = read_text(folder / SUMMARY, "results", "a folder that `jaxpf track` wrote")
     try:
         summary = json.loads(text)
-        parameters, tables = summary["parameters"], set(summary["tables"])
+        parameters = summary["parameters"]
         target, video = str(parameters["target"]), str(parameters["video"])
         times, first = np.array(summary["times"], float), int(parameters["start"])
         size = int(summary["width"]), int(summary["height"])
         made_up = [f"{Path(video).stem}_{first + number:06d}.png" for number in range(len(times))]
         pictures = tuple(map(str, summary["pictures"] or made_up))
-        if times.shape != (len(pictures),) or "tracks.csv" not in tables:
+        if times.shape != (len(pictures),):
             raise ValueError
     except (ValueError, KeyError, TypeError, RecursionError):
         raise InputError(
@@ -121,7 +126,7 @@ def read_tracked(folder: Path) -> Tracked:
     try:
         lost[rows], reported = table["lost"], table.get("confidence", np.nan)
         confidence[rows] = np.where(np.isnan(reported), 1 - table["lost"], reported)
-        if outlines.name in tables:
+        if outlines.is_file():
             lines = _read_outlines(outlines, names, numbers)
         else:
             shapes = _lines_of(table, target)

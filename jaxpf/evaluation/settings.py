@@ -27,8 +27,7 @@ from jaxpf.evaluation.results import (
 )
 from jaxpf.evaluation.scene import object_ids, scene_digest, start_frame
 from jaxpf.evaluation.trackers import looks_of, own_tracker
-from jaxpf.files.store import SETTINGS, Store
-from jaxpf.files.versions import versions
+from jaxpf.files.store import SETTINGS, Store, versions
 from jaxpf.files.writing import is_left_over, report_os_errors
 from jaxpf.targets.target import Start, Target
 from scenes import Scene

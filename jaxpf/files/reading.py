@@ -3,19 +3,15 @@
 import codecs
 import csv
 import math
-import re
 import unicodedata
 from pathlib import Path
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.files.digests import check_unchanged
-from jaxpf.files.writing import FORMULA
 
 #: Limits of a coordinate in pixels and of a whole number, beyond which floats lose precision.
 FARTHEST, LARGEST_WHOLE = 1e9, 2**53 - 1
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 #: Longest name, and the Unicode categories that break a line of a table or cannot be encoded.
 _LONGEST_NAME, _UNFIT = 200, ("Cc", "Cs", "Zl", "Zp")
 
@@ -74,8 +70,6 @@ def parse_number(
             return value
         kind = "whole number" if whole else "number"
         raise InputError(f"{place} {field[:40]!r}; give a {kind} from {least:.0f} to {most:.0f}")
-    if _DECIMAL_COMMA.fullmatch(field):
-        remedy = f"write decimals with a point, {field.replace(',', '.')}"
     raise InputError(f"{place} {field[:40]!r}, which is not a finite number; {remedy}")
 
 
@@ -112,27 +106,20 @@ def read_rows(path: Path, what: str, expected: str) -> list[tuple[int, list[str]
     """Read a table; return line number and stripped fields of every non-blank line.
 
     The separator is a comma, unless the first line contains semicolons or tabs.  Columns at the end
-    that are empty throughout, which spreadsheets write, are left out.  A table of a run
-    that was cut or changed is refused, see ``check_unchanged``.
+    that are empty throughout, which spreadsheets write, are left out.
     """
-    check_unchanged(path)
     lines = read_text(path, what, expected).splitlines()
     first = next((line.strip() for line in lines if line.strip()), "")
     separator = next((mark for mark in ";\t" if mark in first), ",")
     reader = csv.reader(lines, delimiter=separator, skipinitialspace=True)
     try:
-        rows = [(reader.line_num, [_text_of(field.strip()) for field in row]) for row in reader]
+        rows = [(reader.line_num, [field.strip() for field in row]) for row in reader]
     except csv.Error as error:
         raise InputError(
             f"line {reader.line_num} of '{path}' is no CSV ({error}); correct the line"
         ) from None
     used = [number for _, fields in rows for number, field in enumerate(fields, 1) if field]
     return [(line, fields[: max(used)]) for line, fields in rows if any(fields)]
-
-
-def _text_of(field: str) -> str:
-    """A field without the apostrophe of ``csv_text``."""
-    return field[1:] if field[:1] == "'" and field.lstrip("'").startswith(FORMULA) else field
 
 
 def read_below(path: Path, what: str, *headers: str) -> list[tuple[str, list[str]]]:

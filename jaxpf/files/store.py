@@ -13,7 +13,9 @@ The folder holds ``settings.json``, everything that determines the pieces, and `
 
 import contextlib
 import errno
+import importlib.metadata
 import json
+import platform
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager
@@ -31,6 +33,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 SETTINGS = "settings.json"
+#: Packages that results depend on.
+_PACKAGES = ("jaxpf", "jax", "jaxlib", "optax", "chex", "numpy", "opencv-python-headless")
 #: How the digest of arrays in settings begins, see ``jaxpf.files.states.digest``.
 DIGEST = "sha256:"
 #: Seconds to retry: acquiring fails briefly while another process removes the lock's file.
@@ -159,6 +163,17 @@ def open_arrays(path: Path, remedy: str) -> Iterator[Mapping[str, np.ndarray]]:
     except Exception as error:  # a damaged archive can raise almost anything
         cause = " ".join(str(error).split())[:100]
         raise Damaged(f"'{path}' is damaged ({cause}); {remedy}.") from None
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, the platform and the packages that results depend on."""
+    by_name = {"python": platform.python_version(), "platform": platform.platform()}
+    for package in _PACKAGES:
+        try:
+            by_name[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            by_name[package] = "unknown"
+    return by_name
 
 
 def differences(old: Mapping[str, object], new: Mapping[str, object]) -> Iterable[str]:

@@ -4,7 +4,6 @@ import csv
 import glob
 import io
 import os
-import re
 import secrets
 import time
 from collections.abc import Iterable, Iterator
@@ -33,10 +32,8 @@ def report_os_errors(action: str, path: str | os.PathLike[str]) -> Iterator[None
         ) from error
 
 
-#: What formulas of spreadsheets begin with.
-FORMULA = ("=", "+", "-", "@")
-#: Numbers, spans and intervals, which begin like formulas and are none.
-_NUMBERS = re.compile(r"[-+](inf|\.?\d([-+\d.,eE%\s\[\]]| to )*)")
+#: What a run of ``jaxpf track`` says about itself.
+SUMMARY = "summary.json"
 #: Part of the names of incomplete files.
 PARTIAL = ".partial"
 #: Name of a folder's lock file, see ``jaxpf.files.store``.
@@ -105,20 +102,11 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
 
 
 def csv_text(rows: Iterable[Iterable[object]]) -> str:
-    """Format rows as CSV lines; ``jaxpf.files.reading.read_rows`` reads the same texts.
-
-    A text that a spreadsheet would take for a formula gets an apostrophe before it.
-    """
+    """Format rows as CSV lines; ``jaxpf.files.reading.read_rows`` reads the same texts."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerows([_no_formula(cell) for cell in row] for row in rows)
+    writer.writerows(rows)
     return buffer.getvalue()
-
-
-def _no_formula(cell: object) -> object:
-    if not isinstance(cell, str) or not cell.lstrip("'").startswith(FORMULA):
-        return cell
-    return cell if _NUMBERS.fullmatch(cell) else f"'{cell}"
 
 
 class LineWriter:

@@ -18,13 +18,13 @@ from typing import Any, NamedTuple
 from matplotlib.figure import Figure
 
 from jaxpf import __version__
-from jaxpf.files.tables import Table, markdown_table
 from jaxpf.files.writing import csv_text, write_text
 from jaxpf.media import plotting
 from jaxpf.papers.judging import verdicts
 from jaxpf.papers.judging.claims import RULE, Judged, claims_of, judge_all, read_rows
 from jaxpf.papers.judging.estimates import Quantity
 from jaxpf.papers.study import Study, table_rows, tables
+from jaxpf.papers.tables import Table, markdown_table
 
 #: How to read the tables.
 CELLS = (

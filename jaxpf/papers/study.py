@@ -20,9 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from jaxpf.files.tables import Table
 from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.judging.estimates import ALONE, COMPARED, Measured, Quantity
+from jaxpf.papers.tables import Table
 
 _TEXTS: Mapping[str, Callable[[np.ndarray], str]] = {
     "number": lambda values: f"{values.flat[0]:g}",

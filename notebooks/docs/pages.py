@@ -11,9 +11,9 @@ import numpy as np
 import jaxpf
 import scenes
 from jaxpf import cli, media
-from jaxpf.files.tables import markdown_table
 from jaxpf.papers import PAPERS
 from jaxpf.papers.judging import verdicts
+from jaxpf.papers.tables import markdown_table
 
 #: The package's own page: the names in the order in which they are met, by their purpose.
 PACKAGE = {

@@ -87,22 +87,6 @@ def test_readers_refuse_what_is_no_finite_number(reader, number, tmp_path):
         read(tmp_path / name)
 
 
-@pytest.mark.parametrize("reader", READERS)
-def test_a_decimal_comma_is_named_with_the_remedy(reader, tmp_path):
-    name, lines, read = READERS[reader]
-    text = lines.replace(",", ";").format(x="10,5", y="20,5")
-    (tmp_path / name).write_text(text)
-    with pytest.raises(InputError, match=r"decimals with a point, 10\.5"):
-        read(tmp_path / name)
-
-
-@pytest.mark.parametrize("size", ["30,0,40,0", "1,0,1,0", "0,8,0,9", "30,25,40,125"])
-def test_decimal_commas_between_commas_do_not_become_another_box(size, tmp_path):
-    (tmp_path / "b.txt").write_text(f"1,1,10,5,20,5,{size}\n")
-    with pytest.raises(InputError, match=r"line 1 .* decimal commas; .* with a point"):
-        read_boxes(tmp_path / "b.txt")
-
-
 @pytest.mark.parametrize("rest", ["1,-1,-1,-1", "95,-1,-1,-1", "1,0,0,0", "0.9,1.5,2.5,0"])
 def test_ten_columns_of_mot_files_are_taken(rest, tmp_path):
     (tmp_path / "b.txt").write_text(f"1,1,10,5,20,5,{rest}\n")

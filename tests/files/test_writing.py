@@ -7,7 +7,7 @@ import pytest
 from refusals import message_of
 
 from jaxpf.files.store import LOCK, locked
-from jaxpf.files.writing import LineWriter, atomic_write, csv_text, prepare_output_folder
+from jaxpf.files.writing import LineWriter, atomic_write, prepare_output_folder
 
 
 def test_a_file_appears_only_when_complete(tmp_path):
@@ -128,14 +128,6 @@ def test_a_full_disk_is_reported_and_the_last_line_is_whole(tmp_path):
     text = (tmp_path / "tracks.csv").read_text()
     assert text.endswith("length\n")
     assert 30 < text.count("\n") < 45
-
-
-def test_texts_that_look_like_formulas_are_marked():
-    """``test_round_trips.py`` reads them."""
-    texts = ["=1+1", "@x", "+a", "-b", "'=1", "''-c", "'quoted", "a=b", "-1.5", "+2", "-inf", "-"]
-    written = csv_text([[*texts, "-1 to 2.5", "-1 to x"]]).strip().split(",")
-    formulas = [text for text in written if text[0] in "=+-@"]
-    assert formulas == ["-1.5", "+2", "-inf", "-1 to 2.5"]  # numbers
 
 
 def test_what_a_killed_program_left_stands_in_no_ones_way_and_is_removed(tmp_path):

@@ -17,9 +17,8 @@ from jaxpf.cli.tracking.detector import why_none_started
 from jaxpf.cli.tracking.results import Results
 from jaxpf.cli.tracking.verdict import object_verdicts, sentences
 from jaxpf.contract.errors import InputError
-from jaxpf.files.digests import SUMMARY, digests
-from jaxpf.files.versions import versions
-from jaxpf.files.writing import write_text
+from jaxpf.files.store import versions
+from jaxpf.files.writing import SUMMARY, write_text
 from jaxpf.media import plotting
 from jaxpf.sequences.tables import BoxTable
 
@@ -115,7 +114,6 @@ def _summary(
         "seconds_other_frames": round(rest, 3),
         "frames_per_second": round((results.tracked - 1) / rest, 2) if rest > 0 else None,
         "versions": versions(),
-        "tables": digests(results.output, ("tracks.csv", "outlines.csv")),
         # Of the start frame and all that follow.
         "times": [round(source.shown_at(n), 4) for n in range(frames.start, frames.stop)],
         "pictures": source.pictures and source.pictures[frames],

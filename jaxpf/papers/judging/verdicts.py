@@ -13,7 +13,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from statistics import NormalDist
 
-from jaxpf.files.tables import markdown_table
 from jaxpf.files.writing import csv_text
 from jaxpf.papers.judging.claims import (
     CONTRADICTED,
@@ -31,6 +30,7 @@ from jaxpf.papers.judging.claims import (
     read_rows,
 )
 from jaxpf.papers.judging.estimates import Quantity
+from jaxpf.papers.tables import markdown_table
 
 #: Columns of ``verdicts.csv``: a figure with its interval at a level, from a number of units (0 if
 #: it is computed), and the verdict on its claim.

@@ -38,15 +38,6 @@ def test_mistakes_are_one_sentence(refuse, arguments, named):
     assert named in refuse("distracter", *SMALL, *arguments.split())
 
 
-@pytest.mark.parametrize("argument", ["--tracks a={}", "--tracker {}.py:f"])
-def test_a_loop_of_symbolic_links_is_refused(refuse, tmp_path_factory, argument):
-    loop = tmp_path_factory.mktemp("links") / "loop"
-    loop.symlink_to("loop")
-    place = loop / "file"
-    sentence = refuse("distracter", *SMALL, *argument.format(place).split())
-    assert str(place) in sentence
-
-
 def test_unknown_scenes_are_refused_with_those_there_are(refuse):
     assert "'distracter'" in refuse("distractor")
     assert "nowhere'" in refuse("./nowhere")

@@ -5,8 +5,6 @@ import json
 import pytest
 from command_line import jaxpf
 
-from jaxpf.files.digests import digests
-
 
 @pytest.fixture
 def result(tmp_path):
@@ -22,7 +20,6 @@ def result(tmp_path):
             "parameters": {"target": target, "video": "gone/clip.mp4", "start": start},
             "width": 60,
             "height": 40,
-            "tables": digests(folder, ("tracks.csv", "outlines.csv")),
             "times": list(times),
             "pictures": pictures,
         }

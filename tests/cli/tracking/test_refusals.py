@@ -65,13 +65,6 @@ def test_a_start_from_which_nothing_can_be_learned_is_refused(refuse, tmp_path, 
     assert "box of object 1" in refuse("--box", *options.split(), video=video)
 
 
-@pytest.mark.parametrize("option", ["-o", "--boxes", "--save-state", "--resume"])
-def test_a_loop_of_symbolic_links_is_refused(refuse, tmp_path, option):
-    (tmp_path / "loop").symlink_to("loop")
-    for place in (tmp_path / "loop", tmp_path / "loop" / "inside"):
-        assert f"symbolic links at '{place}' form a loop" in refuse(option, place)
-
-
 def test_what_is_no_video_is_refused(refuse, tmp_path, monkeypatch):
     sentence = refuse(*BOXES, video="nowhere.mp4")
     assert "'nowhere.mp4'" in sentence

@@ -19,13 +19,12 @@ from jax import lax
 
 import jaxpf
 from jaxpf import ordering as orderings
-from jaxpf.boxes.models import box_model
+from jaxpf.boxes import box_model
 from jaxpf.cli.shared.console import print_table
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.dynamics import LinearGaussian
 from jaxpf.likelihoods import Gaussian, histogram
-from jaxpf.measures import median_interval
-from jaxpf.measures.intervals import Interval
+from jaxpf.measures import Interval, median_interval
 from jaxpf.measures.timing import interleaved
 
 RUNS, PARTICLES, OBJECTS = 50, 300, 7

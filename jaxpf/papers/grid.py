@@ -31,16 +31,16 @@ class Grid(contract.Tracker):
     columns: Any
 
     def init(self, key: jax.Array) -> Any:
-        """See ``Tracker``."""
+        """The states of all trackers, from one key."""
         return self._each(lambda tracker, _: tracker.init(key), None)
 
     def observe(self, frame: Any) -> Any:
-        """See ``Tracker``."""
+        """The observation of any of them."""
         row, column = jax.tree.map(lambda x: x[0], (self.rows, self.columns))
         return self.build(row, column).observe(frame)
 
     def step_observed(self, key: jax.Array, state: Any, observation: Any) -> tuple[Any, Any]:
-        """See ``Tracker``."""
+        """Step all trackers with one key."""
 
         def step(tracker: Tracker, state: Any) -> Any:
             return tracker.step_observed(key, state, observation)

@@ -64,8 +64,14 @@ def tune(
             ``observed``, and its ``inputs``.
         parameters: paths such as "likelihood.sharpness", "dynamics.scale[0]", "parameters.a" of
             ``jaxpf.state_space`` or, with bounds, "likelihood.sharpness=1:500"; see ``Parameter``.
-        objective: "evidence", "position", "iou", "crps", or a function
-            ``(tracker, keys, frames) -> [R]`` to minimise; see ``loss_function``.
+        objective: what is minimised.  "evidence": minus the log evidence per frame, averaged over
+            runs; the mean of the logs lies below the log evidence by about half its variance, so
+            this also rewards a low variance (Maddison et al., "Filtering variational objectives",
+            NeurIPS 2017).  "position": mean distance from the labelled positions, pixels.  "crps":
+            continuous ranked probability score of the labelled positions, pixels.  "iou": 1 -
+            intersection over union with the labelled shapes.  Or a function ``(tracker, keys,
+            frames) -> [R]``, of which the mean is minimised; if a sequence says which frames were
+            ``observed``, frames are pairs ``(frame, seen)``, as its tracker takes them.
         settings: default ``Settings()``.
         folder: existing folder for a checkpoint; repeating the call resumes from it.
         progress: called with the descent after every step.

@@ -96,17 +96,7 @@ def check_objective(objective: object, sequences: Sequence[TrainingSequence]) ->
 
 
 def loss_function(objective: str | Callable, outlines: Callable | None = None) -> Callable:
-    """The loss of a sequence, ``(tracker, keys, frames, truth, sizes) -> []``; smaller is better.
-
-    * "evidence": minus the log evidence per frame, averaged over runs.  The mean of the logs lies
-      below the log evidence by about half its variance, so this also rewards a low variance
-      (Maddison et al., "Filtering variational objectives", NeurIPS 2017).
-    * "position": mean distance from the labelled positions, pixels.
-    * "crps": continuous ranked probability score of the labelled positions, pixels.
-    * "iou": 1 - intersection over union with the labelled shapes.
-    * a function of ``(tracker, keys, frames)``: the mean of its return value.  If a sequence says
-      which frames were ``observed``, they are pairs ``(frame, seen)``, as its tracker takes them.
-    """
+    """The loss of a sequence, ``(tracker, keys, frames, truth, sizes) -> []``; see ``tune``."""
 
     def loss(tracker, keys, frames, truth, sizes):
         if callable(objective):
@@ -163,7 +153,7 @@ class Observed(contract.WrappedTracker):
         return frame
 
     def step_observed(self, key, state, observation):
-        """See ``Partitioned``."""
+        """Step the tracker."""
         return self.tracker.step_observed(key, state, observation)
 
 

@@ -102,7 +102,7 @@ class OtherEnding(contract.WrappedTracker):
     def step_observed(
         self, key: jax.Array, state: ParticleState, observation: Any
     ) -> tuple[ParticleState, Summary]:
-        """See ``Tracker``."""
+        """A step of the tracker, and what follows it."""
         step_key, draw_key = jax.random.split(key)
         state, summary = self.tracker.step_observed(step_key, state, observation)
         estimate = summary.estimate

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import jax
     from jax.typing import ArrayLike
 
-    from jaxpf.media.frame_source import FrameSource
+    from jaxpf.media.film import FrameSource
     from scenes import Scene
 
 #: Number of control points of a scene's contours, closed and open.

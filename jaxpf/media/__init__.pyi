@@ -14,5 +14,5 @@ from .plotting import (
     new_figure as new_figure,
     save_figure as save_figure,
 )
-from .video import open_frames as open_frames
+from .read import open_frames as open_frames
 from .video_writer import VideoWriter as VideoWriter

@@ -2,9 +2,11 @@
 
 import contextlib
 import itertools
+import os
 import re
 import statistics
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,7 +14,6 @@ import cv2
 import numpy as np
 
 from jaxpf.contract.errors import Argument, InputError, import_extra
-from jaxpf.media.quiet import quiet_opencv
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
 #: Share of pixels that change as edges and noise do, above which a picture is a photograph.
@@ -316,3 +317,30 @@ def to_rgb(image: np.ndarray, path: Path | str) -> np.ndarray:
         )
     code = cv2.COLOR_GRAY2RGB if image.ndim == 2 else cv2.COLOR_BGR2RGB
     return cv2.cvtColor(image, code)
+
+
+#: Standard error belongs to the whole process, so that one block at a time redirects it.
+_lock = threading.Lock()
+
+
+@contextlib.contextmanager
+def quiet_opencv() -> Iterator[None]:
+    """Discard what is printed to standard error in the block.
+
+    The libraries that decode pictures print past OpenCV's log level, so the file descriptor is
+    redirected; that holds for the process, so blocks are short, and one at a time.
+    """
+    with _lock:
+        try:
+            usual = os.dup(2)
+        except OSError:  # there is no standard error
+            yield
+            return
+        nothing = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nothing, 2)
+        os.close(nothing)
+        try:
+            yield
+        finally:
+            os.dup2(usual, 2)
+            os.close(usual)

@@ -17,7 +17,7 @@ from jaxpf.targets.later import check_inside
 from jaxpf.targets.target import Marks, Start, Target
 
 if TYPE_CHECKING:
-    from jaxpf.media.frame_source import FrameSource
+    from jaxpf.media.film import FrameSource
     from scenes import Scene
 
 

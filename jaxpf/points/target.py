@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import jax
     from jax.typing import ArrayLike
 
-    from jaxpf.media.frame_source import FrameSource
+    from jaxpf.media.film import FrameSource
     from scenes import Scene
 
 #: Default spacing of a grid of points, pixels.

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.media.frame_source import FrameSource
-from jaxpf.media.video import open_frames, open_pictures
+from jaxpf.media.film import FrameSource
+from jaxpf.media.read import open_frames, open_pictures
 
 if TYPE_CHECKING:
     from jax.typing import DTypeLike

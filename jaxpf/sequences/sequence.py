@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
-from jaxpf.media.frame_source import DEFAULT_FPS
+from jaxpf.media.film import DEFAULT_FPS
 from jaxpf.sequences.frames import Frames
 from jaxpf.sequences.tables import BoxTable, dense, listed
 from scenes import Scene, cut_patch

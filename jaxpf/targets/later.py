@@ -10,7 +10,7 @@ from jaxpf.files.reading import check_pixels
 from jaxpf.targets.target import Start
 
 if TYPE_CHECKING:
-    from jaxpf.media.frame_source import FrameSource
+    from jaxpf.media.film import FrameSource
 
 #: Frames in a row with a start of one object, from which on a file holds whole tracks.
 _WHOLE = 3

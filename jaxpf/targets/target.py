@@ -11,7 +11,7 @@ import numpy as np
 from jaxpf.contract.errors import InputError
 
 if TYPE_CHECKING:
-    from jaxpf.media.frame_source import FrameSource
+    from jaxpf.media.film import FrameSource
     from scenes import Scene
 
 

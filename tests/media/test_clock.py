@@ -5,7 +5,7 @@ import pytest
 from films import moving_square, write_film
 
 from jaxpf.media import open_frames
-from jaxpf.media.clock import Clock
+from jaxpf.media.film import Clock
 
 P = 0.04
 WRAP = 2**33 / 90_000

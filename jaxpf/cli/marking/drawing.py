@@ -24,7 +24,7 @@ from jaxpf.files.store import is_locked
 from jaxpf.files.writing import is_left_over, report_os_errors
 from jaxpf.media.page.runs import Run
 from jaxpf.media.page.server import Refusal
-from jaxpf.media.video import open_frames
+from jaxpf.media.read import open_frames
 from jaxpf.targets.later import holds_whole_tracks
 
 #: Lines of a run's output that the page shows.

@@ -14,7 +14,7 @@ from jaxpf.contract.numbers import plain
 from jaxpf.contract.options import options_of
 from jaxpf.detections.files import DETECTED, check_frames, read_detections
 from jaxpf.detections.lifetimes import Rules
-from jaxpf.media.frame_source import FrameSource
+from jaxpf.media.film import FrameSource
 from jaxpf.targets.target import Start
 
 #: Default number of particles per place.

@@ -9,7 +9,7 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.cli.tracking.columns import centres_of
 from jaxpf.detections.records import Record
-from jaxpf.media.frame_source import FrameSource
+from jaxpf.media.film import FrameSource
 from jaxpf.media.overlay import NUM_COLOURS, draw_spreads, object_colours
 from jaxpf.media.video_writer import VideoWriter
 from jaxpf.targets.target import Marks, Target

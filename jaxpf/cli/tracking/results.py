@@ -21,7 +21,7 @@ from jaxpf.detections.records import Group, Record
 from jaxpf.files import states, writing
 from jaxpf.files.store import locked
 from jaxpf.files.writing import LineWriter
-from jaxpf.media.frame_source import FrameSource
+from jaxpf.media.film import FrameSource
 from jaxpf.targets.target import Start
 
 #: All files that a run may leave in its output folder.

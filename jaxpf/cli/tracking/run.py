@@ -24,8 +24,8 @@ from jaxpf.detections import follow, open_model
 from jaxpf.evaluation.trackers import OwnTracker, own_tracker
 from jaxpf.files import states
 from jaxpf.filters import SideBySide
-from jaxpf.media.frame_source import FrameSource
-from jaxpf.media.video import open_frames
+from jaxpf.media.film import FrameSource
+from jaxpf.media.read import open_frames
 from jaxpf.sequences.layouts import read_truth
 from jaxpf.sequences.tables import BoxTable
 from jaxpf.targets.building import build, looks_of

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from jaxpf.contract.errors import check_known
 from jaxpf.media.page.runs import Run
 from jaxpf.media.page.server import Server, described
-from jaxpf.media.video import open_frames
+from jaxpf.media.read import open_frames
 
 #: Height of the page in a notebook, pixels.
 _HEIGHT = 720

@@ -1,20 +1,21 @@
-"""Reads video files, folders of images and live sources, one frame at a time."""
+"""Opens video files, folders of images, cameras and streams, to be read one frame at a time."""
 
 import errno
-import itertools
+import numbers
 import os
+import re
 import time
 from collections.abc import Generator, Sequence
 from pathlib import Path
+from urllib.parse import urlsplit
 
+import cv2
 import numpy as np
 
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.numbers import check_number
 from jaxpf.files.writing import report_os_errors
-from jaxpf.media.clock import Clock
-from jaxpf.media.decoder import Decoder, NoFilm
-from jaxpf.media.frame_source import DEFAULT_FPS, FrameSource
+from jaxpf.media.film import DEFAULT_FPS, Clock, FrameSource, VideoFile
 from jaxpf.media.images import (
     IMAGE_SUFFIXES,
     check_consecutive,
@@ -24,16 +25,15 @@ from jaxpf.media.images import (
     levels_of,
     no_range,
     pictures_in,
+    quiet_opencv,
     read_image,
+    to_rgb,
 )
-from jaxpf.media.live import LiveSource, live_address
 
-# Signatures of common containers; used only to distinguish "damaged" from "not a video".
-_CONTAINERS = ((4, b"ftyp", "MP4"), (8, b"AVI ", "AVI"), (0, b"\x1a\x45\xdf\xa3", "WebM or MKV"))
-#: Number of frames that are decoded on opening.
-_SHOWN = 16
-#: Seconds of decoding after which an estimate of the number of frames will do.
-_PATIENCE = 5.0
+# At least two letters: a single one is a Windows drive.
+_URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://")
+#: Milliseconds to wait for a stream to open, and for each of its frames.
+_PATIENCE = 10_000
 
 
 def open_frames(
@@ -80,11 +80,11 @@ def open_frames(
             Argument("range", range, typed=",".join(map(str, range))),
             " must be two whole numbers from 0 to 65535, black before white.",
         )
-    address = live_address(path)
+    address = _live_address(path)
     if address is not None:
         if range is not None:
             raise no_range(address, range)
-        return LiveSource(address, fps)
+        return _LiveSource(address, fps)
     path = Path(f"{path}")
     check_name(path)
     with report_os_errors("read", f"{path}"):
@@ -109,7 +109,7 @@ def open_frames(
         )
     if range is not None:
         raise no_range(path, range)
-    return _VideoFile(path, fps, beginning)
+    return VideoFile(path, fps, beginning)
 
 
 def open_pictures(files: Sequence[Path], fps: float | None = None) -> FrameSource:
@@ -122,92 +122,6 @@ def open_pictures(files: Sequence[Path], fps: float | None = None) -> FrameSourc
         if not file.is_file():
             raise InputError(f"there is no picture '{file}'; add it, or correct the sequence")
     return _ImageFolder(files[0].parent, fps, files)
-
-
-class _VideoFile(FrameSource):
-    """A file decoded by PyAV."""
-
-    def __init__(self, path: Path, fps: float | None, beginning: bytes):
-        super().__init__(path, path.stem, fps)
-        picture = None
-        try:
-            with Decoder(path) as film:
-                self._clock = Clock(film.rate or DEFAULT_FPS)
-                # Some headers give a clock rate as frame rate, so the first frames show it.
-                for stamp, frame in itertools.islice(film.frames(), _SHOWN):
-                    self._clock.add(stamp)
-                    if picture is None:
-                        picture = film.upright(frame)
-                        self._describe(film)
-                        self._is_counted = film.is_counted
-        except NoFilm as error:
-            raise _undecodable(path, beginning, str(error)) from error
-        if picture is None:
-            raise _undecodable(path, beginning, "")
-        # From a decoded frame, because rotation can swap the header's width and height.
-        self.height, self.width = picture.shape[:2]
-
-    def count_frames(self) -> int:
-        """See ``FrameSource``."""
-        if self.num_frames is None and not self._is_counted:
-            end, count = time.monotonic() + _PATIENCE, 0
-            with self._decoder() as film:
-                for count, _ in enumerate(film.frames(), 1):
-                    if self.frames_expected and time.monotonic() > end:
-                        return max(self.frames_expected, count)
-            self.num_frames = count
-        return super().count_frames()
-
-    def _decoder(self) -> Decoder:
-        """Open the film again, for a pass over its frames."""
-        try:
-            return Decoder(self.path)
-        except NoFilm:
-            raise InputError(
-                f"video '{self.path}' was removed or replaced after it was opened; open it again"
-            ) from None
-
-    def _frames(self, start: int) -> Generator[np.ndarray]:
-        clock = self._clock = Clock(self._clock.rate)
-        count = 0
-        with self._decoder() as film:
-            for stamp, frame in film.frames():
-                clock.add(stamp)
-                if count >= start:
-                    picture = film.upright(frame)
-                    self._check_size(picture, count)
-                    yield picture
-                count += 1
-            self._reached_end(film, count)
-        if count <= start:
-            raise self._past_the_end(start, count)
-
-    def _describe(self, film: Decoder) -> None:
-        """Take what a ``Decoder`` knows once its first frame is upright."""
-        self.frames_expected = film.frames_expected
-        self.pixel_aspect = film.pixel_aspect
-        if film.pixel_aspect != 1:
-            self.note = (
-                f"pixels of '{self.path}' are {float(film.pixel_aspect):.3g} times as wide as "
-                "high; coordinates count pixels"
-            )
-
-    def _reached_end(self, film: Decoder, count: int) -> None:
-        """Judge a ``Decoder`` that has yielded all ``count`` frames."""
-        self.num_frames = count
-        self.truncated = film.is_cut(self._clock.rate)
-        if self.truncated:
-            expected = film.frames_expected
-            self.note = (
-                f"'{self.path}' announces {expected} frames, and {count} can be decoded: it is cut "
-                f"off or damaged after frame {count - 1}; copy or convert it again if the rest "
-                "matters"
-            )
-        elif film.damaged:
-            self.note = (
-                f"'{self.path}' is damaged: {film.damaged} frame(s) are missing or decoded only in "
-                "part; copy it again"
-            )
 
 
 class _ImageFolder(FrameSource):
@@ -257,11 +171,89 @@ class _ImageFolder(FrameSource):
             yield frame
 
 
-def _undecodable(path: Path, beginning: bytes, why: str) -> InputError:
-    known = [kind for at, magic, kind in _CONTAINERS if beginning[at:].startswith(magic)]
-    if why or known:
-        why = why or f"it begins as {known[0]} but is cut off or damaged"
-        return InputError(f"video '{path}' cannot be decoded: {why}; copy it again or convert it")
-    return InputError(
-        f"'{path}' is not a video; give a video (mp4, avi, webm, mkv) or a folder of images"
-    )
+def _live_address(source: str | os.PathLike[str] | int) -> str | int | None:
+    """Return a camera's index or a stream's address; None for other paths."""
+    if isinstance(source, numbers.Integral):
+        return int(source)
+    text = f"{source}"
+    if _URL.match(text):
+        return text
+    # More digits than an index can have: probably a missing file.
+    if text.isdecimal() and len(text) < 10 and not Path(text).exists():
+        return int(text)
+    return None
+
+
+class _LiveSource(FrameSource):
+    """Frames of a camera or a stream; a second pass goes on where the first one ended.
+
+    Frames of a camera are shown when they arrive, those of a stream by its frame rate.
+    """
+
+    is_live = True
+
+    def __init__(self, address: str | int, fps: float | None):
+        """Open the source and read its first frame; see ``_live_address`` and ``open_frames``."""
+        shown, name = _names(address)
+        super().__init__(shown, name, fps)
+        self._is_camera = isinstance(address, int)
+        with quiet_opencv():
+            if isinstance(address, int):
+                self._capture = cv2.VideoCapture(address)
+            else:
+                waits = (cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, cv2.CAP_PROP_READ_TIMEOUT_MSEC)
+                settings = [number for wait in waits for number in (wait, _PATIENCE)]
+                self._capture = cv2.VideoCapture(address, cv2.CAP_FFMPEG, settings)
+        rate = self._capture.get(cv2.CAP_PROP_FPS)
+        self._clock = Clock(rate if 0 < rate <= 1000 else DEFAULT_FPS)
+        self._following = self._read()
+        if self._following is None:
+            raise self._no_picture()
+        self.height, self.width = self._following.shape[:2]
+
+    def _read(self) -> np.ndarray | None:
+        decoded, frame = self._capture.read()
+        if not decoded:
+            return None
+        self._clock.add(time.monotonic() if self._is_camera else None)
+        return to_rgb(frame, self.path)
+
+    def _frames(self, start: int) -> Generator[np.ndarray]:
+        count = 0
+        while self._following is not None:
+            frame = self._following
+            self._check_size(frame, count)
+            count += 1
+            if count > start:
+                yield frame
+            self._following = self._read()
+        self._capture.release()
+        self.num_frames = count
+        if count <= start:
+            raise self._past_the_end(start, count)
+
+    def _no_picture(self) -> InputError:
+        does = "gives no picture" if self._capture.isOpened() else "does not open"
+        if self._is_camera:
+            return InputError(
+                f"camera '{self.path}' {does}; check that it is plugged in, that you may use it "
+                "and that no other program does; cameras count from 0"
+            )
+        return InputError(
+            f"stream '{self.path}' {does}; check the address, that it is being sent, and that "
+            "OpenCV knows its protocol and codec"
+        )
+
+
+def _names(address: str | int) -> tuple[str, str]:
+    """Return the address without a password, and a name for results."""
+    if isinstance(address, int):
+        return f"{address}", f"camera-{address}"
+    try:
+        parts = urlsplit(address)
+    except ValueError as error:
+        raise InputError(f"'{address}' is not an address of a stream: {error}") from None
+    user, at, host = parts.netloc.rpartition("@")
+    user = f"{user.partition(':')[0]}:***" if ":" in user else user
+    name = Path(parts.path).stem or host.partition(":")[0] or parts.scheme
+    return parts._replace(netloc=f"{user}{at}{host}").geturl(), name

@@ -48,13 +48,16 @@ from jax.typing import ArrayLike
 from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError, check_known, check_separate
-from jaxpf.contract.names import MOTION_GRADIENTS
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import ParticleState
 from jaxpf.contract.types import Differentiable
 from jaxpf.resampling import transport, weighted
 from jaxpf.resampling.components import Components
+
+#: Names of strategies for resampling, and of those for the motion.
+GRADIENTS = ("none", "stop_gradient", "soft", "transport")
+MOTION_GRADIENTS = ("pathwise", "score")
 
 
 class Gradient:
@@ -184,7 +187,7 @@ _NAMED = {
 
 
 def named(name: str) -> Gradient:
-    """Return the strategy named in ``jaxpf.contract.names.GRADIENTS``, with default parameters."""
+    """Return the strategy named in ``GRADIENTS``, with default parameters."""
     return _NAMED[name]()
 
 

@@ -17,9 +17,15 @@ import numpy as np
 
 from jaxpf.contract.errors import Argument, InputError, check_known, choice
 from jaxpf.contract.model import check_tree
-from jaxpf.contract.names import METHODS, REASSEMBLIES, SWAPS
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import as_array, is_concrete, pytree_dataclass, static_field
+
+#: Named orderings, see ``named``.
+METHODS = ("sir", "ps", "dps", "sps")
+#: Exchange rules of simultaneous partitioned sampling, in the order of their codes.
+SWAPS = ("none", "random", "sorted", "combinatorial")
+#: Rules that reassemble the components of DPS at the end of a frame.
+REASSEMBLIES = ("evidence", "literal")
 
 #: Largest number of partitions: the tables of an ordering hold its square.
 _MOST_PARTITIONS = 10_000

@@ -165,6 +165,8 @@ def tracker(
         _, summary = jaxpf.run(tracker, jax.random.key(0), frames[1:])
         jaxpf.boxes.to_boxes(tracker, summary.estimate)  # [T, P, 4]: x, y, w, h
 
+    Options without an entry here are explained in the signature.
+
     Args:
         frame: uint8 RGB ``[H, W, 3]`` that contains the boxes; tracking continues with the next
             frame.  It may be None with a user-defined likelihood.
@@ -178,8 +180,6 @@ def tracker(
         ordering: from ``jaxpf.ordering``, instead of a method.
         patches: P pictures, uint8 RGB ``[h, w, 3]``, from which colours are learned instead of
             from the frame.
-        appearance, sharpness, noise_pixels, bands, network, motion, noise_relative, momentum,
-            exclusion: explained in the signature.
         options: of the method's filter: ``resampling``, ...
 
     Returns:

@@ -9,8 +9,9 @@ from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.cli.shared.startup import use_compile_cache
-from jaxpf.contract.names import ANNOTATIONS, COEFFICIENTS
+from jaxpf.dynamics.learned import COEFFICIENTS
 from jaxpf.files.writing import check_output_file
+from jaxpf.shapes.learning import ANNOTATIONS
 
 
 @click.group("contour")

@@ -14,10 +14,10 @@ import numpy as np
 from jaxpf.contours.data import Annotated
 from jaxpf.contours.files import TRACK_HEADER
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.names import ANNOTATIONS
 from jaxpf.files.reading import parse_number, read_below
 from jaxpf.media.images import read_mask
 from jaxpf.sequences.layouts import label_images
+from jaxpf.shapes.learning import ANNOTATIONS
 
 _HEADER = ("frame", "id", "k", "x", "y")
 
@@ -35,7 +35,7 @@ def read_annotated(
     Args:
         folder: contains ``centrelines.csv`` or ``outlines.csv``, or pictures, or a folder ``masks``
             of pictures.
-        kind: of ``jaxpf.contract.names.ANNOTATIONS``; by default the kind found.
+        kind: of ``ANNOTATIONS``; by default the kind found.
         value: of masks, the number of the object: its palette index or grey level.  Optional if
             there is only one object.
         first: first frame to read.

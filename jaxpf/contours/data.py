@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_type
-from jaxpf.contract.numbers import numbers_in
-from jaxpf.contract.ranges import check_ranges
+from jaxpf.contract.numbers import check_number, numbers_in
 from jaxpf.shapes.splines import CUBIC, check_order
 
 if TYPE_CHECKING:
@@ -50,7 +49,7 @@ class Contours:
         if not np.isfinite(points).all():
             raise InputError("points hold a number that is not finite; give pixels, [P, K, 2].")
         if self.width is not None:
-            check_ranges(width=self.width)
+            check_number("width", self.width, above=0)
             if self.closed:
                 raise InputError(
                     f"width {self.width:g} works only with open contours; leave it out."
@@ -75,7 +74,7 @@ class Annotated(NamedTuple):
     """Annotated contours by frame and target.
 
     Attributes:
-        kind: of ``jaxpf.contract.names.ANNOTATIONS``.
+        kind: masks, outlines or centrelines.
         lines: (frame from 0, target) -> points ``[S, 2]``, or for masks a picture ``[H, W]`` that
             is nonzero on the target.
     """

@@ -190,6 +190,8 @@ def tracker(
         _, summary = jaxpf.run(tracker, jax.random.key(0), frames[1:])
         jaxpf.contours.to_contours(tracker, summary.estimate)  # [T, P, V, 2]: x, y
 
+    Options without an entry here are explained in the signature.
+
     Args:
         frame: uint8 RGB ``[H, W, 3]``, from which clutter is learned; tracking continues with the
             next frame.  It may be None with a user-defined likelihood.
@@ -200,9 +202,6 @@ def tracker(
         likelihood: a user-defined likelihood of points of the shape space.
         ordering: from ``jaxpf.ordering``, instead of a method.
         learned: shape space and dynamics.
-        shape_space, noise_shift, noise_bend, exclusion, wire_width, lines, line_length,
-            edge_threshold, edge_smoothing, sigma, independence, clutter, slip, flip: explained in
-            the signature.
         options: of the method's filter: ``resampling``, ``joint_weighting``, ...
 
     Returns:

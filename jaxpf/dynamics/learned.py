@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.names import COEFFICIENTS
 from jaxpf.contract.numbers import check_whole, numbers_in
 from jaxpf.contract.pytree import as_array
 from jaxpf.dynamics.gaussian import LinearGaussian
+
+#: What a coordinate depends on: its own last steps; its own past, with a mean to which it returns;
+#: or the past of all coordinates.
+COEFFICIENTS = ("steps", "own", "all")
 
 
 def fit(

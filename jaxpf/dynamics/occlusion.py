@@ -21,8 +21,8 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf import contract
+from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import pytree_dataclass
-from jaxpf.contract.ranges import check_ranges
 from jaxpf.shapes.depth import depth_orders, neighbours_exchanged
 
 #: Probability per frame that the label flips while the shapes do not overlap, delta of the paper.
@@ -48,7 +48,7 @@ class WithOcclusion(contract.Dynamics):
     flip: Any = FLIP
 
     def __post_init__(self):
-        check_ranges(flip=self.flip)
+        check_number("flip", self.flip, least=0, most=1)
 
     def __getattr__(self, name):
         """What ``dynamics`` offers beyond moves and labels."""

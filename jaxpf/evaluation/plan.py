@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from jaxpf import filters
 from jaxpf.contract.errors import Argument, InputError, check_type
-from jaxpf.contract.names import GIVEN, ORDERS, SWAPS
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.options import Option, applying, check_distinct, defaults_of, options_of
-from jaxpf.filters.registry import Filter
+from jaxpf.filters.registry import GIVEN, ORDERS, Filter
+from jaxpf.ordering import SWAPS
 from jaxpf.targets import DEFAULT, all_targets, find_target
 from jaxpf.targets.target import Target
 
@@ -41,7 +41,7 @@ class Plan:
         orders: for methods with an order: "given", as the scene lists the objects (a part tree
             level by level); "shifts", every circular shift; or permutations such as (2, 0, 1),
             counted from 0.
-        swaps: for methods that swap, from ``jaxpf.contract.names.SWAPS``.
+        swaps: for methods that swap, from ``jaxpf.ordering.SWAPS``.
         grid: option name -> values; other options have their defaults.  Options come from the
             target (``jaxpf.targets``) and the methods' filters, such as "sharpness",
             "noise_pixels", "num_particles" and "resampling".

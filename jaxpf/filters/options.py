@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal, TypedDict
 
-from jaxpf.contract.names import SCHEMES
 from jaxpf.contract.numbers import MOST
 from jaxpf.contract.options import Option
+from jaxpf.resampling.schemes import SCHEMES
 
 Order = Annotated[
     tuple[int, ...] | None,

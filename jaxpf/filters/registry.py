@@ -14,7 +14,6 @@ import numpy as np
 
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
-from jaxpf.contract.names import GIVEN, ORDERS, SHIFTS
 from jaxpf.contract.optional import optional
 from jaxpf.contract.options import Option, options_of
 from jaxpf.dynamics.gaussian import AR2
@@ -24,6 +23,10 @@ from jaxpf.filters.factored.pffl import PFFL
 from jaxpf.filters.labelled.tracker import Labelled
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.ordering import Ordering, branched, named
+
+#: Orders of ps by name: as the objects are listed (a part tree level by level), and every circular
+#: shift of that order.
+ORDERS = GIVEN, SHIFTS = ("given", "shifts")
 
 
 class Variant(NamedTuple):

@@ -24,9 +24,8 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
-from jaxpf.contract.ranges import check_ranges
 from jaxpf.likelihoods._checks import shown_as, sizes_in
 from jaxpf.likelihoods._integral import LANES, SIMILARITIES, integral_table
 from jaxpf.likelihoods._interpolated import NEIGHBOURS, interpolated_similarity
@@ -286,7 +285,7 @@ def _build(
 ) -> HistogramLikelihood:  # fmt: skip
     """Keep the bins that references use, choose the method, and make the likelihood."""
     num_objects, num_bands, _ = learned.shape
-    check_ranges(sharpness=sharpness)
+    check_number("sharpness", sharpness, above=0)
     check_known("method=", method, ("auto", *METHODS))
     check_known("interpolation=", interpolation, SIMILARITIES)
     check_known("form=", form, FORMS)

@@ -37,9 +37,8 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.names import NORMS
+from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
-from jaxpf.contract.ranges import check_ranges
 from jaxpf.likelihoods._checks import (
     DARKEST_MEAN,
     check_grid,
@@ -50,6 +49,9 @@ from jaxpf.likelihoods._checks import (
 )
 from jaxpf.likelihoods._places import window_colours, words_of
 from jaxpf.likelihoods.color import check_frame
+
+#: How the squared differences of a window are combined.
+NORMS = ("mean", "sum")
 
 #: Of the log odds: constant, and factors of log(d / e) and log(s + .05).
 _ODDS = -1.4, -1.2, -1.0
@@ -214,7 +216,7 @@ def patch(
         InputError: an argument is out of range, or a window is black.
     """
     check_frame(frame)
-    check_ranges(sigma=sigma)
+    check_number("sigma", sigma, above=0)
     check_grid("window", window)
     sizes = sizes_in(sizes, shown_as("sizes", len(poses), names)).astype(np.float32)
     u, v, theta = jnp.asarray(np.asarray(poses, np.float32)).T
@@ -279,7 +281,7 @@ def windows(
             black or larger than the frame.
     """
     check_frame(frame)
-    check_ranges(sigma=sigma)
+    check_number("sigma", sigma, above=0)
     check_known("norm=", norm, NORMS)
     check_grid("window", window)
     if not all(n % 2 for n in window):
@@ -335,7 +337,7 @@ def _of_boxes(references, sizes, sigma, window) -> PatchLikelihood:
 
 
 def _of_points(seen, sigma, window, norm, slip) -> PatchLikelihood:
-    check_ranges(slip=slip)
+    check_number("slip", slip, least=0)
     means = seen.mean(axis=(1, 2), keepdims=True)
     return PatchLikelihood(
         sigma=as_array(sigma, float),

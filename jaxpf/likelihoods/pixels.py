@@ -37,7 +37,6 @@ from jaxpf.contract import Likelihood, of_partition
 from jaxpf.contract.errors import check_known
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
-from jaxpf.contract.ranges import check_ranges
 from jaxpf.likelihoods._checks import check_grid
 from jaxpf.likelihoods._places import window_colours, words_of
 from jaxpf.likelihoods.color import check_frame
@@ -162,7 +161,7 @@ def pixels(
         InputError: an argument is out of range.
     """
     extents = np.array([(len(picture[0]), len(picture)) for picture in pictures], np.float32)
-    check_ranges(sigma=sigma)
+    check_number("sigma", sigma, above=0)
     for name, value in (("min_slope", min_slope), ("size_term", size_term)):
         if value is not None:
             check_number(name, value, least=0)

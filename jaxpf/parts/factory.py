@@ -129,6 +129,8 @@ def tracker(
         _, summary = jaxpf.run(tracker, jax.random.key(0), frames[1:])
         jaxpf.parts.to_parts(tracker, summary.estimate)  # [T, P, 3]
 
+    Options without an entry here are explained in the signature.
+
     Args:
         frame: uint8 RGB ``[H, W, 3]`` that contains the parts; tracking continues with the next
             frame.  It may be None with a user-defined likelihood.
@@ -141,8 +143,6 @@ def tracker(
         ordering: from ``jaxpf.ordering``, instead of a method.
         patches: P upright pictures, uint8 RGB ``[h, w, 3]``, from which appearance is learned
             instead of from the frame.
-        sharpness, noise_pixels, noise_joints, bands, slip, dynamics: explained in the signature;
-            angles are in degrees.
         options: of the method's filter: ``resampling``, ...
 
     Returns:

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_known, check_names
 from jaxpf.contract.model import Model, check_tree
-from jaxpf.contract.names import PART_DYNAMICS
 from jaxpf.contract.numbers import FINITE, check_array, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass
 from jaxpf.contract.types import LikelihoodLike
@@ -30,7 +29,8 @@ from jaxpf.likelihoods.color import check_frame
 from jaxpf.likelihoods.histogram import HistogramLikelihood
 from jaxpf.lowering.programs import compiled
 
-DYNAMICS = PART_DYNAMICS
+#: How parts move: with their parents, or each on its own.
+DYNAMICS = ("relative", "absolute")
 
 #: Noise of x, y (pixels) and theta (radians) per frame, for roots and absolute parts.
 DEFAULT_SCALE = (3.0, 3.0, 0.06)

@@ -128,6 +128,8 @@ def tracker(
         _, summary = jaxpf.run(tracker, jax.random.key(0), frames[1:])
         jaxpf.points.to_points(tracker, summary.estimate)  # [T, P, 2]: x, y
 
+    Options without an entry here are explained in the signature.
+
     Args:
         frame: uint8 RGB ``[H, W, 3]`` that contains the points; tracking continues with the next
             frame.  It may be None with a user-defined likelihood.
@@ -138,8 +140,6 @@ def tracker(
         num_particles: number of particles; by default 1000, or 10 for eskil and 50 for pffl.
         likelihood: a user-defined likelihood of substates (u, v).
         ordering: from ``jaxpf.ordering``, instead of a method.
-        appearance, network, sharpness, sigma, noise_points, momentum, window_size, slip, norm:
-            explained in the signature.  Give ``slip=0`` for drawn scenes.
         options: of the method's filter: ``resampling``, ``drift``, ...
 
     Returns:

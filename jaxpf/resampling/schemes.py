@@ -10,11 +10,13 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxpf.contract.errors import check_known
-from jaxpf.contract.names import SCHEMES
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.lowering import platform
 from jaxpf.lowering.prefix import held, running_max, running_sum
 from jaxpf.resampling.components import ComponentCDF, Components, ranks
+
+#: Names of resampling schemes.
+SCHEMES = ("systematic", "stratified", "multinomial", "residual")
 
 #: Relative error of expected offspring, in units of the precision.
 _ROUNDING = 8

@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.names import ANNOTATIONS
 from jaxpf.contract.numbers import check_whole, numbers_in
 from jaxpf.shapes.spaces import ShapeSpace, key_frame_space
 from jaxpf.shapes.splines import check_order, fit_spline, resample_polyline
+
+#: Annotation formats of contours.
+ANNOTATIONS = ("masks", "outlines", "centrelines")
 
 #: Points per control point when examples are compared.
 _FINENESS = 16

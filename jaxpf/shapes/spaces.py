@@ -15,11 +15,13 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.names import SHAPE_SPACES
 from jaxpf.contract.numbers import check_whole, numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.lowering.programs import in_full
 from jaxpf.shapes.splines import CUBIC, check_order
+
+#: Shape spaces that need no training examples.
+SHAPE_SPACES = ("translation", "similarity", "affine")
 
 
 @pytree_dataclass

@@ -13,7 +13,6 @@ from jax.typing import ArrayLike
 
 from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.names import OBJECTIVES
 from jaxpf.contract.numbers import with_nan
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.refusals import biased_evidence
@@ -23,6 +22,9 @@ from jaxpf.running.frames import as_arrays
 from jaxpf.running.gaps import WithGaps
 from jaxpf.tuning import objectives
 from jaxpf.tuning.parameters import Parameter, replace
+
+#: Names of objectives.
+OBJECTIVES = ("evidence", "position", "iou", "crps")
 
 #: Maximum bytes for precomputed observations; larger ones are recomputed at every step.
 _KEPT_OBSERVATIONS = 512 * 2**20

@@ -67,8 +67,9 @@ def readable_text(app, what, name, obj, options, lines):
     """Name the type of arrays, describe options, and leave out Python's word on named tuples."""
     kept = [line for line in lines if not line.startswith("Create new instance of ")]
     lines[:] = [ARRAY.sub(_array, line) for line in kept]
-    if what == "class" and dataclasses.is_dataclass(obj):
-        lines += [f":ivar {each.name}: {each.help}" for each in options_of(obj).values()]
+    if inspect.isfunction(obj) or (what == "class" and dataclasses.is_dataclass(obj)):
+        field = "param" if what == "function" else "ivar"
+        lines += [f":{field} {each.name}: {each.help}" for each in options_of(obj).values()]
 
 
 def _array(found):

@@ -1,12 +1,12 @@
 """A filter of one's own, with a state of its own: one small particle filter for every object."""
 
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import jax
 import jax.numpy as jnp
 
 import jaxpf
-from jaxpf.contract import static_field
+from jaxpf.contract import Option, static_field
 
 
 @jaxpf.pytree_dataclass
@@ -62,6 +62,20 @@ class Independent:
         return state, Report(jnp.einsum("pm,pmd->pd", weights, moved[0]), jnp.sum(evidence))
 
 
+def build(
+    model,
+    *,
+    method: Annotated[Literal["swarms"], Option("swarms (a filter for each object)")] = "swarms",
+    num_particles: Annotated[int, Option("Number of particles of each object.", least=1)] = 60,
+):
+    return Independent(model.dynamics, model.likelihood, model.initial, num_particles)
+
+
+# From here on it is a method of the factories and, in a package, of the command line.
+FILTER = jaxpf.filters.Filter(name="swarms", build=build)
+jaxpf.filters.register(FILTER)
+
+
 def independent(scene):
-    tracker = jaxpf.boxes.tracker(scene.frames[0], scene.boxes[0], appearance="colour")
-    return Independent(tracker.dynamics, tracker.likelihood, tracker.initial)
+    colour = {"appearance": "colour", "method": "swarms"}
+    return jaxpf.boxes.tracker(scene.frames[0], scene.boxes[0], **colour)

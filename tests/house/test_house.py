@@ -23,6 +23,7 @@ from scipy.stats import multivariate_normal
 import jaxpf
 import scenes
 from jaxpf import resampling, tuning
+from jaxpf.filters import registry
 
 HERE = Path(__file__).parent
 #: File, function, and the most lines that it may take.
@@ -32,6 +33,12 @@ OWN = {
     "own_filter": ("independent", 60),
     "own_resampling": ("shuffled", 25),
 }
+
+
+@pytest.fixture(autouse=True)
+def apart(monkeypatch):
+    """What the files register is forgotten."""
+    monkeypatch.setattr(registry, "_REGISTERED", {})
 
 
 @pytest.fixture(scope="module")
@@ -168,6 +175,15 @@ def test_one_tracks_a_video(tmp_path, scene):
     assert outcome.code == 0, outcome.err
     assert len((tmp_path / "out" / "tracks.csv").read_text().splitlines()) == 1 + 6 * len(boxes)
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["frames_tracked"] == 5
+
+
+def test_a_registered_filter_is_a_method(scene):
+    function_of("own_filter")
+    made = jaxpf.points.tracker(scene.frames[0], [[20, 20]], method="swarms", num_particles=7)
+    assert (type(made).__name__, made.num_particles) == ("Independent", 7)
+    assert "swarms (a filter for each object)" in " ".join(command("track", "--help").out.split())
+    outcome = command("track", "no.mp4", "--method", "swarms", "-n", "0")
+    assert "--num-particles 0 must be a whole number" in outcome.err
 
 
 @pytest.mark.slow

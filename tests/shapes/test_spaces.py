@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from refusals import every, message_of
 
-from jaxpf.contract.names import SHAPE_SPACES
 from jaxpf.shapes import key_frame_space, learn_shape_space, outline_of, space_of
+from jaxpf.shapes.spaces import SHAPE_SPACES
 
 RNG = np.random.default_rng(0)
 CONTOURS = RNG.normal(size=(2, 8, 2)) * [40, 25] + [[[100, 60]], [[30, 90]]]

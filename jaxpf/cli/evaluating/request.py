@@ -18,8 +18,8 @@ from jaxpf.cli.shared.scene_options import (
     scene_parameters,
 )
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.names import GIVEN, ORDERS, SHIFTS
 from jaxpf.contract.options import Option, check_options, options_of
+from jaxpf.filters.registry import GIVEN, ORDERS, SHIFTS
 from jaxpf.targets import all_targets
 
 if TYPE_CHECKING:

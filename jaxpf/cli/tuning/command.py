@@ -22,15 +22,16 @@ from jaxpf.cli.shared.scene_options import (
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.cli.tuning import output as outputs
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.names import GRADIENTS, OBJECTIVES
 from jaxpf.contract.options import OPEN, Option, options_of
 from jaxpf.evaluation.scene import check_scene, load_scene
 from jaxpf.files.store import Store, locked
 from jaxpf.files.writing import check_output_folder, prepare_output_folder
+from jaxpf.gradients import GRADIENTS
 from jaxpf.targets import target_of_scene
 from jaxpf.targets.building import filter_for
 from jaxpf.tuning.loop import Diverged, tune
 from jaxpf.tuning.parameters import check_apart, parameter, read
+from jaxpf.tuning.problem import OBJECTIVES
 from jaxpf.tuning.result import Descent
 from jaxpf.tuning.sequences import Recipe, training_sequence, tuned_by_default
 from jaxpf.tuning.settings import Settings

@@ -5,10 +5,8 @@ from typing import Any
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.names import EXCLUSIONS
-from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.pytree import as_array
-from jaxpf.contract.ranges import check_ranges
 from jaxpf.likelihoods.contours.clutter import check_clutter, learn_clutter, poisson_clutter
 from jaxpf.likelihoods.contours.edges import EdgeDetector
 from jaxpf.likelihoods.contours.exclusive import ExclusiveContours, OpaqueContours
@@ -16,6 +14,10 @@ from jaxpf.likelihoods.contours.likelihood import IndependentContours
 from jaxpf.likelihoods.contours.line_model import SIGMA, detection_probabilities
 from jaxpf.shapes.depth import depth_orders
 from jaxpf.shapes.spaces import ShapeSpace
+
+#: Exclusion between contours: as wire frames, as opaque bodies, or none; the ``-literal`` variants
+#: follow maccormick1999 as printed.
+EXCLUSIONS = ("wires", "opaque", "none", "wires-literal", "opaque-literal", "none-literal")
 
 _KINDS: dict[str, type[IndependentContours]] = {
     "wires": ExclusiveContours,
@@ -72,13 +74,15 @@ def contours(
         InputError: an argument is out of range.
     """
     check_known("exclusion=", exclusion, EXCLUSIONS)
-    check_ranges(sigma=sigma, independence=independence, num_lines=num_lines)
+    check_number("sigma", sigma, above=0)
+    check_number("independence", independence, above=0, most=1)
+    check_whole("num_lines", num_lines, 4, 1000)
     name, _, literal = exclusion.partition("-")
     kind, is_opaque = _KINDS[name], name == "opaque"
     detector = EdgeDetector() if detector is None else detector
     edges = 1
     if width is not None:
-        check_ranges(width=width)
+        check_number("width", width, above=0)
         edges = 2
         if space.closed:
             raise InputError(

@@ -12,9 +12,8 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import TINY
+from jaxpf.contract.numbers import TINY, check_number
 from jaxpf.contract.pytree import as_array
-from jaxpf.contract.ranges import check_ranges
 from jaxpf.likelihoods.contours.edges import EdgeDetector, Lines
 from jaxpf.lowering.programs import compiled
 
@@ -35,7 +34,7 @@ def poisson_clutter(mean: float, max_features: int) -> jax.Array:
     Raises:
         InputError: the mean is not above 0.
     """
-    check_ranges(clutter=mean)
+    check_number("clutter", mean, above=0)
     counts = np.arange(max_features + 1)
     log_factorial = np.concatenate([[0.0], np.cumsum(np.log(counts[1:]))])
     law = np.exp(counts * np.log(mean) - mean - log_factorial)

@@ -14,9 +14,8 @@ import numpy as np
 from jax import lax
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.pytree import pytree_dataclass, static_field
-from jaxpf.contract.ranges import check_ranges
 from jaxpf.likelihoods.color import check_frame
 
 #: Steps of the stored gradient per grey level and pixel; 16 bits hold up to 511.
@@ -73,7 +72,9 @@ class EdgeDetector:
     smoothing: float = static_field(default=1.0)
 
     def __post_init__(self):
-        check_ranges(length=self.length, smoothing=self.smoothing, threshold=self.threshold)
+        check_whole("length", self.length, 3, 253)
+        check_number("smoothing", self.smoothing, least=0, most=20)
+        check_number("threshold", self.threshold, least=0)
         check_whole("max_features", self.max_features)
         if self.length % 2 == 0:
             raise InputError(

@@ -11,7 +11,6 @@ import numpy as np
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.pytree import as_array
-from jaxpf.contract.ranges import check_ranges
 from jaxpf.likelihoods._checks import check_grid, shown_as
 from jaxpf.likelihoods._integral import LANES, SIMILARITIES
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
@@ -87,7 +86,7 @@ def discriminative(
     if reach is not None:
         check_number("reach", reach, above=0)
     check_boxes(boxes, frame.shape, names)
-    check_ranges(sharpness=sharpness)
+    check_number("sharpness", sharpness, above=0)
     check_number("penalty", penalty, above=0)
     check_whole("bands", bands)
     check_grid("grid", grid)

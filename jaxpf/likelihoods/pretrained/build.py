@@ -11,7 +11,6 @@ from jax.typing import ArrayLike
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import as_array
-from jaxpf.contract.ranges import check_ranges
 from jaxpf.likelihoods._checks import shown_as
 from jaxpf.likelihoods.color import check_frame
 from jaxpf.likelihoods.discriminative.build import check_boxes, check_learned, untrained
@@ -66,7 +65,7 @@ def pretrained(
     check_frame(frame)
     boxes = np.asarray(boxes, float)
     check_boxes(boxes, frame.shape[:2], names)
-    check_ranges(sharpness=sharpness)
+    check_number("sharpness", sharpness, above=0)
     check_number("penalty", penalty, above=0)
     network = as_network(efficientnet_lite0() if network is None else network)
     window = jax.ShapeDtypeStruct((SIDE, SIDE, 3), jnp.float32)

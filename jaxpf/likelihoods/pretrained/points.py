@@ -29,8 +29,8 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
-from jaxpf.contract.ranges import check_ranges
 from jaxpf.likelihoods._checks import points_in
 from jaxpf.likelihoods.color import check_frame
 from jaxpf.likelihoods.discriminative.levels import shrunk, size_of
@@ -149,7 +149,8 @@ def pretrained_points(
     check_frame(frame)
     frame = np.asarray(frame)
     points = points_in(points, frame.shape[:2])
-    check_ranges(sharpness=sharpness, slip=slip)
+    check_number("sharpness", sharpness, above=0)
+    check_number("slip", slip, least=0)
     network = as_network(efficientnet_lite0() if network is None else network)
     shape = int(frame.shape[0]), int(frame.shape[1])
     maps = compiled(_maps)(network, jnp.asarray(frame))

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Likelihood, of_partition
+from jaxpf.contract.numbers import with_nan
 from jaxpf.contract.pytree import pytree_dataclass
 
 
@@ -103,12 +104,18 @@ def kalman(
         Log evidence increments ``[T]``, filtered means ``[T, S]`` and covariances
         ``[T, S, S]``.
     """
-    transition, process_covariance, observation, noise_covariance, mean, covariance, frames = (
+    transition, process_covariance, observation, noise_covariance, mean, covariance = (
         np.asarray(each, float)
         for each in (
-            transition, process_covariance, observation, noise_covariance, mean, covariance, frames
+            transition,
+            process_covariance,
+            observation,
+            noise_covariance,
+            mean,
+            covariance,
         )
-    )  # fmt: skip
+    )
+    frames = np.asarray(with_nan(frames), float)
     log_evidence, means, covariances = [], [], []
     for frame in frames:
         mean = transition @ mean

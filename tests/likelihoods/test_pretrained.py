@@ -175,13 +175,8 @@ def learned(network):
     return pretrained(FRAMES[0], BOXES, network=network)
 
 
-def by_appearance(**options):
-    return jaxpf.boxes.tracker(FRAMES[0], BOXES, appearance="pretrained", **options)
-
-
 @every([
     (lambda: learned(lambda window: edges(window) * jnp.nan), "boxes[0]"),
-    (lambda: by_appearance(network=edges), "likelihood=jaxpf.likelihoods.pretrained"),
     (lambda: learned(edges).log_prob_all(None, np.zeros(1, int), BOXES.T), "estimate"),
 ])  # fmt: skip
 def test_a_network_that_cannot_be_used_is_refused(call, named):

@@ -7,22 +7,16 @@ generates one.  This package does not depend on trackers; ``jaxpf.sequences`` re
 
 import dataclasses
 import difflib
-import operator
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from scenes.articulated import ArticulatedParameters, articulated_scene
-from scenes.distracter import distracter_scene
-from scenes.distracter_parameters import DistracterParameters
+from scenes.distracter import DistracterParameters, distracter_scene
 from scenes.face import FaceParameters, face_scene
 from scenes.fish import FishParameters, fish_scene
-from scenes.functions import (
-    call_scene,
-    cause_of,
-    function_of_text,
-    names_function,
-)
+from scenes.functions import call_scene, cause_of, function_of_text, names_function
 from scenes.leaves import LeavesParameters, leaves_scene
+from scenes.parameters import Parameters
 from scenes.projectiles import ProjectilesParameters, projectiles_scene
 from scenes.scene import Scene, SceneError, cut_patch
 from scenes.skydivers import SkydiversParameters, skydivers_scene
@@ -33,47 +27,35 @@ from scenes.wires import WiresParameters, wires_scene
 __all__ = [
     "ArticulatedParameters",
     "DistracterParameters",
-    "FaceParameters",
-    "FishParameters",
-    "LeavesParameters",
     "ProjectilesParameters",
     "Scene",
     "SceneError",
-    "SkydiversParameters",
-    "WalkersParameters",
-    "WiresParameters",
-    "articulated_scene",
     "cause_of",
     "cut_patch",
     "default_parameters",
-    "distracter_scene",
-    "face_scene",
-    "fish_scene",
     "function_of_text",
-    "leaves_scene",
     "make",
     "names",
     "names_function",
     "open_scene",
-    "projectiles_scene",
     "puppet_scene",
-    "skydivers_scene",
     "street_scene",
-    "walkers_scene",
-    "wires_scene",
 ]
 
 # name -> class of the parameters, and function of (parameters, seed) that generates the scene
-_REGISTRY: dict[str, tuple[type, Callable[[Any, int], Scene]]] = {
-    "articulated": (ArticulatedParameters, articulated_scene),
-    "distracter": (DistracterParameters, distracter_scene),
-    "projectiles": (ProjectilesParameters, projectiles_scene),
-    "face": (FaceParameters, face_scene),
-    "fish": (FishParameters, fish_scene),
-    "skydivers": (SkydiversParameters, skydivers_scene),
-    "leaves": (LeavesParameters, leaves_scene),
-    "walkers": (WalkersParameters, walkers_scene),
-    "wires": (WiresParameters, wires_scene),
+_REGISTRY: dict[str, tuple[type[Parameters], Callable[[Any, int], Scene]]] = {
+    parameters.scene: (parameters, draw)
+    for parameters, draw in (
+        (ArticulatedParameters, articulated_scene),
+        (DistracterParameters, distracter_scene),
+        (ProjectilesParameters, projectiles_scene),
+        (FaceParameters, face_scene),
+        (FishParameters, fish_scene),
+        (SkydiversParameters, skydivers_scene),
+        (LeavesParameters, leaves_scene),
+        (WalkersParameters, walkers_scene),
+        (WiresParameters, wires_scene),
+    )
 }
 
 
@@ -125,13 +107,9 @@ def open_scene(
 
 
 def _whole_seed(name: str, seed: int) -> int:
-    try:
-        whole_seed = operator.index(seed)
-    except TypeError:
-        whole_seed = -1
-    if whole_seed < 0:
-        raise SceneError(f"scene {name!r}: seed = {seed!r} must be a whole number, 0 or more")
-    return whole_seed
+    if seed < 0:
+        raise SceneError(f"scene {name!r}: seed = {seed!r} must be 0 or more")
+    return int(seed)
 
 
 def _look_up(name: str) -> tuple[type, Callable[[Any, int], Scene]]:

@@ -7,13 +7,12 @@ documented in ``ArticulatedParameters``.
 """
 
 import dataclasses
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
-from scenes.drawn_outlines import boxes_around
-from scenes.mosaics import coloured, scattered, with_noise
-from scenes.parameters import check_parameters, require
+from scenes.drawing import boxes_around, coloured, scattered, with_noise
+from scenes.parameters import Above0, Count, Parameters, Range, Share, Signed
 from scenes.scene import Scene, SceneError
 
 # Every ingredient has its own random stream, so that changing, say, the noise level keeps the
@@ -22,7 +21,7 @@ _MOTION, _TEXTURES, _BACKGROUND, _PIXELS, _PATCHES = range(5)
 
 
 @dataclasses.dataclass(frozen=True)
-class ArticulatedParameters:
+class ArticulatedParameters(Parameters):
     """Parameters of the articulated scene; "paper" marks values from gonzales2011.
 
     Lengths are in pixels, angles in degrees, times in frames, colours in grey levels from 0 to 255.
@@ -34,9 +33,6 @@ class ArticulatedParameters:
         motion: "smooth" moves every coordinate sinusoidally; "strong_start" is the same path,
             traversed faster at the beginning; "erratic" moves every coordinate between random
             targets, each on its own schedule (the paper's three kinds of sequences).
-        frame_width: width of a frame.
-        frame_height: height of a frame.
-        fps: frames per second; it affects only playback.
         part_length: length of an arm's part, along the arm.
         inset: distance of a joint from the ends of the two parts that it connects, inside both, so
             that no gap opens as they rotate.
@@ -57,25 +53,25 @@ class ArticulatedParameters:
             each channel and pixel; one background for all frames.
     """
 
-    num_parts: int = 7
-    num_frames: int = 300
+    scene: ClassVar[str] = "articulated"
+    num_parts: Count = 7
+    num_frames: Count = 300
     motion: Literal["smooth", "strong_start", "erratic"] = "smooth"
-    frame_width: int = 400
-    frame_height: int = 300
-    fps: float = 25.0
-    part_length: int = 28
+    frame_width: Count = 400
+    frame_height: Count = 300
+    part_length: Count = 28
     inset: float = 2.5
     tilt: float = 12.0
     swing: float = 26.0
-    period_spread: float = 0.3
-    strong_factor: float = 3.0
+    period_spread: Annotated[float, Range(0, 0.99)] = 0.3
+    strong_factor: Above0 = 3.0
     erratic_longest: int = 12
-    cell_size: int = 4
-    accent_share: float = 0.3
-    saturation: float = 0.8
-    brightness: float = 0.8
+    cell_size: Count = 4
+    accent_share: Share = 0.3
+    saturation: Share = 0.8
+    brightness: Share = 0.8
     object_noise: float = 10.0
-    background_mean: float = 128.0
+    background_mean: Signed = 128.0
     background_noise: float = 45.0
 
     centre_width: ClassVar[int] = 34
@@ -89,23 +85,12 @@ class ArticulatedParameters:
     erratic_shortest: ClassVar[int] = 4  # shortest time between targets
 
     def __post_init__(self) -> None:
-        check_parameters(
-            "articulated",
-            self,
-            above_0=("part_length", "strong_factor", "cell_size"),
-            shares=("accent_share", "saturation", "brightness", "period_spread"),
-            signed=("num_parts", "background_mean"),
-        )
+        super().__post_init__()
+        odd, longest = self.num_parts % 2 == 1, self.erratic_longest >= self.erratic_shortest
         narrow = min(self.part_length, self.centre_width) / 2
-        longest = self.erratic_longest >= self.erratic_shortest
-        odd = self.num_parts >= 1 and self.num_parts % 2 == 1
-        for name, holds, remedy in (
-            ("period_spread", self.period_spread < 1, "must lie below 1"),
-            ("num_parts", odd, "must be odd: a centre and two arms of equal length"),
-            ("erratic_longest", longest, "must be at least erratic_shortest"),
-            ("inset", self.inset <= narrow, f"must be at most {narrow}, half a part"),
-        ):
-            require("articulated", self, name, holds, remedy)
+        self.require("num_parts", odd, "must be odd: a centre and two arms of equal length")
+        self.require("erratic_longest", longest, "must be at least erratic_shortest")
+        self.require("inset", self.inset <= narrow, f"must be at most {narrow}, half a part")
 
 
 def articulated_scene(parameters: ArticulatedParameters, seed: int = 0) -> Scene:
@@ -141,7 +126,7 @@ def articulated_scene(parameters: ArticulatedParameters, seed: int = 0) -> Scene
         boxes=boxes_around(corners),
         patches=[with_noise(texture, parameters.object_noise, rng) for texture in textures],
         fps=parameters.fps,
-        parameters={**dataclasses.asdict(parameters), "seed": seed},
+        parameters=parameters.record(seed),
         extras={
             "corners": corners,
             "poses": poses,

@@ -8,11 +8,11 @@ below 1.
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import cv2
 import numpy as np
 
+from scenes.parameters import Parameters
 from scenes.scene import Scene, SceneError
 
 Bend = Callable[[np.ndarray], np.ndarray]
@@ -150,16 +150,15 @@ class Film:
 
 
 def point_scene(
-    name: str,
     frames: Sequence[np.ndarray],
     points: Sequence[np.ndarray],
     visible: Sequence[np.ndarray],
     names: Sequence[str],
     length: Sequence[float],
-    parameters: Any,
+    parameters: Parameters,
     seed: int,
 ) -> Scene:
-    """Build a scene of points; ``parameters`` is its dataclass.
+    """Build a scene of points.
 
     ``extras`` has ``points`` [T, P, 2] in pixels, ``visible`` bool [T, P], ``point_names`` and
     ``body_length`` [T] in pixels.  Boxes and patches are windows around the points.
@@ -170,7 +169,9 @@ def point_scene(
     padded = np.pad(frames[0], ((WINDOW, WINDOW), (WINDOW, WINDOW), (0, 0)))
     for point, (x, y) in zip(names, places[0], strict=True):
         if not (0 <= x < frames[0].shape[1] and 0 <= y < frames[0].shape[0]):
-            raise SceneError(f"scene {name!r}: point {point!r} starts outside; use a larger frame")
+            raise SceneError(
+                f"scene {parameters.scene!r}: point {point!r} starts outside; use a larger frame"
+            )
         column, row = int(x) + WINDOW - WINDOW // 2, int(y) + WINDOW - WINDOW // 2
         patches.append(padded[row : row + WINDOW, column : column + WINDOW].copy())
     extras = {
@@ -179,5 +180,5 @@ def point_scene(
         "point_names": tuple(names),
         "body_length": np.array(length),
     }
-    record = dataclasses.asdict(parameters) | {"seed": seed}
-    return Scene(name, np.stack(frames), boxes, patches, parameters.fps, record, extras)
+    record, fps = parameters.record(seed), parameters.fps
+    return Scene(parameters.scene, np.stack(frames), boxes, patches, fps, record, extras)

@@ -7,12 +7,13 @@ that the paper does not specify are our choices.
 """
 
 import dataclasses
+from typing import Annotated, ClassVar
 
 import cv2
 import numpy as np
 
 from scenes.deforming import Body, Film, Pose, bumps, draw, noise, point_scene
-from scenes.parameters import check_parameters
+from scenes.parameters import Parameters, Range
 from scenes.scene import Scene
 
 WIDTH = 200.0  # of the frontal face, pixels; errors are relative to it
@@ -44,29 +45,25 @@ BLINKS = (22, 68, 108)
 
 
 @dataclasses.dataclass(frozen=True)
-class FaceParameters:
-    """Parameters of the face scene; lengths in pixels, colours in grey levels from 0 to 255.
+class FaceParameters(Parameters):
+    """Parameters of the face scene.
 
     Attributes:
         num_frames: length (paper: 127).
         frame_width: of a frame (paper: 720).
         frame_height: of a frame (paper: 576).
-        fps: frames per second; it affects only playback.
         tilt: displacement of each view, in opposite directions.
         smile: displacement of the corners of the mouth.
         pixel_noise: standard deviation of the camera noise.
     """
 
-    num_frames: int = 127
-    frame_width: int = 720
-    frame_height: int = 576
-    fps: float = 25.0
+    scene: ClassVar[str] = "face"
+    num_frames: Annotated[int, Range(2)] = 127
+    frame_width: Annotated[int, Range(640)] = 720
+    frame_height: Annotated[int, Range(400)] = 576
     tilt: float = 40.0
     smile: float = 14.0
     pixel_noise: float = 4.0
-
-    def __post_init__(self) -> None:
-        check_parameters("face", self, num_frames=2, frame_width=640, frame_height=400)
 
 
 def face_scene(parameters: FaceParameters, seed: int = 0) -> Scene:
@@ -112,7 +109,7 @@ def face_scene(parameters: FaceParameters, seed: int = 0) -> Scene:
     visible = [np.ones(len(points[0]), bool)] * parameters.num_frames
     lengths = [WIDTH] * parameters.num_frames
     names = [*FRONT, *PROFILE]
-    return point_scene("face", film.frames, points, visible, names, lengths, parameters, seed)
+    return point_scene(film.frames, points, visible, names, lengths, parameters, seed)
 
 
 _SHAPE = (300, 240)

@@ -6,13 +6,13 @@ is not available; details that the paper does not specify are our choices.
 """
 
 import dataclasses
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import cv2
 import numpy as np
 
 from scenes.deforming import Bend, Body, Film, Pose, covers, draw, noise, point_scene
-from scenes.parameters import check_parameters
+from scenes.parameters import Parameters, Range
 from scenes.scene import Scene
 
 LENGTH = 220.0  # of the body, pixels at scale 1
@@ -35,31 +35,27 @@ POINTS = {
 
 
 @dataclasses.dataclass(frozen=True)
-class FishParameters:
-    """Parameters of the fish scene; lengths in pixels, colours in grey levels from 0 to 255.
+class FishParameters(Parameters):
+    """Parameters of the fish scene.
 
     Attributes:
         num_frames: length (paper: 110).
         frame_width: of a frame (paper: 1920).
         frame_height: of a frame (paper: 1080).
-        fps: frames per second; it affects only playback.
         speed: of the fish, pixels per frame.
         likeness: share of the fish's markings in those of the look-alikes, 0 to 1.
         pixel_noise: standard deviation of the camera noise.
     """
 
-    num_frames: int = 110
-    frame_width: int = 960
-    frame_height: int = 540
-    fps: float = 25.0
+    scene: ClassVar[str] = "fish"
+    num_frames: Annotated[int, Range(2)] = 110
+    frame_width: Annotated[int, Range(480)] = 960
+    frame_height: Annotated[int, Range(270)] = 540
     speed: float = 3.0
     likeness: float = 0.5
     pixel_noise: float = 4.0
 
     wave: ClassVar[float] = 9.0  # amplitude of swimming, at the tail
-
-    def __post_init__(self) -> None:
-        check_parameters("fish", self, num_frames=2, frame_width=480, frame_height=270)
 
 
 def fish_scene(parameters: FishParameters, seed: int = 0) -> Scene:
@@ -113,7 +109,7 @@ def fish_scene(parameters: FishParameters, seed: int = 0) -> Scene:
         points.append(where)
         visible.append(inside & ~hidden)
     lengths = [LENGTH] * parameters.num_frames
-    return point_scene("fish", film.frames, points, visible, [*POINTS], lengths, parameters, seed)
+    return point_scene(film.frames, points, visible, [*POINTS], lengths, parameters, seed)
 
 
 _SHAPE = (120, 240)

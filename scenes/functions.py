@@ -3,7 +3,6 @@
 import contextlib
 import functools
 import importlib
-import inspect
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -30,25 +29,19 @@ def call_scene(function: str | Callable[..., Any], seed: int, parameters: Mappin
         parameters: passed unchanged.
 
     Raises:
-        SceneError: the function cannot be imported, takes other arguments or fails; or its result
-            is not a ``Scene``, has no frames or objects, or lacks an object in the first frame,
-            where trackers start.
+        SceneError: the function cannot be imported or fails; or its result is not a ``Scene``, has
+            no frames or objects, or lacks an object in the first frame, where trackers start.
     """
-    place = function if isinstance(function, str) else _name_of(function)
     call = _import_function(function) if isinstance(function, str) else function
-    shown = ", ".join(f"{name}=..." for name in ("seed", *parameters))
-    try:
-        inspect.signature(call).bind(seed=seed, **parameters)
-    except TypeError as error:
-        raise SceneError(f"{place} cannot be called with ({shown}): {error}") from None
-    except ValueError:
-        pass  # some built-in functions have no signature; the call will show
+    name = getattr(function, "__qualname__", type(function).__name__)
+    place = function if isinstance(function, str) else f"{function.__module__}:{name}"
     try:
         scene = call(seed=seed, **parameters)
     except SceneError:
         raise
     except (Exception, SystemExit) as error:
-        raise SceneError(f"{place} failed with {cause_of(error, _file_of(call))}") from error
+        file = getattr(getattr(call, "__code__", None), "co_filename", "")
+        raise SceneError(f"{place} failed with {cause_of(error, file)}") from error
     if not isinstance(scene, Scene):
         raise SceneError(
             f"{place} returned a value of type {type(scene).__name__}, not a scenes.Scene"
@@ -108,15 +101,6 @@ def cause_of(error: BaseException, path: str = "") -> str:
 # Helpers
 
 
-def _name_of(function: Callable) -> str:
-    name = getattr(function, "__qualname__", type(function).__name__)
-    return f"{getattr(function, '__module__', '')}:{name}"
-
-
-def _file_of(function: Callable) -> str:
-    return getattr(getattr(function, "__code__", None), "co_filename", "")
-
-
 def _import_function(source: str) -> Callable[..., Any]:
     place, _, name = source.rpartition(":")
     is_file = place.endswith(".py")
@@ -138,16 +122,7 @@ def _function_in(
         ) from error
     function = getattr(module, name, None)
     if not callable(function):
-        state = "has no function" if function is None else "holds something that is no function,"
-        defined = sorted(
-            key
-            for key, value in vars(module).items()
-            if inspect.isfunction(value)
-            and value.__module__ == module.__name__
-            and not key.startswith("_")
-        )
-        listed = f"; it defines {', '.join(defined)}" if defined else ""
-        raise SceneError(f"{source!r}: {place} {state} {name!r}{listed}")
+        raise SceneError(f"{source!r}: {place} has no function {name!r}")
     return function
 
 

@@ -12,13 +12,13 @@ targets by depth, nearest to the camera first, and ``front`` ``[T]``, the neares
 
 import dataclasses
 from itertools import combinations, permutations
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import cv2
 import numpy as np
 
-from scenes import drawn_outlines as drawn
-from scenes.parameters import check_parameters, require
+from scenes import drawing as drawn
+from scenes.parameters import Parameters, Range
 from scenes.scene import Scene
 
 _PATHS, _BACKGROUND, _PIXELS = range(3)
@@ -29,26 +29,19 @@ _SIDES = ((-1.0, 0.0), (1.0, 0.0), (0.0, -0.8), (0.0, 0.8))
 
 
 @dataclasses.dataclass(frozen=True)
-class LeavesParameters:
-    """Parameters of the leaves scene; lengths in pixels, times in frames.
+class LeavesParameters(Parameters):
+    """Parameters of the leaves scene.
 
     Attributes:
         leaves: their number, 2 to 4.
-        num_frames: length of the sequence.
-        frame_width: width of a frame.
-        frame_height: height of a frame.
-        fps: frames per second; it affects only playback.
         travel: distance that each leaf's centre moves, across the middle to the other side.
         separation: distance between two paths in opposite directions.
         leaf_texture: standard deviation within a leaf.
         noise: standard deviation of every pixel, in every frame.
     """
 
-    leaves: int = 2
-    num_frames: int = 60
-    frame_width: int = 320
-    frame_height: int = 240
-    fps: float = 25.0
+    scene: ClassVar[str] = "leaves"
+    leaves: Annotated[int, Range(2, len(_SIDES))] = 2
     travel: float = 130.0
     separation: float = 14.0
     leaf_texture: float = 6.0
@@ -62,11 +55,6 @@ class LeavesParameters:
     foliage: ClassVar[int] = 60  # blobs in the background
     foliage_contrast: ClassVar[float] = 25.0  # standard deviation
     foliage_sway: ClassVar[float] = 4.0  # standard deviation
-
-    def __post_init__(self) -> None:
-        check_parameters("leaves", self, leaves=2)
-        most = len(_SIDES)
-        require("leaves", self, "leaves", self.leaves <= most, f"must be at most {most}")
 
 
 def leaves_scene(parameters: LeavesParameters, seed: int) -> Scene:
@@ -90,7 +78,6 @@ def leaves_scene(parameters: LeavesParameters, seed: int) -> Scene:
     by_depth = np.repeat([order], parameters.num_frames, axis=0)
     pairs = combinations(order, 2)
     return drawn.make_scene(
-        "leaves",
         frames,
         outlines,
         parameters,

@@ -1,71 +1,82 @@
-"""Checks the parameters of a scene; the error message names the wrong one."""
+"""Parameters of drawn scenes: fields whose annotations say in which range they must lie."""
 
 import dataclasses
 import math
 import numbers
-from collections.abc import Collection
-from typing import Any, Literal, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, get_args, get_origin
 
 from scenes.scene import SceneError
 
-#: Parameters of every scene, always above 0.
-_COMMON = ("num_frames", "frame_width", "frame_height", "fps")
 
+class Range(NamedTuple):
+    """Where numbers must lie.
 
-def check_parameters(
-    scene: str,
-    parameters: Any,
-    *,
-    above_0: Collection[str] = (),
-    shares: Collection[str] = (),
-    signed: Collection[str] = (),
-    **least: float,
-) -> None:
-    """Refuse parameters of a wrong type or out of range.
-
-    Args:
-        scene: its name.
-        parameters: its dataclass, with fields of type ``int``, ``float``, tuples of these, or a
-            ``Literal`` of words; numbers must be finite and not negative.
-        above_0: fields that must be above 0, besides the length, size and rate of the frames.
-        shares: fields that must lie between 0 and 1.
-        signed: fields that may be negative.
-        least: minimum values of other fields.
-
-    Raises:
-        SceneError: naming the parameter.
+    Attributes:
+        least: smallest number.
+        most: largest number.
+        is_open: whether the smallest number itself is excluded.
     """
-    positive = {*_COMMON, *above_0} - {*least}
-    for field in dataclasses.fields(parameters):
-        name, value = field.name, getattr(parameters, field.name)
-        kinds = get_args(field.type)
-        if get_origin(field.type) is Literal:
-            one_of = f"must be one of {', '.join(kinds)}"
-            require(scene, parameters, name, value in kinds, one_of)
-            continue
-        values = (value,)
-        if get_origin(field.type) is tuple:
-            fits = isinstance(value, tuple | list) and (... in kinds or len(value) == len(kinds))
-            count = "" if ... in kinds else f"{len(kinds)} "
-            require(scene, parameters, name, fits, f"must be {count}numbers in a row")
-            values = value
-        kind, word = (numbers.Integral, "whole") if field.type is int else (numbers.Real, "finite")
-        for x in values:
-            is_number = isinstance(x, kind) and not isinstance(x, bool) and math.isfinite(x)
-            require(scene, parameters, name, is_number, f"must be a {word} number")
-            require(scene, parameters, name, name not in positive or x > 0, "must be above 0")
-            between = name not in shares or 0 <= x <= 1
-            require(scene, parameters, name, between, "must lie between 0 and 1")
-            require(scene, parameters, name, name in signed or x >= 0, "must not be negative")
-            enough = x >= least.get(name, x)
-            require(scene, parameters, name, enough, f"must be at least {least.get(name)}")
+
+    least: float = 0.0
+    most: float = math.inf
+    is_open: bool = False
 
 
-def require(scene: str, parameters: object, name: str, holds: bool, remedy: str) -> None:
-    """Refuse the parameters unless ``holds``; ``remedy`` says what must hold of ``name``.
+#: Kinds of numbers; a plain ``float`` or ``int`` must not be negative.
+Above0 = Annotated[float, Range(0, is_open=True)]
+Count = Annotated[int, Range(1)]
+Share = Annotated[float, Range(0, 1)]
+Signed = Annotated[float, Range(-math.inf)]
 
-    Raises:
-        SceneError: ``holds`` is false.
+
+@dataclasses.dataclass(frozen=True)
+class Parameters:
+    """Parameters of a drawn scene; lengths in pixels, times in frames, colours in grey levels.
+
+    Numbers must be finite and in the range of their annotation.
+
+    Attributes:
+        num_frames: length of the sequence.
+        frame_width: width of a frame.
+        frame_height: height of a frame.
+        fps: frames per second; it affects only playback.
     """
-    if not holds:
-        raise SceneError(f"scene {scene!r}: {name} = {getattr(parameters, name)!r} {remedy}")
+
+    num_frames: Count = 60
+    frame_width: Count = 320
+    frame_height: Count = 240
+    fps: Above0 = 25.0
+
+    scene: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            self.require(field.name, *_fits(getattr(self, field.name), field.type))
+
+    def require(self, name: str, holds: bool, remedy: str) -> None:
+        """Refuse the parameters unless ``holds``; ``remedy`` says what must hold of ``name``."""
+        if not holds:
+            raise SceneError(f"scene {self.scene!r}: {name} = {getattr(self, name)!r} {remedy}")
+
+    def record(self, seed: int) -> dict[str, Any]:
+        """All parameters by name, and the seed: what determines the scene."""
+        return {**dataclasses.asdict(self), "seed": seed}
+
+
+def _fits(value: Any, kind: Any) -> tuple[bool, str]:
+    """Whether a value is of a kind, and the kind in words."""
+    kinds = get_args(kind)
+    if get_origin(kind) is Literal:
+        return value in kinds, f"must be one of {', '.join(kinds)}"
+    if get_origin(kind) is tuple:
+        is_row = isinstance(value, tuple | list) and (... in kinds or len(value) == len(kinds))
+        words = _fits(0, kinds[0])[1]
+        count = "several numbers" if ... in kinds else f"{len(kinds)} numbers"
+        return is_row and all(_fits(x, kinds[0])[0] for x in value), f"({count}) {words}"
+    plain, (least, most, is_open) = kinds or (kind, Range())
+    number = numbers.Integral if plain is int else numbers.Real
+    is_number = isinstance(value, number) and not isinstance(value, bool) and math.isfinite(value)
+    holds = is_number and least <= value <= most and not (is_open and value == least)
+    bounds = f" {'above' if is_open else 'of at least'} {least:g}" if least > -math.inf else ""
+    bounds += f" and at most {most:g}" if most < math.inf else ""
+    return holds, f"must be a {'whole' if plain is int else 'finite'} number{bounds}"

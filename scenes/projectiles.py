@@ -11,12 +11,12 @@ else is our choice, documented in ``ProjectilesParameters``.
 
 import dataclasses
 import math
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
-from scenes.mosaics import as_pixels
-from scenes.parameters import check_parameters, require
+from scenes.drawing import as_pixels
+from scenes.parameters import Count, Parameters, Range, Share, Signed
 from scenes.scene import Scene, SceneError
 
 # Every ingredient has its own random stream, so that changing, say, the noise level keeps the
@@ -27,16 +27,13 @@ _TRIES = 20_000
 
 
 @dataclasses.dataclass(frozen=True)
-class ProjectilesParameters:
+class ProjectilesParameters(Parameters):
     """Parameters of the projectiles scene; "paper" marks values from rowe2005.
 
     Lengths are in pixels, times in frames, intensities in grey levels from 0 to 255.
 
     Attributes:
         num_frames: T (paper: 300).
-        frame_width: width of a frame.
-        frame_height: height of a frame.
-        fps: frames per second; it affects only playback.
         num_targets: L (paper: 2), shot alternately from the left and from the right.
         paths: "apart" redraws the shots until no two boxes meet, "crossing" until each target meets
             another one, "any" accepts the first.  Later targets are in front.
@@ -54,21 +51,21 @@ class ProjectilesParameters:
         noise: standard deviation of the camera noise, independent for every pixel and frame.
     """
 
-    num_frames: int = 300
-    frame_width: int = 360
-    frame_height: int = 288
-    fps: float = 25.0
-    num_targets: int = 2
+    scene: ClassVar[str] = "projectiles"
+    num_frames: Count = 300
+    frame_width: Count = 360
+    frame_height: Count = 288
+    num_targets: Count = 2
     paths: Literal["apart", "crossing", "any"] = "apart"
     separation: float = 6.0
     gravity: float = 0.015
-    friction: float = 0.004
-    reach: tuple[float, float] = (0.5, 0.8)
+    friction: Annotated[float, Range(0, 0.99, is_open=True)] = 0.004
+    reach: tuple[Share, Share] = (0.5, 0.8)
     frame_margin: float = 2.0
     target_deviation: float = 30.0
-    background_mean: float = 130.0
-    background_grain: int = 3
-    strips: tuple[float, ...] = (0.35, 0.65)
+    background_mean: Signed = 130.0
+    background_grain: Count = 3
+    strips: tuple[Share, ...] = (0.35, 0.65)
     noise: float = 40.0
 
     area_small: ClassVar[float] = 209.0  # paper
@@ -82,19 +79,12 @@ class ProjectilesParameters:
     strip_width: ClassVar[int] = 30
 
     def __post_init__(self) -> None:
-        check_parameters(
-            "projectiles",
-            self,
-            above_0=("num_targets", "background_grain", "friction"),
-            shares=("reach", "strips"),
-            signed=("background_mean",),
-        )
-        require("projectiles", self, "friction", self.friction < 1, "must lie above 0 and below 1")
+        super().__post_init__()
         ascending = self.reach[0] <= self.reach[1]
-        require("projectiles", self, "reach", ascending, "must be in ascending order")
+        self.require("reach", ascending, "must be in ascending order")
         enough = self.paths != "crossing" or self.num_targets > 1
         more = f"needs more targets than num_targets = {self.num_targets}"
-        require("projectiles", self, "paths", enough, more)
+        self.require("paths", enough, more)
 
 
 def projectiles_scene(parameters: ProjectilesParameters, seed: int = 0) -> Scene:
@@ -126,7 +116,7 @@ def projectiles_scene(parameters: ProjectilesParameters, seed: int = 0) -> Scene
         boxes=boxes,
         patches=[_patch(look, sizes[0]) for look in looks],
         fps=parameters.fps,
-        parameters={**dataclasses.asdict(parameters), "seed": seed},
+        parameters=parameters.record(seed),
         extras={"strips": strips, "speeds": np.diff(centres, axis=0, prepend=centres[:1])},
     )
 

@@ -7,13 +7,13 @@ not available; details that the paper does not specify are our choices.
 """
 
 import dataclasses
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import cv2
 import numpy as np
 
 from scenes.deforming import Body, Film, Pose, bumps, covers, draw, noise, point_scene
-from scenes.parameters import check_parameters
+from scenes.parameters import Parameters, Range
 from scenes.scene import Scene
 
 LENGTH = 75.0  # of the body, pixels at scale 1
@@ -31,30 +31,26 @@ POINTS = {
 
 
 @dataclasses.dataclass(frozen=True)
-class SkydiversParameters:
-    """Parameters of the skydivers scene; lengths in pixels, colours in grey levels from 0 to 255.
+class SkydiversParameters(Parameters):
+    """Parameters of the skydivers scene.
 
     Attributes:
         num_frames: length (paper: 300).
         frame_width: of a frame (paper: 656).
         frame_height: of a frame (paper: 480).
-        fps: frames per second; it affects only playback.
         growth: the diver's scale in the last frame; it changes from frame 200 on.
         pixel_noise: standard deviation of the camera noise.
     """
 
-    num_frames: int = 300
-    frame_width: int = 656
-    frame_height: int = 480
-    fps: float = 25.0
+    scene: ClassVar[str] = "skydivers"
+    num_frames: Annotated[int, Range(2)] = 300
+    frame_width: Annotated[int, Range(320)] = 656
+    frame_height: Annotated[int, Range(240)] = 480
     growth: float = 1.3
     pixel_noise: float = 4.0
 
     sway: ClassVar[float] = 4.0  # amplitude of hands and feet
     suit_noise: ClassVar[float] = 14.0  # the only difference between divers
-
-    def __post_init__(self) -> None:
-        check_parameters("skydivers", self, num_frames=2, frame_width=320, frame_height=240)
 
 
 def skydivers_scene(parameters: SkydiversParameters, seed: int = 0) -> Scene:
@@ -95,9 +91,7 @@ def skydivers_scene(parameters: SkydiversParameters, seed: int = 0) -> Scene:
         points.append(where)
         visible.append(inside & ~covers(divers[4], before, where))
         lengths.append(LENGTH * scale)
-    return point_scene(
-        "skydivers", film.frames, points, visible, [*POINTS], lengths, parameters, seed
-    )
+    return point_scene(film.frames, points, visible, [*POINTS], lengths, parameters, seed)
 
 
 _SHAPE = (100, 100)

@@ -9,7 +9,7 @@ import dataclasses
 import cv2
 import numpy as np
 
-from scenes import drawn_outlines as drawn
+from scenes import drawing as drawn
 from scenes.articulated import ArticulatedParameters, articulated_scene
 from scenes.deforming import Bend, Body, Film, Pose, bumps, draw, noise
 from scenes.scene import Scene

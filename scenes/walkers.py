@@ -14,8 +14,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenes import drawn_outlines as drawn
-from scenes.parameters import check_parameters
+from scenes import drawing as drawn
+from scenes.parameters import Parameters
 from scenes.scene import Scene
 
 _PATHS, _BACKGROUND, _PIXELS, _EXAMPLES = range(4)
@@ -24,24 +24,17 @@ _MODES = 6
 
 
 @dataclasses.dataclass(frozen=True)
-class WalkersParameters:
-    """Parameters of the walkers scene; lengths in pixels, times in frames.
+class WalkersParameters(Parameters):
+    """Parameters of the walkers scene.
 
     Attributes:
-        num_frames: length of the sequence.
-        frame_width: width of a frame.
-        frame_height: height of a frame.
-        fps: frames per second; it affects only playback.
         travel: distance that each walker covers, from one side to the other.
         clutter: standard deviation of the background.
         clutter_grain: its smoothing scale.
         noise: standard deviation of every pixel, in every frame.
     """
 
-    num_frames: int = 60
-    frame_width: int = 320
-    frame_height: int = 240
-    fps: float = 25.0
+    scene: ClassVar[str] = "walkers"
     travel: float = 170.0
     clutter: float = 25.0
     clutter_grain: float = 4.0
@@ -54,9 +47,6 @@ class WalkersParameters:
     deformation: ClassVar[float] = 4.0  # standard deviation of each mode, pixels
     body_grey: ClassVar[float] = 70.0
     num_examples: ClassVar[int] = 80  # E
-
-    def __post_init__(self) -> None:
-        check_parameters("walkers", self)
 
 
 def walkers_scene(parameters: WalkersParameters, seed: int) -> Scene:
@@ -84,7 +74,6 @@ def walkers_scene(parameters: WalkersParameters, seed: int) -> Scene:
     rng = np.random.default_rng([seed, _EXAMPLES])
     weights = 1.4 * rng.standard_normal((parameters.num_examples, _MODES))
     return drawn.make_scene(
-        "walkers",
         frames,
         outlines,
         parameters,

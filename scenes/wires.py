@@ -13,8 +13,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenes import drawn_outlines as drawn
-from scenes.parameters import check_parameters
+from scenes import drawing as drawn
+from scenes.parameters import Count, Parameters
 from scenes.scene import Scene
 
 _PATHS, _BACKGROUND, _PIXELS = range(3)
@@ -22,14 +22,10 @@ _POINTS = 60
 
 
 @dataclasses.dataclass(frozen=True)
-class WiresParameters:
-    """Parameters of the wires scene; lengths in pixels, times in frames.
+class WiresParameters(Parameters):
+    """Parameters of the wires scene.
 
     Attributes:
-        num_frames: length of the sequence.
-        frame_width: width of a frame.
-        frame_height: height of a frame.
-        fps: frames per second; it affects only playback.
         wire_width: thickness of the drawn line.
         bend: amplitude of a wire's bend to either side.
         meeting_distance: distance between them while they are together.
@@ -40,11 +36,8 @@ class WiresParameters:
         noise: standard deviation of every pixel, in every frame.
     """
 
-    num_frames: int = 60
-    frame_width: int = 320
-    frame_height: int = 240
-    fps: float = 25.0
-    wire_width: int = 3
+    scene: ClassVar[str] = "wires"
+    wire_width: Count = 3
     bend: float = 22.0
     meeting_distance: float = 7.0
     meeting_frames: int = 12
@@ -59,9 +52,6 @@ class WiresParameters:
     wander: ClassVar[float] = 3.0  # standard deviation in x and y
     turning: ClassVar[float] = 4.0  # the same for the angle, degrees
     wander_period: ClassVar[float] = 30.0
-
-    def __post_init__(self) -> None:
-        check_parameters("wires", self, above_0=("wire_width",))
 
 
 def wires_scene(parameters: WiresParameters, seed: int) -> Scene:
@@ -78,7 +68,6 @@ def wires_scene(parameters: WiresParameters, seed: int) -> Scene:
             drawn.paint_line(picture, wire, 150 - parameters.contrast, parameters.wire_width)
         frame[...] = drawn.noisy(picture, parameters.noise, rng)
     return drawn.make_scene(
-        "wires",
         frames,
         outlines,
         parameters,

@@ -274,7 +274,7 @@ class Likelihood:
       coverage include it.
     * ``handles_nan``, default false: whether the likelihood understands NaN in parts of a frame.
       Otherwise frames with some NaN are refused; a frame that is entirely NaN is missing.
-    * ``form``: for likelihoods of a distance (``jaxpf.likelihoods.log_density``).
+    * ``form``: for likelihoods of a distance (``jaxpf.likelihoods.distance_law``).
     * ``space`` and ``orders_of_labels``: of contours, their shape space and the depth order of each
       label.
     """

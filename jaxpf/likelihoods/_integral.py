@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.likelihoods._places import line_before
 from jaxpf.lowering.columns import entries_at, sum_of_rows
 from jaxpf.lowering.tables import sums_above_and_left
 
@@ -134,10 +135,8 @@ def interpolated_integral_similarity(
     origin, last_row, last_column = _bounds(table, region)
 
     def place(x, last):
-        """The last line at or before x, and the distance of x beyond it."""
-        x = jnp.clip(x, 0, last)
-        line = jnp.clip(jnp.floor(jax.lax.stop_gradient(x)), 0, jnp.maximum(last - 1, 0))
-        return line.astype(jnp.int32), (x - line)[:, None]
+        line, beyond = line_before(x, last)
+        return line, beyond[:, None]
 
     (column0, beyond0), (column1, beyond1) = (place(x, last_column) for x in (left, left + width))
     edges = [place(top + height * (k / num_bands), last_row) for k in range(num_bands + 1)]

@@ -11,6 +11,16 @@ from jaxpf.lowering.columns import words_at
 from jaxpf.shapes.rectangles import cos_sin
 
 
+def line_before(place: jax.Array, last) -> tuple[jax.Array, jax.Array]:
+    """The line at or before a position clipped to 0 to ``last``, int32, and the share beyond it.
+
+    The line is at most ``last - 1``, so that a next one exists; the share has a derivative.
+    """
+    place = jnp.clip(place, 0, last)
+    line = jnp.clip(jnp.floor(jax.lax.stop_gradient(place)), 0, jnp.maximum(last - 1, 0))
+    return line.astype(jnp.int32), place - line
+
+
 def cell_centres(columns: int, rows: int) -> tuple[jax.Array, jax.Array]:
     """Centres of a grid's cells, row by row, as shares of a box: ``[G]`` each, -1/2 to 1/2."""
     across = jnp.tile((jnp.arange(columns) + 0.5) / columns - 0.5, rows)

@@ -115,9 +115,6 @@ def learn_background(likelihood: Any, frames: ArrayLike, *, num_boxes: int = 100
     Returns:
         [P, 2, n]: values of d^2 and the logs of their shares.  The smallest values are kept
         individually; the others, which weigh little, as means of groups.
-
-    Raises:
-        InputError: an argument is out of range, or an object is larger than the frame.
     """
     check_whole("num_boxes", num_boxes)
     frames = np.asarray(frames)

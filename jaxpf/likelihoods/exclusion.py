@@ -25,8 +25,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.pytree import pytree_dataclass
-from jaxpf.likelihoods.discriminative import DiscriminativeLikelihood
-from jaxpf.likelihoods.pretrained import PretrainedLikelihood
+from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
+from jaxpf.likelihoods.pretrained.likelihood import PretrainedLikelihood
 from jaxpf.shapes.rectangles import area, intersection_area
 
 #: Covered share of a box up to which nothing is taken, and from which everything is.

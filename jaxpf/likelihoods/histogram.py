@@ -1,7 +1,7 @@
 """Colour-histogram likelihood of horizontal bands.
 
 A box is divided into horizontal bands of equal height.  Each band's histogram p of
-hue, saturation and value (Perez et al. 2002, see ``jaxpf.likelihoods.hsv_bins``) is
+hue, saturation and value (Perez et al. 2002, see ``color``) is
 compared with a reference q (smith2004, section on the observation model)::
 
     log p(y | x) = -sharpness * d^2,   d^2 = sum over bands of (1 - sum_b sqrt(p_b q_b))
@@ -28,8 +28,14 @@ from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.likelihoods._checks import shown_as, sizes_in
 from jaxpf.likelihoods._integral import LANES, SIMILARITIES, integral_table
-from jaxpf.likelihoods._interpolated import NEIGHBOURS, interpolated_similarity
-from jaxpf.likelihoods._sampled import LEVEL_LANES, group_distance, sample_table, sampled_similarity
+from jaxpf.likelihoods._sampled import (
+    LEVEL_LANES,
+    NEIGHBOURS,
+    group_distance,
+    interpolated_similarity,
+    sample_table,
+    sampled_similarity,
+)
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.distance_law import FORMS, learn_background, log_density
 from jaxpf.shapes.rectangles import cos_sin
@@ -73,7 +79,7 @@ class HistogramLikelihood(Likelihood):
             and 16 times for the sampled one (48 bins, two busy CPU cores); value and gradient
             together cost another 1.3 and 2.7 times.
         form: ``"exponential"``, ``"density"`` or ``"ratio"``, see
-            ``jaxpf.likelihoods.log_density``.
+            ``distance_law``.
         background: [P, 2, n], for the form ``"ratio"``, see ``learn_background``.
     """
 
@@ -212,12 +218,9 @@ def histogram(
         samples: samples per side of a box, for the sampled method.
         interpolation: ``"nearest"``, or ``"bilinear"`` for gradients with respect to substates.
         form: ``"exponential"``, ``"density"`` or ``"ratio"``, see
-            ``jaxpf.likelihoods.log_density``; the ratio's background is learned from
+            ``distance_law``; the ratio's background is learned from
             boxes anywhere in ``frame``.
         names: of the objects, in messages; by default their numbers.
-
-    Raises:
-        InputError: an argument is out of range.
     """
     check_frame(frame)
     check_whole("bands", bands)
@@ -258,9 +261,6 @@ def histogram_from_patches(
         sharpness, bands, method, num_particles, samples, interpolation, form, names: as in
             :func:`histogram`.
         background_frames: uint8 RGB [H, W, 3], from which ``form="ratio"`` learns the background.
-
-    Raises:
-        InputError: an argument is out of range.
     """
     check_whole("bands", bands)
     whole = [(patch.shape[1], patch.shape[0]) for patch in patches]

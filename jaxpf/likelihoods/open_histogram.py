@@ -47,9 +47,6 @@ def open_histogram(
         method: ``"integral"``, ``"sampled"`` or ``"auto"``, which means sampled except for huge
             particle sets, as all bins are counted.
         num_particles: of all objects together, for ``"auto"``.
-
-    Raises:
-        InputError: an argument is out of range.
     """
     check_whole("capacity", capacity, most=_MOST_OBJECTS)
     check_whole("bands", bands)
@@ -86,9 +83,6 @@ def with_object(
         place: 0 to P - 1.
         frame: uint8 RGB [H, W, 3].
         box: x, y, w, h in pixels; pixels outside the frame are ignored.
-
-    Raises:
-        InputError: there is no such place, or a band of the box has no pixel inside the frame.
     """
     check_frame(frame)
     check_whole("place", place, 0, len(likelihood.references) - 1)

@@ -211,9 +211,6 @@ def patch(
         sigma: smaller is sharper; eskil2014 has .1 with its literal rule.
         window: columns and rows of the sampling grid (eskil2014: 21 x 21).
         names: of the windows in messages; by default their numbers.
-
-    Raises:
-        InputError: an argument is out of range, or a window is black.
     """
     check_frame(frame)
     check_number("sigma", sigma, above=0)
@@ -243,9 +240,6 @@ def patch_from_pictures(
         sizes: [P, 2], width and height of the windows at scale 1, pixels; by default the sizes
             of the pictures.
         sigma, window: as in :func:`patch`.
-
-    Raises:
-        InputError: an argument is out of range, or a picture is black.
     """
     extents = np.array([(len(picture[0]), len(picture)) for picture in pictures], np.float32)
     sizes = sizes_in(extents if sizes is None else sizes, shown_as("sizes", len(pictures)))
@@ -275,10 +269,6 @@ def windows(
         window: columns and rows, odd numbers (eskil2014: 21 x 21).
         norm: ``"mean"`` or ``"sum"``, see :class:`PatchLikelihood`.
         slip: standard deviation in pixels of a point around the window that matches best.
-
-    Raises:
-        InputError: an argument is out of range, a point lies outside the frame, or a window is
-            black or larger than the frame.
     """
     check_frame(frame)
     check_number("sigma", sigma, above=0)
@@ -314,9 +304,6 @@ def windows_from_pictures(
     Args:
         pictures: P pictures of one size, uint8 RGB [rows, columns, 3], rows and columns odd.
         sigma, norm, slip: as in :func:`windows`.
-
-    Raises:
-        InputError: as :func:`windows`.
     """
     rows, columns = pictures[0].shape[:2]
     middle, size = [[columns // 2 + 0.5, rows // 2 + 0.5]], (columns, rows)

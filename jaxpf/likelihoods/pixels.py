@@ -156,9 +156,6 @@ def pixels(
         colour: ``"colour"`` compares three channels, ``"grey"`` their brightness.
         min_slope: s of the power, per pixel; None disables it.
         size_term: b of the size term; None disables it.
-
-    Raises:
-        InputError: an argument is out of range.
     """
     extents = np.array([(len(picture[0]), len(picture)) for picture in pictures], np.float32)
     check_number("sigma", sigma, above=0)

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from jaxpf import contract, points
-from jaxpf.likelihoods import DiscriminativeLikelihood
+from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
 from jaxpf.measures import difference_interval, mean_interval, median_interval
 from jaxpf.papers.judging import verdicts
 

@@ -33,7 +33,7 @@ DRAWN_BY = (
     "jaxpf/media/overlay.py",
     "scenes/articulated.py",
     "scenes/deforming.py",
-    "scenes/drawn_outlines.py",
+    "scenes/drawing.py",
     "scenes/street.py",
 )
 PAGE = (

@@ -12,7 +12,7 @@ import jaxpf
 from jaxpf import contract, ordering, pytree_dataclass
 from jaxpf.dynamics import RandomWalk, WithOcclusion
 from jaxpf.filters import SideBySide, WithErrorBars
-from jaxpf.likelihoods import Detected
+from jaxpf.likelihoods.detected import Detected
 from jaxpf.papers.smith2004.scenes import OtherEnding
 from jaxpf.parts import OfFixedSize
 from jaxpf.running.gaps import LikelihoodOfNoFrame, LikelihoodWithGaps, WithGaps, WithoutFrames

@@ -3,7 +3,8 @@
 import jax
 import numpy as np
 
-from jaxpf.likelihoods import NUM_BINS, HistogramLikelihood
+from jaxpf.likelihoods.color import NUM_BINS
+from jaxpf.likelihoods.histogram import HistogramLikelihood
 
 HEIGHT, WIDTH = 60, 80
 

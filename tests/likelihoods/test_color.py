@@ -9,7 +9,7 @@ from histograms import (
     numpy_bins,
 )
 
-from jaxpf.likelihoods import hsv_bins
+from jaxpf.likelihoods.color import hsv_bins
 
 
 def test_bins_of_colours_known_by_hand():

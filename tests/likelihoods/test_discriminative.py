@@ -11,7 +11,8 @@ from histograms import numpy_bins
 
 import jaxpf
 from jaxpf import InputError
-from jaxpf.likelihoods import DiscriminativeLikelihood, discriminative
+from jaxpf.likelihoods import discriminative
+from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
 from jaxpf.likelihoods.discriminative.training import (
     BACKGROUNDS,
     before_background,

@@ -15,12 +15,10 @@ from jaxpf.likelihoods import (
     Gaussian,
     histogram,
     histogram_from_patches,
-    learn_background,
-    log_density,
     log_normaliser,
     log_tilt,
 )
-from jaxpf.likelihoods.distance_law import FORMS, compressed
+from jaxpf.likelihoods.distance_law import FORMS, compressed, learn_background, log_density
 
 HEIGHT, WIDTH = 60, 80
 #: Blots of some pixels, so that bins have edges inside the boxes.

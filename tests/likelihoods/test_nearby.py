@@ -12,7 +12,8 @@ import jaxpf
 from jaxpf import pytree_dataclass
 from jaxpf.boxes import relative_box_model
 from jaxpf.boxes.models import DEFAULT_STEPS
-from jaxpf.likelihoods import DiscriminativeLikelihood, discriminative
+from jaxpf.likelihoods import discriminative
+from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
 from jaxpf.likelihoods.discriminative.nearby import WindowShape
 
 HEIGHT, WIDTH = 241, 323  # odd, so that the shrunk frame is filled up

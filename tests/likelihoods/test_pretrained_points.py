@@ -11,7 +11,8 @@ from histograms import texture
 import jaxpf
 import jaxpf.points
 from jaxpf import InputError
-from jaxpf.likelihoods import PretrainedPoints, pretrained_points
+from jaxpf.likelihoods import pretrained_points
+from jaxpf.likelihoods.pretrained.points import PretrainedPoints
 
 HEIGHT, WIDTH = 90, 130  # filled up to 96 x 160
 FRAME, OTHER = texture(0, HEIGHT, WIDTH, 1), texture(3, HEIGHT, WIDTH, 1)

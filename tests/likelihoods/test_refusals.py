@@ -12,15 +12,14 @@ from jaxpf.likelihoods import (
     discriminative,
     histogram,
     histogram_from_patches,
-    learn_background,
-    learn_clutter,
-    open_histogram,
     patch,
     patch_from_pictures,
     pixels,
     windows,
-    with_object,
 )
+from jaxpf.likelihoods.contours.clutter import learn_clutter
+from jaxpf.likelihoods.distance_law import learn_background
+from jaxpf.likelihoods.open_histogram import open_histogram, with_object
 from jaxpf.shapes import space_of
 
 FRAME = noise()  # 80 x 60 pixels

@@ -14,7 +14,8 @@ from histograms import (
 )
 
 import scenes
-from jaxpf.likelihoods import NUM_BINS, histogram, histogram_from_patches, hsv_bins
+from jaxpf.likelihoods import histogram, histogram_from_patches
+from jaxpf.likelihoods.color import NUM_BINS, hsv_bins
 
 
 def test_sampled_is_close_to_integral_but_for_a_known_bias():

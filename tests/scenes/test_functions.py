@@ -86,7 +86,7 @@ def test_a_python_function_makes_a_scene():
     [
         ("wrong", {}, "dict"),
         ("breaks", {}, "RuntimeError: no camera"),
-        ("no_seed", {}, "(seed=...)"),
+        ("no_seed", {}, "TypeError: no_seed() got an unexpected keyword"),
         ("flat", {"parameters": {"blur": 1}}, "blur"),
         ("flat", {"seed": -1}, "seed = -1"),
         ("flat", {"parameters": {"gap": True}}, "object 1"),

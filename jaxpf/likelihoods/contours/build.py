@@ -69,9 +69,6 @@ def contours(
         num_lines: M, lines per contour.
         crossings: maximum number of crossings of one contour with one line that are used;
             default 1, or 2 for a wire with two edges.
-
-    Raises:
-        InputError: an argument is out of range.
     """
     check_known("exclusion=", exclusion, EXCLUSIONS)
     check_number("sigma", sigma, above=0)

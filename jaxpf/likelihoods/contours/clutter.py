@@ -3,7 +3,7 @@
 It is learned from lines at random places and in random directions of typical frames, or Poisson
 with a given mean.  Learned counts are smoothed by a geometric distribution with the same mean, so
 that no line has an infinite log-ratio.  Counts above the largest that is kept are added to that
-one; ``lost_tail`` gives their probability.
+one.
 """
 
 import jax
@@ -30,9 +30,6 @@ def poisson_clutter(mean: float, max_features: int) -> jax.Array:
     Args:
         mean: features per line.
         max_features: the detector's.
-
-    Raises:
-        InputError: the mean is not above 0.
     """
     check_number("clutter", mean, above=0)
     counts = np.arange(max_features + 1)
@@ -62,9 +59,6 @@ def learn_clutter(
         num_lines: total number of lines, divided among the frames.
         smoothing: weight, in lines, of the added geometric distribution with the same mean.
         seed: of the random lines.
-
-    Raises:
-        InputError: lines do not fit into the frames, or no line shows a feature.
     """
     frames = np.asarray(frames)
     height, width = frames.shape[1:3]
@@ -95,17 +89,6 @@ def learn_clutter(
     geometric = (mean / (1 + mean)) ** np.arange(len(counts))
     smoothed = counts + smoothing * geometric / geometric.sum()
     return as_array(smoothed / smoothed.sum(), float)
-
-
-def lost_tail(clutter: ArrayLike, num_boundaries: int = 0) -> float:
-    """Probability that a line shows more features than are kept.
-
-    Args:
-        clutter: b(n), ``[n_max + 1]``.
-        num_boundaries: detected boundaries on the line, each with a feature of its own.
-    """
-    kept = np.asarray(clutter)
-    return float(1 - kept[: len(kept) - num_boundaries].sum())
 
 
 def check_clutter(clutter: ArrayLike) -> jax.Array:

@@ -98,9 +98,6 @@ class EdgeDetector:
 
         Args:
             frame: uint8 RGB ``[H, W, 3]``.
-
-        Raises:
-            InputError: the frame has another shape or dtype.
         """
         check_frame(frame)
         gradient = brightness_gradient(frame, self.smoothing)

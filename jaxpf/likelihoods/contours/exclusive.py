@@ -119,13 +119,7 @@ class OpaqueContours(ExclusiveContours):
 
     @property
     def _pays_folds_once(self) -> bool:
-        """False, although the rule holds for bodies, too.
-
-        The rules agree where no line crosses its own contour again, as on bodies wider than half a
-        line, such as three leaves (no crossing in the truth).  They differ for collapsed bodies,
-        whose edge is rewarded twice without the rule.  With it 1 of 4 clips of three leaves was
-        kept, without it 2: too few clips to tell, so the rule stays off until more are measured.
-        """
+        """False: bodies rarely fold, and four clips did not tell which rule is better."""
         return False
 
     @property

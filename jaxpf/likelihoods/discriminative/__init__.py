@@ -1,10 +1,5 @@
 """Appearance learned from the start frame, by contrast with each object's surroundings."""
 
-from jaxpf.likelihoods.discriminative.build import FEATURES, discriminative
-from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
+from jaxpf.likelihoods.discriminative.build import discriminative
 
-__all__ = [
-    "FEATURES",
-    "DiscriminativeLikelihood",
-    "discriminative",
-]
+__all__ = ["discriminative"]

@@ -76,9 +76,6 @@ def discriminative(
             in square roots of the object's area; a particle outside makes the step use the whole
             frame.  None always uses whole frames.
         names: of the objects, in messages; by default their numbers.
-
-    Raises:
-        InputError: an argument is out of range.
     """
     check_frame(frame)
     frame = jnp.asarray(frame)
@@ -194,11 +191,7 @@ def _channels(function: Callable) -> int:
 
 
 def check_learned(residuals: np.ndarray, names: Sequence[str] | None) -> None:
-    """Reject objects that look like their surroundings.
-
-    Raises:
-        InputError: the message names the box.
-    """
+    """Reject objects that look like their surroundings."""
     spread, shown = training_boxes()[1].std(), shown_as("boxes", len(residuals), names)
     for i in np.flatnonzero(~(residuals < _MOST_UNEXPLAINED * spread)):
         raise InputError(
@@ -210,11 +203,7 @@ def check_learned(residuals: np.ndarray, names: Sequence[str] | None) -> None:
 def check_boxes(
     boxes: np.ndarray, frame_shape: tuple[int, ...], names: Sequence[str] | None
 ) -> None:
-    """Reject boxes from which no appearance can be learned.
-
-    Raises:
-        InputError: a box is too small, too large, or mostly outside the frame.
-    """
+    """Reject boxes from which no appearance can be learned."""
     height, width = frame_shape[:2]
     for name, box in zip(shown_as("boxes", len(boxes), names), boxes, strict=True):
         x, y, w, h = box

@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.likelihoods._places import line_before
 from jaxpf.lowering.columns import entries_at, sum_of_rows
 from jaxpf.lowering.tables import sums_above_and_left
 
@@ -207,15 +208,9 @@ def _cut_sums(table, boxes, grid):
     cells, origin, stride = _flat(table, boxes)
     dtype = boxes.left.dtype
 
-    def lines(places, size):
-        """The last line at or before a position, and the distance beyond it."""
-        line = jnp.floor(jax.lax.stop_gradient(places))
-        line = jnp.clip(line, 0, jnp.maximum(size[:, None] - 1, 0).astype(dtype))
-        return line.astype(jnp.int32), places - line
-
     rows, columns = _edges(boxes, grid)
-    row, below = lines(rows, boxes.rows)
-    column, beyond = lines(columns, boxes.columns)
+    row, below = line_before(rows, boxes.rows[:, None].astype(dtype))
+    column, beyond = line_before(columns, boxes.columns[:, None].astype(dtype))
 
     def strips(row):
         """Sums above lines, between columns' edges; integers are subtracted before conversion."""

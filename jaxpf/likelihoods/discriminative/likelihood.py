@@ -15,7 +15,7 @@ frame shrunk so that an object has about 18 to 36 pixels.
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -30,9 +30,6 @@ from jaxpf.likelihoods.discriminative import nearby
 from jaxpf.likelihoods.discriminative.cells import Boxes, cell_features, cell_score, sum_table
 from jaxpf.likelihoods.discriminative.levels import regions_of, shrunk, stacked
 from jaxpf.shapes.rectangles import area, boxes_from_substates, intersection_area
-
-if TYPE_CHECKING:
-    import numpy as np
 
 #: Scores are clipped to this range: labels are overlaps, 0 to 1.
 _LOWEST, _HIGHEST = -0.2, 1.2
@@ -63,12 +60,8 @@ def grid_places(frame_shape: tuple[int, int], dtype: DTypeLike) -> jax.Array:
     return jnp.stack([u.ravel(), v.ravel()])
 
 
-def check_size(frame: "jax.Array | np.ndarray", frame_shape: tuple[int, int]) -> None:
-    """Refuse a frame of another size than the start frame.
-
-    Raises:
-        InputError: the frame has another shape or dtype.
-    """
+def check_size(frame: Any, frame_shape: tuple[int, int]) -> None:
+    """Refuse a frame of another size than the start frame."""
     check_frame(frame)
     if tuple(frame.shape[:2]) != frame_shape:
         (height, width), (rows, columns) = frame.shape[:2], frame_shape

@@ -58,9 +58,6 @@ def pretrained(
         bands, grid: of colours and gradients: bands of the histograms, rows and columns of cells.
         penalty: of the ridge regression, per background.
         names: of the objects, in messages; by default their numbers.
-
-    Raises:
-        InputError: an argument is out of range, or the weights are missing.
     """
     check_frame(frame)
     boxes = np.asarray(boxes, float)

@@ -10,6 +10,7 @@ import math
 import jax
 import jax.numpy as jnp
 
+from jaxpf.likelihoods._places import line_before
 from jaxpf.lowering.columns import entries_at
 
 
@@ -70,11 +71,9 @@ def score_in_boxes(
     left, top, across, down = boxes
 
     def lines(first, extent, count, length):
-        """Cell edges within the map: the line before each, and the share beyond it."""
+        """Cell edges within the map."""
         edges = first + extent * (jnp.arange(count + 1)[:, None] / count).astype(first.dtype)
-        edges = jnp.clip(edges, 0, length)
-        line = jnp.clip(jnp.floor(jax.lax.stop_gradient(edges)), 0, length - 1)
-        return line.astype(jnp.int32), edges - line
+        return line_before(edges, length)
 
     rows, below = lines(top, down, grid[0], height)
     columns, beyond = lines(left, across, grid[1], width)

@@ -168,11 +168,7 @@ class PretrainedLikelihood(LearnedLikelihood):
         return Seen(centres, zooms, known, tuple(tables))
 
     def scores_all(self, observation, partition, substates):
-        """Scores [N] of substates [3, N], and whether their boxes are valid.
-
-        Raises:
-            InputError: a filter gave no estimates to look near.
-        """
+        """Scores [N] of substates [3, N], and whether their boxes are valid."""
         if not isinstance(observation, Seen):
             raise InputError(
                 "appearance pretrained looks at windows around the last estimate, which this "

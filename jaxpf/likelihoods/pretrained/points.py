@@ -32,6 +32,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.likelihoods._checks import points_in
+from jaxpf.likelihoods._places import line_before
 from jaxpf.likelihoods.color import check_frame
 from jaxpf.likelihoods.discriminative.levels import shrunk, size_of
 from jaxpf.likelihoods.discriminative.likelihood import check_size
@@ -91,9 +92,6 @@ class PretrainedPoints(Likelihood):
 
         Args:
             frame: uint8 RGB [H, W, 3].
-
-        Raises:
-            InputError: the frame has another shape or dtype.
         """
         check_size(frame, self.frame_shape)
         maps = _maps(self.network, jnp.asarray(frame))
@@ -141,10 +139,6 @@ def pretrained_points(
             shrunk by a whole factor to at most 1000 pixels and filled up to multiples of 32.
         sharpness: trust in the scores.
         slip: standard deviation in pixels of a point around its best match.
-
-    Raises:
-        InputError: an argument is out of range, a point lies outside the frame, or the weights are
-            missing.
     """
     check_frame(frame)
     frame = np.asarray(frame)
@@ -224,14 +218,8 @@ def _places(u, v, size, frame_shape):
     rows, columns = _padded(frame_shape)
     factor = _factor(frame_shape)
 
-    def between(place, length):
-        """The place before, and the share of the next one."""
-        place = jnp.clip(place - 0.5, 0, length - 1)
-        before = jnp.clip(jnp.floor(jax.lax.stop_gradient(place)), 0, max(length - 2, 0))
-        return before.astype(jnp.int32), place - before
-
-    row, below = between(v * (height / (rows * factor)), height)
-    column, beyond = between(u * (width / (columns * factor)), width)
+    row, below = line_before(v * (height / (rows * factor)) - 0.5, height - 1)
+    column, beyond = line_before(u * (width / (columns * factor)) - 0.5, width - 1)
     right, down = jnp.minimum(column + 1, width - 1), jnp.minimum(row + 1, height - 1)
     index = jnp.stack(
         [row * width + column, row * width + right, down * width + column, down * width + right]

@@ -32,11 +32,7 @@ _DTYPES = {
 
 
 def package_file() -> Path:
-    """The weights of EfficientNet-lite0 in their package.
-
-    Raises:
-        InputError: it is not installed.
-    """
+    """The weights of EfficientNet-lite0 in their package."""
     found = importlib.util.find_spec(PACKAGE)
     if found is None or found.origin is None:
         raise InputError(
@@ -47,11 +43,7 @@ def package_file() -> Path:
 
 
 def read_weights(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
-    """The arrays of a file, by name: ``.npz`` of NumPy, or ``.pth`` of PyTorch.
-
-    Raises:
-        InputError: the file cannot be read, or holds anything but tensors.
-    """
+    """The arrays of a file, by name: ``.npz`` of NumPy, or ``.pth`` of PyTorch."""
     try:
         if Path(path).suffix == ".npz":
             with np.load(path) as file:

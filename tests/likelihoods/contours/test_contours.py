@@ -7,8 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf.likelihoods import EdgeDetector, Lines, contours, learn_clutter, poisson_clutter
+from jaxpf.likelihoods import EdgeDetector, contours, poisson_clutter
+from jaxpf.likelihoods.contours.clutter import learn_clutter
 from jaxpf.likelihoods.contours.crossings import Polyline, first, is_inside, nearest_crossings
+from jaxpf.likelihoods.contours.edges import Lines
 from jaxpf.shapes import space_of
 
 WIDTH, HEIGHT = 200, 160

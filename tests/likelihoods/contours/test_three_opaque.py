@@ -7,8 +7,9 @@ import jax
 import numpy as np
 import pytest
 
-from jaxpf.likelihoods import EdgeDetector, OpaqueContours, contours
+from jaxpf.likelihoods import EdgeDetector, contours
 from jaxpf.likelihoods.contours import exclusive
+from jaxpf.likelihoods.contours.exclusive import OpaqueContours
 from jaxpf.shapes import depth_orders, space_of
 
 HEIGHT, WIDTH = 160, 240

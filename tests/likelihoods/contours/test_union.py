@@ -8,7 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf.likelihoods import Features, detection_probabilities, line_weights, poisson_clutter
+from jaxpf.likelihoods import (
+    Features,
+    detection_probabilities,
+    line_weights,
+    poisson_clutter,
+)
 from jaxpf.likelihoods.contours.line_model import log_ratios
 from jaxpf.likelihoods.contours.share import log_mean_of, log_means
 from jaxpf.likelihoods.contours.union import mean_over_orders, sets_before

@@ -1,13 +1,12 @@
-"""Shared by scenes of drawn contours: textures, smooth random paths, painted outlines, boxes."""
+"""Shared by drawn scenes: textures, mosaics, noise, smooth paths, painted outlines, boxes."""
 
-import dataclasses
 from collections.abc import Callable
 from typing import Any
 
 import cv2
 import numpy as np
 
-from scenes.mosaics import with_noise
+from scenes.parameters import Parameters
 from scenes.scene import Scene, SceneError
 
 #: Fractional bits of OpenCV coordinates.
@@ -18,6 +17,36 @@ def texture(rng: np.random.Generator, height: int, width: int, grain: float) -> 
     """Smooth noise ``[height, width]`` with mean 0 and standard deviation 1."""
     noise = cv2.GaussianBlur(rng.standard_normal((height, width)), (0, 0), max(grain, 1e-3))
     return (noise - noise.mean()) / noise.std()
+
+
+def scattered(
+    share: float, height: int, width: int, cell_size: int, rng: np.random.Generator
+) -> np.ndarray:
+    """``[h, w]`` bool: a random share of the square cells."""
+    columns, rows = -(-width // cell_size), -(-height // cell_size)
+    cells = np.arange(rows * columns) < round(share * rows * columns)
+    grid = rng.permutation(cells).reshape(rows, columns)
+    whole = np.kron(grid, np.ones((cell_size, cell_size), bool))
+    return whole[:height, :width].astype(bool)
+
+
+def coloured(hues: np.ndarray, saturation: float, brightness: float) -> np.ndarray:
+    """Picture ``[h, w, 3]``, float RGB from 0 to 255, of hues ``[h, w]`` in turns (period 1)."""
+    hsv = np.empty((*hues.shape, 3), np.float32)
+    hsv[..., 0] = 360 * (hues % 1)
+    hsv[..., 1] = saturation
+    hsv[..., 2] = brightness
+    return 255.0 * cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB)
+
+
+def with_noise(picture: np.ndarray, scale: float, rng: np.random.Generator) -> np.ndarray:
+    """Add normal noise to every channel of ``picture`` and round to uint8."""
+    return as_pixels(picture + scale * rng.standard_normal(picture.shape))
+
+
+def as_pixels(picture: np.ndarray) -> np.ndarray:
+    """Round grey levels or colours to uint8."""
+    return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
 
 
 def wandering(rng: np.random.Generator, num_frames: int, count: int, period: float) -> np.ndarray:
@@ -85,7 +114,7 @@ def boxes_around(outlines: np.ndarray) -> np.ndarray:
 
 
 def make_scene(
-    name: str, frames: np.ndarray, outlines: np.ndarray, parameters: Any, seed: int, **extras: Any
+    frames: np.ndarray, outlines: np.ndarray, parameters: Parameters, seed: int, **extras: Any
 ) -> Scene:
     """Build the scene, with boxes around the outlines and patches from the first frame.
 
@@ -97,8 +126,8 @@ def make_scene(
     if outside.any():
         frame, target = np.argwhere(outside)[0]
         raise SceneError(
-            f"scene {name!r}: target {target} leaves the {width} x {height} frame in frame "
-            f"{frame}; take a larger frame or less motion"
+            f"scene {parameters.scene!r}: target {target} leaves the {width} x {height} frame in "
+            f"frame {frame}; take a larger frame or less motion"
         )
     boxes = boxes_around(outlines)
     patches = []
@@ -106,12 +135,12 @@ def make_scene(
         rows, columns = slice(int(y), int(np.ceil(y + h))), slice(int(x), int(np.ceil(x + w)))
         patches.append(frames[0, rows, columns])
     return Scene(
-        name=name,
+        name=parameters.scene,
         frames=frames,
         boxes=boxes,
         patches=patches,
         fps=parameters.fps,
-        parameters={**dataclasses.asdict(parameters), "seed": seed},
+        parameters=parameters.record(seed),
         extras={"outlines": outlines, **extras},
     )
 

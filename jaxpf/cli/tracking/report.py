@@ -11,16 +11,25 @@ import pandas as pd
 
 from jaxpf import contract
 from jaxpf.boxes.tracks import read_tracks
-from jaxpf.cli.shared.console import say
-from jaxpf.cli.tracking.against_truth import report_identities, report_truth
+from jaxpf.cli.shared.console import print_table, say
 from jaxpf.cli.tracking.detector import why_none_started
 from jaxpf.cli.tracking.results import Results
 from jaxpf.cli.tracking.verdict import object_verdicts, sentences
 from jaxpf.contract.errors import InputError
 from jaxpf.files.store import versions
 from jaxpf.files.writing import SUMMARY, write_text
+from jaxpf.measures import metrics, scores
 from jaxpf.media import plotting
-from jaxpf.sequences.tables import BoxTable
+from jaxpf.sequences.tables import BoxTable, dense
+
+#: Printed scores of objects that come and go: shares, and counts.
+_SCORES, _COUNTS = ("HOTA", "DetA", "AssA", "IDF1", "MOTA", "MOTP"), ("FP", "FN", "IDSW", "Frag")
+#: Headings of the printed table that differ from the columns of metrics.csv.
+_HEADINGS = {
+    "success_rate_50": "success at IoU 0.5",
+    "success_auc": "success AUC",
+    "iou": "IoU",
+}
 
 
 def report(results: Results, truth: BoxTable | None) -> None:
@@ -34,7 +43,7 @@ def report(results: Results, truth: BoxTable | None) -> None:
 
 
 def _report(results: Results, truth: BoxTable | None) -> None:
-    request, output, later = results.request, results.output, results.later
+    request, output = results.request, results.output
     table = pd.DataFrame(read_tracks(output / "tracks.csv"))
     has_detections = request.detector is not None
     names = [new["id"] for new in results.changes["started"]] if has_detections else results.names
@@ -57,13 +66,10 @@ def _report(results: Results, truth: BoxTable | None) -> None:
         say(warning, err=True)
     if truth is None:
         return
-    first = request.run.start + results.resumed
     if has_detections:
-        report_identities(output, first, results.tracked, table, truth)
-        return
-    given = {at: each.ids.tolist() for at, each in later.items()}
-    late = set(names) - set(results.start.ids.tolist())
-    report_truth(output, table, names, first, truth, given, late)
+        _report_identities(results, table, truth)
+    else:
+        _report_truth(results, table, truth)
 
 
 def _summary(
@@ -127,6 +133,68 @@ def _mean_mc_errors(table: pd.DataFrame, names: Sequence[object]) -> dict[str, A
     ids = table["id"].astype(str)
     errors = table[["x_mc_error", "y_mc_error"]]
     return {str(name): round(float(np.nanmean(errors[ids == str(name)])), 4) for name in names}
+
+
+def _report_truth(results: Results, table: pd.DataFrame, truth: BoxTable) -> None:
+    """Report metrics over the frames with ground truth, as a table and as metrics.csv.
+
+    A later frame in which the user gave an object's box does not count for that object, nor does
+    any frame before the object starts.
+    """
+    first, last = results.request.run.start + results.resumed, int(table["frame"].max())
+    shared = [int(name) for name in results.names if name in set(truth.id.tolist())]
+    estimate, target = (
+        dense(boxes, shared, last + 1)[first + 1 :] for boxes in (_boxes(table), truth)
+    )
+    for place, name in enumerate(shared):
+        given = [at for at, start in results.later.items() if name in start.ids and at <= last]
+        target[[at - first - 1 for at in given], place] = np.nan
+        if given and name not in results.start.ids:
+            target[: min(given) - first - 1, place] = np.nan
+    measures = metrics.summarise(estimate[None], target)
+    columns = {
+        "id": shared,
+        "frames": np.asarray(metrics.has_truth(target)).sum(axis=0),
+        "success_rate_50": np.asarray(scores.success_rate_50(estimate, target)),
+        "success_auc": np.asarray(scores.success_auc(estimate, target)),
+    }
+    for measure in ("iou", "tracked", "precision", "recall", "centre_error"):
+        columns[measure] = np.asarray(measures[measure].value)
+    found = pd.DataFrame(columns)
+    rows = [
+        [f"object {name}", f"{count}", *(f"{value:.3f}" for value in rest)]
+        for name, count, *rest in found.itertuples(index=False)
+    ]
+    headings = ["", *(_HEADINGS.get(name, name) for name in found.columns[1:])]
+    print_table("Against the truth", headings, rows)
+    _write_metrics(results, found)
+
+
+def _report_identities(results: Results, table: pd.DataFrame, truth: BoxTable) -> None:
+    """Report identity scores of objects that come and go, as a table and as metrics.csv."""
+    first, count = results.request.run.start + results.resumed + 1, results.tracked
+    estimates, targets = (
+        dense(boxes, sorted(set(boxes.id.tolist())), first + count)[first:]
+        for boxes in (_boxes(table), truth)
+    )
+    values = scores.tracking_scores(estimates, targets)
+    row = [f"{values[name]:.3f}" for name in _SCORES] + [f"{values[n]:.0f}" for n in _COUNTS]
+    title = f"Against the truth, {counted(count)}"
+    print_table(title, ["", *_SCORES, *_COUNTS], [["all", *row]])
+    _write_metrics(results, pd.DataFrame([values]))
+
+
+def _write_metrics(results: Results, found: pd.DataFrame) -> None:
+    text = found.to_csv(index=False, float_format="%.6g", na_rep="nan")
+    write_text(results.output / "metrics.csv", text)
+
+
+def _boxes(table: pd.DataFrame) -> BoxTable:
+    """The boxes of tracks; one without area, as it was written, is none."""
+    kept = table[(table["w"] > 0) & (table["h"] > 0)]
+    unknown = np.full(len(kept), -1)
+    frame, name = kept["frame"].to_numpy(), kept["id"].to_numpy()
+    return BoxTable(frame, name, kept[list("xywh")].to_numpy(), unknown, unknown)
 
 
 def _lines(results: Results, content: dict[str, Any], verdicts: list[str]) -> list[str]:

@@ -1,25 +1,33 @@
 """The plan of an evaluation: methods, orderings, a grid of options, and runs; checked when made.
 
-``configurations`` completes a plan and lists its configurations.
+``complete`` fills it in for a scene's target, and ``configurations`` lists what it means.
 """
 
 import contextlib
 import dataclasses
+import itertools
 import os
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 from jaxpf import filters
-from jaxpf.contract.errors import Argument, InputError, check_type
+from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.numbers import check_whole
-from jaxpf.contract.options import Option, applying, check_distinct, defaults_of, options_of
+from jaxpf.contract.options import (
+    Option,
+    applying,
+    check_distinct,
+    defaults_of,
+    implied,
+    options_of,
+)
+from jaxpf.evaluation.results import Configuration
+from jaxpf.evaluation.scene import SceneSource
 from jaxpf.filters.registry import GIVEN, ORDERS, Filter
 from jaxpf.ordering import SWAPS
 from jaxpf.targets import DEFAULT, all_targets, find_target
-from jaxpf.targets.target import Target
-
-if TYPE_CHECKING:
-    from scenes import Scene
+from jaxpf.targets.target import Start, Target
+from scenes import Scene
 
 #: Largest number of runs per configuration; planning more batches would take minutes.
 _MOST_RUNS = 10**6
@@ -57,7 +65,7 @@ class Plan:
         InputError: a value is out of range or occurs twice.
     """
 
-    scene: "Scene | Callable[[], Scene]"
+    scene: SceneSource
     methods: Sequence[str] | None = None
     orders: Sequence[Any] = (GIVEN,)
     swaps: Sequence[str] = SWAPS[-1:]
@@ -66,25 +74,17 @@ class Plan:
     runs: int = 50
     seed: int = 0
     tracks: Mapping[str, str | os.PathLike[str]] = dataclasses.field(default_factory=dict)
-    trackers: "Mapping[str, Callable[[Scene], Any]]" = dataclasses.field(default_factory=dict)
+    trackers: Mapping[str, Callable[[Scene], Any]] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("grid", "tracks", "trackers"):
-            check_type(name, getattr(self, name), Mapping)
-        for name in ("methods", "orders", "swaps"):
-            values = getattr(self, name)
-            if values is not None or name != "methods":
-                object.__setattr__(self, name, _listed(name, values))
-        built_in = filters.methods()
-        if self.methods is not None:
-            for method in self.methods:
-                filters.filter_of(method)
-            if self.methods or not (self.tracks or self.trackers):
-                self._keep("methods", self.methods)
-        self._keep("orders", [_order(value) for value in self.orders])
+        for method in self.methods or ():
+            filters.filter_of(method)
+        if self.methods or (self.methods is not None and not (self.tracks or self.trackers)):
+            self._keep("methods", self.methods)
+        self._keep("orders", map(_order, self.orders))
         swap = options_of(*(each.build for each in filters.all_filters().values()))["swap"]
         swaps = dataclasses.replace(swap, name="swaps")
-        self._keep("swaps", [swaps.checked(value) for value in self.swaps])
+        self._keep("swaps", map(swaps.checked, self.swaps))
         for name, option in (("orders", "order"), ("swaps", "swap")):
             default = type(self).__dataclass_fields__[name].default
             owners = _methods_with(option)
@@ -96,34 +96,18 @@ class Plan:
         object.__setattr__(self, "grid", self._checked_grid())
         for name, least, most in (("runs", 1, _MOST_RUNS), ("seed", 0, 2**32 - 1)):
             check_whole(name, getattr(self, name), least, most)
-        for name, path in self.tracks.items():
-            check_type(f"tracks[{name!r:.60}]", path, str, os.PathLike)
-        for name, function in self.trackers.items():
-            if not callable(function):
-                raise InputError(f"trackers[{name!r:.60}] must be a function of the scene.")
-        names = [*self.tracks, *self.trackers]
+        names, built_in = [*self.tracks, *self.trackers], filters.methods()
         for name in names:
-            check_type("the name of a tracker", name, str)
-            if not name.isprintable() or len(name) > _LONGEST_NAME:
+            fits = 0 < len(name) <= _LONGEST_NAME and name.isprintable()
+            if not fits or name.lower() in built_in or names.count(name) > 1:
                 raise InputError(
-                    f"a tracker cannot be called {name[:_LONGEST_NAME]!r}; give each a name of at "
-                    f"most {_LONGEST_NAME} letters on one line."
-                )
-            if not name or name.lower() in built_in or names.count(name) > 1:
-                raise InputError(
-                    f"a tracker cannot be called {name!r}; give each a name of its own that is "
-                    f"none of {', '.join(built_in)}."
+                    f"a tracker cannot be called {name[:_LONGEST_NAME]!r}; give each a name of its "
+                    f"own, of at most {_LONGEST_NAME} letters on one line and none of "
+                    f"{', '.join(built_in)}."
                 )
 
     def _keep(self, name: str, values: Iterable[object]) -> None:
         object.__setattr__(self, name, check_distinct(name, values))
-
-    def targets(self) -> list[Target]:
-        """Targets whose options apply, the default first, because error messages refer to it."""
-        if self.target:
-            return [find_target(self.target)]
-        every = all_targets().values()
-        return sorted(every, key=lambda target: target.name != DEFAULT)
 
     def options_for(self, target: Target) -> dict[str, Option]:
         """Options allowed in the grid: those of a target and of the methods' filters."""
@@ -131,52 +115,44 @@ class Plan:
         for filter_ in self.filters():
             own = options_of(filter_.build)
             asked = [m for m in filter_.methods if self.methods is None or m in self.methods]
-            applying = {n for m in asked for n, has in applicable(filter_, m).items() if has}
-            options |= {n: own[n] for n in own if n in applying - {*filter_.varied, *options}}
+            allowed = set().union(*(applicable(filter_, method) for method in asked))
+            options |= {n: own[n] for n in own if n in allowed - {*filter_.varied, *options}}
         return options
 
     def filters(self) -> list[Filter]:
         """The filters of the methods."""
         every = filters.all_filters().values()
-        if self.methods is None:
-            return [*every]
-        return [filter_ for filter_ in every if set(filter_.methods) & set(self.methods)]
+        return [f for f in every if self.methods is None or {*f.methods} & {*self.methods}]
 
     def _checked_grid(self) -> dict[str, tuple[Any, ...]]:
         """The grid in normal form; values are valid for the target, or for any if none is set."""
-        every = [self.options_for(target) for target in self.targets()]
+        # The default target comes first, because error messages refer to it.
+        targets = sorted(all_targets().values(), key=lambda target: target.name != DEFAULT)
+        if self.target:
+            targets = [find_target(self.target)]
+        every = [self.options_for(target) for target in targets]
         grid = {}
         for name, values in self.grid.items():
             having = [options[name] for options in every if name in options]
             if not having:
-                raise self._unknown(name, dict.fromkeys(n for options in every for n in options))
+                raise _unknown(name, dict.fromkeys(n for options in every for n in options))
             grid[name] = check_distinct(name, [_allowed(having, value) for value in values])
         return grid
 
-    def _unknown(self, name: str, known: Collection[str]) -> InputError:
-        """The error for an option that is unknown or belongs to other targets or methods."""
-        having = [kind for kind, of in all_targets().items() if name in options_of(of.tracker)]
-        whose = f" of {self.target}" if self.target else ""
-        if having:
-            return InputError(
-                f"{name} is not an option{whose}, but of {' and '.join(having)}; leave it out."
-            )
-        for filter_ in filters.all_filters().values():
-            if name in options_of(filter_.build) and name not in filter_.varied:
-                having = [m for m in filter_.methods if applicable(filter_, m)[name]]
-                return InputError(
-                    f"{name} is an option of {', '.join(having)}, and not of "
-                    f"{', '.join(self.methods or ())}; leave it out, or name one of them among "
-                    "the methods."
-                )
-        return InputError(f"{name} is not an option{whose}; the options are {', '.join(known)}.")
 
-
-def _listed(name: str, values: Any) -> tuple[Any, ...]:
-    try:
-        return tuple(values)
-    except TypeError:
-        raise InputError(f"{name} is {values!r:.60}; give a list.") from None
+def _unknown(name: str, known: Iterable[str]) -> InputError:
+    """The error for an option that does not exist, or belongs to other targets or methods."""
+    owners = [kind for kind, of in all_targets().items() if name in options_of(of.tracker)]
+    owners += [
+        method
+        for filter_ in filters.all_filters().values()
+        for method in filter_.methods
+        if name in applicable(filter_, method) - {*filter_.varied}
+    ]
+    rest = f"but of {', '.join(owners)}" if owners else f"which are {', '.join(known)}"
+    return InputError(
+        f"{name} is not an option of this target and these methods, {rest}; leave it out."
+    )
 
 
 def _methods_with(option: str) -> set[str]:
@@ -190,10 +166,9 @@ def _methods_with(option: str) -> set[str]:
     }
 
 
-def applicable(filter_: Filter, method: str) -> dict[str, bool]:
-    """Option name -> whether the option applies to one of the filter's methods."""
-    values = defaults_of(filter_.build) | {"method": method}
-    return {name: name in applying(filter_.build, values) for name in values}
+def applicable(filter_: Filter, method: str) -> set[str]:
+    """The options of a filter that apply to one of its methods."""
+    return {*applying(filter_.build, defaults_of(filter_.build) | {"method": method})}
 
 
 def _allowed(options: Sequence[Option], value: object) -> Any:
@@ -215,3 +190,105 @@ def _order(value: object) -> Any:
             "place, such as (2, 0, 1).",
         )
     return entries
+
+
+def complete(plan: Plan, name: str, parents: Sequence[int] | None = None) -> Plan:
+    """Fill in the target, the methods and all values of the grid.
+
+    Args:
+        plan: as requested.
+        name: target to use if the plan has none.
+        parents: the part tree, from which methods are chosen if the plan has none.
+
+    Raises:
+        InputError: the target lacks an option of the grid or rejects a value.
+    """
+    target, methods = find_target(plan.target or name), plan.methods
+    if methods is None and parents is not None:
+        methods = _default_methods(target, parents)
+    plan = dataclasses.replace(plan, target=target.name, methods=methods)
+    # Where defaults differ between filters, each filter uses its own.
+    owners: list[Callable[..., Any]] = [
+        target.tracker,
+        *(filter_.build for filter_ in plan.filters()),
+    ]
+    declared = [options_of(owner) for owner in owners]
+    defaults = {
+        name: (option.default,)
+        for name, option in plan.options_for(target).items()
+        if all(own[name].default == option.default for own in declared if name in own)
+    }
+    implications = implied(target.tracker, plan.grid)
+    grid = {**defaults, **plan.grid, **{name: (value,) for name, value in implications.items()}}
+    return dataclasses.replace(plan, grid=grid)
+
+
+def _default_methods(target: Target, parents: Sequence[int]) -> tuple[str, ...]:
+    """The methods that are compared by default and suit a part tree."""
+    usual = target.defaults.get("method")
+    methods: tuple[str, ...] = ()
+    for filter_ in filters.all_filters().values():
+        if filter_.by_default or usual in filter_.methods:
+            suiting = tuple(
+                m
+                for m in filter_.methods
+                if filter_.admits(m, parents) and m not in target.unsuited
+            )
+            # The default methods differ in ordering only, so one object needs just the first.
+            methods += suiting[:1] if filter_.by_default and len(parents) == 1 else suiting
+    return methods
+
+
+def configurations(
+    plan: Plan, start: Start, settle: Callable[[Target, dict[str, Any], int], dict[str, Any]]
+) -> list[Configuration]:
+    """All configurations of the built-in methods of a complete plan.
+
+    Args:
+        plan: result of ``complete``.
+        start: initial state of the objects.
+        settle: function from (target, values of its options, particles) to the values with every
+            "auto" settled.
+
+    Raises:
+        InputError: an order is not a permutation of the objects; options are incompatible.
+    """
+    assert plan.target is not None  # by complete
+    target = find_target(plan.target)
+    asked = {"order": plan.orders, "swap": plan.swaps}
+    settled: dict[Any, Any] = {}
+    listed: dict[str, Configuration] = {}
+    for point in _points(plan, target):
+        for method in plan.methods or ():
+            filter_ = filters.filter_of(method)
+            declared = options_of(target.tracker, filter_.build)
+            of_filter = defaults_of(filter_.build)
+            left_out = of_filter.keys() - applicable(filter_, method)
+            own = {n: v for n, v in point.items() if n in declared.keys() - left_out}
+            rest = of_filter.keys() - {*filter_.varied, *own}
+            own |= {name: value for name, value in of_filter.items() if name in rest}
+            model = {n: own.get(n, d) for n, d in defaults_of(target.tracker).items()}
+            numbers = [n for n in (own["num_particles"], *plan.grid.get("num_particles", ())) if n]
+            particles = max(numbers, default=1)
+            key = (*model.values(), particles)
+            if key not in settled:
+                settled[key] = settle(target, model, particles)
+            parameters = own | {name: settled[key][name] for name in own if name in model}
+            for variant in filter_.variants(method, start.parents, asked):
+                filter_.check_model(of_filter | parameters | variant.values, start.parents)
+                configuration = Configuration(
+                    method.upper(), variant.label, parameters, variant.values
+                )
+                listed.setdefault(repr(configuration), configuration)
+    return list(listed.values())
+
+
+def _points(plan: Plan, target: Target) -> Iterator[dict[str, Any]]:
+    """Every point of the grid; options that force recompilation vary slowest."""
+    options = plan.options_for(target)
+    names = sorted(options, key=lambda name: options[name].compiles)
+    names = [name for name in names if name in plan.grid]
+    loops = list(reversed(names))
+    for values in itertools.product(*(plan.grid[name] for name in loops)):
+        point = dict(zip(loops, values, strict=True))
+        yield {name: point[name] for name in names}

@@ -4,6 +4,7 @@ import dataclasses
 import functools
 import hashlib
 import inspect
+import json
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -14,8 +15,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, applying
-from jaxpf.evaluation.configurations import complete, configurations
-from jaxpf.evaluation.plan import Plan
+from jaxpf.evaluation.plan import Plan, complete, configurations
 from jaxpf.evaluation.results import (
     FOLDER,
     IMPORTED,
@@ -142,31 +142,25 @@ def describe_plan(plan: Plan) -> dict[str, Any]:
     Raises:
         InputError: a file of ``tracks`` cannot be read.
     """
-    return {
+    described = {
         "scene": _described(plan.scene),
-        "target": plan.target,
-        "methods": _plain(plan.methods),
-        "orders": _plain(plan.orders),
-        "swaps": list(plan.swaps),
-        "grid": _plain(plan.grid),
+        **{name: getattr(plan, name) for name in ("target", "methods", "orders", "swaps", "grid")},
         "seed": plan.seed,
         "tracks": {name: _file(path) for name, path in plan.tracks.items()},
         "trackers": {name: _function(each) for name, each in plan.trackers.items()},
     }
+    return json.loads(json.dumps(described, default=_text))
 
 
 def _described(scene: Any) -> dict[str, Any]:
     """A scene, or the function that opens it."""
     if isinstance(scene, functools.partial):
-        return {
-            **_described(scene.func),
-            **({"arguments": [_plain(value) for value in scene.args]} if scene.args else {}),
-            **{name: _plain(value) for name, value in scene.keywords.items()},
-        }
+        arguments = {"arguments": scene.args} if scene.args else {}
+        return _described(scene.func) | arguments | scene.keywords
     if callable(scene):
         name = getattr(scene, "__qualname__", type(scene).__qualname__)
         return {"function": f"{scene.__module__}.{name}"}
-    return {"name": scene.name, "parameters": _plain(scene.parameters)}
+    return {"name": scene.name, "parameters": scene.parameters}
 
 
 def _function(function: Callable[..., Any]) -> dict[str, Any]:
@@ -181,14 +175,6 @@ def _file(path: str | os.PathLike[str]) -> dict[str, str]:
     return {"file": os.fspath(path), "sha256": hashlib.sha256(content).hexdigest()}
 
 
-def _plain(value: object) -> Any:
-    """Convert a value to its form after a round trip through JSON."""
-    if isinstance(value, Mapping):
-        return {str(name): _plain(entry) for name, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    return repr(value)
+def _text(value: object) -> str:
+    """What JSON does not know."""
+    return os.fspath(value) if isinstance(value, os.PathLike) else repr(value)

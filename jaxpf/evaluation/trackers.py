@@ -110,6 +110,7 @@ def own_tracker(name: str, function: Any, scene: Scene) -> Any:
     """
     try:
         tracker = function(scene)
+        boxes = np.asarray(tracker, np.float64) if hasattr(tracker, "__array__") else None
     except InputError:
         raise
     except (Exception, SystemExit) as error:
@@ -117,17 +118,11 @@ def own_tracker(name: str, function: Any, scene: Scene) -> Any:
         raise InputError(f"the tracker {name!r} cannot be made: {cause}; correct it.") from error
     if hasattr(tracker, "init") and hasattr(tracker, "step"):
         return tracker
-    if not hasattr(tracker, "__array__"):
+    if boxes is None:
         raise InputError(
             f"the tracker {name!r} is {type(tracker).__name__}; return a tracker with init and "
             "step, or boxes [T, P, 4]."
         )
-    try:
-        boxes = np.asarray(tracker, np.float64)
-    except (ValueError, TypeError):
-        raise InputError(
-            f"the tracker {name!r} returned boxes that are no numbers; return [T, P, 4]."
-        ) from None
     points: Any = scene.extras.get("points")
     if boxes.shape not in (scene.boxes.shape, np.shape(points)):
         raise InputError(

@@ -11,7 +11,7 @@ from jaxpf import InputError
 from jaxpf.boxes.target import BOXES
 from jaxpf.contract.options import options_of
 from jaxpf.evaluation import Plan
-from jaxpf.evaluation.configurations import complete, configurations
+from jaxpf.evaluation.plan import complete, configurations
 from jaxpf.evaluation.settings import describe_plan
 from jaxpf.files.store import differences
 from jaxpf.filters import filter_of

@@ -203,7 +203,7 @@ def test_one_is_tuned(scene):
         ("own_filter.py:nothing", "'nothing'"),
         ("broken.py:fails", "ZeroDivisionError"),
         ("broken.py:wrong", "a tracker with init and step"),
-        ("broken.py:text", "no numbers"),
+        ("broken.py:text", "cannot be made"),
     ],
 )
 def test_a_tracker_that_cannot_be_had_is_refused(place, named, tmp_path):

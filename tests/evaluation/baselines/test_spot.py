@@ -9,10 +9,9 @@ import jaxpf
 import scenes
 from jaxpf.evaluation import Plan, evaluate
 from jaxpf.evaluation.baselines import spot as module
-from jaxpf.evaluation.baselines.hog import hog
 from jaxpf.evaluation.baselines.optical_flow import follow_points
 from jaxpf.evaluation.baselines.rivals import baselines
-from jaxpf.evaluation.baselines.spot import Options, spot
+from jaxpf.evaluation.baselines.spot import Options, hog, spot
 
 RNG = np.random.default_rng(0)
 PICTURE = np.kron(RNG.integers(0, 256, (20, 26, 3), dtype=np.uint8), np.ones((6, 6, 1), np.uint8))

@@ -45,10 +45,11 @@ from typing import Any
 import jax
 from jax.typing import ArrayLike
 
-from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError, check_known, check_separate
 from jaxpf.contract.numbers import check_number
+from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import ParticleState
 from jaxpf.contract.types import Differentiable
@@ -174,7 +175,7 @@ class Transport(Gradient):
             (tracker.ordering.keeps_components, "components that particles keep"),
             (tracker.initial_label is not None, "labels"),
             (tracker.tempering is not None, "tempering"),
-            (contract.has_log_joint(tracker.likelihood), "a likelihood that has log_joint"),
+            (calls.has_log_joint(tracker.likelihood), "a likelihood that has log_joint"),
         )
 
 
@@ -212,7 +213,7 @@ def check_motion_gradient(tracker: Any) -> None:
         InputError: the likelihood is piecewise constant in the state (its ``state_gradient`` is
             false) and the motion is differentiated along the particles' paths.
     """
-    moves = contract.optional(tracker.likelihood, "state_gradient")
+    moves = optional(tracker.likelihood, "state_gradient")
     if tracker.motion_gradient == "pathwise" and not moves:
         raise InputError(
             f"{type(tracker.likelihood).__name__} does not change with the substate but in steps, "

@@ -21,9 +21,11 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
-from jaxpf.contract import Proposal, of_partition
+from jaxpf.contract import Proposal, calls
+from jaxpf.contract.calls import of_partition
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.contract.wrapped import offered
 
 
 class WrappedProposal(Proposal):
@@ -31,7 +33,7 @@ class WrappedProposal(Proposal):
 
     def __getattr__(self, name: str) -> Any:
         """What the other proposal offers beyond the methods of this one."""
-        return contract.offered(self, "proposal", name)
+        return offered(self, "proposal", name)
 
 
 @pytree_dataclass
@@ -56,15 +58,13 @@ class Mixture(WrappedProposal):
 
     def of_model(self, dynamics, likelihood):
         """See ``jaxpf.contract.Proposal``."""
-        return Mixture(
-            contract.proposal_of(self.proposal, dynamics, likelihood), self.share, dynamics
-        )
+        return Mixture(calls.proposal_of(self.proposal, dynamics, likelihood), self.share, dynamics)
 
     def propose_all(self, key, observation, partition, current, previous, parent):
         """Draw substates ``[D, N]``, each from the other proposal or from the dynamics."""
         proposal_key, dynamics_key, choice_key = jax.random.split(key, 3)
         past = partition, current, previous, parent
-        proposed = contract.propose_all(self.proposal, proposal_key, observation, *past)
+        proposed = calls.propose_all(self.proposal, proposal_key, observation, *past)
         moved = contract.propagate_all(self.dynamics, dynamics_key, *past)
         is_proposed = jax.random.uniform(choice_key, partition.shape) < self.share
         return jnp.where(is_proposed, proposed, moved)
@@ -74,7 +74,7 @@ class Mixture(WrappedProposal):
         move = partition, new, current, previous, parent
         share = jnp.asarray(self.share, new.dtype)
         return jnp.logaddexp(
-            jnp.log(share) + contract.proposal_log_density_all(self.proposal, observation, *move),
+            jnp.log(share) + calls.proposal_log_density_all(self.proposal, observation, *move),
             jnp.log1p(-share) + contract.log_density_all(self.dynamics, *move),
         )
 

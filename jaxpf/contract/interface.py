@@ -43,7 +43,7 @@ class Tracker:
     Define ``init`` and ``step_observed``, plus ``observe`` if runs can share work.  If they
     cannot, define ``init`` and ``step``.  Optional are ``num_partitions``, for ``observed`` by
     partition; ``evidence_biases``, see there; ``moments`` and ``states``, for states that are
-    pytrees; and ``observe_nearby(frame, state)``, see ``jaxpf.contract.observe_nearby``.
+    pytrees; and ``observe_nearby(frame, state)``, see ``jaxpf.contract.near.observe_nearby``.
     """
 
     def init(self, key: jax.Array) -> Any:
@@ -250,7 +250,7 @@ class Likelihood:
     * ``look_near(observation, estimates [P, D]) -> observation``: what depends on the estimates
       of the previous frame, or is costly to see and is needed near the objects only.
     * ``observe_nearby(frame, estimates [P, D]) -> observation``: ``observe`` of the frame near the
-      objects alone, see ``jaxpf.contract.observe_nearby``.
+      objects alone, see ``jaxpf.contract.near.observe_nearby``.
     * ``at_frame`` and ``with_inputs``: for a likelihood that changes with time, as for
       ``Dynamics``.  ``observe`` stays that of the likelihood without a time.
     * ``log_odds(observation, partition [], substate [D]) -> []``, or ``log_odds_all`` with
@@ -260,7 +260,7 @@ class Likelihood:
       the frame.  The confidence then asks for stronger evidence that an object is back.
     * ``same_place(partition [N], substates [D, N]) -> [N, N]``: from 0 (apart) to 1, which objects
       are in one place.  The confidence then doubts the less likely one.
-    * ``as_seen``: of wrappers for missing frames, see ``jaxpf.contract.as_seen``.
+    * ``as_seen``: of wrappers for missing frames, see ``jaxpf.contract.calls.as_seen``.
 
     So are these attributes:
 

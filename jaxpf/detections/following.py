@@ -7,8 +7,8 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxpf import contract
 from jaxpf.boxes.target import BOXES
+from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.types import TrackerLike
 from jaxpf.detections.lifetimes import Rules
@@ -76,7 +76,7 @@ def follow(
     starts = ({first: start} if start is not None else {}) | dict(later or {})
     #: Ids that each group still tracks, None for all, and its records to come.
     groups: list[tuple[Any, Iterator[Group]]] = []
-    number = begin = first if state is None else first + 1 + int(contract.time_of(state))
+    number = begin = first if state is None else first + 1 + int(calls.time_of(state))
     if state is not None:
         assert start is not None
         groups = [(start.ids, _group(first, tracker, key, shown(), start, target, state))]

@@ -10,9 +10,7 @@ from .joints import (
     UniformAround as UniformAround,
     UniformJoints as UniformJoints,
     joints_between as joints_between,
-    place as place,
-    substates_at as substates_at,
 )
 from .learned import fit as fit
-from .occlusion import FLIP as FLIP, WithOcclusion as WithOcclusion
+from .occlusion import WithOcclusion as WithOcclusion
 from .relative import PixelMotion as PixelMotion, RelativeMotion as RelativeMotion

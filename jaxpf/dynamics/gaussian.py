@@ -12,7 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from jaxpf.contract import DynamicsWithDensity, DynamicsWithPrediction, of_partition
+from jaxpf.contract import DynamicsWithDensity, DynamicsWithPrediction
+from jaxpf.contract.calls import of_partition
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 

@@ -23,6 +23,7 @@ import jax.numpy as jnp
 from jaxpf import contract
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.contract.wrapped import offered
 from jaxpf.shapes.depth import depth_orders, neighbours_exchanged
 
 #: Probability per frame that the label flips while the shapes do not overlap, delta of the paper.
@@ -52,7 +53,7 @@ class WithOcclusion(contract.Dynamics):
 
     def __getattr__(self, name):
         """What ``dynamics`` offers beyond moves and labels."""
-        return contract.offered(self, "dynamics", name)
+        return offered(self, "dynamics", name)
 
     def propagate_all(self, key, partition, current, previous, parent, *others):
         """The new substates ``[D, N]``."""

@@ -10,7 +10,8 @@ import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 
-from jaxpf.contract import DynamicsWithDensity, DynamicsWithPrediction, of_partition
+from jaxpf.contract import DynamicsWithDensity, DynamicsWithPrediction
+from jaxpf.contract.calls import of_partition
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.dynamics.gaussian import AR2

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract import model_error
+from jaxpf.contract.calls import model_error
 from jaxpf.contract.state import Summary
 from jaxpf.evaluation.results import BUILT_IN, Batch, Configuration
 from jaxpf.evaluation.trackers import tracker_of

@@ -1,10 +1,6 @@
 from .factored.drift import Motion as Motion, correlations as correlations
-from .labelled.population import (
-    add_target as add_target,
-    assign_slots as assign_slots,
-    remove_target as remove_target,
-)
-from .labelled.state import LabelledState as LabelledState, LabelledSummary as LabelledSummary
+from .labelled.population import add_target as add_target, remove_target as remove_target
+from .labelled.state import LabelledState as LabelledState
 from .registry import (
     Filter as Filter,
     Variant as Variant,
@@ -16,4 +12,4 @@ from .registry import (
 )
 from .uncertainty.error_bars import ErrorBars as ErrorBars, WithErrorBars as WithErrorBars
 from .uncertainty.quantiles import quantiles as quantiles
-from .uncertainty.side_by_side import RunsState as RunsState, SideBySide as SideBySide
+from .uncertainty.side_by_side import SideBySide as SideBySide

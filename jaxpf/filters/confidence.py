@@ -21,7 +21,8 @@ import jax.numpy as jnp
 from jax import lax
 from jax.typing import DTypeLike
 
-from jaxpf import contract
+from jaxpf.contract import calls
+from jaxpf.contract.optional import optional
 from jaxpf.contract.state import Presence, Summary
 from jaxpf.contract.types import LikelihoodLike
 
@@ -39,10 +40,10 @@ _TOGETHER, _RECENT = 4.0, 0.03
 
 def at_start(likelihood: LikelihoodLike, num_partitions: int, dtype: DTypeLike) -> Presence | None:
     """``presence`` of a state before the first frame, as far as the likelihood defines it."""
-    if not contract.has_log_odds(likelihood):
+    if not calls.has_log_odds(likelihood):
         return None
-    leaves = contract.optional(likelihood, "reaches_border") is not None
-    meets = num_partitions > 1 and contract.optional(likelihood, "same_place") is not None
+    leaves = optional(likelihood, "reaches_border") is not None
+    meets = num_partitions > 1 and optional(likelihood, "same_place") is not None
     return Presence(
         log_odds=jnp.full((num_partitions,), _AT_START, dtype),
         left=jnp.zeros((num_partitions,), bool) if leaves else None,
@@ -68,7 +69,7 @@ def reported(
     # Confidence is for reporting only, so it has no derivative.
     estimate = lax.stop_gradient(summary.estimate)
     partitions, past = jnp.arange(estimate.shape[0]), before.presence
-    odds = contract.log_odds_all(likelihood, observation, partitions, estimate.T)
+    odds = calls.log_odds_all(likelihood, observation, partitions, estimate.T)
     odds = lax.stop_gradient(odds.astype(past.log_odds.dtype))
     odds = jnp.where(jnp.isnan(odds), -_MOST, jnp.clip(odds, -_MOST, _MOST))
     smooth = _MEMORY * past.log_odds + (1 - _MEMORY) * odds
@@ -81,7 +82,7 @@ def reported(
         shared = jnp.where((smooth[:, None] < smooth) & (shared > 0), shared, 0)
         together += _RECENT * (jnp.max(shared, axis=1).astype(together.dtype) - together)
     now = Presence(smooth, left, together)
-    *_, seen = contract.as_seen(likelihood, observation)
+    *_, seen = calls.as_seen(likelihood, observation)
     if seen is not None:  # confidence does not change in a missing frame
         now = jax.tree.map(lambda new, old: jnp.where(seen, new, old), now, past)
     shown = now.log_odds

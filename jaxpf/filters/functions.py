@@ -12,7 +12,9 @@ from jax import lax
 from jax.typing import ArrayLike
 
 from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import (
     is_concrete,
     pytree_dataclass,
@@ -222,7 +224,7 @@ def _unflatten(static: tuple, children: Iterable) -> StateSpace:
 
 
 def _with_parameters(part: Any, parameters: Any) -> Any:
-    return contract.changed_inside(part, "parameters", lambda _: parameters)
+    return calls.changed_inside(part, "parameters", lambda _: parameters)
 
 
 jax.tree_util.register_pytree_with_keys(StateSpace, _flatten, _unflatten)
@@ -319,18 +321,18 @@ class FunctionProposal(WrappedProposal):
     def of_model(self, dynamics, likelihood):
         """See ``jaxpf.contract.Proposal``."""
         of_state = dataclasses.replace(dynamics, copies=1)
-        return FunctionProposal(contract.proposal_of(self.proposal, of_state, likelihood))
+        return FunctionProposal(calls.proposal_of(self.proposal, of_state, likelihood))
 
     def propose_all(self, key, observation, partition, *past):
         """Draw substates ``[2 D, N]``."""
         states = [x[: len(x) // 2] for x in past]
-        new = contract.propose_all(self.proposal, key, observation, partition, *states)
+        new = calls.propose_all(self.proposal, key, observation, partition, *states)
         return jnp.concatenate([new, states[0]])
 
     def log_density_all(self, observation, partition, *move):
         """Log-densities ``[N]`` of the new states; the predecessors are given."""
         states = [x[: len(x) // 2] for x in move]
-        return contract.proposal_log_density_all(self.proposal, observation, partition, *states)
+        return calls.proposal_log_density_all(self.proposal, observation, partition, *states)
 
 
 @pytree_dataclass
@@ -348,7 +350,7 @@ class FunctionLikelihood(contract.Likelihood):
     @property
     def handles_nan(self):
         """Whether the function declares that it understands NaN."""
-        return contract.optional(self.function, "handles_nan")
+        return optional(self.function, "handles_nan")
 
     @property
     def at_frame(self):

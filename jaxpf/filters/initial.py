@@ -6,8 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf import contract
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import as_array, is_concrete
 
 
@@ -48,7 +48,7 @@ def check_rows(dynamics: Any, num_partitions: int) -> None:
 
     JAX would repeat the last row.
     """
-    for name in contract.optional(dynamics, "by_partition"):
+    for name in optional(dynamics, "by_partition"):
         rows = np.shape(getattr(dynamics, name))
         if len(rows) > 1 and rows[0] not in (1, num_partitions):
             raise InputError(

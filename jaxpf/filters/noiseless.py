@@ -8,7 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.types import HoldsModel
 
@@ -37,13 +39,13 @@ def noiseless(tracker: HoldsModel) -> Noiseless:
         InputError: the dynamics ask for inputs, which are not given yet.
     """
     dynamics = tracker.dynamics
-    if contract.optional(dynamics, "with_inputs") and getattr(dynamics, "inputs", ()) is None:
+    if optional(dynamics, "with_inputs") and getattr(dynamics, "inputs", ()) is None:
         raise InputError(
             "a transition that takes u cannot be checked for noise, which motion_gradient='score' "
             "and linearised proposals need; let it take time instead, and read row time of an "
             "array in parameters."
         )
-    dynamics, initial = contract.first_motion(dynamics), tracker.initial
+    dynamics, initial = calls.first_motion(dynamics), tracker.initial
     known = is_concrete(dynamics, initial)
     with jax.ensure_compile_time_eval() if known else contextlib.nullcontext():
         keys = jax.random.split(jax.random.key(0), 3)

@@ -6,7 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract import Likelihood, of_partition
+from jaxpf.contract import Likelihood
+from jaxpf.contract.calls import of_partition
 from jaxpf.contract.numbers import with_nan
 from jaxpf.contract.pytree import pytree_dataclass
 

@@ -33,7 +33,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from jaxpf.contract import Likelihood, of_partition
+from jaxpf.contract import Likelihood
+from jaxpf.contract.calls import of_partition
 from jaxpf.contract.errors import check_known
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field

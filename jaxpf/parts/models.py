@@ -15,6 +15,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_known, check_names
 from jaxpf.contract.model import Model, check_tree
 from jaxpf.contract.numbers import FINITE, check_array, numbers_in
+from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import as_array, pytree_dataclass
 from jaxpf.contract.types import LikelihoodLike
 from jaxpf.dynamics.gaussian import RandomWalk
@@ -84,7 +85,7 @@ class OfFixedSize(contract.WrappedLikelihood):
     def model_error(self):
         """See ``Likelihood``."""
         if self.slip is None:
-            return contract.optional(self.likelihood, "model_error")
+            return optional(self.likelihood, "model_error")
         return self.slip, self.slip, 0.0
 
     def translated(self, substates):

@@ -10,7 +10,7 @@ import numpy as np
 from jax import lax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.recognised import recognised
@@ -345,7 +345,7 @@ def _on_devices(function: Callable, devices: tuple, places: tuple) -> Callable:
 
 
 def _advance_on_one_device(tracker, keys, states, times, groups, record, num_devices):
-    observe = contract.observed_apart(tracker)[0]
+    observe = calls.observed_apart(tracker)[0]
 
     def observe_group(group):
         mine = observe(jax.tree.map(lambda x: x[0], group))
@@ -364,7 +364,7 @@ def _advance_on_one_device(tracker, keys, states, times, groups, record, num_dev
     def group_step(states, item):
         times, group = item
         # A group's frames are observed at once; this takes one frame's observation.
-        find = partial(contract.frame_of, observe_group(group))
+        find = partial(calls.frame_of, observe_group(group))
         return lax.scan(
             frame_step(find, of_every_run, record), states, (times, jnp.arange(num_devices))
         )

@@ -11,6 +11,7 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import with_nan
+from jaxpf.contract.optional import filter_of, optional
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.types import TrackerLike
 
@@ -87,10 +88,10 @@ def noted(tracker: TrackerLike) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        inner = contract.filter_of(tracker)
+        inner = filter_of(tracker)
         parts = {name: getattr(inner, name, None) for name in ("dynamics", "likelihood")}
         named = [f"{name} {type(part).__name__}" for name, part in parts.items() if part]
-        count = contract.optional(tracker, "num_partitions")
+        count = optional(tracker, "num_partitions")
         error.add_note(
             f"In a run of {type(inner).__name__} ({', '.join(named)}) with {count} partitions.  "
             "For one particle of D coordinates propagate returns [D], and log_prob one number; "

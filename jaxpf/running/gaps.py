@@ -22,7 +22,10 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
+from jaxpf.contract import calls
+from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.contract.wrapped import SUBSTATES
 
 #: Tolerated rounding of a sum of weights, in units in the last place: enough for several stages of
 #: a million particles.
@@ -61,7 +64,7 @@ class LikelihoodWithGaps(contract.WrappedLikelihood):
         return jnp.where(counts, method(observation, *rest), 0)
 
     def as_seen(self, observation):
-        """See ``jaxpf.contract.as_seen``."""
+        """See ``jaxpf.contract.calls.as_seen``."""
         return self.likelihood, *observation
 
     def observe(self, frame):
@@ -71,7 +74,7 @@ class LikelihoodWithGaps(contract.WrappedLikelihood):
     def _observed(self, frame, observe):
         frame, seen = frame
         seen = jnp.asarray(seen)
-        can_be_nan = contract.optional(self.likelihood, "handles_nan")
+        can_be_nan = optional(self.likelihood, "handles_nan")
 
         def without_nan(x):
             # The compiler may compute both branches, so the unused one must not see NaN.
@@ -90,7 +93,7 @@ class LikelihoodWithGaps(contract.WrappedLikelihood):
             return contract.log_prob_all(self.likelihood, observation, partition, substates)
 
         if seen.ndim:
-            return jnp.where(contract.of_partition(seen, partition), inner(), 0)
+            return jnp.where(calls.of_partition(seen, partition), inner(), 0)
         return _if_seen(seen, inner)
 
 
@@ -104,12 +107,12 @@ class LikelihoodOfNoFrame(LikelihoodWithGaps):
             return method(*arguments)
         if name in ("look_near", "observe_nearby"):
             return ()
-        substates = arguments[contract.SUBSTATES[name][0]]
+        substates = arguments[SUBSTATES[name][0]]
         every = name.endswith("_all")
         return jnp.zeros(substates.shape[-1:] if every else (), substates.dtype)
 
     def as_seen(self, observation):
-        """See ``jaxpf.contract.as_seen``: nothing was seen."""
+        """See ``jaxpf.contract.calls.as_seen``: nothing was seen."""
         return self.likelihood, None, np.False_
 
     def observe(self, frame):
@@ -139,15 +142,15 @@ class WithGaps(contract.WrappedTracker):
 
     def observe(self, frame):
         """Return the tracker's observation of a frame, and whether it was seen."""
-        inner = contract.changed_inside(self.tracker, "likelihood", self._wraps)
-        return contract.observed_apart(inner)[0](frame), jnp.asarray(frame[1])
+        inner = calls.changed_inside(self.tracker, "likelihood", self._wraps)
+        return calls.observed_apart(inner)[0](frame), jnp.asarray(frame[1])
 
     def step_observed(self, key, state, observation):
         """Return the tracker's next state and summary."""
         observation, seen = observation
-        step = contract.observed_apart(
-            contract.changed_inside(self.tracker, "likelihood", self._wraps)
-        )[1]
+        step = calls.observed_apart(calls.changed_inside(self.tracker, "likelihood", self._wraps))[
+            1
+        ]
         state, summary = step(key, state, observation)
         totals = {
             name: _without_rounding(getattr(summary, name), seen.any())

@@ -13,8 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.optional import filter_of, likelihood_of, optional
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.types import TrackerLike
 from jaxpf.running.frames import Frames, frames_of, num_frames
@@ -39,7 +40,7 @@ def marked(
             partitions, or a frame that was seen holds NaN.
     """
     if getattr(tracker, "is_marked", False) or (
-        observed is None and contract.likelihood_of(tracker) is None
+        observed is None and likelihood_of(tracker) is None
     ):
         return tracker, frames
     if observed is None:
@@ -47,9 +48,9 @@ def marked(
         _check_nan(tracker, frames, seen, first)
         return (tracker, frames) if seen is None else (WithGaps(tracker), (frames, seen))
     seen, shape = _as_bool(observed), np.shape(observed)
-    total, parts = num_frames(frames), contract.optional(tracker, "num_partitions")
+    total, parts = num_frames(frames), optional(tracker, "num_partitions")
     of_components = len(shape) > 1 and shape == np.shape(frames) != (total, parts)
-    if of_components and contract.handles_nan(tracker):
+    if of_components and calls.handles_nan(tracker):
         return marked(tracker, jnp.where(seen, frames, jnp.nan), None, first)
     if shape not in ((total,), (total, parts)):
         raise InputError(
@@ -57,7 +58,7 @@ def marked(
             f"seen, [{total}], or which partitions, [{total}, {parts}]; single components of y may "
             "be missing for a likelihood (or log_likelihood) with handles_nan = True."
         )
-    if len(shape) == 2 and hasattr(filter_ := contract.filter_of(tracker), "population"):
+    if len(shape) == 2 and hasattr(filter_ := filter_of(tracker), "population"):
         raise InputError(
             f"{type(filter_).__name__} compares particles of different targets, which a missing "
             "target would upset; give observed for whole frames, [T]."
@@ -126,7 +127,7 @@ def _check_nan(tracker: TrackerLike, frames: Any, seen: Any, first: int) -> None
     Raises:
         InputError: names the first such frame and the place in it.
     """
-    if not is_concrete(frames, seen) or contract.handles_nan(tracker):
+    if not is_concrete(frames, seen) or calls.handles_nan(tracker):
         return
     for path, leaf in jax.tree_util.tree_leaves_with_path(frames):
         if not jnp.issubdtype(jnp.result_type(leaf), jnp.floating):

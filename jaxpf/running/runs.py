@@ -11,7 +11,9 @@ from jax import lax
 from jax.typing import ArrayLike
 
 from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.near import observe_nearby
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import T
 from jaxpf.contract.recognised import recognised
@@ -78,7 +80,7 @@ def run(
             frames; ``observed`` of a wrong shape; a frame that is NaN in part.
     """
     frames = frames_of(frames).stacked()
-    first: Any = 0 if state is None else contract.time_of(state)
+    first: Any = 0 if state is None else calls.time_of(state)
     tracker, taken = ready(tracker, frames, observed, inputs, first)
     with noted(tracker):
         state, recorded = run_compiled(tracker, as_key(key), taken, recognised(record), state)
@@ -120,7 +122,7 @@ def forecast(
     """
     check_whole("steps", steps)
     nothing = np.zeros(steps, bool)
-    tracker = with_inputs(tracker, inputs, steps, contract.time_of(state))
+    tracker = with_inputs(tracker, inputs, steps, calls.time_of(state))
     blind = gaps.WithoutFrames(tracker)
     with noted(tracker):
         return run_compiled(blind, as_key(key), (nothing, nothing), recognised(record), state)
@@ -213,7 +215,7 @@ def frame_step(
         observation = observe(frame)
 
         def advance(tracker: TrackerLike, key: jax.Array, state: Any) -> Any:
-            step = contract.observed_apart(contract.at_frame(tracker, time))[1]
+            step = calls.observed_apart(contract.at_frame(tracker, time))[1]
             state, summary = step(frame_key(key, time), state, observation)
             return state, record(state, summary)
 
@@ -228,15 +230,15 @@ def one_run(tracker: TrackerLike, key: jax.Array, record: Callable[[Any, Any], A
     If the tracker can observe only what is near its estimates, each frame is first tried so, and
     repeated whole if that does not show every particle.  Under ``vmap`` both are computed.
     """
-    observe = contract.observed_apart(tracker)[0]
+    observe = calls.observed_apart(tracker)[0]
     step_whole = frame_step(observe, lambda advance, state: advance(tracker, key, state), record)
 
     def step_one(state: Any, item: Any) -> Any:
         time, frame = item
-        observation = contract.observe_nearby(tracker, frame, state)
+        observation = observe_nearby(tracker, frame, state)
         if observation is None:
             return step_whole(state, item)
-        step = contract.observed_apart(contract.at_frame(tracker, time))[1]
+        step = calls.observed_apart(contract.at_frame(tracker, time))[1]
         new, summary = step(frame_key(key, time), state, observation)
         return lax.cond(
             summary.num_invalid == 0,

@@ -10,8 +10,10 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_number, check_whole
+from jaxpf.contract.optional import likelihood_of, optional
 from jaxpf.contract.state import ParticleState
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
@@ -81,13 +83,13 @@ def simulate(
     check_whole("num_frames", num_frames)
     if num_draws is not None:
         check_whole("num_draws", num_draws)
-    likelihood = contract.likelihood_of(tracker)
-    if not contract.optional(likelihood, "sample"):
+    likelihood = likelihood_of(tracker)
+    if not optional(likelihood, "sample"):
         raise InputError(
             f"{type(likelihood).__name__} draws no observations; write its method sample(key, "
             "substates [P, D]), or give jaxpf.state_space an observation."
         )
-    first = 0 if state is None else contract.time_of(state)
+    first = 0 if state is None else calls.time_of(state)
     tracker = with_inputs(tracker, inputs, num_frames, first)
     with noted(tracker):
         drawn = _simulated(tracker, as_key(key), state, num_frames, num_draws or 1)
@@ -97,7 +99,7 @@ def simulate(
 @partial(compiled, static_argnums=(3, 4))
 def _simulated(tracker, key, state, num_frames, num_draws) -> Simulated:
     """Filters of one particle each, in which all frames are missing."""
-    one = contract.changed_inside(tracker, "num_particles", lambda _: 1)
+    one = calls.changed_inside(tracker, "num_particles", lambda _: 1)
     blind, unseen = WithoutFrames(one), (np.False_, np.False_)
     keys = jax.random.split(key, 1 + num_draws)
     chosen = jnp.zeros(num_draws, jnp.int32)
@@ -111,9 +113,9 @@ def _simulated(tracker, key, state, num_frames, num_draws) -> Simulated:
 
         def advance(state: Any, time: jax.Array) -> Any:
             state, substates = step(state, (time, unseen))
-            likelihood = contract.likelihood_of(contract.at_frame(one, time))
+            likelihood = likelihood_of(contract.at_frame(one, time))
             frame = likelihood.sample(jax.random.fold_in(seen_key, time), substates)
-            return state, Simulated(contract.states(tracker, substates), frame)
+            return state, Simulated(calls.states(tracker, substates), frame)
 
         start = init(one, move_key) if state is None else _of_particle(state, chosen)
         return lax.scan(advance, start, times)[1]

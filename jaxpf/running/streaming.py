@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
@@ -65,7 +65,7 @@ def stream(
         A ``TrackedFrame`` for each frame: ``time``, ``frame``, ``state`` and ``summary``.
     """
     key = as_key(key)
-    first = 0 if state is None else int(contract.time_of(state))
+    first = 0 if state is None else int(calls.time_of(state))
     with noted(tracker):
         state = init_compiled(tracker, key) if state is None else state
     marked = missing_frames.marked_one_by_one(tracker, frames_of(frames), observed)

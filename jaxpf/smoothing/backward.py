@@ -29,6 +29,7 @@ from jax import lax
 from jax.typing import ArrayLike
 
 from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.logs import finite
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import moments, sanitised
@@ -128,9 +129,9 @@ class SeenMoves(contract.DynamicsWithDensity):
         """Log-densities ``[N]`` of moves, and of the frame given both ends."""
         half = new.shape[0] // 2
         dynamics, likelihood = (
-            contract.of_frame(part, self.time) for part in (self.dynamics, self.likelihood)
+            calls.of_frame(part, self.time) for part in (self.dynamics, self.likelihood)
         )
-        observation = contract.frame_of(self.observations, self.time)
+        observation = calls.frame_of(self.observations, self.time)
         ends = jnp.concatenate([new[:half], current[:half]])
         log_prob = contract.log_prob_all(likelihood, observation, partition, ends)
         largest = finite(jnp.max(sanitised(log_prob)[0]))  # common to all: it changes no draw
@@ -284,13 +285,13 @@ def log_densities(
     if here.label is None:
         return log_moves
     if drawn.label is not None and drawn.label.ndim:
-        log_label = jax.vmap(contract.log_label, in_axes=(None, 0, 0, -1))(
+        log_label = jax.vmap(calls.log_label, in_axes=(None, 0, 0, -1))(
             to_next, drawn.label, here.label, jnp.swapaxes(drawn.next, 0, 1)
         )
         return log_moves + jnp.where(frames_left > 0, log_label.astype(log_moves.dtype), 0.0)
     # Labels are few: compute for every label, then look up.
     labels = jnp.arange(jnp.shape(tracker.initial_label)[0])
-    log_label = jax.vmap(contract.log_label, in_axes=(None, None, 0, None))(
+    log_label = jax.vmap(calls.log_label, in_axes=(None, None, 0, None))(
         to_next, drawn.label, labels, drawn.next.T
     )
     log_label = log_label.astype(log_moves.dtype)

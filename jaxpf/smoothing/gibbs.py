@@ -27,10 +27,13 @@ from jax import lax
 from jax.typing import ArrayLike
 
 from jaxpf import contract, running
+from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.refusals import poisoned, refused
+from jaxpf.contract.wrapped import offered
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.gradients import NoGradient
 from jaxpf.lowering.programs import compiled
@@ -57,18 +60,18 @@ class _HoldsFirst:
 
     def __getattr__(self, name):
         """The densities are the inner ones."""
-        return contract.offered(self, "inner", name)
+        return offered(self, "inner", name)
 
     def propagate_all(self, key, partition, *past):
         moved = contract.propagate_all(self.inner, key, partition, *past)
         return moved.at[:, 0].set(self.reference[:, partition[0]])
 
     def propose_all(self, key, observation, partition, *past):
-        drawn = contract.propose_all(self.inner, key, observation, partition, *past)
+        drawn = calls.propose_all(self.inner, key, observation, partition, *past)
         return drawn.at[:, 0].set(self.reference[:, partition[0]])
 
     def of_model(self, dynamics, likelihood):
-        return _HoldsFirst(contract.proposal_of(self.inner, dynamics, likelihood), self.reference)
+        return _HoldsFirst(calls.proposal_of(self.inner, dynamics, likelihood), self.reference)
 
 
 def particle_gibbs(
@@ -151,7 +154,7 @@ def check_conditional(tracker: Partitioned) -> jax.Array | None:
             raise InputError(
                 f"conditional SMC has not been proved valid with {name}; leave it out."
             )
-    if contract.optional(tracker.likelihood, "look_near"):
+    if optional(tracker.likelihood, "look_near"):
         raise InputError(
             f"conditional SMC has not been proved valid with {type(tracker.likelihood).__name__}, "
             "which looks near the particles' mean; use a likelihood of the frame alone."

@@ -11,8 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.refusals import refused
 from jaxpf.contract.types import TrackerLike
@@ -39,9 +41,9 @@ def together(tracker: Partitioned) -> list[tuple[np.ndarray, np.ndarray]]:
     """
     parents = tracker.parents
     joint = (
-        contract.has_log_joint(tracker.likelihood)
+        calls.has_log_joint(tracker.likelihood)
         or tracker.initial_label is not None
-        or (callable(tracker.initial) and not contract.optional(tracker.initial, "independent"))
+        or (callable(tracker.initial) and not optional(tracker.initial, "independent"))
     )
     groups: dict[int, list[int]] = {}
     for part in range(len(parents)):
@@ -146,14 +148,14 @@ def check_smoothing(tracker: Partitioned, whole: bool = False) -> jax.Array | No
     refuse = check_genealogy(tracker)
     check_uncoupled(tracker.dynamics, "smoothing")
     dynamics = type(tracker.dynamics).__name__
-    if not contract.has_log_density(tracker.dynamics):
+    if not calls.has_log_density(tracker.dynamics):
         raise InputError(
             f"smoothing needs the density of a move, and {dynamics} has none; add the method "
             "log_density(partition, new, current, previous, parent) -> [], the log of the density "
             "from which propagate draws (see jaxpf.contract.DynamicsWithDensity), give "
             f"jaxpf.state_space a transition_log_density, or {_TRACE}."
         )
-    if moves_labels(tracker) and not contract.has_log_label(tracker.dynamics):
+    if moves_labels(tracker) and not calls.has_log_label(tracker.dynamics):
         raise InputError(
             f"smoothing needs the probability of a label's move, and {dynamics} has none; add the "
             "method log_label(new, label, substates) -> [], the log-probability with which "

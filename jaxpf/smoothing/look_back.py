@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from jaxpf import contract, running
+from jaxpf import running
+from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.filters.partitioned.tracker import Partitioned
@@ -79,7 +80,7 @@ def smooth_stream(
         broken += int(passed.broken)
         estimate, spread = np.asarray(passed.estimate), np.asarray(passed.spread)
         for place, (_, summary) in enumerate(kept[:lag]):
-            means, deviations = (contract.moments(tracker, x[place]) for x in (estimate, spread))
+            means, deviations = (calls.moments(tracker, x[place]) for x in (estimate, spread))
             yield SmoothedFrame(done + place, means, deviations, summary, broken)
         done += lag
         del kept[:lag]

@@ -15,6 +15,7 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.types import DynamicsLike, Initial
 from jaxpf.filters.initial import as_floats
 from jaxpf.lowering.programs import compiled
@@ -93,7 +94,7 @@ def _trial(dynamics: DynamicsLike, initial: Initial, parents: tuple[int, ...]) -
 
     def move_all(lagged, item):
         current, previous = lagged
-        motion, key = contract.of_frame(dynamics, item[0]), item[1]
+        motion, key = calls.of_frame(dynamics, item[0]), item[1]
 
         def move(new, part):
             given = current[part], previous[part], parent_in(new, part)
@@ -104,7 +105,7 @@ def _trial(dynamics: DynamicsLike, initial: Initial, parents: tuple[int, ...]) -
 
     items = jnp.arange(_FRAMES), jax.random.split(frames_key, _FRAMES)
     *_, previous, current, new = lax.scan(move_all, (start, start), items)[1]
-    motion = contract.of_frame(dynamics, _FRAMES - 1)
+    motion = calls.of_frame(dynamics, _FRAMES - 1)
 
     def of_part(part):
         # The parent is the first particle's, so that the parts alone differ.

@@ -7,7 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf import contract, running
+from jaxpf import running
+from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass
@@ -155,9 +156,9 @@ def smooth(
         smoothed = dataclasses.replace(smoothed, estimate=estimate, spread=spread, paths=kept)
     smoothed = dataclasses.replace(
         smoothed,
-        estimate=contract.moments(tracker, smoothed.estimate),
-        spread=contract.moments(tracker, smoothed.spread),
-        paths=contract.states(tracker, smoothed.paths) if paths else None,
+        estimate=calls.moments(tracker, smoothed.estimate),
+        spread=calls.moments(tracker, smoothed.spread),
+        paths=calls.states(tracker, smoothed.paths) if paths else None,
     )
     return poisoned(refuse, smoothed)
 
@@ -170,7 +171,7 @@ def _drawn(tracker, key, frames, num_trajectories, num_paths, num_steps, observe
     moved_by = tracker
     if sees_previous(tracker):
         moves = SeenMoves.of(*missing_frames.marked(tracker, frames, observed))
-        moved_by = contract.changed_inside(tracker, "dynamics", lambda _: moves)
+        moved_by = calls.changed_inside(tracker, "dynamics", lambda _: moves)
     back_key = passes.backward_key(running.as_key(key))
     sizes = num_trajectories, num_paths, 0, num_steps
     passed = passes.back_over(moved_by, back_key, history, *sizes)

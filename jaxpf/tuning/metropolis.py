@@ -23,9 +23,11 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from jaxpf import contract, running
+from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.logs import sum_evenly
 from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.refusals import biased_evidence, poisoned
 from jaxpf.contract.state import Summary
@@ -177,10 +179,10 @@ def pmmh(
         )
     parameters = jax.vmap(jax.vmap(unravel))(places)
     observations = None
-    if paths and contract.optional(tracker.likelihood, "sample") and not sees_previous(tracker):
+    if paths and optional(tracker.likelihood, "sample") and not sees_previous(tracker):
         sample_key = backward_key(running.as_key(key))
         observations = _observed(build, sample_key, parameters, path, inputs)
-    path = contract.states(tracker, path) if paths else None
+    path = calls.states(tracker, path) if paths else None
     drawn = Posterior(
         parameters, evidences, priors, accepted, model.num_particles, path, observations
     )

@@ -31,8 +31,8 @@ from jax.scipy.special import ndtr
 from jax.scipy.stats import norm
 from jax.typing import ArrayLike
 
-from jaxpf import contract, running
-from jaxpf.contract import logs
+from jaxpf import running
+from jaxpf.contract import calls, logs
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole, with_nan
 from jaxpf.contract.pytree import is_concrete
@@ -227,7 +227,7 @@ def _record(
     if checkpoint is not False:
         check_whole("checkpoint", int(checkpoint))
     frame_step = running.frame_step(
-        contract.observed_apart(tracker)[0], running.together(tracker, keys), record
+        calls.observed_apart(tracker)[0], running.together(tracker, keys), record
     )
     states = jax.vmap(lambda key: running.init(tracker, key))(keys)
     items = (jnp.arange(num_frames), frames)

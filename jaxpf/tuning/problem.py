@@ -12,8 +12,10 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf import contract, running
+from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import with_nan
+from jaxpf.contract.optional import likelihood_of, optional
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.refusals import biased_evidence
 from jaxpf.contract.types import TrackerLike
@@ -88,7 +90,7 @@ def check_objective(objective: object, sequences: Sequence[TrainingSequence]) ->
         if objective == "evidence":
             otherwise = "an objective that reads the labels"
             biased_evidence(sequence.tracker, "the objective 'evidence'", otherwise, tuning=True)
-        form = contract.optional(contract.likelihood_of(sequence.tracker), "form")
+        form = optional(likelihood_of(sequence.tracker), "form")
         if objective == "evidence" and form == "exponential":
             raise InputError(
                 "the evidence of exp(-sharpness d^2) always prefers sharpness 0, because it is not "
@@ -166,13 +168,13 @@ def ready(sequence: TrainingSequence) -> TrainingSequence:
     """
     frames = sequence.frames  # arrays since it was made
     tracker = running.with_inputs(sequence.tracker, sequence.inputs, running.num_frames(frames))
-    is_fixed = contract.optional(contract.likelihood_of(tracker), "fixed_observation")
+    is_fixed = optional(likelihood_of(tracker), "fixed_observation")
     # Else objectives mark frames of NaN themselves; those of users may read the filter's fields.
     if is_fixed or sequence.observed is not None:
         tracker, frames = running.ready(tracker, frames, sequence.observed)
     if is_fixed:
         frames = jax.device_put(frames)
-        observe = contract.observed_apart(tracker)[0]
+        observe = calls.observed_apart(tracker)[0]
         one = jax.eval_shape(observe, jax.tree.map(lambda x: x[0], frames))
         size = sum(math.prod(x.shape) * np.dtype(x.dtype).itemsize for x in jax.tree.leaves(one))
         if size * sequence.num_frames <= _KEPT_OBSERVATIONS:

@@ -10,6 +10,7 @@ from refusals import message_of
 
 import jaxpf
 from jaxpf import contract, ordering, pytree_dataclass
+from jaxpf.contract import calls
 from jaxpf.dynamics import RandomWalk
 from jaxpf.gradients import check_motion_gradient
 from jaxpf.parts import OfFixedSize
@@ -70,8 +71,8 @@ def test_a_wrapper_weighs_as_the_wrapped_likelihood_in_whichever_form_that_is_wr
 def test_a_wrapper_has_what_the_wrapped_likelihood_has_and_no_more():
     assert not hasattr(OfFixedSize(OfOneParticle()), "log_joint")
     plain, full = OfFixedSize(OfOneParticle()), OfFixedSize(OfAll())
-    assert not contract.has_log_odds(plain)
-    odds = contract.log_odds_all(full, OBSERVATION, PARTITION, SUBSTATES)
+    assert not calls.has_log_odds(plain)
+    odds = calls.log_odds_all(full, OBSERVATION, PARTITION, SUBSTATES)
     np.testing.assert_allclose(odds, [0 + 1 + 0.1, 1 + 5 + 0.2], rtol=1e-6)
     joint = full.log_joint(OBSERVATION, SUBSTATES.T, jnp.array([1.0, 2.0]))
     np.testing.assert_allclose(joint, 3 + 2 - (1 + 5), rtol=1e-6)
@@ -154,19 +155,19 @@ def test_a_class_that_defines_nothing_says_what_is_missing(base, call, missing):
 
 
 def test_likelihoods_that_factor_have_no_log_joint():
-    assert not contract.has_log_joint(contract.Likelihood())
-    assert not contract.has_log_density(contract.Dynamics())
+    assert not calls.has_log_joint(contract.Likelihood())
+    assert not calls.has_log_density(contract.Dynamics())
 
 
 def test_a_declared_error_is_for_every_partition_or_a_row_for_each():
     def declared(error):
         likelihood = type("Declaring", (), {"model_error": error})()
-        return contract.model_error(SimpleNamespace(likelihood=likelihood), 2)
+        return calls.model_error(SimpleNamespace(likelihood=likelihood), 2)
 
     np.testing.assert_array_equal(declared((1, 2, 0.5)), [[1, 2, 0.5]] * 2)
     rows = [[1, 2, 0.5], [3, 4, 0]]
     np.testing.assert_array_equal(declared(jnp.array(rows)), rows)
-    np.testing.assert_array_equal(contract.model_error(SimpleNamespace(), 2), np.zeros((2, 3)))
+    np.testing.assert_array_equal(calls.model_error(SimpleNamespace(), 2), np.zeros((2, 3)))
     for wrong in ((1, 2), np.zeros((3, 3))):
         assert "model_error" in message_of(declared, wrong)
 

@@ -10,6 +10,8 @@ import pytest
 
 import jaxpf
 from jaxpf import contract, ordering, pytree_dataclass
+from jaxpf.contract import calls
+from jaxpf.contract.optional import OPTIONAL, likelihood_of, optional
 from jaxpf.dynamics import RandomWalk, WithOcclusion
 from jaxpf.filters import SideBySide, WithErrorBars
 from jaxpf.likelihoods.detected import Detected
@@ -191,10 +193,10 @@ def test_what_was_not_seen_counts_nothing(name):
 def test_a_wrapper_has_the_attributes_inside_and_no_method_more(wrapper):
     wrap, *_ = WRAPPERS[wrapper]
     for name in ATTRIBUTES:
-        assert contract.optional(wrap(Everything()), name) == getattr(Everything, name)
+        assert optional(wrap(Everything()), name) == getattr(Everything, name)
     plain = wrap(Plain())
     for name in (*ATTRIBUTES, *METHODS):
-        assert contract.optional(plain, name) == contract.optional(Plain(), name)
+        assert optional(plain, name) == optional(Plain(), name)
 
 
 @pytree_dataclass
@@ -213,10 +215,10 @@ def test_the_table_holds_all_that_is_documented_and_the_documents_all_that_is_lo
             contract.DynamicsWithPrediction, contract.CoupledDynamics, contract.Proposal,
         )
     ]  # fmt: skip
-    of_likelihoods = documented[0] & contract.OPTIONAL.keys()
+    of_likelihoods = documented[0] & OPTIONAL.keys()
     assert of_likelihoods == {*ATTRIBUTES, *METHODS, "as_seen"}
     elsewhere = {"coupled", "independent", "take_frame"}  # set by a class, a sampler, a frame
-    assert set().union(*documented) >= contract.OPTIONAL.keys() - elsewhere
+    assert set().union(*documented) >= OPTIONAL.keys() - elsewhere
 
 
 TRACKERS = {
@@ -240,14 +242,14 @@ def test_a_wrapped_tracker_has_the_model_inside(wrapper):
     )
     wrapped = TRACKERS[wrapper](tracker)
     assert wrapped.num_partitions == P
-    assert contract.likelihood_of(wrapped) is tracker.likelihood
-    assert contract.handles_nan(wrapped)
-    np.testing.assert_array_equal(contract.model_error(wrapped, P), [[1, 2, 3]] * P)
+    assert likelihood_of(wrapped) is tracker.likelihood
+    assert calls.handles_nan(wrapped)
+    np.testing.assert_array_equal(calls.model_error(wrapped, P), [[1, 2, 3]] * P)
     names = [bias.cause for bias in contract.evidence_biases(wrapped)]
     assert names == [bias.cause for bias in contract.evidence_biases(tracker)]
     assert any("Everything" in name for name in names)  # it looks near the mean
-    assert contract.likelihood_of(contract.at_frame(wrapped, 7)).shift == 21
-    assert contract.likelihood_of(contract.with_inputs(wrapped, 5.0, 2)).shift == 7
+    assert likelihood_of(contract.at_frame(wrapped, 7)).shift == 21
+    assert likelihood_of(contract.with_inputs(wrapped, 5.0, 2)).shift == 7
 
 
 @pytree_dataclass
@@ -271,12 +273,12 @@ class Varying(contract.Dynamics):
 
 def test_dynamics_with_labels_take_the_time_and_the_inputs_of_those_inside():
     labelled = WithOcclusion(Varying(), shapes=None)
-    assert contract.has_prediction(labelled)
-    assert not contract.has_log_density(labelled)
+    assert calls.has_prediction(labelled)
+    assert not calls.has_log_density(labelled)
     moving = labelled.with_inputs(0.5, 0).at_frame(2)
     moved = contract.propagate_all(moving, KEY, PARTITION, *[jnp.ones((3, 2))] * 3)
     np.testing.assert_array_equal(moved, 3.5 * jnp.ones((3, 2)))
-    predicted = contract.predict_all(moving, PARTITION, *[jnp.ones((3, 2))] * 2)
+    predicted = calls.predict_all(moving, PARTITION, *[jnp.ones((3, 2))] * 2)
     np.testing.assert_array_equal(predicted, -1.5 * jnp.ones((3, 2)))
 
 

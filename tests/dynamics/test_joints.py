@@ -9,13 +9,8 @@ import pytest
 from scipy.stats import norm
 
 import scenes
-from jaxpf.dynamics import (
-    RelativeToParent,
-    UniformAround,
-    UniformJoints,
-    joints_between,
-    substates_at,
-)
+from jaxpf.dynamics import RelativeToParent, UniformAround, UniformJoints, joints_between
+from jaxpf.dynamics.joints import substates_at
 from jaxpf.shapes import corners_from_poses
 
 TREE = (-1, 0, 0, 1, 2)

@@ -9,8 +9,10 @@ import pytest
 from refusals import message_of
 
 from jaxpf import pytree_dataclass
-from jaxpf.dynamics import FLIP, RandomWalk, WithOcclusion
-from jaxpf.shapes import depth_orders, in_front
+from jaxpf.dynamics import RandomWalk, WithOcclusion
+from jaxpf.dynamics.occlusion import FLIP
+from jaxpf.shapes import in_front
+from jaxpf.shapes.depth import depth_orders
 
 RUNS = 40_000
 

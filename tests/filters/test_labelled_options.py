@@ -7,7 +7,7 @@ from refusals import message_of
 
 import jaxpf
 from jaxpf import filters
-from jaxpf.contract import Model
+from jaxpf.contract.model import Model
 from jaxpf.dynamics import AR2
 from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.likelihoods import Gaussian

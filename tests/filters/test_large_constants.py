@@ -14,7 +14,8 @@ import pytest
 from proposed import Bad
 
 import jaxpf
-from jaxpf import contract, gradients, ordering, pytree_dataclass
+from jaxpf import gradients, ordering, pytree_dataclass
+from jaxpf.contract import calls
 from jaxpf.dynamics import RandomWalk
 from jaxpf.filters import SideBySide, WithErrorBars
 from jaxpf.lowering.derivatives import with_gradient_of
@@ -126,7 +127,7 @@ def with_constant(tracker, constant):
         shares = np.ones(P, np.float32) if isinstance(tracker, jaxpf.Labelled) else SHARES
         return dataclasses.replace(likelihood, constant=constant * shares)
 
-    return contract.changed_inside(tracker, "likelihood", change)
+    return calls.changed_inside(tracker, "likelihood", change)
 
 
 @jax.jit
@@ -168,7 +169,7 @@ def slopes(tracker):
     """Derivatives of the evidence and of the estimates in the noise."""
 
     def of_noise(noise, constant):
-        changed = contract.changed_inside(tracker, "dynamics", lambda _: RandomWalk(noise))
+        changed = calls.changed_inside(tracker, "dynamics", lambda _: RandomWalk(noise))
         _, summaries = jaxpf.run(with_constant(changed, constant), KEY, FRAMES[:2])
         return jaxpf.log_evidence(summaries) + jnp.sum(summaries.estimate)
 

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxpf
-from jaxpf.contract import Model, Option
+from jaxpf.contract import Option
+from jaxpf.contract.model import Model
 from jaxpf.points import draw_points
 from jaxpf.points.files import parse_points
 from jaxpf.targets import Start, Target

@@ -13,11 +13,10 @@ from jaxpf.resampling import (
     SCHEMES,
     ancestors,
     components_of_sizes,
-    few_effective,
-    one_component,
     schemes as schemes_of,
     weighted_resample,
 )
+from jaxpf.resampling.components import few_effective, one_component
 
 WEIGHTS = np.array([0.02, 0.3, 0.0, 0.13, 0.07, 0.21, 0.0, 0.27])
 # Sizes of components, an empty one first, between and last.

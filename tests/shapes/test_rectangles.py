@@ -3,10 +3,11 @@ import numpy as np
 import pytest
 
 from jaxpf import shapes
+from jaxpf.shapes.rectangles import cos_sin, is_proper, rotate
 
 boxes_from_substates = jax.jit(shapes.boxes_from_substates)
 intersection_area, area = jax.jit(shapes.intersection_area), jax.jit(shapes.area)
-cos_sin = jax.jit(shapes.cos_sin)
+cos_sin = jax.jit(cos_sin)
 
 SIZES = np.array([[32.0, 42.0], [10.0, 20.0]])
 
@@ -71,7 +72,7 @@ def test_degenerate_boxes_cover_nothing(box):
     assert area(box) == 0
     assert intersection_area(box, everything) == 0
     assert intersection_area(everything, box) == 0
-    assert not jax.jit(shapes.is_proper)(box)
+    assert not jax.jit(is_proper)(box)
 
 
 def test_area_takes_whole_numbers():
@@ -104,7 +105,7 @@ def test_cosine_and_sine_are_right_in_every_quadrant_and_far_away():
 
 def test_gradients_of_cosine_and_sine_are_theirs():
     angles = np.linspace(-7, 7, 201, dtype=np.float32)
-    got = jax.jit(jax.vmap(jax.jacrev(shapes.cos_sin)))(angles)
+    got = jax.jit(jax.vmap(jax.jacrev(cos_sin)))(angles)
     np.testing.assert_allclose(got[0], -np.sin(angles.astype(float)), atol=2e-6)
     np.testing.assert_allclose(got[1], np.cos(angles.astype(float)), atol=2e-6)
 
@@ -125,5 +126,5 @@ def test_corners_of_rectangles_by_hand():
 
 
 def test_turning_a_vector_clockwise_in_the_image():
-    x, y = jax.jit(shapes.rotate)(np.array([1.0, 0.0]), np.pi / 2)
+    x, y = jax.jit(rotate)(np.array([1.0, 0.0]), np.pi / 2)
     np.testing.assert_allclose([x, y], [0, 1], atol=1e-6)

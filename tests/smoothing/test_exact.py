@@ -10,9 +10,10 @@ from models import partitioned
 from refusals import message_of
 
 import jaxpf
-from jaxpf import ordering, pytree_dataclass, smoothing
+from jaxpf import ordering, pytree_dataclass
 from jaxpf.dynamics import RandomWalk
 from jaxpf.smoothing import gibbs
+from jaxpf.smoothing.groups import check_smoothing
 
 LIMIT, KEY = 4.5, jax.random.key(0)
 RNG = np.random.default_rng(2)
@@ -220,7 +221,7 @@ def test_a_conditional_sweep_leaves_the_posterior_of_trajectories_as_it_is():
         num_particles=3,
         resampling="multinomial",
     )
-    smoothing.check_smoothing(its)
+    check_smoothing(its)
     runs = 40_000
     drawn = np.random.default_rng(3).choice(len(paths), runs, p=posterior)
     references = np.pad(paths[drawn], ((0, 0), (1, 0)))[..., None, None].astype(np.float32)

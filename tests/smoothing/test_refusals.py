@@ -12,6 +12,7 @@ import jaxpf
 from jaxpf import ordering, smoothing
 from jaxpf.dynamics import AR2
 from jaxpf.gradients import Transport
+from jaxpf.smoothing.groups import check_smoothing
 
 KEY = jax.random.key(0)
 FRAMES = np.zeros((5, 2, 1), np.float32)
@@ -61,5 +62,5 @@ def test_what_cannot_be_smoothed_is_refused(call, named):
 
 
 def test_roots_that_stay_can_be_smoothed():
-    smoothing.check_smoothing(forest(exchange_roots=False))
-    smoothing.check_smoothing(forest(swap="none"))
+    check_smoothing(forest(exchange_roots=False))
+    check_smoothing(forest(swap="none"))

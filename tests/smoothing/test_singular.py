@@ -9,8 +9,8 @@ from models import partitioned
 from refusals import message_of
 
 import jaxpf
-from jaxpf import smoothing
 from jaxpf.dynamics import RandomWalk
+from jaxpf.smoothing.groups import check_smoothing
 
 draw = jax.random.normal
 
@@ -113,11 +113,11 @@ def test_a_density_that_leaves_out_a_direction_is_refused(case):
     "case", [pytest.param(x, marks=[pytest.mark.slow] * (x == "a little noise")) for x in PROPER]
 )
 def test_a_density_of_all_that_differs_is_accepted(case):
-    smoothing.check_smoothing(model(*PROPER[case]))
+    check_smoothing(model(*PROPER[case]))
 
 
 def test_the_partition_is_named():
     noise = np.float32([[1, 1], [1, 0]])
     start = jax.tree_util.Partial(lambda key: draw(key, (2, 2)))
     its = partitioned(dimension=2, dynamics=RandomWalk(noise), initial=start)
-    assert "partitions [1]" in message_of(smoothing.check_smoothing, its)
+    assert "partitions [1]" in message_of(check_smoothing, its)

@@ -26,6 +26,7 @@ from exact import (
 from proposed import Bad
 
 from jaxpf import contract, ordering
+from jaxpf.contract import calls
 from jaxpf.filters.partitioned import ending, exchange, selection
 from jaxpf.proposals import LocallyOptimal, Mixture
 from jaxpf.resampling import weighted
@@ -158,7 +159,7 @@ def test_kills_a_swap_that_leaves_the_lags_of_the_part_behind(monkeypatch):
 @pytest.mark.parametrize("fault", ["transition", "partition", "mixture", "none"])
 def test_kills_faults_in_the_weights_of_a_proposal(fault, monkeypatch):
     """The transition left out; a density of the wrong partition; one of one component alone."""
-    density, of_transition = contract.proposal_log_density_all, contract.log_density_all
+    density, of_transition = calls.proposal_log_density_all, contract.log_density_all
     proposal = {"partition": LocallyOptimal(), "mixture": Mixture(Bad(), 0.5)}.get(fault, Bad())
 
     def of_next(proposal, observation, partition, *move):

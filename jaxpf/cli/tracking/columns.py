@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.detections.records import Group
 from jaxpf.files.writing import LineWriter
 from jaxpf.filters import quantiles
@@ -51,7 +51,7 @@ class Columns:
             group.slots,
             None if self._has_own_boxes(tracker) else group.state,
             lambda estimate: np.asarray(shapes_of(tracker, target, start, estimate), float),
-            contract.model_error(tracker, len(start.ids)),
+            calls.model_error(tracker, len(start.ids)),
         )
         self._before[group.since] = start.ids, centres
         if group.summary is None:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxpf import contract
 from jaxpf.cli.tracking.columns import centres_of
+from jaxpf.contract import calls
 from jaxpf.detections.records import Record
 from jaxpf.media.film import FrameSource
 from jaxpf.media.overlay import NUM_COLOURS, draw_spreads, object_colours
@@ -61,7 +61,7 @@ class Overlay:
             if spread is None or has_own_boxes or not self._target.has_places:
                 continue
             values = np.stack([places[name] for name in self._target.columns], axis=-1)
-            error = contract.model_error(group.tracker, len(spread))
+            error = calls.model_error(group.tracker, len(spread))
             spread = np.hypot(spread[:, :2], error[:, :2])[group.slots]
             centres = centres_of(self._target, values)
             picture = draw_spreads(picture, centres, spread, self._colours(group.ids, record))

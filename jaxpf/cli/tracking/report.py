@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jaxpf import contract
 from jaxpf.boxes.tracks import read_tracks
 from jaxpf.cli.shared.console import print_table, say
 from jaxpf.cli.tracking.detector import why_none_started
 from jaxpf.cli.tracking.results import Results
 from jaxpf.cli.tracking.verdict import object_verdicts, sentences
+from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
 from jaxpf.files.store import versions
 from jaxpf.files.writing import SUMMARY, write_text
@@ -85,7 +85,7 @@ def _summary(
     frames = slice(start, max(start, results.last) + 1)
     started = results.start.ids.tolist()
     filter_ = results.tracker.tracker if request.run.runs else results.tracker
-    model_errors = contract.model_error(filter_, len(started))
+    model_errors = calls.model_error(filter_, len(started))
     method = request.model.get("likelihood")
     return {
         "parameters": {

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf import contract
 from jaxpf.cli.shared import console
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.stopping import announced_stop
 from jaxpf.cli.tracking.columns import Columns, TrackTable
 from jaxpf.cli.tracking.overlay import Overlay
 from jaxpf.cli.tracking.request import Request
+from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
 from jaxpf.detections.lifetimes import EMPTY
 from jaxpf.detections.records import Group, Record
@@ -70,7 +70,7 @@ class Results:
     ):
         self.request, self.source, self.output = request, source, output
         self.tracker, self.start, self.later = tracker, start, later
-        self.resumed = 0 if state is None else int(contract.time_of(state))
+        self.resumed = 0 if state is None else int(calls.time_of(state))
         of_start = [name for each in (start, *later.values()) for name in each.ids.tolist()]
         self.names: list[Any] = [] if request.detector else list(dict.fromkeys(of_start))
         self.tracked = self.last = self.invalid = self.impossible = 0

@@ -12,13 +12,14 @@ import jax
 import numpy as np
 
 import scenes
-from jaxpf import contract, filters
+from jaxpf import filters
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.startup import use_compile_cache
 from jaxpf.cli.tracking.detector import check_detector
 from jaxpf.cli.tracking.report import report
 from jaxpf.cli.tracking.request import Request, check_together
 from jaxpf.cli.tracking.results import OUTPUTS, Results, nothing_follows, writing_results
+from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
 from jaxpf.detections import follow, open_model
 from jaxpf.evaluation.trackers import OwnTracker, own_tracker
@@ -147,7 +148,7 @@ def _state_before(request: Request, tracker: "TrackerLike") -> Any:
     if path is None:
         return None
     state = states.load(path, tracker)
-    time = int(contract.time_of(state))
+    time = int(calls.time_of(state))
     if frames is not None and frames <= time:
         raise InputError(
             f"--resume {path} has tracked {time} frames already, and --frames {frames} includes "

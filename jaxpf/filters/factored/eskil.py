@@ -127,7 +127,7 @@ class Eskil(contract.Tracker):
     ) -> tuple[FactoredState, Summary]:
         """Advance by one observed frame; see the class."""
         chex.assert_shape(state.log_weights, (None, self.num_particles * self.upsampling))
-        observation = cloud.look_near(self, state, observation)
+        observation = cloud.seen_near(self, state, observation)
         motion = state.history
         sample_key, simulate_key, move_key = jax.random.split(key, 3)
         lagged, log_weights = cloud.survivors(self, sample_key, state)

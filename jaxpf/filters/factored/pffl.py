@@ -96,7 +96,7 @@ class PFFL(Tracker):
     ) -> tuple[FactoredState, Summary]:
         """Advance by one observed frame; see the class."""
         chex.assert_shape(state.log_weights, (None, self.num_particles * self.upsampling))
-        observation = cloud.look_near(self, state, observation)
+        observation = cloud.seen_near(self, state, observation)
         sample_key, simulate_key, choose_key, move_key = jax.random.split(key, 4)
         lagged, log_weights = state.lagged, state.log_weights
         if self.upsampling > 1 or self.form == "literal":

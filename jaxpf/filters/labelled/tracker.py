@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf import contract
 from jaxpf.contract import Tracker
+from jaxpf.contract.near import look_near
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass
 from jaxpf.contract.refusals import Bias
 from jaxpf.filters import confidence
@@ -127,7 +127,7 @@ class Labelled(Settings, Tracker):
         """Advance one frame: resample, then propagate and weight every particle."""
         chex.assert_shape(state.log_weights, (self.num_particles,))
         chex.assert_shape(state.lagged, (2, None, self.num_particles))
-        observation = contract.look_near(self.likelihood, observation, lambda: state.estimate.T)
+        observation = look_near(self.likelihood, observation, lambda: state.estimate.T)
         # Same keys as Partitioned with one partition: one target gives the same particles.
         begin_key, stages_key = jax.random.split(key)
         resample_key = jax.random.split(begin_key)[0]

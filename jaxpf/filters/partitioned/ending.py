@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.logs import counted, finite, normalised
 from jaxpf.contract.state import (
     STATUS_IMPOSSIBLE,
@@ -162,7 +162,7 @@ def _corrected(
     Also returns the log of the quotient, ``[N]``.
     """
     log_probs = weighing_of(tracker).log_probs(tracker, observation, substates, factors)
-    log_joint = contract.log_joint_all(tracker.likelihood, observation, substates, log_probs, label)
+    log_joint = calls.log_joint_all(tracker.likelihood, observation, substates, log_probs, label)
     log_joint, num_invalid = sanitised(log_joint.astype(factors.dtype))
     carry = carry._replace(num_invalid=carry.num_invalid + num_invalid)
     log_joint, taken = carry.take_out(log_joint, components)

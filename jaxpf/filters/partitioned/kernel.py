@@ -25,7 +25,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.state import ParticleState, Summary, sanitised
 from jaxpf.filters import confidence
 from jaxpf.filters.partitioned import ending, exchange as rules, levels, selection
@@ -46,7 +46,7 @@ def step(
     """Advance the weighted set by one frame."""
     begin_key, stages_key = jax.random.split(key)
     motion = motion_of(tracker).begin(tracker, stages_key, state, observation)
-    log_first_stage = contract.log_first_stage_all(tracker.likelihood, observation, state.lagged[0])
+    log_first_stage = calls.log_first_stage_all(tracker.likelihood, observation, state.lagged[0])
     state, components, carry = begin(tracker, begin_key, state, log_first_stage)
     shared = Shared(tracker, state, observation, components, motion)
     # All stages' keys before the loop: on a CPU a key costs as much as a gather per particle.
@@ -147,7 +147,7 @@ def move(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry) -> Draw
         past = lagged.reshape(2, -1, tracker.num_partitions * num_particles)
         left = past[0][:, source], past[1][:, source]  # apart: motion may use the first alone
     conditions = left[0], left[1], _parent_substates(shared, partition, carry)
-    others = (_whole_past(shared, stage, carry),) if contract.is_coupled(tracker.dynamics) else ()
+    others = (_whole_past(shared, stage, carry),) if calls.is_coupled(tracker.dynamics) else ()
     return shared.motion.draw(shared, key, Turn(partition, source, conditions, others))
 
 

@@ -8,8 +8,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.state import sanitised
 from jaxpf.filters.partitioned.carry import Carry
@@ -33,8 +34,8 @@ def move(
     labels do not move.
     """
     dynamics = tracker.dynamics
-    moved = contract.propagate_label_all(dynamics, key, label, substates)
-    if not contract.optional(dynamics, "propagate_label") or not contract.has_log_label(dynamics):
+    moved = calls.propagate_label_all(dynamics, key, label, substates)
+    if not optional(dynamics, "propagate_label") or not calls.has_log_label(dynamics):
         return moved, None
     score = jax.vmap(dynamics.log_label, in_axes=(0, 0, 2))(
         moved, label, jnp.swapaxes(substates, 0, 1)
@@ -44,7 +45,7 @@ def move(
 
 def weigh(tracker: Settings, label: jax.Array, carry: Carry, components: Components) -> Carry:
     """Make particles impossible whose labels ``[N]`` were moved outside of 0 to L - 1."""
-    if not contract.optional(tracker.dynamics, "propagate_label"):
+    if not optional(tracker.dynamics, "propagate_label"):
         return carry
     outside = (label < 0) | (label >= jnp.shape(tracker.initial_label)[0])
     log_factor = jnp.where(outside, jnp.nan, jnp.zeros_like(carry.log_weights))
@@ -61,7 +62,7 @@ def probabilities(tracker: Settings, label: jax.Array, log_weights: jax.Array) -
 
 def moves_labels(tracker: Settings) -> bool:
     """Whether particles carry labels that change from frame to frame."""
-    moves = contract.optional(contract.first_motion(tracker.dynamics), "propagate_label")
+    moves = optional(calls.first_motion(tracker.dynamics), "propagate_label")
     return tracker.initial_label is not None and moves is not None
 
 
@@ -69,8 +70,8 @@ def check_labels(tracker: Settings) -> None:
     """Refuse labels that are malformed, or are missing although required."""
     likelihood, given = tracker.likelihood, tracker.initial_label
     if given is None:
-        labelled = contract.optional(likelihood, "log_joint_labelled")
-        if labelled and not contract.optional(likelihood, "log_joint"):
+        labelled = optional(likelihood, "log_joint_labelled")
+        if labelled and not optional(likelihood, "log_joint"):
             raise InputError(
                 "the likelihood's log_joint_labelled needs labels; give initial_label, the "
                 "probabilities of each label, or define log_joint as well."

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxpf import contract
+from jaxpf.contract.optional import optional
 from jaxpf.filters.partitioned import exchange
 from jaxpf.filters.partitioned.carry import Carry
 from jaxpf.lowering.threefry import key_at
@@ -98,5 +98,5 @@ def may_exchange(tracker) -> bool:
 
 def _always_equal(tracker) -> bool:
     """Whether weights are equal at the start of every level because all resampling is by weight."""
-    first_stage = contract.optional(tracker.likelihood, "log_first_stage")
+    first_stage = optional(tracker.likelihood, "log_first_stage")
     return tracker.ess_threshold is None and first_stage is None

@@ -15,7 +15,9 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.optional import optional
 from jaxpf.contract.state import ParticleState
 from jaxpf.contract.types import ProposalLike
 from jaxpf.filters.noiseless import noiseless, without_noise
@@ -25,7 +27,7 @@ from jaxpf.filters.partitioned.settings import Settings
 from jaxpf.lowering.branches import computed_once
 
 
-class Motion:
+class FromDynamics:
     """Draws from the dynamics, without weights."""
 
     def check(self, tracker: Settings) -> None:
@@ -37,7 +39,7 @@ class Motion:
 
     def begin(
         self, tracker: Settings, key: jax.Array, state: ParticleState, observation: Any
-    ) -> "Motion":
+    ) -> "FromDynamics":
         """Prepare the strategy for one frame, given the weighted set of the previous frame."""
         return self
 
@@ -54,29 +56,27 @@ class Motion:
         return Drawn(turn.partition, turn.source, turn.conditions, _once(shared, move, like))
 
 
-class Proposed(Motion):
+class Proposed(FromDynamics):
     """Draws from a ``jaxpf.contract.Proposal``, or from the dynamics for missing partitions."""
 
     def __init__(self, proposal: ProposalLike):
         self.proposal = proposal
 
     def check(self, tracker: Settings) -> None:
-        """See ``Motion``."""
-        contract.check_uncoupled(tracker.dynamics, "a proposal")
+        """See ``FromDynamics``."""
+        calls.check_uncoupled(tracker.dynamics, "a proposal")
 
     def cases(self, tracker: Settings) -> Iterator[Any]:
-        """See ``Motion``."""
-        if contract.optional(self.proposal, "needs_noise"):
+        """See ``FromDynamics``."""
+        if optional(self.proposal, "needs_noise"):
             what = f"proposal {type(self.proposal).__name__}"
             yield without_noise(what, tracker, noiseless(tracker).ignored)
 
     def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
-        """See ``Motion``: the weight is the transition density over the proposal density."""
+        """See ``FromDynamics``: the weight is the transition density over the proposal density."""
         dynamics, partition, conditions = shared.tracker.dynamics, turn.partition, turn.conditions
-        likelihood, observation, seen = contract.as_seen(
-            shared.tracker.likelihood, shared.observation
-        )
-        proposal = contract.proposal_of(self.proposal, dynamics, likelihood)
+        likelihood, observation, seen = calls.as_seen(shared.tracker.likelihood, shared.observation)
+        proposal = calls.proposal_of(self.proposal, dynamics, likelihood)
         like = conditions[0], jnp.zeros(partition.shape, conditions[0].dtype)
 
         def move() -> tuple[jax.Array, jax.Array]:
@@ -84,11 +84,11 @@ class Proposed(Motion):
             return substates.astype(like[0].dtype), like[1]
 
         def propose() -> tuple[jax.Array, jax.Array]:
-            substates = contract.propose_all(proposal, key, observation, partition, *conditions)
+            substates = calls.propose_all(proposal, key, observation, partition, *conditions)
             substates = substates.astype(like[0].dtype)
             move = partition, substates, *conditions
             log_weight = contract.log_density_all(dynamics, *move)
-            log_weight -= contract.proposal_log_density_all(proposal, observation, *move)
+            log_weight -= calls.proposal_log_density_all(proposal, observation, *move)
             return substates, log_weight.astype(like[1].dtype)
 
         def either() -> tuple[jax.Array, jax.Array]:
@@ -105,36 +105,36 @@ class Proposed(Motion):
         return Drawn(partition, turn.source, conditions, substates, log_weight)
 
 
-class Scored(Motion):
+class Scored(FromDynamics):
     """Stops the gradient of another strategy's draws and adds their density's to the weights.
 
     Only the transition density in the weights depends on the dynamics' parameters: a proposal's
     density is stopped like its draws.
     """
 
-    def __init__(self, inner: Motion):
+    def __init__(self, inner: FromDynamics):
         self.inner = inner
 
     def check(self, tracker: Settings) -> None:
-        """See ``Motion``."""
+        """See ``FromDynamics``."""
         self.inner.check(tracker)
-        if labels.moves_labels(tracker) and not contract.has_log_label(tracker.dynamics):
+        if labels.moves_labels(tracker) and not calls.has_log_label(tracker.dynamics):
             raise InputError(
                 "motion_gradient='score' needs the method log_label(new, label, substates) -> [] "
                 f"of the dynamics, and {type(tracker.dynamics).__name__} has none; write it."
             )
 
     def cases(self, tracker: Settings) -> Iterator[Any]:
-        """See ``Motion``."""
+        """See ``FromDynamics``."""
         yield from self.inner.cases(tracker)
         yield without_noise("motion_gradient='score'", tracker, noiseless(tracker).moved)
 
     def begin(self, tracker, key, state, observation) -> "Scored":
-        """See ``Motion``."""
+        """See ``FromDynamics``."""
         return Scored(self.inner.begin(tracker, key, state, observation))
 
     def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
-        """See ``Motion``."""
+        """See ``FromDynamics``."""
         drawn = self.inner.draw(shared, key, turn)
         substates, log_weight = lax.stop_gradient((drawn.substates, drawn.log_weight))
         score = contract.log_density_all(
@@ -143,9 +143,9 @@ class Scored(Motion):
         return drawn._replace(substates=substates, log_weight=log_weight, score=score)
 
 
-def motion_of(tracker: Settings) -> Motion:
+def motion_of(tracker: Settings) -> FromDynamics:
     """Choose the strategy for a tracker's settings."""
-    motion = Motion()
+    motion = FromDynamics()
     if tracker.proposal is not None:
         motion = Proposed(tracker.proposal)
     return Scored(motion) if tracker.motion_gradient == "score" else motion

@@ -6,10 +6,11 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.calls import coupled_with
 from jaxpf.contract.errors import Argument, InputError, check_separate, choice
 from jaxpf.contract.numbers import check_number
+from jaxpf.contract.optional import optional
 from jaxpf.contract.options import check_fields
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.refusals import refused
@@ -89,7 +90,7 @@ def _of_exchange(tracker: Settings) -> Iterator[tuple[Any, tuple[Any, ...]]]:
     for applies, reason in (
         (tracker.gradient.blends, "needs lineages, and gradient Transport blends particles"),
         (
-            contract.has_log_joint(tracker.likelihood),
+            calls.has_log_joint(tracker.likelihood),
             f"needs a likelihood of single objects, and {likelihood} has log_joint",
         ),
         (
@@ -103,7 +104,7 @@ def _of_exchange(tracker: Settings) -> Iterator[tuple[Any, tuple[Any, ...]]]:
     ):
         if applies:
             yield ordering.exchanges, (swap, f" {reason}; use ", none, " or another ordering.")
-    if contract.is_coupled(contract.first_motion(tracker.dynamics)):
+    if calls.is_coupled(calls.first_motion(tracker.dynamics)):
         yield (
             ordering.exchanges & ~ordering.forgets_coupling,
             (*coupled_with(tracker.dynamics, swap), " Or use ordering.blocks, which is biased."),
@@ -117,7 +118,7 @@ def _of_exchange(tracker: Settings) -> Iterator[tuple[Any, tuple[Any, ...]]]:
             " both must be the same.",
         ),
     )
-    if callable(tracker.initial) and not contract.optional(tracker.initial, "independent"):
+    if callable(tracker.initial) and not optional(tracker.initial, "independent"):
         yield (
             ordering.exchanges_roots,
             (

@@ -7,9 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf import contract
-from jaxpf.contract import Tracker
+from jaxpf.contract import Tracker, calls
 from jaxpf.contract.model import check_tree
+from jaxpf.contract.near import look_near, observe_nearby
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass
 from jaxpf.contract.refusals import Bias, poisoned
 from jaxpf.contract.state import ParticleState, Summary, moments
@@ -85,7 +85,7 @@ class Partitioned(Settings, Tracker):
         """See ``jaxpf.contract.evidence_biases``."""
         ordering, exchanging = self.ordering, levels.may_exchange(self)
         has_parts = any(parent >= 0 for parent in self.parents)
-        is_coupled = contract.is_coupled(contract.first_motion(self.dynamics))
+        is_coupled = calls.is_coupled(calls.first_motion(self.dynamics))
         return (
             Bias(exchanging & ordering.exchanges_best, "swap='sorted'", "swap='combinatorial'"),
             Bias(
@@ -148,10 +148,10 @@ class Partitioned(Settings, Tracker):
         return self.likelihood.observe(frame)
 
     def observe_nearby(self, frame: Any, state: ParticleState) -> Any:
-        """See ``jaxpf.contract.observe_nearby``; a proposal may look anywhere."""
+        """See ``jaxpf.contract.near.observe_nearby``; a proposal may look anywhere."""
         if self.proposal is not None:
             return None
-        return contract.observe_nearby(self.likelihood, frame, _means(state))
+        return observe_nearby(self.likelihood, frame, _means(state))
 
     @with_written_out_key
     def step_observed(
@@ -159,7 +159,7 @@ class Partitioned(Settings, Tracker):
     ) -> tuple[ParticleState, Summary]:
         """Advance by one observed frame: resample, then propagate and weight every partition."""
         chex.assert_shape(state.lagged, (2, None, self.num_partitions, self.num_particles))
-        observation = contract.look_near(self.likelihood, observation, lambda: _means(state))
+        observation = look_near(self.likelihood, observation, lambda: _means(state))
         return poisoned(self.refused, kernel.step(self, key, state, observation))
 
 

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.errors import check_separate
 from jaxpf.filters.partitioned.carry import Carry, Drawn, Shared
 from jaxpf.filters.partitioned.settings import Settings
@@ -28,7 +29,7 @@ class Weighing:
 
     def is_complete(self, tracker: Settings) -> bool:
         """Whether the product of the stages' factors is the full likelihood."""
-        return not contract.has_log_joint(tracker.likelihood)
+        return not calls.has_log_joint(tracker.likelihood)
 
     def log_probs(
         self, tracker: Settings, observation: Any, substates: jax.Array, factors: jax.Array
@@ -64,7 +65,7 @@ class JointWeighting(Weighing):
         substates = of_one(partitions)  # [D, P, N]
         log_probs = _of_single_partitions(tracker, shared.observation, substates)
         label = None if tracker.initial_label is None else carry.label
-        joint = contract.log_joint_all(
+        joint = calls.log_joint_all(
             tracker.likelihood, shared.observation, substates, log_probs, label
         )
         return joint.astype(carry.log_probs.dtype) - _log_joint_before(stage, carry)
@@ -115,7 +116,7 @@ def _expected(
     # Before its stage a row holds a particle of the previous frame, afterwards the drawing slot.
     slot = jnp.take_along_axis(carry.lineage, row[None], axis=0)[0]
     past = lagged.reshape(2, dimension, -1)[:, :, partition * num_particles + slot]
-    predicted = contract.predict_all(
+    predicted = calls.predict_all(
         tracker.dynamics, jnp.full((num_particles,), partition), past[0], past[1]
     )
     earlier = carry.stages[0].reshape(dimension, -1)[:, row * num_particles + slot]

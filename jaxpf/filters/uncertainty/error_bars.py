@@ -41,6 +41,7 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_separate
 from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import compiled_alone, is_concrete, pytree_dataclass, static_field
 from jaxpf.contract.state import ParticleState, Summary
 from jaxpf.filters.partitioned.tracker import Partitioned
@@ -116,7 +117,7 @@ class WithErrorBars(contract.WrappedTracker):
 
     def __post_init__(self):
         tracker = self.tracker
-        if contract.optional(tracker, "moments"):
+        if optional(tracker, "moments"):
             raise InputError(
                 "Monte Carlo standard errors need states that are arrays, not pytrees; make the "
                 "state one array."

@@ -15,6 +15,7 @@ import numpy as np
 from jax.typing import DTypeLike
 
 from jaxpf import contract
+from jaxpf.contract import calls
 from jaxpf.contract.logs import multiplied
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
@@ -99,7 +100,7 @@ class SideBySide(contract.WrappedTracker):
         self, key: jax.Array, state: RunsState, observation: Any
     ) -> tuple[RunsState, ErrorBars]:
         """Advance every run by one frame."""
-        step = contract.observed_apart(self.tracker)[1]
+        step = calls.observed_apart(self.tracker)[1]
         runs, summaries = jax.vmap(lambda key, run: step(key, run, observation))(
             self._keys(key), state.runs
         )

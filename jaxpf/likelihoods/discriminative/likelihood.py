@@ -21,7 +21,8 @@ import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike, DTypeLike
 
-from jaxpf.contract import Likelihood, of_partition
+from jaxpf.contract import Likelihood
+from jaxpf.contract.calls import of_partition
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.likelihoods._integral import SIMILARITIES, integral_table

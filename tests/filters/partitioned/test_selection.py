@@ -21,7 +21,8 @@ from jaxpf import ordering, resampling
 from jaxpf.dynamics import RandomWalk
 from jaxpf.gradients import Soft, Transport
 from jaxpf.lowering.derivatives import with_gradient_of
-from jaxpf.resampling.weighted import keep_total
+from jaxpf.resampling.components import one_component
+from jaxpf.resampling.weighted import keep_total, soft_selection
 
 
 def test_the_gradient_of_a_source_is_lent_and_its_value_is_not():
@@ -38,8 +39,8 @@ def test_soft_resampling_is_properly_weighted_and_keeps_a_gradient(scheme):
 
     @jax.value_and_grad
     def mean(log_weights, key):
-        whole = resampling.one_component(4)
-        selection = resampling.soft_selection(log_weights, 0.4, whole)
+        whole = one_component(4)
+        selection = soft_selection(log_weights, 0.4, whole)
         chosen, new = resampling.weighted_resample(key, log_weights, selection, scheme, whole)
         new = keep_total(new, log_weights, whole)
         return jnp.sum(jnp.exp(new) * jnp.asarray(values)[chosen])
@@ -56,7 +57,7 @@ def test_soft_selection_leaves_a_dead_component_dead():
     @jax.jit
     def mix(weights):
         components = resampling.components_of_sizes(jnp.array([2, 2]), 4)
-        return resampling.soft_selection(jnp.log(weights), 0.5, components)
+        return soft_selection(jnp.log(weights), 0.5, components)
 
     mixed = np.asarray(mix(np.float32([1.0, 3.0, 0, 0])))
     np.testing.assert_allclose(np.exp(mixed[:2]), [0.75, 1.25], rtol=1e-6)

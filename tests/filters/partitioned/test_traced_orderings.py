@@ -13,6 +13,7 @@ from jaxpf.contract.state import STATUS_UNSUPPORTED
 from jaxpf.dynamics import LinearGaussian
 from jaxpf.likelihoods import Gaussian
 from jaxpf.smoothing import gibbs
+from jaxpf.smoothing.groups import check_smoothing
 
 FRAMES = np.random.default_rng(0).normal(size=(2, 3, 1)).astype(np.float32)
 KEY = jax.random.key(1)
@@ -59,7 +60,7 @@ def built(**changes):
     ), lambda order: tracker(order, **changes).refused
 
 
-SMOOTHING = lambda made: jaxpf.smooth(made, KEY, FRAMES, 3), smoothing.check_smoothing
+SMOOTHING = lambda made: jaxpf.smooth(made, KEY, FRAMES, 3), check_smoothing
 GIBBS = lambda made: smoothing.particle_gibbs(made, KEY, FRAMES, 2), gibbs.check_conditional
 
 

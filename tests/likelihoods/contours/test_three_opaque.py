@@ -10,7 +10,8 @@ import pytest
 from jaxpf.likelihoods import EdgeDetector, contours
 from jaxpf.likelihoods.contours import exclusive
 from jaxpf.likelihoods.contours.exclusive import OpaqueContours
-from jaxpf.shapes import depth_orders, space_of
+from jaxpf.shapes import space_of
+from jaxpf.shapes.depth import depth_orders
 
 HEIGHT, WIDTH = 160, 240
 MIDDLES = np.array([(60, 80), (120, 80), (180, 80)])

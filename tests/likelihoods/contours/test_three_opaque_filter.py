@@ -11,7 +11,8 @@ from three_steps import STEPS, ThreeSteps, opaque, square
 from jaxpf import Partitioned, monte_carlo, pytree_dataclass
 from jaxpf.dynamics import WithOcclusion
 from jaxpf.ordering import branched
-from jaxpf.shapes import depth_orders, space_of
+from jaxpf.shapes import space_of
+from jaxpf.shapes.depth import depth_orders
 
 FLIP, RUNS, PARTICLES, LIMIT = 0.3, 600, 120, 4.5
 ORDERS = list(permutations(range(3)))

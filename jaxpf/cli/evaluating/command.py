@@ -1,41 +1,100 @@
 """``jaxpf evaluate``: compare methods, orderings and parameters on a scene over many runs.
 
-A request is parsed, prepared, run and finished; each step returns a new value.
+A request is parsed, prepared, run and finished; of a folder of sequences, one after another.
 """
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import click
+import pandas as pd
 
 from jaxpf import evaluation
 from jaxpf.cli.evaluating.request import VARIED, Compared, Request, Work, parse
+from jaxpf.cli.shared.cluster import cluster
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import print_table, progress_bar, say
 from jaxpf.cli.shared.scene_options import SceneCommand, SceneOptions
 from jaxpf.cli.shared.startup import start_jax, use_compile_cache
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import plain
 from jaxpf.contract.options import applying, options_of
+from jaxpf.evaluation import overall, report, tables
+from jaxpf.evaluation.engine import Pool, Prepared
+from jaxpf.evaluation.results import Results
+from jaxpf.evaluation.scene import start_frame
+from jaxpf.evaluation.speed import measure_speeds
 from jaxpf.files.store import LOCK, locked
 from jaxpf.files.writing import check_output_folder
-
-if TYPE_CHECKING:
-    from jaxpf.evaluation.engine import Prepared
-    from jaxpf.evaluation.results import Results
+from jaxpf.sequences import open_sequence
+from jaxpf.sequences.layouts import sequences_in
+from jaxpf.targets import target_of_scene
 
 #: Output files that the last line lists.
 _WRITTEN = ("report.html", "results.csv", "summary.csv", "curves.csv", "run.toml")
+#: Options that apply to a single sequence only.
+_OF_ONE = ("ids", "start_frame", "tracks")
 
 
 def _command(**values: Any) -> None:
-    from jaxpf.sequences.layouts import sequences_in
-
     request = parse(values)
     if sequences := sequences_in(request.scene):
-        from jaxpf.cli.evaluating.sequences import evaluate_each
-
-        evaluate_each(request, sequences, _evaluate)
+        _evaluate_each(request, sequences)
     else:
         _evaluate(request)
+
+
+def _evaluate_each(request: Request, folders: Sequence[Path]) -> None:
+    """Evaluate sequences one after another, then print results over all of them.
+
+    Raises:
+        InputError: an option applies to a single sequence only, or fewer than two sequences are of
+            one kind.
+    """
+    options, output = request.options, request.output
+    for name in _OF_ONE:
+        if getattr(options, name):
+            flag = f"--{name.replace('_', '-')}"
+            raise InputError(f"{flag} works only for a single sequence; leave it out, or name one.")
+    kind, chosen = _of_one_kind(folders, options.target, options.frames)
+    if len(chosen) < 2:
+        raise InputError(
+            f"'{request.scene}' holds {len(chosen)} sequence(s) that can be evaluated together; "
+            "give at least 2, or name one of them."
+        )
+    for number, (folder, frames) in enumerate(chosen.items(), start=1):
+        say(f"\n{folder.name} ({number} of {len(chosen)})")
+        _evaluate(request.of_sequence(folder, kind, frames))
+    if options.dry_run:
+        return
+    say()
+    names = [folder.name for folder in chosen]
+    _print_tables(overall.write_overall(output, names, request.varied))
+    write_config(output / "run.toml", "evaluate", request.table())
+    say(overall.about_units(len(chosen)))
+    say(f"{output}/: {', '.join(overall.FILES)}, run.toml, and a folder for each sequence")
+
+
+def _of_one_kind(
+    folders: Sequence[Path], kind: str | None, most: int | None
+) -> tuple[str | None, dict[Path, int | None]]:
+    """Select sequences with a given kind of truth (default: the first's) and at most N frames.
+
+    Prints which sequences are left out.
+    """
+    chosen: dict[Path, int | None] = {}
+    for folder in folders:
+        try:
+            sequence = open_sequence(folder)
+            scene = sequence.scene(num_frames=2)
+            kind = target_of_scene(scene, kind).name
+        except InputError as error:
+            say(f"{folder.name} is left out: {error}", err=True)
+            continue
+        available = sequence.num_frames - start_frame(scene)
+        chosen[folder] = None if most is None else min(most, available)
+    return kind, chosen
 
 
 def _evaluate(request: Request) -> None:
@@ -45,11 +104,8 @@ def _evaluate(request: Request) -> None:
         _finish(request, _run(request, prepared, pool))
 
 
-def _prepare(request: Request) -> "tuple[Prepared, Any]":
+def _prepare(request: Request) -> tuple[Prepared, Pool | None]:
     """Start JAX, connect to workers, open the scene and print the plan of what is missing.
-
-    Returns:
-        ``jaxpf.evaluation.Prepared``, and processes or Dask workers; None for this process.
 
     Raises:
         InputError: no scheduler answers, or the scene cannot be opened.
@@ -61,8 +117,6 @@ def _prepare(request: Request) -> "tuple[Prepared, Any]":
             pass
     devices = start_jax(options.devices, options.workers)
     if options.dask:
-        from jaxpf.cli.shared.cluster import cluster
-
         pool = click.get_current_context().with_resource(cluster(options.dask, options.devices))
     elif options.workers > 1:
         pool = evaluation.local_pool(options.workers, devices, use_compile_cache)
@@ -78,13 +132,11 @@ def _prepare(request: Request) -> "tuple[Prepared, Any]":
     return prepared, pool
 
 
-def _run(request: Request, prepared: "Prepared", pool: Any) -> "Results":
+def _run(request: Request, prepared: Prepared, pool: Pool | None) -> Results:
     """Run the missing work behind a progress bar, then measure speeds.
 
     An interruption keeps the finished runs and says how to resume.
     """
-    from jaxpf.evaluation.speed import measure_speeds
-
     try:
         with progress_bar("runs") as bar:
             name = prepared.scene.name
@@ -106,23 +158,24 @@ def _run(request: Request, prepared: "Prepared", pool: Any) -> "Results":
     return results
 
 
-def _finish(request: Request, results: "Results") -> None:
+def _finish(request: Request, results: Results) -> None:
     """Write tables, report and the file that repeats the evaluation; then print the results."""
-    from jaxpf.evaluation.report import write_report
-    from jaxpf.evaluation.tables import printed_tables, write_tables
-
     write_config(results.folder / "run.toml", "evaluate", request.table())
-    overview = write_tables(results)
-    write_report(overview)
-    for title, table in printed_tables(overview).items():
-        print_table(title, [*table.columns], table.to_numpy().tolist())
+    overview = tables.write_tables(results)
+    report.write_report(overview)
+    _print_tables(tables.printed_tables(overview))
     for remark in overview.remarks:
         say(remark)
     say(f"{results.folder}/: {', '.join(_WRITTEN)}")
     say(overview.conclusion)
 
 
-def _show_plan(prepared: "Prepared", workers: int, devices: int) -> None:
+def _print_tables(printed: dict[str, pd.DataFrame]) -> None:
+    for title, table in printed.items():
+        print_table(title, [*table.columns], table.to_numpy().tolist())
+
+
+def _show_plan(prepared: Prepared, workers: int, devices: int) -> None:
     """Print what is compared, and its cost."""
     results, scene = prepared.results, prepared.results.settings["scene"]
     count, frames = len(scene["object_ids"]), len(results.truth)
@@ -142,7 +195,7 @@ def _show_plan(prepared: "Prepared", workers: int, devices: int) -> None:
     say(f"{prepared.missing_runs} runs to do {place}")
 
 
-def _plan_table(prepared: "Prepared") -> tuple[list[str], list[list[str]], dict[str, str]]:
+def _plan_table(prepared: Prepared) -> tuple[list[str], list[list[str]], dict[str, str]]:
     """A row per method, and the parameters that all configurations share."""
     of, configurations = prepared.results.target, prepared.results.configurations
     by_method: dict[str, list[int]] = {}

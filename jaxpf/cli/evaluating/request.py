@@ -5,7 +5,7 @@ import functools
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from jaxpf import filters
 from jaxpf.cli.shared.flags import as_typed, given_in, picked
@@ -19,11 +19,12 @@ from jaxpf.cli.shared.scene_options import (
 )
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import Option, check_options, options_of
+from jaxpf.evaluation import Plan
+from jaxpf.evaluation.baselines.rivals import available, baselines
+from jaxpf.evaluation.scene import load_scene
+from jaxpf.evaluation.trackers import OwnTracker
 from jaxpf.filters.registry import GIVEN, ORDERS, SHIFTS
 from jaxpf.targets import all_targets
-
-if TYPE_CHECKING:
-    from jaxpf.evaluation.plan import Plan
 
 #: Options that choose output or computing resources and do not affect results.
 _NOT_REPEATED = ("output", "dry_run", "dask", "speed")
@@ -143,7 +144,7 @@ class Request:
     scene: str
     options: Options
     grid: Mapping[str, Any]
-    plan: Any
+    plan: Plan
 
     @property
     def output(self) -> Path:
@@ -167,7 +168,8 @@ class Request:
         options = dataclasses.replace(
             self.options, target=target, frames=frames, output=self.output / folder.name
         )
-        scene = functools.partial(self.plan.scene, source=str(folder), num_frames=frames)
+        load: Any = self.plan.scene
+        scene = functools.partial(load, source=str(folder), num_frames=frames)
         plan = dataclasses.replace(self.plan, scene=scene, target=target)
         return dataclasses.replace(self, scene=str(folder), options=options, plan=plan)
 
@@ -178,8 +180,6 @@ def parse(values: Mapping[str, Any]) -> Request:
     Raises:
         InputError: a value is out of range, or a name occurs twice.
     """
-    from jaxpf.evaluation.baselines.rivals import available
-
     options = Options(**picked(Options, values))
     tracks = (pair("--tracks", text, os.path.realpath) for text in options.tracks)
     named = [name for text in options.baseline for name in names_in(text)]
@@ -197,13 +197,8 @@ def parse(values: Mapping[str, Any]) -> Request:
     return Request(scene, options, grid, _plan(scene, options, grid))
 
 
-def _plan(scene: str, options: Options, grid: Mapping[str, Any]) -> "Plan":
+def _plan(scene: str, options: Options, grid: Mapping[str, Any]) -> Plan:
     """The library's plan of a request."""
-    from jaxpf.evaluation import Plan
-    from jaxpf.evaluation.baselines.rivals import baselines
-    from jaxpf.evaluation.scene import load_scene
-    from jaxpf.evaluation.trackers import OwnTracker
-
     tracks = dict(pair("--tracks", text, str) for text in options.tracks)
     trackers = dict(pair("--tracker", text, OwnTracker.read) for text in options.tracker)
     for flag, named, typed in (

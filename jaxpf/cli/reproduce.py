@@ -72,8 +72,8 @@ def command(
     if resumes:
         say(f"Resuming from '{folder}'.")
     say("The first scenes take longest: their programs are compiled.")
-    with checkpoints.keeping(output, options, pool):
-        comparison = chosen.compare(seeds, quick, say)
+    with checkpoints.keeping(output, options, say, pool) as measurements:
+        comparison = chosen.compare(seeds, quick, measurements)
         typed = f"jaxpf reproduce {paper} --scenes {len(seeds)} --seed {seed}"
         written = comparison.write(folder, typed + " --quick" * quick)
         write_config(folder / "run.toml", "reproduce", options)

@@ -1,17 +1,16 @@
-"""Measurements of scenes, stored on disk so that an experiment can resume.
+"""Measurements of scenes: where they are stored, to resume an experiment, and who makes them.
 
-The command line sets the folder, and the pool of workers that measure scenes: ``with
-keeping(folder, settings, pool)``.  Outside such a block nothing is stored.
+The command line has them by ``with keeping(folder, settings, report, pool) as measurements``;
+``UNSTORED`` has neither.
 """
 
 import contextlib
-import contextvars
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -28,45 +27,54 @@ NAME = "parts"
 #: Function of a seed -> arrays of its scene by name.
 Measure = Callable[[int], Mapping[str, Any]]
 
-#: Where to store measurements, and who makes them.
-_kept: contextvars.ContextVar[tuple[Store | None, Pool | None]]
-_kept = contextvars.ContextVar("parts", default=(None, None))
 
+class Measurements(NamedTuple):
+    """Measures the scenes of an experiment.
 
-def of_scenes(
-    name: str,
-    measure: Measure,
-    seeds: Sequence[int],
-    report: Callable[[str], None],
-    threads: int = 1,
-) -> dict[str, np.ndarray]:
-    """Measure the scene of each seed; arrays ``[S, ...]`` of the scenes that have one.
-
-    Args:
-        name: of the scenes, unique within the experiment, and valid as a file name.
-        measure: its arrays of the first scene are all that there are.  Use ``functools.partial`` of
-            a module-level function, so that it can be sent to another process.
-        seeds: seeds of the scenes.
-        report: receives a line per scene.
-        threads: number of threads if there is no pool.
-
-    Raises:
-        InputError: a measurement cannot be written, or a worker died too often.
+    Attributes:
+        report: receives lines of progress.
+        store: holds finished measurements; None stores nothing.
+        pool: workers that measure scenes; by default this process does.
     """
-    store, pool = _kept.get()
-    if pool is None and threads > 1:
-        pool = Pool(partial(ThreadPoolExecutor, threads), threads)
-    float64 = jnp.zeros(()).dtype == jnp.float64
-    pieces = {f"{name}-{seed}": (measure, seed, float64) for seed in seeds}
-    made = in_turn(_measure, pieces, pool)
-    if store is not None:
-        made = store.made(pieces.items(), _measure, pool)
-    found = {}
-    for piece, arrays in made:
-        found[piece] = arrays
-        report(f"  {name}: scene {len(found)} of {len(seeds)} done")
-    in_order = [found[piece] for piece in pieces]
-    return {key: np.stack([x[key] for x in in_order if key in x]) for key in in_order[0]}
+
+    report: Callable[[str], object] = lambda line: None
+    store: Store | None = None
+    pool: Pool | None = None
+
+    def of_scenes(
+        self, name: str, measure: Measure, seeds: Sequence[int], threads: int = 1
+    ) -> dict[str, np.ndarray]:
+        """Measure the scene of each seed; arrays ``[S, ...]`` of the scenes that have one.
+
+        Args:
+            name: of the scenes, unique within the experiment, and valid as a file name.
+            measure: its arrays of the first scene are all that there are.  Use
+                ``functools.partial`` of a module-level function, so that it can be sent to another
+                process.
+            seeds: seeds of the scenes.
+            threads: number of threads if there is no pool.
+
+        Raises:
+            InputError: a measurement cannot be written, or a worker died too often.
+        """
+        pool = self.pool
+        if pool is None and threads > 1:
+            pool = Pool(partial(ThreadPoolExecutor, threads), threads)
+        float64 = jnp.zeros(()).dtype == jnp.float64
+        pieces = {f"{name}-{seed}": (measure, seed, float64) for seed in seeds}
+        made = in_turn(_measure, pieces, pool)
+        if self.store is not None:
+            made = self.store.made(pieces.items(), _measure, pool)
+        found = {}
+        for piece, arrays in made:
+            found[piece] = arrays
+            self.report(f"  {name}: scene {len(found)} of {len(seeds)} done")
+        in_order = [found[piece] for piece in pieces]
+        return {key: np.stack([x[key] for x in in_order if key in x]) for key in in_order[0]}
+
+
+#: Measures in this process, in silence.
+UNSTORED = Measurements()
 
 
 def _measure(piece: tuple[Measure, int, bool]) -> dict[str, np.ndarray]:
@@ -84,13 +92,19 @@ def can_resume(output: Path, settings: Mapping[str, Any]) -> bool:
 
 
 @contextlib.contextmanager
-def keeping(output: Path, settings: Mapping[str, Any], pool: Pool | None = None) -> Iterator[None]:
+def keeping(
+    output: Path,
+    settings: Mapping[str, Any],
+    report: Callable[[str], object] = UNSTORED.report,
+    pool: Pool | None = None,
+) -> Iterator[Measurements]:
     """Store measurements in an output folder until the block ends without an error.
 
     Args:
         output: an existing folder.
         settings: everything that measurements depend on, as JSON values; those with other settings
             are removed.
+        report: receives lines of progress.
         pool: workers that measure scenes; by default this process does.
 
     Raises:
@@ -101,12 +115,11 @@ def keeping(output: Path, settings: Mapping[str, Any], pool: Pool | None = None)
         with report_os_errors("write", store.folder):
             store.remove()
         store.begin(_described(settings))
-    token, done = _kept.set((store, pool)), False
+    done = False
     try:
-        yield
+        yield Measurements(report, store, pool)
         done = True
     finally:
-        _kept.reset(token)
         if done or not store.names():
             store.remove()
 

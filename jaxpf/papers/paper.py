@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from jaxpf import __version__
 from jaxpf.files.writing import csv_text, write_text
 from jaxpf.media import plotting
+from jaxpf.papers.checkpoints import UNSTORED, Measurements
 from jaxpf.papers.judging import verdicts
 from jaxpf.papers.judging.claims import RULE, Judged, claims_of, judge_all, read_rows
 from jaxpf.papers.judging.estimates import Quantity
@@ -106,7 +107,7 @@ class Paper:
     """
 
     name: str
-    measure: Callable[[range, bool, Callable[[str], None]], Study]
+    measure: Callable[[range, bool, Measurements], Study]
     figures: Callable[[Study], Mapping[str, Figure]]
     computed: Callable[[], Mapping[str, Sequence[Quantity]]] = dict
 
@@ -121,16 +122,16 @@ class Paper:
         return range(seed, seed + (scenes or (2 if quick else self.declared["scenes"])))
 
     def compare(
-        self, seeds: range, quick: bool = False, report: Callable[[str], None] = print
+        self, seeds: range, quick: bool = False, measurements: Measurements = UNSTORED
     ) -> Comparison:
         """Run the measurements and compare them with the published figures.
 
         Args:
             seeds: of the scenes, over which intervals are computed.
             quick: measure much less, as a preview.
-            report: receives lines of progress.
+            measurements: where to store them, and who makes them.
         """
-        study = self.measure(seeds, quick, report)
+        study = self.measure(seeds, quick, measurements)
         return Comparison(
             paper=self.name,
             title=f"{self.name} repeated: {self.declared['title']}",

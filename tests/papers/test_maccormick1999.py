@@ -7,6 +7,7 @@ import pytest
 from judged import verdicts
 
 import jaxpf
+from jaxpf.papers.checkpoints import UNSTORED
 from jaxpf.papers.judging.claims import NOT_SEEN, PREVIEW, SUPPORTED
 from jaxpf.papers.maccormick1999 import PAPER, scenes as cases, study, toy
 from jaxpf.papers.study import Study, tidy
@@ -265,7 +266,7 @@ def test_slow_filters_track_the_first_sequences(monkeypatch, wires):
     monkeypatch.setattr(study, "tracker_of", lambda case, method: method.num_particles)
     monkeypatch.setattr(study, "track", track)
     methods = {"a": study.Method("wires", "ps", 1), "b": study.Method("none", "sir", 2, 3)}
-    values, shown = study.measure("wires", lambda _: wires, methods, range(4), lambda line: None)
+    values, shown = study.measure("wires", lambda _: wires, methods, range(4), UNSTORED)
     assert seen == [(1, 0), (2, 0), (1, 1), (2, 1), (1, 2), (2, 2), (1, 3)]
     np.testing.assert_array_equal(values["wires: kept", "a", ""], [0, 0, 1, 0])
     np.testing.assert_array_equal(values["wires: N", "b", ""], [2, 2, 2])

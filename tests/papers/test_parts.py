@@ -14,7 +14,7 @@ from command_line import jaxpf
 from jaxpf import InputError
 from jaxpf.evaluation import Pool
 from jaxpf.papers import PAPERS, paper
-from jaxpf.papers.checkpoints import can_resume, keeping, of_scenes
+from jaxpf.papers.checkpoints import UNSTORED, can_resume, keeping
 from jaxpf.papers.judging.claims import claims_of
 from jaxpf.papers.judging.estimates import computed
 from jaxpf.papers.paper import Paper, paper_of
@@ -27,34 +27,34 @@ class Measured:
     def __init__(self):
         self.asked = []
 
-    def part(self, name):
+    def part(self, measurements, name):
         def measure(seed):
             self.asked.append(name)
             return {"with a space": np.arange(3.0), "flags": np.array([True, False])}
 
-        return of_scenes(name, measure, [0], lambda line: None)
+        return measurements.of_scenes(name, measure, [0])
 
 
 def test_without_a_folder_parts_are_measured_each_time():
     measured = Measured()
-    measured.part("a")
-    found = measured.part("a")
+    measured.part(UNSTORED, "a")
+    found = measured.part(UNSTORED, "a")
     assert measured.asked == ["a", "a"]
     np.testing.assert_array_equal(found["with a space"], [[0, 1, 2]])
 
 
 def test_what_was_measured_before_a_stop_is_not_measured_again(tmp_path):
     measured = Measured()
-    with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {"seed": 1}):
-        measured.part("a")
-        measured.part("b")
+    with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {"seed": 1}) as parts:
+        measured.part(parts, "a")
+        measured.part(parts, "b")
         raise KeyboardInterrupt
     assert can_resume(tmp_path, {"seed": 1})
     assert not can_resume(tmp_path, {"seed": 2})
     (tmp_path / "parts" / "b-0.npz").write_bytes(b"PK damaged")
-    with keeping(tmp_path, {"seed": 1}):
-        found = measured.part("a")
-        measured.part("b")
+    with keeping(tmp_path, {"seed": 1}) as parts:
+        found = measured.part(parts, "a")
+        measured.part(parts, "b")
     assert measured.asked == ["a", "b", "b"]
     assert list(found) == ["with a space", "flags"]
     assert found["flags"].dtype == bool
@@ -71,14 +71,14 @@ def test_parts_that_are_shared_out_come_in_their_order_and_once(tmp_path, pool):
         asked.append(number)
         return {"number": number}
 
-    def measured(numbers):
-        return list(of_scenes("part", measure, numbers, lambda line: None, threads=2)["number"])
+    def measured(parts, numbers):
+        return list(parts.of_scenes("part", measure, numbers, threads=2)["number"])
 
-    with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {}, pool):
-        assert measured([2, 1]) == [2, 1]
+    with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {}, pool=pool) as parts:
+        assert measured(parts, [2, 1]) == [2, 1]
         raise KeyboardInterrupt
-    with keeping(tmp_path, {}, pool):
-        assert measured(range(4)) == [0, 1, 2, 3]
+    with keeping(tmp_path, {}, pool=pool) as parts:
+        assert measured(parts, range(4)) == [0, 1, 2, 3]
     assert sorted(asked) == [0, 1, 2, 3]
 
 
@@ -91,8 +91,8 @@ def test_a_mistake_before_anything_is_measured_leaves_nothing(tmp_path):
 def test_other_settings_begin_anew(tmp_path):
     measured = Measured()
     for seed in (1, 2):
-        with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {"seed": seed}):
-            measured.part("a")
+        with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {"seed": seed}) as parts:
+            measured.part(parts, "a")
             raise KeyboardInterrupt
     assert measured.asked == ["a", "a"]
 
@@ -100,11 +100,11 @@ def test_other_settings_begin_anew(tmp_path):
 def test_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
     measured, stops = Measured(), [InputError("the disk is full; make room.")]
 
-    def measure(*asked):
-        measured.part("a")
+    def measure(seeds, quick, parts):
+        measured.part(parts, "a")
         if stops:
             raise stops.pop()
-        measured.part("b")
+        measured.part(parts, "b")
         return Study(tidy({}))
 
     stopping = Paper(

@@ -145,13 +145,13 @@ def test_the_whole_comparison_is_measured_printed_and_written(tmp_path, monkeypa
     monkeypatch.setattr(
         scenes, "make", lambda name, **settings: make(name, **settings | {"num_frames": 12})
     )
-    with suppress(KeyboardInterrupt), keeping(tmp_path, {}):
-        first = PAPER.compare(range(2), quick=True)
+    with suppress(KeyboardInterrupt), keeping(tmp_path, {}) as measurements:
+        first = PAPER.compare(range(2), True, measurements)
         raise KeyboardInterrupt
     # What was measured before the stop is not measured again.
     monkeypatch.setattr(jaxpf, "monte_carlo", None)
-    with keeping(tmp_path, {}):
-        found = PAPER.compare(range(2), quick=True)
+    with keeping(tmp_path, {}) as measurements:
+        found = PAPER.compare(range(2), True, measurements)
     assert [table.texts() for table in found.tables] == [table.texts() for table in first.tables]
     names = [table.name for table in found.tables]
     assert names == ["shares", "errors", "likelihoods", "sizes", "variance", "chosen_settings"]

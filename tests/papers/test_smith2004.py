@@ -20,7 +20,7 @@ from jaxpf.dynamics import LinearGaussian
 from jaxpf.evaluation import local_pool
 from jaxpf.evaluation.worker import run_keys
 from jaxpf.likelihoods import Gaussian
-from jaxpf.papers.checkpoints import keeping
+from jaxpf.papers.checkpoints import UNSTORED, keeping
 from jaxpf.papers.judging.claims import NOT_SEEN, OPEN, PREVIEW, SUPPORTED
 from jaxpf.papers.smith2004 import PAPER, scenes
 from jaxpf.papers.smith2004.scenes import OtherEnding, Outcome, scene_tracker
@@ -253,15 +253,15 @@ def test_the_grid_gives_what_single_runs_give():
             np.testing.assert_allclose(there.distinct_share, alone.distinct_share, atol=0.051)
 
 
-def measured_small(seeds):
-    return scenes.measure(seeds, SMALL, scenes.all_orderings(3), (20.0, 50.0), 40)
+def measured_small(seeds, measurements=UNSTORED):
+    return scenes.measure(seeds, SMALL, scenes.all_orderings(3), (20.0, 50.0), 40, measurements)
 
 
 @pytest.mark.slow
 def test_another_process_gives_the_same_bits(tmp_path):
     here = measured_small([0, 1])
-    with keeping(tmp_path, {}, local_pool(1, jax.local_device_count())):
-        np.testing.assert_equal(measured_small([0, 1])[1:], here[1:])
+    with keeping(tmp_path, {}, pool=local_pool(1, jax.local_device_count())) as measurements:
+        np.testing.assert_equal(measured_small([0, 1], measurements)[1:], here[1:])
 
 
 @pytest.mark.slow

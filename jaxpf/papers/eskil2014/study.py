@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from jaxpf.measures.points import mean_error, points_kept, recoveries
 from jaxpf.media import plotting
-from jaxpf.papers.checkpoints import of_scenes
+from jaxpf.papers.checkpoints import Measurements
 from jaxpf.papers.eskil2014.scenes import (
     FILTERS,
     FLOW,
@@ -57,17 +57,18 @@ _NUMBERS = {"fish": (3, 4), "skydivers": (6, 7), "face": (9, 10)}
 _COMPARED = (PROPOSED, PFFL, SPOT, FLOW, "PS", "SPS")
 
 
-def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
+def measure_all(seeds: range, quick: bool, measurements: Measurements) -> Study:
     """Run all measurements; the figures show names, visibility and errors by kind of scene."""
     found = {}
     for name in ["platty"] if quick else list(SEQUENCES):
         scene, scale = SEQUENCES[name]
-        report(f"{name}: {counted(len(seeds), 'scenes')}, one run of every method on each")
+        of_scenes = counted(len(seeds), "scenes")
+        measurements.report(f"{name}: {of_scenes}, one run of every method on each")
         filters = QUICK if quick else FILTERS
         shorter = {"num_frames": _QUICK_FRAMES} if quick else {}
         with_spot = seeds[:SPOT_SCENES]
         measured = partial(on_scene, scene, scale, filters, with_spot, shorter)
-        found[scene] = of_scenes(scene, measured, seeds, report)
+        found[scene] = measurements.of_scenes(scene, measured, seeds)
     return study_of(found)
 
 

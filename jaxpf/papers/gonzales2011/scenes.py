@@ -1,7 +1,7 @@
 """PS and SPS on sequences of articulated objects, under both dynamics."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -18,7 +18,7 @@ from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patc
 from jaxpf.lowering.programs import compiled
 from jaxpf.measures import particle_sets
 from jaxpf.ordering import Ordering, named
-from jaxpf.papers.checkpoints import of_scenes
+from jaxpf.papers.checkpoints import UNSTORED, Measurements
 from jaxpf.papers.grid import Grid, stacked
 from jaxpf.parts.models import parts_model
 from jaxpf.shapes.rectangles import corners_from_poses
@@ -61,7 +61,7 @@ def measure(
     cells: Sequence[tuple[str, int, tuple[int, ...]]],
     seeds: range,
     num_frames: int,
-    report: Callable[[str], None] = lambda line: None,
+    measurements: Measurements = UNSTORED,
 ) -> Curves:
     """Track the sequences of every cell once with every method.
 
@@ -69,14 +69,14 @@ def measure(
         cells: motion and number of parts of their own sequences, and numbers of particles.
         seeds: seeds of the sequences, and of the run of all methods; more follow for ``MORE``.
         num_frames: frames per sequence; the trackers start at the first.
-        report: receives a line per sequence.
+        measurements: how scenes are measured.
     """
     curves = {}
     for motion, num_parts, particles in cells:
         on_scene = partial(_on_scene, motion, num_parts, particles, num_frames)
         chosen = range(seeds.start, seeds.start + MORE.get(motion, 1) * len(seeds))
         # Two threads: one compiles while the other tracks.
-        found = of_scenes(f"{motion}-{num_parts}-parts", on_scene, chosen, report, threads=2)
+        found = measurements.of_scenes(f"{motion}-{num_parts}-parts", on_scene, chosen, threads=2)
         for place, number in enumerate(particles):
             curves[motion, num_parts, number] = {
                 (field, variant): values[:, place, row, column]

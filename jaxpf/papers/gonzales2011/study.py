@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from jaxpf.measures import particle_sets
 from jaxpf.media import plotting
 from jaxpf.ordering import named
+from jaxpf.papers.checkpoints import Measurements
 from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, VARIANTS, Curves, measure
 from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.judging.estimates import Quantity, computed
@@ -28,15 +29,15 @@ FIGURES = {
 START = {"figure 10": slice(0, 60)}
 
 
-def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
+def measure_all(seeds: range, quick: bool, measurements: Measurements) -> Study:
     """Run all measurements; the quick ones are of fewer cells and frames."""
-    report(f"{counted(len(seeds), 'sequences')}, one run of 8 trackers on each")
+    measurements.report(f"{counted(len(seeds), 'sequences')}, one run of 8 trackers on each")
     if quick:
         cells = [("smooth", 5, (5, 10)), ("erratic", 5, (10,))]
-        return study_of(measure(cells, seeds, 40, report))
+        return study_of(measure(cells, seeds, 40, measurements))
     figures = (FIGURES[name] for name in ("figure 8", "figure 10", "figure 11, error"))
     every = [(motion, parts, counts) for _, motion, sizes, counts in figures for parts in sizes]
-    return study_of(measure(every, seeds, FRAMES, report))
+    return study_of(measure(every, seeds, FRAMES, measurements))
 
 
 def study_of(curves: Curves) -> Study:

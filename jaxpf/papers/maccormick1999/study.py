@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxpf.media import plotting
-from jaxpf.papers.checkpoints import of_scenes
+from jaxpf.papers.checkpoints import Measurements
 from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.judging.estimates import mean_of
 from jaxpf.papers.maccormick1999 import scenes, toy
@@ -86,9 +86,9 @@ class Passing(NamedTuple):
     ess: Mapping[str, np.ndarray]
 
 
-def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
+def measure_all(seeds: range, quick: bool, measurements: Measurements) -> Study:
     """Run all measurements; the figures show the toy's steps and a ``Passing`` of every kind."""
-    report("Figure 3 and the toy of figures 9 and 10")
+    measurements.report("Figure 3 and the toy of figures 9 and 10")
     steps = toy.steps(seeds[0])
     shown: dict[str, Any] = {"toy": steps}
     # Figures 9 and 10: the last step's effective sample size, of each run.
@@ -104,8 +104,8 @@ def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Stu
         # Before they overlap, with all measurement lines independent as in the paper.
         ("figure_11", "Figure 11", scenes.leaves_of_figure_11, FIGURE_11),
     ):
-        report(f"{title}: {counted(len(seeds), 'sequences')}, one run of each method")
-        measured, shown[kind] = measure(kind, make, methods, seeds, report)
+        measurements.report(f"{title}: {counted(len(seeds), 'sequences')}, one run of each method")
+        measured, shown[kind] = measure(kind, make, methods, seeds, measurements)
         values |= measured
     return Study(tidy(values), shown)
 
@@ -115,14 +115,15 @@ def measure(
     make: Callable[[int], Case],
     methods: Mapping[str, Method],
     seeds: Sequence[int],
-    report: Callable[[str], None],
+    measurements: Measurements,
 ) -> tuple[Values, Passing]:
     """Track the sequence of every seed once by each method; the seed determines the runs."""
     least = min(len(seeds), 3)  # for an interval
     tracked = {
         name: seeds[: max(len(seeds) // method.one_in, least)] for name, method in methods.items()
     }
-    found = of_scenes(kind, partial(_on_scene, make, methods, tracked, seeds[0]), seeds, report)
+    on_scene = partial(_on_scene, make, methods, tracked, seeds[0])
+    found = measurements.of_scenes(kind, on_scene, seeds)
     arrays = {tuple(name.split(": ")): each for name, each in found.items()}
     values = {
         (f"{kind}: {what}", name, ""): each

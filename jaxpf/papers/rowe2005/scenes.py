@@ -1,6 +1,6 @@
 """Runs of every variant of the labelled filter on projectiles, and of Condensation on two modes."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -16,7 +16,7 @@ from jaxpf.contract.state import Summary
 from jaxpf.evaluation.worker import run_keys
 from jaxpf.filters.labelled.state import LabelledState
 from jaxpf.lowering.programs import compiled
-from jaxpf.papers.checkpoints import of_scenes
+from jaxpf.papers.checkpoints import Measurements
 from jaxpf.shapes.rectangles import area, intersection_area
 from scenes import Scene
 
@@ -83,7 +83,7 @@ def tracker_of(scene: Scene, variant: str) -> jaxpf.Labelled:
 def measure(
     seeds: Sequence[int],
     variants: tuple[str, ...],
-    report: Callable[[str], None],
+    measurements: Measurements,
     paths: str = "apart",
 ) -> dict[str, dict[str, np.ndarray]]:
     """Run variants ``RUNS_PER_SCENE`` times on the scene of each seed; see ``settings_of``.
@@ -99,7 +99,7 @@ def measure(
         ``between`` ``[S]``, see ``deviation_between``; ``within`` ``[S]``, the same for particles
         within a run; ``in_strip`` ``[S, T, L]`` bool, the true box overlaps a strip.
     """
-    found = of_scenes(paths, partial(_on_scene, variants, paths), seeds, report)
+    found = measurements.of_scenes(paths, partial(_on_scene, variants, paths), seeds)
     in_strip = found.pop("in_strip")
     return {
         variant: {name: values[:, place] for name, values in found.items()} | {"in_strip": in_strip}

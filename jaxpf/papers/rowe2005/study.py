@@ -1,12 +1,13 @@
 """Measures of the runs of a variant, and figures 2 to 4: S scenes, R runs, T frames, L targets."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from jaxpf.media import plotting
+from jaxpf.papers.checkpoints import Measurements
 from jaxpf.papers.rowe2005.scenes import RUNS_PER_SCENE, VARIANTS, measure, stability
 from jaxpf.papers.study import Study, tidy
 
@@ -17,13 +18,13 @@ SHARE_BAND = (49.5, 50.5)
 LOST = 1.0
 
 
-def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
+def measure_all(seeds: range, quick: bool, measurements: Measurements) -> Study:
     """Run all measurements; the figures show the arrays of ``measure``."""
-    report(f"{len(seeds)} scenes with {RUNS_PER_SCENE} runs of every variant each")
-    apart = measure(seeds, tuple(VARIANTS), report)
-    report("Targets that cross: mean against product")
-    crossing = measure(seeds, ("both", "product"), report, paths="crossing")
-    report("Condensation on two equal modes")
+    measurements.report(f"{len(seeds)} scenes with {RUNS_PER_SCENE} runs of every variant each")
+    apart = measure(seeds, tuple(VARIANTS), measurements)
+    measurements.report("Targets that cross: mean against product")
+    crossing = measure(seeds, ("both", "product"), measurements, paths="crossing")
+    measurements.report("Condensation on two equal modes")
     return study_of(apart, crossing, np.array([stability(seed) for seed in seeds]))
 
 

@@ -15,7 +15,7 @@ All of this is in ``OtherEnding``: the library resamples once and corrects for e
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -35,7 +35,7 @@ from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.lowering.programs import compiled
 from jaxpf.measures import metrics, particle_sets
 from jaxpf.ordering import Ordering
-from jaxpf.papers.checkpoints import of_scenes
+from jaxpf.papers.checkpoints import UNSTORED, Measurements
 from jaxpf.papers.grid import Grid, stacked
 from jaxpf.resampling.weighted import ancestors
 from jaxpf.shapes.rectangles import boxes_from_substates
@@ -185,7 +185,7 @@ def measure(
     orderings: Mapping[str, Ordering] | None = None,
     sharpness: Sequence[float] = SHARPNESS,
     num_particles: int | None = None,
-    report: Callable[[str], None] = lambda line: None,
+    measurements: Measurements = UNSTORED,
     name: str = "distracter",
     ending: OtherEnding | None = None,
 ) -> Outcome:
@@ -198,13 +198,13 @@ def measure(
         orderings: name -> ordering; default ``all_orderings()``.
         sharpness: L values of lambda.
         num_particles: N; default the paper's 300.
-        report: receives a line per scene.
+        measurements: how scenes are measured.
         name: name under which scenes are stored; see ``jaxpf.papers.checkpoints``.
         ending: optional wrapper of the trackers; see ``OtherEnding``.
     """
     orderings = all_orderings() if orderings is None else orderings
     on_scene = partial(_on_scene, parameters, orderings, sharpness, num_particles, ending)
-    found = of_scenes(name, on_scene, seeds, report, threads=jax.local_device_count())
+    found = measurements.of_scenes(name, on_scene, seeds, threads=jax.local_device_count())
     return Outcome(tuple(orderings), **found)
 
 
@@ -212,7 +212,7 @@ def measure_conditions(
     seeds: Sequence[int],
     num_particles: Sequence[int],
     endings: Sequence[str],
-    report: Callable[[str], None] = lambda line: None,
+    measurements: Measurements = UNSTORED,
 ) -> dict[str, Outcome]:
     """Run PS and DPS under every condition, such as ``"N = 50, as here"``.
 
@@ -220,7 +220,7 @@ def measure_conditions(
         seeds: seeds of the scenes, at least two.
         num_particles: values of N.
         endings: keys of ``ENDINGS``.
-        report: receives a line per scene.
+        measurements: how scenes are measured.
     """
     chosen = {n: o for n, o in all_orderings().items() if n.startswith("PS ") or n == "DPS"}
     return {
@@ -230,7 +230,7 @@ def measure_conditions(
             num_particles=count,
             ending=ENDINGS[ending],
             name=name,
-            report=report,
+            measurements=measurements,
         )
         for count in num_particles
         for ending in endings

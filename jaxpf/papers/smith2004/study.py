@@ -3,13 +3,14 @@
 Variants are methods; most measures have a case for each sharpness.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from jaxpf.media import plotting
+from jaxpf.papers.checkpoints import Measurements
 from jaxpf.papers.smith2004.scenes import (
     ENDINGS,
     METHODS,
@@ -39,14 +40,14 @@ _BEST_GIVEN_AT = slice(1, 2)
 Values = dict[tuple[str, str, str], Any]
 
 
-def measure_all(seeds: range, quick: bool, report: Callable[[str], None]) -> Study:
+def measure_all(seeds: range, quick: bool, measurements: Measurements) -> Study:
     """Run all measurements; the quick ones are of fewer conditions."""
-    report(f"Tables 1 and 2: {len(seeds)} scenes")
-    outcome = measure(seeds, report=report)
-    report("Conditions under which the order may matter more")
+    measurements.report(f"Tables 1 and 2: {len(seeds)} scenes")
+    outcome = measure(seeds, measurements=measurements)
+    measurements.report("Conditions under which the order may matter more")
     particles = PARTICLES[-1:] if quick else PARTICLES
     endings = ("as here", "stages counted twice") if quick else tuple(ENDINGS)
-    return study_of(outcome, measure_conditions(seeds, particles, endings, report))
+    return study_of(outcome, measure_conditions(seeds, particles, endings, measurements))
 
 
 def study_of(outcome: Outcome, conditions: Mapping[str, Outcome]) -> Study:

@@ -22,7 +22,7 @@ from jaxpf.boxes.models import (
     relative_steps,
 )
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import MOST, check_array, numbers_in, plain
+from jaxpf.contract.numbers import MOST, numbers_in, plain
 from jaxpf.contract.options import OPEN, Option
 from jaxpf.contract.types import LikelihoodLike
 from jaxpf.filters.options import FilterOptions
@@ -265,7 +265,6 @@ def to_boxes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     from jaxpf.likelihoods.pixels import PixelLikelihood
 
     if isinstance(tracker.likelihood, PixelLikelihood):
-        check_array("estimate", estimate, "u, v, w, h, [..., P, >= 4]")
         centre, sides = np.split(np.asarray(estimate)[..., :4], 2, axis=-1)
         return np.concatenate([centre - sides / 2, sides], axis=-1)
     sizes = getattr(tracker.dynamics, "sizes", None)
@@ -274,7 +273,6 @@ def to_boxes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
             "this tracker's dynamics do not know the sizes of the boxes; make it with "
             "jaxpf.boxes.tracker, or use jaxpf.shapes.boxes_from_substates(estimate, sizes)."
         )
-    check_array("estimate", estimate, f"u, v, a, [..., {len(sizes)}, >= 3]")
     return boxes_at(estimate, sizes)
 
 

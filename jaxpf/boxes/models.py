@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
-from jaxpf.contract.numbers import check_array, plain
+from jaxpf.contract.numbers import check_number, plain
 
 if TYPE_CHECKING:
     from jaxpf.contract.types import LikelihoodLike
@@ -36,10 +36,8 @@ def box_model(
     """
     from jaxpf.dynamics.relative import PixelMotion
 
-    check_array("boxes", boxes, "x, y, w, h in pixels, [..., 4]")
     boxes = np.asarray(boxes, np.float32).reshape(-1, 4)
-    wanted = "noise from 0 of x and y in pixels and of the relative size, such as 4,2,0.003"
-    check_array("scale", scale, f"{wanted}, [..., 3]", least=0)
+    check_number("scale", scale, least=0)
     centres = boxes[:, :2] + boxes[:, 2:] / 2
     return Model(
         dynamics=PixelMotion(scale=np.asarray(scale, np.float32), sizes=boxes[:, 2:]),
@@ -65,8 +63,7 @@ def relative_box_model(
     """
     from jaxpf.dynamics.relative import RelativeMotion
 
-    wanted = "usual steps, long steps and noise of the size, from 0, such as 0.045,0.18,0.02"
-    check_array("steps", steps, f"{wanted}, [..., 3]", least=0)
+    check_number("steps", steps, least=0)
     model = box_model(likelihood, boxes)
     motion = RelativeMotion(
         sizes=model.dynamics.sizes,
@@ -77,21 +74,9 @@ def relative_box_model(
 
 
 def relative_steps(values: Sequence[float] | None, count: int) -> np.ndarray:
-    """Convert the option ``noise_relative`` to noise, ``[3]`` for all objects or ``[P, 3]``.
-
-    Args:
-        values: three numbers, or three for every object, one object after the other; None for the
-            default, which differs for a single object.
-        count: P.
-
-    Raises:
-        InputError: the values are for another number of objects.
-    """
+    """Convert the option ``noise_relative`` for P = ``count`` objects to ``[3]`` or ``[P, 3]``."""
     if values is None:
         values = LONE_STEPS if count == 1 else DEFAULT_STEPS
-    check_array("noise_relative", values, "three numbers from 0, or three for every object", 0)
-    if np.size(values) % 3:
-        raise InputError(f"noise_relative {plain(values)} must be three numbers for each object.")
     steps = np.reshape(values, (-1, 3))
     if len(steps) not in (1, count):
         raise InputError(

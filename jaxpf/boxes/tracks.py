@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.errors import InputError, check_names, check_type, import_extra
-from jaxpf.contract.numbers import FINITE, check_array, check_number, check_whole, numbers_in
+from jaxpf.contract.errors import InputError, import_extra
 from jaxpf.files.reading import check_pixels, parse_number, read_rows
 from jaxpf.files.writing import write_text
 from jaxpf.sequences.tables import BoxTable, dense, listed, read_boxes
@@ -88,10 +87,6 @@ def start_boxes(
     Raises:
         InputError: no box in that frame, an unknown id, or an id requested twice.
     """
-    check_type("table", table, BoxTable)
-    check_whole("frame", frame, 0)
-    if ids is not None:
-        check_array("ids", ids, "the ids of the objects, [N]")
     row_of = {int(table.id[row]): row for row in np.flatnonzero(table.frame == frame)}
     if not len(table.frame):
         raise InputError(f"{table.source} has no box with an area; give widths and heights above 0")
@@ -107,8 +102,6 @@ def start_boxes(
                 f"id {identity} has no box in frame {frame} of {table.source}, or is asked for "
                 f"twice; the ids there are {listed(sorted(row_of))}"
             )
-    if not wanted:
-        raise InputError(f"no ids were asked for; choose among {listed(sorted(row_of))}")
     return np.array(wanted, np.int64), table.box[[row_of[identity] for identity in wanted]]
 
 
@@ -118,7 +111,6 @@ def parse_box(text: str) -> np.ndarray:
     Raises:
         InputError: not four finite numbers, or no positive width and height.
     """
-    check_type("text", text, str)
     remedy = "write x,y,w,h in pixels, such as 120,80,40,90"
     fields = text.split(",")
     if len(fields) != 4:
@@ -146,11 +138,7 @@ def check_boxes(
     Raises:
         InputError: a box that is not finite, has no area, or lies outside the frame.
     """
-    boxes = numbers_in("boxes", boxes, "x, y, w, h in pixels, [..., 4]").reshape(-1, 4)
-    if names is not None:
-        check_names(names, len(boxes))
-    for name, side in (("width", width), ("height", height)):
-        check_number(name, side, above=0)
+    boxes = np.reshape(boxes, (-1, 4)).astype(float)
     check_pixels("the boxes", boxes)
     for index, (x, y, w, h) in enumerate(boxes):
         name = f"box {index + 1}" if names is None else f"the box of {names[index]}"
@@ -182,12 +170,8 @@ def write_mot(
             non-finite rows are omitted.
         confidence: [K]; 1 tracked (the default), 0 lost.
     """
-    check_array("frames", frames, "the frame of every row, from 0, [K]", least=0)
-    frames = np.asarray(frames)
+    frames, boxes = np.asarray(frames), np.asarray(boxes, float)
     confidence = np.ones(len(frames)) if confidence is None else confidence
-    check_array("ids", ids, f"the id of every row, [{len(frames)}]", least=FINITE)
-    check_array("confidence", confidence, f"the confidence of every row, [{len(frames)}]")
-    boxes = numbers_in("boxes", boxes, f"x, y, w, h of every row, [{len(frames)}, 4]")
     write_text(path, _rows(frames, np.asarray(ids), boxes, np.asarray(confidence)))
 
 
@@ -217,10 +201,7 @@ def to_supervision(
     supervision = import_extra(
         "supervision", "to_supervision needs supervision", "'jaxpf[formats]'"
     )
-    boxes = numbers_in("boxes", boxes, "x, y, w, h in pixels, [P, 4]")
-    for name, values in (("ids", ids), ("confidence", confidence)):
-        if values is not None:
-            check_array(name, values, f"one for each box, [{len(boxes)}]", least=FINITE)
+    boxes = np.asarray(boxes, float)
     there = np.isfinite(boxes).all(axis=-1)
     ids = np.arange(1, len(boxes) + 1) if ids is None else np.asarray(ids, int)
     return supervision.Detections(

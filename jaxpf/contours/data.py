@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError, check_type
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_number, numbers_in
 from jaxpf.shapes.splines import CUBIC, check_order
 
@@ -100,7 +100,6 @@ class Learned(NamedTuple):
 
         if self.dynamics is None:
             return None
-        check_type("dynamics", self.dynamics, LinearGaussian)
         repeated: dict[str, Any] = {
             name: None if values is None else np.repeat(np.asarray(values)[:1], num_targets, axis=0)
             for name in MATRICES

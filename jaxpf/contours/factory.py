@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from jaxpf import filters
 from jaxpf.contours.data import Contours, Learned
-from jaxpf.contract.errors import Argument, InputError, check_type
-from jaxpf.contract.numbers import check_array, plain
+from jaxpf.contract.errors import Argument, InputError
+from jaxpf.contract.numbers import plain
 from jaxpf.contract.optional import optional
 from jaxpf.contract.options import Option
 from jaxpf.contract.types import LikelihoodLike, TrackerLike
@@ -274,7 +274,6 @@ def tracker(
 
 def start(given: Contours, names: Any = None) -> ContourStart:
     """Where contours start."""
-    check_type("contours", given, Contours)
     if names is not None:
         given = dataclasses.replace(given, names=tuple(names))
     kind: dict[str, Any] = {"closed": given.closed, "degree": given.degree}
@@ -310,7 +309,6 @@ def to_contours(tracker: TrackerLike, estimate: ArrayLike) -> np.ndarray:
             "this tracker's likelihood does not define the shape space; give it an attribute "
             "`space`, such as jaxpf.shapes.space_of makes."
         )
-    check_array("estimate", estimate, f"coordinates, [..., P, {space.dimension}]")
     kind: dict[str, Any] = {"closed": space.closed, "degree": space.degree}
     matrix = basis(even_places(PIECES + 1, closed=False), space.num_points, **kind)
     lines = matrix @ np.asarray(space.control_points(np.asarray(estimate)), float)

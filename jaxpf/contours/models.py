@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contours.data import Contours
-from jaxpf.contract.errors import InputError, check_type
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import numbers_in
 from jaxpf.dynamics.gaussian import RandomWalk
@@ -73,11 +73,8 @@ def start_space(start: Contours, space: ShapeSpace | str = "similarity") -> Shap
     Raises:
         InputError: an unknown space, or one that does not match the contours.
     """
-    check_type("start", start, Contours)
     if isinstance(space, str):
         return space_of(space, start.points, closed=start.closed, degree=start.degree)
-    if not hasattr(space, "num_points"):
-        check_type("space", space, ShapeSpace, str)
     if space.num_points != start.points.shape[1] or space.closed != start.closed:
         kinds = ["closed" if closed else "open" for closed in (start.closed, space.closed)]
         raise InputError(

@@ -5,7 +5,6 @@ from .models import (
     DEFAULT_SCALE as DEFAULT_SCALE,
     DYNAMICS as DYNAMICS,
     OfFixedSize as OfFixedSize,
-    check_parts as check_parts,
     cut_pictures as cut_pictures,
     parts_model as parts_model,
     with_log_odds as with_log_odds,

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf import filters
-from jaxpf.contract.errors import check_names, check_type
 from jaxpf.contract.model import check_tree
-from jaxpf.contract.numbers import MOST, check_array, numbers_in
+from jaxpf.contract.numbers import MOST
 from jaxpf.contract.options import Option
 from jaxpf.contract.types import LikelihoodLike, TrackerLike
 from jaxpf.filters.options import FilterOptions
@@ -182,17 +181,13 @@ def tracker(
 
 def start(given: Parts, names: Sequence[object] | None = None) -> Start:
     """Where parts start."""
-    check_type("parts", given, Parts)
-    poses = numbers_in("poses", given.poses, "numbers x, y, theta of every part, [P, 3]")
-    sizes = numbers_in("sizes", given.sizes, "numbers width, height of every part, [P, 2]")
-    names, parents = given.names if names is None else names, check_tree(given.parents)
-    check_names(names, len(parents))
-    return Start(np.array(names), poses, sizes, parents)
+    poses, sizes = np.asarray(given.poses, float), np.asarray(given.sizes, float)
+    ids = np.array(given.names if names is None else names)
+    return Start(ids, poses, sizes, check_tree(given.parents))
 
 
 def to_parts(tracker: TrackerLike, estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to poses x, y (pixels), theta (radians) ``[..., P, 3]``."""
-    check_array("estimate", estimate, "x, y, theta, [..., P, >= 3]")
     return np.asarray(estimate)[..., :3]
 
 

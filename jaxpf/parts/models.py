@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf import contract
-from jaxpf.contract.errors import InputError, check_known, check_names
+from jaxpf.contract.errors import check_known
 from jaxpf.contract.model import Model, check_tree
-from jaxpf.contract.numbers import FINITE, check_array, numbers_in
+from jaxpf.contract.numbers import check_number
 from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import as_array, pytree_dataclass
 from jaxpf.contract.types import LikelihoodLike
@@ -26,7 +26,6 @@ from jaxpf.dynamics.joints import (
     joints_between,
     substates_at,
 )
-from jaxpf.likelihoods.color import check_frame
 from jaxpf.likelihoods.histogram import HistogramLikelihood
 from jaxpf.lowering.programs import compiled
 
@@ -147,9 +146,7 @@ def with_log_odds(
         sizes: width and height, pixels, ``[P, 2]``.
         parents: index of each part's parent, -1 for a root, ``[P]``.
     """
-    check_frame(frame)
-    poses = numbers_in("poses", poses, "x, y, theta of every part, [P, 3]")
-    poses, sizes = check_parts(poses, sizes, parents)
+    poses, sizes = np.asarray(poses, np.float32), np.asarray(sizes, np.float32)
     across, down = ((np.arange(_PLACES) + 0.5) / _PLACES * side for side in frame.shape[1::-1])
     places = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2).astype(np.float32)
     partition = np.repeat(np.arange(len(poses)), len(places))
@@ -203,22 +200,24 @@ def parts_model(
             or ``[P, 3]``.  0 starts all particles at the poses.
     """
     tree = check_tree(parents)
-    poses, sizes = check_parts(poses, sizes, tree)
+    poses, sizes = np.asarray(poses, np.float32), np.asarray(sizes, np.float32)
+    check_number("poses", poses)
+    check_number("sizes", sizes, above=0)
+    for name, noise in (("scale", scale), ("joint_scale", joint_scale), ("reach", reach)):
+        check_number(name, noise, least=0)
+    scale, joint_scale = np.asarray(scale, np.float32), np.asarray(joint_scale, np.float32)
     check_known("dynamics ", dynamics, DYNAMICS)
-    scale = _noise("scale", scale, len(tree))
-    reach = np.broadcast_to(_noise("reach", reach, len(tree)), (len(tree), 3))
+    reach = np.broadcast_to(np.asarray(reach, np.float32), (len(tree), 3))
     moves: Any
     initial: Any
     if dynamics == "absolute":
         moves = RandomWalk(scale=scale)
         initial = UniformAround(poses, reach) if reach.any() else poses
     else:
-        if anchors is not None:
-            check_array("anchors", anchors, f"two joints of every part, [2, {len(tree)}, 2]")
         parent_anchor, part_anchor = anchors or joints_between(poses, sizes, tree)
         moves = RelativeToParent(
             scale=scale,
-            joint_scale=_noise("joint_scale", joint_scale, len(tree)),
+            joint_scale=joint_scale,
             parent_anchor=np.asarray(parent_anchor, np.float32),
             part_anchor=np.asarray(part_anchor, np.float32),
             parents=tree,
@@ -239,12 +238,7 @@ def cut_pictures(frame: np.ndarray, poses: ArrayLike, sizes: ArrayLike) -> list[
     Returns:
         P pictures, uint8 RGB ``[h, w, 3]``, sampled from the nearest pixels of the frame.
     """
-    check_frame(frame)
-    check_array("poses", poses, "finite x, y, theta of every part, [P, 3]", least=FINITE)
-    poses = np.asarray(poses, float)
-    wanted = f"width and height of every part, [{len(poses)}, 2]"
-    check_array("sizes", sizes, wanted, least=0)
-    sizes = np.asarray(sizes, float)
+    poses, sizes = np.asarray(poses, float), np.asarray(sizes, float)
     pictures = []
     for (x, y, theta), size in zip(poses, sizes, strict=True):
         width, height = np.maximum(np.rint(size).astype(int), 1)
@@ -255,47 +249,3 @@ def cut_pictures(frame: np.ndarray, poses: ArrayLike, sizes: ArrayLike) -> list[
         column = column.clip(0, frame.shape[1] - 1).astype(int)
         pictures.append(frame[row.clip(0, frame.shape[0] - 1).astype(int), column])
     return pictures
-
-
-def check_parts(
-    poses: ArrayLike, sizes: ArrayLike, tree: Sequence[int], names: Sequence[str] | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Check poses ``[P, 3]`` and sizes ``[P, 2]`` and convert them to float32.
-
-    Args:
-        poses: x, y, theta.
-        sizes: width and height, pixels.
-        tree: the part tree.
-        names: of the parts, for messages; by default their numbers.
-
-    Raises:
-        InputError: a wrong shape, a non-finite pose, or a part without area.
-    """
-    count = len(check_tree(tree))
-    poses = numbers_in("poses", poses, f"x, y, theta of every part, [{count}, 3]")
-    sizes = numbers_in("sizes", sizes, f"width and height of every part, [{count}, 2]")
-    poses, sizes = poses.astype(np.float32), sizes.astype(np.float32)
-    if names is not None:
-        check_names(names, count)
-    for part, (pose, (width, height)) in enumerate(zip(poses, sizes, strict=True)):
-        label = str(part) if names is None else repr(names[part])
-        if not np.isfinite(pose).all():
-            raise InputError(f"the pose of part {label} is {pose.tolist()}; give finite numbers.")
-        if not (width > 0 and height > 0 and np.isfinite(width * height)):
-            raise InputError(
-                f"part {label} measures {width:g} x {height:g} pixels, which is no area; give a "
-                "positive width and height."
-            )
-    return poses, sizes
-
-
-def _noise(name: str, values: ArrayLike, num_parts: int) -> np.ndarray:
-    """Check standard deviations or ranges and keep their shape."""
-    values = numbers_in(name, values, "numbers, such as 3,3,0.06").astype(np.float32)
-    fits = values.shape in ((), (3,), (num_parts, 3))
-    if not fits or not np.isfinite(values).all() or (values < 0).any():
-        raise InputError(
-            f"{name} {values.tolist()} must be three finite numbers >= 0, of x and y in pixels "
-            "and of the angle in radians, such as 3,3,0.06, or such a row for every part."
-        )
-    return values

@@ -6,8 +6,6 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.errors import check_names
-from jaxpf.contract.numbers import check_array, check_number, numbers_in
 from jaxpf.media.labels import DARK, Label, draw_labels_beside
 from jaxpf.media.overlay import shades_of
 
@@ -38,16 +36,10 @@ def draw_points(
         radius: of a point, pixels; by default larger in larger frames.
     """
     picture = np.ascontiguousarray(frame).copy()
-    places = numbers_in("places", places, "x, y in pixels, [P, 2]")
+    places = np.asarray(places, float)
     count = len(places)
-    for name, lines in (("trails", trails), ("particles", particles)):
-        if lines is not None:
-            check_array(name, lines, f"x, y in pixels, [K, {count}, 2]")
     shades = shades_of(count, colours)
-    hidden = np.zeros(count) if hidden is None else hidden
-    hollow = numbers_in("hidden", hidden, f"bool, [{count}]") > 0
-    if radius is not None:
-        check_number("radius", radius, above=0)
+    hollow = np.zeros(count, bool) if hidden is None else np.asarray(hidden)
     radius = max(4.0, min(picture.shape[:2]) / 120) if radius is None else radius
     line = max(1, round(radius / 4))
     # Trails and particles first, so that they hide no point.
@@ -70,7 +62,6 @@ def draw_points(
         cv2.circle(picture, at, size, DARK, 3 * line, cv2.LINE_AA, _SHIFT)
         cv2.circle(picture, at, size, colour, line if hollow[point] else -1, cv2.LINE_AA, _SHIFT)
     if names is not None:
-        check_names(names, count)
         reach = radius + 2 * line + 1  # with the rim
         labels = [
             Label.around(f"{name}", place - reach, place + reach, colour)

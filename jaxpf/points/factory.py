@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf import filters
-from jaxpf.contract.errors import InputError, check_names
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
-from jaxpf.contract.numbers import check_array, numbers_in
+from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import Option
 from jaxpf.contract.types import LikelihoodLike, TrackerLike
 from jaxpf.filters.options import FilterOptions
@@ -173,9 +173,7 @@ def tracker(
 def start(given: Any, names: Sequence[object] | None = None) -> Start:
     """Where points ``[P, 2]``, x and y in pixels, start; default names are numbers from 0."""
     places = numbers_in("points", given, "x, y in pixels of every point, [>= 1, 2]")
-    names = range(len(places)) if names is None else names
-    check_names(names, len(places))
-    ids = np.asarray(names, str)
+    ids = np.asarray(range(len(places)) if names is None else names, str)
     return Start(ids, places, np.full_like(places, _SIDE), (-1,) * len(places))
 
 
@@ -190,7 +188,6 @@ def settle(
 
 def to_points(tracker: TrackerLike, estimate: ArrayLike) -> np.ndarray:
     """Convert estimates ``[..., P, D]`` to points x, y in pixels, ``[..., P, 2]``."""
-    check_array("estimate", estimate, "x, y, [..., P, >= 2]")
     return np.asarray(estimate)[..., :2]
 
 

@@ -95,8 +95,6 @@ def grid_points(mask: ArrayLike, step: float) -> Points:
         InputError: the mask is not [H, W], the step is below 1, or no point lies on the mask.
     """
     mask = np.asarray(mask)
-    if mask.ndim != 2:
-        raise InputError(f"the mask has shape {list(mask.shape)}; give one channel, [H, W]")
     if not (math.isfinite(step) and step >= 1):
         raise InputError(f"a grid's step of {step:g} pixels must be a number of at least 1")
     height, width = mask.shape

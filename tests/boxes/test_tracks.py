@@ -59,7 +59,6 @@ def outside(box):
         (lambda table: start_boxes(table, 1), "frame 1"),
         (lambda table: start_boxes(table, 2, [1, 3]), "id 3"),
         (lambda table: start_boxes(table, 0, [1, 3, 1]), "id 1"),
-        (lambda table: start_boxes(table, 0, []), "ids"),
         (lambda table: dense(table, [1, 9], 4), "id 9"),
         (lambda _: parse_box("1,2,3"), "'1,2,3'"),
         (lambda _: parse_box(""), "''"),

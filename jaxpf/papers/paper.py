@@ -22,10 +22,9 @@ from jaxpf.files.writing import csv_text, write_text
 from jaxpf.media import plotting
 from jaxpf.papers.checkpoints import UNSTORED, Measurements
 from jaxpf.papers.judging import verdicts
-from jaxpf.papers.judging.claims import RULE, Judged, claims_of, judge_all, read_rows
+from jaxpf.papers.judging.claims import GROUPS, RULE, Judged, claims_of, judge_all, read_rows
 from jaxpf.papers.judging.estimates import Quantity
-from jaxpf.papers.study import Study, table_rows, tables
-from jaxpf.papers.tables import Table, markdown_table
+from jaxpf.papers.study import Study, Table, table_rows, tables
 
 #: How to read the tables.
 CELLS = (
@@ -65,7 +64,7 @@ class Comparison(NamedTuple):
             lines += [f"## {table.title}", "", *markdown_table(table.columns, table.texts()), ""]
             if table.note:
                 lines += [table.note, ""]
-        lines += ["## Claims", "", RULE, "", *verdicts.claims_markdown(self.claims)]
+        lines += ["## Claims", "", RULE, "", *claims_markdown(self.claims)]
         for stem in self.figures:
             lines += [f"![{stem}]({stem}.png)", ""]
         return "\n".join([*lines, "## Notes", "", *(f"- {note}" for note in self.notes), ""])
@@ -162,3 +161,27 @@ def settings_table(paper: str) -> Table:
     title = "Settings that the paper leaves open, chosen on scenes that no report uses"
     columns = ["setting", "value", "how it was chosen"]
     return Table("chosen_settings", title, columns, rows)
+
+
+def claims_markdown(claims: Sequence[Judged], level: int = 3) -> list[str]:
+    """A table of claims for every group, under a heading of the given level, as Markdown lines."""
+    lines = []
+    for group, title in GROUPS.items():
+        rows = [
+            [claim.sentence, claim.source, claim.published, each.shown, each.verdict]
+            for each in claims
+            if (claim := each.claim).group == group
+        ]
+        if rows:
+            columns = ("claim", "source", "published", "ours", "verdict")
+            lines += [f"{'#' * level} {title.capitalize()}", "", *markdown_table(columns, rows), ""]
+    return lines
+
+
+def markdown_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """A table as Markdown lines."""
+    return [_line(columns), "|" + " --- |" * len(columns), *map(_line, rows)]
+
+
+def _line(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"

@@ -22,7 +22,6 @@ import pandas as pd
 
 from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.judging.estimates import ALONE, COMPARED, Measured, Quantity
-from jaxpf.papers.tables import Table
 
 _TEXTS: Mapping[str, Callable[[np.ndarray], str]] = {
     "number": lambda values: f"{values.flat[0]:g}",
@@ -87,6 +86,29 @@ def tidy(values: Mapping[tuple[str, str, str], Any]) -> pd.DataFrame:
     rows = rows.explode("value")
     rows["scene"] = rows.groupby(level=0).cumcount()
     return rows.reset_index(drop=True).astype({"value": float})
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """A table; a cell is a text, or an object that ``str`` turns into one.
+
+    Attributes:
+        name: stem of its file.
+        title: one line above the table, with units.
+        columns: header, starting with the label's column.
+        rows: ``(label, cells)``.
+        note: remark for the reader; may be empty.
+    """
+
+    name: str
+    title: str
+    columns: list[str]
+    rows: list[tuple[str, list[Any]]]
+    note: str = ""
+
+    def texts(self) -> list[list[str]]:
+        """Rows of text for printing."""
+        return [[label, *map(str, cells)] for label, cells in self.rows]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -13,7 +13,7 @@ import scenes
 from jaxpf import cli, media
 from jaxpf.papers import PAPERS
 from jaxpf.papers.judging import verdicts
-from jaxpf.papers.tables import markdown_table
+from jaxpf.papers.paper import claims_markdown, markdown_table
 
 #: The package's own page: the names in the order in which they are met, by their purpose.
 PACKAGE = {
@@ -144,7 +144,7 @@ def _verdicts():
         blocks += [
             f"## {verdicts.summary(paper, judged)}\n",
             f"Method: {verdicts.FORMS[paper]}; {verdicts.origin(judged)}.\n",
-            *verdicts.claims_markdown(judged, level=3),
+            *claims_markdown(judged, level=3),
             "### Not judged\n",
             *_rows(left),
             f"### {verdicts.EARLIER.capitalize()}\n",

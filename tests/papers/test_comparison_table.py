@@ -7,8 +7,7 @@ from jaxpf import InputError, media
 from jaxpf.papers.judging.claims import Claim, judge
 from jaxpf.papers.judging.estimates import Measured, mean_of
 from jaxpf.papers.paper import Comparison
-from jaxpf.papers.study import Cell, Study, tables, tidy
-from jaxpf.papers.tables import Table
+from jaxpf.papers.study import Cell, Study, Table, tables, tidy
 
 CLAIM = Claim("a_b", "paper", "a is b", "1", "a | b.", "table 1", 0.0, float("inf"), 0.0, 0, "runs")
 

@@ -67,11 +67,6 @@ def mean_of(values: Any, what: str = "", bounds: tuple[float, float] | None = No
     return Quantity(value, interval, max(len(values), 1), what)
 
 
-def difference_of(first: "ArrayLike", second: "ArrayLike", what: str = "") -> Quantity:
-    """The mean of the scenes' differences ``[S]``."""
-    return mean_of(np.asarray(first, float) - np.asarray(second, float), what)
-
-
 def ratio_of(first: "ArrayLike", second: "ArrayLike", what: str = "") -> Quantity:
     """The geometric mean of the scenes' ratios ``[S]``, first over second.
 
@@ -113,7 +108,7 @@ ALONE: Mapping[str, Callable[..., Quantity]] = {
     "gain": mean_of,
 }
 COMPARED: Mapping[str, Callable[..., Quantity]] = {
-    "mean": difference_of,
+    "mean": lambda first, second, what: mean_of(np.subtract(first, second), what),
     "percent": gap_of,
     "ratio": ratio_of,
     "gain": gain_of,

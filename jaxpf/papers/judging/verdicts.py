@@ -1,9 +1,8 @@
 """The stored verdicts on the papers' claims, and their printed form.
 
 Each paper's folder holds ``claims.csv``; ``verdicts.csv``, which ``jaxpf reproduce`` writes, with a
-row for each figure of a claim;
-``not_judged.csv``, the paper's other claims, and why they have no verdict; and ``earlier.csv``,
-figures that were measured once and are no longer repeated.
+row for each figure of a claim; ``not_judged.csv``, the paper's other claims, and why they have no
+verdict; and ``earlier.csv``, figures that were measured once and are no longer repeated.
 """
 
 import itertools
@@ -30,7 +29,6 @@ from jaxpf.papers.judging.claims import (
     read_rows,
 )
 from jaxpf.papers.judging.estimates import Quantity
-from jaxpf.papers.tables import markdown_table
 
 #: Columns of ``verdicts.csv``: a figure with its interval at a level, from a number of units (0 if
 #: it is computed), and the verdict on its claim.
@@ -205,18 +203,3 @@ def report(paper: str, judged: Sequence[Judged], details: bool = False) -> Itera
                 f"{row['date']}, commit {row['commit']}).  {row['reason']}"
             )
             yield from textwrap.wrap(text, 98, subsequent_indent="  ")
-
-
-def claims_markdown(claims: Sequence[Judged], level: int = 3) -> list[str]:
-    """A table of claims for every group, under a heading of the given level, as Markdown lines."""
-    lines = []
-    for group, title in GROUPS.items():
-        rows = [
-            [claim.sentence, claim.source, claim.published, each.shown, each.verdict]
-            for each in claims
-            if (claim := each.claim).group == group
-        ]
-        if rows:
-            columns = ("claim", "source", "published", "ours", "verdict")
-            lines += [f"{'#' * level} {title.capitalize()}", "", *markdown_table(columns, rows), ""]
-    return lines

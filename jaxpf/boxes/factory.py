@@ -22,7 +22,7 @@ from jaxpf.boxes.models import (
     relative_steps,
 )
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import MOST, numbers_in, plain
+from jaxpf.contract.numbers import MOST, plain
 from jaxpf.contract.options import OPEN, Option
 from jaxpf.contract.types import LikelihoodLike
 from jaxpf.filters.options import FilterOptions
@@ -219,7 +219,7 @@ def tracker(
 
 def start(given: Any, names: Sequence[object] | np.ndarray | None = None) -> Start:
     """Where boxes ``[P, 4]`` start; default names are numbers from 1."""
-    boxes = numbers_in("boxes", given, "x, y, w, h in pixels of every object, [>= 1, 4]")
+    boxes = np.asarray(given, float)
     for number, box in enumerate(boxes):
         if not (np.isfinite(box).all() and (box[2:] > 0).all()):
             raise InputError(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_number, numbers_in
+from jaxpf.contract.numbers import check_number
 from jaxpf.shapes.splines import CUBIC, check_order
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class Contours:
     remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        points = numbers_in("points", self.points, "control points in pixels, [>= 1, K, 2]")
+        points = np.asarray(self.points, float)
         check_order(points.shape[1], self.degree)
         if not np.isfinite(points).all():
             raise InputError("points hold a number that is not finite; give pixels, [P, K, 2].")

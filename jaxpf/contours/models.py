@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 from jaxpf.contours.data import Contours
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
-from jaxpf.contract.numbers import numbers_in
 from jaxpf.dynamics.gaussian import RandomWalk
 from jaxpf.dynamics.occlusion import WithOcclusion
 from jaxpf.shapes.depth import depth_orders
@@ -87,7 +86,7 @@ def start_space(start: Contours, space: ShapeSpace | str = "similarity") -> Shap
 
 def _noise(scale: ArrayLike, count: int, dimension: int) -> np.ndarray:
     """Expand and check the noise, ``[D]`` or ``[P, D]``."""
-    values = numbers_in("scale", scale, "two numbers, or one for each coordinate, [..., D]")
+    values = np.asarray(scale, float)
     values = values.astype(np.float32)
     if values.shape[-1:] == (2,):
         values = np.repeat(values, [2, dimension - 2], axis=-1)

@@ -85,18 +85,6 @@ def check_names(names: object, count: int) -> None:
         )
 
 
-def check_type(name: str, value: object, *kinds: type) -> None:
-    """Refuse a ``value`` of the argument ``name`` that is of none of these ``kinds``.
-
-    Raises:
-        InputError: names the type that was given, and those that are allowed.
-    """
-    if not isinstance(value, kinds):
-        wanted = " or ".join(kind.__name__ for kind in kinds)
-        article = "an" if wanted[0] in "AEIOU" else "a"
-        raise InputError(f"{name} is {type(value).__name__}: give {article} {wanted}.")
-
-
 def check_path(name: str, value: Any) -> Path:
     """Convert the argument ``name`` to a path, which is text or ``os.PathLike`` and not empty."""
     try:

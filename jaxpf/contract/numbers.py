@@ -13,28 +13,6 @@ from jaxpf.contract.errors import Argument, InputError
 MOST = 2**31 - 1
 #: Smallest number above 0 in single precision.
 TINY = float(np.finfo(np.float32).tiny)
-#: Lower bound of an array that need only be finite.
-FINITE = -float(np.finfo(np.float64).max)
-
-
-def check_array(
-    name: str, value: Any, wanted: str, least: float = -np.inf, most: float = np.inf
-) -> None:
-    """Refuse numbers that are not finite, or outside of the bounds, if one is given.
-
-    A traced value passes.
-
-    Args:
-        name: of the argument.
-        value: of the argument.
-        wanted: what to give, in the message.
-        least: smallest number.
-        most: largest number.
-    """
-    if np.isfinite([least, most]).any() and not _is_traced(value):
-        numbers = np.asarray(value, float)
-        if not (np.isfinite(numbers) & (numbers >= least) & (numbers <= most)).all():
-            raise InputError(f"{name}={_shown(value)} must be {wanted}.")
 
 
 def with_nan(value: Any) -> Any:
@@ -52,15 +30,6 @@ def with_nan(value: Any) -> Any:
             return value.data
         return np.ma.filled(value.astype(np.result_type(value.dtype, np.float32)), np.nan)
     return np.nan if type(value).__name__ == "NAType" else value  # of pandas
-
-
-def numbers_in(
-    name: str, value: Any, wanted: str, least: float = -np.inf, most: float = np.inf
-) -> np.ndarray:
-    """Convert the concrete ``value`` of the argument ``name`` to float64; see ``check_array``."""
-    value = with_nan(value)
-    check_array(name, value, wanted, least, most)
-    return np.asarray(value, float)
 
 
 def check_whole(name: str, value: object, least: int = 1, most: int = MOST) -> None:

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.lost import LOST_BELOW
-from jaxpf.contract.numbers import numbers_in
 from jaxpf.measures.intervals import Interval, mean_interval
 
 #: Number of bins in ``confidence_counts``.
@@ -82,7 +81,7 @@ def confidence_counts(confidence: ArrayLike, on_object: ArrayLike) -> np.ndarray
         int ``[R, 2, 100]``: frames off and on their object, in equal bins of confidence.
     """
     confidence, on_object = np.broadcast_arrays(
-        numbers_in("confidence", confidence, "numbers from 0 to 1"),
+        np.asarray(confidence, float),
         np.asarray(on_object, float),
     )
     counts = np.zeros((len(confidence), 2, CONFIDENCE_BINS), np.int64)

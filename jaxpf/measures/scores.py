@@ -16,7 +16,6 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import numbers_in
 from jaxpf.measures.association import pairwise_iou
 from jaxpf.measures.means import masked_mean
 from jaxpf.measures.metrics import centre_error, has_truth, iou
@@ -68,9 +67,8 @@ def tracking_scores(estimate: ArrayLike, truth: ArrayLike) -> dict[str, float]:
     Raises:
         InputError: TrackEval is not installed, or the shapes do not match.
     """
-    truth = numbers_in("truth", truth, "boxes x, y, w, h, [T, Q, 4]")
-    wanted = f"boxes x, y, w, h in the frames of the truth, [{len(truth)}, P, 4]"
-    estimate = numbers_in("estimate", estimate, wanted)
+    truth = np.asarray(truth, float)
+    estimate = np.asarray(estimate, float)
     metrics = import_trackeval().metrics
     data = _trackeval_data(estimate, truth)
     quiet = {"PRINT_CONFIG": False}

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from jaxpf import filters
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
-from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import Option
 from jaxpf.contract.types import LikelihoodLike, TrackerLike
 from jaxpf.filters.options import FilterOptions
@@ -172,7 +171,7 @@ def tracker(
 
 def start(given: Any, names: Sequence[object] | None = None) -> Start:
     """Where points ``[P, 2]``, x and y in pixels, start; default names are numbers from 0."""
-    places = numbers_in("points", given, "x, y in pixels of every point, [>= 1, 2]")
+    places = np.asarray(given, float)
     ids = np.asarray(range(len(places)) if names is None else names, str)
     return Start(ids, places, np.full_like(places, _SIDE), (-1,) * len(places))
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import check_whole, numbers_in
+from jaxpf.contract.numbers import check_whole
 from jaxpf.shapes.spaces import ShapeSpace, key_frame_space
 from jaxpf.shapes.splines import check_order, fit_spline, resample_polyline
 
@@ -77,7 +77,7 @@ def augment(examples: ArrayLike, turns: int) -> np.ndarray:
     Returns:
         ``[4 * turns * S, K, 2]``.
     """
-    examples = numbers_in("examples", examples, "control points (x, y), [S, K, 2]")
+    examples = np.asarray(examples, float)
     check_whole("turns", turns)
     both = np.concatenate([examples, examples[:, ::-1]])
     every = np.concatenate([both, both * (-1, 1)])

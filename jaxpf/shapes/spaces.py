@@ -15,7 +15,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import check_whole, numbers_in
+from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.lowering.programs import in_full
 from jaxpf.shapes.splines import CUBIC, check_order
@@ -104,7 +104,7 @@ class ShapeSpace:
         Args:
             control: ``[..., P, K, 2]``, pixels.
         """
-        control = numbers_in("control", control, f"[..., {self._count}, {self.num_points}, 2]")
+        control = np.asarray(control, float)
         template, modes = np.asarray(self.template, float), np.asarray(self.modes, float)
         num_targets, length = control.shape[-3], control.shape[-2] * 2
         rest = (control - template).reshape(*control.shape[:-2], length)
@@ -171,9 +171,7 @@ def check_contours(contours: ArrayLike, degree: int = CUBIC) -> np.ndarray:
     Raises:
         InputError: the shape is wrong, a number is not finite, or there are too few points.
     """
-    contours = numbers_in(
-        "contours", contours, "control points (x, y) of every target, [>= 1, K, 2]"
-    )
+    contours = np.asarray(contours, float)
     check_order(contours.shape[1], degree)
     if not np.isfinite(contours).all():
         target = int(np.argwhere(~np.isfinite(contours))[0, 0])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_whole, numbers_in
+from jaxpf.contract.numbers import check_whole
 
 CUBIC = 3
 #: Largest degree of a spline, and largest number of points.
@@ -36,7 +36,7 @@ def basis(
 
     check_order(num_points, degree)
     check_whole("derivative", derivative, 0, degree)
-    places = np.atleast_1d(numbers_in("places", places, "numbers from 0 to 1"))
+    places = np.atleast_1d(np.asarray(places, float))
     if closed:
         knots = np.arange(-degree, num_points + degree + 1, dtype=float)
         spans, at = num_points, (places % 1.0) * num_points
@@ -64,7 +64,7 @@ def even_places(count: int, *, closed: bool) -> np.ndarray:
 
 def points_on(control: ArrayLike, count: int, *, closed: bool, degree: int = CUBIC) -> np.ndarray:
     """``count`` points ``[..., count, 2]`` along splines with control points ``[..., K, 2]``."""
-    control = numbers_in("control", control, "control points (x, y), [..., K, 2]")
+    control = np.asarray(control, float)
     places = even_places(count, closed=closed)
     return basis(places, control.shape[-2], closed=closed, degree=degree) @ control
 
@@ -93,7 +93,7 @@ def resample_polyline(points: ArrayLike, count: int, *, closed: bool) -> np.ndar
     Raises:
         InputError: points are not finite, or all coincide.
     """
-    points = numbers_in("points", points, "finite points (x, y), [S, 2]")
+    points = np.asarray(points, float)
     if not np.isfinite(points).all():
         raise InputError("points of a polyline are not finite; give finite (x, y), [S, 2].")
     if closed:
@@ -108,7 +108,7 @@ def resample_polyline(points: ArrayLike, count: int, *, closed: bool) -> np.ndar
 
 def crosses_itself(points: ArrayLike, *, closed: bool) -> bool:
     """Whether two non-adjacent sides of a polyline ``[S, 2]`` intersect."""
-    points = numbers_in("points", points, "points (x, y), [S, 2]")
+    points = np.asarray(points, float)
     ends = np.roll(points, -1, axis=0) if closed else points[1:]
     starts = points[: len(ends)]
     sides = ends - starts

@@ -15,7 +15,6 @@ import numpy as np
 
 from jaxpf import filters
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_array
 from jaxpf.contract.options import complete, defaults_of, options_of
 from jaxpf.filters.registry import Filter
 from jaxpf.targets.presets import PRESETS
@@ -104,7 +103,6 @@ def looks_of(frame: Any, num_particles: int | None = None, patches: Any = None) 
     if isinstance(frame, Looks):
         return frame
     wanted = "the frame in which tracking starts, uint8 RGB [H, W, 3], or a likelihood of your own"
-    check_array("frame", frame, wanted)
     frame = np.asarray(frame)
     if frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype != np.uint8:
         raise InputError(f"frame is {frame.dtype} {list(frame.shape)}; give {wanted}.")

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 from jax.typing import ArrayLike
 
-from jaxpf.contract.errors import Argument, InputError, check_type
+from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.options import Option, applying, checked, options_of
 from jaxpf.gradients import named
 from jaxpf.targets import building, find_target
@@ -37,7 +37,6 @@ class Recipe:
 
     def __post_init__(self) -> None:
         of = self.of
-        check_type("values", self.values, Mapping)
         values = {**of.defaults, **self.values}
         filter_ = building.filter_for(of, values.get("method"))
         building.check_names(self.values, of, filter_)

@@ -43,7 +43,7 @@ class Tracker:
     Define ``init`` and ``step_observed``, plus ``observe`` if runs can share work.  If they
     cannot, define ``init`` and ``step``.  Optional are ``num_partitions``, for ``observed`` by
     partition; ``evidence_biases``, see there; ``moments`` and ``states``, for states that are
-    pytrees; and ``observe_nearby(frame, state)``, see ``jaxpf.contract.near.observe_nearby``.
+    pytrees; and ``observe_nearby(frame, state)``, see ``jaxpf.contract.calls.observe_nearby``.
     """
 
     def init(self, key: jax.Array) -> Any:
@@ -250,7 +250,7 @@ class Likelihood:
     * ``look_near(observation, estimates [P, D]) -> observation``: what depends on the estimates
       of the previous frame, or is costly to see and is needed near the objects only.
     * ``observe_nearby(frame, estimates [P, D]) -> observation``: ``observe`` of the frame near the
-      objects alone, see ``jaxpf.contract.near.observe_nearby``.
+      objects alone, see ``jaxpf.contract.calls.observe_nearby``.
     * ``at_frame`` and ``with_inputs``: for a likelihood that changes with time, as for
       ``Dynamics``.  ``observe`` stays that of the likelihood without a time.
     * ``log_odds(observation, partition [], substate [D]) -> []``, or ``log_odds_all`` with

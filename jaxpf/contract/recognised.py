@@ -14,6 +14,8 @@ import numpy as np
 
 #: Packages whose functions and objects do not change while a program runs.
 _FIXED = {"builtins", "functools", "jax", "jaxlib", "jaxpf", "math", "numpy", "scipy"}
+#: Largest NumPy array that is compared by its values, bytes.
+_MOST_BYTES = 2**16
 _known: weakref.WeakValueDictionary[Hashable, Any] = weakref.WeakValueDictionary()
 #: What each function read when it was met first, as its compiled program does.
 _read: weakref.WeakKeyDictionary[Any, Hashable] = weakref.WeakKeyDictionary()
@@ -39,11 +41,14 @@ def _key_of(value: Any) -> Hashable:
         return type(value), repr(value)  # tells 1 from 1.0 and True, and -0.0 from 0.0
     if type(value) is tuple:
         return tuple(map(_key_of, value))
-    if isinstance(value, np.ndarray | np.generic) and not value.dtype.hasobject:
+    if isinstance(value, np.ndarray | np.generic):
+        if value.dtype.hasobject or value.nbytes > _MOST_BYTES:
+            raise TypeError("an array can change")
         return type(value), value.dtype.str, value.shape, value.tobytes()
     module = value.__name__ if isinstance(value, types.ModuleType) else type(value).__module__
     home = str(getattr(value, "__module__", module) or module).partition(".")[0]
-    if home in _FIXED and not isinstance(value, list | dict | set | jax.core.Tracer):
+    is_fixed = home in _FIXED and (home != "builtins" or callable(value))
+    if is_fixed and not isinstance(value, jax.core.Tracer):
         return type(value), id(value)  # which cannot be another's while the function lives
     if isinstance(value, types.FunctionType):
         cells = tuple(cell.cell_contents for cell in value.__closure__ or ())

@@ -12,8 +12,8 @@ from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract import calls
+from jaxpf.contract.calls import observe_nearby
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.near import observe_nearby
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import T
 from jaxpf.contract.recognised import recognised

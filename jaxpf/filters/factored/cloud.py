@@ -13,7 +13,7 @@ import jax.numpy as jnp
 
 from jaxpf import contract
 from jaxpf.contract import logs
-from jaxpf.contract.near import look_near
+from jaxpf.contract.calls import look_near
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import (
     STATUS_IMPOSSIBLE,
@@ -206,7 +206,7 @@ def multiplied(log_weights: jax.Array, log_factor: jax.Array) -> tuple[jax.Array
 
 
 def seen_near(tracker: Factored, state: FactoredState, observation: Any) -> Any:
-    """The observation near the estimates of a state, see ``jaxpf.contract.near.look_near``."""
+    """The observation near the estimates of a state, see ``jaxpf.contract.calls.look_near``."""
     return look_near(
         tracker.likelihood, observation, lambda: means(state.log_weights, state.lagged[0]).T
     )

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Tracker
-from jaxpf.contract.near import look_near
+from jaxpf.contract.calls import look_near
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass
 from jaxpf.contract.refusals import Bias
 from jaxpf.filters import confidence

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Tracker, calls
+from jaxpf.contract.calls import look_near, observe_nearby
 from jaxpf.contract.model import check_tree
-from jaxpf.contract.near import look_near, observe_nearby
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass
 from jaxpf.contract.refusals import Bias, poisoned
 from jaxpf.contract.state import ParticleState, Summary, moments
@@ -148,7 +148,7 @@ class Partitioned(Settings, Tracker):
         return self.likelihood.observe(frame)
 
     def observe_nearby(self, frame: Any, state: ParticleState) -> Any:
-        """See ``jaxpf.contract.near.observe_nearby``; a proposal may look anywhere."""
+        """See ``jaxpf.contract.calls.observe_nearby``; a proposal may look anywhere."""
         if self.proposal is not None:
             return None
         return observe_nearby(self.likelihood, frame, _means(state))

@@ -13,7 +13,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.types import TrackerLike
 from jaxpf.detections.lifetimes import Rules
 from jaxpf.detections.population import come_and_go
-from jaxpf.detections.records import Group, Record
+from jaxpf.detections.records import Group, Record, group_of
 from jaxpf.filters import SideBySide
 from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.filters.labelled.tracker import Labelled
@@ -40,11 +40,11 @@ def follow(
 
     Objects that start in the same frame form a group with a tracker of its own, learned in that
     frame.  An object that starts again leaves its former group, whose other objects go on as
-    before.  With ``rules``, boxes come and go: all share one labelled tracker, whose number of
-    slots is fixed, so that new objects need no recompilation.  Example::
+    before.  With ``detections`` or ``rules``, boxes come and go: all share one labelled tracker,
+    whose number of slots is fixed, so that new objects need no recompilation.  Example::
 
         tracker = open_box_tracker(frames[0].shape, capacity=16, num_particles=1600)
-        for record in follow(tracker, key, frames, detections=detections, rules=Rules()):
+        for record in follow(tracker, key, frames, detections=detections):
             print(record.number, record.ids, record.shapes)
 
     Args:
@@ -58,7 +58,8 @@ def follow(
         make: function from a picture and a start to a tracker, for the groups of ``later``.
         detections: boxes ``[M, 4]`` by the frame's number, or None for a frame in which the
             detector did not run.  Without them missing detections end no object.
-        rules: of starts and ends.
+        rules: of starts and ends, by default ``Rules()`` with detections; given without them, the
+            objects of ``start`` and ``later`` end by the rules.
         state: state of a run to resume; the frames that it has tracked are passed over.
         first: number of the start frame, from which the others count on.
 
@@ -81,7 +82,8 @@ def follow(
         assert start is not None
         groups = [(start.ids, _group(first, tracker, key, shown(), start, target, state))]
         starts = {}
-    elif rules is not None:
+    elif rules is not None or detections is not None:
+        rules = rules or Rules()
         groups = [(None, come_and_go(tracker, key, shown(), starts, detections, rules, first))]
         starts = {}
     for number, picture in enumerate(itertools.islice(frames, begin - first, None), begin):
@@ -113,24 +115,13 @@ def _group(
 ) -> Iterator[Group]:
     """A fixed set of objects: where they start, unless they resume, and then once a frame."""
     own = tracker.tracker if isinstance(tracker, SideBySide) else tracker
-    slots, nobody = np.arange(len(start.ids)), np.zeros(len(start.ids), bool)
+    slots = np.arange(len(start.ids))
     if state is None:
-        yield Group(since, own, start, start.shapes, slots, nobody, nobody, nobody)
+        yield group_of(target, next(iter(frames)), since, own, start, start.shapes, slots)
     for tracked in stream(tracker, key, frames, state=state):
         summary = tracked.summary
         if tracked.time == 0 and isinstance(own, Labelled):
             check_started(summary, start.ids)
-        hopeless = getattr(summary, "without_likelihood", None)
-        yield Group(
-            since=since,
-            tracker=own,
-            start=start,
-            shapes=np.asarray(shapes_of(own, target, start, summary.estimate), float),
-            slots=slots,
-            outside=nobody,
-            without_likelihood=nobody if hopeless is None else hopeless,
-            lost=nobody,
-            confidence=getattr(summary, "confidence", None),
-            summary=summary,
-            state=tracked.state,
-        ).judged(target, tracked.frame)
+        shapes = np.asarray(shapes_of(own, target, start, summary.estimate), float)
+        given = since, own, start, shapes, slots, summary, tracked.state
+        yield group_of(target, tracked.frame, *given)

@@ -20,7 +20,7 @@ from jaxpf.contract.model import Model
 from jaxpf.contract.options import OPEN, complete
 from jaxpf.detections import lifetimes
 from jaxpf.detections.lifetimes import EMPTY, Changes, Living, Refusal, Rules
-from jaxpf.detections.records import Group
+from jaxpf.detections.records import Group, group_of
 from jaxpf.filters.labelled.population import add_target, remove_target
 from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.filters.labelled.tracker import Labelled
@@ -144,45 +144,12 @@ def come_and_go(
         boxes, without = np.where(alive[:, None], boxes, np.nan), without & alive
         for new in changes.started:
             boxes[new.slot], without[new.slot] = new.box, False
-        yield _group(first, tracker, living.ids, boxes, without, changes, summary, state, frame)
-
-
-def _group(
-    since: int,
-    tracker: Labelled,
-    ids: np.ndarray,
-    boxes: np.ndarray,
-    without_likelihood: np.ndarray,
-    changes: Changes,
-    summary: Any,
-    state: Any,
-    frame: np.ndarray,
-) -> Group:
-    """The objects in the slots of a tracker, with the sizes at which a scale of 1 gives them."""
-    slots, scales, confidence = np.flatnonzero(ids != EMPTY), np.ones(len(ids)), None
-    if summary is not None:
-        # An object that starts in this frame has no estimate yet, and a scale of 1.
-        scales = np.maximum(np.nan_to_num(summary.estimate[:, 2], nan=1.0), 1e-9)
-        confidence = getattr(summary, "confidence", None)
-    if confidence is not None:
-        confidence = np.array(confidence)
-        confidence[[new.slot for new in changes.started]] = np.nan
-        confidence = confidence[slots]
-    nobody = np.zeros(len(slots), bool)
-    return Group(
-        since=since,
-        tracker=tracker,
-        start=Start(ids, boxes, boxes[:, 2:] / scales[:, None], (-1,) * len(ids)),
-        shapes=boxes,
-        slots=slots,
-        outside=nobody,
-        without_likelihood=without_likelihood[slots],
-        lost=nobody,
-        confidence=confidence,
-        summary=summary,
-        state=None if summary is None else state,
-        changes=changes,
-    ).judged(BOXES, frame)
+        scales = np.ones(len(boxes))  # of an object that starts in this frame, too
+        if summary is not None:
+            scales = np.maximum(np.nan_to_num(summary.estimate[:, 2], nan=1.0), 1e-9)
+        start = Start(living.ids, boxes, boxes[:, 2:] / scales[:, None], (-1,) * len(boxes))
+        slots = np.flatnonzero(alive)
+        yield group_of(BOXES, frame, first, tracker, start, boxes, slots, summary, state, changes)
 
 
 def _changed(

@@ -54,13 +54,40 @@ class Group(NamedTuple):
         rows = {name: getattr(self, name) for name in names}
         return self._replace(**{n: each[kept] for n, each in rows.items() if each is not None})
 
-    def judged(self, target: Target, frame: np.ndarray) -> Self:
-        """The same group, with confidence and who is lost or outside the picture."""
-        corners = np.asarray(target.outlines(self.start, self.shapes), float)[self.slots]
-        lowest, highest = corners.min(axis=1), corners.max(axis=1)
-        inside = np.all((lowest < np.array(frame.shape[1::-1])) & (highest > 0), axis=1)
-        confidence, lost = judge(~inside, self.without_likelihood, self.confidence)
-        return self._replace(outside=~inside, lost=lost, confidence=confidence)
+
+def group_of(
+    target: Target,
+    frame: np.ndarray,
+    since: int,
+    tracker: Any,
+    start: Start,
+    shapes: np.ndarray,
+    slots: np.ndarray,
+    summary: Any = None,
+    state: Any = None,
+    changes: Changes | None = None,
+) -> Group:
+    """A group in one frame, uint8 RGB ``[H, W, 3]``; nobody is lost in a frame without summary."""
+    nobody, confidence = np.zeros(len(slots), bool), None
+    if summary is None:
+        return Group(since, tracker, start, shapes, slots, nobody, nobody, nobody, changes=changes)
+    new = [] if changes is None else [each.slot for each in changes.started]
+    corners = np.asarray(target.outlines(start, shapes), float)[slots]
+    lowest, highest = corners.min(axis=1), corners.max(axis=1)
+    outside = ~np.all((lowest < np.array(frame.shape[1::-1])) & (highest > 0), axis=1)
+    if (without := getattr(summary, "without_likelihood", None)) is not None:
+        without = np.array(without)
+        without[new] = False  # they have their start boxes
+    hopeless = nobody if without is None else without[slots]
+    if (given := getattr(summary, "confidence", None)) is not None:
+        given = np.array(given)
+        given[new] = np.nan
+        confidence = given[slots]
+    confidence, lost = judge(outside, hopeless, confidence)
+    return Group(
+        *(since, tracker, start, shapes, slots, outside, hopeless, lost, confidence),
+        *(summary, state, changes),
+    )
 
 
 class Record(NamedTuple):

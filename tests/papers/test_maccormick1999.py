@@ -50,20 +50,18 @@ def test_a_case_starts_on_its_targets_and_learns_from_other_seeds(wires):
 
 
 def test_each_likelihood_has_its_own_noise_and_the_printed_one_that_of_its_rule(wires):
-    learned = np.asarray(wires.dynamics.noise)
-    factors = cases.NOISE_OF_WIRES
-    for exclusion, factor in (*factors.items(), ("wires-literal", factors["wires"])):
-        noise = cases.tracker_of(wires, cases.Method(exclusion, "ps", 10)).dynamics.noise
-        np.testing.assert_allclose(noise, factor * learned, rtol=1e-6)
-
-
-def test_a_case_as_printed_has_the_papers_lines_and_its_own_noise(wires):
-    printed = cases.tracker_of(wires, cases.Method("wires-literal", "ps", 10, all_printed=True))
-    factor = cases.NOISE_AS_PRINTED["wires"]
-    np.testing.assert_allclose(printed.dynamics.noise, factor * np.asarray(wires.dynamics.noise))
-    assert (printed.likelihood.sigma, printed.likelihood.independence) == (7, 1)
-    walker = cases.as_printed(wires._replace(noise={}))
-    assert not walker.noise
+    factors, printed = cases.NOISE_OF_WIRES, cases.NOISE_AS_PRINTED["wires"]
+    for exclusion, all_printed, factor in (
+        *((exclusion, False, factor) for exclusion, factor in factors.items()),
+        ("wires-literal", False, factors["wires"]),
+        ("wires-literal", True, printed),
+    ):
+        method = cases.Method(exclusion, "ps", 10, all_printed=all_printed)
+        tracker = cases.tracker_of(wires, method)
+        expected = factor * np.asarray(wires.dynamics.noise)
+        np.testing.assert_allclose(tracker.dynamics.noise, expected, rtol=1e-6)
+    assert (tracker.likelihood.sigma, tracker.likelihood.independence) == (7, 1)
+    assert not cases.as_printed(wires._replace(noise={})).noise
 
 
 @pytest.mark.slow
@@ -104,10 +102,7 @@ def test_who_ended_where_is_judged_by_the_truth(wires):
     np.testing.assert_array_equal(kept, (True, False, False, False, False))
     np.testing.assert_array_equal(coalesced, (False, False, True, False, False))
     np.testing.assert_array_equal(exchanged, (False, True, False, False, False))
-
-
-def test_distances_count_both_ways(wires):
-    half = wires.truth[:, :, : wires.truth.shape[2] // 2]
+    half = truth[:, :, : truth.shape[2] // 2]  # distances count both ways
     there = cases.distances(wires, half[None])[0]
     assert np.diagonal(there, axis1=1, axis2=2).min() > 6
 

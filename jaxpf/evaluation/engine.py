@@ -16,12 +16,12 @@ from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.plan import Plan
 from jaxpf.evaluation.results import BUILT_IN, Batch, Configuration, Results, batch_name
 from jaxpf.evaluation.scene import (
-    check_same_scene,
     check_scene,
     object_ids,
     open_scene,
     remember_scene,
     same_scene,
+    scene_digest,
     start_frame,
 )
 from jaxpf.evaluation.settings import (
@@ -125,10 +125,14 @@ def prepare(
     check_scene(scene)
     target = target_of_scene(scene, plan.target)
     start = target.scene_start(scene)
+    digest = scene_digest(scene)
     if settings is None:
-        settings = new_settings(plan, scene, target, start)
-    digest = settings["scene"]["digest"]
-    check_same_scene(scene, digest, folder)
+        settings = new_settings(plan, scene, digest, target, start)
+    if settings["scene"]["digest"] != digest:
+        raise InputError(
+            f"scene {scene.name!r} has other pictures or boxes than when the evaluation in "
+            f"'{folder}' was begun; choose another output folder, or restore the scene."
+        )
     remember_scene(scene, digest)
     reopen = functools.partial(same_scene, plan.scene, digest)
     results = Results(folder, settings, target.scene_shapes(scene)[1:], start, reopen)

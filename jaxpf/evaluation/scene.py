@@ -93,15 +93,6 @@ def scene_digest(scene: Scene) -> str:
     return digest.hexdigest()
 
 
-def check_same_scene(scene: Scene, digest: str, folder: Path) -> None:
-    """Refuse a scene that differs from that of the evaluation begun in a folder."""
-    if scene_digest(scene) != digest:
-        raise InputError(
-            f"scene {scene.name!r} has other pictures or boxes than when the evaluation in "
-            f"'{folder}' was begun; choose another output folder, or restore the scene."
-        )
-
-
 def remember_scene(scene: Scene, digest: str) -> None:
     """Cache an open scene so that ``same_scene`` in this process does not open it again."""
     _last_scene[:] = [(digest, scene)]

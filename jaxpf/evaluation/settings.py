@@ -25,7 +25,7 @@ from jaxpf.evaluation.results import (
     Results,
     read_settings,
 )
-from jaxpf.evaluation.scene import object_ids, scene_digest, start_frame
+from jaxpf.evaluation.scene import object_ids, start_frame
 from jaxpf.evaluation.trackers import looks_of, own_tracker
 from jaxpf.files.store import SETTINGS, Store, versions
 from jaxpf.files.writing import is_left_over, report_os_errors
@@ -60,8 +60,8 @@ def _compared(settings: Mapping[str, Any]) -> dict[str, Any]:
     return {**own, **settings["asked"], "runs": settings["runs"]}
 
 
-def new_settings(plan: Plan, scene: Scene, of: Target, start: Start) -> dict[str, Any]:
-    """Make the content of ``settings.json``.
+def new_settings(plan: Plan, scene: Scene, digest: str, of: Target, start: Start) -> dict[str, Any]:
+    """Make the content of ``settings.json``; ``digest`` is the scene's.
 
     Raises:
         InputError: see ``configurations``; a user-defined tracker cannot be made.
@@ -97,7 +97,7 @@ def new_settings(plan: Plan, scene: Scene, of: Target, start: Start) -> dict[str
             "num_frames": len(scene.frames),
             "width": scene.frames.shape[2],
             "height": scene.frames.shape[1],
-            "digest": scene_digest(scene),
+            "digest": digest,
         },
         "configurations": [dataclasses.asdict(each) for each in listed],
     }

@@ -69,7 +69,10 @@ import numpy as np
 from jaxpf.evaluation import (Plan, evaluate)
 from jaxpf.evaluation.scene import load_scene
 from jaxpf.running import chunks
+from jaxpf.running import chunks
 from jaxpf.sequences import Frames, sequence as sequences
+
+chunks.CHUNK_BYTES = 16 * 2**20
 
 def evaluated(name, num_frames):
     load = functools.partial(load_scene, source=sys.argv[1], num_frames=num_frames)

@@ -13,7 +13,8 @@ above; a test holds this.
 ``tuning/``
     Parameters found by gradient descent, or drawn from their posterior.
 ``detections/``
-    Track management: boxes that come and go by detections.
+    ``follow``, the one generator of tracked frames: of objects that start together, later, or come
+    and go by detections.
 ``boxes/``, ``parts/``, ``points/``, ``contours/``
     One folder per kind of target: its factory, target, models, files and drawing.
 ``targets/``

@@ -15,11 +15,10 @@ from .intervals import (
     mean_interval as mean_interval,
     median_interval as median_interval,
 )
-from .means import as_float as as_float, masked_mean as masked_mean
+from .means import masked_mean as masked_mean
 from .metrics import (
     centre_error as centre_error,
     has_truth as has_truth,
-    in_the_end as in_the_end,
     iou as iou,
     mean_precision as mean_precision,
     mean_recall as mean_recall,
@@ -30,7 +29,6 @@ from .metrics import (
     success as success,
     success_rate as success_rate,
     summarise as summarise,
-    throughout as throughout,
     track_state as track_state,
 )
 from .particle_sets import (
@@ -46,7 +44,6 @@ from .scores import (
     CENTRE_THRESHOLDS as CENTRE_THRESHOLDS,
     IOU_THRESHOLDS as IOU_THRESHOLDS,
     distance_precision as distance_precision,
-    import_trackeval as import_trackeval,
     precision_curve as precision_curve,
     success_auc as success_auc,
     success_curve as success_curve,

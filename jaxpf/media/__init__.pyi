@@ -2,7 +2,6 @@ from .overlay import (
     draw_boxes as draw_boxes,
     draw_outlines as draw_outlines,
     draw_particles as draw_particles,
-    draw_spreads as draw_spreads,
     object_colours as object_colours,
 )
 from .page.notebook import (
@@ -12,7 +11,6 @@ from .page.notebook import (
 from .plotting import (
     colours as colours,
     new_figure as new_figure,
-    save_figure as save_figure,
 )
 from .read import open_frames as open_frames
 from .video_writer import VideoWriter as VideoWriter

@@ -21,7 +21,8 @@ from jaxpf.cli.tracking.request import Request, check_together
 from jaxpf.cli.tracking.results import OUTPUTS, Results, nothing_follows, writing_results
 from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
-from jaxpf.detections import follow, open_model
+from jaxpf.detections import follow
+from jaxpf.detections.population import open_model
 from jaxpf.evaluation.trackers import OwnTracker, own_tracker
 from jaxpf.files import states
 from jaxpf.filters import SideBySide

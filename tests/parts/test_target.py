@@ -10,6 +10,7 @@ from refusals import every, message_of
 
 import jaxpf
 import scenes
+from jaxpf.contract.calls import has_log_odds
 from jaxpf.likelihoods import histogram_from_patches
 from jaxpf.ordering import SWAPS, named
 from jaxpf.parts import OfFixedSize, parts_model, with_log_odds
@@ -99,7 +100,7 @@ def test_log_odds_fall_where_a_part_is_not(scene, likelihood, kind):
     there = np.asarray(poses.T, np.float32)
     assert np.all(log_odds(part, frame, np.arange(5), there) > 1)
     assert np.all(log_odds(part, frame, np.arange(5), there + np.float32([[60], [0], [0]])) < 0)
-    assert not jaxpf.contract.has_log_odds(OfFixedSize(learned))
+    assert not has_log_odds(OfFixedSize(learned))
     assert parts_model(part, poses, scene.sizes, TREE).likelihood is part
 
 

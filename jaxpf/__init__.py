@@ -18,7 +18,7 @@ above; a test holds this.
 ``boxes/``, ``parts/``, ``points/``, ``contours/``
     One folder per kind of target: its factory, target, models, files and drawing.
 ``targets/``
-    What a kind of target must offer, and the registry that lists them.
+    What a kind of target must offer, their registry, and how factories complete their options.
 ``sequences/``
     The only reader of recordings with annotations, one function per layout.
 ``media/``, ``measures/``, ``files/``

@@ -58,12 +58,11 @@ class PlainCommand(click.Command):
         }
 
         def show(argument: Argument) -> str:
+            if argument.name in self.rare:
+                value = argument.typed or argument.value
+                return f"--set {argument.name}" + (f"={value}" if value != "" else "")
             # The frames of a clip are `num_frames` in Python.
             flag = flags.get(argument.name) or flags.get(argument.name.removeprefix("num_"))
-            if argument.name in self.rare:
-                return argument.as_flag(f"--set {argument.name}").replace(
-                    f"{argument.name} ", f"{argument.name}=", 1
-                )
             return argument.as_flag(flag) if flag else str(argument)
 
         try:

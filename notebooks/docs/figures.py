@@ -18,7 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxpf import contract, points
+from jaxpf import points
+from jaxpf.contract.calls import model_error
 from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
 from jaxpf.measures import difference_interval, mean_interval, median_interval
 from jaxpf.papers.judging import verdicts
@@ -83,7 +84,7 @@ def gain(other, part="report"):
 def point_reach(times=1):
     """Least reach of a keypoint's interval to a side, by the error that a tracker declares."""
     frame = np.random.default_rng(0).integers(0, 256, (40, 40, 3), np.uint8)
-    error = contract.model_error(points.tracker(frame, [[20, 20]]), 1)[0, 0]
+    error = model_error(points.tracker(frame, [[20, 20]]), 1)[0, 0]
     return f"{1.96 * error * int(times)}"
 
 

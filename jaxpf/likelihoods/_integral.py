@@ -5,6 +5,8 @@
 count is below the modulus.  Bins come last, so that a corner of a box is one contiguous row.
 """
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 
@@ -22,22 +24,24 @@ _ROUNDED = 0.1
 
 @pytree_dataclass
 class IntegralTable:
-    """Integral histogram of a frame, either alone or in a stack.
+    """Sums above and left of every corner of a frame's pixels, either alone or in a stack.
 
     A table takes tens of megabytes, and slicing a stack of them would copy it.  So it keeps the
     whole stack and the index of its frame.
 
     Attributes:
-        cells: unsigned, ``[H + 1, W + 1, B]`` or ``[G, H + 1, W + 1, B]``.
+        cells: of integers, ``[H + 1, W + 1, B]`` or ``[G, H + 1, W + 1, B]``.
         place: int32 [], index of the frame in the stack; 0 for a single frame.
+        totals: the sum of ``cells`` over B, without the last axis; None where it is not needed.
     """
 
     cells: jax.Array
     place: jax.Array
+    totals: Any = None
 
     def take_frame(self, index):
         """Frame ``index`` of a stack of G tables, whose ``place`` is ``[G]``."""
-        return IntegralTable(self.cells, index)
+        return IntegralTable(self.cells, index, self.totals)
 
 
 def integral_table(bins, num_bins: int, dtype) -> IntegralTable:

@@ -19,9 +19,7 @@ the others.
     log p = -S s - log Z(S).  If s does not depend on S, the evidence is largest near
     S = 1 / mean(s).  It is a density of the *number* s, not of the picture: it measures how
     large s is, not whether s is smaller here than elsewhere.  Use it to study an object's own
-    distances; as a criterion for tracking it prefers too small an S (measured on two scenes
-    "distracter", N = 100: 2 to 4, where boxes overlap the truth by 59 to 70%; "ratio" prefers
-    8 to 14, with 69 to 81%).
+    distances; as a criterion for tracking it prefers too small an S.
 
 ``"ratio"``
     Let b be the density of s at boxes anywhere in the frames.  The tilted density::

@@ -59,11 +59,8 @@ def discriminative(
             ``"hues"`` adds where on the object its colours are: better if the object fills its
             box, worse if the box shows much background.
         sharpness: trust in the scores.  Neighbouring cells see the same pixels, so if it is large,
-            the particles' spread is too small.  On ten annotated clips of animals and people (80
-            frames, 4 runs, PS, 300 particles), in frames in which the object is tracked, the 95%
-            region of x and y contains the truth in 93% of the frames with 1, 88% with 2 and 95%
-            with .5.  The IoU with 1 is .9 points (standard error 1.0) less than with 2; with .5
-            it is 3.1 (1.6) less.
+            the particles' spread is too small; see "Sharpness of learned appearance" in
+            docs/development/defaults.md.
         bands: horizontal bands of the colour histograms.
         grid: rows and columns of cells.
         penalty: of the ridge regression, per background.

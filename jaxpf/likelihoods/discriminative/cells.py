@@ -1,8 +1,8 @@
 """Feature maps summed over a grid of cells in each box, with integral tables.
 
-``table[i, j, c]`` is the sum of channel c above row i and left of column j, of values rounded to
-integers.  Differences of sums are therefore exact in any order of summation, even if they wrap
-around.  Channels come last, so that a corner of a cell is one contiguous row.
+Values of a table's channels are rounded to integers.  Differences of sums are therefore exact in
+any order of summation, even if they wrap around.  Channels come last, so that a corner of a cell is
+one contiguous row.
 
 With c a cell's mean of a channel and s that of all channels together, the cell's feature is
 ``sqrt(c / (s + e))``, divided by the square root of the number of cells: the root of a histogram,
@@ -15,7 +15,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.likelihoods._integral import IntegralTable
 from jaxpf.likelihoods._places import line_before
 from jaxpf.lowering.columns import entries_at, sum_of_rows
 from jaxpf.lowering.tables import sums_above_and_left
@@ -53,31 +53,12 @@ class Boxes(NamedTuple):
     first_column: jax.Array | int = 0
 
 
-@pytree_dataclass
-class SumTable:
-    """Integral table of a map, either alone or in a stack, which is not copied.
-
-    Attributes:
-        cells: int32, ``[h + 1, w + 1, C]`` or ``[G, h + 1, w + 1, C]``.
-        totals: the sum of ``cells`` over channels, without the last axis.
-        place: int32 [], index of the frame in the stack; 0 for a single frame.
-    """
-
-    cells: jax.Array
-    totals: jax.Array
-    place: jax.Array
-
-    def take_frame(self, index):
-        """Frame ``index`` of a stack of G tables, whose ``place`` is ``[G]``."""
-        return SumTable(self.cells, self.totals, index)
-
-
-def sum_table(values: jax.Array) -> SumTable:
+def sum_table(values: jax.Array) -> IntegralTable:
     """The integral table of a map, float [h, w, C], 0 to 1."""
     cells = jnp.pad(
         sums_above_and_left(whole_values(values), lambda pixel: pixel), ((1, 0), (1, 0), (0, 0))
     )
-    return SumTable(cells, cells.sum(axis=-1, dtype=cells.dtype), jnp.zeros((), jnp.int32))
+    return IntegralTable(cells, jnp.zeros((), jnp.int32), cells.sum(axis=-1, dtype=cells.dtype))
 
 
 def whole_values(values: jax.Array) -> jax.Array:
@@ -86,7 +67,7 @@ def whole_values(values: jax.Array) -> jax.Array:
 
 
 def cell_features(
-    table: SumTable, boxes: Boxes, grid: tuple[int, int], interpolation: str
+    table: IntegralTable, boxes: Boxes, grid: tuple[int, int], interpolation: str
 ) -> jax.Array:
     """Features of the cells of boxes.
 
@@ -113,7 +94,7 @@ def cell_features(
 
 
 def cell_score(
-    table: SumTable, weights: jax.Array, partition: jax.Array, boxes: Boxes
+    table: IntegralTable, weights: jax.Array, partition: jax.Array, boxes: Boxes
 ) -> jax.Array:
     """``sum(cell_features * weights)`` with nearest interpolation, in a tenth of the time.
 
@@ -187,7 +168,7 @@ def _edges(boxes: Boxes, grid: tuple[int, int]) -> tuple[jax.Array, jax.Array]:
     )
 
 
-def _flat(table: SumTable, boxes: Boxes) -> tuple[jax.Array, jax.Array, int]:
+def _flat(table: IntegralTable, boxes: Boxes) -> tuple[jax.Array, jax.Array, int]:
     """Corners ``[corners, C]``, the index of each box's level in them, and the table's width."""
     num_rows, num_columns, channels = table.cells.shape[-3:]
     origin = (table.place * num_rows + boxes.first_row) * num_columns + boxes.first_column

@@ -103,10 +103,15 @@ def cause_of(error: BaseException, path: str = "") -> str:
 
 def _import_function(source: str) -> Callable[..., Any]:
     place, _, name = source.rpartition(":")
-    is_file = place.endswith(".py")
-    if is_file and not Path(place).is_file():
+    path = Path(place)
+    if not place.endswith(".py"):
+        return _function_in(source, place, lambda: _module(place), name)
+    if not path.is_file():
         raise SceneError(f"{source!r}: there is no file {place}")
-    load = (lambda: _load_file(Path(place))) if is_file else (lambda: _load_module(place))
+
+    def load() -> ModuleType:
+        return _module_of_text(path.read_text(encoding="utf-8"), str(path.resolve()))
+
     return _function_in(source, place, load, name)
 
 
@@ -126,10 +131,6 @@ def _function_in(
     return function
 
 
-def _load_file(path: Path) -> ModuleType:
-    return _module_of_text(path.read_text(encoding="utf-8"), str(path.resolve()))
-
-
 @functools.cache
 def _module_of_text(text: str, path: str) -> ModuleType:
     # By full path, so that two files named scene.py do not replace each other.
@@ -146,7 +147,7 @@ def _module_of_text(text: str, path: str) -> ModuleType:
     return module
 
 
-def _load_module(name: str) -> ModuleType:
+def _module(name: str) -> ModuleType:
     with _importable(Path.cwd()):
         return importlib.import_module(name)
 

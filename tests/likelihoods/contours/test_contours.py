@@ -310,14 +310,6 @@ def test_a_hidden_crossing_takes_no_place_from_a_visible_one():
         assert np.asarray(there).sum() < np.asarray(wires).sum()
 
 
-def test_labels_make_no_difference_where_nothing_is_hidden():
-    values = [
-        float(with_label(OPAQUE, BOTH, shifts((REST, REST)), np.full(8, y))[0]) for y in (0, 1)
-    ]
-    assert values[0] == values[1]
-    assert float(together(OPAQUE, BOTH, shifts((REST, REST)))[0]) == pytest.approx(values[0])
-
-
 def test_shapes_overlap_or_do_not():
     overlap = jax.jit(OPAQUE.overlap)
     assert not bool(overlap(np.array([REST, REST])))

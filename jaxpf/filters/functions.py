@@ -162,6 +162,8 @@ class StateSpace(Partitioned):
     whole, and no ordering, as a single partition has only one.
     """
 
+    dynamics: Any  # ``FunctionDynamics``
+
     def step_observed(self, key, state, observation):
         """See ``Partitioned``."""
         state, summary = super().step_observed(key, state, observation)

@@ -6,6 +6,8 @@ smoothed together: given only its parent's current value, a part still depends o
 (a pass per part was biased, z = 10.6 where the joint pass had 2.3).
 """
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -172,7 +174,8 @@ def check_smoothing(tracker: Partitioned, whole: bool = False) -> jax.Array | No
 
 
 def _check_noise(tracker: Partitioned) -> None:
-    dynamics, size = tracker.dynamics, None
+    dynamics: Any = tracker.dynamics
+    size = None
     if sees_previous(tracker):  # the likelihood has its own factor for the previous state
         size = dynamics.layout.size
     singular = singular_partitions(dynamics, tracker.initial, tracker.parents, size)

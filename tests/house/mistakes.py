@@ -1,5 +1,6 @@
 """Calls that a type checker refuses, a mistake in each line that says so; ``test_types`` checks."""
 
+import jax.numpy as jnp
 import numpy as np
 
 import jaxpf
@@ -20,3 +21,11 @@ jaxpf.points.tracker(FRAME, [[1, 2]], noise_pixels=2.0)  # mistake
 jaxpf.parts.tracker(FRAME, PARTS, dynamics=3)  # mistake
 jaxpf.parts.tracker(FRAME, BOXES)  # mistake
 jaxpf.contours.tracker(FRAME, CONTOURS, shape_space="rigid")  # mistake
+
+MOVES, SEEN = jaxpf.dynamics.RandomWalk(1.0), jaxpf.likelihoods.Gaussian(jnp.ones((2, 1, 1)))
+START, ORDER = np.zeros((2, 1)), jaxpf.ordering.sir(2)
+jaxpf.Partitioned(dynamics=MOVES, likelihood=SEEN, ordering=ORDER, initial=START)
+jaxpf.Partitioned(dynamics=3, likelihood=SEEN, ordering=ORDER, initial=START)  # mistake
+jaxpf.Partitioned(dynamics=MOVES, likelihood=MOVES, ordering=ORDER, initial=START)  # mistake
+jaxpf.Labelled(dynamics=MOVES, likelihood=SEEN, initial=START, num_targets=2, waits="")  # mistake
+jaxpf.state_space(initial=0.0, transition=max, log_likelihood=max, gradiant=3)  # mistake

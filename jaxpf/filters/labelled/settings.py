@@ -6,20 +6,21 @@ from typing import Any
 from jax.typing import ArrayLike
 
 from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.contract.types import DynamicsLike, LikelihoodLike
 from jaxpf.filters import options as of
-from jaxpf.gradients import NoGradient
+from jaxpf.gradients import Gradient, NoGradient
 
 
 @pytree_dataclass
 class Settings:
     """The fields of ``jaxpf.Labelled``, which documents them."""
 
-    dynamics: Any
-    likelihood: Any
+    dynamics: DynamicsLike
+    likelihood: LikelihoodLike
     initial: Any
     regularise: ArrayLike | None = None
     resampling: Any = "systematic"
-    gradient: Any = NoGradient()
+    gradient: Gradient = NoGradient()
     num_targets: Any = static_field(default=None)
     num_particles: of.NumParticles = static_field(default=300)
     weights: of.Weights = static_field(default="equal_share")

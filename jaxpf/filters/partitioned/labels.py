@@ -4,6 +4,8 @@ Labels are drawn at the start, follow their particles through every selection, a
 of a frame.
 """
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -33,7 +35,7 @@ def move(
     Also returns the log-probability ``[N]`` of each move, for derivatives; None if it is unknown or
     labels do not move.
     """
-    dynamics = tracker.dynamics
+    dynamics: Any = tracker.dynamics
     moved = calls.propagate_label_all(dynamics, key, label, substates)
     if not optional(dynamics, "propagate_label") or not calls.has_log_label(dynamics):
         return moved, None

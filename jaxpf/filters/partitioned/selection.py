@@ -4,7 +4,7 @@ The tracker's settings choose the scheme (``jaxpf.resampling``), adaptive or unc
 resampling, tempering of the weights, and the gradient strategy (``jaxpf.gradients``).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -52,8 +52,9 @@ def select_between_frames(
     weight, which is then divided out of the weights (auxiliary particle filter, Pitt & Shephard
     1999).
     """
-    if tracker.gradient.blends:
-        state = tracker.gradient.blend_state(state, tracker.ess_threshold)
+    gradient: Any = tracker.gradient
+    if gradient.blends:
+        state = gradient.blend_state(state, tracker.ess_threshold)
     incoming = state.log_weights
     if state.path_scores is not None:
         incoming = lax.stop_gradient(incoming)  # the scores hold their derivative
@@ -78,8 +79,9 @@ def select(
     components: Components,
 ) -> Carry:
     """Select within components after a stage; ``before`` are the log-weights before the stage."""
-    if tracker.gradient.blends:
-        stages, log_weights, equal = tracker.gradient.blend(
+    gradient: Any = tracker.gradient
+    if gradient.blends:
+        stages, log_weights, equal = gradient.blend(
             carry.stages, carry.log_weights, components, tracker.ess_threshold
         )
         return carry._replace(stages=stages, log_weights=log_weights, equal=equal)

@@ -6,8 +6,9 @@ from typing import Any
 from jax.typing import ArrayLike
 
 from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.contract.types import DynamicsLike, LikelihoodLike, ProposalLike
 from jaxpf.filters import options as of
-from jaxpf.gradients import NoGradient
+from jaxpf.gradients import Gradient, NoGradient
 from jaxpf.ordering import Ordering
 
 
@@ -15,16 +16,16 @@ from jaxpf.ordering import Ordering
 class Settings:
     """The fields of ``jaxpf.Partitioned``, which documents them."""
 
-    dynamics: Any
-    likelihood: Any
+    dynamics: DynamicsLike
+    likelihood: LikelihoodLike
     ordering: Ordering
     initial: Any
     initial_label: Any = None
     tempering: ArrayLike | None = None
     ess_threshold: of.EssThreshold = None
-    proposal: Any = None
+    proposal: ProposalLike | None = None
     resampling: Any = "systematic"
-    gradient: Any = NoGradient()
+    gradient: Gradient = NoGradient()
     joint_weighting: bool = static_field(default=False)
     parents: Any = static_field(default=None)
     num_particles: of.NumParticles = static_field(default=300)

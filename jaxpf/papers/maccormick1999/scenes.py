@@ -324,7 +324,8 @@ def track(case: Case, tracker: Partitioned, runs: int, seed: int) -> Outcome:
     width = None if platform.on_accelerator() else min(runs, _BATCH)
     recorded = jaxpf.monte_carlo(tracker, keys, frames, _keep, batch_size=width)
     estimates, ess, spread, in_front = (np.asarray(each) for each in recorded)
-    outlines = np.asarray(tracker.likelihood.outline_points(jnp.asarray(estimates)))
+    likelihood: Any = tracker.likelihood
+    outlines = np.asarray(likelihood.outline_points(jnp.asarray(estimates)))
     spread = np.sqrt((spread**2).sum(axis=-1))
     ends = judged(case, outlines)
     return Outcome(outlines, ess, spread, *ends, in_front)

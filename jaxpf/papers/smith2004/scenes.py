@@ -255,7 +255,8 @@ def _on_scene(
         _record,
         batch_size=RUNS_PER_SCENE,
     )
-    values = _measures(recorded, scene.boxes[1:], scene.sizes, tracker.dynamics.scale)
+    dynamics: Any = tracker.dynamics
+    values = _measures(recorded, scene.boxes[1:], scene.sizes, dynamics.scale)
     return dict(zip(Outcome._fields[1:], values, strict=True))
 
 
@@ -290,7 +291,8 @@ def grid(
 def _built(
     tracker: Partitioned, ending: OtherEnding | None, ordering: Ordering, sharpness: jax.Array
 ) -> Tracker:
-    likelihood = dataclasses.replace(tracker.likelihood, sharpness=sharpness)
+    likelihood: Any = tracker.likelihood
+    likelihood = dataclasses.replace(likelihood, sharpness=sharpness)
     tracker = dataclasses.replace(tracker, likelihood=likelihood, ordering=ordering)
     return tracker if ending is None else dataclasses.replace(ending, tracker=tracker)
 

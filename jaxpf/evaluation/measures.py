@@ -122,13 +122,6 @@ def by_name(name: str) -> Measure:
     return next(measure for measure in (*MEASURES, *SCORES, *FIGURES) if measure.name == name)
 
 
-#: Measures whose differences the tables show.
-COMPARED = tuple(
-    by_name(name)
-    for name in ("success_rate_50", "success_auc", "success", "recovered", "centre_error")
-)
-
-
 class Measured(NamedTuple):
     """The measures of R runs and P objects over T frames.
 

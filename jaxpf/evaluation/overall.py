@@ -128,8 +128,8 @@ def _table(
     counts = [found[method, "iou"].runs[0] for method in methods]
     if len(set(counts)) > 1:
         columns["sequences"] = list(map(str, counts))
-    for measure in map(by_name, shown):
-        every = [found[method, measure.name] for method in methods]
+    for measure in shown:
+        every = [found[method, measure] for method in methods]
         values = np.array([[x[0] for x in (e.value, e.lower, e.upper)] for e in every])
         columns |= measure_column(measure, values)
     return pd.DataFrame(columns)

@@ -23,7 +23,6 @@ from jaxpf.contract.numbers import plain
 from jaxpf.evaluation.conclusion import conclude
 from jaxpf.evaluation.measures import (
     COLUMNS,
-    COMPARED,
     CURVES,
     REGIONS,
     SCORES,
@@ -46,33 +45,26 @@ from jaxpf.files.writing import atomic_write
 from jaxpf.measures.intervals import DECISIVE
 
 #: Measures in the tables; ``summary.csv`` has all measures.
-HEADLINE = tuple(
-    by_name(name)
-    for name in (
-        *("success_rate_50", "success_auc", "success", "recovered", "precision", "recall"),
-        *("iou", "centre_error", "corner_error", "distinct_share", "frames_per_second"),
-    )
+HEADLINE = (
+    *("success_rate_50", "success_auc", "success", "recovered", "precision", "recall"),
+    *("iou", "centre_error", "corner_error", "distinct_share", "frames_per_second"),
 )
-#: Most configurations in the tables of the terminal and the report.
-MOST_PRINTED = 10
 #: Measures that fit in a terminal of 120 columns.
-PRINTED = tuple(
-    by_name(name)
-    for name in (
-        *("success_rate_50", "success_auc", "iou", "coverage_95", "size_coverage_95"),
-        "frames_per_second",
-    )
+PRINTED = (
+    *("success_rate_50", "success_auc", "iou", "coverage_95", "size_coverage_95"),
+    "frames_per_second",
 )
 #: Measures of the spread's calibration.  The log score is only in ``summary.csv``: one frame with
 #: identical particles outweighs all others.
-CALIBRATION = tuple(
-    by_name(name)
-    for name in (
-        *(f"coverage_{p}" for p in REGIONS),
-        *(f"size_coverage_{p}" for p in SIZE_REGIONS),
-        "crps",
-    )
+CALIBRATION = (
+    *(f"coverage_{p}" for p in REGIONS),
+    *(f"size_coverage_{p}" for p in SIZE_REGIONS),
+    "crps",
 )
+#: Measures whose differences are shown.
+COMPARED = ("success_rate_50", "success_auc", "success", "recovered", "centre_error")
+#: Most configurations in the tables of the terminal and the report.
+MOST_PRINTED = 10
 #: A half-width below this is rounding error from equal values.
 _ROUNDING = 1e-4
 #: Differences with a Holm-adjusted p below this are marked.
@@ -228,7 +220,7 @@ def printed_tables(overview: Overview) -> dict[str, pd.DataFrame]:
 def estimate_tables(
     overview: Overview,
     configurations: Sequence[int],
-    measures: Sequence[Measure] = HEADLINE,
+    measures: Sequence[str] = HEADLINE,
     about: str = "",
 ) -> dict[str, pd.DataFrame]:
     """Rates and means: a table of all objects, then one per object.
@@ -246,7 +238,7 @@ def estimate_tables(
         if len({summary.runs for summary in summaries}) > 1:
             columns["runs"] = [str(summary.runs) for summary in summaries]
         for measure in measures:
-            values = intervals(overview.estimates, measure.name, of, configurations)
+            values = intervals(overview.estimates, measure, of, configurations)
             columns |= measure_column(measure, values)
         tables[about + title] = pd.DataFrame(columns)
     return tables
@@ -254,9 +246,10 @@ def estimate_tables(
 
 def score_tables(overview: Overview, configurations: Sequence[int]) -> dict[str, pd.DataFrame]:
     """One table of standard scores over all objects; no table without TrackEval."""
-    if not (overview.estimates.measure == SCORES[0].name).any():
+    names = [measure.name for measure in SCORES]
+    if not overview.estimates.measure.isin(names).any():
         return {}
-    tables = estimate_tables(overview, configurations, SCORES, "standard scores, ")
+    tables = estimate_tables(overview, configurations, names, "standard scores, ")
     return dict([*tables.items()][:1])
 
 
@@ -279,8 +272,8 @@ def difference_tables(overview: Overview) -> dict[str, pd.DataFrame]:
             "compared with": [names[index] for index in references],
         }
         for measure in COMPARED:
-            values = intervals(found, measure.name, of, references.index)
-            rows = found[(found.measure == measure.name) & (found.object == of)]
+            values = intervals(found, measure, of, references.index)
+            rows = found[(found.measure == measure) & (found.object == of)]
             clear = rows[(rows.runs >= DECISIVE) & (rows.p_holm < SIGNIFICANT)].configuration
             stars = references.index.isin(clear)
             for heading, cells in measure_column(measure, values, sign="+").items():
@@ -299,10 +292,11 @@ def _objects(results: Results) -> Iterator[tuple[str, str]]:
         yield f"object {identity}", str(identity)
 
 
-def measure_column(measure: Measure, values: np.ndarray, sign: str = "") -> dict[str, list[str]]:
+def measure_column(name: str, values: np.ndarray, sign: str = "") -> dict[str, list[str]]:
     """Heading and cells of a measure with the triples ``[C, 3]``; nothing if it has no value."""
     if not np.isfinite(values[:, 0]).any():
         return {}
+    measure = by_name(name)
     return {heading_of(measure): cells_of(measure, values, sign)}
 
 

@@ -83,8 +83,6 @@ def atomic_write(
         mode: ``"w"`` or ``"wb"``.
         encoding: of text; ignored with ``"wb"``.
     """
-    if mode not in ("w", "wb"):
-        raise ValueError(f"mode is 'w' or 'wb', not {mode!r}")
     path = Path(path)
     text = mode == "w"
     # newline="" keeps "\n" on every platform: the same run writes the same bytes.

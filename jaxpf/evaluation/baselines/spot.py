@@ -12,7 +12,7 @@ its best rival.  Choices that the paper leaves open are documented here.
 """
 
 from collections.abc import Iterable
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -39,7 +39,6 @@ class Options(NamedTuple):
         cell: side of a HOG cell in pixels; estimates move in steps of one cell.
         size: cells along a part's side, odd.
         stiffness: of the springs, per squared cell.
-        tree: ``"mst"`` for a minimum spanning tree, or ``"star"`` around the most central part.
         aggressiveness: K; larger values take larger steps, and 0 stops learning after the first
             frame.
         least_score: a part learns only while its score is at least this share of its first score.
@@ -48,7 +47,6 @@ class Options(NamedTuple):
     cell: int = 4
     size: int = 5
     stiffness: float = 0.02
-    tree: Literal["mst", "star"] = "mst"
     aggressiveness: float = 0.05
     least_score: float = 0.5
 
@@ -68,8 +66,6 @@ def spot(
     """
     options = options or Options()
     points = np.asarray(points, float)
-    if options.cell < 1 or options.size < 1 or options.size % 2 == 0 or options.stiffness <= 0:
-        raise InputError(f"{options}: cells and springs must be positive, and size an odd number.")
     places = []
     model = None
     for frame in frames:
@@ -94,7 +90,7 @@ class _Model:
         limit = np.array(_shape(features, options.size))[::-1] - 1
         cells = np.minimum(np.floor(points / options.cell).astype(int), limit)
         self.rest = points - options.cell * (cells + 0.5)
-        self.parents, self.order = _tree(points, options.tree)
+        self.parents, self.order = _tree(points)
         self.springs = (cells - cells[self.parents]).astype(float)
         self.templates = _patches(features, cells, options.size)
         self.templates -= self.templates.mean(axis=(1, 2, 3), keepdims=True)
@@ -162,8 +158,8 @@ class _Model:
         self.springs = self.springs + rate * stretch
 
 
-def _tree(points: np.ndarray, kind: str) -> tuple[np.ndarray, list[int]]:
-    """Parent of each part (the root is its own parent), and an order with parents first."""
+def _tree(points: np.ndarray) -> tuple[np.ndarray, list[int]]:
+    """A minimum spanning tree: parent of each part (the root is its own), and parents first."""
     root = int(np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1)))
     parents, order = np.full(len(points), root), [root]
     near = np.linalg.norm(points - points[root], axis=1)
@@ -172,10 +168,9 @@ def _tree(points: np.ndarray, kind: str) -> tuple[np.ndarray, list[int]]:
         part = int(np.argmin(near))
         order.append(part)
         near[part] = np.inf
-        if kind == "mst":
-            away = np.linalg.norm(points - points[part], axis=1)
-            closer = (away < near) & np.isfinite(near)
-            parents[closer], near[closer] = part, away[closer]
+        away = np.linalg.norm(points - points[part], axis=1)
+        closer = (away < near) & np.isfinite(near)
+        parents[closer], near[closer] = part, away[closer]
     return parents, order
 
 

@@ -30,9 +30,7 @@ def test_optical_flow_follows_points_and_says_when_it_does_not():
 
 
 def test_spot_follows_points_within_a_cell():
-    for tree in ("mst", "star"):
-        places = spot(FRAMES, POINTS, Options(tree=tree))
-        assert np.abs(places - TRUTH).max() <= 4
+    assert np.abs(spot(FRAMES, POINTS) - TRUTH).max() <= 4
 
 
 def test_spot_finds_a_covered_part_by_its_springs():
@@ -95,5 +93,3 @@ def test_gradients_are_counted_by_their_direction():
 def test_spot_refuses_bad_input():
     with pytest.raises(jaxpf.InputError, match="outside the frame"):
         spot(FRAMES, [[900, 3]])
-    with pytest.raises(jaxpf.InputError, match="size an odd number"):
-        spot(FRAMES, POINTS, Options(size=4))

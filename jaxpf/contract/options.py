@@ -12,7 +12,7 @@ import math
 import sys
 import types
 import typing
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -259,18 +259,3 @@ def applying(owner: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, 
     return {
         n: values[n] for n, option in declared.items() if n in values and option.applies(values)
     }
-
-
-def check_distinct(name: str, values: Iterable[Hashable]) -> tuple[Any, ...]:
-    """Return the values as a tuple.
-
-    Raises:
-        InputError: no values, or a duplicate.
-    """
-    values = tuple(values)
-    if not values:
-        raise InputError(Argument(name), " is empty; give at least one value.")
-    for index, value in enumerate(values):
-        if value in values[:index]:
-            raise InputError(Argument(name), f" names {plain(value)} twice; name each value once.")
-    return values

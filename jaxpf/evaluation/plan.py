@@ -12,11 +12,10 @@ from typing import Any
 
 from jaxpf import filters
 from jaxpf.contract.errors import Argument, InputError
-from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.numbers import check_whole, plain
 from jaxpf.contract.options import (
     Option,
     applying,
-    check_distinct,
     defaults_of,
     implied,
     options_of,
@@ -107,7 +106,7 @@ class Plan:
                 )
 
     def _keep(self, name: str, values: Iterable[object]) -> None:
-        object.__setattr__(self, name, check_distinct(name, values))
+        object.__setattr__(self, name, _distinct(name, values))
 
     def options_for(self, target: Target) -> dict[str, Option]:
         """Options allowed in the grid: those of a target and of the methods' filters."""
@@ -136,7 +135,7 @@ class Plan:
             having = [options[name] for options in every if name in options]
             if not having:
                 raise _unknown(name, dict.fromkeys(n for options in every for n in options))
-            grid[name] = check_distinct(name, [_allowed(having, value) for value in values])
+            grid[name] = _distinct(name, [_allowed(having, value) for value in values])
         return grid
 
 
@@ -292,3 +291,18 @@ def _points(plan: Plan, target: Target) -> Iterator[dict[str, Any]]:
     for values in itertools.product(*(plan.grid[name] for name in loops)):
         point = dict(zip(loops, values, strict=True))
         yield {name: point[name] for name in names}
+
+
+def _distinct(name: str, values: Iterable[object]) -> tuple[Any, ...]:
+    """Return the values as a tuple.
+
+    Raises:
+        InputError: no values, or a duplicate.
+    """
+    values = tuple(values)
+    if not values:
+        raise InputError(Argument(name), " is empty; give at least one value.")
+    for index, value in enumerate(values):
+        if value in values[:index]:
+            raise InputError(Argument(name), f" names {plain(value)} twice; name each value once.")
+    return values

@@ -4,7 +4,6 @@ The command line, evaluation and tuning check options themselves, and call ``bui
 """
 
 import dataclasses
-import difflib
 import functools
 import inspect
 import os
@@ -49,18 +48,14 @@ def check_names(given: Iterable[str], target: Target, filter_: Filter) -> None:
     """Refuse names that are options neither of a target nor of a filter.
 
     Raises:
-        InputError: suggests the names that resemble it.
+        InputError: lists those that there are.
     """
-    names = [*options_of(target.tracker, filter_.build)]
+    names = options_of(target.tracker, filter_.build)
     for name in given:
         if name not in names:
-            near = difflib.get_close_matches(name, names, cutoff=0.5)
-            remedy = (
-                f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(names)}."
-            )
             raise InputError(
                 f"there is no option {name!r} of {target.name} or of the {filter_.name} filter; "
-                f"{remedy}"
+                f"there are {', '.join(names)}."
             )
 
 

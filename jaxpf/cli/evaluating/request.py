@@ -18,7 +18,7 @@ from jaxpf.cli.shared.scene_options import (
     scene_parameters,
 )
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.options import Option, check_options, options_of
+from jaxpf.contract.options import Option, options_of
 from jaxpf.evaluation import Plan
 from jaxpf.evaluation.baselines.rivals import available, baselines
 from jaxpf.evaluation.scene import load_scene
@@ -121,7 +121,6 @@ class Options(Work, Compared, SceneOptions):
     """Options of ``jaxpf evaluate`` for any target and filter."""
 
     def __post_init__(self) -> None:
-        check_options(self)
         if self.dask and self.workers > 1:
             raise InputError(
                 f"--dask brings workers of its own; leave it or --workers {self.workers} out."

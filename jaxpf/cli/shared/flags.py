@@ -230,31 +230,18 @@ def _from_people(option: Option, value: Any) -> Any:
 
 
 def refuse_others(values: Mapping[str, Any], target: Target, filter_: Filter) -> None:
-    """Refuse options of another target or another filter.
-
-    Args:
-        values: values of flags.
-        target: the target.
-        filter_: the filter that tracks it.
-    """
+    """Refuse flags of another kind of target or another filter than those of this run."""
     own = options_of(target.tracker, filter_.build)
-    of_targets = {name: options_of(each.tracker) for name, each in all_targets().items()}
-    of_filters = [(each, options_of(each.build)) for each in filters.all_filters().values()]
-    for name in [name for name in given_in(values) if name not in own]:
-        having = [(each, options[name]) for each, options in of_filters if name in options]
-        methods = [
-            method
-            for family, option in having
-            for method in family.methods
-            if option.applies({"method": method}) and method not in target.unsuited
-        ]
-        if methods:
+    owners: dict[str, dict[str, Option]] = {}
+    for each in filters.all_filters().values():
+        for method in each.methods:
+            declared = options_of(each.build).items()
+            fitting = {n: option for n, option in declared if option.applies({"method": method})}
+            owners[f"--method {method}"] = fitting
+    owners |= {name: options_of(each.tracker) for name, each in all_targets().items()}
+    for name in given_in(values).keys() - own.keys():
+        if having := [owner for owner, options in owners.items() if name in options]:
             raise InputError(
-                f"{having[0][1].flag} works only with --method {' or '.join(methods)}, and this "
-                f"run uses the {filter_.name} filter; leave it out, or use --method {methods[0]}."
-            )
-        if owners := [kind for kind, options in of_targets.items() if name in options]:
-            raise InputError(
-                f"{of_targets[owners[0]][name].flag} works only for {' and '.join(owners)}, and "
-                f"the targets are {target.name}; leave it out."
+                f"{owners[having[0]][name].flag} works only with {' or '.join(having)}, and this "
+                f"run tracks {target.name} by the {filter_.name} filter; leave it out."
             )

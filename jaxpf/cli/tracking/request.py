@@ -11,7 +11,7 @@ from jaxpf import filters
 from jaxpf.cli.shared.flags import as_typed, picked, refuse_others
 from jaxpf.cli.tracking.detector import Detector, defaults_of, read_detector
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.options import OPEN, Option, check_options, options_of
+from jaxpf.contract.options import OPEN, Option, options_of
 from jaxpf.detections.lifetimes import Rules
 from jaxpf.files.writing import check_output_file
 from jaxpf.filters.registry import Filter
@@ -87,9 +87,6 @@ class Run:
             "and its boxes."
         ),
     ] = None
-
-    def __post_init__(self) -> None:
-        check_options(self)
 
 
 #: Options of ``Run`` that apply to boxes only.

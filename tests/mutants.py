@@ -45,7 +45,7 @@ MUTANTS = (
     *of(
         "running/simulation.py", "tests/running/test_simulation.py -k rows_of_its_frames",
         ("simulate-equal-weights", "state.log_weights, shape", "0 * state.log_weights, shape"),
-        ("simulate-first-rows", "np.zeros(num_frames), first)", "np.zeros(num_frames), 0)"),
+        ("simulate-first-rows", "calls.time_of(state)\n", "0\n"),
         ("simulate-time", "else state.time) +", "else state.time - 1) +"),
         ("simulate-other-particle", "_of_particle(state, chosen)", "_of_particle(state, 0)"),
     ),
@@ -74,7 +74,7 @@ MUTANTS = (
          "0.9 * (prior(new) - prior(draws.place))"),
         ("smc2-evidence-of-moves", "proposed.log_evidence - draws.log_evidence",
          "0.95 * (proposed.log_evidence - draws.log_evidence)"),
-        ("smc2-weights", "log_weights + increments", "log_weights + 0.95 * increments"),
+        ("smc2-weights", "(log_weights, increments)", "(log_weights, 0.95 * increments)"),
         ("smc2-weights-stay", "jnp.full_like(log_weights, -np.log(num_draws))", "log_weights"),
         ("smc2-not-resampled", "ancestors(select_key, log_weights)", "jnp.arange(num_draws)"),
         ("smc2-fewer-frames", "0, time + 1, lambda", "0, time, lambda"),

@@ -36,7 +36,6 @@ def contours(
     frames: Any = None,
     clutter: Any = None,
     detector: EdgeDetector | None = None,
-    detection: Any = None,
     sigma: float = SIGMA,
     independence: float = 1.0,
     width: float | None = None,
@@ -57,9 +56,6 @@ def contours(
         clutter: either b(n) for n = 0 .. max_features, or the mean of Poisson clutter, features
             per line.
         detector: of edges; its ``length`` is L.
-        detection: probabilities that k of c boundaries are detected, ``[c, k]``, for c from 0 to
-            the most boundaries on a line, which are ``crossings`` of each target, and without
-            ``-literal`` another of a line's own edges; default ``detection_probabilities``.
         sigma: standard deviation of a boundary's feature, pixels.
         independence: weight of each line's log-ratio, above 0 to 1; use less than 1 if lines are
             so close together that they see the same edge.  Each line is still a density, so the
@@ -109,7 +105,6 @@ def contours(
             "exclusion='none'."
         )
     together += 0 if literal else edges
-    detection = detection_probabilities(together) if detection is None else detection
     if frames is not None:
         clutter = learn_clutter(frames, detector)
     elif np.ndim(clutter) == 0:
@@ -119,7 +114,7 @@ def contours(
         space=space,
         detector=detector,
         clutter=check_clutter(clutter),
-        detection=as_array(detection, float),
+        detection=as_array(detection_probabilities(together), float),
         sigma=sigma,
         independence=independence,
         width=0.0 if width is None else width,

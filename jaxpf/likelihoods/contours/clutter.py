@@ -18,7 +18,7 @@ from jaxpf.likelihoods.contours.edges import EdgeDetector, Lines
 from jaxpf.lowering.programs import compiled
 
 #: Weight of the geometric distribution, in lines, added to the counts.
-SMOOTHING = 5.0
+_SMOOTHING = 5.0
 
 
 def poisson_clutter(mean: float, max_features: int) -> jax.Array:
@@ -43,22 +43,13 @@ def poisson_clutter(mean: float, max_features: int) -> jax.Array:
     return as_array(law, float)
 
 
-def learn_clutter(
-    frames: ArrayLike,
-    detector: EdgeDetector,
-    *,
-    num_lines: int = 4000,
-    smoothing: float = SMOOTHING,
-    seed: int = 0,
-) -> jax.Array:
+def learn_clutter(frames: ArrayLike, detector: EdgeDetector, *, num_lines: int = 4000) -> jax.Array:
     """b(n) for n = 0 .. max_features from random lines of frames, ``[max_features + 1]``.
 
     Args:
         frames: uint8 RGB ``[T, H, W, 3]``.
         detector: the likelihood's detector.
         num_lines: total number of lines, divided among the frames.
-        smoothing: weight, in lines, of the added geometric distribution with the same mean.
-        seed: of the random lines.
     """
     frames = np.asarray(frames)
     height, width = frames.shape[1:3]
@@ -67,7 +58,7 @@ def learn_clutter(
             f"lines of {detector.length} pixels do not fit into frames of {width} x {height}; take "
             "shorter lines."
         )
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     counts = np.zeros(detector.max_features + 1)
     find = compiled(lambda frame, lines: detector.find(detector.observe(frame), lines).present)
     each = -(-num_lines // len(frames))
@@ -87,7 +78,7 @@ def learn_clutter(
             "threshold, or give clutter, the mean number of edges on a line."
         )
     geometric = (mean / (1 + mean)) ** np.arange(len(counts))
-    smoothed = counts + smoothing * geometric / geometric.sum()
+    smoothed = counts + _SMOOTHING * geometric / geometric.sum()
     return as_array(smoothed / smoothed.sum(), float)
 
 

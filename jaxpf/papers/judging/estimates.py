@@ -2,14 +2,12 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from jaxpf.measures.intervals import difference_interval, mean_interval
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 
 class Measured(NamedTuple):
@@ -67,7 +65,7 @@ def mean_of(values: Any, what: str = "", bounds: tuple[float, float] | None = No
     return Quantity(value, interval, max(len(values), 1), what)
 
 
-def ratio_of(first: "ArrayLike", second: "ArrayLike", what: str = "") -> Quantity:
+def ratio_of(first: ArrayLike, second: ArrayLike, what: str = "") -> Quantity:
     """The geometric mean of the scenes' ratios ``[S]``, first over second.
 
     The arithmetic mean can exceed 1 in either direction of the division.  Scenes with a value that
@@ -78,17 +76,17 @@ def ratio_of(first: "ArrayLike", second: "ArrayLike", what: str = "") -> Quantit
     return mean_of(logarithms, what).scaled(math.exp)
 
 
-def gain_of(ours: "ArrayLike", base: "ArrayLike", what: str = "") -> Quantity:
+def gain_of(ours: ArrayLike, base: ArrayLike, what: str = "") -> Quantity:
     """By how many per cent the scenes' values ``[S]`` are below others: one less ``ratio_of``."""
     return ratio_of(ours, base, what).scaled(lambda ratio: 100 * (1 - ratio))
 
 
-def share_of(rates: "ArrayLike", what: str = "") -> Quantity:
+def share_of(rates: ArrayLike, what: str = "") -> Quantity:
     """The percentage of successes, from the scenes' rates ``[S]``."""
     return mean_of(100 * np.asarray(rates, float), what, (0.0, 100.0))
 
 
-def gap_of(first: "ArrayLike", second: "ArrayLike", what: str = "") -> Quantity:
+def gap_of(first: ArrayLike, second: ArrayLike, what: str = "") -> Quantity:
     """Difference of two success percentages in points, from the same scenes' rates ``[S]``."""
     rates = np.asarray(first, float), np.asarray(second, float)
 

@@ -1,11 +1,9 @@
 """The exception type for errors that the user can fix."""
 
 import importlib
-import os
 from collections.abc import Callable, Collection
-from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 
 class Argument(NamedTuple):
@@ -83,17 +81,6 @@ def check_names(names: object, count: int) -> None:
         raise InputError(
             f"names={names!r:.60} must be one name for each of the {count} objects, in a list."
         )
-
-
-def check_path(name: str, value: Any) -> Path:
-    """Convert the argument ``name`` to a path, which is text or ``os.PathLike`` and not empty."""
-    try:
-        path = os.fspath(value)
-    except TypeError:
-        path = None
-    if not isinstance(path, str) or not path or "\0" in path:
-        raise InputError(f"{name}={value!r:.60} is not a path; give the name of a file or folder.")
-    return Path(path)
 
 
 def check_separate(what: str, *others: tuple[object, str]) -> None:

@@ -32,7 +32,7 @@ from jaxpf.evaluation.settings import (
 )
 from jaxpf.evaluation.trackers import own_tracker, read_boxes_like
 from jaxpf.evaluation.worker import Work, imported_batch, run_batch
-from jaxpf.files.executors import RETRIES, Pool as Pool, local_pool as local_pool
+from jaxpf.files.executors import Pool as Pool, local_pool as local_pool
 from jaxpf.files.store import locked
 from jaxpf.files.writing import remove_leavings, report_os_errors
 from jaxpf.lowering import platform
@@ -85,7 +85,6 @@ def evaluate(
     pool: Pool | None = None,
     progress: Callable[[int], None] = lambda runs: None,
     runs_per_batch: int | None = None,
-    retries: int = RETRIES,
 ) -> Results:
     """Run every configuration of a plan and store each finished batch.
 
@@ -102,14 +101,13 @@ def evaluate(
         progress: called with the number of newly finished runs after each batch.
         runs_per_batch: runs that are stored together, rounded up to whole blocks; by default as
             many as take some seconds, which an interruption can lose.
-        retries: times that a batch may be repeated because a worker died.
 
     Raises:
         InputError: the folder has other settings or another version; the scene cannot be opened or
             an object is absent in its first frame; the disk is full; workers died too often.
     """
     prepared = prepare(plan, folder, pool.workers if pool else 1, runs_per_batch)
-    return carry_out(prepared, pool=pool, progress=progress, retries=retries)
+    return carry_out(prepared, pool=pool, progress=progress)
 
 
 def prepare(
@@ -169,7 +167,6 @@ def carry_out(
     *,
     pool: Pool | None = None,
     progress: Callable[[int], None] = lambda runs: None,
-    retries: int = RETRIES,
 ) -> Results:
     """Run what ``prepare`` found missing; arguments and errors as for ``evaluate``.
 
@@ -190,7 +187,7 @@ def carry_out(
                 speeds[index] = len(results.truth) / max(seconds, 1e-9)
                 results.write_speeds(speeds)
             progress(len(batch))
-        for _, arrays in store.made(work, run_batch, pool, retries):
+        for _, arrays in store.made(work, run_batch, pool):
             progress(len(arrays["runs"]))
     return results
 

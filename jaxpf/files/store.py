@@ -26,7 +26,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import plain
-from jaxpf.files.executors import RETRIES, Pool, in_turn
+from jaxpf.files.executors import Pool, in_turn
 from jaxpf.files.writing import LOCK, atomic_write, remove_leavings, report_os_errors, write_text
 
 if TYPE_CHECKING:
@@ -96,7 +96,6 @@ class Store:
         pieces: Iterable[tuple[str, Any]],
         make: Callable[[Any], Mapping[str, np.ndarray]],
         pool: Pool | None = None,
-        retries: int = RETRIES,
     ) -> Iterator[tuple[str, Mapping[str, np.ndarray]]]:
         """Yield name and arrays of every piece: read if it is stored, else made and stored.
 
@@ -104,7 +103,6 @@ class Store:
             pieces: names, valid as file names, and what ``make`` is called with.
             make: function -> arrays by name.
             pool: workers that make pieces, which then come in any order, see ``in_turn``.
-            retries: see ``in_turn``.
         """
         missing = {}
         for name, piece in pieces:
@@ -112,7 +110,7 @@ class Store:
                 yield name, self.read(name)
             except Damaged:
                 missing[name] = piece
-        for name, arrays in in_turn(make, missing, pool, retries):
+        for name, arrays in in_turn(make, missing, pool):
             self.write(name, arrays)
             yield name, arrays
 

@@ -95,7 +95,7 @@ PUBLISHED = {
         ("likelihood.sigma", 7),
         ("likelihood.detection", BOUNDARIES),
         ("likelihood.independence", 1),
-        ("likelihood.payment", "literal"),
+        ("likelihood.reward", "literal"),
         ("resampling.name", "multinomial"),  # with replacement
         ("num_particles", 300),  # not printed, as judged
         ("ordering.resample_after", [False, False]),
@@ -104,7 +104,7 @@ PUBLISHED = {
         ("likelihood.sigma", 7),
         ("likelihood.detection", BOUNDARIES),
         ("likelihood.independence", 1),
-        ("likelihood.payment", "literal"),
+        ("likelihood.reward", "literal"),
         ("resampling.name", "multinomial"),
         ("num_particles", 750),
         ("dynamics.flip", 0.01),

@@ -121,6 +121,6 @@ def contours(
         edges=edges,
         num_lines=num_lines,
         crossings=crossings,
-        payment="literal" if literal else "once",
+        reward="literal" if literal else "once",
         **options,
     )

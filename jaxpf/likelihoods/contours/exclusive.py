@@ -22,7 +22,7 @@ class ExclusiveContours(IndependentContours):
     The targets are wire frames: all boundaries are visible, even where they overlap.  The density
     of one target alone is the weighting function of partitioned sampling.
 
-    ``payment="literal"`` is eq. 2 as printed: an edge is rewarded on the lines of every target near
+    ``reward="literal"`` is eq. 2 as printed: an edge is rewarded on the lines of every target near
     it, so two wires side by side count twice as much as two wires apart.
     """
 
@@ -83,7 +83,7 @@ class ExclusiveContours(IndependentContours):
         finite = jnp.all(jnp.isfinite(substates), axis=(0, 1))
         lines = self.lines_of_all(jnp.where(finite, substates, 0.0))
         boundaries = self.all_crossings(observation, lines, label)
-        if self.payment == "literal":
+        if self.reward == "literal":
             every = [range(len(boundaries[0]))]
             (ratios,) = self._log_ratios(observation, lines, boundaries, every)
             (means,) = self._log_means(observation, boundaries, every)
@@ -107,7 +107,7 @@ class OpaqueContours(ExclusiveContours):
     boundary inside the outline of a nearer target are hidden and not counted.  While nothing is
     hidden, all labels are equally likely.
 
-    ``payment="literal"`` is eq. 5 as printed.  It rewards a contour drawn inside a nearer target
+    ``reward="literal"`` is eq. 5 as printed.  It rewards a contour drawn inside a nearer target
     again with that target's edge, and makes it as likely as the truth.  The paper gives eq. 5 for
     two targets; for more, the same product over all lines is used.
 
@@ -118,7 +118,7 @@ class OpaqueContours(ExclusiveContours):
     num_targets: int = static_field(default=2)
 
     @property
-    def _pays_folds_once(self) -> bool:
+    def _rewards_folds_once(self) -> bool:
         """False: bodies rarely fold, and four clips did not tell which rule is better."""
         return False
 

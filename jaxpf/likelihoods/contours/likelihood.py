@@ -72,7 +72,7 @@ class IndependentContours(Likelihood):
         num_lines: static, M, measurement lines per contour.
         crossings: static, maximum number of crossings of one contour with one line that are
             used, those nearest to the line's middle.
-        payment: static, ``"once"`` or ``"literal"``.  With ``"once"`` an edge that several lines
+        reward: static, ``"once"`` or ``"literal"``.  With ``"once"`` an edge that several lines
             show is rewarded once, see ``union``.  ``"literal"`` is the product over all lines as
             printed, with which a contour folded back on half of its length scores like the truth.
     """
@@ -89,7 +89,7 @@ class IndependentContours(Likelihood):
     edges: int = static_field(default=1)
     num_lines: int = static_field(default=32)
     crossings: int = static_field(default=1)
-    payment: str = static_field(default="once")
+    reward: str = static_field(default="once")
 
     #: Lines are read at whole pixels, so there is no gradient.
     state_gradient = False
@@ -194,7 +194,7 @@ class IndependentContours(Likelihood):
         """Places ``[crossings, M, ...]`` of a contour on its own lines, and which are visible.
 
         The first ``edges`` rows are the boundary that a line belongs to.  The others are further
-        crossings of the same contour; with payment ``"once"``, only those of its earlier pieces.
+        crossings of the same contour; with reward ``"once"``, only those of its earlier pieces.
         """
         own = self._own_boundary(observation, lines)
         further = self._own_rows - self.edges
@@ -202,7 +202,7 @@ class IndependentContours(Likelihood):
             return own
         kind = self.num_lines, self.edges, self.space.closed
         outline = self._outline(lines)
-        if not self._pays_folds_once:
+        if not self._rewards_folds_once:
             left_out = crossing.own_sides(*kind)
             return joined(own, self._crossings_of(observation, lines, outline, further, left_out))
         places, there = crossing.nearest_crossings(
@@ -211,14 +211,14 @@ class IndependentContours(Likelihood):
         return joined(own, (places, there & self._in_view(observation, lines, places)))
 
     @property
-    def _pays_folds_once(self) -> bool:
+    def _rewards_folds_once(self) -> bool:
         """Whether an edge that a contour folded back on itself shows twice is rewarded once."""
-        return self.payment == "once"
+        return self.reward == "once"
 
     @property
     def _own_rows(self) -> int:
         """Number of rows of ``_of_their_own``."""
-        return self.crossings + (self.edges if self._pays_folds_once else 0)
+        return self.crossings + (self.edges if self._rewards_folds_once else 0)
 
     def _factors(self, observation, lines, boundaries, others):
         """Log-factors of contours from their own lines: sums over lines, ``[S, ...]``.
@@ -233,7 +233,7 @@ class IndependentContours(Likelihood):
         def gains(num_own, boundaries):
             rows = [[num_own + row for row in group] for group in others]
             after = [[*range(num_own), *group] for group in rows]
-            earlier = range(self.edges, num_own) if self._pays_folds_once else ()
+            earlier = range(self.edges, num_own) if self._rewards_folds_once else ()
             before = [[*earlier, *group] for group in rows]
             groups = after + before if any(before) else after
             ratios = self._log_ratios(observation, lines, boundaries, groups)
@@ -246,7 +246,7 @@ class IndependentContours(Likelihood):
             return jnp.sum(share - self._log_means(observation, boundaries, after), axis=1)
 
         num_own, edges = self._own_rows, self.edges
-        if not self._pays_folds_once:
+        if not self._rewards_folds_once:
             return gains(num_own, boundaries)
         # Contours rarely fold back: pay for these rows only if one does.
         folds = crossing.anywhere(boundaries[1][edges:num_own])

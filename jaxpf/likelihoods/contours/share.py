@@ -15,7 +15,7 @@ and for one other boundary, by that boundary's distance from the line's middle. 
 cross, the nearest represents them, and the line's mean is only approximately one: 1.01 to 1.05 for
 a wire beside a wire, both of whose edges are visible.
 
-The likelihoods as printed (``payment="literal"``) are not densities: their ratio is to clutter, not
+The likelihoods as printed (``reward="literal"``) are not densities: their ratio is to clutter, not
 to what others explain, and beside another target a line's mean is .8 to .9 (s = .3).  A likelihood
 that counts further crossings of a line with its own contour is not one either, since m takes these
 as given.

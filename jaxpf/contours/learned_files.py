@@ -52,25 +52,21 @@ def read_learned(path: str | os.PathLike[str]) -> Learned:
     text = read_text(path, "a learned shape space", "one that `jaxpf contour learn` wrote")
     try:
         content = json.loads(text)
-    except (ValueError, RecursionError):
-        raise _refusal(path, "it is no JSON") from None
-    if not isinstance(content, dict):
-        raise _refusal(path, "it holds no object with names and values")
-    try:
         space = _space(content["space"])
-        dynamics = _dynamics(content.get("dynamics"), space.dimension)
-    except KeyError as error:
-        raise _refusal(path, f"it has no {error}") from None
-    except (AttributeError, OverflowError, TypeError, ValueError) as error:
-        raise _refusal(path, str(error).splitlines()[0]) from None
-    return Learned(space, dynamics)
-
-
-def _refusal(path: Path, cause: str) -> InputError:
-    return InputError(
-        f"'{path}' is not a file of a learned shape space ({cause}); write one with "
-        "`jaxpf contour learn`."
-    )
+        return Learned(space, _dynamics(content.get("dynamics"), space.dimension))
+    except (
+        ArithmeticError,
+        AttributeError,
+        LookupError,
+        RecursionError,
+        TypeError,
+        ValueError,
+    ) as e:
+        cause = f"it has no {e}" if isinstance(e, KeyError) else str(e).splitlines()[0]
+        raise InputError(
+            f"'{path}' is not a file of a learned shape space ({cause}); write one with "
+            "`jaxpf contour learn`."
+        ) from None
 
 
 def _space(about: dict[str, Any]) -> ShapeSpace:

@@ -183,16 +183,15 @@ def _with_preset(
         raise InputError(
             f"like={like!r:.60} is not a published system of {target.name}; choose from {names}."
         )
-    published = known[like](start)
-    options = published.options
+    options, start = known[like](start)
     if "ordering" in values:
         options.pop("method", None)
-    elif published.ordering is not None and "method" not in values:
-        values["ordering"] = published.ordering
+    if "method" in values:
+        options.pop("ordering", None)
     filter_ = filter_for(target, values.get("method", options.get("method")))
     declared = options_of(target.tracker, filter_.build)
-    fits = {n for n in options if n in declared and declared[n].applies(values)}
-    return {name: options[name] for name in fits} | values, published.start
+    fitting = {n for n, option in declared.items() if option.applies(values)} | {"ordering"}
+    return {n: value for n, value in options.items() if n in fitting} | values, start
 
 
 def _plain(value: Any) -> Any:

@@ -7,25 +7,13 @@ this library's default.
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 from jaxpf import ordering as orderings
 from jaxpf.targets.target import Start
 
-
-class Preset(NamedTuple):
-    """A paper's system.
-
-    Attributes:
-        options: of the target and of the filter.
-        start: where tracking starts.
-        ordering: if no option states it, else None.
-    """
-
-    options: dict[str, Any]
-    start: Start
-    ordering: orderings.Ordering | None = None
-
+#: Options of the target and of the filter, and where tracking starts.
+System = tuple[dict[str, Any], Start]
 
 #: gonzales2011: lambda of the likelihood, and the range around the object in which particles
 #: start, in pixels, pixels and radians, which the paper leaves open.
@@ -55,7 +43,7 @@ MACCORMICK1999: Mapping[str, Mapping[str, Any]] = {
 }
 
 
-def _smith2004(start: Start) -> Preset:
+def _smith2004(start: Start) -> System:
     """DPS, section 4, with the paper's reassembly; likelihood exp(-lambda d^2) of histograms."""
     options = {
         "num_particles": 300,
@@ -65,10 +53,10 @@ def _smith2004(start: Start) -> Preset:
         "appearance": "colour",
         "likelihood": "integral",  # of all pixels
     }
-    return Preset(options, start, orderings.dps(len(start.ids), reassembly="literal"))
+    return {**options, "ordering": orderings.dps(len(start.ids), reassembly="literal")}, start
 
 
-def _gonzales2011(start: Start) -> Preset:
+def _gonzales2011(start: Start) -> System:
     """SPS, sections 3.1 and 3.2: the sorted swap; every part moves on its own."""
     options = {
         "method": "sps",
@@ -78,30 +66,30 @@ def _gonzales2011(start: Start) -> Preset:
         "sharpness": GONZALES2011_SHARPNESS,
         "slip": 0.0,
     }
-    return Preset(options, dataclasses.replace(start, reach=GONZALES2011_REACH))
+    return options, dataclasses.replace(start, reach=GONZALES2011_REACH)
 
 
-def _eskil2014(start: Start) -> Preset:
+def _eskil2014(start: Start) -> System:
     """Eq. 6 to 9 as printed: summed squares, distances held to 0.01 pixel, plain sum in eq. 9."""
     own = {"method": "eskil", "shape": "pixels", "shape_scale": 0.01, "drift": "literal"}
-    return Preset({**ESKIL2014, **own}, start)
+    return {**ESKIL2014, **own}, start
 
 
-def _pffl(start: Start) -> Preset:
+def _pffl(start: Start) -> System:
     """What eskil2014 compares with: eq. 5, without its authors' learned prior."""
-    return Preset({**ESKIL2014, "method": "pffl", "form": "literal"}, start)
+    return {**ESKIL2014, "method": "pffl", "form": "literal"}, start
 
 
-def _maccormick1999(start: Any) -> Preset:
+def _maccormick1999(start: Any) -> System:
     """Closed contours hide one another, and open ones are wires."""
     options = {**MACCORMICK1999["opaque" if start.contours.closed else "wires"]}
     if start.learned is not None:
         options.pop("shape_space", None)
-    return Preset(options, start)
+    return options, start
 
 
 #: Target -> paper -> function of the start.  rowe2005 has a builder, see ``Target.systems``.
-PRESETS: Mapping[str, Mapping[str, Callable[[Start], Preset]]] = {
+PRESETS: Mapping[str, Mapping[str, Callable[[Start], System]]] = {
     "boxes": {"smith2004": _smith2004},
     "parts": {"gonzales2011": _gonzales2011},
     "points": {"eskil2014": _eskil2014, "pffl": _pffl},

@@ -84,8 +84,7 @@ def _summary(
     start = request.run.start
     frames = slice(start, max(start, results.last) + 1)
     started = results.start.ids.tolist()
-    filter_ = results.tracker.tracker if request.run.runs else results.tracker
-    model_errors = calls.model_error(filter_, len(started))
+    model_errors = calls.model_error(results.filter, len(started))
     method = request.model.get("likelihood")
     return {
         "parameters": {
@@ -95,7 +94,7 @@ def _summary(
         # Of the likelihood, if it reports one; else the requested method.
         "likelihood_method": None
         if request.run.tracker
-        else getattr(filter_.likelihood, "method", method),
+        else getattr(results.filter.likelihood, "method", method),
         # The error that the model declares, such as its slip: of x, y and log size.
         "model_error": dict(zip(map(str, started), model_errors.round(4).tolist(), strict=True)),
         "ids": names,

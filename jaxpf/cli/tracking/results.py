@@ -44,6 +44,7 @@ class Results:
 
     Attributes:
         request, source, output, tracker, start, later: of the run.
+        filter: the tracker itself, without the wrapper that repeats it.
         resumed: number of frames that an earlier run has tracked.
         names: names of a fixed set of objects, in the order of their first frames.
         tracked: number of tracked frames.
@@ -70,6 +71,7 @@ class Results:
     ):
         self.request, self.source, self.output = request, source, output
         self.tracker, self.start, self.later = tracker, start, later
+        self.filter: Any = tracker.tracker if request.run.runs else tracker
         self.resumed = 0 if state is None else int(calls.time_of(state))
         of_start = [name for each in (start, *later.values()) for name in each.ids.tolist()]
         self.names: list[Any] = [] if request.detector else list(dict.fromkeys(of_start))
@@ -83,7 +85,7 @@ class Results:
         self.has_begun = False
         self._columns = Columns(request.target, source.shown_at)
         if state is not None:
-            self._columns.resume(request.run.start, tracker, start, state)
+            self._columns.resume(request.run.start, self.filter, start, state)
         self._waiting: list[Record] = []
         self._state: Any = None
         self._saved, self._clock = time.monotonic(), time.perf_counter()

@@ -234,12 +234,10 @@ class Results:
     @property
     def speeds(self) -> list[float]:
         """Frames per second of each configuration; NaN where not measured, see ``speed``."""
-        kept: Any = None
-        with contextlib.suppress(OSError, ValueError, RecursionError):
-            kept = json.loads((self.folder / SPEEDS).read_text(encoding="utf-8"))
-        count = len(self.settings["configurations"])
-        kept = [*(kept if isinstance(kept, list) else []), *[None] * count][:count]
-        return [float(x) if isinstance(x, int | float) and x > 0 else math.nan for x in kept]
+        path = self.folder / SPEEDS
+        if not path.is_file():
+            return len(self.settings["configurations"]) * [math.nan]
+        return [math.nan if x is None else x for x in json.loads(path.read_text("utf-8"))]
 
     def write_speeds(self, speeds: Sequence[float]) -> None:
         """Store the frames per second of each configuration; NaN where not measured."""

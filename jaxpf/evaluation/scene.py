@@ -54,7 +54,7 @@ def load_scene(
     try:
         return scenes.open_scene(source, seed=seed, parameters=parameters)
     except scenes.SceneError as error:
-        raise as_input_error(error) from error
+        raise InputError(f"{str(error).removesuffix('.')}.") from error
 
 
 def _is_folder(source: Any) -> bool:
@@ -66,21 +66,9 @@ def _is_folder(source: Any) -> bool:
     return Path(source).exists() or ("/" in source and not scenes.names_function(source))
 
 
-def as_input_error(error: scenes.SceneError) -> InputError:
-    """Convert a ``SceneError`` to an ``InputError`` with the same message."""
-    return InputError(f"{str(error).removesuffix('.')}.")
-
-
 def open_scene(scene: SceneSource) -> Scene:
-    """Return the plan's scene, calling it if it is a function.
-
-    Raises:
-        InputError: it is no scene.
-    """
-    opened = scene() if callable(scene) else scene
-    if not hasattr(opened, "frames") or not hasattr(opened, "boxes"):
-        raise InputError(f"scene is {opened!r:.60}; give what scenes.open_scene returns.")
-    return opened
+    """The plan's scene, which a function may open."""
+    return scene() if callable(scene) else scene
 
 
 def scene_digest(scene: Scene) -> str:

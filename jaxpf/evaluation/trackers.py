@@ -20,7 +20,6 @@ import numpy as np
 import scenes
 from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.results import BUILT_IN, Configuration
-from jaxpf.evaluation.scene import as_input_error
 from jaxpf.files.reading import read_text
 from jaxpf.measures.association import pairwise_iou
 from jaxpf.sequences.tables import BoxTable, dense, read_boxes
@@ -95,11 +94,7 @@ class OwnTracker:
 
     def __call__(self, scene: Scene) -> Any:
         """Call the function with a scene."""
-        try:
-            function = scenes.function_of_text(self.text, self.path, self.function)
-        except scenes.SceneError as error:
-            raise as_input_error(error) from error
-        return function(scene)
+        return scenes.function_of_text(self.text, self.path, self.function)(scene)
 
 
 def own_tracker(name: str, function: Any, scene: Scene) -> Any:

@@ -205,12 +205,6 @@ def log_density_all(dynamics, partition, new, current, previous, parent) -> jax.
     return method(partition, new, current, previous, parent)
 
 
-def has_prediction(dynamics: DynamicsLike) -> bool:
-    """Whether the dynamics define a noise-free prediction."""
-    dynamics = first_motion(dynamics)
-    return hasattr(dynamics, "predict") or hasattr(dynamics, "predict_all")
-
-
 def predict_all(dynamics, partition, current, previous) -> jax.Array:
     """Substates ``[D, N]`` moved without noise, by the batched method if defined."""
     method = method_of(dynamics, DynamicsWithPrediction, "predict_all")

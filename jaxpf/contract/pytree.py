@@ -16,7 +16,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
 
-from jaxpf.contract.errors import InputError
 from jaxpf.lowering.programs import compiled, in_full
 
 T = TypeVar("T")
@@ -119,19 +118,6 @@ def compiled_alone(method: Callable) -> Callable:
         return (program if plain else traced)(*arguments, **named)
 
     return call
-
-
-def check_not_traced(what: str, remedy: str, *values: object, over: str = "frames") -> None:
-    """Refuse tracers for a function that loops in Python and returns NumPy arrays.
-
-    Raises:
-        InputError: a value is traced.
-    """
-    if not is_concrete(*values):
-        raise InputError(
-            f"{what} loops over {over} in Python and cannot be traced; call it outside of jit, "
-            f"vmap, grad and scan, or use {remedy}."
-        )
 
 
 def as_array(value: Any, dtype: DTypeLike | None = None) -> jax.Array:

@@ -13,9 +13,6 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-#: How messages describe boxes.
-_BOXES = "x, y, w, h in pixels, [..., 4]"
-
 
 def boxes_from_substates(substates: ArrayLike, sizes: ArrayLike) -> Array:
     """The boxes of substates.

@@ -273,7 +273,6 @@ class Varying(contract.Dynamics):
 
 def test_dynamics_with_labels_take_the_time_and_the_inputs_of_those_inside():
     labelled = WithOcclusion(Varying(), shapes=None)
-    assert calls.has_prediction(labelled)
     assert not calls.has_log_density(labelled)
     moving = labelled.with_inputs(0.5, 0).at_frame(2)
     moved = contract.propagate_all(moving, KEY, PARTITION, *[jnp.ones((3, 2))] * 3)

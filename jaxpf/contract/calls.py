@@ -356,19 +356,8 @@ def observe_nearby(observer: object, frame: Any, near: Any) -> Any:
 
 
 def model_error(tracker: TrackerLike, num_partitions: int) -> np.ndarray:
-    """Errors ``[P, 3]`` that a tracker's likelihood declares, see ``Likelihood``; else 0.
-
-    Raises:
-        InputError: they have another shape.
-    """
-    likelihood = likelihood_of(tracker)
-    declared = np.array(optional(likelihood, "model_error"), float)
-    if declared.shape not in ((3,), (num_partitions, 3)):
-        raise InputError(
-            f"{type(likelihood).__name__}.model_error has shape {list(declared.shape)}; give [3], "
-            "of x, y and the logarithm of the size, or a row for each partition, "
-            f"[{num_partitions}, 3]."
-        )
+    """Errors ``[P, 3]`` that a tracker's likelihood declares, see ``Likelihood``; else 0."""
+    declared = np.array(optional(likelihood_of(tracker), "model_error"), float)
     return np.broadcast_to(declared, (num_partitions, 3))
 
 

@@ -12,7 +12,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import is_concrete
 
 
@@ -83,11 +82,6 @@ def log_evidence(summaries: Any, axis: int = -1) -> Any:
         One number for each run, ``[]`` or ``[R]``.
     """
     values = getattr(summaries, "log_evidence", summaries)
-    if not np.ndim(values):
-        raise InputError(
-            "log_evidence adds the frames of a sequence, and this is a single frame's number; give "
-            "the summaries that jaxpf.run or jaxpf.monte_carlo returns."
-        )
     if is_concrete(values):
         return np.sum(np.asarray(values, np.float64), axis=axis)
     return sum_evenly(jnp.asarray(values), axis)

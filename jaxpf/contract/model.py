@@ -51,15 +51,9 @@ def check_tree(
         what: the tree in messages; by default ``parents``.
 
     Raises:
-        InputError: not a list of integers, a parent that does not exist, or a cycle.
+        InputError: no parts, a parent that does not exist, or a cycle.
     """
-    try:
-        tree = tuple(operator.index(parent) for parent in parents)
-    except TypeError:
-        raise InputError(
-            f"parents {parents!r} is not a list of whole numbers; give every part's parent by its "
-            "place from 0, and -1 for a root, such as [-1, 0, 0]."
-        ) from None
+    tree = tuple(map(operator.index, parents))
     if not tree:
         raise InputError("parents is empty; give one entry per part, -1 for a root.")
     for part, parent in enumerate(tree):

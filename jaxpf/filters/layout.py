@@ -56,7 +56,7 @@ class Layout(NamedTuple):
     leaves: tuple[Leaf, ...]
 
     @staticmethod
-    def of(state: Any, num_values: Any = None, as_floats: bool = False) -> "Layout":
+    def of(state: Any, num_values: Any = None) -> "Layout":
         """Lay out a state of given shapes and dtypes.
 
         Raises:
@@ -65,7 +65,7 @@ class Layout(NamedTuple):
         paths, structure = jax.tree_util.tree_flatten_with_path(state)
         by_name, leaves = num_values if isinstance(num_values, Mapping) else {}, []
         for path, x in paths:
-            if as_floats or jnp.issubdtype(x.dtype, jnp.floating):
+            if jnp.issubdtype(x.dtype, jnp.floating):
                 leaves.append(Leaf(x.shape))
                 continue
             name = jax.tree_util.keystr(path, simple=True, separator=".")

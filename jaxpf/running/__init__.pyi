@@ -12,6 +12,6 @@ from .runs import (
     run_compiled as run_compiled,
     summary_only as summary_only,
     together as together,
-    with_inputs as with_inputs,
+    with_rows as with_rows,
 )
 from .streaming import TrackedFrame as TrackedFrame, stream as stream

@@ -21,7 +21,7 @@ from jaxpf.running import missing_frames
 from jaxpf.running.chunks import in_chunks
 from jaxpf.running.cores import num_idle_cores, say_that_cores_are_idle
 from jaxpf.running.frames import Frames, frames_of, noted, num_frames, warn_of_frames
-from jaxpf.running.runs import as_key, frame_step, init, summary_only, together, with_inputs
+from jaxpf.running.runs import as_key, frame_step, init, summary_only, together, with_rows
 
 #: Block widths for many and for few runs on a CPU, whose cache they suit.  A block of 5 costs up to
 #: a third more per run than one of 25, but computing 25 runs to get one costs ten times as much.
@@ -106,7 +106,7 @@ def monte_carlo(
     if devices is None and num_idle_cores() and max(count for count, _ in blocks) > 1:
         say_that_cores_are_idle()
     if inputs is not None:
-        tracker = with_inputs(tracker, inputs, num_frames(frames.stacked()))
+        tracker = with_rows(tracker, inputs, num_frames(frames.stacked()))
     sizes = frames_per_chunk, observed, batch_size
     recorded = run_blocks(tracker, keys, frames, blocks, recognised(record), devices, *sizes)
     kept = frames.whole

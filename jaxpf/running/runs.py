@@ -122,7 +122,7 @@ def forecast(
     """
     check_whole("steps", steps)
     nothing = np.zeros(steps, bool)
-    tracker = with_inputs(tracker, inputs, steps, calls.time_of(state))
+    tracker = with_rows(tracker, inputs, steps, calls.time_of(state))
     blind = gaps.WithoutFrames(tracker)
     with noted(tracker):
         return run_compiled(blind, as_key(key), (nothing, nothing), recognised(record), state)
@@ -151,11 +151,11 @@ def ready(
         InputError: as for ``run``.
     """
     frames = frames_of(frames).stacked()
-    tracker = with_inputs(tracker, inputs, num_frames(frames), first)
+    tracker = with_rows(tracker, inputs, num_frames(frames), first)
     return missing_frames.marked(tracker, frames, observed)
 
 
-def with_inputs(tracker: T, inputs: Any, count: int, first: ArrayLike = 0) -> T:
+def with_rows(tracker: T, inputs: Any, count: int, first: ArrayLike = 0) -> T:
     """Return the tracker with the inputs of ``count`` frames; unchanged if there are none.
 
     Raises:

@@ -19,7 +19,7 @@ from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.running.frames import noted
 from jaxpf.running.gaps import WithoutFrames
-from jaxpf.running.runs import as_key, init, one_run, with_inputs
+from jaxpf.running.runs import as_key, init, one_run, with_rows
 
 
 class Simulated(NamedTuple):
@@ -90,7 +90,7 @@ def simulate(
             "substates [P, D]), or give jaxpf.state_space an observation."
         )
     first = 0 if state is None else calls.time_of(state)
-    tracker = with_inputs(tracker, inputs, num_frames, first)
+    tracker = with_rows(tracker, inputs, num_frames, first)
     with noted(tracker):
         drawn = _simulated(tracker, as_key(key), state, num_frames, num_draws or 1)
     return drawn if num_draws is not None else jax.tree.map(lambda x: x[0], drawn)

@@ -12,7 +12,7 @@ from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.running import missing_frames
 from jaxpf.running.frames import frames_of, noted, warn_of_frames
-from jaxpf.running.runs import as_key, init_compiled, one_run, summary_only, with_inputs
+from jaxpf.running.runs import as_key, init_compiled, one_run, summary_only, with_rows
 
 
 class TrackedFrame(NamedTuple):
@@ -76,7 +76,7 @@ def stream(
             if row is None:
                 raise InputError(f"inputs end before frame {number}; give a row for each frame.")
             row = jax.tree.map(lambda x: np.asarray(x)[None], row)
-            its_tracker = with_inputs(its_tracker, row, 1, number)
+            its_tracker = with_rows(its_tracker, row, 1, number)
         with noted(tracker):
             state, summary = step(its_tracker, key, number, state, taken)
         summary = jax.tree.map(np.asarray, summary)

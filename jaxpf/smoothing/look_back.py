@@ -64,7 +64,7 @@ def smooth_stream(
     check_smoothing(tracker)
     frames = frames_of(frames)
     if inputs is not None:
-        tracker = running.with_inputs(tracker, inputs, running.num_frames(frames.stacked()))
+        tracker = running.with_rows(tracker, inputs, running.num_frames(frames.stacked()))
     number = passes.checked_number(tracker, num_trajectories)
     record = passes.keep_both_lags if looks_back(tracker) else passes.keep_substates
     back_key = passes.backward_key(running.as_key(key))

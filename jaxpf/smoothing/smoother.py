@@ -114,7 +114,7 @@ def smooth(
     check_whole("paths", paths, 0)
     frames = frames_of(frames)
     if inputs is not None:
-        tracker = running.with_inputs(tracker, inputs, running.num_frames(frames.stacked()))
+        tracker = running.with_rows(tracker, inputs, running.num_frames(frames.stacked()))
     if lag is not None:
         if paths or method != "backward":
             asked = f"paths={paths}" if paths else f"method={method!r}"

@@ -167,7 +167,7 @@ def ready(sequence: TrainingSequence) -> TrainingSequence:
     The latter only if the observations do not depend on parameters, and fit in memory.
     """
     frames = sequence.frames  # arrays since it was made
-    tracker = running.with_inputs(sequence.tracker, sequence.inputs, running.num_frames(frames))
+    tracker = running.with_rows(sequence.tracker, sequence.inputs, running.num_frames(frames))
     is_fixed = optional(likelihood_of(tracker), "fixed_observation")
     # Else objectives mark frames of NaN themselves; those of users may read the filter's fields.
     if is_fixed or sequence.observed is not None:

@@ -168,8 +168,6 @@ def test_a_declared_error_is_for_every_partition_or_a_row_for_each():
     rows = [[1, 2, 0.5], [3, 4, 0]]
     np.testing.assert_array_equal(declared(jnp.array(rows)), rows)
     np.testing.assert_array_equal(calls.model_error(SimpleNamespace(), 2), np.zeros((2, 3)))
-    for wrong in ((1, 2), np.zeros((3, 3))):
-        assert "model_error" in message_of(declared, wrong)
 
 
 @pytree_dataclass

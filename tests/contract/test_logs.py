@@ -3,10 +3,8 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 import jaxpf
-from jaxpf import InputError
 from jaxpf.contract import logs
 
 INCREMENTS = -50 + np.random.default_rng(0).normal(size=(2, 200_000)).astype(np.float32)
@@ -64,8 +62,3 @@ def test_log_evidence_of_long_runs_does_not_drift():
     assert np.abs(traced - exact).max() <= 2  # 1e7 has steps of 1
     odd = jnp.arange(7.0)
     np.testing.assert_array_equal(jax.grad(lambda x: jaxpf.log_evidence(x))(odd), 1)
-
-
-def test_a_single_frame_is_no_sequence():
-    with pytest.raises(InputError, match="a single frame's number"):
-        jaxpf.log_evidence(jnp.float32(1))

@@ -13,7 +13,7 @@ import jaxpf
 from jaxpf import ordering
 from jaxpf.contract.options import options_of
 from jaxpf.dynamics import IndependentGaussian
-from jaxpf.filters import SideBySide, WithErrorBars, add_target, quantiles, remove_target
+from jaxpf.filters import SideBySide, WithErrorBars, quantiles
 from jaxpf.gradients import Soft, Transport
 
 KEY, P = jax.random.key(0), 3
@@ -155,8 +155,6 @@ def test_what_is_refused_with_an_exchange_is_fine_without():
     (lambda: population(weights="plain"), "weights='plain'"),
     (lambda: population(num_particles=2), "3 targets"),
     (lambda: labelled(population="open", initial=IndependentGaussian(START, 1.0)), "initial"),
-    (lambda: add_target(labelled().init(KEY), 0, [0.0, 0.0]), "population='open'"),
-    (lambda: remove_target(labelled().init(KEY), 0), "population='open'"),
     (lambda: eskil(initial=START[:1]), "two partitions"),
     (lambda: eskil(initial=0 * START), "same place"),
     (lambda: eskil(initial=START[0]), "initial has shape"),

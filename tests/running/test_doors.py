@@ -131,7 +131,7 @@ def one_by_one(y, observed=None, **options):
 
 def many_one_by_one(y, observed=None, inputs=None):
     """With inputs of all frames, which are given before."""
-    its = running.with_inputs(MODEL, inputs, len(y))
+    its = running.with_rows(MODEL, inputs, len(y))
     given = None if observed is None else iter(observed)
     return jaxpf.monte_carlo(its, KEYS, iter(y), observed=given).log_evidence
 

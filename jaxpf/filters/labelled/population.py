@@ -20,15 +20,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract.errors import InputError
 from jaxpf.contract.logs import normalised
-from jaxpf.contract.numbers import check_whole
 from jaxpf.filters.labelled import by_label
 from jaxpf.filters.labelled.settings import Settings
 from jaxpf.filters.labelled.state import LabelledState
 from jaxpf.lowering.programs import compiled
 
 
+@compiled
 def add_target(state: LabelledState, slot: jax.Array, substate: jax.Array) -> LabelledState:
     """Add a target to an open population between two frames; it gets particles in the next frame.
 
@@ -37,21 +36,6 @@ def add_target(state: LabelledState, slot: jax.Array, substate: jax.Array) -> La
         slot: ``[]`` int, an empty slot.  If it is occupied, its target moves to the new place.
         substate: ``[D]``, the target's substate in the last frame.
     """
-    _check_open(state)
-    return _add(state, slot, substate)
-
-
-def remove_target(state: LabelledState, slot: jax.Array) -> LabelledState:
-    """Remove the target of ``slot`` from an open population between two frames.
-
-    The other labels' particles do not change.
-    """
-    _check_open(state)
-    return _remove(state, slot)
-
-
-@compiled
-def _add(state, slot, substate):
     alive = state.alive.at[slot].set(True)
     living = jnp.sum(alive).astype(state.log_mass.dtype)
     others = normalised(state.log_mass.at[slot].set(-jnp.inf))[0] + jnp.log1p(-1 / living)
@@ -67,7 +51,11 @@ def _add(state, slot, substate):
 
 
 @compiled
-def _remove(state, slot):
+def remove_target(state: LabelledState, slot: jax.Array) -> LabelledState:
+    """Remove the target of ``slot`` from an open population between two frames.
+
+    The other labels' particles do not change.
+    """
     weights = jnp.where(state.labels == slot, -jnp.inf, state.log_weights)
     return dataclasses.replace(
         state,
@@ -131,15 +119,6 @@ def with_newborn(tracker: Settings, state: LabelledState) -> LabelledState:
 
 def assign_slots(alive: jax.Array, num_particles: int) -> jax.Array:
     """Assign the living labels to the N slots in turn: ``[N]`` int32."""
-    check_whole("num_particles", num_particles)
     living_first = jnp.argsort(~jnp.asarray(alive, bool)).astype(jnp.int32)
     number = jnp.maximum(jnp.sum(alive), 1)
     return living_first[jnp.arange(num_particles, dtype=jnp.int32) % number]
-
-
-def _check_open(state: LabelledState) -> None:
-    if state.alive is None:
-        raise InputError(
-            "this state has a fixed population, in which no target comes or goes; make the tracker "
-            "with population='open'."
-        )

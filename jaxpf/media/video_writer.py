@@ -2,8 +2,8 @@
 
 import math
 import os
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -127,9 +127,8 @@ class VideoWriter:
             frame = cv2.copyMakeBorder(frame, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
         time = self.num_frames * self._period if time is None else time
         self._latest = max(round(time / _TICK), self._latest + 1)
-        if self._error is None:
-            self._attempt(self._encode, cv2.cvtColor(frame, cv2.COLOR_RGB2YUV_I420))
-        self._report()
+        with self._reported():
+            self._encode(cv2.cvtColor(frame, cv2.COLOR_RGB2YUV_I420))
         self.num_frames += 1
         if self._temporary.exists():
             with suppress(OSError):  # Windows renames no open file; ``close`` does
@@ -145,12 +144,14 @@ class VideoWriter:
             return
         self._closed = True
         try:
-            if self._error is None and self.num_frames:
-                self._attempt(self._encode, None)
+            with self._reported():
+                if self.num_frames:
+                    self._encode(None)
+                self._container.close()
         finally:  # also after Ctrl-C while the encoder empties its queue
-            self._attempt(self._container.close)
+            with suppress(Exception):
+                self._container.close()
             self._give_name()
-        self._report()
 
     def _give_name(self) -> None:
         if self._error is not None or not self.num_frames:
@@ -161,12 +162,19 @@ class VideoWriter:
             with report_os_errors("write", self.path):
                 os.replace(self._temporary, self.path)
 
-    def _report(self) -> None:
-        if self._error is not None:
-            reason = (getattr(self._error, "strerror", None) or str(self._error)).lower()
-            raise InputError(
-                f"cannot write video '{self.path}': {reason}; check the free disk space"
-            ) from self._error
+    @contextmanager
+    def _reported(self) -> Iterator[None]:
+        """Turn an error of the block into one sentence, with which later blocks fail, too."""
+        if self._error is None:
+            try:
+                yield
+                return
+            except Exception as error:
+                self._error = error
+        reason = (getattr(self._error, "strerror", None) or str(self._error)).lower()
+        raise InputError(
+            f"cannot write video '{self.path}': {reason}; check the free disk space"
+        ) from self._error
 
     def _encode(self, picture: np.ndarray | None) -> None:
         """Encode a picture, or flush the encoder if it is None."""
@@ -177,12 +185,6 @@ class VideoWriter:
             frame.pts, frame.time_base = self._latest, _TICK
             frame.duration = round(self._period / _TICK)
         self._container.mux(self._stream.encode(frame))
-
-    def _attempt(self, action: Callable[..., object], *arguments: Any) -> None:
-        try:
-            action(*arguments)
-        except Exception as error:  # ``write`` or ``close`` reports it
-            self._error = self._error or error
 
     def __enter__(self) -> "VideoWriter":
         return self

@@ -42,9 +42,8 @@ def cut(path, fraction):
     return path
 
 
-@pytest.mark.parametrize("suffix", ["mp4", "webm", "avi"])
-def test_a_video_gives_its_frames_in_order_as_rgb(tmp_path, suffix):
-    source = open_frames(write_video(tmp_path / f"walk.{suffix}", fps=10))
+def test_a_video_gives_its_frames_in_order_as_rgb(tmp_path):
+    source = open_frames(write_video(tmp_path / "walk.mp4", fps=10))
     assert (source.name, source.width, source.height, source.fps) == ("walk", 64, 48, 10.0)
     assert source.frames_expected == 40
     assert source.num_frames is None
@@ -57,12 +56,7 @@ def test_a_video_gives_its_frames_in_order_as_rgb(tmp_path, suffix):
     assert source.num_frames == 40
     assert not source.truncated
     assert source.note is None
-
-
-def test_a_video_can_be_read_again_and_from_any_frame(tmp_path):
-    source = open_frames(write_video(tmp_path / "walk.mp4"))
     assert number_of(next(source.frames(17))) == 17
-    assert len(list(source)) == 40
     assert [number_of(frame) for frame in source.frames(start=37)] == [37, 38, 39]
 
 
@@ -170,18 +164,6 @@ def test_a_cut_mp4_without_its_index_is_refused(tmp_path):
     assert str(path) in message
     assert "begins as MP4 but is cut off" in message
     assert "copy it again" in message
-
-
-def test_damage_in_the_middle_of_a_video_is_reported(tmp_path):
-    path = write_video(tmp_path / "walk.mp4", frame=noisy_frame)
-    data = bytearray(path.read_bytes())
-    middle = len(data) // 2
-    data[middle : middle + 400] = bytes(400)
-    path.write_bytes(data)
-    source = open_frames(path)
-    assert len(list(source)) > 0
-    assert not source.truncated
-    assert f"'{path}' is damaged" in source.note
 
 
 def test_a_size_that_changes_on_the_way_is_refused_where_it_does(tmp_path):

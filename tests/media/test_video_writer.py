@@ -89,22 +89,6 @@ def test_a_frame_may_be_changed_once_it_is_written(tmp_path):
     assert found == list(range(30))
 
 
-def test_an_interrupted_writer_leaves_a_playable_video(tmp_path):
-    path = tmp_path / "out.mp4"
-
-    def write_until_interrupted():
-        with VideoWriter(path, 64, 48, 25) as writer:
-            for index in range(40):
-                if index == 15:
-                    raise KeyboardInterrupt
-                writer.write(numbered_frame(index))
-
-    with pytest.raises(KeyboardInterrupt):
-        write_until_interrupted()
-    assert os.listdir(tmp_path) == ["out.mp4"]
-    assert [number_of(frame) for frame in open_frames(path)] == list(range(15))
-
-
 def test_a_writer_without_frames_leaves_nothing_and_closes_twice(tmp_path):
     with VideoWriter(tmp_path / "out.mp4", 64, 48, 25) as writer:
         pass

@@ -9,6 +9,9 @@ from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import GivenPath, PlainCommand
 from jaxpf.cli.shared.startup import use_compile_cache
+from jaxpf.contours.annotated_files import read_annotated
+from jaxpf.contours.learned_files import write_learned
+from jaxpf.contours.learning import learn_contours
 from jaxpf.dynamics.learned import COEFFICIENTS
 from jaxpf.files.writing import check_output_file
 from jaxpf.shapes.learning import ANNOTATIONS
@@ -86,14 +89,9 @@ def learn(
 
     Example: jaxpf contour learn worms --turns 36 -d 10 --last 40 -o worm.json
     """
-    from jaxpf.contours.annotated_files import read_annotated
-    from jaxpf.contours.learned_files import write_learned
-
     check_output_file(output, overwrite=overwrite)
     annotated = read_annotated(folder, kind, value=value, first=first, last=last)
     use_compile_cache()
-    from jaxpf.contours.learning import learn_contours
-
     learned, report = learn_contours(annotated, **settings)
     write_learned(output, learned)
     for line in report:

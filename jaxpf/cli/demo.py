@@ -3,25 +3,32 @@
 import dataclasses
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
+import cv2
+import jax
 import numpy as np
 
-from jaxpf import filters
+import scenes
+from jaxpf import filters, ordering
 from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.console import print_table, say
 from jaxpf.cli.shared.flags import declared_flags, picked
 from jaxpf.cli.shared.plain import PlainCommand
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.contract.options import options_of
+from jaxpf.contract.state import Summary
+from jaxpf.contract.types import TrackerLike
 from jaxpf.files.writing import prepare_output_folder
-
-if TYPE_CHECKING:
-    from jaxpf.contract.state import Summary
-    from jaxpf.contract.types import TrackerLike
-    from jaxpf.measures.intervals import Interval
-    from scenes import Scene
+from jaxpf.measures import Interval, mean_interval, success, summarise
+from jaxpf.media import labels, overlay
+from jaxpf.media.video_writer import VideoWriter
+from jaxpf.papers.smith2004.scenes import scene_tracker
+from jaxpf.running.blocks import monte_carlo
+from jaxpf.running.streaming import stream
+from jaxpf.shapes.rectangles import boxes_from_substates
+from scenes import Scene
 
 #: Method shown in the video.
 _SHOWN = "DPS"
@@ -46,15 +53,6 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, num_particles: 
         "num_particles"
     ]
     start_jax()
-    import jax
-
-    import scenes
-    from jaxpf import ordering
-    from jaxpf.measures import summarise
-    from jaxpf.papers.smith2004.scenes import scene_tracker
-    from jaxpf.running.blocks import monte_carlo
-    from jaxpf.shapes.rectangles import boxes_from_substates
-
     scene = scenes.make("distracter", seed=seed)
     methods = {
         "SIR": ordering.sir(scene.num_objects),
@@ -92,16 +90,14 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, num_particles: 
     say(f"{output}/: overlay.mp4 (a run of {_SHOWN}, the default of `jaxpf track`)")
 
 
-def _percent(interval: "Interval", index: int | tuple[()]) -> str:
+def _percent(interval: Interval, index: int | tuple[()]) -> str:
     value, low, high = (100 * np.asarray(x)[index] for x in (interval[0], *interval[2:]))
     return f"{value:.0f}% [{low:.0f}, {high:.0f}]" if low < high else f"{value:.0f}%"
 
 
 def _cells(
-    boxes: np.ndarray, truth: np.ndarray, measures: dict[str, Any], summary: "Summary"
+    boxes: np.ndarray, truth: np.ndarray, measures: dict[str, Any], summary: Summary
 ) -> list[str]:
-    from jaxpf.measures import mean_interval, success
-
     others_tracked = np.asarray(success(boxes, truth))[:, 1:].mean(axis=1)
     return [
         _percent(measures["recovery_rate"], 0),
@@ -111,16 +107,8 @@ def _cells(
     ]
 
 
-def _overlay(scene: "Scene", tracker: "TrackerLike", seeds: list[int], path: Path) -> None:
+def _overlay(scene: Scene, tracker: TrackerLike, seeds: list[int], path: Path) -> None:
     """Repeat the first run and draw its particles, enlarged, with the method's name in a corner."""
-    import cv2
-    import jax
-
-    from jaxpf.media import labels, overlay
-    from jaxpf.media.video_writer import VideoWriter
-    from jaxpf.running.streaming import stream
-    from jaxpf.shapes.rectangles import boxes_from_substates
-
     ids = list(range(1, scene.num_objects + 1))
     colours = overlay.object_colours(len(ids))
     zoom, (height, width) = 2, scene.frames.shape[1:3]

@@ -138,8 +138,8 @@ def _made(
     function: Callable[..., R], target: Target, frame: Any, given_start: Any = None, **given: Any
 ) -> R:
     """Complete and check the options, and call the function with them."""
-    for parameter in list(inspect.signature(function).parameters)[1:2]:
-        given_start = given.pop(parameter, given_start)
+    _, second, *_ = inspect.signature(function).parameters
+    given_start = given.pop(second, given_start)
     start = given_start if isinstance(given_start, Start) else target.start(given_start)
     values = {name: value for name, value in given.items() if value is not None}
     of_start = {field.name for field in dataclasses.fields(start)} & values.keys()
@@ -153,12 +153,6 @@ def _made(
         for name in _OBJECTS
         if name in values and not isinstance(values[name], str)
     }
-    likelihood = objects.get("likelihood")
-    if likelihood is not None and not hasattr(likelihood, "observe"):
-        raise InputError(
-            f"likelihood={likelihood!r:.60} must be the name of a built-in likelihood, or an "
-            "object with the methods observe and log_prob."
-        )
     if "ordering" in objects:
         if "method" in values:
             raise InputError("method and ordering were both given; use one of them.")

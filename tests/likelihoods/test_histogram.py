@@ -115,23 +115,6 @@ def test_similarity_falls_smoothly_as_a_box_leaves_the_frame():
 
 
 @pytest.mark.parametrize("method", ["integral", "sampled"])
-@pytest.mark.parametrize(
-    "bands", [pytest.param(1, marks=pytest.mark.slow), 2, pytest.param(3, marks=pytest.mark.slow)]
-)
-def test_one_particle_agrees_with_all(method, bands, boxes, substates):
-    likelihood = histogram(noise(), boxes, method=method, bands=bands)
-    observation = observe(likelihood, noise(9))
-    partition, at = np.arange(40, dtype=np.int32) % 3, substates[:, :40].astype(np.float32)
-    every = values(likelihood, observation, partition, at)
-    each = [log_prob(likelihood, observation, partition[n], at[:, n]) for n in range(40)]
-    mapped = jax.jit(jax.vmap(likelihood.log_prob, in_axes=(None, 0, 1)))(
-        observation, partition, at
-    )
-    np.testing.assert_allclose(every, each, rtol=1e-5, atol=1e-5)
-    np.testing.assert_allclose(every, mapped, rtol=1e-5, atol=1e-5)
-
-
-@pytest.mark.parametrize("method", ["integral", "sampled"])
 def test_runs_and_grids_of_parameters_map(method, boxes, substates):
     frame = noise()
     likelihood = histogram(frame, boxes, method=method)

@@ -149,15 +149,3 @@ def test_one_particle_agrees_with_all_in_either_precision():
             np.testing.assert_allclose(
                 upright, likelihood.log_prob_all(observation, jnp.arange(2), flat)
             )
-
-
-def test_the_frame_is_prepared_once_for_all_runs():
-    likelihood = patch(noise(), POSES, SIZES, window=WINDOW)
-    partition, frame = np.zeros(3, int), noise(3)
-
-    def step(substates, frame):
-        return likelihood.log_prob_all(likelihood.observe(frame), partition, substates)
-
-    many = np.full((7, 4, 3), 20, np.float32)
-    text = str(jax.make_jaxpr(jax.vmap(step, in_axes=(0, None)))(many, frame))
-    assert f"[7,{HEIGHT + 2},{WIDTH + 2}" not in text

@@ -1,5 +1,5 @@
-from .data import Parts as Parts
 from .factory import to_parts as to_parts, tracker as tracker
+from .files import Parts as Parts
 from .models import (
     DEFAULT_JOINT_SCALE as DEFAULT_JOINT_SCALE,
     DEFAULT_SCALE as DEFAULT_SCALE,

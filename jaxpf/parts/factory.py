@@ -20,7 +20,7 @@ from jaxpf.contract.options import Option
 from jaxpf.contract.types import LikelihoodLike, TrackerLike
 from jaxpf.filters.options import FilterOptions
 from jaxpf.ordering import Ordering
-from jaxpf.parts.data import Parts
+from jaxpf.parts.files import Parts
 from jaxpf.targets.building import factory, looks_of
 from jaxpf.targets.target import Looks, Start
 

@@ -1,10 +1,11 @@
-"""Files of articulated objects: start poses and tracks of parts.
+"""Articulated objects, and their files: start poses and tracks of parts.
 
 A part is a rectangle at any angle.  In files, (x, y) is its centre in continuous pixels, with
 pixel (0, 0) the square [0, 1) x [0, 1); the angle is in degrees, clockwise in the image; frames
 count from 0.  In memory angles are in radians.
 """
 
+import dataclasses
 import os
 from pathlib import Path
 
@@ -13,9 +14,25 @@ import numpy as np
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import check_tree
 from jaxpf.files.reading import check_name, parse_number, read_below
-from jaxpf.parts.data import Parts
 
 HEADER = "part,parent,x,y,w,h,angle"
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Parts:
+    """The parts of one or several articulated objects.
+
+    Attributes:
+        names: of the P parts.
+        parents: index of each part's parent, -1 for the root of an object.
+        poses: ``[P, 3]``: x, y of the centre in pixels, and the angle in radians, clockwise.
+        sizes: ``[P, 2]``: width and height in pixels.
+    """
+
+    names: tuple[object, ...]
+    parents: tuple[int, ...]
+    poses: np.ndarray
+    sizes: np.ndarray
 
 
 def read_parts(path: str | os.PathLike[str]) -> Parts:

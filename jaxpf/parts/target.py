@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.parts.data import Parts
 from jaxpf.parts.factory import start, tracker
-from jaxpf.parts.files import read_parts
+from jaxpf.parts.files import Parts, read_parts
 from jaxpf.targets.later import check_inside
 from jaxpf.targets.target import Marks, Start, Target
 

@@ -14,7 +14,7 @@ from correlated import CorrelatedGaussian
 from proposed import residual
 from refusals import message_of
 from scipy.stats import multivariate_normal
-from unsuited_dynamics import Blind, Coupled
+from unsuited_dynamics import Coupled
 
 import jaxpf
 from jaxpf import gradients, ordering, pytree_dataclass
@@ -43,7 +43,7 @@ MOVES = LinearGaussian(transition=0.8 * np.ones((P, 1, 1)), noise=np.ones((P, 1,
 SEES = Gaussian(noise=np.ones((P, 1, 1)))
 
 
-def tracker(order=None, kind=jaxpf.Partitioned, **changes):
+def tracker(order=None, **changes):
     settings = {
         "dynamics": MOVES,
         "likelihood": SEES,
@@ -51,9 +51,8 @@ def tracker(order=None, kind=jaxpf.Partitioned, **changes):
         "num_particles": 30,
         "proposal": Mixture(LocallyOptimal()),
     }
-    if kind is jaxpf.Partitioned:
-        settings["ordering"] = ordering.ps(range(P)) if order is None else order
-    return kind(**(settings | changes))
+    settings["ordering"] = ordering.ps(range(P)) if order is None else order
+    return jaxpf.Partitioned(**(settings | changes))
 
 
 def run(tracker, **options):
@@ -104,11 +103,6 @@ TABLE = {
     ),
     "own proposal": (lambda: tracker(proposal=Guess()), run, None),
     "linearised": (lambda: tracker(proposal=Linearised(residual)), run, None),
-    "optimal without a Gaussian likelihood": (
-        lambda: tracker(likelihood=CorrelatedGaussian(np.eye(P))),
-        run,
-        "CorrelatedGaussian",
-    ),
     "tempering": (lambda: tracker(tempering=0.5), run, None),
     "resampling now and then": (lambda: tracker(ess_threshold=0.5), run, None),
     "smoothing": (tracker, smooth, None),
@@ -137,17 +131,9 @@ TABLE = {
     "many runs": (
         tracker, lambda its: jaxpf.monte_carlo(its, jax.random.split(KEY, 3), FRAMES), None,
     ),
-    "dynamics without density": (
-        lambda: tracker(dynamics=Blind()), run, "Blind",
-    ),
     "coupled dynamics": (
         lambda: tracker(dynamics=Coupled()), run, "Coupled",
     ),
-    "one target a particle": (
-        lambda: tracker(kind=jaxpf.Labelled), run, "Labelled",
-    ),
-    "pffl": (lambda: tracker(kind=jaxpf.PFFL), run, "PFFL"),
-    "eskil": (lambda: tracker(kind=jaxpf.Eskil), run, "Eskil"),
 }  # fmt: skip
 SLOW_TO_TRACE = {
     "plain gradient", "gradient through resampling", "soft resampling", "transport", "many runs",

@@ -253,21 +253,11 @@ def test_dynamics_of_this_package_expect_what_they_do_without_noise():
         )
 
 
-@pytree_dataclass
-class Blind:
-    """Dynamics that predict nothing."""
-
-    def propagate(self, key, partition, current, previous, parent):
-        return current
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"dynamics": Blind()}, "predict"),
         ({"parents": (-1, 0, 0)}, "part tree"),
         ({"gradient": jaxpf.gradients.Soft()}, "gradient"),
-        ({"likelihood": jaxpf.likelihoods.Gaussian(np.ones((3, 1, 1)))}, "Gaussian"),
     ],
 )
 def test_where_it_cannot_work_it_is_refused(changes, message):

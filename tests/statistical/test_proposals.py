@@ -172,16 +172,6 @@ def test_linearised_helps_where_observations_are_not_linear():
     assert abs(ratio.mean()) < LIMIT * np.exp(blind).std() / len(keys) ** 0.5
 
 
-def test_what_no_proposal_goes_with_is_refused():
-    exact = problem(TREE)
-    with pytest.raises(InputError, match="Linearised"):
-        jaxpf.Partitioned(
-            dynamics=exact.dynamics,
-            likelihood=Bearing(),
-            ordering=ON_A_TREE["ps"],
-            initial=exact.initial,
-            parents=TREE,
-            proposal=LocallyOptimal(),
-        )
+def test_a_share_of_all_is_refused():
     with pytest.raises(InputError, match="share"):
         Mixture(Bad(), 1.0)

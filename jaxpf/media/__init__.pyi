@@ -1,3 +1,4 @@
+from .film import Reading as Reading
 from .overlay import (
     draw_boxes as draw_boxes,
     draw_outlines as draw_outlines,

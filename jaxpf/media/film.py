@@ -1,17 +1,19 @@
 """Films: the interface of every source of frames, and video files, decoded by PyAV."""
 
+import dataclasses
 import itertools
 import os
 import time
 from array import array
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError, import_extra
+from jaxpf.contract.errors import Argument, InputError, import_extra
+from jaxpf.contract.numbers import check_number
 
 if TYPE_CHECKING:
     import av
@@ -47,6 +49,37 @@ _LATEST = 100
 DEFAULT_FPS = 25.0
 
 
+@dataclasses.dataclass(frozen=True)
+class Reading:
+    """How a source is read.
+
+    Attributes:
+        fps: frames per second, in place of time stamps; 25 for a folder.
+        range: of a folder of images of 16 bits, the values that become 0 and 255.
+    """
+
+    fps: float | None = None
+    range: Sequence[int] | None = None
+
+    def __post_init__(self) -> None:
+        if self.fps is not None:
+            check_number("fps", self.fps, above=0)
+        if self.range is not None and not 0 <= self.range[0] < self.range[1] <= 65535:
+            raise InputError(
+                Argument("range", self.range, typed=",".join(map(str, self.range))),
+                " must be two whole numbers from 0 to 65535, black before white.",
+            )
+
+    def refuse_range(self, place: object) -> None:
+        """Refuse a range of values for other than images of 16 bits."""
+        if self.range is not None:
+            raise InputError(
+                Argument("range", self.range, typed=",".join(map(str, self.range))),
+                f" works only with a folder of images of 16 bits, and '{place}' is none; "
+                "leave it out.",
+            )
+
+
 class FrameSource:
     """Frames of one video, read on demand; repeatedly, unless the source is live.
 
@@ -73,13 +106,13 @@ class FrameSource:
 
     is_live = False
 
-    def __init__(self, path: Path | str, name: str, fps: float | None):
+    def __init__(self, path: Path | str, name: str, reading: Reading):
         self.path = path
         self.name = name
         self.width = 0
         self.height = 0
         self.pixel_aspect = Fraction(1)
-        self._given_fps = fps
+        self._given_fps = reading.fps
         self._clock = Clock(DEFAULT_FPS)
         self.frames_expected: int | None = None
         self.num_frames: int | None = None
@@ -152,8 +185,8 @@ class FrameSource:
 class VideoFile(FrameSource):
     """A file decoded by PyAV."""
 
-    def __init__(self, path: Path, fps: float | None, beginning: bytes):
-        super().__init__(path, path.stem, fps)
+    def __init__(self, path: Path, reading: Reading, beginning: bytes):
+        super().__init__(path, path.stem, reading)
         picture = None
         try:
             with Decoder(path) as film:

@@ -13,7 +13,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from jaxpf.contract.errors import Argument, InputError, import_extra
+from jaxpf.contract.errors import InputError, import_extra
+from jaxpf.media.film import Reading
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
 #: Share of pixels that change as edges and noise do, above which a picture is a photograph.
@@ -202,7 +203,7 @@ class Levels(NamedTuple):
     note: str | None = None
 
 
-def levels_of(files: Sequence[Path], given: Sequence[int] | None = None) -> Levels:
+def levels_of(files: Sequence[Path], reading: Reading) -> Levels:
     """Return how images of 16 bits become 8, by default as their values suggest.
 
     Cameras store 8 and 12 bits in 16-bit images.  The images count as 8-bit or 12-bit if no pixel
@@ -212,12 +213,12 @@ def levels_of(files: Sequence[Path], given: Sequence[int] | None = None) -> Leve
 
     Args:
         files: the images.
-        given: black and white.
+        reading: black and white, if the user chooses them.
     """
-    if given is not None:
+    if reading.range is not None:
         if _decode(files[0]).dtype != np.uint16:
-            raise no_range(files[0], given)
-        black, white = given
+            reading.refuse_range(files[0])
+        black, white = reading.range
         return Levels(black, white)
     places = np.unique(np.linspace(0, len(files) - 1, _SAMPLED).astype(int))
     found = []
@@ -245,14 +246,6 @@ def levels_of(files: Sequence[Path], given: Sequence[int] | None = None) -> Leve
         return Levels()
     note = f"no value in '{files[0]}' is above {white}, so its 16 bits count as {bits}"
     return Levels(white=white, is_limit=True, note=note)
-
-
-def no_range(path: object, given: Sequence[int]) -> InputError:
-    """The refusal of a range of values for other than images of 16 bits."""
-    return InputError(
-        Argument("range", given, typed=",".join(map(str, given))),
-        f" works only with a folder of images of 16 bits, and '{path}' is none; leave it out.",
-    )
 
 
 def read_image(path: Path, levels: Levels) -> np.ndarray:

@@ -12,10 +12,9 @@ from urllib.parse import urlsplit
 import cv2
 import numpy as np
 
-from jaxpf.contract.errors import Argument, InputError
-from jaxpf.contract.numbers import check_number
+from jaxpf.contract.errors import InputError
 from jaxpf.files.writing import report_os_errors
-from jaxpf.media.film import DEFAULT_FPS, Clock, FrameSource, VideoFile
+from jaxpf.media.film import DEFAULT_FPS, Clock, FrameSource, Reading, VideoFile
 from jaxpf.media.images import (
     IMAGE_SUFFIXES,
     check_consecutive,
@@ -23,7 +22,6 @@ from jaxpf.media.images import (
     check_single,
     frames_inside,
     levels_of,
-    no_range,
     pictures_in,
     quiet_opencv,
     read_image,
@@ -34,13 +32,11 @@ from jaxpf.media.images import (
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://")
 #: Milliseconds to wait for a stream to open, and for each of its frames.
 _PATIENCE = 10_000
+#: With the time stamps and the values of the source.
+_AS_STORED = Reading()
 
 
-def open_frames(
-    path: str | os.PathLike[str] | int,
-    fps: float | None = None,
-    range: Sequence[int] | None = None,
-) -> FrameSource:
+def open_frames(path: str | os.PathLike[str] | int, reading: Reading = _AS_STORED) -> FrameSource:
     """Open a video, a folder of images or a live source for reading.
 
     A folder's images (png, jpg, jpeg, bmp, tif, tiff, webp) are the frames, in natural order
@@ -62,8 +58,7 @@ def open_frames(
 
     Args:
         path: a video in any format that PyAV decodes, a folder, or a live source.
-        fps: frames per second, in place of time stamps; 25 for a folder.
-        range: of a folder of images of 16 bits, the values that become 0 and 255.
+        reading: a frame rate and a range of values of your own.
 
     Returns:
         A source that has at least one frame.
@@ -73,23 +68,15 @@ def open_frames(
     """
     if path == "":
         raise InputError("no video is named; give its path, or . for the images in this folder")
-    if fps is not None:
-        check_number("fps", fps, above=0)
-    if range is not None and not 0 <= range[0] < range[1] <= 65535:
-        raise InputError(
-            Argument("range", range, typed=",".join(map(str, range))),
-            " must be two whole numbers from 0 to 65535, black before white.",
-        )
     address = _live_address(path)
     if address is not None:
-        if range is not None:
-            raise no_range(address, range)
-        return _LiveSource(address, fps)
+        reading.refuse_range(address)
+        return _LiveSource(address, reading)
     path = Path(f"{path}")
     check_name(path)
     with report_os_errors("read", f"{path}"):
         if path.is_dir():
-            return _ImageFolder(path, fps, range=range)
+            return _ImageFolder(path, reading)
         try:
             with open(path, "rb") as file:
                 beginning = file.read(16)
@@ -107,12 +94,11 @@ def open_frames(
         raise InputError(
             f"'{path}' is a single image; give the folder that holds the images, or a video"
         )
-    if range is not None:
-        raise no_range(path, range)
-    return VideoFile(path, fps, beginning)
+    reading.refuse_range(path)
+    return VideoFile(path, reading, beginning)
 
 
-def open_pictures(files: Sequence[Path], fps: float | None = None) -> FrameSource:
+def open_pictures(files: Sequence[Path]) -> FrameSource:
     """Open pictures of one folder as frames, in this order; see ``open_frames``.
 
     Raises:
@@ -121,20 +107,14 @@ def open_pictures(files: Sequence[Path], fps: float | None = None) -> FrameSourc
     for file in files:
         if not file.is_file():
             raise InputError(f"there is no picture '{file}'; add it, or correct the sequence")
-    return _ImageFolder(files[0].parent, fps, files)
+    return _ImageFolder(files[0].parent, _AS_STORED, files)
 
 
 class _ImageFolder(FrameSource):
     """A folder whose images, or some of them in the given order, are the frames."""
 
-    def __init__(
-        self,
-        path: Path,
-        fps: float | None,
-        files: Sequence[Path] | None = None,
-        range: Sequence[int] | None = None,
-    ):
-        super().__init__(path, path.resolve().name, fps)
+    def __init__(self, path: Path, reading: Reading, files: Sequence[Path] | None = None):
+        super().__init__(path, path.resolve().name, reading)
         given, files = files, list(files or pictures_in(path))
         self._files, self.pictures = files, [file.name for file in files]
         # A single picture beside a video or a folder of frames is a preview, not the sequence.
@@ -152,7 +132,7 @@ class _ImageFolder(FrameSource):
             check_name(entry)
             check_single(entry)
         self.frames_expected = self.num_frames = len(self._files)
-        self._levels = levels_of(self._files, range)
+        self._levels = levels_of(self._files, reading)
         self.height, self.width = read_image(self._files[0], self._levels).shape[:2]
         notes += [self._levels.note]
         if len(files) == 1:
@@ -192,10 +172,10 @@ class _LiveSource(FrameSource):
 
     is_live = True
 
-    def __init__(self, address: str | int, fps: float | None):
+    def __init__(self, address: str | int, reading: Reading):
         """Open the source and read its first frame; see ``_live_address`` and ``open_frames``."""
         shown, name = _names(address)
-        super().__init__(shown, name, fps)
+        super().__init__(shown, name, reading)
         self._is_camera = isinstance(address, int)
         with quiet_opencv():
             if isinstance(address, int):

@@ -11,7 +11,7 @@ import pytest
 from films import moving_square, write_film
 from refusals import message_of
 
-from jaxpf.media import VideoWriter, open_frames
+from jaxpf.media import Reading, VideoWriter, open_frames
 
 GREY = np.full((90, 120, 3), 128, np.uint8)
 LIST = b"#EXTM3U\n#EXT-X-TARGETDURATION:4\n#EXTINF:4,\nwalk.avi\n#EXT-X-ENDLIST\n"
@@ -94,7 +94,7 @@ def test_a_folder_that_is_no_film_is_refused(tmp_path, files, options, named):
         else:
             cv2.imwrite(str(tmp_path / f"written{path.suffix}"), content)
             (tmp_path / f"written{path.suffix}").rename(path)
-    message = message_of(lambda: list(open_frames(tmp_path, **options)))
+    message = message_of(lambda: list(open_frames(tmp_path, Reading(**options))))
     assert named in message
     assert str(tmp_path) in message or "range" in named
 

@@ -22,6 +22,7 @@ from jaxpf.cli.tracking.request import NOT_WITH_LATER
 from jaxpf.contract.errors import InputError
 from jaxpf.files.store import is_locked
 from jaxpf.files.writing import is_left_over, report_os_errors
+from jaxpf.media.film import Reading
 from jaxpf.media.page.runs import Run
 from jaxpf.media.page.server import Refusal
 from jaxpf.media.read import open_frames
@@ -45,7 +46,7 @@ class Marking:
         reviewed: Run | None = None,
         range: list[int] | None = None,
     ):
-        self.source = open_frames(video, range=range)
+        self.source = open_frames(video, Reading(range=range))
         self.range = range
         if self.source.is_live:
             raise InputError(f"'{video}' is live; record it to a file, and mark that.")

@@ -26,7 +26,7 @@ from jaxpf.detections.population import open_model
 from jaxpf.evaluation.trackers import OwnTracker, own_tracker
 from jaxpf.files import states
 from jaxpf.filters import SideBySide
-from jaxpf.media.film import FrameSource
+from jaxpf.media.film import FrameSource, Reading
 from jaxpf.media.read import open_frames
 from jaxpf.sequences.layouts import read_truth
 from jaxpf.sequences.tables import BoxTable
@@ -83,7 +83,7 @@ def _shown(frames: int | None) -> int | None:
 
 def open_video(request: Request) -> FrameSource:
     """Open the video, and refuse options that do not go with a live one."""
-    source = open_frames(request.video, request.run.fps, request.run.range)
+    source = open_frames(request.video, Reading(request.run.fps, request.run.range))
     check_together(request, source.path, live=source.is_live)
     return source
 

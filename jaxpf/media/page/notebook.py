@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import check_known
+from jaxpf.media.film import Reading
 from jaxpf.media.page.runs import Run
 from jaxpf.media.page.server import Server, described
 from jaxpf.media.read import open_frames
@@ -111,4 +112,4 @@ def view(folder: str | os.PathLike[str]) -> Drawn:
     """
     run = Run(Path(folder))
     about = {"kind": run.kind, "start": run.start, "results": [run.name], "can_draw": False}
-    return Drawn(open_frames(run.video, range=run.table.get("range")), runs=[run], **about)
+    return Drawn(open_frames(run.video, Reading(range=run.table.get("range"))), runs=[run], **about)

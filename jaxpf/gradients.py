@@ -47,7 +47,7 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract import calls
 from jaxpf.contract.calls import check_uncoupled
-from jaxpf.contract.errors import InputError, check_known, check_separate
+from jaxpf.contract.errors import InputError, check_separate
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import pytree_dataclass
@@ -196,10 +196,9 @@ def check_gradients(tracker: Differentiable) -> None:
     """Refuse gradient settings that are incompatible with the rest of a tracker.
 
     Raises:
-        InputError: an unknown name, ``score`` of coupled dynamics; see also ``Gradient.check``.
+        InputError: ``score`` of coupled dynamics; see also ``Gradient.check``.
     """
     tracker.gradient.check(tracker)
-    check_known("motion_gradient=", tracker.motion_gradient, MOTION_GRADIENTS)
     if tracker.motion_gradient == "score":
         check_uncoupled(tracker.dynamics, "motion_gradient='score'")
 

@@ -13,9 +13,8 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.types import TrackerLike
 from jaxpf.detections.lifetimes import Rules
 from jaxpf.detections.population import come_and_go
-from jaxpf.detections.records import Group, Record, group_of
+from jaxpf.detections.records import Group, Record, check_started, group_of
 from jaxpf.filters import SideBySide
-from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.filters.labelled.tracker import Labelled
 from jaxpf.running.streaming import stream
 from jaxpf.targets.building import shapes_of

@@ -20,9 +20,8 @@ from jaxpf.contract.model import Model
 from jaxpf.contract.options import OPEN, complete
 from jaxpf.detections import lifetimes
 from jaxpf.detections.lifetimes import EMPTY, Changes, Living, Refusal, Rules
-from jaxpf.detections.records import Group, group_of
+from jaxpf.detections.records import Group, check_started, group_of
 from jaxpf.filters.labelled.population import add_target, remove_target
-from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.filters.labelled.tracker import Labelled
 from jaxpf.likelihoods.detected import Detected
 from jaxpf.likelihoods.open_histogram import open_histogram, with_object

@@ -3,8 +3,11 @@
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal, TypedDict
 
+from jax.typing import ArrayLike
+
 from jaxpf.contract.numbers import MOST
 from jaxpf.contract.options import Option
+from jaxpf.gradients import MOTION_GRADIENTS
 from jaxpf.resampling.schemes import SCHEMES
 
 Order = Annotated[
@@ -133,6 +136,13 @@ Regularise = Annotated[
         path="regularise",
         rare=True,
     ),
+]
+#: Fields of classes alone.
+Share = Annotated[ArrayLike, Option("A share.", above=0, most=1)]
+MaybeShare = Annotated[ArrayLike | None, Option("A share, or several.", above=0, most=1)]
+MotionGradient = Annotated[str, Option("The motion's gradient.", choices=MOTION_GRADIENTS)]
+Population = Annotated[
+    Literal["fixed", "open"], Option("Whether targets may come and go between frames.")
 ]
 
 

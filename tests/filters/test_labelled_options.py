@@ -8,8 +8,8 @@ from refusals import message_of
 import jaxpf
 from jaxpf import filters
 from jaxpf.contract.model import Model
+from jaxpf.detections.records import check_started
 from jaxpf.dynamics import AR2
-from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.likelihoods import Gaussian
 
 

@@ -10,11 +10,9 @@ from typing import Any
 import chex
 import jax
 import jax.numpy as jnp
-from jax.typing import ArrayLike
 
 from jaxpf.contract import Tracker
 from jaxpf.contract.calls import check_factors
-from jaxpf.contract.numbers import check_number
 from jaxpf.contract.options import check_fields
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.refusals import Bias
@@ -56,7 +54,7 @@ class PFFL(Tracker):
     dynamics: Any
     likelihood: Any
     initial: Any
-    safety: ArrayLike = 0.1
+    safety: of.Share = 0.1
     num_particles: of.NumParticles = static_field(default=50)
     upsampling: of.Upsampling = static_field(default=1)
     form: of.Form = static_field(default="auxiliary")
@@ -68,7 +66,6 @@ class PFFL(Tracker):
         check_fields(self)
         check_factors(self.dynamics, self.likelihood, "factored particles")
         check_rows(self.dynamics, self.num_partitions)
-        check_number("safety", self.safety, above=0, most=1)
 
     @property
     def num_partitions(self) -> int:

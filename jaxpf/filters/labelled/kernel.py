@@ -23,15 +23,26 @@ of its particles, Z^ the product of the frames' ``exp(log_evidence)``.
 
 A label whose particles all have zero likelihood is reported as lost.  With equal shares, the frame
 is skipped for that label and its particles continue; otherwise its weight stays zero.
+
+Regularised estimates and feedback of the speed follow eq. 5-6.  With x and u a target's estimated
+position and speed, and a_x, a_u the rates of ``regularise``::
+
+    x_t = (1 - a_x) (x_{t-1} + u_{t-1}) + a_x sum(w x^) / sum(w)
+    u_t = (1 - a_u) u_{t-1} + a_u (x_t - x_{t-1})
+
+Time is counted in frames.  As printed, eq. 6 divides the sum of eq. 4's weights by N_l, which is
+off by a factor 1 / (L N_l), and omits the division of the speed by the time step.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract.logs import counted, finite, normalised
@@ -42,9 +53,8 @@ from jaxpf.contract.state import (
     moments,
     sanitised,
 )
-from jaxpf.filters.labelled import by_label, estimation
-from jaxpf.filters.labelled.settings import Settings
-from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
+from jaxpf.filters.labelled import by_label
+from jaxpf.filters.labelled.state import LabelledState, LabelledSummary, Settings
 from jaxpf.lowering.branches import computed_before
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.resampling import weighted
@@ -84,13 +94,13 @@ def move(
     """Propagate all particles; return the new state and the previous lags ``[2, D, N]``."""
     left, fed_back = state.lagged, tracker.feedback == "estimate"
     if fed_back and tracker.speed is None:
-        left = estimation.before_moving(left, state.velocity, state.labels, tracker.position)
+        left = _before_moving(left, state.velocity, state.labels, tracker.position)
     # Targets have no parents.
     moved = contract.propagate_all(
         tracker.dynamics, key, state.labels, left[0], left[1], jnp.zeros_like(left[0])
     ).astype(left.dtype)
     if fed_back and tracker.speed is not None:
-        moved = estimation.after_moving(moved, left[0], state.velocity, state.labels, tracker.speed)
+        moved = _after_moving(moved, left[0], state.velocity, state.labels, tracker.speed)
     if tracker.motion_gradient == "score":
         moved = lax.stop_gradient(moved)
     return dataclasses.replace(state, lagged=jnp.stack([moved, left[0]])), left
@@ -204,7 +214,7 @@ def report(
     if tracker.feedback == "none" and tracker.regularise is None:
         estimate, velocity = jnp.where(present, mean, state.estimate), state.velocity
     else:
-        estimate, velocity = estimation.regularised(
+        estimate, velocity = _regularised(
             mean,
             state.estimate,
             state.velocity,
@@ -251,3 +261,67 @@ def _of_living(alive: jax.Array, summary: Any) -> LabelledSummary:
         log_evidence=jnp.where(jnp.any(alive), summary.log_evidence, 0.0),
         alive=alive,
     )
+
+
+def _regularised(
+    mean: jax.Array,
+    estimate: jax.Array,
+    velocity: jax.Array,
+    present: jax.Array,
+    position: Sequence[int],
+    speed: Sequence[int] | None,
+    rates: ArrayLike | None,
+) -> tuple[jax.Array, jax.Array]:
+    """Update the regularised estimates and speeds from the last frame's (rowe2005, eq. 6).
+
+    Args:
+        mean: ``[D, L]``, this frame's weighted means.
+        estimate: ``[D, L]``, last frame's estimates.
+        velocity: ``[E, L]``, last frame's speeds, per frame.
+        present: ``[L]`` bool; a label without weight coasts at its speed.
+        position: indices of the E position coordinates.
+        speed: indices of the E speed coordinates, which then report the estimated speed; or None.
+        rates: a_x and a_u, ``[2]``; None is 1 and 1.
+
+    Returns:
+        Estimates ``[D, L]`` and speeds ``[E, L]``.
+    """
+    rows = jnp.asarray(position)
+    along, change = (1.0, 1.0) if rates is None else jnp.asarray(rates, mean.dtype)
+    before = estimate[rows]
+    predicted = before + velocity
+    moved = jnp.where(present, (1 - along) * predicted + along * mean[rows], predicted)
+    velocity = jnp.where(
+        present, (1 - change) * velocity + change * (moved - before), velocity
+    ).astype(mean.dtype)
+    reported = jnp.where(present, mean, estimate).at[rows].set(moved)
+    if speed is not None:
+        reported = reported.at[jnp.asarray(speed)].set(velocity)
+    return reported, velocity
+
+
+def _before_moving(
+    lagged: jax.Array, velocity: jax.Array, labels: jax.Array, position: Sequence[int]
+) -> jax.Array:
+    """Replace the last displacement in ``lagged`` ``[2, D, N]`` by the label's estimated speed.
+
+    Feeds speed back to dynamics that take it from ``current - previous``.
+    """
+    rows = jnp.asarray(position)
+    return lagged.at[1, rows].set(lagged[0, rows] - by_label.spread(velocity, labels))
+
+
+def _after_moving(
+    moved: jax.Array,
+    current: jax.Array,
+    velocity: jax.Array,
+    labels: jax.Array,
+    speed: Sequence[int],
+) -> jax.Array:
+    """Base the new speed of particles ``[D, N]`` on the label's speed, not their own (eq. 5).
+
+    Keeps the change of speed from the dynamics, mainly its noise.  A particle's own last speed has
+    already moved its position.
+    """
+    rows = jnp.asarray(speed)
+    return moved.at[rows].add(by_label.spread(velocity, labels) - current[rows])

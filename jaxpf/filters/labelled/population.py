@@ -22,8 +22,7 @@ import numpy as np
 
 from jaxpf.contract.logs import normalised
 from jaxpf.filters.labelled import by_label
-from jaxpf.filters.labelled.settings import Settings
-from jaxpf.filters.labelled.state import LabelledState
+from jaxpf.filters.labelled.state import LabelledState, Settings
 from jaxpf.lowering.programs import compiled
 
 

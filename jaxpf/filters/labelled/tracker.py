@@ -8,20 +8,19 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Tracker
-from jaxpf.contract.calls import look_near
+from jaxpf.contract.calls import check_factors, look_near
+from jaxpf.contract.errors import Argument, InputError
+from jaxpf.contract.options import check_fields
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass
-from jaxpf.contract.refusals import Bias
+from jaxpf.contract.refusals import Bias, refused
 from jaxpf.filters import confidence
-from jaxpf.filters.initial import as_floats, initial_rows
+from jaxpf.filters.initial import as_floats, check_rows, initial_rows
 from jaxpf.filters.labelled import by_label, kernel, population
-from jaxpf.filters.labelled.population import add_target, remove_target
-from jaxpf.filters.labelled.refusals import check_tracker
-from jaxpf.filters.labelled.settings import Settings
-from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
+from jaxpf.filters.labelled.state import LabelledState, LabelledSummary, Settings
+from jaxpf.filters.noiseless import noiseless, without_noise
+from jaxpf.gradients import check_gradients
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
-
-__all__ = ["Labelled", "LabelledState", "LabelledSummary", "add_target", "remove_target"]
 
 
 @pytree_dataclass
@@ -67,7 +66,7 @@ class Labelled(Settings, Tracker):
             value = getattr(self, name)
             object.__setattr__(self, name, None if value is None else tuple(value))
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
-        check_tracker(self)
+        _check(self)
 
     @property
     def num_partitions(self) -> int:
@@ -141,3 +140,75 @@ class Labelled(Settings, Tracker):
         state, log_evidence, of_labels = kernel.share_out(self, state, log_factor, largest)
         after = kernel.report(self, state, log_evidence, of_labels, num_invalid)
         return confidence.reported(self.likelihood, before, *after, observation)
+
+
+def _check(tracker: Settings) -> None:
+    """Refuse settings that cannot work or would be silently wrong."""
+    check_fields(tracker)
+    gradient = tracker.gradient
+    if gradient.blends or not gradient.equalises:
+        raise InputError(
+            f"gradient {type(gradient).__name__} needs particles that hold all targets; "
+            "use NoGradient() or StopGradient() of jaxpf.gradients."
+        )
+    check_gradients(tracker)
+    _check_targets(tracker)
+    if tracker.population == "open":
+        _check_open(tracker)
+    _check_coordinates(tracker)
+    check_rows(tracker.dynamics, tracker.num_targets)
+    check_factors(tracker.dynamics, tracker.likelihood, "labelled particles")
+    if tracker.motion_gradient == "score" and tracker.feedback != "none":
+        raise InputError(
+            "motion_gradient='score' needs the density of a move, and feedback='estimate' changes "
+            "the move; use feedback='none' or motion_gradient='pathwise'."
+        )
+    if tracker.motion_gradient == "score":
+        refused(without_noise("motion_gradient='score'", tracker, noiseless(tracker).moved))
+
+
+def _check_targets(tracker: Settings) -> None:
+    num_targets = tracker.num_targets
+    if num_targets is None or num_targets < 1:
+        raise InputError(
+            f"num_targets={num_targets} must be the number of targets that the initial sampler "
+            "draws, at least 1."
+        )
+    if tracker.num_particles < num_targets:
+        raise InputError(
+            Argument("num_particles", tracker.num_particles),
+            f" is fewer than the {num_targets} targets that share them; use at least one particle "
+            "per target, better some fifty.",
+        )
+
+
+def _check_open(tracker: Settings) -> None:
+    if callable(tracker.initial):
+        raise InputError(
+            "population='open' starts from an array [L, D] whose rows of NaN are empty slots, not "
+            "from a sampler; give initial as an array."
+        )
+    if tracker.weights != "equal_share":
+        raise InputError(
+            f"population='open' gives every new target an equal share, which "
+            f"weights={tracker.weights!r} does not; use weights='equal_share'."
+        )
+
+
+def _check_coordinates(tracker: Settings) -> None:
+    position, speed = tracker.position, tracker.speed
+    if tracker.feedback == "none" and tracker.regularise is None and speed is None:
+        return  # unused
+    if speed is not None and len(speed) != len(position):
+        raise InputError(
+            f"speed={list(speed)} has {len(speed)} coordinates and position={list(position)} has "
+            f"{len(position)}; name one speed for each position."
+        )
+    used = [*position, *(speed or ())]
+    dimension = np.inf if callable(tracker.initial) else np.shape(tracker.initial)[1]
+    if len(set(used)) != len(used) or min(used, default=0) < 0 or max(used, default=0) >= dimension:
+        last = "" if np.isinf(dimension) else f" to {dimension - 1}"
+        raise InputError(
+            f"position={list(position)} and speed={speed and list(speed)} must name different "
+            f"coordinates of a substate, counted from 0{last}."
+        )

@@ -9,7 +9,6 @@ import numpy as np
 from jaxpf.contract import calls
 from jaxpf.contract.calls import coupled_with
 from jaxpf.contract.errors import Argument, InputError, check_separate, choice
-from jaxpf.contract.numbers import check_number
 from jaxpf.contract.optional import optional
 from jaxpf.contract.options import check_fields
 from jaxpf.contract.pytree import is_concrete
@@ -30,8 +29,6 @@ def check_tracker(tracker: Settings) -> jax.Array | None:
     """
     check_fields(tracker)
     check_gradients(tracker)
-    if tracker.tempering is not None:
-        check_number("tempering", tracker.tempering, above=0, most=1)
     ordering, parents = tracker.ordering, tracker.parents
     if len(parents) != ordering.num_partitions:
         raise InputError(

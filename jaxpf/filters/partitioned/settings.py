@@ -3,8 +3,6 @@
 import dataclasses
 from typing import Any
 
-from jax.typing import ArrayLike
-
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.types import DynamicsLike, LikelihoodLike, ProposalLike
 from jaxpf.filters import options as of
@@ -21,7 +19,7 @@ class Settings:
     ordering: Ordering
     initial: Any
     initial_label: Any = None
-    tempering: ArrayLike | None = None
+    tempering: of.MaybeShare = None
     ess_threshold: of.EssThreshold = None
     proposal: ProposalLike | None = None
     resampling: Any = "systematic"
@@ -30,7 +28,7 @@ class Settings:
     parents: Any = static_field(default=None)
     num_particles: of.NumParticles = static_field(default=300)
     keep_ancestors: bool = static_field(default=False)
-    motion_gradient: str = static_field(default="pathwise")
+    motion_gradient: of.MotionGradient = static_field(default="pathwise")
     refused: Any = dataclasses.field(default=None, init=False)
 
     @property

@@ -44,7 +44,7 @@ def test_rooms_select_their_tests():
     assert set(touched(["jaxpf/media/x.py", "tests/cli/test_x.py", "scenes/fish.py"])) == {
         *("tests/media/", "tests/cli/test_x.py", "tests/scenes/"),
     }
-    assert set(touched(["jaxpf/evaluation/worker.py"])) == {"tests/evaluation/"}
+    assert set(touched(["jaxpf/evaluation/engine.py"])) == {"tests/evaluation/"}
     assert set(touched(["jaxpf/ordering.py"])) == {"tests/filters/", "tests/statistical/"}
     kernel = {"tests/filters/", "tests/statistical/"}
     assert set(touched(["jaxpf/lowering/sums.py"])) == {*kernel, "tests/lowering/"}

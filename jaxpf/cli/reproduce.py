@@ -33,8 +33,7 @@ from jaxpf.papers import PAPERS
 @click.option(
     "--dask",
     metavar="ADDRESS",
-    help="Address of a Dask scheduler whose workers share the runs, such as "
-    "tcp://127.0.0.1:8786; timings are made on this machine.",
+    help="Address of a Dask scheduler whose workers share the runs, such as tcp://127.0.0.1:8786.",
 )
 @config_option()
 def command(

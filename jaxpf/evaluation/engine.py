@@ -1,4 +1,7 @@
-"""Executes an evaluation: divides the missing runs into batches, runs and stores each one."""
+"""Executes an evaluation: divides the missing runs into batches, runs and stores each one.
+
+Batches are run in this process or in others, which open the scene themselves.
+"""
 
 import dataclasses
 import functools
@@ -7,12 +10,15 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
+from jaxpf.contract.calls import model_error
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.state import Summary
 from jaxpf.evaluation.plan import Plan
 from jaxpf.evaluation.results import BUILT_IN, Batch, Configuration, Results, batch_name
 from jaxpf.evaluation.scene import (
@@ -24,20 +30,16 @@ from jaxpf.evaluation.scene import (
     scene_digest,
     start_frame,
 )
-from jaxpf.evaluation.settings import (
-    double_precision,
-    new_settings,
-    stored_settings,
-    write_settings,
-)
-from jaxpf.evaluation.trackers import own_tracker, read_boxes_like
-from jaxpf.evaluation.worker import Work, imported_batch, run_batch
+from jaxpf.evaluation.settings import new_settings, stored_settings, write_settings
+from jaxpf.evaluation.trackers import own_tracker, read_boxes_like, tracker_of
 from jaxpf.files.executors import Pool as Pool, local_pool as local_pool
 from jaxpf.files.store import locked
 from jaxpf.files.writing import remove_leavings, report_os_errors
 from jaxpf.lowering import platform
-from jaxpf.running.blocks import WIDE, Blocks, blocks_of
-from jaxpf.targets import target_of_scene
+from jaxpf.running.blocks import WIDE, Blocks, blocks_of, run_blocks
+from jaxpf.targets import find_target, target_of_scene
+from jaxpf.targets.building import shapes_of
+from jaxpf.targets.target import Target
 from scenes import Scene
 
 #: Likelihoods per batch and core, which an interrupted process can lose: about 15 seconds of
@@ -49,33 +51,40 @@ _ACCELERATION = 100
 _PARTICLES = 1000
 
 
+class Work(NamedTuple):
+    """A batch to run: a configuration, R runs from the first on, and the blocks they make."""
+
+    configuration: Configuration
+    first_run: int
+    num_runs: int
+    blocks: Blocks
+
+
 @dataclasses.dataclass(frozen=True)
 class Prepared:
     """An evaluation that is ready to run.
 
     Attributes:
         plan: the requested plan.
-        scene: its opened scene.
         results: what is on disk, with settings, truth and configurations.
         done: bool ``[R]`` per configuration, whether each run is on disk.
         damaged: damaged batch files; their runs count as missing.
-        work: missing batches.
+        work: missing batches by name.
         imports: missing imported tracks by index of the configuration, with the seconds that
-            computing them took here; None for tracks of a file.
+            computing them took here; None for tracks of a file, and for those that never move.
     """
 
     plan: Plan
-    scene: Scene
     results: Results
     done: list[np.ndarray]
     damaged: list[Path]
-    work: list[Work]
+    work: dict[str, Work]
     imports: dict[int, tuple[Batch, float | None]]
 
     @property
     def missing_runs(self) -> int:
         """Number of missing runs over all configurations."""
-        return sum(work.num_runs for work in self.work) + len(self.imports)
+        return sum(work.num_runs for work in self.work.values()) + len(self.imports)
 
 
 def evaluate(
@@ -124,8 +133,16 @@ def prepare(
     target = target_of_scene(scene, plan.target)
     start = target.scene_start(scene)
     digest = scene_digest(scene)
+
+    @functools.cache
+    def own(name: str) -> tuple[Any, float]:
+        """A user's tracker, or its tracks, and the seconds that they took."""
+        began = time.perf_counter()
+        made = own_tracker(name, plan.trackers[name], scene)
+        return made, time.perf_counter() - began
+
     if settings is None:
-        settings = new_settings(plan, scene, digest, target, start)
+        settings = new_settings(plan, scene, digest, target, start, lambda name: own(name)[0])
     if settings["scene"]["digest"] != digest:
         raise InputError(
             f"scene {scene.name!r} has other pictures or boxes than when the evaluation in "
@@ -135,31 +152,30 @@ def prepare(
     reopen = functools.partial(same_scene, plan.scene, digest)
     results = Results(folder, settings, target.scene_shapes(scene)[1:], start, reopen)
     done, damaged = results.survey()
-    work, imports = [], {}
+    work, imports = {}, {}
     share = math.ceil(sum(np.sum(~runs) for runs in done) / workers)
     for index, configuration in enumerate(results.configurations):
+        name = configuration.method
         if done[index].all():
             continue
         if configuration.is_imported:
-            imports[index] = _imported(plan, scene, results, configuration.method)
+            tracks, seconds = own(name) if name in plan.trackers else (None, None)
+            if tracks is None and target.has_boxes:
+                ids = object_ids(scene)
+                tracks = read_boxes_like(plan.tracks[name], scene.boxes, ids, start_frame(scene))
+            given = "points" if tracks is not None and tracks.shape[-1] == 2 else "boxes"
+            if tracks is None or given != ("boxes" if target.has_boxes else target.name):
+                raise InputError(
+                    f"{name!r} gives {given}, but the objects of {scene.name!r} are "
+                    f"{target.name}; leave it out."
+                )
+            moves = (tracks != tracks[0]).any()
+            imports[index] = imported_batch(tracks[1:], plan.seed), seconds if moves else None
             continue
         most = runs_per_batch or min(share, _most_runs(configuration, scene, start.num_partitions))
         for first, count, blocks in divide(done[index], most):
-            work.append(
-                Work(
-                    index=index,
-                    configuration=configuration,
-                    first_run=first,
-                    num_runs=count,
-                    blocks=blocks,
-                    seed=plan.seed,
-                    float64=double_precision(),
-                    open_scene=reopen,
-                    target=target.name,
-                    function=plan.trackers.get(configuration.method),
-                )
-            )
-    return Prepared(plan, scene, results, done, damaged, work, imports)
+            work[batch_name(index, first)] = Work(configuration, first, count, blocks)
+    return Prepared(plan, results, done, damaged, work, imports)
 
 
 def carry_out(
@@ -173,7 +189,8 @@ def carry_out(
     The speeds of tracks that were computed here are stored, too.
     """
     results, store = prepared.results, prepared.results.store
-    work = ((batch_name(each.index, each.first_run), each) for each in prepared.work)
+    scene, float64 = results.settings["scene"], results.settings["float64"]
+    run = functools.partial(run_batch, prepared.plan, scene["digest"], scene["target"], float64)
     with locked(results.folder, "evaluating"):
         remove_leavings(store.folder)
         for path in prepared.damaged:
@@ -187,7 +204,7 @@ def carry_out(
                 speeds[index] = len(results.truth) / max(seconds, 1e-9)
                 results.write_speeds(speeds)
             progress(len(batch))
-        for _, arrays in store.made(work, run_batch, pool):
+        for _, arrays in store.made(prepared.work.items(), run, pool):
             progress(len(arrays["runs"]))
     return results
 
@@ -231,24 +248,98 @@ def divide(done: np.ndarray, largest: int) -> Iterator[tuple[int, int, Blocks]]:
             start = end
 
 
-def _imported(plan: Plan, scene: Scene, results: Results, name: str) -> tuple[Batch, float | None]:
-    """Read or compute another tracker's tracks; also the seconds that computing them took."""
-    target = results.target
-    shapes, seconds = None, None
-    if name in plan.trackers:
-        function: Any = plan.trackers[name]
-        began = time.perf_counter()
-        shapes = own_tracker(name, function, scene)
-        seconds = time.perf_counter() - began
-        if hasattr(function, "seconds"):  # a baseline caches its boxes, so ask it
-            seconds = function.seconds(scene)
-    elif target.has_boxes:
-        ids = object_ids(scene)
-        shapes = read_boxes_like(plan.tracks[name], scene.boxes, ids, start_frame(scene))
-    given = "points" if shapes is not None and shapes.shape[-1] == 2 else "boxes"
-    if shapes is None or given != ("boxes" if target.has_boxes else target.name):
-        raise InputError(
-            f"{name!r} gives {given}, but the objects of {scene.name!r} are {target.name}; leave "
-            "it out."
-        )
-    return imported_batch(shapes[1:], plan.seed), seconds
+def run_batch(plan: Plan, digest: str, of: str, float64: bool, work: Work) -> dict[str, np.ndarray]:
+    """Run one batch; returns the fields of a ``Batch``.
+
+    Args:
+        plan: of the evaluation.
+        digest: of the scene, the same in every process.
+        of: name of the target, the type of the scene's objects.
+        float64: whether JAX computes in double precision.
+        work: the batch.
+
+    Raises:
+        InputError: the scene cannot be opened in this process, or differs from the planned one.
+    """
+    configuration, first_run, num_runs, blocks = work
+    with jax.enable_x64(float64):
+        scene, target = same_scene(plan.scene, digest), find_target(of)
+        start = target.scene_start(scene)
+        tracker = _tracker(plan, scene, target, configuration)
+        error = model_error(tracker, start.num_partitions).astype(np.float32)
+        keys = run_keys(plan.seed, first_run, num_runs)
+        recorded = run_blocks(tracker, keys, scene.frames[1:], blocks, record=keep_measures)
+    kept = {
+        name: np.asarray(value, bool if name == "without_likelihood" else np.float32)
+        for name, value in recorded.items()
+    }
+    return {
+        "seeds": np.full(num_runs, plan.seed, np.int64),
+        "runs": np.arange(first_run, first_run + num_runs),
+        "shapes": shapes_of(tracker, target, start, kept.pop("estimate")).astype(np.float32),
+        "model_error": np.broadcast_to(error, (num_runs, *error.shape)),
+        **kept,
+    }
+
+
+def _tracker(plan: Plan, scene: Scene, target: Target, configuration: Configuration) -> Any:
+    """Make the tracker; a user's function is called once per scene and its tracker reused."""
+    if configuration.kind == BUILT_IN:
+        return tracker_of(scene, target, configuration)
+    name = configuration.method
+    if _own_tracker[:2] != [scene, name]:
+        _own_tracker[:] = scene, name, own_tracker(name, plan.trackers[name], scene)
+    return _own_tracker[2]
+
+
+#: This process's last user-defined tracker, as scene, name and tracker.
+_own_tracker: list[Any] = []
+
+
+def keep_measures(state: object, summary: Summary) -> dict[str, jax.Array]:
+    """Select the values of a frame to store; values missing from a user's summary are NaN."""
+    estimate = summary.estimate
+
+    def or_nan(name: str, *shape: int) -> jax.Array:
+        value = getattr(summary, name, None)
+        return jnp.full(shape, jnp.nan, estimate.dtype) if value is None else value
+
+    hopeless = getattr(summary, "without_likelihood", None)
+    return {
+        "estimate": estimate,
+        "distinct_share": or_nan("distinct_share", *estimate.shape[:-1]),
+        "spread": or_nan("spread", *estimate.shape),
+        "confidence": or_nan("confidence", *estimate.shape[:-1]),
+        "ess": or_nan("ess"),
+        "log_evidence": or_nan("log_evidence"),
+        "without_likelihood": (
+            ~jnp.isfinite(estimate).all(axis=-1) if hopeless is None else hopeless
+        ),
+    }
+
+
+def run_keys(seed: int, first_run: int, num_runs: int) -> jax.Array:
+    """Keys ``[num_runs]``; run r has ``fold_in(key(seed), r)`` regardless of its batch."""
+    numbers = jnp.arange(first_run, first_run + num_runs, dtype=jnp.uint32)
+    return jax.vmap(jax.random.fold_in, in_axes=(None, 0))(jax.random.key(seed), numbers)
+
+
+def imported_batch(shapes: np.ndarray, seed: int) -> Batch:
+    """Another tracker's shapes ``[T, P, S]`` as a batch of one run; other measures are NaN."""
+    times, objects = shapes.shape[:2]
+
+    def unknown(*shape: int) -> np.ndarray:
+        return np.full((1, *shape), np.nan, np.float32)
+
+    return Batch(
+        seeds=np.array([seed], np.int64),
+        runs=np.array([0], np.int64),
+        shapes=shapes[None].astype(np.float32),
+        distinct_share=unknown(times, objects),
+        spread=unknown(times, objects, 3),
+        model_error=np.zeros((1, objects, 3), np.float32),
+        confidence=unknown(times, objects),
+        ess=unknown(times),
+        log_evidence=unknown(times),
+        without_likelihood=~np.isfinite(shapes[None]).all(axis=-1),
+    )

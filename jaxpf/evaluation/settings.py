@@ -26,7 +26,7 @@ from jaxpf.evaluation.results import (
     read_settings,
 )
 from jaxpf.evaluation.scene import object_ids, start_frame
-from jaxpf.evaluation.trackers import looks_of, own_tracker
+from jaxpf.evaluation.trackers import looks_of
 from jaxpf.files.store import SETTINGS, Store, versions
 from jaxpf.files.writing import is_left_over, report_os_errors
 from jaxpf.targets.target import Start, Target
@@ -60,8 +60,23 @@ def _compared(settings: Mapping[str, Any]) -> dict[str, Any]:
     return {**own, **settings["asked"], "runs": settings["runs"]}
 
 
-def new_settings(plan: Plan, scene: Scene, digest: str, of: Target, start: Start) -> dict[str, Any]:
-    """Make the content of ``settings.json``; ``digest`` is the scene's.
+def new_settings(
+    plan: Plan,
+    scene: Scene,
+    digest: str,
+    of: Target,
+    start: Start,
+    own: Callable[[str], Any],
+) -> dict[str, Any]:
+    """Make the content of ``settings.json``.
+
+    Args:
+        plan: of the evaluation.
+        scene: of the plan.
+        digest: of the scene.
+        of: the target.
+        start: of the scene.
+        own: name of a user-defined tracker -> what its function made of the scene.
 
     Raises:
         InputError: see ``configurations``; a user-defined tracker cannot be made.
@@ -78,8 +93,8 @@ def new_settings(plan: Plan, scene: Scene, digest: str, of: Target, start: Start
         return values
 
     listed = configurations(plan, start, settle)
-    for name, function in plan.trackers.items():
-        fixed = isinstance(own_tracker(name, function, scene), np.ndarray)
+    for name in plan.trackers:
+        fixed = isinstance(own(name), np.ndarray)
         listed.append(Configuration(name, kind=IMPORTED if fixed else OWN))
     listed += [Configuration(name, kind=IMPORTED) for name in plan.tracks]
     return {

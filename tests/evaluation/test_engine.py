@@ -22,8 +22,7 @@ from small_evaluation import (
 import jaxpf
 from jaxpf import InputError
 from jaxpf.evaluation import Results, evaluate, prepare
-from jaxpf.evaluation.engine import divide
-from jaxpf.evaluation.worker import keep_measures
+from jaxpf.evaluation.engine import divide, keep_measures
 from jaxpf.likelihoods import histogram_from_patches
 from jaxpf.shapes import boxes_from_substates
 
@@ -142,7 +141,7 @@ def test_work_is_divided_into_batches_of_one_shape_and_among_workers(tmp_path):
     assert one.missing_runs == 20_000
     assert not list(tmp_path.iterdir())
     small = prepare(plan, tmp_path, runs_per_batch=60)
-    assert {work.blocks for work in small.work} == {((2, 25),)}  # one shape, one kernel
+    assert {work.blocks for work in small.work.values()} == {((2, 25),)}  # one shape, one kernel
     shared = prepare(plan, tmp_path, workers=8)
     assert len(shared.work) >= 8
     assert len(one.work) < 8
@@ -150,8 +149,8 @@ def test_work_is_divided_into_batches_of_one_shape_and_among_workers(tmp_path):
         for index in (0, 1):
             runs = [
                 run
-                for work in prepared.work
-                if work.index == index
+                for name, work in prepared.work.items()
+                if name.startswith(f"{index:04d}-")
                 for run in range(work.first_run, work.first_run + work.num_runs)
             ]
             assert runs == list(range(10_000))

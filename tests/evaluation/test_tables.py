@@ -170,7 +170,7 @@ def test_methods_are_compared_on_common_runs_at_equal_parameters(tmp_path):
 def test_labels_leave_out_what_follows_from_an_appearance(tmp_path):
     scene, target = small_scene(), find_target("boxes")
     plan = Plan(small_scene, methods=("sir",), grid={"appearance": ("colour", "discriminative")})
-    settings = new_settings(plan, scene, "", target, target.scene_start(scene))
+    settings = new_settings(plan, scene, "", target, target.scene_start(scene), {}.get)
     results = Results(tmp_path, settings, scene.boxes[1:], target.scene_start(scene))
     names = [configuration_name(results, one) for one in results.configurations]
     assert names == ["SIR, appearance colour", "SIR, appearance discriminative"]

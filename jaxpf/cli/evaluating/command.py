@@ -139,7 +139,7 @@ def _run(request: Request, prepared: Prepared, pool: Pool | None) -> Results:
     """
     try:
         with progress_bar("runs") as bar:
-            name = prepared.scene.name
+            name = prepared.results.scene_name
             task = bar.add_task(f"{name}: compiling", total=prepared.missing_runs)
 
             def progress(runs: int) -> None:
@@ -212,7 +212,7 @@ def _plan_table(prepared: Prepared) -> tuple[list[str], list[list[str]], dict[st
         group = [configurations[index] for index in indices]
         orderings = " ".join(dict.fromkeys(c.ordering for c in group))
         cells = [" ".join(values[name]) if name in group[0].parameters else "" for name in varied]
-        runs = 1 if group[0].is_imported else prepared.plan.runs
+        runs = 1 if group[0].is_imported else prepared.results.runs
         done = sum(int(prepared.done[index].sum()) for index in indices)
         rows.append([method, orderings, *cells, f"{len(group)} x {runs}", str(done)])
     common_to_all = {name: next(iter(values[name])) for name in values if name not in varied}

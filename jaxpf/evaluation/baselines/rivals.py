@@ -14,7 +14,6 @@ translation and scale (Danelljan et al. 2014), in the package dlib-bin.
 import dataclasses
 import functools
 import importlib.util
-import time
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -44,11 +43,23 @@ class Baseline:
         Raises:
             InputError: the installed OpenCV lacks the tracker, or the tracker fails.
         """
-        return _followed(scene, self.name)[0].copy()
-
-    def seconds(self, scene: "Scene") -> float | None:
-        """Seconds that tracking the scene took; None for a box that never moves."""
-        return None if self.name == "still" else _followed(scene, self.name)[1]
+        if self.name in POINT_BASELINES:
+            if "points" not in scene.extras:
+                raise InputError(
+                    f"the baseline {self.name!r} tracks points, and {scene.name!r} has none; leave "
+                    "it out."
+                )
+            start = np.asarray(scene.extras["points"][0], np.float64)
+            return np.concatenate([start[None], POINT_BASELINES[self.name](scene.frames, start)])
+        kind, *files = self.name.split(":")
+        try:
+            tracks = [BASELINES[kind](*files, scene.frames, box) for box in scene.boxes[0]]
+        except cv2.error as error:
+            reason = " ".join(str(error).split())
+            raise InputError(
+                f"the baseline {self.name!r} fails on this scene: {reason}."
+            ) from error
+        return np.stack(tracks, axis=1)
 
 
 def baselines(names: Collection[str]) -> dict[str, Baseline]:
@@ -81,29 +92,6 @@ def available() -> list[str]:
     if importlib.util.find_spec("dlib") is None:
         missing.add("dlib")
     return [name for name in BASELINES if name not in missing]
-
-
-# Cached because an evaluation needs the result several times: for its type, boxes and time.
-@functools.lru_cache(maxsize=8)
-def _followed(scene: "Scene", baseline: str) -> tuple[np.ndarray, float]:
-    began = time.perf_counter()
-    if baseline in POINT_BASELINES:
-        if "points" not in scene.extras:
-            raise InputError(
-                f"the baseline {baseline!r} tracks points, and {scene.name!r} has none; leave it "
-                "out."
-            )
-        start = np.asarray(scene.extras["points"][0], np.float64)
-        points = POINT_BASELINES[baseline](scene.frames, start)
-        return np.concatenate([start[None], points]), time.perf_counter() - began
-    kind, *files = baseline.split(":")
-    follow = functools.partial(BASELINES[kind], *files)
-    try:
-        tracks = [follow(scene.frames, box) for box in scene.boxes[0]]
-    except cv2.error as error:
-        reason = " ".join(str(error).split())
-        raise InputError(f"the baseline {baseline!r} fails on this scene: {reason}.") from error
-    return np.stack(tracks, axis=1), time.perf_counter() - began
 
 
 def _still(frames: np.ndarray, box: np.ndarray) -> np.ndarray:

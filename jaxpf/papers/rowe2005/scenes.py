@@ -13,7 +13,7 @@ import jaxpf
 import scenes
 from jaxpf.boxes.rowe2005 import Rowe2005Settings
 from jaxpf.contract.state import Summary
-from jaxpf.evaluation.worker import run_keys
+from jaxpf.evaluation.engine import run_keys
 from jaxpf.filters.labelled.state import LabelledState
 from jaxpf.lowering.programs import compiled
 from jaxpf.papers.checkpoints import Measurements

@@ -30,7 +30,7 @@ from jaxpf.boxes import tracker as box_tracker
 from jaxpf.contract.interface import Tracker
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.state import ParticleState, Summary
-from jaxpf.evaluation.worker import run_keys
+from jaxpf.evaluation.engine import run_keys
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.lowering.programs import compiled
 from jaxpf.measures import metrics, particle_sets

@@ -24,7 +24,7 @@ _TRACES = ("loss", "gradient_norm", "stopped")
 
 
 def asked(
-    wanted: Sequence[Parameter],
+    parameters: Sequence[Parameter],
     start: Mapping[str, ArrayLike],
     objective: Any,
     settings: Settings,
@@ -34,7 +34,7 @@ def asked(
     name = objective if isinstance(objective, str) else getattr(objective, "__qualname__", "own")
     description = {
         "jaxpf": __version__,
-        "parameters": [f"{p.path}={p.low:g}:{p.high:g}" for p in wanted],
+        "parameters": [f"{p.path}={p.low:g}:{p.high:g}" for p in parameters],
         "start": {path: np.asarray(value).tolist() for path, value in start.items()},
         "objective": name,
         "sequences": [sequence.name for sequence in sequences],

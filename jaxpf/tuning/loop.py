@@ -85,37 +85,37 @@ def tune(
     settings = Settings() if settings is None else settings
     sequences = [sequences] if isinstance(sequences, TrainingSequence) else list(sequences)
     check_objective(objective, sequences)
-    wanted = [each if isinstance(each, Parameter) else parameter(each) for each in parameters]
-    check_apart(wanted)
-    start = {each.path: read(sequences[0].tracker, each) for each in wanted}
+    parsed = [each if isinstance(each, Parameter) else parameter(each) for each in parameters]
+    check_apart(parsed)
+    start = {each.path: read(sequences[0].tracker, each) for each in parsed}
     for sequence in sequences:
-        for each in wanted:
+        for each in parsed:
             if read(sequence.tracker, each).shape != start[each.path].shape:
                 raise InputError(
                     f"the parameter {each.path} of {sequence.name} has another shape than that of "
                     f"{sequences[0].name}; tune sequences of the same kind together."
                 )
-        if any(each.name.startswith("dynamics.") for each in wanted):
+        if any(each.name.startswith("dynamics.") for each in parsed):
             check_motion_gradient(sequence.tracker)
-    asked = checkpoint.asked(wanted, start, objective, settings, sequences)
+    asked = checkpoint.asked(parsed, start, objective, settings, sequences)
     store = None if folder is None else Store(Path(folder), "remove it, or choose another folder")
     prepared = [ready(sequence) for sequence in sequences]
-    value_and_gradient = free_loss(objective, tuple(wanted), sequences[0].outlines)
+    value_and_gradient = free_loss(objective, tuple(parsed), sequences[0].outlines)
     descents: list[Descent] = [] if store is None else checkpoint.read(store, asked)
     for repeat in range(settings.repeats):
         descent = descents[repeat] if repeat < len(descents) else None
         if descent is None:
-            descent = _begin(wanted, start, settings, repeat)
+            descent = _begin(parsed, start, settings, repeat)
             descents.append(descent)
         try:
-            for done in _descend(descent, wanted, prepared, value_and_gradient, settings):
+            for done in _descend(descent, parsed, prepared, value_and_gradient, settings):
                 descents[repeat] = done
                 if store is not None and done.num_steps % _STEPS_PER_CHECKPOINT == 0:
                     checkpoint.write(store, asked, done)
                 if progress is not None:
                     progress(done)
         except _NotFinite as error:
-            result = summarise(wanted, start, descents, settings)
+            result = summarise(parsed, start, descents, settings)
             where = f"{error} of step {descents[repeat].num_steps + 1}, repeat {repeat + 1}"
             values = ", ".join(f"{name} = {_shown(x)}" for name, x in result.last_good.items())
             raise Diverged(
@@ -127,9 +127,9 @@ def tune(
             # Without a step there is nothing to resume, and the next call may have other settings.
             if store is not None and descents[repeat].num_steps:
                 checkpoint.write(store, asked, descents[repeat])
-    result = summarise(wanted, start, descents, settings)
+    result = summarise(parsed, start, descents, settings)
     if objective == "evidence":
-        errors, reason = curvature(result, wanted, prepared, value_and_gradient, settings)
+        errors, reason = curvature(result, parsed, prepared, value_and_gradient, settings)
         result = dataclasses.replace(result, curvature_errors=errors, no_curvature=reason)
     return result
 
@@ -175,11 +175,11 @@ def _norm(tree: object) -> jax.Array:
 
 
 def _begin(
-    wanted: Sequence[Parameter], start: dict[str, jax.Array], settings: Settings, repeat: int
+    parameters: Sequence[Parameter], start: dict[str, jax.Array], settings: Settings, repeat: int
 ) -> Descent:
     rng = np.random.default_rng([settings.seed, repeat])
     free = {}
-    for each in wanted:
+    for each in parameters:
         z = np.asarray(each.to_free(start[each.path]), float)
         free[each.path] = z if repeat == 0 else z + settings.jitter * rng.standard_normal(z.shape)
     moments = jax.tree.leaves(
@@ -199,7 +199,7 @@ def _on_device(free: dict[str, np.ndarray]) -> dict[str, jax.Array]:
     return {name: jnp.asarray(z, float) for name, z in free.items()}
 
 
-def _descend(descent, wanted, sequences, value_and_gradient, settings):
+def _descend(descent, parameters, sequences, value_and_gradient, settings):
     """Yield the descent after every step until it stops."""
     optimiser, take_step = _optimiser(settings.clip, settings.learning_rate)
     free = _on_device({name: trace[-1] for name, trace in descent.free.items()})

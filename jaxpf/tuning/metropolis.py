@@ -31,6 +31,7 @@ from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.refusals import biased_evidence, poisoned
 from jaxpf.contract.state import Summary
+from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering import platform
 from jaxpf.lowering.programs import compiled
 from jaxpf.running import gaps
@@ -142,7 +143,7 @@ def pmmh(
     if is_known and not np.isfinite(prior):
         raise InputError(f"the prior excludes the start {initial!r:.200}; start inside of it.")
     number = num_particles or tracker.num_particles
-    model = _Model(build, log_prior, isinstance(marked, gaps.WithGaps), number, paths)
+    model = Filters(build, log_prior, isinstance(marked, gaps.WithGaps), number, paths)
     choice_key, start_key, *keys = jax.random.split(running.as_key(key), 4)
     start, unravel = ravel_pytree(initial)
     spread = _FIRST_STEP * jnp.maximum(jnp.abs(start), _FIRST_STEP)
@@ -167,7 +168,8 @@ def pmmh(
         (chains, walk), _ = _advanced(
             scans, model, keys[0], frames, initial, chains, walk, rates[:half]
         )
-        model = _with_chosen_number(model, choice_key, frames, initial, chains)
+        number = _chosen_number(model, number, choice_key, frames, initial, chains)
+        model = model._replace(num_particles=number)
         rates = rates[half:]
     kept = _advanced(scans, model, keys[1], frames, initial, chains, walk, rates)[1]
     kept = jax.tree.map(lambda x: jnp.swapaxes(x[-num_draws:], 0, 1), kept)
@@ -175,7 +177,7 @@ def pmmh(
     if is_known and np.isneginf(evidences[:, -1]).any():  # a chain accepted no move
         raise InputError(
             f"the parameters {initial!r:.200} cannot explain the frames with "
-            f"{model.num_particles} particles; start elsewhere, or give more particles."
+            f"{number} particles; start elsewhere, or give more particles."
         )
     parameters = jax.vmap(jax.vmap(unravel))(places)
     observations = None
@@ -183,20 +185,29 @@ def pmmh(
         sample_key = backward_key(running.as_key(key))
         observations = _observed(build, sample_key, parameters, path, inputs)
     path = calls.states(tracker, path) if paths else None
-    drawn = Posterior(
-        parameters, evidences, priors, accepted, model.num_particles, path, observations
-    )
+    drawn = Posterior(parameters, evidences, priors, accepted, number, path, observations)
     return poisoned(refuse, drawn)
 
 
-class _Model(NamedTuple):
-    """Static definition of the chains' target distribution."""
+class Filters(NamedTuple):
+    """Static definition of the filters, and with ``log_prior`` of the parameters' posterior."""
 
     build: Callable
     log_prior: Callable
     has_gaps: bool
-    num_particles: int
-    has_paths: bool
+    num_particles: int | None
+    has_paths: bool = False
+
+    def tracker(self, parameters: Any, inputs: Any) -> TrackerLike:
+        """Return the filter of some parameters."""
+        changes: dict[str, Any] = {"keep_ancestors": True} if self.has_paths else {}
+        if self.num_particles is not None:
+            changes["num_particles"] = self.num_particles
+        tracker = self.build(parameters)
+        if changes:  # else it may be any class
+            tracker = dataclasses.replace(tracker, **changes)
+        tracker = contract.with_inputs(tracker, inputs)
+        return gaps.WithGaps(tracker) if self.has_gaps else tracker
 
     def increments(self, parameters: Any, keys: jax.Array, frames: Any) -> jax.Array:
         """Estimate the frames' log evidence ``[T]``, with a random key for each block of them."""
@@ -205,14 +216,8 @@ class _Model(NamedTuple):
     def run(self, parameters: Any, keys: jax.Array, frames: Any) -> tuple[jax.Array, Any]:
         """Return ``increments``, and a draw of the states ``[T, P, D]``; None without paths."""
         frames, inputs = frames
-        tracker = dataclasses.replace(self.build(parameters), num_particles=self.num_particles)
-        record, halves = keep_log_evidence, 1
-        if self.has_paths:
-            tracker = dataclasses.replace(tracker, keep_ancestors=True)
-            record, halves = _keep_ancestors, 2 if sees_previous(tracker) else 1
-        tracker = contract.with_inputs(tracker, inputs)
-        if self.has_gaps:
-            tracker = gaps.WithGaps(tracker)
+        tracker = self.tracker(parameters, inputs)
+        record = _keep_ancestors if self.has_paths else keep_log_evidence
         times = np.arange(running.num_frames(frames))
 
         def step(state, item):
@@ -225,6 +230,7 @@ class _Model(NamedTuple):
             return kept, None
         increments, *ancestry = kept
         path = draw_paths(backward_key(keys[0]), *ancestry, state.log_weights, 1)[0]
+        halves = 2 if sees_previous(self.build(parameters)) else 1
         return increments, path[..., : path.shape[-1] // halves]
 
 
@@ -270,17 +276,16 @@ class _Walk(NamedTuple):
     log_scale: jax.Array
 
 
-def _with_chosen_number(model, key, frames, initial, chains) -> _Model:
+def _chosen_number(model, number, key, frames, initial, chains) -> int:
     """Choose the number of particles for a variance of 1, which is about proportional to 1 / N."""
     for pilot_key in jax.random.split(key, 4):
-        variance = np.nan_to_num(
-            _noise(model, pilot_key, frames, initial, chains), nan=16, posinf=16
-        )
+        noise = _noise(model._replace(num_particles=number), pilot_key, frames, initial, chains)
+        variance = np.nan_to_num(noise, nan=16, posinf=16)
         if 0.7 < variance < 1.4:
             break
-        half_octaves = math.ceil(2 * math.log2(max(8, model.num_particles * min(variance, 16))))
-        model = model._replace(num_particles=round(2 ** (half_octaves / 2)))  # few: each compiles
-    return model
+        half_octaves = math.ceil(2 * math.log2(max(8, number * min(variance, 16))))
+        number = round(2 ** (half_octaves / 2))  # few: each compiles
+    return number
 
 
 @partial(compiled, static_argnums=0)

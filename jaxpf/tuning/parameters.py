@@ -129,29 +129,28 @@ def names(tracker: TrackerLike) -> list[str]:
     return [name for name, leaf in _leaves(tracker).items() if _is_tunable(name, leaf)]
 
 
-def read(tracker: TrackerLike, wanted: Parameter | str) -> jax.Array:
+def read(tracker: TrackerLike, parameter: Parameter) -> jax.Array:
     """Read a parameter's value from the tracker; refuse values outside its bounds."""
-    wanted = parameter(wanted) if isinstance(wanted, str) else wanted
     leaves = _leaves(tracker)
-    leaf = leaves.get(wanted.name)
-    if leaf is None or not _is_tunable(wanted.name, leaf):
-        raise InputError(_why_not(tracker, wanted.name, leaf))
+    leaf = leaves.get(parameter.name)
+    if leaf is None or not _is_tunable(parameter.name, leaf):
+        raise InputError(_why_not(tracker, parameter.name, leaf))
     value = jnp.asarray(leaf, float)
     shape = value.shape
-    if len(wanted.index) > len(shape) or any(
-        i >= n for i, n in zip(wanted.index, shape, strict=False)
+    if len(parameter.index) > len(shape) or any(
+        i >= n for i, n in zip(parameter.index, shape, strict=False)
     ):
         raise InputError(
-            f"the parameter {wanted.path} is outside {wanted.name}, whose shape is {list(shape)}; "
-            "count from 0."
+            f"the parameter {parameter.path} is outside {parameter.name}, whose shape is "
+            f"{list(shape)}; count from 0."
         )
-    value = value[wanted.index]
-    inside = np.asarray((value > wanted.low) & (value < wanted.high))
+    value = value[parameter.index]
+    inside = np.asarray((value > parameter.low) & (value < parameter.high))
     if not inside.all():
         wrong = float(np.asarray(value)[~inside].flat[0])
         raise InputError(
-            f"the parameter {wanted.path} starts at {wrong:g}, but must lie between "
-            f"{wanted.low:g} and {wanted.high:g}, ends excluded; start inside, or leave "
+            f"the parameter {parameter.path} starts at {wrong:g}, but must lie between "
+            f"{parameter.low:g} and {parameter.high:g}, ends excluded; start inside, or leave "
             "it out."
         )
     return value
@@ -159,15 +158,15 @@ def read(tracker: TrackerLike, wanted: Parameter | str) -> jax.Array:
 
 def replace(tracker: TrackerLike, values: Mapping[str, Any]) -> Any:
     """Replace parameter values, path -> value; values may be traced."""
-    wanted = [Parameter(path) for path in values]
+    parameters = [Parameter(path) for path in values]
     leaves = _leaves(tracker)
-    for parameter in wanted:
+    for parameter in parameters:
         if parameter.name not in leaves:
             raise InputError(_why_not(tracker, parameter.name, None))
 
     def exchange(path, leaf):
         name = _name(path)
-        for parameter in wanted:
+        for parameter in parameters:
             if parameter.name == name:
                 leaf = jnp.asarray(leaf, jnp.result_type(leaf, float))
                 value = jnp.asarray(values[parameter.path], leaf.dtype)
@@ -177,12 +176,12 @@ def replace(tracker: TrackerLike, values: Mapping[str, Any]) -> Any:
     return jax.tree_util.tree_map_with_path(exchange, tracker)
 
 
-def check_apart(wanted: Sequence[Parameter]) -> None:
+def check_apart(parameters: Sequence[Parameter]) -> None:
     """Refuse no parameters, the same one twice, or an array together with one of its entries."""
-    if not wanted:
+    if not parameters:
         raise InputError("no parameter was named; name at least one, such as likelihood.sharpness.")
-    for place, parameter in enumerate(wanted):
-        for other in wanted[:place]:
+    for place, parameter in enumerate(parameters):
+        for other in parameters[:place]:
             shorter = min(len(parameter.index), len(other.index))
             if parameter.name == other.name and parameter.index[:shorter] == other.index[:shorter]:
                 raise InputError(

@@ -123,7 +123,7 @@ def loss_function(objective: str | Callable, outlines: Callable | None = None) -
 
 @functools.lru_cache(maxsize=8)
 def free_loss(
-    objective: str | Callable, wanted: tuple[Parameter, ...], outlines: Callable | None = None
+    objective: str | Callable, parameters: tuple[Parameter, ...], outlines: Callable | None = None
 ) -> Callable:
     """Value and gradient of the loss in unconstrained numbers z (path -> array).
 
@@ -132,7 +132,9 @@ def free_loss(
     loss = loss_function(objective, outlines)
 
     def of_free(free, tracker, keys, frames, truth, sizes):
-        values = {parameter.path: parameter.to_value(free[parameter.path]) for parameter in wanted}
+        values = {
+            parameter.path: parameter.to_value(free[parameter.path]) for parameter in parameters
+        }
         return loss(_with(tracker, values), keys, frames, truth, sizes)
 
     return compiled(jax.value_and_grad(of_free))

@@ -158,7 +158,7 @@ class Result:
 
 
 def summarise(
-    wanted: Sequence[Parameter],
+    parameters: Sequence[Parameter],
     start: Mapping[str, ArrayLike],
     descents: list[Descent],
     settings: Settings,
@@ -166,7 +166,7 @@ def summarise(
     """Combine repeats: the mean over repeats of each repeat's mean over its last window."""
     free, errors = {}, {}
     windows = [min(settings.window, max(1, descent.num_steps // 2)) for descent in descents]
-    for path in (parameter.path for parameter in wanted):
+    for path in (parameter.path for parameter in parameters):
         tails = np.stack(
             [
                 d.free[path][-window:].mean(axis=0)
@@ -177,7 +177,7 @@ def summarise(
         if len(tails) > 1:
             errors[path] = tails.std(axis=0, ddof=1) / np.sqrt(len(tails))
     return Result(
-        parameters=tuple(wanted),
+        parameters=tuple(parameters),
         start={name: np.asarray(value) for name, value in start.items()},
         free=free,
         spread_errors=errors,

@@ -7,7 +7,6 @@ posterior for any number of state particles.  With filters whose evidence is exa
 (Chopin 2002).
 """
 
-import dataclasses
 import os
 from collections.abc import Callable
 from functools import partial
@@ -19,17 +18,17 @@ import numpy as np
 from jax import lax
 from jax.flatten_util import ravel_pytree
 
-from jaxpf import contract, running
+from jaxpf import running
 from jaxpf.contract.logs import add_exactly, multiplied
 from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.refusals import biased_evidence, poisoned
 from jaxpf.contract.state import moments
-from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.resampling.weighted import ancestors
 from jaxpf.running import gaps
 from jaxpf.running.frames import as_arrays
 from jaxpf.tuning.in_pieces import LongScans, Progress
+from jaxpf.tuning.metropolis import Filters
 from jaxpf.tuning.objectives import keep_log_evidence
 
 
@@ -113,7 +112,7 @@ def smc2(
     refuse = biased_evidence(tracker, "smc2", "another filter")
     inputs = as_arrays(inputs)
     marked, frames = running.ready(tracker, frames, observed, inputs)
-    filters = _Filters(build, log_prior, isinstance(marked, gaps.WithGaps), num_particles)
+    filters = Filters(build, log_prior, isinstance(marked, gaps.WithGaps), num_particles)
     settings = num_draws, num_moves, float(ess_threshold)
     asked: dict[str, Any] = {"num_draws": num_draws, "num_moves": num_moves, "key": key}
     asked |= {"num_particles": num_particles, "ess_threshold": ess_threshold, "start": start}
@@ -127,23 +126,6 @@ def smc2(
     (draws, log_weights), kept = scans.scan("frames", take, first, items)
     parameters = jax.vmap(ravel_pytree(start)[1])(draws.place)
     return poisoned(refuse, Online(parameters, log_weights, *kept))
-
-
-class _Filters(NamedTuple):
-    """Static definition of the filters."""
-
-    build: Callable
-    log_prior: Callable
-    has_gaps: bool
-    num_particles: int | None
-
-    def tracker(self, parameters: Any, inputs: Any) -> TrackerLike:
-        """Return the filter of some parameters."""
-        tracker = self.build(parameters)
-        if self.num_particles is not None:
-            tracker = dataclasses.replace(tracker, num_particles=self.num_particles)
-        tracker = contract.with_inputs(tracker, inputs)
-        return gaps.WithGaps(tracker) if self.has_gaps else tracker
 
 
 class _Draws(NamedTuple):

@@ -22,7 +22,7 @@ _MOST = 12
 
 def curvature(
     result: Result,
-    wanted: Sequence[Parameter],
+    parameters: Sequence[Parameter],
     sequences: Sequence[TrainingSequence],
     value_and_gradient: Callable,
     settings: Settings,
@@ -35,12 +35,12 @@ def curvature(
     right and there are many frames.  Unknown errors are NaN; the second return value says why, or
     is "".
     """
-    sizes = [np.size(result.free[parameter.path]) for parameter in wanted]
+    sizes = [np.size(result.free[parameter.path]) for parameter in parameters]
     none = {name: np.full(np.shape(z), np.nan) for name, z in result.free.items()}
     total = sum(sizes)
     if total > _MOST:
         return none, f"{total} numbers are too many for their curvature"
-    centre = np.concatenate([np.ravel(result.free[parameter.path]) for parameter in wanted])
+    centre = np.concatenate([np.ravel(result.free[parameter.path]) for parameter in parameters])
     edges = np.cumsum(sizes)[:-1]
     key = jax.random.fold_in(jax.random.key(settings.seed), 2**31 - 1)
 
@@ -48,7 +48,7 @@ def curvature(
         parts = np.split(point, edges)
         free = {
             parameter.path: jnp.asarray(part.reshape(np.shape(result.free[parameter.path])), float)
-            for parameter, part in zip(wanted, parts, strict=True)
+            for parameter, part in zip(parameters, parts, strict=True)
         }
         sum_: Any = np.zeros(total)
         for place, sequence in enumerate(sequences):
@@ -59,7 +59,7 @@ def curvature(
                 _, slope = value_and_gradient(
                     free, sequence.tracker, keys, sequence.frames, sequence.truth, sequence.sizes
                 )
-                flat = np.concatenate([np.ravel(slope[parameter.path]) for parameter in wanted])
+                flat = np.concatenate([np.ravel(slope[parameter.path]) for parameter in parameters])
                 sum_ = sum_ + flat * sequence.num_frames / _RUNS
         return sum_
 
@@ -76,5 +76,5 @@ def curvature(
     errors = np.sqrt(np.diag(np.linalg.inv(information)))
     return {
         parameter.path: part.reshape(np.shape(result.free[parameter.path]))
-        for parameter, part in zip(wanted, np.split(errors, edges), strict=True)
+        for parameter, part in zip(parameters, np.split(errors, edges), strict=True)
     }, ""

@@ -23,7 +23,7 @@ from jaxpf.tuning.parameters import parameter, read
 def test_parameters_are_named_by_their_path():
     assert tuning.names(tracker()) == ["dynamics.scale", "likelihood.noise", "initial"]
     one = read(tracker(scale=3.0), Parameter("dynamics.scale[0]", low=0.0))
-    assert one == read(tracker(scale=3.0), "dynamics.scale[0]=0:")
+    assert one == read(tracker(scale=3.0), parameter("dynamics.scale[0]=0:"))
     assert one.shape == ()
     assert one == 3.0
     changed = tuning.replace(tracker(), {"dynamics.scale[0]": 5.0, "likelihood.noise": [[[2.0]]]})

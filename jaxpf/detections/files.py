@@ -11,10 +11,35 @@ import numpy as np
 
 from jaxpf.boxes.tracks import write_mot
 from jaxpf.contract.errors import InputError
+from jaxpf.detections.lifetimes import Rules
 from jaxpf.sequences.tables import BoxTable, box_rows, table_of
 
 #: The id of a detection.
 DETECTED = -1
+
+
+class Detections(dict[int, np.ndarray | None]):
+    """Boxes ``[M, 4]`` by frame, as ``follow`` takes them; None where the detector did not run.
+
+    Attributes:
+        counted: which rows of the table are detections that are confident enough, bool.
+        every: the detector's step in frames: as the rules say, else the largest step shared by all
+            frames with detections; 1 if these are fewer than three, which determine no step.
+    """
+
+    def __init__(self, table: BoxTable, rules: Rules):
+        """Take the detections of a table, which has at least one."""
+        least, detected = rules.detection_confidence, table.id == DETECTED
+        self.counted = detected & (table.confidence >= (-np.inf if least is None else least))
+        frames = np.unique(table.frame[detected])
+        step = int(np.gcd.reduce(np.diff(frames))) if len(frames) > 2 else 1
+        self.every, self._first = rules.detection_interval or step, int(frames[0])
+        rows = self.counted & ((table.frame - self._first) % self.every == 0)
+        ran = np.unique(table.frame[rows]).tolist()
+        super().__init__({at: table.box[rows & (table.frame == at)] for at in ran})
+
+    def __missing__(self, number: int) -> np.ndarray | None:
+        return None if (number - self._first) % self.every else np.zeros((0, 4))
 
 
 def read_detections(path: str | os.PathLike[str]) -> BoxTable:

@@ -82,8 +82,8 @@ def shapes_of(
     tracker: "TrackerLike", target: Target, start: Start, estimate: "ArrayLike"
 ) -> np.ndarray:
     """Convert estimates to shapes ``[..., P, S]``, by the tracker if it can, else by the target."""
-    if target.has_boxes and hasattr(tracker, "boxes"):
-        return np.asarray(tracker.boxes(estimate))
+    if target.is_told_boxes_by(tracker):
+        return np.asarray(tracker.boxes(estimate))  # type: ignore[attr-defined]
     return target.shapes(start, np.asarray(estimate), tracker)
 
 

@@ -184,6 +184,15 @@ class Target:
     start_flags: Mapping[str, Mapping[str, Any]] = dataclasses.field(default_factory=dict)
     example: str = ""
 
+    def centres(self, values: np.ndarray) -> np.ndarray:
+        """x and y of the centre ``[..., 2]``, of values of ``columns``."""
+        corner = values[..., :2]
+        return corner + values[..., 2:4] / 2 if self.has_boxes else corner
+
+    def is_told_boxes_by(self, tracker: object) -> bool:
+        """Whether a tracker of somebody else converts its estimates to boxes itself."""
+        return self.has_boxes and hasattr(tracker, "boxes")
+
     def measures(self, start: Start, shapes: Any, truth: Any) -> dict[str, Any]:
         """Error measures per frame of shapes ``[..., P, S]``."""
         if self.measure is not None:

@@ -211,11 +211,12 @@ def test_intervals_in_tracks_are_widened_by_the_slip():
     state = SimpleNamespace(substates=particles, log_weights=np.full(20_000, -np.log(20_000)))
     shapes = particles.mean(axis=0)
     slips, deviations = np.array([0.0, 4.0, 7**0.5]), np.array([3.0, 5.0, 4.0])
-    error = slips[:, None] * [1, 1, 0]
+    tracker = SimpleNamespace(likelihood=SimpleNamespace(model_error=slips[:, None] * [1, 1, 0]))
     for slots in (slice(None), np.array([2, 0])):  # all points, or those that are reported
-        places, _ = places_of(
-            POINTS, start, shapes, PLACES, 1 / 25, slots, state, lambda substates: substates, error
+        group = SimpleNamespace(
+            start=start, shapes=shapes, slots=slots, state=state, tracker=tracker
         )
+        places, _ = places_of(POINTS, group, PLACES, 1 / 25)
         width = np.stack([places[f"{x}_97.5"] - places[f"{x}_2.5"] for x in "xy"], axis=1)
         expected = 3.92 * np.tile(deviations[slots, None], 2)
         # 4.5 standard errors of two 2.5% quantiles.

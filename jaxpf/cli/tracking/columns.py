@@ -29,89 +29,73 @@ class Columns:
     def resume(self, since: int, tracker: Any, start: Start, state: Any) -> None:
         """Take the centres of the last frame of an earlier run from its state."""
         centres = np.full((len(start.ids), 2), np.nan)
-        if hasattr(state, "substates") and not self._has_own_boxes(tracker):
+        if hasattr(state, "substates") and not self._target.is_told_boxes_by(tracker):
             kept, weights = _kept(state)
             shapes = shapes_of(tracker, self._target, start, np.asarray(state.substates)[kept])
             values = self._target.column_values(start, np.asarray(shapes, float))
-            centres = _mean(centres_of(self._target, values), weights)
+            centres = _mean(self._target.centres(values), weights)
         self._before[since] = start.ids, centres
 
     def __call__(self, number: int, group: Group) -> dict[str, np.ndarray]:
         """Columns of frame ``number``, ``[Q]`` each; only the coordinates where a group starts."""
-        target, tracker, start = self._target, group.tracker, group.start
+        start = group.start
         ids, before = self._before.get(
             group.since, (start.ids, np.full((len(start.ids), 2), np.nan))
         )
         places, centres = places_of(
-            target,
-            start,
-            group.shapes,
+            self._target,
+            group,
             np.where((start.ids == ids)[:, None], before, np.nan),
             self._shown_at(number) - self._shown_at(number - 1) if number > group.since else np.nan,
-            group.slots,
-            None if self._has_own_boxes(tracker) else group.state,
-            lambda estimate: np.asarray(shapes_of(tracker, target, start, estimate), float),
-            calls.model_error(tracker, len(start.ids)),
         )
         self._before[group.since] = start.ids, centres
         if group.summary is None:
-            return {name: places[name] for name in target.columns} | {"lost": group.lost}
+            return {name: places[name] for name in self._target.columns} | {"lost": group.lost}
         if group.confidence is not None:
             places["confidence"] = group.confidence
         places["lost"] = group.lost
         variance = getattr(group.summary, "estimate_variance", None)
-        if variance is not None and target.has_places:
+        if variance is not None and self._target.has_places:
             errors = np.sqrt(variance)[group.slots]
             places |= {"x_mc_error": errors[:, 0], "y_mc_error": errors[:, 1]}
         return places
 
-    def _has_own_boxes(self, tracker: Any) -> bool:
-        """Whether a user-defined tracker converts estimates to boxes itself."""
-        return self._target.has_boxes and hasattr(tracker, "boxes")
-
 
 def places_of(
-    target: Target,
-    start: Start,
-    shapes: np.ndarray,
-    before: np.ndarray,
-    step: float,
-    slots: np.ndarray | slice,
-    state: Any,
-    to_shapes: Callable[[np.ndarray], np.ndarray],
-    error: np.ndarray,
+    target: Target, group: Group, before: np.ndarray, step: float
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Places of one frame, and the centres ``[P, 2]`` for the next.
+    """Places of a group in one frame, and the centres ``[P, 2]`` of its partitions for the next.
 
     Places are columns of tracks.csv, ``[Q]`` each: values in pixels and degrees, their quantiles at
-    ``LEVELS``, those of a box's centre, the speed in pixels per second, and its quantiles.
+    ``LEVELS``, those of a box's centre, the speed in pixels per second, and its quantiles.  A state
+    without particles, or of a tracker that returns boxes of its own, has no intervals.
 
     Args:
         target: the kind of target.
-        start: start of all P partitions.
-        shapes: ``[P, S]``, the estimate, NaN for a partition without an object.
+        group: in this frame.
         before: ``[P, 2]``, centres in the previous frame; NaN if unknown.
         step: seconds since that frame.
-        slots: the Q partitions to report.
-        state: holds the weighted particles; a state without ``substates`` has no intervals.
-        to_shapes: function from substates ``[..., P, D]`` to shapes ``[..., P, S]``.
-        error: ``[P, 3]``, see ``model_error`` of ``jaxpf.contract.Likelihood``.
     """
-    values = target.column_values(start, shapes)
+    start, slots, state = group.start, group.slots, group.state
+    values = target.column_values(start, group.shapes)
     places = dict(zip(target.columns, values[slots].T, strict=True))
-    substates = getattr(state, "substates", None)
-    if substates is None:
-        centres = centres_of(target, values)
+    if not hasattr(state, "substates") or target.is_told_boxes_by(group.tracker):
+        centres = target.centres(values)
         speed = np.linalg.norm(centres - before, axis=-1) / step
         return places | {"speed": speed[slots]}, centres
+
+    def columns_of(substates: Any) -> np.ndarray:
+        shapes = shapes_of(group.tracker, target, start, np.asarray(substates)[kept])
+        return target.column_values(start, np.asarray(shapes, float))
+
     kept, weights = _kept(state)
-    particles = target.column_values(start, to_shapes(np.asarray(substates)[kept]))
+    particles = columns_of(state.substates)
     levels = [level / 100 for level in LEVELS]
     # Sort only the reported partitions.
     shown = weights if weights.ndim == 1 else weights[slots]
-    middles = centres_of(target, particles)
+    middles = target.centres(particles)
     centres = _mean(middles, weights)
-    error = error[slots]
+    error = calls.model_error(group.tracker, len(start.ids))[slots]
 
     def interval_of(values: np.ndarray, particles: np.ndarray, has_boxes: bool) -> np.ndarray:
         interval = quantiles(particles[:, slots], shown, levels)
@@ -124,14 +108,13 @@ def places_of(
         if name not in target.fixed_columns:
             places |= _ends(name, interval[..., column])
     if target.has_boxes:  # x, y is a corner
-        interval = interval_of(centres_of(target, values[slots]), middles, False)
+        interval = interval_of(target.centres(values[slots]), middles, False)
         places |= _ends("centre_x", interval[..., 0]) | _ends("centre_y", interval[..., 1])
     places["speed"] = speed[slots]
     previous = getattr(state, "previous_substates", None)
     if previous is None:
         return places, centres
-    earlier = target.column_values(start, to_shapes(np.asarray(previous)[kept]))
-    steps = (middles - centres_of(target, earlier)) / step
+    steps = (middles - target.centres(columns_of(previous))) / step
     # Deviation of each particle's step from the mean step, along the estimate's direction.
     along = np.sum((steps - _mean(steps, weights)) * moved, -1) / np.maximum(speed, 1e-9)
     ends = speed[slots] + quantiles(along[:, slots, None], shown, levels)[..., 0]
@@ -180,12 +163,6 @@ def _mean(values: np.ndarray, log_weights: np.ndarray) -> np.ndarray:
     total = weights.sum(axis=0)
     sums = np.sum(np.where(held[..., None], values, 0) * weights, axis=0)
     return np.where(total > 0, sums / np.maximum(total, 1e-300), np.nan)
-
-
-def centres_of(target: Target, values: np.ndarray) -> np.ndarray:
-    """x and y of the centre: ``[..., 2]``."""
-    corner = values[..., :2]
-    return corner + values[..., 2:4] / 2 if target.has_boxes else corner
 
 
 class TrackTable(LineWriter):

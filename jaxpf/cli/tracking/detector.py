@@ -12,7 +12,7 @@ from jaxpf.cli.shared.flags import picked
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import plain
 from jaxpf.contract.options import options_of
-from jaxpf.detections.files import DETECTED, check_frames, read_detections
+from jaxpf.detections.files import DETECTED, Detections, check_frames, read_detections
 from jaxpf.detections.lifetimes import Rules
 from jaxpf.media.film import FrameSource
 from jaxpf.targets.target import Start
@@ -29,37 +29,18 @@ class Detector(NamedTuple):
     Attributes:
         table: rows of the file.
         rules: rules of starts and ends.
+        by_frame: the detections; None if the file has only boxes with ids.
     """
 
     table: BoxTable
     rules: Rules
-
-    @property
-    def watched(self) -> bool:
-        """Whether the file has detections besides boxes with ids."""
-        return bool((self.table.id == DETECTED).any())
-
-    @property
-    def counted(self) -> np.ndarray:
-        """Which rows are detections that are confident enough, bool ``[M]``."""
-        least = self.rules.detection_confidence
-        confident = self.table.confidence >= (-np.inf if least is None else least)
-        return confident & (self.table.id == DETECTED)
+    by_frame: Detections | None
 
     @property
     def typical_size(self) -> tuple[float, float]:
         """Width and height of a typical object, pixels."""
         width, height = np.median(self.table.box[:, 2:], axis=0)
         return float(width), float(height)
-
-    @property
-    def by_frame(self) -> "Detections | None":
-        """Detections by number of the frame, as ``follow`` takes them; None without any."""
-        if not self.watched:
-            return None
-        frames = self.table.frame[self.table.id == DETECTED]
-        every = self.rules.detection_interval or detection_step(frames)
-        return Detections(self.table, self.counted, int(frames.min()), every)
 
     def starts(self, start: Start, number: int) -> tuple[Start, dict[int, Start]]:
         """Start boxes and those of the file's rows with ids: in frame ``number``, and later."""
@@ -76,55 +57,42 @@ class Detector(NamedTuple):
         return start, later
 
 
-class Detections(dict[int, np.ndarray | None]):
-    """Boxes ``[M, 4]`` by frame; None for frames in which the detector did not run."""
-
-    def __init__(self, table: BoxTable, counted: np.ndarray, first: int, every: int):
-        rows = counted & ((table.frame - first) % every == 0)
-        frames = np.unique(table.frame[rows]).tolist()
-        super().__init__({at: table.box[rows & (table.frame == at)] for at in frames})
-        self._first, self._every = first, every
-
-    def __missing__(self, number: int) -> np.ndarray | None:
-        return None if (number - self._first) % self._every else np.zeros((0, 4))
-
-
 def read_detector(options: Mapping[str, Any]) -> Detector | None:
     """Read the file of ``--detections`` and its rules; None without ``--detections``."""
-    rules = options_of(Rules)
     if options.get("detections") is None:
-        for name, rule in rules.items():
+        for name, rule in options_of(Rules).items():
             if options.get(name) is not None:
                 raise InputError(
                     f"{rule.flag} works only with --detections; add it, or leave {rule.flag} out."
                 )
         return None
-    detector = Detector(read_detections(options["detections"]), Rules(**picked(Rules, options)))
-    if not len(detector.table):
+    table, rules = read_detections(options["detections"]), Rules(**picked(Rules, options))
+    if not len(table):
         raise InputError(
-            f"{detector.table.source} holds no boxes; give a file with detections, or leave "
+            f"{table.source} holds no boxes; give a file with detections, or leave "
             "--detections out."
         )
-    least = detector.rules.detection_confidence
-    if least is not None and detector.watched and not detector.counted.any():
-        confidences = detector.table.confidence[detector.table.id == DETECTED]
+    detected = table.id == DETECTED
+    by_frame = Detections(table, rules) if detected.any() else None
+    if by_frame is not None and not by_frame.counted.any():
+        confidences = table.confidence[detected]
         raise InputError(
-            f"--detection-confidence {plain(least)} leaves out every detection of "
-            f"{detector.table.source}, whose confidences are from {confidences.min():g} to "
+            f"--detection-confidence {plain(rules.detection_confidence)} leaves out every "
+            f"detection of {table.source}, whose confidences are from {confidences.min():g} to "
             f"{confidences.max():g}; give a lower one."
         )
     if options["truth"]:
         from jaxpf.measures.scores import import_trackeval
 
         import_trackeval()
-    return detector
+    return Detector(table, rules, by_frame)
 
 
 def defaults_of(detector: Detector | None) -> tuple[dict, Mapping[str, Any]]:
     """Defaults of filter and target options that differ with --detections."""
     if detector is None:
         return {}, {}
-    guided = detector.watched and detector.rules.detection_noise > 0
+    guided = detector.by_frame is not None and detector.rules.detection_noise > 0
     particles = {"num_particles": PARTICLES_EACH * detector.rules.capacity}
     return particles, _GUIDED if guided else {}
 
@@ -170,29 +138,20 @@ def check_detector(detector: Detector, start: Start, number: int, source: FrameS
         )
 
 
-def detection_step(frames: np.ndarray) -> int:
-    """The detector's frame step: the largest step shared by all frames with detections.
-
-    1 if fewer than three frames have detections, which determine no step.
-    """
-    steps = np.diff(np.unique(frames))
-    return int(np.gcd.reduce(steps)) if len(steps) > 1 else 1
-
-
 def why_none_started(detector: Detector, start: int) -> str:
     """Explain from the detections why no object started."""
-    table, rules = detector.table, detector.rules
-    frames = np.unique(table.frame[detector.counted & (table.frame >= start)])
-    if len(frames) < rules.min_hits:
+    (table, rules, by_frame), frames = detector, np.zeros(0)
+    if by_frame is not None:
+        frames = np.unique(table.frame[by_frame.counted & (table.frame >= start)])
+    if by_frame is None or len(frames) < rules.min_hits:
         return (
             f"no object started: it must be detected {rules.min_hits} times, and "
             f"{table.source} has detections in {len(frames)} of the frames from {start} on; lower "
             "--min-hits, or give more detections."
         )
-    every = rules.detection_interval or detection_step(frames)
     return (
         f"no object started: none was detected {rules.min_hits} times inside the picture with "
         f"an IoU of {rules.detection_iou:g} or more from one detection to the next (the "
-        f"detector's step is {every} frame(s)); lower --detection-iou or --min-hits, or "
+        f"detector's step is {by_frame.every} frame(s)); lower --detection-iou or --min-hits, or "
         "correct --detection-interval."
     )

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxpf.cli.tracking.columns import centres_of
 from jaxpf.contract import calls
 from jaxpf.detections.records import Record
 from jaxpf.media.film import FrameSource
@@ -57,13 +56,13 @@ class Overlay:
         picture = self._target.draw(picture, record.start, record.shapes, marks)
         for group, places in zip(record.groups, columns, strict=True):
             spread = getattr(group.summary, "spread", None)
-            has_own_boxes = self._target.has_boxes and hasattr(group.tracker, "boxes")
-            if spread is None or has_own_boxes or not self._target.has_places:
+            own = self._target.is_told_boxes_by(group.tracker)
+            if spread is None or own or not self._target.has_places:
                 continue
             values = np.stack([places[name] for name in self._target.columns], axis=-1)
             error = calls.model_error(group.tracker, len(spread))
             spread = np.hypot(spread[:, :2], error[:, :2])[group.slots]
-            centres = centres_of(self._target, values)
+            centres = self._target.centres(values)
             picture = draw_spreads(picture, centres, spread, self._colours(group.ids, record))
         time = self._shown_at(record.number)
         self._began = time if self._began is None else self._began

@@ -43,7 +43,10 @@ class Results:
     """Writes the records of a run, and counts.
 
     Attributes:
-        request, source, output, tracker, start, later: of the run.
+        request, source, tracker: of the run.
+        output: the folder.
+        start: the objects of the start frame.
+        later: frame -> objects that start, or start again, there.
         filter: the tracker itself, without the wrapper that repeats it.
         resumed: number of frames that an earlier run has tracked.
         names: names of a fixed set of objects, in the order of their first frames.
@@ -60,20 +63,15 @@ class Results:
     """
 
     def __init__(
-        self,
-        request: Request,
-        source: FrameSource,
-        output: Path,
-        tracker: Any,
-        start: Start,
-        later: Mapping[int, Start],
-        state: Any,
+        self, request: Request, source: FrameSource, starts: Mapping[int, Start], tracker: Any
     ):
-        self.request, self.source, self.output = request, source, output
-        self.tracker, self.start, self.later = tracker, start, later
+        self.request, self.source, self.tracker = request, source, tracker
+        self.output = output_folder(request, source)
+        self.start, self.later = starts[request.run.start], dict(starts)
+        del self.later[request.run.start]
         self.filter: Any = tracker.tracker if request.run.runs else tracker
-        self.resumed = 0 if state is None else int(calls.time_of(state))
-        of_start = [name for each in (start, *later.values()) for name in each.ids.tolist()]
+        self.resumed = 0
+        of_start = [name for each in starts.values() for name in each.ids.tolist()]
         self.names: list[Any] = [] if request.detector else list(dict.fromkeys(of_start))
         self.tracked = self.last = self.invalid = self.impossible = 0
         self.outside: dict[str, list[int]] = {str(name): [] for name in self.names}
@@ -84,11 +82,14 @@ class Results:
         self.stopped: KeyboardInterrupt | InputError | None = None
         self.has_begun = False
         self._columns = Columns(request.target, source.shown_at)
-        if state is not None:
-            self._columns.resume(request.run.start, self.filter, start, state)
         self._waiting: list[Record] = []
         self._state: Any = None
         self._saved, self._clock = time.monotonic(), time.perf_counter()
+
+    def resume(self, state: Any) -> None:
+        """Count on from the state of an earlier run."""
+        self.resumed = int(calls.time_of(state))
+        self._columns.resume(self.request.run.start, self.filter, self.start, state)
 
     @property
     def is_kept(self) -> bool:
@@ -286,6 +287,19 @@ def remove_outputs(output: Path) -> None:
     for path in (output / name for name in OUTPUTS):
         with writing.report_os_errors("replace", path):
             path.unlink(missing_ok=True)
+
+
+def output_folder(request: Request, source: FrameSource) -> Path:
+    """The folder for the results, which neither holds the frames nor is the video's own."""
+    output = request.run.output or Path(f"jaxpf-{source.name}")
+    if isinstance(source.path, Path):
+        folder, video = output.resolve(), source.path.resolve()
+        if folder == video or (folder == video.parent and video.name in OUTPUTS):
+            raise InputError(
+                f"output folder '{output}' would mix the results with the video '{video}' itself; "
+                "choose another --output."
+            )
+    return output
 
 
 def nothing_follows(source: FrameSource, start: int) -> InputError:

@@ -5,7 +5,6 @@ import functools
 import itertools
 import warnings
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -18,7 +17,7 @@ from jaxpf.cli.shared.startup import use_compile_cache
 from jaxpf.cli.tracking.detector import check_detector
 from jaxpf.cli.tracking.report import report
 from jaxpf.cli.tracking.request import Request, check_together
-from jaxpf.cli.tracking.results import OUTPUTS, Results, nothing_follows, writing_results
+from jaxpf.cli.tracking.results import Results, nothing_follows, writing_results
 from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
 from jaxpf.detections import follow
@@ -48,14 +47,15 @@ def track(request: Request) -> None:
         picture = next(frames)
         start, later = read_starts(request, source)
         truth = _read_truth(request, [start, *later.values()])
-        output = _output_folder(request, source)
         if (second := next(frames, None)) is None:  # fails before compilation
             raise nothing_follows(source, run.start)
         use_compile_cache()
         make = functools.partial(tracker_of, request, source)
         tracker = make(picture, start)
         state = _state_before(request, tracker)
-        results = Results(request, source, output, tracker, start, later, state)
+        results = Results(request, source, {run.start: start} | later, tracker)
+        if state is not None:
+            results.resume(state)
         with writing_results(results), warnings.catch_warnings():
             # At the end, the report says how many there were.
             warnings.filterwarnings("ignore", "the log-likelihood of frame", UserWarning)
@@ -175,16 +175,3 @@ def _read_truth(request: Request, starts: Sequence[Start]) -> BoxTable | None:
             "start or the truth of these objects, or leave it out."
         )
     return truth
-
-
-def _output_folder(request: Request, source: FrameSource) -> Path:
-    """The folder for the results, which neither holds the frames nor is the video's own."""
-    output = request.run.output or Path(f"jaxpf-{source.name}")
-    if isinstance(source.path, Path):
-        folder, video = output.resolve(), source.path.resolve()
-        if folder == video or (folder == video.parent and video.name in OUTPUTS):
-            raise InputError(
-                f"output folder '{output}' would mix the results with the video '{video}' itself; "
-                "choose another --output."
-            )
-    return output

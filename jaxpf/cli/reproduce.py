@@ -10,7 +10,7 @@ from jaxpf.cli.shared import plain
 from jaxpf.cli.shared.config import config_option, write_config
 from jaxpf.cli.shared.console import print_table, say
 from jaxpf.cli.shared.plain import PlainCommand
-from jaxpf.cli.shared.startup import start_jax
+from jaxpf.cli.shared.startup import cluster, start_jax
 from jaxpf.files.writing import prepare_output_folder
 from jaxpf.papers import PAPERS
 
@@ -54,7 +54,6 @@ def command(
     PAPER is one of smith2004, gonzales2011, rowe2005, eskil2014, maccormick1999.
     """
     start_jax()
-    from jaxpf.cli.shared.cluster import cluster
     from jaxpf.papers import checkpoints
     from jaxpf.papers.judging import verdicts
     from jaxpf.papers.judging.claims import RULE

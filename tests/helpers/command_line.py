@@ -10,7 +10,8 @@ import numpy as np
 from jaxpf import cli
 from jaxpf.cli.tracking.command import TrackCommand
 from jaxpf.cli.tracking.request import request_of
-from jaxpf.cli.tracking.run import open_video, read_starts, tracker_of
+from jaxpf.cli.tracking.run import read_starts, tracker_of
+from jaxpf.media import open_frames
 from jaxpf.targets import find_target
 
 
@@ -51,13 +52,13 @@ def asked_of_track(target, *arguments):
 def started_by_track(target, *arguments):
     """Where ``jaxpf track`` starts; no tracker is built."""
     request = asked_of_track(target, *arguments)
-    return read_starts(request, open_video(request))[0]
+    return read_starts(request, open_frames(request.video))[0]
 
 
 def built_by_track(target, *arguments):
     """Where ``jaxpf track`` starts and the tracker that it builds, which is not run."""
     request = asked_of_track(target, *arguments)
-    source = open_video(request)
+    source = open_frames(request.video)
     start, _ = read_starts(request, source)
     return start, tracker_of(request, source, next(source.frames(request.run.start)), start)
 

@@ -12,11 +12,10 @@ import pandas as pd
 
 from jaxpf import evaluation
 from jaxpf.cli.evaluating.request import VARIED, Compared, Request, Work, parse
-from jaxpf.cli.shared.cluster import cluster
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import print_table, progress_bar, say
 from jaxpf.cli.shared.scene_options import SceneCommand, SceneOptions
-from jaxpf.cli.shared.startup import start_jax, use_compile_cache
+from jaxpf.cli.shared.startup import cluster, start_jax, use_compile_cache
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import plain
 from jaxpf.contract.options import applying, options_of

@@ -42,7 +42,8 @@ def track(request: Request) -> None:
     After an interruption or an error the tracked frames are kept and reported; a run without any
     tracked frame leaves no files.
     """
-    run, source, detector = request.run, open_video(request), request.detector
+    run, detector = request.run, request.detector
+    source = open_frames(request.video, Reading(run.fps, run.range))
     with contextlib.closing(source.frames(run.start)) as frames:
         picture = next(frames)
         start, later = read_starts(request, source)
@@ -81,13 +82,6 @@ def _shown(frames: int | None) -> int | None:
     return None if frames is None else frames + 1
 
 
-def open_video(request: Request) -> FrameSource:
-    """Open the video, and refuse options that do not go with a live one."""
-    source = open_frames(request.video, Reading(request.run.fps, request.run.range))
-    check_together(request, source.path, live=source.is_live)
-    return source
-
-
 def read_starts(request: Request, source: FrameSource) -> tuple[Start, dict[int, Start]]:
     """Objects of the start frame, and frame -> those that start, or start again, later."""
     run, target, detector = request.run, request.target, request.detector
@@ -99,7 +93,7 @@ def read_starts(request: Request, source: FrameSource) -> tuple[Start, dict[int,
         if beyond := [at for at in later if at > end]:
             remarks.append(f"what the start file names in frame {beyond[0]} comes after --frames")
         later = {at: each for at, each in later.items() if at <= end}
-    check_together(request, later=later)
+    check_together(request, source.path, live=source.is_live, later=later)
     for remark in remarks:
         say(f"Note: {remark}", err=True)
     if detector is None:

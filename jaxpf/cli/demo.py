@@ -22,7 +22,7 @@ from jaxpf.contract.state import Summary
 from jaxpf.contract.types import TrackerLike
 from jaxpf.files.writing import prepare_output_folder
 from jaxpf.measures import Interval, mean_interval, success, summarise
-from jaxpf.media import labels, overlay
+from jaxpf.media import overlay
 from jaxpf.media.video_writer import VideoWriter
 from jaxpf.papers.smith2004.scenes import scene_tracker
 from jaxpf.running.blocks import monte_carlo
@@ -122,5 +122,5 @@ def _overlay(scene: Scene, tracker: TrackerLike, seeds: list[int], path: Path) -
             boxes = np.asarray(boxes_from_substates(tracked.summary.estimate, scene.sizes))
             picture = overlay.draw_boxes(frame, zoom * boxes, ids, colours)
             corner = 0, zoom * height, zoom * width, zoom * height
-            labels.draw_labels(picture, [labels.Label(_SHOWN, *corner, (255, 255, 255))])
+            overlay.draw_labels(picture, [overlay.Label(_SHOWN, *corner, (255, 255, 255))])
             video.write(picture)

@@ -4,8 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.media.labels import line_thickness
-from jaxpf.media.overlay import object_colours
+from jaxpf.media.overlay import line_thickness, object_colours
 
 _SHIFT = 4  # fractional bits of OpenCV coordinates
 #: Opacity of particles.

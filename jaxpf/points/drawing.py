@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.media.labels import DARK, Label, draw_labels_beside
-from jaxpf.media.overlay import shades_of
+from jaxpf.media.overlay import DARK, Label, draw_labels_beside, shades_of
 
 _SHIFT = 3  # fractional bits of OpenCV coordinates
 

@@ -29,7 +29,6 @@ FRAME = 42
 #: The code whose change may make another picture of the same tracks.
 DRAWN_BY = (
     "notebooks/docs/picture.py",
-    "jaxpf/media/labels.py",
     "jaxpf/media/overlay.py",
     "scenes/articulated.py",
     "scenes/deforming.py",

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from jaxpf import InputError, ordering
-from jaxpf.boxes import parse_box, read_boxes, write_mot
+from jaxpf.boxes import read_boxes
+from jaxpf.boxes.tracks import parse_box, write_mot
 from jaxpf.cli.shared import config
 from jaxpf.cli.shared.flags import NumberList
 from jaxpf.contract import Option

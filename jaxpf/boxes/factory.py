@@ -172,7 +172,7 @@ def tracker(
             frame.  It may be None with a user-defined likelihood.
         boxes: x, y, w, h in pixels, ``[P, 4]``.
         like: ``"smith2004"`` or ``"rowe2005"`` for that paper's system as printed; other arguments
-            override it.  Other settings of rowe2005: ``jaxpf.boxes.rowe2005_tracker``.
+            override it.  Other settings of rowe2005: ``jaxpf.boxes.rowe2005.rowe2005_tracker``.
         method: ``"dps"`` (default), ``"sir"``, ``"ps"``, ``"sps"``, ``"labelled"``, ...
         num_particles: number of particles; default 300.
         likelihood: a user-defined likelihood of substates (u, v, a), the centre in pixels and the

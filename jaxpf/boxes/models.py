@@ -58,8 +58,8 @@ def relative_box_model(
     Args:
         likelihood: see ``box_model``.
         boxes: see ``box_model``.
-        steps: see ``jaxpf.dynamics.RelativeMotion``, ``[3]`` or ``[P, 3]``.
-        momentum: see ``jaxpf.dynamics.RelativeMotion``, ``[]`` or ``[P]``.
+        steps: see ``jaxpf.dynamics.relative.RelativeMotion``, ``[3]`` or ``[P, 3]``.
+        momentum: see ``jaxpf.dynamics.relative.RelativeMotion``, ``[]`` or ``[P]``.
     """
     from jaxpf.dynamics.relative import RelativeMotion
 

@@ -17,7 +17,7 @@ from jaxpf.evaluation.baselines.simulated_detections import simulated_detections
 from jaxpf.files.writing import csv_text, prepare_output_folder, write_text
 from jaxpf.media.video_writer import VideoWriter
 from jaxpf.parts.files import HEADER
-from jaxpf.targets import all_targets
+from jaxpf.targets.registry import all_targets
 
 if TYPE_CHECKING:
     from scenes import Scene

@@ -38,7 +38,7 @@ class ContourStart(Start):
 
     Attributes:
         contours: their control points.
-        learned: shape space and dynamics (``jaxpf.contours.Learned``), or None.
+        learned: shape space and dynamics (``jaxpf.contours.data.Learned``), or None.
     """
 
     contours: Contours

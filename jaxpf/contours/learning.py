@@ -35,7 +35,7 @@ def learn_contours(
         order: of the dynamics, 1 or 2; 0 learns none.
         coefficients: see ``jaxpf.dynamics.fit``.
         turns: of centrelines, number of directions for data augmentation by rotation, mirroring
-            and reversal (``jaxpf.shapes.augment``); 0 for no augmentation.
+            and reversal (``jaxpf.shapes.learning.augment``); 0 for no augmentation.
 
     Returns:
         The learned model, and sentences on its fit.

@@ -1,11 +1,8 @@
 from .calls import (
-    at_frame as at_frame,
     log_density_all as log_density_all,
     log_prob_all as log_prob_all,
     propagate_all as propagate_all,
-    with_inputs as with_inputs,
 )
-from .errors import InputError as InputError
 from .interface import (
     CoupledDynamics as CoupledDynamics,
     Dynamics as Dynamics,
@@ -16,7 +13,7 @@ from .interface import (
     Tracker as Tracker,
 )
 from .options import Option as Option
-from .pytree import pytree_dataclass as pytree_dataclass, static_field as static_field
+from .pytree import static_field as static_field
 from .refusals import Bias as Bias, evidence_biases as evidence_biases
 from .state import (
     STATUS_IMPOSSIBLE as STATUS_IMPOSSIBLE,
@@ -24,7 +21,5 @@ from .state import (
     STATUS_OK as STATUS_OK,
     STATUS_UNSUPPORTED as STATUS_UNSUPPORTED,
     STATUS_WITHOUT_LIKELIHOOD as STATUS_WITHOUT_LIKELIHOOD,
-    ParticleState as ParticleState,
-    Summary as Summary,
 )
 from .wrapped import WrappedLikelihood as WrappedLikelihood, WrappedTracker as WrappedTracker

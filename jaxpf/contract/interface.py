@@ -88,7 +88,7 @@ class Dynamics:
     dynamics leading to frame ``time``, counted from 0.  It can index an array ``[T, ...]`` of
     known camera positions or of uneven frame intervals, for example; past its end, JAX repeats the
     last entry.  Arrays given as ``inputs`` are checked instead: define
-    ``with_inputs(inputs, first) -> dynamics``, see ``jaxpf.contract.with_inputs``.
+    ``with_inputs(inputs, first) -> dynamics``, see ``jaxpf.contract.calls.with_inputs``.
 
     Particles with a discrete label move it by ``propagate_label(key, label [], substates [P, D])
     -> []``; ``log_label(new [], label [], substates [P, D]) -> []`` is the log-probability of such

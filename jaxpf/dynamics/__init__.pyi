@@ -9,8 +9,6 @@ from .joints import (
     RelativeToParent as RelativeToParent,
     UniformAround as UniformAround,
     UniformJoints as UniformJoints,
-    joints_between as joints_between,
 )
 from .learned import fit as fit
 from .occlusion import WithOcclusion as WithOcclusion
-from .relative import PixelMotion as PixelMotion, RelativeMotion as RelativeMotion

@@ -1,10 +1,3 @@
-from .engine import (
-    Pool as Pool,
-    Prepared as Prepared,
-    carry_out as carry_out,
-    evaluate as evaluate,
-    local_pool as local_pool,
-    prepare as prepare,
-)
+from .engine import evaluate as evaluate
 from .plan import Plan as Plan
-from .results import Batch as Batch, Configuration as Configuration, Results as Results
+from .results import Results as Results

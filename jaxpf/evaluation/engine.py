@@ -37,8 +37,8 @@ from jaxpf.files.store import locked
 from jaxpf.files.writing import remove_leavings, report_os_errors
 from jaxpf.lowering import platform
 from jaxpf.running.blocks import WIDE, Blocks, blocks_of, run_blocks
-from jaxpf.targets import find_target, target_of_scene
 from jaxpf.targets.building import shapes_of
+from jaxpf.targets.registry import find_target, target_of_scene
 from jaxpf.targets.target import Target
 from scenes import Scene
 

@@ -132,7 +132,7 @@ class Measured(NamedTuple):
         precision: ``[R, P, 51]``, see ``jaxpf.measures.precision_curve``.
         pit_values: ``[R, T, P, 2]`` of x and y, see ``jaxpf.measures.pit_values``; NaN where an
             object is not tracked or has no known position.
-        confidence: ``[R, 2, 100]``, see ``jaxpf.measures.confidence_counts``.
+        confidence: ``[R, 2, 100]``, see ``jaxpf.measures.calibration.confidence_counts``.
     """
 
     columns: np.ndarray

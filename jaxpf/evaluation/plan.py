@@ -22,9 +22,10 @@ from jaxpf.contract.options import (
 )
 from jaxpf.evaluation.results import Configuration
 from jaxpf.evaluation.scene import SceneSource
-from jaxpf.filters.registry import GIVEN, ORDERS, Filter
+from jaxpf.filters import registry
+from jaxpf.filters.registry import GIVEN, ORDERS, Filter, all_filters
 from jaxpf.ordering import SWAPS
-from jaxpf.targets import DEFAULT, all_targets, find_target
+from jaxpf.targets.registry import DEFAULT, all_targets, find_target
 from jaxpf.targets.target import Start, Target
 from scenes import Scene
 
@@ -43,8 +44,8 @@ class Plan:
             arguments that returns it.  For worker processes the function must be picklable, such as
             ``functools.partial(load, source="distracter", seed=0)`` with ``load`` from a module;
             every worker then opens the scene once.
-        methods: from ``jaxpf.filters.methods()``.  None selects the default filters that suit the
-            scene; with a single object only the first, because all orderings coincide.
+        methods: from ``jaxpf.filters.registry.methods()``.  None selects the default filters that
+            suit the scene; with a single object only the first, because all orderings coincide.
         orders: for methods with an order: "given", as the scene lists the objects (a part tree
             level by level); "shifts", every circular shift; or permutations such as (2, 0, 1),
             counted from 0.
@@ -52,7 +53,7 @@ class Plan:
         grid: option name -> values; other options have their defaults.  Options come from the
             target (``jaxpf.targets``) and the methods' filters, such as "sharpness",
             "noise_pixels", "num_particles" and "resampling".
-        target: from ``jaxpf.targets.all_targets()``; None for the target of the scene's truth.
+        target: from ``jaxpf.targets.registry.all_targets()``; None for that of the scene's truth.
         runs: independent runs per configuration.
         seed: of all runs.  Run r of every configuration has the key ``fold_in(key(seed), r)``.
         tracks: results of other trackers, name -> MOT file or CSV with the header
@@ -81,7 +82,7 @@ class Plan:
         if self.methods or (self.methods is not None and not (self.tracks or self.trackers)):
             self._keep("methods", self.methods)
         self._keep("orders", map(_order, self.orders))
-        swap = options_of(*(each.build for each in filters.all_filters().values()))["swap"]
+        swap = options_of(*(each.build for each in all_filters().values()))["swap"]
         swaps = dataclasses.replace(swap, name="swaps")
         self._keep("swaps", map(swaps.checked, self.swaps))
         for name, option in (("orders", "order"), ("swaps", "swap")):
@@ -95,7 +96,7 @@ class Plan:
         object.__setattr__(self, "grid", self._checked_grid())
         for name, least, most in (("runs", 1, _MOST_RUNS), ("seed", 0, 2**32 - 1)):
             check_whole(name, getattr(self, name), least, most)
-        names, built_in = [*self.tracks, *self.trackers], filters.methods()
+        names, built_in = [*self.tracks, *self.trackers], registry.methods()
         for name in names:
             fits = 0 < len(name) <= _LONGEST_NAME and name.isprintable()
             if not fits or name.lower() in built_in or names.count(name) > 1:
@@ -120,7 +121,7 @@ class Plan:
 
     def filters(self) -> list[Filter]:
         """The filters of the methods."""
-        every = filters.all_filters().values()
+        every = all_filters().values()
         return [f for f in every if self.methods is None or {*f.methods} & {*self.methods}]
 
     def _checked_grid(self) -> dict[str, tuple[Any, ...]]:
@@ -144,7 +145,7 @@ def _unknown(name: str, known: Iterable[str]) -> InputError:
     owners = [kind for kind, of in all_targets().items() if name in options_of(of.tracker)]
     owners += [
         method
-        for filter_ in filters.all_filters().values()
+        for filter_ in all_filters().values()
         for method in filter_.methods
         if name in applicable(filter_, method) - {*filter_.varied}
     ]
@@ -159,7 +160,7 @@ def _methods_with(option: str) -> set[str]:
     asked = {"order": (GIVEN,), "swap": SWAPS}
     return {
         method
-        for filter_ in filters.all_filters().values()
+        for filter_ in all_filters().values()
         for method in filter_.methods
         if any(option in variant.values for variant in filter_.variants(method, (-1,), asked))
     }
@@ -226,7 +227,7 @@ def _default_methods(target: Target, parents: Sequence[int]) -> tuple[str, ...]:
     """The methods that are compared by default and suit a part tree."""
     usual = target.defaults.get("method")
     methods: tuple[str, ...] = ()
-    for filter_ in filters.all_filters().values():
+    for filter_ in all_filters().values():
         if filter_.by_default or usual in filter_.methods:
             suiting = tuple(
                 m

@@ -14,7 +14,7 @@ import numpy as np
 from jaxpf.contract.errors import InputError
 from jaxpf.files.store import SETTINGS, Damaged, Store
 from jaxpf.files.writing import write_text
-from jaxpf.targets import find_target
+from jaxpf.targets.registry import find_target
 from jaxpf.targets.target import Start, Target
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class Batch:
         distinct_share: ``[R, T, P]`` float32, distinct draws over particles.
         spread: ``[R, T, P, D]`` float32, standard deviation of the particle set.
         model_error: ``[R, P, 3]`` float32, see ``jaxpf.contract.Likelihood``.
-        confidence: ``[R, T, P]`` float32, 0 to 1, see ``jaxpf.contract.Summary``.
+        confidence: ``[R, T, P]`` float32, 0 to 1, see ``jaxpf.Summary``.
         ess: ``[R, T]`` float32, effective sample size.
         log_evidence: ``[R, T]`` float32, increment per frame.
         without_likelihood: ``[R, T, P]`` bool, whether an object has zero likelihood in every

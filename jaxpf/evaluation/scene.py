@@ -31,7 +31,8 @@ def load_scene(
         source: a name or a function, see ``scenes.open_scene``, or the folder of a recorded
             sequence; write ``./distracter`` for a folder with the name of a drawn scene.
         seed: of drawn scenes.
-        ids, start_frame, num_frames: of recordings, see ``jaxpf.sequences.Sequence.scene``.
+        ids, start_frame, num_frames: of recordings, see
+            ``jaxpf.sequences.sequence.Sequence.scene``.
         parameters: of drawn scenes, by name.
 
     Raises:

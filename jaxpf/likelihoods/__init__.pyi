@@ -9,25 +9,8 @@ from .contours import (
 )
 from .discriminative import discriminative as discriminative
 from .distance_law import log_normaliser as log_normaliser, log_tilt as log_tilt
-from .exclusion import excluding as excluding
-from .gaussian import (
-    Gaussian as Gaussian,
-    kalman as kalman,
-    stacked_model as stacked_model,
-)
-from .histogram import (
-    histogram as histogram,
-    histogram_from_patches as histogram_from_patches,
-)
-from .patch import (
-    patch as patch,
-    patch_from_pictures as patch_from_pictures,
-    windows as windows,
-    windows_from_pictures as windows_from_pictures,
-)
+from .gaussian import Gaussian as Gaussian, kalman as kalman, stacked_model as stacked_model
+from .histogram import histogram as histogram, histogram_from_patches as histogram_from_patches
+from .patch import patch as patch, windows as windows
 from .pixels import pixels as pixels
-from .pretrained import (
-    efficientnet_lite0 as efficientnet_lite0,
-    pretrained as pretrained,
-    pretrained_points as pretrained_points,
-)
+from .pretrained import pretrained as pretrained, pretrained_points as pretrained_points

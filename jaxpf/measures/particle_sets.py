@@ -32,7 +32,8 @@ def corner_distances(estimate: ArrayLike, truth: ArrayLike) -> Array:
     Source: gonzales2011, section 4, "the sum of the Euclidean distances between the corners".
 
     Args:
-        estimate: ``[..., P, 4, 2]`` corners in pixels, see ``jaxpf.shapes.corners_from_poses``.
+        estimate: ``[..., P, 4, 2]`` corners in pixels, see
+            ``jaxpf.shapes.rectangles.corners_from_poses``.
         truth: ``[..., P, 4, 2]``; the leading axes broadcast.
 
     Returns:

@@ -204,7 +204,8 @@ def _with_odds(learned: Any, looks: Looks, start: Start, slip: float | None) -> 
 
 
 def _patches(looks: Looks, start: Start, sharpness: float) -> Any:
-    from jaxpf.likelihoods import patch, patch_from_pictures
+    from jaxpf.likelihoods import patch
+    from jaxpf.likelihoods.patch import patch_from_pictures
 
     settings: dict[str, Any] = {"sigma": 1 / math.sqrt(sharpness), "window": _PATCH_WINDOW}
     if looks.patches is not None:

@@ -194,7 +194,7 @@ def parts_model(
             absolute dynamics of all parts.
         joint_scale: noise of a joint's offset (x, y) and angle, ``[3]`` or ``[P, 3]``.
         anchors: each part's joint in its parent's coordinates and in its own, ``[P, 2]`` each;
-            by default ``jaxpf.dynamics.joints_between``.
+            by default ``jaxpf.dynamics.joints.joints_between``.
         reach: half-width of the uniform start distribution around the poses, in x, y (pixels) and
             theta (or, with relative dynamics, in the joint's offset and angle); ``[]``, ``[3]``
             or ``[P, 3]``.  0 starts all particles at the poses.

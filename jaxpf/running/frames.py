@@ -13,6 +13,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import with_nan
 from jaxpf.contract.optional import filter_of, optional
 from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.state import Summary
 from jaxpf.contract.types import TrackerLike
 
 
@@ -114,7 +115,7 @@ def warn_of_frames(
     Returns:
         ``told``, with the bits of these warnings.
     """
-    if not isinstance(summary, contract.Summary) or not is_concrete(summary.status):
+    if not isinstance(summary, Summary) or not is_concrete(summary.status):
         return told
     status, num_invalid = np.atleast_1d(summary.status), np.atleast_1d(summary.num_invalid)
     impossible = status & contract.STATUS_IMPOSSIBLE > 0

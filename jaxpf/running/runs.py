@@ -10,9 +10,8 @@ import numpy as np
 from jax import lax
 from jax.typing import ArrayLike
 
-from jaxpf import contract
 from jaxpf.contract import calls
-from jaxpf.contract.calls import observe_nearby
+from jaxpf.contract.calls import at_frame, observe_nearby, with_inputs
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import T
@@ -170,7 +169,7 @@ def with_rows(tracker: T, inputs: Any, count: int, first: ArrayLike = 0) -> T:
                 f"inputs{jax.tree_util.keystr(path)} has shape {list(np.shape(leaf))} for {count} "
                 f"frames; give a row for each, [{count}, ...]."
             )
-    return contract.with_inputs(tracker, inputs, first)
+    return with_inputs(tracker, inputs, first)
 
 
 def frame_key(key: jax.Array, time: ArrayLike) -> jax.Array:
@@ -215,7 +214,7 @@ def frame_step(
         observation = observe(frame)
 
         def advance(tracker: TrackerLike, key: jax.Array, state: Any) -> Any:
-            step = calls.observed_apart(contract.at_frame(tracker, time))[1]
+            step = calls.observed_apart(at_frame(tracker, time))[1]
             state, summary = step(frame_key(key, time), state, observation)
             return state, record(state, summary)
 
@@ -238,7 +237,7 @@ def one_run(tracker: TrackerLike, key: jax.Array, record: Callable[[Any, Any], A
         observation = observe_nearby(tracker, frame, state)
         if observation is None:
             return step_whole(state, item)
-        step = calls.observed_apart(contract.at_frame(tracker, time))[1]
+        step = calls.observed_apart(at_frame(tracker, time))[1]
         new, summary = step(frame_key(key, time), state, observation)
         return lax.cond(
             summary.num_invalid == 0,

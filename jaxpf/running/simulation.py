@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxpf import contract
 from jaxpf.contract import calls
+from jaxpf.contract.calls import at_frame
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.optional import likelihood_of, optional
@@ -113,7 +113,7 @@ def _simulated(tracker, key, state, num_frames, num_draws) -> Simulated:
 
         def advance(state: Any, time: jax.Array) -> Any:
             state, substates = step(state, (time, unseen))
-            likelihood = likelihood_of(contract.at_frame(one, time))
+            likelihood = likelihood_of(at_frame(one, time))
             frame = likelihood.sample(jax.random.fold_in(seen_key, time), substates)
             return state, Simulated(calls.states(tracker, substates), frame)
 

@@ -1,3 +1,1 @@
-from .frames import Frames as Frames
 from .layouts import open_sequence as open_sequence
-from .sequence import Sequence as Sequence

@@ -250,7 +250,7 @@ def log_densities(
         time: the frame's number, for dynamics that change with time.
     """
     num_particles = here.log_weights.shape[0]
-    to_next, to_after = (contract.at_frame(tracker, time + step).dynamics for step in (1, 2))
+    to_next, to_after = (calls.at_frame(tracker, time + step).dynamics for step in (1, 2))
 
     def columns(values: jax.Array) -> jax.Array:
         if values.ndim == 2:

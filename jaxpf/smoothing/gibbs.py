@@ -28,6 +28,7 @@ from jax.typing import ArrayLike
 
 from jaxpf import contract, running
 from jaxpf.contract import calls
+from jaxpf.contract.calls import at_frame
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.optional import optional
@@ -206,7 +207,7 @@ def sweep(
     def one_frame(state, item):
         frame, time, key = item
         if reference is None:
-            state, _ = contract.at_frame(tracker, time).step(key, state, frame)
+            state, _ = at_frame(tracker, time).step(key, state, frame)
             return state, (state.lagged[0], state.sources[0])
         key, ancestor_key = jax.random.split(key)
         following = reference[time + 1]
@@ -224,7 +225,7 @@ def sweep(
         state = dataclasses.replace(
             state, lagged=state.lagged[..., places], log_weights=state.log_weights[places]
         )
-        at_time = contract.at_frame(model, time)
+        at_time = at_frame(model, time)
         holding = dataclasses.replace(
             at_time,
             dynamics=_HoldsFirst(at_time.dynamics, following),

@@ -14,7 +14,7 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract import calls
-from jaxpf.contract.calls import check_uncoupled
+from jaxpf.contract.calls import at_frame, check_uncoupled
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import is_concrete
@@ -72,7 +72,7 @@ def looks_back(tracker: Partitioned) -> bool:
     Inspects the traced program, so any use of the argument counts, even without effect.
     """
     state = jax.eval_shape(tracker.init, jax.random.key(0))
-    dynamics = contract.at_frame(tracker, 0).dynamics
+    dynamics = at_frame(tracker, 0).dynamics
     substates = jax.ShapeDtypeStruct((state.lagged.shape[1], 1), state.lagged.dtype)
 
     def of_previous(previous: jax.Array) -> jax.Array:

@@ -1,5 +1,3 @@
-from .loop import Diverged as Diverged, tune as tune
-from .metropolis import pmmh as pmmh
 from .objectives import (
     crps_loss as crps_loss,
     iou_loss as iou_loss,
@@ -8,10 +6,8 @@ from .objectives import (
     outline_loss as outline_loss,
     position_error as position_error,
 )
-from .parameters import Parameter as Parameter, names as names, replace as replace
-from .posterior import Posterior as Posterior
+from .parameters import replace as replace
 from .problem import TrainingSequence as TrainingSequence
-from .result import Result as Result
 from .sequences import Recipe as Recipe, training_sequence as training_sequence
 from .settings import Settings as Settings
-from .smc2 import Online as Online, smc2 as smc2
+from .smc2 import smc2 as smc2

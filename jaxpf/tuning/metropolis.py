@@ -22,8 +22,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
-from jaxpf import contract, running
+from jaxpf import running
 from jaxpf.contract import calls
+from jaxpf.contract.calls import at_frame, with_inputs
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.logs import sum_evenly
 from jaxpf.contract.numbers import check_whole
@@ -119,7 +120,7 @@ def pmmh(
             returns the same draws.  One folder for each model: functions are not compared.
 
     Returns:
-        A ``jaxpf.tuning.Posterior``: draws of parameters from C chains, S each.
+        A ``jaxpf.tuning.posterior.Posterior``: draws of parameters from C chains, S each.
 
     Raises:
         InputError: a number is below 1, the evidence is biased, the start is excluded by the prior
@@ -206,7 +207,7 @@ class Filters(NamedTuple):
         tracker = self.build(parameters)
         if changes:  # else it may be any class
             tracker = dataclasses.replace(tracker, **changes)
-        tracker = contract.with_inputs(tracker, inputs)
+        tracker = with_inputs(tracker, inputs)
         return gaps.WithGaps(tracker) if self.has_gaps else tracker
 
     def increments(self, parameters: Any, keys: jax.Array, frames: Any) -> jax.Array:
@@ -243,10 +244,10 @@ def _observed(build, key, parameters, path, inputs):
     """Draw observations ``[C, S, T, ...]`` given parameters and states ``[C, S, T, P, D]``."""
 
     def of_draw(key, parameters, path):
-        tracker = contract.with_inputs(build(parameters), inputs)
+        tracker = with_inputs(build(parameters), inputs)
 
         def of_frame(key, time, substates):
-            return contract.at_frame(tracker, time).likelihood.sample(key, substates)
+            return at_frame(tracker, time).likelihood.sample(key, substates)
 
         return jax.vmap(of_frame)(jax.random.split(key, len(path)), jnp.arange(len(path)), path)
 

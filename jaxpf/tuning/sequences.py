@@ -11,7 +11,8 @@ from jax.typing import ArrayLike
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.options import Option, applying, checked, options_of
 from jaxpf.gradients import named
-from jaxpf.targets import building, find_target
+from jaxpf.targets import building
+from jaxpf.targets.registry import find_target
 from jaxpf.targets.target import Looks, Start, Target
 from jaxpf.tuning.problem import TrainingSequence
 from scenes import Scene

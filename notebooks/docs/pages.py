@@ -33,13 +33,8 @@ Build a model by :func:`jaxpf.state_space` from plain functions, or a tracker of
 
 In the examples, ``tracker`` is a model of observations ``y``, and ``key`` is ``jax.random.key(0)``.
 """
-#: Functions of ``contract`` that users call; the others call what users write.
-FOR_USERS = ("pytree_dataclass", "static_field")
-#: Functions of ``measures`` that serve other modules alone.
-HELPERS = {
-    *("as_float", "confidence_counts", "has_truth", "has_width", "import_trackeval"),
-    *("in_the_end", "masked_mean", "throughout"),
-}
+#: The function of ``contract`` that users call; the others call what users write.
+FOR_USERS = ("static_field",)
 
 
 def write(folder):
@@ -122,9 +117,8 @@ def _names(module):
 
 
 def _is_for_users(module, name):
-    if module is jaxpf.contract:
-        return not inspect.isfunction(getattr(module, name)) or name in FOR_USERS
-    return module is not jaxpf.measures or name not in HELPERS
+    is_function = inspect.isfunction(getattr(module, name))
+    return module is not jaxpf.contract or not is_function or name in FOR_USERS
 
 
 def _contents(path, title, names):

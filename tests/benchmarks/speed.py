@@ -19,7 +19,7 @@ from jax import lax
 
 import jaxpf
 from jaxpf import ordering as orderings
-from jaxpf.boxes import box_model
+from jaxpf.boxes.models import box_model
 from jaxpf.cli.shared.console import print_table
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.dynamics import LinearGaussian
@@ -104,7 +104,7 @@ def _case(
     return Case(what, run, units, baseline, goal)
 
 
-def _record(state: object, summary: jaxpf.contract.Summary) -> tuple[jax.Array, ...]:
+def _record(state: object, summary: jaxpf.Summary) -> tuple[jax.Array, ...]:
     return summary.estimate, summary.log_evidence, summary.ess
 
 

@@ -7,15 +7,8 @@ from hypothesis import given, strategies as st
 from properties import EVERY, tracks
 from refusals import every, message_of
 
-from jaxpf.boxes import (
-    check_boxes,
-    dense,
-    parse_box,
-    read_boxes,
-    start_boxes,
-    to_supervision,
-    write_mot,
-)
+from jaxpf.boxes import read_boxes, to_supervision
+from jaxpf.boxes.tracks import check_boxes, dense, parse_box, start_boxes, write_mot
 
 # Choosing and checking
 

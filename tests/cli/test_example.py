@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from command_line import jaxpf, refusal_of
 
-from jaxpf.boxes import dense, read_boxes
+from jaxpf.boxes import read_boxes
+from jaxpf.boxes.tracks import dense
 from jaxpf.contours.files import read_contours
 from jaxpf.media import open_frames
 from jaxpf.parts.files import read_parts

@@ -5,7 +5,7 @@ import math
 import click
 from command_line import jaxpf
 
-from jaxpf import cli, filters
+from jaxpf import cli
 from jaxpf.cli.evaluating.request import Work
 from jaxpf.cli.tracking.request import OF_BOXES, Run
 from jaxpf.cli.tuning.command import Options as Tuning
@@ -13,7 +13,8 @@ from jaxpf.contract import Option
 from jaxpf.contract.numbers import plain
 from jaxpf.contract.options import options_of
 from jaxpf.detections import Rules
-from jaxpf.targets import all_targets
+from jaxpf.filters.registry import all_filters
+from jaxpf.targets.registry import all_targets
 
 
 def outside(option: Option):
@@ -44,7 +45,7 @@ def every_refusal(tmp_path):
         for option in options_of(target.tracker).values():
             yield track, option
             yield evaluate, option
-    for family in filters.all_filters().values():
+    for family in all_filters().values():
         for option in options_of(family.build).values():
             if option.name == "method":
                 yield ("track", "nowhere.mp4"), option

@@ -11,7 +11,7 @@ from command_line import assert_same, built_by_track, jaxpf, refusal_of
 from csv_rows import rows_of
 
 import scenes
-from jaxpf.shapes import corners_from_poses
+from jaxpf.shapes.rectangles import corners_from_poses
 
 NAMES = ("body", "left1", "right1", "left2", "right2")
 LENGTH = 12

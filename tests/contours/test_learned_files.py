@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from refusals import message_of
 
-from jaxpf.contours import Learned
+from jaxpf.contours.data import Learned
 from jaxpf.contours.learned_files import read_learned, write_learned
 from jaxpf.dynamics import fit
 from jaxpf.shapes import key_frame_space

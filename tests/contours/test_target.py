@@ -15,7 +15,7 @@ import scenes
 from jaxpf.contours import Contours
 from jaxpf.contours.files import ContourTrackWriter
 from jaxpf.contours.target import CONTOURS, _hidden
-from jaxpf.shapes import fit_spline
+from jaxpf.shapes.splines import fit_spline
 from jaxpf.targets import Start
 
 

@@ -12,7 +12,8 @@ import jaxpf
 import scenes
 from jaxpf.contours import Contours
 from jaxpf.dynamics import LinearGaussian, WithOcclusion
-from jaxpf.shapes import fit_spline, in_front
+from jaxpf.shapes import in_front
+from jaxpf.shapes.splines import fit_spline
 
 pytestmark = pytest.mark.compiled_as_by_users
 

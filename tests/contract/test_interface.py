@@ -13,7 +13,7 @@ from jaxpf import contract, ordering, pytree_dataclass
 from jaxpf.contract import calls
 from jaxpf.dynamics import RandomWalk
 from jaxpf.gradients import check_motion_gradient
-from jaxpf.parts import OfFixedSize
+from jaxpf.parts.models import OfFixedSize
 
 OBSERVATION = jnp.array([[1.0, 2.0], [3.0, 4.0]])
 #: (x, y, theta, joint ...) of two particles.

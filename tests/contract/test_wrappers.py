@@ -16,7 +16,7 @@ from jaxpf.dynamics import RandomWalk, WithOcclusion
 from jaxpf.filters import SideBySide, WithErrorBars
 from jaxpf.likelihoods.detected import Detected
 from jaxpf.papers.smith2004.scenes import OtherEnding
-from jaxpf.parts import OfFixedSize
+from jaxpf.parts.models import OfFixedSize
 from jaxpf.running.gaps import LikelihoodOfNoFrame, LikelihoodWithGaps, WithGaps, WithoutFrames
 from jaxpf.tuning.problem import Observed
 
@@ -248,8 +248,8 @@ def test_a_wrapped_tracker_has_the_model_inside(wrapper):
     names = [bias.cause for bias in contract.evidence_biases(wrapped)]
     assert names == [bias.cause for bias in contract.evidence_biases(tracker)]
     assert any("Everything" in name for name in names)  # it looks near the mean
-    assert likelihood_of(contract.at_frame(wrapped, 7)).shift == 21
-    assert likelihood_of(contract.with_inputs(wrapped, 5.0, 2)).shift == 7
+    assert likelihood_of(calls.at_frame(wrapped, 7)).shift == 21
+    assert likelihood_of(calls.with_inputs(wrapped, 5.0, 2)).shift == 7
 
 
 @pytree_dataclass

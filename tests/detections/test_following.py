@@ -6,7 +6,8 @@ import pytest
 
 import jaxpf
 from jaxpf.boxes.target import BOXES
-from jaxpf.detections import EMPTY, Rules, follow, open_box_tracker
+from jaxpf.detections import Rules, follow, open_box_tracker
+from jaxpf.detections.lifetimes import EMPTY
 
 COLOURS = ((220, 30, 30), (30, 40, 220), (30, 180, 40))
 LENGTH, SHAPE = 16, (48, 64)

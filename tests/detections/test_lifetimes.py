@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from jaxpf.detections import EMPTY, Rules, lifetimes
+from jaxpf.detections import Rules, lifetimes
+from jaxpf.detections.lifetimes import EMPTY
 
 SHAPE = (100, 200)
 SHIFT = np.array([1.0, 0, 0, 0])

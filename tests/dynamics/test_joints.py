@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import norm
 
 import scenes
-from jaxpf.dynamics import RelativeToParent, UniformAround, UniformJoints, joints_between
-from jaxpf.dynamics.joints import substates_at
-from jaxpf.shapes import corners_from_poses
+from jaxpf.dynamics import RelativeToParent, UniformAround, UniformJoints
+from jaxpf.dynamics.joints import joints_between, substates_at
+from jaxpf.shapes.rectangles import corners_from_poses
 
 TREE = (-1, 0, 0, 1, 2)
 #: Cross-shaped anchors, none of them zero, so that no rotation can be left out unnoticed.

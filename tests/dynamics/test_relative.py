@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from jaxpf.dynamics import RelativeMotion
+from jaxpf.dynamics.relative import RelativeMotion
 
 SIZES = np.array([[20.0, 45.0], [8.0, 8.0]], np.float32)  # sides of 30 and 8 pixels
 STEPS = np.array([[0.03, 0.12, 0.015], [0.05, 0.2, 0.0]], np.float32)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from made_results import DPS, OTHER, PS, SIR, batch, imported, make, value, walks
 
-from jaxpf.evaluation import Configuration, tables
+from jaxpf.evaluation import tables
+from jaxpf.evaluation.results import Configuration
 from jaxpf.evaluation.tables import measure_results
 
 pytestmark = pytest.mark.usefixtures("without_scores")

@@ -21,8 +21,8 @@ from small_evaluation import (
 
 import jaxpf
 from jaxpf import InputError
-from jaxpf.evaluation import Results, evaluate, prepare
-from jaxpf.evaluation.engine import divide, keep_measures
+from jaxpf.evaluation import Results, evaluate
+from jaxpf.evaluation.engine import divide, keep_measures, prepare
 from jaxpf.likelihoods import histogram_from_patches
 from jaxpf.shapes import boxes_from_substates
 

@@ -7,7 +7,8 @@ import pytest
 from scipy import stats
 
 from jaxpf.evaluation import estimates
-from jaxpf.measures import difference_interval, difference_p_value, mean_interval
+from jaxpf.measures import difference_interval, mean_interval
+from jaxpf.measures.intervals import difference_p_value
 
 SHARES = (0.0, 1.0)
 

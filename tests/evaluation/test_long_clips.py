@@ -13,7 +13,8 @@ from jaxpf import InputError
 from jaxpf.evaluation import evaluate
 from jaxpf.evaluation.scene import load_scene
 from jaxpf.running import chunks
-from jaxpf.sequences import Frames, sequence as sequences
+from jaxpf.sequences import sequence as sequences
+from jaxpf.sequences.frames import Frames
 
 
 @pytest.fixture

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from refusals import message_of
 
-from jaxpf.boxes import read_boxes, write_mot
+from jaxpf.boxes import read_boxes
+from jaxpf.boxes.tracks import write_mot
 from jaxpf.evaluation.trackers import match_tracks, read_boxes_like
-from jaxpf.measures import pairwise_iou
+from jaxpf.measures.association import pairwise_iou
 
 IDS = [3, 5]
 START = 2

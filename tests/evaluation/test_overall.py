@@ -9,6 +9,7 @@ from csv_rows import rows_of
 from jaxpf import measures
 from jaxpf.evaluation import overall as over
 from jaxpf.evaluation.overall import FILES, about_units, write_overall
+from jaxpf.measures.scores import CENTRE_THRESHOLDS, IOU_THRESHOLDS
 
 SHARES = (0.0, 1.0)
 HEADER = ["scene", "method", "ordering", "sharpness", "object", "measure", "runs", "value"]
@@ -23,7 +24,7 @@ def write(folder, name, rows, curve=lambda threshold: 1 - threshold):
             csv.writer(opened).writerows([header, *([name, *line] for line in lines)])
 
     write_csv("summary.csv", HEADER, rows)
-    thresholds = measures.IOU_THRESHOLDS, measures.CENTRE_THRESHOLDS
+    thresholds = IOU_THRESHOLDS, CENTRE_THRESHOLDS
     points = [("success", t, curve(t)) for t in thresholds[0]]
     points += [("precision", t, 1 - curve(t / 50)) for t in thresholds[1]]
     header = [*HEADER[:5], "curve", "threshold", "value", "lower", "upper"]

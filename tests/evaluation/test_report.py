@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from made_results import DPS, OTHER, PARAMETERS, PS, SIR, batch, imported, make, walks
 
-from jaxpf.evaluation import Configuration, Results, figures
+from jaxpf.evaluation import Results, figures
 from jaxpf.evaluation.figures import write_figures
 from jaxpf.evaluation.report import write_report
+from jaxpf.evaluation.results import Configuration
 from jaxpf.evaluation.tables import printed_tables, write_tables
 
 VOID = {"meta", "img", "br"}

@@ -26,7 +26,8 @@ from small_evaluation import (
 )
 
 from jaxpf import InputError
-from jaxpf.evaluation import Results, evaluate, prepare
+from jaxpf.evaluation import Results, evaluate
+from jaxpf.evaluation.engine import prepare
 from jaxpf.files import writing as files
 from jaxpf.files.store import LOCK, SETTINGS, locked
 

@@ -16,7 +16,8 @@ from small_evaluation import (
     small_scene,
 )
 
-from jaxpf.evaluation import Plan, Pool, Results, evaluate, local_pool
+from jaxpf.evaluation import Plan, Results, evaluate
+from jaxpf.evaluation.engine import Pool, local_pool
 from jaxpf.evaluation.trackers import OwnTracker
 
 #: A user's own files.

@@ -13,12 +13,14 @@ from small_evaluation import small_scene
 from two_objects import BOXES, FAR, NAN, TRUE, TRUTH, found, numbers
 
 from jaxpf import InputError, measures as metrics
-from jaxpf.evaluation import Configuration, Plan, Results, tables
+from jaxpf.evaluation import Plan, Results, tables
+from jaxpf.evaluation.results import Configuration
 from jaxpf.evaluation.settings import new_settings
 from jaxpf.evaluation.summaries import configuration_name
 from jaxpf.evaluation.tables import write_tables
 from jaxpf.measures import mean_interval
-from jaxpf.targets import find_target
+from jaxpf.measures.metrics import track_state
+from jaxpf.targets.registry import find_target
 
 
 @pytest.fixture(scope="module")
@@ -154,7 +156,7 @@ def test_methods_are_compared_on_common_runs_at_equal_parameters(tmp_path):
     of_ps = found[found.configuration == 1].set_index(["measure", "object"])
     difference = of_ps.loc["tracked_share"]
     assert difference.runs.tolist() == [8, 8, 8]
-    tracked = np.asarray(jax.jit(metrics.track_state)(boxes[:8], truth))
+    tracked = np.asarray(jax.jit(track_state)(boxes[:8], truth))
     assert difference.value["1"] == pytest.approx(-tracked[:, :, 0].mean(), rel=1e-6)
     assert difference.value["2"] == 0
     assert value(made, 0, "success", 1) > 0

@@ -24,7 +24,7 @@ from worker_functions import (
 )
 
 from jaxpf import InputError
-from jaxpf.evaluation import Pool, local_pool
+from jaxpf.evaluation.engine import Pool, local_pool
 from jaxpf.files.executors import in_turn
 from jaxpf.running.cores import num_cores
 

@@ -17,8 +17,10 @@ import pytest
 from small_tuning import QUICK, SCALE, made_sequence
 from small_video import picture, write_lossless_video
 
-from jaxpf import InputError, tuning
-from jaxpf.boxes import check_boxes, dense, read_boxes, start_boxes
+import jaxpf
+from jaxpf import InputError
+from jaxpf.boxes import read_boxes
+from jaxpf.boxes.tracks import check_boxes, dense, start_boxes
 from jaxpf.cli.shared.config import config_option
 from jaxpf.cli.shared.flags import NumberList
 from jaxpf.contours.files import read_contours
@@ -208,7 +210,7 @@ def test_damaged_sequences_of_benchmarks_are_read_or_refused(tmp_path):
 
 def test_damaged_checkpoints_and_settings_are_read_or_refused(tmp_path):
     store = Store(tmp_path / "tuned")
-    tuning.tune(made_sequence(), SCALE, settings=QUICK, folder=store.folder)
+    jaxpf.tune(made_sequence(), SCALE, settings=QUICK, folder=store.folder)
     valid, asked = store.path("repeat-0").read_bytes(), store.settings()
     read = functools.partial(checkpoint.read, store, asked)
     assert survives(store.path("repeat-0"), valid, lambda _: read(), 200, "repeat-0.npz") > 100

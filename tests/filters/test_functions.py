@@ -14,6 +14,7 @@ import jaxpf
 from jaxpf import contract, running
 from jaxpf.likelihoods import kalman
 from jaxpf.proposals import Mixture
+from jaxpf.tuning.parameters import names
 
 KEY = jax.random.key(0)
 FRAMES = 1.5 * np.random.default_rng(0).normal(size=6)
@@ -347,7 +348,7 @@ def test_a_gradient_goes_through_all_functions():
 
 def test_tuning_names_a_parameter_once_and_changes_it_everywhere():
     tracker = space()
-    assert jaxpf.tuning.names(tracker) == ["parameters.a", "parameters.noise", "parameters.s"]
+    assert names(tracker) == ["parameters.a", "parameters.noise", "parameters.s"]
     changed = jaxpf.tuning.replace(tracker, {"parameters.s": 2.0})
     parts = changed.dynamics, changed.likelihood, changed.initial
     assert [part.parameters["s"] for part in parts] == [2.0, 2.0, 2.0]

@@ -9,8 +9,7 @@ from models import partitioned, space
 from refusals import message_of
 
 import jaxpf
-from jaxpf import contract, ordering, proposals
-from jaxpf.contract import pytree_dataclass
+from jaxpf import contract, ordering, proposals, pytree_dataclass
 from jaxpf.dynamics import FirstOrder, RandomWalk
 from jaxpf.likelihoods import Gaussian
 

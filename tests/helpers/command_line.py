@@ -12,7 +12,7 @@ from jaxpf.cli.tracking.command import TrackCommand
 from jaxpf.cli.tracking.request import request_of
 from jaxpf.cli.tracking.run import read_starts, tracker_of
 from jaxpf.media import open_frames
-from jaxpf.targets import find_target
+from jaxpf.targets.registry import find_target
 
 
 class Outcome(NamedTuple):

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from jaxpf.evaluation import Batch, Configuration, Results
-from jaxpf.evaluation.results import FOLDER, batch_name
+from jaxpf.evaluation import Results
+from jaxpf.evaluation.results import FOLDER, Batch, Configuration, batch_name
 from jaxpf.evaluation.summaries import intervals
 from jaxpf.files.store import Store
 from jaxpf.targets import Start

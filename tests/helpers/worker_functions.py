@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from jaxpf import InputError
-from jaxpf.evaluation import local_pool
+from jaxpf.evaluation.engine import local_pool
 from jaxpf.files.executors import in_turn
 
 #: Where a started program finds this module.

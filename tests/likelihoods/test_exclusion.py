@@ -4,8 +4,9 @@ import jax
 import numpy as np
 import pytest
 
-from jaxpf.likelihoods import discriminative, excluding
-from jaxpf.measures import precision
+from jaxpf.likelihoods import discriminative
+from jaxpf.likelihoods.exclusion import excluding
+from jaxpf.measures.metrics import precision
 
 FRAME = np.kron(
     np.random.default_rng(0).integers(0, 256, (14, 19, 3)), np.ones((5, 5, 1), int)

@@ -10,8 +10,7 @@ from histograms import texture
 
 import jaxpf
 from jaxpf import pytree_dataclass
-from jaxpf.boxes import relative_box_model
-from jaxpf.boxes.models import DEFAULT_STEPS
+from jaxpf.boxes.models import DEFAULT_STEPS, relative_box_model
 from jaxpf.likelihoods import discriminative
 from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
 from jaxpf.likelihoods.discriminative.nearby import WindowShape

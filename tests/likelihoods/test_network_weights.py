@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from jaxpf import InputError
-from jaxpf.likelihoods import efficientnet_lite0
+from jaxpf.likelihoods.pretrained import efficientnet_lite0
 from jaxpf.likelihoods.pretrained.weights import read_weights
 
 #: Blocks of EfficientNet-lite0: kernel, stride, input channels, expanded and output channels.

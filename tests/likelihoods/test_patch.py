@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf.likelihoods import patch, patch_from_pictures
+from jaxpf.likelihoods import patch
+from jaxpf.likelihoods.patch import patch_from_pictures
 
 HEIGHT, WIDTH = 50, 70
 POSES = np.array([[20.0, 20.0, 0.3], [45.0, 25.0, -1.2]])

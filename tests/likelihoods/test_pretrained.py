@@ -12,7 +12,8 @@ from refusals import every, message_of
 import jaxpf
 import jaxpf.boxes
 from jaxpf import InputError, contract
-from jaxpf.likelihoods import excluding, pretrained
+from jaxpf.likelihoods import pretrained
+from jaxpf.likelihoods.exclusion import excluding
 from jaxpf.likelihoods.pretrained.cells import cell_features, score_in_boxes, score_table
 from jaxpf.likelihoods.pretrained.likelihood import PretrainedLikelihood
 from jaxpf.likelihoods.pretrained.windows import SIDE, window_around

@@ -13,13 +13,13 @@ from jaxpf.likelihoods import (
     histogram,
     histogram_from_patches,
     patch,
-    patch_from_pictures,
     pixels,
     windows,
 )
 from jaxpf.likelihoods.contours.clutter import learn_clutter
 from jaxpf.likelihoods.distance_law import learn_background
 from jaxpf.likelihoods.open_histogram import open_histogram, with_object
+from jaxpf.likelihoods.patch import patch_from_pictures
 from jaxpf.shapes import space_of
 
 FRAME = noise()  # 80 x 60 pixels

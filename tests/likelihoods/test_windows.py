@@ -4,9 +4,9 @@ import jax
 import numpy as np
 import pytest
 
-import jaxpf
 from jaxpf.contract.calls import has_log_odds
 from jaxpf.likelihoods import windows
+from jaxpf.likelihoods.patch import windows_from_pictures
 
 RNG = np.random.default_rng(0)
 FRAME = RNG.integers(20, 256, (40, 60, 3), dtype=np.uint8)
@@ -123,7 +123,7 @@ def test_a_twentieth_of_other_places_matches_better_than_e(contrast):
 
 def test_without_surroundings_there_are_no_log_odds():
     pictures = [FRAME[:9, :9], FRAME[9:18, :9]]
-    learned = jaxpf.likelihoods.windows_from_pictures(pictures)
+    learned = windows_from_pictures(pictures)
     assert not has_log_odds(learned)
     assert has_log_odds(windows(FRAME, POINTS, window=(9, 9)))
     whole = windows(FRAME[:9, :9], [[4.5, 4.5]], window=(9, 9))

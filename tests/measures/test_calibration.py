@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 
 from jaxpf import InputError
-from jaxpf.measures import (
-    Reliability,
-    confidence_counts,
-    crps,
-    log_score,
-    mean_interval,
-    pit_values,
-)
+from jaxpf.measures import crps, log_score, mean_interval, pit_values
+from jaxpf.measures.calibration import Reliability, confidence_counts
 
 N = 40_000
 

@@ -11,13 +11,8 @@ import pytest
 from scipy import stats
 from scipy.special import betaincinv, ndtr
 
-from jaxpf.measures import (
-    difference_interval,
-    difference_p_value,
-    has_width,
-    mean_interval,
-    median_interval,
-)
+from jaxpf.measures import difference_interval, mean_interval, median_interval
+from jaxpf.measures.intervals import difference_p_value, has_width
 
 SIZES = (2, 3, 5, 11, 29, 50)
 REPEATS = 3000

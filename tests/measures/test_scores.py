@@ -8,15 +8,8 @@ import numpy as np
 import pytest
 
 from jaxpf import InputError
-from jaxpf.measures import (
-    CENTRE_THRESHOLDS,
-    IOU_THRESHOLDS,
-    distance_precision,
-    precision_curve,
-    success_auc,
-    success_curve,
-    tracking_scores,
-)
+from jaxpf.measures import precision_curve, success_curve, tracking_scores
+from jaxpf.measures.scores import CENTRE_THRESHOLDS, IOU_THRESHOLDS, distance_precision, success_auc
 
 SHARES = ("HOTA", "DetA", "AssA", "LocA", "MOTA", "MOTP", "IDF1", "IDR", "IDP")
 
@@ -122,7 +115,7 @@ class TestTrackingScores:
 
     def test_the_scores_are_those_of_trackevals_own_reader(self, trackeval, tmp_path):
         """The whole way round: MOT files on disk, read and scored by TrackEval alone."""
-        from jaxpf.boxes import write_mot
+        from jaxpf.boxes.tracks import write_mot
 
         random = np.random.default_rng(5)
         truth = np.cumsum(random.normal(0, 3, (40, 4, 4)) * [1, 1, 0, 0], axis=0)

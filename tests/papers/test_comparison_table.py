@@ -3,7 +3,8 @@ import csv
 import numpy as np
 import pytest
 
-from jaxpf import InputError, media
+from jaxpf import InputError
+from jaxpf.media.plotting import new_figure
 from jaxpf.papers.judging.claims import Claim, judge
 from jaxpf.papers.judging.estimates import Measured, mean_of
 from jaxpf.papers.paper import Comparison
@@ -14,7 +15,7 @@ CLAIM = Claim("a_b", "paper", "a is b", "1", "a | b.", "table 1", 0.0, float("in
 
 @pytest.fixture
 def comparison():
-    figure, axes = media.new_figure()
+    figure, axes = new_figure()
     axes[0, 0].plot([0, 1])
     nan = float("nan")
     cells = [Cell(19, Measured(26.6, 20.2, 33.4)), Cell(None, Measured(nan, nan, nan)), "text"]

@@ -7,12 +7,12 @@ from judged import verdicts
 
 import scenes as drawn
 from jaxpf import run
-from jaxpf.measures import corner_distances
+from jaxpf.measures.particle_sets import corner_distances
 from jaxpf.papers.gonzales2011 import PAPER, scenes
 from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, VARIANTS
 from jaxpf.papers.gonzales2011.study import FIGURES, study_of
 from jaxpf.papers.judging.claims import NOT_SEEN, OPEN, SUPPORTED, judge_all
-from jaxpf.shapes import corners_from_poses
+from jaxpf.shapes.rectangles import corners_from_poses
 
 FRAMES = 7
 CELL = ("smooth", 3, (12,))

@@ -12,7 +12,7 @@ import pytest
 from command_line import jaxpf
 
 from jaxpf import InputError
-from jaxpf.evaluation import Pool
+from jaxpf.evaluation.engine import Pool
 from jaxpf.papers import PAPERS, paper
 from jaxpf.papers.checkpoints import UNSTORED, can_resume, keeping
 from jaxpf.papers.judging.claims import claims_of

@@ -17,8 +17,7 @@ import jaxpf
 import scenes as drawn
 from jaxpf import measures, running
 from jaxpf.dynamics import LinearGaussian
-from jaxpf.evaluation import local_pool
-from jaxpf.evaluation.engine import run_keys
+from jaxpf.evaluation.engine import local_pool, run_keys
 from jaxpf.likelihoods import Gaussian
 from jaxpf.papers.checkpoints import UNSTORED, keeping
 from jaxpf.papers.judging.claims import NOT_SEEN, OPEN, PREVIEW, SUPPORTED

@@ -13,8 +13,8 @@ import scenes
 from jaxpf.contract.calls import has_log_odds
 from jaxpf.likelihoods import histogram_from_patches
 from jaxpf.ordering import SWAPS, named
-from jaxpf.parts import OfFixedSize, parts_model, with_log_odds
-from jaxpf.shapes import corners_from_poses
+from jaxpf.parts.models import OfFixedSize, parts_model, with_log_odds
+from jaxpf.shapes.rectangles import corners_from_poses
 
 TREE = (-1, 0, 0, 1, 2)
 

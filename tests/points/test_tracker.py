@@ -13,7 +13,7 @@ import jaxpf
 import scenes
 from jaxpf.cli.tracking.columns import places_of
 from jaxpf.contract.options import defaults_of
-from jaxpf.evaluation import Configuration
+from jaxpf.evaluation.results import Configuration
 from jaxpf.evaluation.trackers import tracker_of
 from jaxpf.points import draw_points
 from jaxpf.points.target import POINTS

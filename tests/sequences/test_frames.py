@@ -8,7 +8,8 @@ from small_video import LENGTH, picture, write_lossless_video
 
 from jaxpf import InputError
 from jaxpf.evaluation.scene import load_scene
-from jaxpf.sequences import Frames, sequence as sequences
+from jaxpf.sequences import sequence as sequences
+from jaxpf.sequences.frames import Frames
 
 META = '{{"name": "a", "frames": "{}", "n_frames": {}, "width": 64, "height": 48, "fps": 10}}'
 

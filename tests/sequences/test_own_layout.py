@@ -6,7 +6,7 @@ import pytest
 from jaxpf import InputError
 from jaxpf.evaluation.scene import load_scene
 from jaxpf.sequences import open_sequence
-from jaxpf.targets import target_of_scene
+from jaxpf.targets.registry import target_of_scene
 
 # Real clips, first on a folder made here
 

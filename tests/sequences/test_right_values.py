@@ -8,7 +8,8 @@ import pytest
 from PIL import Image
 from small_sequences import write_pictures
 
-from jaxpf.boxes import dense, read_boxes
+from jaxpf.boxes import read_boxes
+from jaxpf.boxes.tracks import dense
 from jaxpf.cli.tuning.command import _scenes_to_tune_on
 from jaxpf.evaluation.scene import load_scene
 from jaxpf.media import open_frames

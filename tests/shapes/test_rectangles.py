@@ -3,10 +3,11 @@ import numpy as np
 import pytest
 
 from jaxpf import shapes
-from jaxpf.shapes.rectangles import cos_sin, is_proper, rotate
+from jaxpf.shapes import rectangles
+from jaxpf.shapes.rectangles import corners_from_poses, cos_sin, is_proper, rotate
 
 boxes_from_substates = jax.jit(shapes.boxes_from_substates)
-intersection_area, area = jax.jit(shapes.intersection_area), jax.jit(shapes.area)
+intersection_area, area = jax.jit(rectangles.intersection_area), jax.jit(rectangles.area)
 cos_sin = jax.jit(cos_sin)
 
 SIZES = np.array([[32.0, 42.0], [10.0, 20.0]])
@@ -76,7 +77,7 @@ def test_degenerate_boxes_cover_nothing(box):
 
 
 def test_area_takes_whole_numbers():
-    twelve = shapes.area([1, 2, 3, 4])
+    twelve = rectangles.area([1, 2, 3, 4])
     assert twelve == 12
     assert twelve.dtype == np.float32
 
@@ -119,7 +120,7 @@ def test_cosine_and_sine_under_x64():
 def test_corners_of_rectangles_by_hand():
     # 4 x 2 at (10, 20): upright, and turned clockwise by a right angle.
     poses = np.array([[10.0, 20.0, 0.0, 99.0], [10.0, 20.0, np.pi / 2, 99.0]])
-    corners = jax.jit(shapes.corners_from_poses)(poses, np.array([[4.0, 2.0], [4.0, 2.0]]))
+    corners = jax.jit(corners_from_poses)(poses, np.array([[4.0, 2.0], [4.0, 2.0]]))
     assert corners.shape == (2, 4, 2)
     np.testing.assert_allclose(corners[0], [[8, 19], [12, 19], [12, 21], [8, 21]], atol=1e-5)
     np.testing.assert_allclose(corners[1], [[11, 18], [11, 22], [9, 22], [9, 18]], atol=1e-5)

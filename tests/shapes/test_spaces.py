@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from refusals import every, message_of
 
-from jaxpf.shapes import key_frame_space, learn_shape_space, outline_of, space_of
+from jaxpf.shapes import key_frame_space, learn_shape_space, space_of
+from jaxpf.shapes.learning import outline_of
 from jaxpf.shapes.spaces import SHAPE_SPACES
 
 RNG = np.random.default_rng(0)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from refusals import message_of
 
-from jaxpf.shapes import basis, fit_spline, points_on, resample_polyline
-from jaxpf.shapes.splines import crosses_itself
+from jaxpf.shapes.splines import basis, crosses_itself, fit_spline, points_on, resample_polyline
 
 PLACES = np.linspace(0.01, 0.99, 40)
 

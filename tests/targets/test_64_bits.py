@@ -10,7 +10,7 @@ import pytest
 import jaxpf
 import scenes
 from jaxpf.contours import Contours
-from jaxpf.shapes import fit_spline
+from jaxpf.shapes.splines import fit_spline
 
 STREET = scenes.make("walkers", seed=1, num_frames=3)
 WIRES = scenes.make("wires", seed=1, num_frames=3)

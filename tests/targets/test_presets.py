@@ -13,6 +13,7 @@ from command_line import assert_same, built_by_track
 import jaxpf
 import scenes
 from jaxpf import InputError, ordering
+from jaxpf.dynamics.relative import RelativeMotion
 from jaxpf.papers.eskil2014 import scenes as eskil2014
 from jaxpf.papers.gonzales2011 import scenes as gonzales2011
 from jaxpf.papers.maccormick1999 import scenes as cases, study as passing
@@ -222,7 +223,7 @@ def test_the_command_line_takes_the_function_that_the_page_shows(tmp_path):
         ),
         (
             *("smith2004", {"motion": "relative"}),
-            lambda t: isinstance(t.dynamics, jaxpf.dynamics.RelativeMotion),
+            lambda t: isinstance(t.dynamics, RelativeMotion),
         ),
         pytest.param(
             *("smith2004", {"appearance": "discriminative"}),

@@ -7,13 +7,14 @@ import pytest
 from refusals import message_of
 from small_tuning import QUICK, SCALE, made_sequence, tracker
 
-from jaxpf import InputError, gradients, tuning
+import jaxpf
+from jaxpf import InputError, gradients
 
 
 @pytest.fixture(scope="module")
 def begun(tmp_path_factory):
     folder = tmp_path_factory.mktemp("begun")
-    tuning.tune(made_sequence(), SCALE, settings=QUICK, folder=folder)
+    jaxpf.tune(made_sequence(), SCALE, settings=QUICK, folder=folder)
     return folder
 
 
@@ -33,7 +34,7 @@ def other_frames():
     ],
 )
 def test_what_differs_from_the_call_that_began_is_named(begun, sequence, named):
-    message = message_of(tuning.tune, sequence, SCALE, settings=QUICK, folder=begun)
+    message = message_of(jaxpf.tune, sequence, SCALE, settings=QUICK, folder=begun)
     assert f"another value of {named};" in message
 
 
@@ -48,5 +49,5 @@ def test_a_call_that_made_no_step_leaves_no_checkpoint(tmp_path):
         raise InputError("no package")
 
     with pytest.raises(InputError, match="no package"):
-        tuning.tune(made_sequence(), SCALE, objective=fails, settings=QUICK, folder=tmp_path)
+        jaxpf.tune(made_sequence(), SCALE, objective=fails, settings=QUICK, folder=tmp_path)
     assert not list(tmp_path.iterdir())

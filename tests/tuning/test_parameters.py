@@ -13,15 +13,15 @@ import jaxpf
 from jaxpf import tune, tuning
 from jaxpf.contract.options import options_of
 from jaxpf.likelihoods import histogram
-from jaxpf.targets import all_targets
-from jaxpf.tuning import Parameter, TrainingSequence
-from jaxpf.tuning.parameters import parameter, read
+from jaxpf.targets.registry import all_targets
+from jaxpf.tuning import TrainingSequence
+from jaxpf.tuning.parameters import Parameter, names, parameter, read
 
 # Paths and bounds
 
 
 def test_parameters_are_named_by_their_path():
-    assert tuning.names(tracker()) == ["dynamics.scale", "likelihood.noise", "initial"]
+    assert names(tracker()) == ["dynamics.scale", "likelihood.noise", "initial"]
     one = read(tracker(scale=3.0), Parameter("dynamics.scale[0]", low=0.0))
     assert one == read(tracker(scale=3.0), parameter("dynamics.scale[0]=0:"))
     assert one.shape == ()
@@ -34,7 +34,7 @@ def test_parameters_are_named_by_their_path():
 
 def test_a_python_number_is_a_parameter_too():
     walk = dataclasses.replace(tracker(), dynamics=jaxpf.dynamics.AR2(scale=jnp.ones(1)))
-    assert "dynamics.momentum" in tuning.names(walk)
+    assert "dynamics.momentum" in names(walk)
     assert tuning.replace(walk, {"dynamics.momentum": 0.25}).dynamics.momentum == 0.25
 
 

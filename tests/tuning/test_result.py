@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jaxpf.tuning import Parameter, Result
-from jaxpf.tuning.result import Descent
+from jaxpf.tuning.parameters import Parameter
+from jaxpf.tuning.result import Descent, Result
 
 
 @pytest.mark.parametrize(

@@ -10,11 +10,12 @@ from jax.scipy.stats import norm
 from refusals import message_of
 from small_tuning import QUICK, SCALE, made_sequence, tracker
 
-from jaxpf import state_space, tune, tuning
+from jaxpf import state_space, tune
 from jaxpf.dynamics import RandomWalk
 from jaxpf.gradients import StopGradient
 from jaxpf.likelihoods import Gaussian, histogram
 from jaxpf.tuning import Settings, TrainingSequence
+from jaxpf.tuning.loop import Diverged
 
 
 def test_objectives_need_what_they_are_about():
@@ -188,7 +189,7 @@ def test_a_loss_that_is_no_number_stops_and_keeps_the_last_good_values(tmp_path)
 
     settings = Settings(steps=50, repeats=1, learning_rate=0.2)
     given = {"objective": fails_below_a_half, "settings": settings, "folder": tmp_path}
-    with pytest.raises(tuning.Diverged) as raised:
+    with pytest.raises(Diverged) as raised:
         tune(made_sequence(), SCALE, **given)
     text = str(raised.value)
     assert "the loss became no number on sequence 0 of step" in text

@@ -10,7 +10,6 @@ from typing import Any
 import click
 import pandas as pd
 
-from jaxpf import evaluation
 from jaxpf.cli.evaluating.request import VARIED, Compared, Request, Work, parse
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import print_table, progress_bar, say
@@ -20,7 +19,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import plain
 from jaxpf.contract.options import applying, options_of
 from jaxpf.evaluation import overall, report, tables
-from jaxpf.evaluation.engine import Pool, Prepared
+from jaxpf.evaluation.engine import Pool, Prepared, carry_out, local_pool, prepare
 from jaxpf.evaluation.results import Results
 from jaxpf.evaluation.scene import start_frame
 from jaxpf.evaluation.speed import measure_speeds
@@ -28,7 +27,7 @@ from jaxpf.files.store import LOCK, locked
 from jaxpf.files.writing import check_output_folder
 from jaxpf.sequences import open_sequence
 from jaxpf.sequences.layouts import sequences_in
-from jaxpf.targets import target_of_scene
+from jaxpf.targets.registry import target_of_scene
 
 #: Output files that the last line lists.
 _WRITTEN = ("report.html", "results.csv", "summary.csv", "curves.csv", "run.toml")
@@ -118,12 +117,12 @@ def _prepare(request: Request) -> tuple[Prepared, Pool | None]:
     if options.dask:
         pool = click.get_current_context().with_resource(cluster(options.dask, options.devices))
     elif options.workers > 1:
-        pool = evaluation.local_pool(options.workers, devices, use_compile_cache)
+        pool = local_pool(options.workers, devices, use_compile_cache)
     workers = pool.workers if pool else 1
     say(f"Reading {request.scene}", err=True)
     if options.baseline:
         say(f"Baselines come first: {', '.join(options.baseline)}", err=True)
-    prepared = evaluation.prepare(request.plan, request.output, workers)
+    prepared = prepare(request.plan, request.output, workers)
     if prepared.missing_runs:
         _show_plan(prepared, workers, devices)
     elif options.dry_run:
@@ -144,7 +143,7 @@ def _run(request: Request, prepared: Prepared, pool: Pool | None) -> Results:
             def progress(runs: int) -> None:
                 bar.update(task, advance=runs, description=name)
 
-            results = evaluation.carry_out(prepared, pool=pool, progress=progress)
+            results = carry_out(prepared, pool=pool, progress=progress)
     except KeyboardInterrupt:
         say(f"Finished runs are kept in '{request.output}'; the same command continues.", err=True)
         raise

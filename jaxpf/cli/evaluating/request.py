@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from jaxpf import filters
 from jaxpf.cli.shared.flags import as_typed, given_in, picked
 from jaxpf.cli.shared.scene_options import (
     SceneOptions,
@@ -23,8 +22,9 @@ from jaxpf.evaluation import Plan
 from jaxpf.evaluation.baselines.rivals import available, baselines
 from jaxpf.evaluation.scene import load_scene
 from jaxpf.evaluation.trackers import OwnTracker
-from jaxpf.filters.registry import GIVEN, ORDERS, SHIFTS
-from jaxpf.targets import all_targets
+from jaxpf.filters import registry
+from jaxpf.filters.registry import GIVEN, ORDERS, SHIFTS, all_filters
+from jaxpf.targets.registry import all_targets
 
 #: Options that choose output or computing resources and do not affect results.
 _NOT_REPEATED = ("output", "dry_run", "dask", "speed")
@@ -43,7 +43,7 @@ class Compared:
     methods: Annotated[
         str | None,
         Option(
-            f"Comma-separated: {', '.join(filters.methods())}.  `jaxpf track --help` explains "
+            f"Comma-separated: {', '.join(registry.methods())}.  `jaxpf track --help` explains "
             "them; by default sir, ps, dps and sps, if they suit the scene, and only sir for one "
             "object."
         ),
@@ -189,7 +189,7 @@ def parse(values: Mapping[str, Any]) -> Request:
         baseline=tuple(dict.fromkeys(available() if _ALL in named else named)),
     )
     owners: list[Any] = [target.tracker for target in all_targets().values()]
-    declared = options_of(*owners, *(each.build for each in filters.all_filters().values()))
+    declared = options_of(*owners, *(each.build for each in all_filters().values()))
     given = given_in(values)
     grid = {name: given[name] for name in declared if name in given and name not in VARIED}
     scene = resolved_scene(values["scene"])

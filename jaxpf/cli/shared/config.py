@@ -11,7 +11,7 @@ from jaxpf.cli.shared.flags import Flag
 from jaxpf.cli.shared.plain import NumberList
 from jaxpf.contract.errors import InputError
 from jaxpf.files.writing import atomic_write
-from jaxpf.targets import find_target
+from jaxpf.targets.registry import find_target
 
 
 def _load(ctx: click.Context, param: click.Parameter, path: str | None) -> str | None:

@@ -7,13 +7,14 @@ from typing import Any
 
 import click
 
-from jaxpf import filters
 from jaxpf.cli.shared.plain import GivenPath, NumberList, PlainCommand
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import plain
 from jaxpf.contract.options import OPEN, Option, applying, complete, options_of
 from jaxpf.filters import Filter
-from jaxpf.targets import Target, all_targets
+from jaxpf.filters.registry import all_filters
+from jaxpf.targets import Target
+from jaxpf.targets.registry import all_targets
 
 _SET = "A further option, NAME=VALUE; repeat it.  They are {names}, explained in {where}."
 
@@ -170,7 +171,7 @@ def _click_type(option: Option, grid: bool) -> tuple[Any, bool]:
 
 def filter_options(unsuited: Sequence[str] = ()) -> dict[str, Option]:
     """The options of all filters but those whose methods are ``unsuited``."""
-    families = [each for each in filters.all_filters().values() if {*each.methods} - {*unsuited}]
+    families = [each for each in all_filters().values() if {*each.methods} - {*unsuited}]
     declared = options_of(*(each.build for each in families))
     about = [options_of(each.build)["method"].help.removesuffix(".") for each in families]
     method = dataclasses.replace(declared["method"], help=f"Sampling: {', '.join(about)}.")
@@ -233,7 +234,7 @@ def refuse_others(values: Mapping[str, Any], target: Target, filter_: Filter) ->
     """Refuse flags of another kind of target or another filter than those of this run."""
     own = options_of(target.tracker, filter_.build)
     owners: dict[str, dict[str, Option]] = {}
-    for each in filters.all_filters().values():
+    for each in all_filters().values():
         for method in each.methods:
             declared = options_of(each.build).items()
             fitting = {n: option for n, option in declared if option.applies({"method": method})}

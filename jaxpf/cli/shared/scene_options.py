@@ -12,7 +12,7 @@ from jaxpf.cli.shared.config import config_flag
 from jaxpf.cli.shared.flags import Command, declared_flags, filter_options, pair
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import Option, options_of
-from jaxpf.targets import DEFAULT, all_targets
+from jaxpf.targets.registry import DEFAULT, all_targets
 
 
 @dataclasses.dataclass(frozen=True)

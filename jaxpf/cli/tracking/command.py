@@ -9,7 +9,7 @@ from jaxpf.cli.shared.flags import Command, declared_flags, filter_options, star
 from jaxpf.cli.tracking.request import OF_BOXES, Run, request_of
 from jaxpf.contract.options import options_of
 from jaxpf.detections.lifetimes import Rules
-from jaxpf.targets import DEFAULT, all_targets, find_target
+from jaxpf.targets.registry import DEFAULT, all_targets, find_target
 from jaxpf.targets.target import Target
 
 

@@ -14,7 +14,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, Option, options_of
 from jaxpf.detections.lifetimes import Rules
 from jaxpf.files.writing import check_output_file
-from jaxpf.filters.registry import Filter
+from jaxpf.filters.registry import Filter, all_filters
 from jaxpf.targets.building import defaults_for, filter_for
 from jaxpf.targets.target import Target
 
@@ -218,7 +218,7 @@ def _given(ctx: click.Context, target: Target) -> dict[str, Any]:
     left_out: set[str] = set()
     if (typed & set(target.start_flags)) - set(_ADDS_TO_START):
         left_out |= set(target.start_flags)
-    families = [family.build for family in filters.all_filters().values()]
+    families = [family.build for family in all_filters().values()]
     if "method" in typed:
         chosen = filters.filter_of(values["method"])
         left_out |= set(options_of(*families)) - set(options_of(chosen.build))
@@ -234,7 +234,7 @@ def _given(ctx: click.Context, target: Target) -> dict[str, Any]:
 
 def _filter_of(method: str | None, target: Target, opens: bool) -> Filter:
     """The filter that --method or --detections selects."""
-    able_families = [family for family in filters.all_filters().values() if family.opens]
+    able_families = [family for family in all_filters().values() if family.opens]
     if opens and not method:
         return able_families[0]
     chosen = filter_for(target, method)

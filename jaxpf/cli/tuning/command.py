@@ -27,8 +27,8 @@ from jaxpf.evaluation.scene import check_scene, load_scene
 from jaxpf.files.store import Store, locked
 from jaxpf.files.writing import check_output_folder, prepare_output_folder
 from jaxpf.gradients import GRADIENTS
-from jaxpf.targets import target_of_scene
 from jaxpf.targets.building import filter_for
+from jaxpf.targets.registry import target_of_scene
 from jaxpf.tuning.loop import Diverged, tune
 from jaxpf.tuning.parameters import check_apart, parameter, read
 from jaxpf.tuning.problem import OBJECTIVES

@@ -11,7 +11,7 @@ from jaxpf.cli.shared.console import print_table, say
 from jaxpf.contract.options import defaults_of, options_of
 from jaxpf.files.writing import atomic_write
 from jaxpf.media.plotting import save_figure
-from jaxpf.targets import DEFAULT
+from jaxpf.targets.registry import DEFAULT
 from jaxpf.tuning.plot import traces
 from jaxpf.tuning.result import Result
 from jaxpf.tuning.sequences import Recipe

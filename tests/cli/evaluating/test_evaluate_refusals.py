@@ -75,7 +75,7 @@ def test_an_object_absent_in_the_start_frame_is_named(refuse, tmp_path_factory):
 
 
 def test_a_folder_where_somebody_is_at_work_is_refused_before_planning(tmp_path, monkeypatch):
-    monkeypatch.setattr("jaxpf.evaluation.prepare", lambda *_: 1 / 0)
+    monkeypatch.setattr("jaxpf.cli.evaluating.command.prepare", lambda *_: 1 / 0)
     with locked(tmp_path / "out", "evaluating"):
         sentence = refusal_of("evaluate", "distracter", *SMALL, *COMMON, "-o", tmp_path / "out")
     assert "another process is evaluating into" in sentence

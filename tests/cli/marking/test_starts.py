@@ -8,7 +8,7 @@ from properties import EVERY, extents, names
 from jaxpf import InputError
 from jaxpf.cli.marking.starts import read_start, write_start
 from jaxpf.contours.files import read_contours
-from jaxpf.shapes import points_on
+from jaxpf.shapes.splines import points_on
 
 BOX = {"kind": "boxes", "name": "1", "frame": 3, "x": 2.5, "y": 4.0, "w": 20.0, "h": 10.0}
 LIMB = {"kind": "parts", "name": "arm", "frame": 0, "parent": "", "width": 6.0}

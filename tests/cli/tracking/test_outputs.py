@@ -20,14 +20,16 @@ from small_video import (
 )
 
 from jaxpf import measures, ordering
-from jaxpf.boxes import dense, read_boxes, read_tracks
+from jaxpf.boxes import read_boxes, read_tracks
+from jaxpf.boxes.tracks import dense
 from jaxpf.cli.tracking import results
 from jaxpf.cli.tracking.command import command
 from jaxpf.contract.lost import LOST_BELOW
 from jaxpf.contract.options import options_of
 from jaxpf.detections import Rules
 from jaxpf.files import states
-from jaxpf.filters import all_filters, filter_of
+from jaxpf.filters import filter_of
+from jaxpf.filters.registry import all_filters
 from jaxpf.media import Reading, open_frames
 
 # What a run writes

@@ -6,7 +6,8 @@ import numpy as np
 
 from jaxpf.boxes.target import BOXES
 from jaxpf.cli.tracking.overlay import Overlay
-from jaxpf.detections import Group, Record
+from jaxpf.detections import Record
+from jaxpf.detections.records import Group
 from jaxpf.media import draw_boxes, object_colours
 
 FRAME = np.full((90, 120, 3), 128, np.uint8)

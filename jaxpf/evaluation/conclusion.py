@@ -7,23 +7,21 @@ intervals are Bonferroni-corrected for that number: together they hold with 95% 
 than ten runs decide nothing: the sentence is a preview.
 """
 
-import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 
-from jaxpf.evaluation.estimates import LEVEL, difference, with_all
+from jaxpf.evaluation.estimates import LEVEL
 from jaxpf.evaluation.measures import by_name
 from jaxpf.evaluation.results import Configuration, Results
 from jaxpf.evaluation.summaries import (
     ALL,
-    Runs,
     Summary,
-    common_runs,
     configuration_name,
-    intervals,
     named_values,
+    paired,
 )
 from jaxpf.measures.intervals import DECISIVE
 
@@ -32,19 +30,18 @@ RANKED_BY = by_name("success_auc")
 _MOST_NAMED = 3
 
 
-def conclude(
-    results: Results, summaries: Sequence[Summary], estimates: pd.DataFrame
-) -> tuple[str, list[int]]:
-    """State which configurations differ from the best, from the table ``estimates_of`` them.
+def areas_of(estimates: pd.DataFrame) -> pd.Series:
+    """Success AUC of the configurations that have one, by their index, best first."""
+    rows = estimates[(estimates.measure == RANKED_BY.name) & (estimates.object == ALL)]
+    areas = rows.set_index("configuration").value.astype(float)
+    return areas.iloc[np.argsort(areas.to_numpy())[::-1]]
 
-    Returns:
-        The sentence, and the indices of the summaries that have a value, best first.
-    """
-    areas = intervals(estimates, RANKED_BY.name, ALL, range(len(summaries)))[:, 0]
-    ranking = [index for index in np.argsort(areas)[::-1].tolist() if np.isfinite(areas[index])]
-    if not ranking:
-        return "No run is finished, so there is nothing to conclude.", []
-    best, *others = ranking
+
+def conclude(results: Results, summaries: Sequence[Summary], areas: pd.Series) -> str:
+    """State which configurations differ from the best, from the ``areas_of`` the summaries."""
+    if not len(areas):
+        return "No run is finished, so there is nothing to conclude."
+    best, *others = areas.index.tolist()
     ours = summaries[best].configuration
     held = [name for name in results.swept if name in ours.parameters]
     equal = [other for other in others if _agree(ours, summaries[other].configuration, held)]
@@ -53,24 +50,22 @@ def conclude(
     settings = ", ".join(named_values(ours, held))
     start = f"With {settings}, where the mean is highest, " if held else ""
     if not others:
-        return f"{names[best]}: success AUC {_share(areas[best])}.", ranking
+        return f"{names[best]}: success AUC {_share(areas[best])}."
     fewest = min((s.runs for s in summaries if not s.configuration.is_imported), default=DECISIVE)
     if fewest < DECISIVE:
         runs = "one run" if fewest == 1 else f"{fewest} runs"
         return (
             f"Preview of {runs}: {start[:1].lower() + start[1:]}{names[best]} is ahead, success "
-            f"AUC {_share(areas[best])}; fewer than {DECISIVE} runs decide nothing.",
-            ranking,
+            f"AUC {_share(areas[best])}; fewer than {DECISIVE} runs decide nothing."
         )
-    pairs = len(list(itertools.combinations(ranking, 2)))
+    pairs = math.comb(len(areas), 2)
     apart = {other: _difference(summaries[best], summaries[other], pairs) for other in others}
     worse = [other for other in others if apart[other][1] > 0]
     tied = [other for other in others if other not in worse]
     if not worse:
         return (
             f"{start}{'no' if start else 'No'} configuration tracks best: {names[best]} is "
-            f"ahead, but {_listed(names, tied)} cannot be distinguished from it.",
-            ranking,
+            f"ahead, but {_listed(names, tied)} cannot be distinguished from it."
         )
     # Report the gain over the first distinguishable configuration: the reference comes first.
     reference = min(worse)
@@ -86,7 +81,7 @@ def conclude(
         rest = [index for index in worse if index != reference]
         few = len(rest) <= _MOST_NAMED
         sentence += f", and better than {_listed(names, rest) if few else 'all others'}"
-    return f"{sentence}.", ranking
+    return f"{sentence}."
 
 
 def _agree(ours: Configuration, other: Configuration, names: Sequence[str]) -> bool:
@@ -97,26 +92,12 @@ def _agree(ours: Configuration, other: Configuration, names: Sequence[str]) -> b
 
 def _difference(first: Summary, second: Summary, pairs: int) -> tuple[float, float, float]:
     """First minus second, with the ends of an interval Bonferroni-corrected for ``pairs``."""
-    ours, theirs = (each.of(RANKED_BY) for each in (first, second))
-    if first.configuration.is_imported and second.configuration.is_imported:
-        ends = [with_all(*each[1:])[0].item(-1) for each in (ours, theirs)]
-        return (ends[0] - ends[1],) * 3
-    # Imported tracks are the same for every seed, so repeat them for each run.
-    if first.configuration.is_imported:
-        ours = _repeated(ours, theirs.runs)
-    if second.configuration.is_imported:
-        theirs = _repeated(theirs, ours.runs)
-    ours, theirs = common_runs(ours, theirs)
-    level = 1 - (1 - LEVEL) / pairs
-    found = difference(ours[1:], theirs[1:], RANKED_BY.bounds, level=level)
+    found = paired(first, second, RANKED_BY, 1 - (1 - LEVEL) / pairs)
     value, lower, upper = (float(x[-1]) for x in (found.value, found.lower, found.upper))
+    if first.configuration.is_imported and second.configuration.is_imported:
+        return value, value, value
     known = np.isfinite(lower)
     return value, lower if known else -np.inf, upper if known else np.inf
-
-
-def _repeated(track: Runs, runs: np.ndarray) -> Runs:
-    values, weights = (np.repeat(x[:1], len(runs), axis=0) for x in (track.values, track.weights))
-    return Runs(runs, values, weights)
 
 
 def _listed(all_names: Sequence[str], indices: Sequence[int]) -> str:

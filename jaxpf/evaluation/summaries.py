@@ -1,10 +1,11 @@
 """What the finished runs of an evaluation show: a table of estimates and one of differences."""
 
 import dataclasses
+import functools
 import importlib.util
 import warnings
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -49,14 +50,6 @@ ONE_OBJECT = (
 ALL = "all"
 
 
-class Runs(NamedTuple):
-    """A measure over the runs of a configuration: ``runs [R]``, the other fields ``[R, P]``."""
-
-    runs: np.ndarray
-    values: np.ndarray
-    weights: np.ndarray
-
-
 @dataclasses.dataclass(frozen=True)
 class Summary:
     """Measures of the R finished runs of one configuration.
@@ -95,16 +88,15 @@ class Summary:
         """Number of finished runs, R."""
         return len(self.numbers)
 
-    def of(self, measure: Measure) -> Runs:
-        """Values of a measure for every run and object, with the weights for its mean."""
+    def of(self, measure: Measure) -> tuple[np.ndarray, np.ndarray]:
+        """Values of a measure for every run and object, and the weights for its mean."""
         if measure in SCORES:
             values = self.scores[:, [SCORES.index(measure)]]
-            return Runs(self.numbers[: len(values)], values, np.ones_like(values))
+            return values, np.ones_like(values)
         values = self.columns[:, :, COLUMNS.index(measure.name)]
-        weights = np.ones_like(values)
         if measure.weight:
-            weights = self.columns[:, :, COLUMNS.index(measure.weight)]
-        return Runs(self.numbers, values, weights)
+            return values, self.columns[:, :, COLUMNS.index(measure.weight)]
+        return values, np.ones_like(values)
 
 
 def summaries_of(results: Results) -> list[Summary]:
@@ -203,23 +195,20 @@ def estimates_of(results: Results, summaries: Sequence[Summary]) -> pd.DataFrame
     Columns: ``configuration``, the index of its summary, ``object``, ``measure``, ``runs``,
     ``value``, ``standard_error``, and the ends of the interval, ``lower`` and ``upper``.
     """
-    names = [*map(str, results.object_ids), ALL]
-    # What exists of all objects only is also that of a single one.
-    whole = names if len(names) == 2 else [ALL]
-    measures = MEASURES + (SCORES if any(len(each.scores) for each in summaries) else ())
+    measured = _measured(results, summaries)
     rows: list[tuple] = []
     for index, summary in enumerate(summaries):
-        for measure in measures:
-            runs = summary.of(measure)
-            found = estimate(runs.values, runs.weights, measure.bounds)
+        for measure, objects in measured:
+            found = estimate(*summary.of(measure), measure.bounds)
             if summary.configuration.is_imported:
                 found = without_interval(found)
-            objects = whole if measure in SCORES else names
             rows += [(index, name, measure.name, *x) for name, *x in _last(objects, *found)]
         reliability = summary.confidence
         figures = reliability.area(), reliability.silent(), summary.speed
         for measure, value in zip(FIGURES, figures, strict=True):
-            rows += [(index, name, measure.name, value, *3 * [np.nan], 1) for name in whole]
+            rows += [
+                (index, name, measure.name, value, *3 * [np.nan], 1) for name in _whole(results)
+            ]
         for place, numbers in enumerate(zip(*reliability.shares(), reliability.runs, strict=True)):
             if place < reliability.bins:
                 rows.append((index, ALL, f"on_object_{place}", *numbers))
@@ -234,23 +223,33 @@ def differences_of(results: Results, summaries: Sequence[Summary]) -> pd.DataFra
     runs in which the configuration or the reference has the larger value; ``p`` of no difference,
     and ``p_holm`` after Holm's correction over the configurations.
     """
-    names = [*map(str, results.object_ids), ALL]
-    measures = MEASURES + (SCORES if any(len(each.scores) for each in summaries) else ())
+    measured = _measured(results, summaries)
     rows: list[tuple] = []
     for index, summary in enumerate(summaries):
         reference = _reference(summaries[:index], summary)
         if reference is None:
             continue
-        for measure in measures:
-            ours, theirs = common_runs(summary.of(measure), summaries[reference].of(measure))
-            found = difference(ours[1:], theirs[1:], measure.bounds)
-            objects = names if measure not in SCORES or len(names) == 2 else [ALL]
+        for measure, objects in measured:
+            found = paired(summary, summaries[reference], measure)
             key = index, reference
             rows += [(*key, name, measure.name, *x) for name, *x in _last(objects, *found)]
     columns = ["configuration", "reference", "object", "measure", *Difference._fields]
     table = pd.DataFrame(rows, columns=columns)
     table["p_holm"] = table.groupby(["measure", "object"]).p.transform(holm)
     return table[np.isfinite(table.value.astype(float))]
+
+
+def _measured(results: Results, summaries: Sequence[Summary]) -> list[tuple[Measure, list[str]]]:
+    """Every measure, and the objects that have it: each and all, or of scores all together."""
+    scores = SCORES if any(len(each.scores) for each in summaries) else ()
+    names = [*map(str, results.object_ids), ALL]
+    return [(m, names) for m in MEASURES] + [(m, _whole(results)) for m in scores]
+
+
+def _whole(results: Results) -> list[str]:
+    """All objects together; what exists of them alone is also that of a single one."""
+    names = [*map(str, results.object_ids), ALL]
+    return names if len(names) == 2 else [ALL]
 
 
 def _last(names: Sequence[str], *fields: np.ndarray) -> Iterator[tuple]:
@@ -275,13 +274,19 @@ def _reference(earlier: Sequence[Summary], summary: Summary) -> int | None:
     return next(iter([*same, *candidates]), None)
 
 
-def common_runs(ours: Runs, theirs: Runs) -> tuple[Runs, Runs]:
-    """Both at the runs that they share."""
-    runs, left, right = np.intersect1d(ours.runs, theirs.runs, return_indices=True)
-    return (
-        Runs(runs, ours.values[left], ours.weights[left]),
-        Runs(runs, theirs.values[right], theirs.weights[right]),
-    )
+def paired(ours: Summary, theirs: Summary, measure: Measure, level: float = LEVEL) -> Difference:
+    """The first minus the second over common runs; imported tracks are the same in every run."""
+    both = [(each, each.of(measure)) for each in (ours, theirs)]
+    own = [s.numbers[: len(x[0])] for s, x in both if not s.configuration.is_imported]
+    runs = functools.reduce(np.intersect1d, own or [np.zeros(1)])
+
+    def common(summary: Summary, found: tuple[np.ndarray, np.ndarray]) -> Any:
+        rows: np.ndarray = np.isin(summary.numbers[: len(found[0])], runs)
+        if summary.configuration.is_imported:
+            rows = np.zeros(len(runs), int)
+        return tuple(x[rows] for x in found)
+
+    return difference(common(*both[0]), common(*both[1]), measure.bounds, level)
 
 
 def intervals(

@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from jaxpf.contract.numbers import plain
-from jaxpf.evaluation.conclusion import conclude
+from jaxpf.evaluation.conclusion import areas_of, conclude
 from jaxpf.evaluation.measures import (
     COLUMNS,
     CURVES,
@@ -108,7 +108,8 @@ def measure_results(results: Results) -> Overview:
     """
     summaries = summaries_of(results)
     estimates = estimates_of(results, summaries)
-    conclusion, ranking = conclude(results, summaries, estimates)
+    areas = areas_of(estimates)
+    conclusion, ranking = conclude(results, summaries, areas), areas.index.tolist()
     remarks = [*remarks_of(results, summaries)]
     differences = differences_of(results, summaries)
     made = Overview(results, summaries, estimates, differences, remarks, conclusion, ranking)

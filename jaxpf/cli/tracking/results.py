@@ -86,10 +86,20 @@ class Results:
         self._state: Any = None
         self._saved, self._clock = time.monotonic(), time.perf_counter()
 
-    def resume(self, state: Any) -> None:
-        """Count on from the state of an earlier run."""
+    def resume(self) -> Any:
+        """Count on from the state of --resume, and return it; None without it."""
+        run = self.request.run
+        if run.resume is None:
+            return None
+        state = states.load(run.resume, self.tracker)
         self.resumed = int(calls.time_of(state))
-        self._columns.resume(self.request.run.start, self.filter, self.start, state)
+        if run.frames is not None and run.frames <= self.resumed:
+            raise InputError(
+                f"--resume {run.resume} has tracked {self.resumed} frames already, and --frames "
+                f"{run.frames} includes them; give a larger number."
+            )
+        self._columns.resume(run.start, self.filter, self.start, state)
+        return state
 
     @property
     def is_kept(self) -> bool:

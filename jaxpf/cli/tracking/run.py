@@ -18,12 +18,10 @@ from jaxpf.cli.tracking.detector import check_detector
 from jaxpf.cli.tracking.report import report
 from jaxpf.cli.tracking.request import Request, check_together
 from jaxpf.cli.tracking.results import Results, nothing_follows, writing_results
-from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
 from jaxpf.detections import follow
 from jaxpf.detections.population import open_model
 from jaxpf.evaluation.trackers import OwnTracker, own_tracker
-from jaxpf.files import states
 from jaxpf.filters import SideBySide
 from jaxpf.media.film import FrameSource, Reading
 from jaxpf.media.read import open_frames
@@ -44,6 +42,8 @@ def track(request: Request) -> None:
     """
     run, detector = request.run, request.detector
     source = open_frames(request.video, Reading(run.fps, run.range))
+    # The start frame comes before those of --frames.
+    most = None if run.frames is None else run.frames + 1
     with contextlib.closing(source.frames(run.start)) as frames:
         picture = next(frames)
         start, later = read_starts(request, source)
@@ -53,17 +53,15 @@ def track(request: Request) -> None:
         use_compile_cache()
         make = functools.partial(tracker_of, request, source)
         tracker = make(picture, start)
-        state = _state_before(request, tracker)
         results = Results(request, source, {run.start: start} | later, tracker)
-        if state is not None:
-            results.resume(state)
+        state = results.resume()
         with writing_results(results), warnings.catch_warnings():
             # At the end, the report says how many there were.
             warnings.filterwarnings("ignore", "the log-likelihood of frame", UserWarning)
             for record in follow(
                 tracker,
                 jax.random.key(run.seed),
-                itertools.islice(itertools.chain([picture, second], frames), _shown(run.frames)),
+                itertools.islice(itertools.chain([picture, second], frames), most),
                 start,
                 target=request.target,
                 later=later,
@@ -75,11 +73,6 @@ def track(request: Request) -> None:
             ):
                 results.add(record)
     report(results, truth)
-
-
-def _shown(frames: int | None) -> int | None:
-    """Number of frames to read for --frames: the start frame comes before them."""
-    return None if frames is None else frames + 1
 
 
 def read_starts(request: Request, source: FrameSource) -> tuple[Start, dict[int, Start]]:
@@ -135,21 +128,6 @@ def _own_tracker(place: str, source: FrameSource, frame: np.ndarray, boxes: np.n
     if hasattr(tracker, "init"):
         return tracker
     raise InputError(f"the tracker {place!r} returned boxes; for a video return a tracker.")
-
-
-def _state_before(request: Request, tracker: "TrackerLike") -> Any:
-    """The state of --resume, or None."""
-    path, frames = request.run.resume, request.run.frames
-    if path is None:
-        return None
-    state = states.load(path, tracker)
-    time = int(calls.time_of(state))
-    if frames is not None and frames <= time:
-        raise InputError(
-            f"--resume {path} has tracked {time} frames already, and --frames {frames} includes "
-            "them; give a larger number."
-        )
-    return state
 
 
 def _read_truth(request: Request, starts: Sequence[Start]) -> BoxTable | None:

@@ -108,18 +108,13 @@ def sentences(
             "This likelihood offers no confidence: a misplaced object is not reported as lost.  "
             "Try: look at the overlay."
         )
-    if is_degenerate(ess, num_particles):
+    if ess is not None and ess < _NEAR_ONE < num_particles:
         lines.append(
             f"The effective sample size stays near 1 (median {ess:.2g} of {num_particles} "
             "particles), so intervals are too narrow.  Try: more particles (-n), or a less "
             "sharp likelihood (a smaller --sharpness or a larger --sigma, whichever applies)."
         )
     return lines
-
-
-def is_degenerate(ess: float | None, num_particles: int) -> bool:
-    """Whether the effective sample size is too small for meaningful intervals."""
-    return ess is not None and num_particles > _NEAR_ONE and ess < _NEAR_ONE
 
 
 def _frames(stretches: list[list[int]], most: int = 4) -> str:

@@ -3,7 +3,3 @@
 All loops over frames use ``frame_step``: a single run, many runs (``blocks``), streamed video
 frames, and differentiated objectives.  ``missing_frames`` skips missing frames.
 """
-
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

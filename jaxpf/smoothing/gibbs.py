@@ -26,7 +26,7 @@ import numpy as np
 from jax import lax
 from jax.typing import ArrayLike
 
-from jaxpf import contract, running
+from jaxpf import contract
 from jaxpf.contract import calls
 from jaxpf.contract.calls import at_frame
 from jaxpf.contract.errors import InputError
@@ -39,7 +39,8 @@ from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.gradients import NoGradient
 from jaxpf.lowering.programs import compiled
 from jaxpf.resampling.schemes import BuiltIn
-from jaxpf.running import missing_frames
+from jaxpf.running import missing_frames, runs
+from jaxpf.running.frames import num_frames
 from jaxpf.smoothing.backward import Drawn, History, log_densities
 from jaxpf.smoothing.groups import check_smoothing, looks_back
 
@@ -108,18 +109,18 @@ def particle_gibbs(
             sweep (``check_conditional``); an iterable of single frames; a reference of a wrong
             shape; fewer than one sweep; inputs that do not fit (``jaxpf.run``).
     """
-    marked, frames = running.ready(tracker, frames, observed, inputs)
+    marked, frames = runs.ready(tracker, frames, observed, inputs)
     tracker = missing_frames.unmarked(marked, frames)[0]
     refuse = check_conditional(tracker)
     check_whole("num_sweeps", num_sweeps)
-    num_frames = running.num_frames(frames)
+    length = num_frames(frames)
     lagged = jax.eval_shape(tracker.init, jax.random.key(0)).lagged
     _, dimension, num_partitions, _ = lagged.shape
-    key, first_key = jax.random.split(running.as_key(key))
+    key, first_key = jax.random.split(runs.as_key(key))
     second_order = looks_back(tracker)
     if reference is None:
         reference = _sweep_compiled(marked, first_key, frames, None, second_order)
-    wanted = num_frames + 1, num_partitions, dimension
+    wanted = length + 1, num_partitions, dimension
     if np.shape(reference) != wanted:
         raise InputError(
             f"reference has shape {list(np.shape(reference))} instead of {list(wanted)}, T + 1, P "
@@ -193,7 +194,7 @@ def sweep(
         second_order: static, whether moves depend on the substate before the current one.
     """
     model = missing_frames.unmarked(tracker, frames)[0]
-    num_frames = running.num_frames(frames)
+    length = num_frames(frames)
     parts, parents = jnp.arange(model.num_partitions), jnp.asarray(model.parents, jnp.int32)
     slots = jnp.arange(model.num_particles, dtype=jnp.int32)
     init_key, end_key, frames_key = jax.random.split(key, 3)
@@ -211,10 +212,10 @@ def sweep(
             return state, (state.lagged[0], state.sources[0])
         key, ancestor_key = jax.random.split(key)
         following = reference[time + 1]
-        after = reference[jnp.minimum(time + 2, num_frames)]
+        after = reference[jnp.minimum(time + 2, length)]
         previous, after = (state.lagged[1], after) if second_order else (None, None)
         here = History(state.lagged[0], previous, state.log_weights, None)
-        drawn, frames_left = Drawn(following, after, None), num_frames - time
+        drawn, frames_left = Drawn(following, after, None), length - time
         moves = state.log_weights + log_densities(
             model, here, drawn, parts, parents, frames_left, time - 1
         )
@@ -239,7 +240,7 @@ def sweep(
         state, _ = holding.step(key, state, frame)
         return state, (state.lagged[0], places[state.sources[0]])
 
-    items = frames, jnp.arange(num_frames), jax.random.split(frames_key, num_frames)
+    items = frames, jnp.arange(length), jax.random.split(frames_key, length)
     state, history = lax.scan(one_frame, start, items)
     last = jax.random.categorical(end_key, state.log_weights).astype(jnp.int32)
 

@@ -6,12 +6,13 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from jaxpf import running
 from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 from jaxpf.filters.partitioned.tracker import Partitioned
-from jaxpf.running.frames import frames_of
+from jaxpf.running import streaming
+from jaxpf.running.frames import frames_of, num_frames
+from jaxpf.running.runs import as_key, with_rows
 from jaxpf.smoothing import passes
 from jaxpf.smoothing.groups import check_smoothing, looks_back
 
@@ -64,10 +65,10 @@ def smooth_stream(
     check_smoothing(tracker)
     frames = frames_of(frames)
     if inputs is not None:
-        tracker = running.with_rows(tracker, inputs, running.num_frames(frames.stacked()))
+        tracker = with_rows(tracker, inputs, num_frames(frames.stacked()))
     number = passes.checked_number(tracker, num_trajectories)
     record = passes.keep_both_lags if looks_back(tracker) else passes.keep_substates
-    back_key = passes.backward_key(running.as_key(key))
+    back_key = passes.backward_key(as_key(key))
     kept: list[Any] = []  # the weighted set and the summary of each frame that is not smoothed yet
     done = broken = 0
 
@@ -85,7 +86,7 @@ def smooth_stream(
         done += lag
         del kept[:lag]
 
-    for tracked in running.stream(tracker, key, frames, observed):
+    for tracked in streaming.stream(tracker, key, frames, observed):
         # Copied, so that the device need not keep every state.
         frame, summary = record(tracked.state, tracked.summary)
         kept.append((jax.tree.map(np.array, frame._replace(sources=None)), summary))

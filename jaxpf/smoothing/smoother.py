@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf import running
 from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.numbers import check_whole
@@ -15,8 +14,8 @@ from jaxpf.contract.pytree import is_concrete, pytree_dataclass
 from jaxpf.contract.refusals import poisoned
 from jaxpf.contract.state import Summary
 from jaxpf.filters.partitioned.tracker import Partitioned
-from jaxpf.running import missing_frames
-from jaxpf.running.frames import frames_of
+from jaxpf.running import missing_frames, runs
+from jaxpf.running.frames import frames_of, num_frames
 from jaxpf.smoothing import passes
 from jaxpf.smoothing.backward import SeenMoves
 from jaxpf.smoothing.genealogy import draw_paths, trace_back
@@ -114,7 +113,7 @@ def smooth(
     check_whole("paths", paths, 0)
     frames = frames_of(frames)
     if inputs is not None:
-        tracker = running.with_rows(tracker, inputs, running.num_frames(frames.stacked()))
+        tracker = runs.with_rows(tracker, inputs, num_frames(frames.stacked()))
     if lag is not None:
         if paths or method != "backward":
             asked = f"paths={paths}" if paths else f"method={method!r}"
@@ -167,12 +166,12 @@ def _drawn(tracker, key, frames, num_trajectories, num_paths, num_steps, observe
     """Smooth by backward simulation."""
     second_order = looks_back(tracker)
     record = passes.keep_both_lags if second_order else passes.keep_substates
-    _, (history, summaries) = running.run(tracker, key, frames, record, observed)
+    _, (history, summaries) = runs.run(tracker, key, frames, record, observed)
     moved_by = tracker
     if sees_previous(tracker):
         moves = SeenMoves.of(*missing_frames.marked(tracker, frames, observed))
         moved_by = calls.changed_inside(tracker, "dynamics", lambda _: moves)
-    back_key = passes.backward_key(running.as_key(key))
+    back_key = passes.backward_key(runs.as_key(key))
     sizes = num_trajectories, num_paths, 0, num_steps
     passed = passes.back_over(moved_by, back_key, history, *sizes)
     return Smoothed(passed.estimate, passed.spread, summaries, passed.broken, passed.paths)
@@ -181,12 +180,12 @@ def _drawn(tracker, key, frames, num_trajectories, num_paths, num_steps, observe
 def _traced(tracker, key, frames, num_paths, observed) -> Smoothed:
     """Smooth by the genealogy."""
     record = passes.keep_substates
-    state, (history, summaries) = running.run(tracker, key, frames, record, observed)
+    state, (history, summaries) = runs.run(tracker, key, frames, record, observed)
     ancestry = history.current, history.sources, state.log_weights
     estimate, spread, num_ancestors = trace_back(*ancestry)
     paths = None
     if num_paths:
-        paths = draw_paths(passes.backward_key(running.as_key(key)), *ancestry, num_paths)
+        paths = draw_paths(passes.backward_key(runs.as_key(key)), *ancestry, num_paths)
     none = jnp.zeros((), jnp.int32)
     return Smoothed(estimate, spread, summaries, none, paths, num_ancestors)
 

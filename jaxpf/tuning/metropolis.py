@@ -22,7 +22,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
-from jaxpf import running
 from jaxpf.contract import calls
 from jaxpf.contract.calls import at_frame, with_inputs
 from jaxpf.contract.errors import InputError
@@ -35,8 +34,8 @@ from jaxpf.contract.state import Summary
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering import platform
 from jaxpf.lowering.programs import compiled
-from jaxpf.running import gaps
-from jaxpf.running.frames import as_arrays
+from jaxpf.running import gaps, runs
+from jaxpf.running.frames import as_arrays, num_frames
 from jaxpf.smoothing.genealogy import draw_paths
 from jaxpf.smoothing.groups import check_genealogy, sees_previous
 from jaxpf.smoothing.passes import backward_key
@@ -136,7 +135,7 @@ def pmmh(
     if not biased:
         refuse = biased_evidence(tracker, "pmmh", "biased=True for draws that are not exact")
     inputs = as_arrays(inputs)
-    marked, frames = running.ready(tracker, frames, observed, inputs)
+    marked, frames = runs.ready(tracker, frames, observed, inputs)
     if paths:
         check_genealogy(tracker)
     frames = frames, inputs
@@ -145,12 +144,12 @@ def pmmh(
         raise InputError(f"the prior excludes the start {initial!r:.200}; start inside of it.")
     number = num_particles or tracker.num_particles
     model = Filters(build, log_prior, isinstance(marked, gaps.WithGaps), number, paths)
-    choice_key, start_key, *keys = jax.random.split(running.as_key(key), 4)
+    choice_key, start_key, *keys = jax.random.split(runs.as_key(key), 4)
     start, unravel = ravel_pytree(initial)
     spread = _FIRST_STEP * jnp.maximum(jnp.abs(start), _FIRST_STEP)
     walk = _Walk(start, jnp.diag(spread**2), jnp.log(2.38 / math.sqrt(start.size)))
     place = jnp.tile(start, (num_chains, 1))
-    unknown = jnp.full((num_chains, running.num_frames(frames)), -jnp.inf)  # accepts the first move
+    unknown = jnp.full((num_chains, num_frames(frames)), -jnp.inf)  # accepts the first move
     chain_keys = jax.random.split(start_key, (num_chains, blocks))
     path = None
     if paths:
@@ -183,7 +182,7 @@ def pmmh(
     parameters = jax.vmap(jax.vmap(unravel))(places)
     observations = None
     if paths and optional(tracker.likelihood, "sample") and not sees_previous(tracker):
-        sample_key = backward_key(running.as_key(key))
+        sample_key = backward_key(runs.as_key(key))
         observations = _observed(build, sample_key, parameters, path, inputs)
     path = calls.states(tracker, path) if paths else None
     drawn = Posterior(parameters, evidences, priors, accepted, number, path, observations)
@@ -219,14 +218,14 @@ class Filters(NamedTuple):
         frames, inputs = frames
         tracker = self.tracker(parameters, inputs)
         record = _keep_ancestors if self.has_paths else keep_log_evidence
-        times = np.arange(running.num_frames(frames))
+        times = np.arange(num_frames(frames))
 
         def step(state, item):
             key, *item = item
-            return running.one_run(tracker, key, record)(state, item)
+            return runs.one_run(tracker, key, record)(state, item)
 
         items = keys[times * len(keys) // len(times)], times, frames
-        state, kept = jax.lax.scan(step, running.init(tracker, keys[0]), items)
+        state, kept = jax.lax.scan(step, runs.init(tracker, keys[0]), items)
         if not self.has_paths:
             return kept, None
         increments, *ancestry = kept
@@ -294,8 +293,9 @@ def _noise(model, key, frames, initial, chains):
     """Half the variance of the change of log evidence in a move from one chain to another."""
     unravel, num_blocks = ravel_pytree(initial)[1], chains.keys.shape[1]
     keys, redrawn = jax.random.split(key, (2, _PILOT_RUNS, num_blocks))
-    runs = np.arange(_PILOT_RUNS)
-    ends = keys, keys.at[runs, runs % num_blocks].set(redrawn[runs, runs % num_blocks])
+    pilots = np.arange(_PILOT_RUNS)
+    blocks = pilots % num_blocks
+    ends = keys, keys.at[pilots, blocks].set(redrawn[pilots, blocks])
 
     def change(ends):
         places = unravel(chains.place[0]), unravel(chains.place[-1])

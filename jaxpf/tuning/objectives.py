@@ -31,7 +31,6 @@ from jax.scipy.special import ndtr
 from jax.scipy.stats import norm
 from jax.typing import ArrayLike
 
-from jaxpf import running
 from jaxpf.contract import calls, logs
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole, with_nan
@@ -41,6 +40,8 @@ from jaxpf.contract.types import TrackerLike
 from jaxpf.filters.partitioned.selection import ANCESTORS
 from jaxpf.measures import metrics
 from jaxpf.measures.outlines import iou as iou_of_outlines
+from jaxpf.running import runs
+from jaxpf.running.frames import num_frames
 from jaxpf.shapes.rectangles import boxes_from_substates, is_proper
 
 
@@ -221,22 +222,22 @@ def _record(
 
     All runs advance together, so each frame is observed once for all of them.
     """
-    tracker, frames = running.ready(tracker, frames, observed, inputs)
-    num_frames = running.num_frames(frames)
-    keys = running.as_key(keys)
+    tracker, frames = runs.ready(tracker, frames, observed, inputs)
+    length = num_frames(frames)
+    keys = runs.as_key(keys)
     if checkpoint is not False:
         check_whole("checkpoint", int(checkpoint))
-    frame_step = running.frame_step(
-        calls.observed_apart(tracker)[0], running.together(tracker, keys), record
+    frame_step = runs.frame_step(
+        calls.observed_apart(tracker)[0], runs.together(tracker, keys), record
     )
-    states = jax.vmap(lambda key: running.init(tracker, key))(keys)
-    items = (jnp.arange(num_frames), frames)
+    states = jax.vmap(lambda key: runs.init(tracker, key))(keys)
+    items = (jnp.arange(length), frames)
     if checkpoint is False:
         return lax.scan(frame_step, states, items)[1]
     # A loop body is compiled separately: common-subexpression elimination cannot merge it.
     keep = jax.checkpoint_policies.save_only_these_names(ANCESTORS)
     frame_step = jax.checkpoint(frame_step, prevent_cse=False, policy=keep)
-    window = min(int(checkpoint), num_frames)
+    window = min(int(checkpoint), length)
     if window == 1:
         return lax.scan(frame_step, states, items)[1]
 
@@ -244,13 +245,13 @@ def _record(
     def window_step(states, items):
         return lax.scan(frame_step, states, items)
 
-    whole = num_frames // window * window
+    whole = length // window * window
     head = jax.tree.map(
         lambda x: jnp.asarray(x)[:whole].reshape(-1, window, *jnp.shape(x)[1:]), items
     )
     states, recorded = lax.scan(window_step, states, head)
     recorded = jax.tree.map(lambda x: x.reshape(whole, *x.shape[2:]), recorded)
-    if whole == num_frames:
+    if whole == length:
         return recorded
     rest = jax.tree.map(lambda x: jnp.asarray(x)[whole:], items)
     _, last = window_step(states, rest)

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from jaxpf import contract, running
+from jaxpf import contract
 from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import with_nan
@@ -20,7 +20,8 @@ from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.refusals import biased_evidence
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
-from jaxpf.running.frames import as_arrays
+from jaxpf.running import runs
+from jaxpf.running.frames import as_arrays, num_frames
 from jaxpf.running.gaps import WithGaps
 from jaxpf.tuning import objectives
 from jaxpf.tuning.parameters import Parameter, replace
@@ -169,11 +170,11 @@ def ready(sequence: TrainingSequence) -> TrainingSequence:
     The latter only if the observations do not depend on parameters, and fit in memory.
     """
     frames = sequence.frames  # arrays since it was made
-    tracker = running.with_rows(sequence.tracker, sequence.inputs, running.num_frames(frames))
+    tracker = runs.with_rows(sequence.tracker, sequence.inputs, num_frames(frames))
     is_fixed = optional(likelihood_of(tracker), "fixed_observation")
     # Else objectives mark frames of NaN themselves; those of users may read the filter's fields.
     if is_fixed or sequence.observed is not None:
-        tracker, frames = running.ready(tracker, frames, sequence.observed)
+        tracker, frames = runs.ready(tracker, frames, sequence.observed)
     if is_fixed:
         frames = jax.device_put(frames)
         observe = calls.observed_apart(tracker)[0]

@@ -18,15 +18,14 @@ import numpy as np
 from jax import lax
 from jax.flatten_util import ravel_pytree
 
-from jaxpf import running
 from jaxpf.contract.logs import add_exactly, multiplied
 from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.refusals import biased_evidence, poisoned
 from jaxpf.contract.state import moments
 from jaxpf.lowering.programs import compiled
 from jaxpf.resampling.weighted import ancestors
-from jaxpf.running import gaps
-from jaxpf.running.frames import as_arrays
+from jaxpf.running import gaps, runs
+from jaxpf.running.frames import as_arrays, num_frames
 from jaxpf.tuning.in_pieces import LongScans, Progress
 from jaxpf.tuning.metropolis import Filters
 from jaxpf.tuning.objectives import keep_log_evidence
@@ -106,21 +105,21 @@ def smc2(
     for name, value in (("num_draws", num_draws), ("num_moves", num_moves)):
         check_whole(name, value)
     check_number("ess_threshold", ess_threshold, least=0, most=1)
-    key = running.as_key(key)
+    key = runs.as_key(key)
     start = draw_prior(jax.random.clone(key))  # for its form alone
     tracker = build(start)
     refuse = biased_evidence(tracker, "smc2", "another filter")
     inputs = as_arrays(inputs)
-    marked, frames = running.ready(tracker, frames, observed, inputs)
+    marked, frames = runs.ready(tracker, frames, observed, inputs)
     filters = Filters(build, log_prior, isinstance(marked, gaps.WithGaps), num_particles)
     settings = num_draws, num_moves, float(ess_threshold)
     asked: dict[str, Any] = {"num_draws": num_draws, "num_moves": num_moves, "key": key}
     asked |= {"num_particles": num_particles, "ess_threshold": ess_threshold, "start": start}
     asked |= {"frames": (frames, inputs), "observed": observed}
-    scans = LongScans(progress, folder, running.num_frames(frames), asked)
+    scans = LongScans(progress, folder, num_frames(frames), asked)
     prior_key, filter_key, move_key = jax.random.split(key, 3)
     first = _begun(filters, draw_prior, num_draws, (prior_key, filter_key), inputs)
-    times = jnp.arange(running.num_frames(frames))
+    times = jnp.arange(num_frames(frames))
     items = times, jax.random.split(move_key, len(times))
     take = partial(_take, filters, settings, start, frames, inputs)
     (draws, log_weights), kept = scans.scan("frames", take, first, items)
@@ -146,7 +145,7 @@ def _begun(filters, draw_prior, num_draws, keys, inputs):
     first = jax.vmap(draw_prior)(jax.random.split(keys[0], num_draws))
     place = jax.vmap(lambda x: ravel_pytree(x)[0])(first)
     keys = jax.random.split(keys[1], num_draws)
-    states = jax.vmap(lambda x, key: running.init(filters.tracker(x, inputs), key))(first, keys)
+    states = jax.vmap(lambda x, key: runs.init(filters.tracker(x, inputs), key))(first, keys)
     draws = _Draws(place, keys, states, jnp.zeros((num_draws, 2), place.dtype))
     return draws, jnp.full(num_draws, -np.log(num_draws), place.dtype)
 
@@ -162,13 +161,13 @@ def _take(filters, settings, start, frames, inputs, carry, items):
 
     def advance(place, key, state, log_evidence, time):
         frame = jax.tree.map(lambda x: jnp.asarray(x)[time], frames)
-        step = running.one_run(tracker_of(place), key, keep_log_evidence)
+        step = runs.one_run(tracker_of(place), key, keep_log_evidence)
         state, increment = step(state, (time, frame))
         return state, add_exactly(log_evidence, increment), increment
 
     def from_start(place, key, time):
         """The state and the log evidence of all frames up to this one."""
-        state = running.init(tracker_of(place), key)
+        state = runs.init(tracker_of(place), key)
         zero = jnp.zeros(2, place.dtype)
         return lax.fori_loop(
             0, time + 1, lambda t, old: advance(place, key, old[0], old[1], t)[:2], (state, zero)

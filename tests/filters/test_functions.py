@@ -11,9 +11,10 @@ from models import VALUES, initial, log_density, log_likelihood, space
 from refusals import message_of
 
 import jaxpf
-from jaxpf import contract, running
+from jaxpf import contract
 from jaxpf.likelihoods import kalman
 from jaxpf.proposals import Mixture
+from jaxpf.running.runs import run_compiled
 from jaxpf.tuning.parameters import names
 
 KEY = jax.random.key(0)
@@ -313,11 +314,11 @@ def test_a_derivative_in_the_tracker_is_whole():
 
 def test_other_parameters_compile_nothing_new():
     jaxpf.run(space(), KEY, FRAMES)
-    programs = running.run_compiled._cache_size()
+    programs = run_compiled._cache_size()
     jaxpf.run(space(parameters={"a": 0.1, "s": 2.0, "noise": 1.0}), KEY, FRAMES)
-    assert running.run_compiled._cache_size() == programs
+    assert run_compiled._cache_size() == programs
     jaxpf.run(space(log_likelihood=lambda *x: log_likelihood(*x)), KEY, FRAMES)
-    assert running.run_compiled._cache_size() == programs + 1
+    assert run_compiled._cache_size() == programs + 1
 
 
 def log_evidence(values, **options):

@@ -15,7 +15,7 @@ from smith2004_outcomes import outcome_of
 
 import jaxpf
 import scenes as drawn
-from jaxpf import measures, running
+from jaxpf import measures
 from jaxpf.dynamics import LinearGaussian
 from jaxpf.evaluation.engine import local_pool, run_keys
 from jaxpf.likelihoods import Gaussian
@@ -238,9 +238,9 @@ def test_the_grid_gives_what_single_runs_give():
     scene, orderings = drawn.make("distracter", seed=0, **SMALL), scenes.all_orderings(3)
     keys, sharpness = run_keys(0, 0, 2), (20.0, 50.0)
     grid = scenes.grid(scene_tracker(scene, num_particles=40), orderings, sharpness)
-    found = running.monte_carlo(grid, keys, scene.frames[1:])
+    found = jaxpf.monte_carlo(grid, keys, scene.frames[1:])
     assert found.estimate.shape == (2, 8, len(orderings), 2, 3, 3)
-    compiled = jax.jit(running.run)
+    compiled = jax.jit(jaxpf.run)
     for row, name in enumerate(orderings):
         for column, value in enumerate(sharpness):
             tracker = scene_tracker(scene, orderings[name], num_particles=40)
@@ -267,7 +267,7 @@ def test_another_process_gives_the_same_bits(tmp_path):
 def test_measures_of_a_scene_are_those_of_metrics():
     scene, orderings = drawn.make("distracter", seed=0, **SMALL), scenes.all_orderings(3)
     grid = scenes.grid(scene_tracker(scene, num_particles=40), orderings, (20.0, 50.0))
-    found = running.monte_carlo(grid, run_keys(0, 0, 1), scene.frames[1:])
+    found = jaxpf.monte_carlo(grid, run_keys(0, 0, 1), scene.frames[1:])
     boxes = boxes_from_substates(found.estimate[:, :, 2, 1], scene.sizes)
     summary = measures.summarise(boxes, scene.boxes[1:])
     outcome = measured_small([0])

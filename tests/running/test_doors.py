@@ -10,7 +10,8 @@ import pytest
 from jax.scipy.stats import norm
 
 import jaxpf
-from jaxpf import running, smoothing, tuning
+from jaxpf import smoothing, tuning
+from jaxpf.running.runs import with_rows
 
 T, KEY, KEYS = 5, jax.random.key(0), jax.random.split(jax.random.key(1), 2)
 INPUTS = {"push": np.float32([[2, -4], [8, 0], [-6, 9], [4, 3], [1, -2]]), "noise": np.r_[1.0:6.0]}
@@ -131,7 +132,7 @@ def one_by_one(y, observed=None, **options):
 
 def many_one_by_one(y, observed=None, inputs=None):
     """With inputs of all frames, which are given before."""
-    its = running.with_rows(MODEL, inputs, len(y))
+    its = with_rows(MODEL, inputs, len(y))
     given = None if observed is None else iter(observed)
     return jaxpf.monte_carlo(its, KEYS, iter(y), observed=given).log_evidence
 

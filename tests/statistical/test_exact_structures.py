@@ -23,7 +23,8 @@ from exact import (
     scores_of,
 )
 
-from jaxpf import ordering, pytree_dataclass, running
+from jaxpf import ordering, pytree_dataclass
+from jaxpf.running import runs
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
@@ -57,14 +58,14 @@ def test_exchanged_roots_of_a_forest_cost_less_than_this_test_resolves():
 
 
 def _labelled_run(tracker, key, frames, probabilities):
-    """``running.run`` with random labels, which the particles keep."""
-    state = running.init(tracker, key)
+    """``jaxpf.run`` with random labels, which the particles keep."""
+    state = runs.init(tracker, key)
     label_key = jax.random.fold_in(key, 12345)
     labels = jax.random.categorical(
         label_key, jnp.log(probabilities), shape=(tracker.num_particles,)
     )
     state = dataclasses.replace(state, component=labels.astype(jnp.int32))
-    step = running.one_run(tracker, key, moments)
+    step = runs.one_run(tracker, key, moments)
     return jax.lax.scan(step, state, (jnp.arange(len(frames)), frames))[1]
 
 

@@ -8,10 +8,11 @@ from models import partitioned
 from records import everything
 
 import jaxpf
-from jaxpf import ordering, pytree_dataclass, running
+from jaxpf import ordering, pytree_dataclass
 from jaxpf.contract.state import moments
 from jaxpf.filters import SideBySide, quantiles
 from jaxpf.likelihoods import kalman
+from jaxpf.running.runs import frame_key
 
 FRAMES = np.array([[[0.5], [1.0]], [[2.0], [0.0]], [[1.0], [-1.0]]], np.float32)
 RUNS = 4
@@ -52,7 +53,7 @@ def test_a_frame_reports_the_pooled_particles_of_all_runs(ran):
 @pytest.mark.slow
 def test_each_run_is_its_own_and_stays_when_others_join_it():
     fewer, more = (SideBySide(one(), number) for number in (2, RUNS))
-    ends = [running.run(its, jax.random.key(3), FRAMES)[0] for its in (fewer, more)]
+    ends = [jaxpf.run(its, jax.random.key(3), FRAMES)[0] for its in (fewer, more)]
     kept = [np.asarray(end.log_shares - end.log_shares[0]) for end in ends]
     np.testing.assert_allclose(kept[0], kept[1][:2], rtol=1e-5)
     assert len(set(kept[1].tolist())) == RUNS
@@ -82,7 +83,7 @@ def test_the_evidence_is_the_mean_of_the_runs_products(ran):
     def alone(number):
         def step(state, item):
             time, frame = item
-            own = jax.random.fold_in(running.frame_key(key, time), number)
+            own = jax.random.fold_in(frame_key(key, time), number)
             state, summary = both.tracker.step(own, state, frame)
             return state, summary.log_evidence
 
@@ -135,7 +136,7 @@ def test_a_frame_is_counted_anew_when_all_runs_are_dead():
         Anywhere(), InBox(), ordering.sir(1), np.zeros((1, 1), np.float32), num_particles=6
     )
     frames = np.array([0.0, 50.0, 0.0], np.float32)
-    state, summary = running.run(SideBySide(single, 8), jax.random.key(0), frames)
+    state, summary = jaxpf.run(SideBySide(single, 8), jax.random.key(0), frames)
     increments = np.asarray(summary.log_evidence)
     assert np.isfinite(increments[[0, 2]]).all()
     assert np.isneginf(increments[1])

@@ -27,40 +27,40 @@ class Estimate(NamedTuple):
     """A mean or median for each of P objects, and for all objects (last); ``[P + 1]`` each.
 
     Attributes:
+        runs: number of runs that count.
         value: of the runs.
         standard_error: NaN for a single run, and for medians.
         lower: lower end of the interval; NaN with too few runs.
         upper: upper end of the interval.
-        runs: number of runs that count.
     """
 
+    runs: np.ndarray
     value: np.ndarray
     standard_error: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
-    runs: np.ndarray
 
 
 class Difference(NamedTuple):
     """A configuration minus its reference, on common seeds; ``[P + 1]`` each as in ``Estimate``.
 
     Attributes:
+        runs: number of pairs that count.
         value: positive if the configuration has the larger values.
         standard_error: of the runs' differences; NaN for medians.
         lower: lower end of the interval.
         upper: upper end of the interval.
-        runs: number of pairs that count.
         gained: number of runs in which the configuration has the larger value.
         lost: number of runs in which the reference has the larger value.
         p: two-sided p-value for no difference, below 0.05 where the 95% interval excludes 0: of
             rates McNemar's exact test, of medians the sign test.
     """
 
+    runs: np.ndarray
     value: np.ndarray
     standard_error: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
-    runs: np.ndarray
     gained: np.ndarray
     lost: np.ndarray
     p: np.ndarray
@@ -90,7 +90,7 @@ def estimate(values: np.ndarray, weights: np.ndarray, bounds: Bounds | None) -> 
         found = median_interval(np.where(weights > 0, values, np.nan), level=LEVEL)
     else:
         found = mean_interval(values, weights, level=LEVEL, bounds=bounds)
-    return Estimate(*found, np.sum(weights > 0, axis=0))
+    return Estimate(np.sum(weights > 0, axis=0), *found)
 
 
 def without_interval(estimate: Estimate) -> Estimate:
@@ -131,7 +131,7 @@ def difference(
     else:
         found = difference_interval(first, second, level, bounds)
         p = difference_p_value(first, second, bounds)
-    return Difference(*found, runs, gained, lost, p)
+    return Difference(runs, *found, gained, lost, p)
 
 
 def holm(p: ArrayLike) -> np.ndarray:

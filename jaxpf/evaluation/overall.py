@@ -15,7 +15,7 @@ from jaxpf.evaluation.estimates import Difference, Estimate, difference, estimat
 from jaxpf.evaluation.figures import accuracy_curves, in_style, save
 from jaxpf.evaluation.measures import CURVES, FIGURES, MEASURES, SCORES, by_name
 from jaxpf.evaluation.summaries import ALL
-from jaxpf.evaluation.tables import measure_column, stored_table, write_csv
+from jaxpf.evaluation.tables import measure_column, write_csv
 from jaxpf.files.writing import remove_leavings
 from jaxpf.measures.intervals import DECISIVE
 
@@ -92,7 +92,8 @@ def _by_sequence(
     folder: Path, names: Sequence[str], kind: str, varied: Sequence[str], rows: Sequence[str]
 ) -> pd.DataFrame:
     """Values over all objects: a row per method and ``rows``, a column per sequence."""
-    tables = {name: stored_table(folder / name, kind) for name in names}
+    files = {name: folder / name / f"{kind}.csv" for name in names}
+    tables = {n: pd.read_csv(file, dtype=str, keep_default_na=False) for n, file in files.items()}
     table = pd.concat(tables, names=["sequence"])
     table = table[table.object == ALL].reset_index()
     for option in filter(table.columns.__contains__, varied):

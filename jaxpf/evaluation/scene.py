@@ -84,7 +84,8 @@ def scene_digest(scene: Scene) -> str:
 
 def remember_scene(scene: Scene, digest: str) -> None:
     """Cache an open scene so that ``same_scene`` in this process does not open it again."""
-    _last_scene[:] = [(digest, scene)]
+    _last_scene.clear()
+    _last_scene[digest] = scene
 
 
 def same_scene(scene: SceneSource, digest: str) -> Scene:
@@ -93,9 +94,8 @@ def same_scene(scene: SceneSource, digest: str) -> Scene:
     Raises:
         InputError: it cannot be opened, or has another digest.
     """
-    for stored, remembered in list(_last_scene):
-        if stored == digest:
-            return remembered
+    if (remembered := _last_scene.get(digest)) is not None:
+        return remembered
     opened = open_scene(scene)
     if scene_digest(opened) != digest:
         raise InputError(
@@ -107,8 +107,8 @@ def same_scene(scene: SceneSource, digest: str) -> Scene:
     return opened
 
 
-#: The scene that this process used last, as (digest, scene).
-_last_scene: list[tuple[str, Scene]] = []
+#: The scene that this process used last, by its digest.
+_last_scene: dict[str, Scene] = {}
 
 
 def check_scene(scene: Scene) -> None:

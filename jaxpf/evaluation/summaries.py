@@ -207,9 +207,9 @@ def estimates_of(results: Results, summaries: Sequence[Summary]) -> pd.DataFrame
         figures = reliability.area(), reliability.silent(), summary.speed
         for measure, value in zip(FIGURES, figures, strict=True):
             rows += [
-                (index, name, measure.name, value, *3 * [np.nan], 1) for name in _whole(results)
+                (index, name, measure.name, 1, value, *3 * [np.nan]) for name in _whole(results)
             ]
-        for place, numbers in enumerate(zip(*reliability.shares(), reliability.runs, strict=True)):
+        for place, numbers in enumerate(zip(reliability.runs, *reliability.shares(), strict=True)):
             if place < reliability.bins:
                 rows.append((index, ALL, f"on_object_{place}", *numbers))
     table = pd.DataFrame(rows, columns=["configuration", "object", "measure", *Estimate._fields])

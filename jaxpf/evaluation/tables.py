@@ -126,24 +126,14 @@ def write_tables(results: Results) -> Overview:
     """
     overview = measure_results(results)
     keys = _keys(overview)
-    numbers = ["runs", "value", "standard_error", "lower", "upper"]
-    estimates = overview.estimates[["configuration", "object", "measure", *numbers]]
-    differences = overview.differences.assign(
-        reference=[overview.summaries[i].name for i in overview.differences.reference]
-    )
-    numbers += ["gained", "lost", "p", "p_holm"]
-    differences = differences[["configuration", "reference", "object", "measure", *numbers]]
+    names = [summary.name for summary in overview.summaries]
+    differences = overview.differences.rename(columns={"value": "difference"})
+    differences["reference"] = [names[index] for index in differences.reference]
     write_csv(results.folder / "results.csv", _with_keys(_runs(overview), keys))
-    write_csv(results.folder / "summary.csv", _with_keys(estimates, keys))
+    write_csv(results.folder / "summary.csv", _with_keys(overview.estimates, keys))
     write_csv(results.folder / "curves.csv", _with_keys(_curves(overview), keys))
-    differences = differences.rename(columns={"value": "difference"})
     write_csv(results.folder / "differences.csv", _with_keys(differences, keys))
     return overview
-
-
-def stored_table(folder: Path, name: str) -> pd.DataFrame:
-    """The table ``NAME.csv`` as ``write_tables`` wrote it, of texts."""
-    return pd.read_csv(folder / f"{name}.csv", dtype=str, keep_default_na=False)
 
 
 def write_csv(path: Path, table: pd.DataFrame) -> None:

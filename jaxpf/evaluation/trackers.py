@@ -13,7 +13,7 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -26,9 +26,6 @@ from jaxpf.sequences.tables import BoxTable, dense, read_boxes
 from jaxpf.targets import building
 from jaxpf.targets.target import Looks, Target
 from scenes import Scene
-
-if TYPE_CHECKING:
-    pass
 
 #: One frame in this many samples the appearance of a scene.
 _EVERY = 8

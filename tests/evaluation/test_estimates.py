@@ -62,7 +62,7 @@ def test_differences_are_those_of_the_measures():
     for ours, theirs in ((others, shares), (np.round(others + 0.2), np.round(shares))):
         found = estimates.difference(*paired(ours, theirs), SHARES)
         pair = [np.c_[values, values.mean(axis=1)] for values in (ours, theirs)]
-        np.testing.assert_allclose(found[:4], difference_interval(*pair, 0.95, SHARES))
+        np.testing.assert_allclose(found[1:5], difference_interval(*pair, 0.95, SHARES))
         np.testing.assert_allclose(found.p, difference_p_value(*pair, SHARES))
         np.testing.assert_array_equal(found.gained, np.sum(pair[0] > pair[1], axis=0))
         np.testing.assert_array_equal(found.lost, np.sum(pair[0] < pair[1], axis=0))

@@ -142,12 +142,11 @@ def test_an_option_has_its_type_and_bounds_or_is_refused(value, kind, length):
     assert length <= 0 or len(values) == length
 
 
-@click.command("a")
+@click.command("a", params=[config.config_flag()])
 @click.option("--runs", type=int)
 @click.option("--share", type=float)
 @click.option("--name", type=str)
 @click.option("--scale", type=NumberList(float))
-@config.config_option()
 def command(**options):
     return options
 

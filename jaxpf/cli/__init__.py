@@ -8,8 +8,6 @@ import os
 import sys
 from typing import Any, NoReturn
 
-from jaxpf.cli.shared.console import say
-
 try:
     import click
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from jaxpf.cli.shared import plain
-from jaxpf.cli.shared.config import config_option, write_config
+from jaxpf.cli.shared.config import config_flag, write_config
 from jaxpf.cli.shared.console import print_table, say
 from jaxpf.cli.shared.plain import PlainCommand
 from jaxpf.cli.shared.startup import cluster, start_jax
@@ -15,7 +15,7 @@ from jaxpf.files.writing import prepare_output_folder
 from jaxpf.papers import PAPERS
 
 
-@click.command("reproduce", cls=PlainCommand)
+@click.command("reproduce", cls=PlainCommand, params=[config_flag()])
 @click.argument("paper", type=click.Choice(PAPERS), metavar="PAPER")
 @plain.whole(
     "--scenes",
@@ -35,7 +35,6 @@ from jaxpf.papers import PAPERS
     metavar="ADDRESS",
     help="Address of a Dask scheduler whose workers share the runs, such as tcp://127.0.0.1:8786.",
 )
-@config_option()
 def command(
     paper: str,
     scenes: int | None,

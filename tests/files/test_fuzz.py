@@ -21,7 +21,7 @@ import jaxpf
 from jaxpf import InputError
 from jaxpf.boxes import read_boxes
 from jaxpf.boxes.tracks import check_boxes, dense, start_boxes
-from jaxpf.cli.shared.config import config_option
+from jaxpf.cli.shared.config import config_flag
 from jaxpf.cli.shared.flags import NumberList
 from jaxpf.contours.files import read_contours
 from jaxpf.detections.files import read_detections
@@ -151,13 +151,12 @@ def write_pictures(folder, first):
         cv2.imwrite(str(folder / f"{number + first}.png"), np.zeros((6, 8, 3), np.uint8))
 
 
-@click.command("a")
+@click.command("a", params=[config_flag()])
 @click.option("--runs", default=1)
 @click.option("--name", default="")
 @click.option("--scale", type=NumberList(float, 2))
 @click.option("--box", multiple=True)
 @click.option("--flag", is_flag=True)
-@config_option()
 def command(**options):
     pass
 

@@ -1,7 +1,7 @@
 """Configuration files: read and write TOML tables of a command's options."""
 
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,23 +20,17 @@ def _load(ctx: click.Context, param: click.Parameter, path: str | None) -> str |
     return path
 
 
-_ABOUT: dict[str, Any] = {
-    "metavar": "FILE",
-    "callback": _load,
-    "is_eager": True,
-    "expose_value": False,
-    "help": "TOML file with options; command-line options override it.  Every run writes one.",
-}
-
-
 def config_flag(section: str = "Options") -> Flag:
     """``--config FILE``: read option defaults from the command's table in a TOML file."""
-    return Flag(["--config"], section=section, **_ABOUT)
-
-
-def config_option() -> Callable:
-    """The same flag as a decorator."""
-    return click.option("--config", cls=Flag, **_ABOUT)
+    return Flag(
+        ["--config"],
+        section=section,
+        metavar="FILE",
+        callback=_load,
+        is_eager=True,
+        expose_value=False,
+        help="TOML file with options; command-line options override it.  Every run writes one.",
+    )
 
 
 def target_in(arguments: Sequence[str]) -> str | None:

@@ -3,7 +3,7 @@
 import shlex
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 import numpy as np
@@ -18,9 +18,7 @@ from jaxpf.files.writing import csv_text, prepare_output_folder, write_text
 from jaxpf.media.video_writer import VideoWriter
 from jaxpf.parts.files import HEADER
 from jaxpf.targets.registry import all_targets
-
-if TYPE_CHECKING:
-    from scenes import Scene
+from scenes import Scene
 
 _SEED = 1
 
@@ -53,18 +51,18 @@ def command(kind: str, folder: Path, overwrite: bool) -> None:
     say(f"  jaxpf {track.format(place)} -o {place}/tracks")
 
 
-def _write_boxes(folder: Path, scene: "Scene") -> None:
+def _write_boxes(folder: Path, scene: Scene) -> None:
     _table(folder / "start.csv", "frame,id,x,y,w,h", _box_rows(scene.boxes[:1]))
     _table(folder / "truth.csv", "frame,id,x,y,w,h", _box_rows(scene.boxes))
 
 
-def _write_detections_of(folder: Path, scene: "Scene") -> None:
+def _write_detections_of(folder: Path, scene: Scene) -> None:
     detections = simulated_detections(scene.boxes, scene.frames.shape[1:3], seed=_SEED)
     write_detections(folder / "det.txt", detections)
     _table(folder / "truth.csv", "frame,id,x,y,w,h", _box_rows(scene.boxes))
 
 
-def _write_parts(folder: Path, scene: "Scene") -> None:
+def _write_parts(folder: Path, scene: Scene) -> None:
     names = ["body", *(f"{side} {at}" for at in (1, 2, 3) for side in ("left", "right"))]
     poses, parents = scene.extras["poses"], scene.extras["parents"]
     places = [
@@ -85,7 +83,7 @@ def _write_parts(folder: Path, scene: "Scene") -> None:
     _table(folder / "truth.csv", "frame,part,x,y,w,h,angle", rows)
 
 
-def _write_points(folder: Path, scene: "Scene") -> None:
+def _write_points(folder: Path, scene: Scene) -> None:
     names, points = scene.extras["point_names"], scene.extras["points"]
     start = ([*_rounded(*place), name] for name, place in zip(names, points[0], strict=True))
     _table(folder / "points.csv", None, start)
@@ -97,7 +95,7 @@ def _write_points(folder: Path, scene: "Scene") -> None:
     _table(folder / "truth.csv", "frame,point,x,y,hidden", rows)
 
 
-def _write_contours(folder: Path, scene: "Scene") -> None:
+def _write_contours(folder: Path, scene: Scene) -> None:
     start: Any = all_targets()["contours"].scene_start(scene)
     write_contours(folder / "wires.json", start.contours)
     rows = (

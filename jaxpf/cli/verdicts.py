@@ -10,6 +10,8 @@ from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.plain import PlainCommand
 from jaxpf.files.writing import report_os_errors, write_text
 from jaxpf.papers import PAPERS
+from jaxpf.papers.judging import verdicts
+from jaxpf.papers.judging.claims import RULE
 
 
 @click.command("verdicts", cls=PlainCommand)
@@ -30,9 +32,6 @@ def command(papers: tuple[str, ...], output: Path | None, details: bool) -> None
     Nothing is run; `jaxpf reproduce PAPER` measures a paper again.
     PAPER is one of smith2004, gonzales2011, rowe2005, eskil2014, maccormick1999; all by default.
     """
-    from jaxpf.papers.judging import verdicts
-    from jaxpf.papers.judging.claims import RULE
-
     for paper in papers or PAPERS:
         judged = verdicts.stored(paper)
         if output is not None:

@@ -4,15 +4,13 @@ import contextlib
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-
-if TYPE_CHECKING:
-    from jaxpf.media.film import FrameSource
-    from scenes import Scene
+from jaxpf.media.film import FrameSource
+from scenes import Scene
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -92,7 +90,7 @@ def _first_two(start: Start, shapes: np.ndarray) -> np.ndarray:
     return shapes[..., :2]
 
 
-def _no_start(scene: "Scene") -> Start:
+def _no_start(scene: Scene) -> Start:
     raise InputError(f"the objects of scene {scene.name!r} cannot be started from its truth.")
 
 
@@ -157,13 +155,13 @@ class Target:
     name: str
     tracker: Callable[..., Any]
     start: Callable[..., Start]
-    read_start: "Callable[[Mapping[str, Any], int, FrameSource], Start]"
+    read_start: Callable[[Mapping[str, Any], int, FrameSource], Start]
     outlines: Callable[[Start, Any], Any]
     draw: Callable[[np.ndarray, Start, np.ndarray, Marks], np.ndarray]
     shapes: Callable[[Start, Any, Any], np.ndarray] = _as_estimated
     settle: Callable[..., dict[str, Any]] = lambda values, settings, num_objects=None: {**values}
-    scene_shapes: "Callable[[Scene], Any]" = lambda scene: None
-    scene_start: "Callable[[Scene], Start]" = _no_start
+    scene_shapes: Callable[[Scene], Any] = lambda scene: None
+    scene_start: Callable[[Scene], Start] = _no_start
     later_starts: Callable[..., tuple[dict[int, Start], str | None]] = (
         lambda given, number, source: ({}, None)
     )

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import click
 
+import scenes
 from jaxpf.cli.shared.config import config_flag
 from jaxpf.cli.shared.flags import Command, declared_flags, filter_options, pair
 from jaxpf.contract.errors import InputError
@@ -90,8 +91,6 @@ class SceneCommand(Command):
 
 def resolved_scene(source: str) -> str:
     """A scene with an absolute path, so that run.toml works from anywhere."""
-    import scenes
-
     if not source:
         raise InputError("SCENE is empty; give a scene's name or a folder, or . for this folder.")
     place, colon, function = source.rpartition(":")

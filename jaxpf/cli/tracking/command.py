@@ -7,6 +7,7 @@ import click
 from jaxpf.cli.shared.config import config_flag, target_in
 from jaxpf.cli.shared.flags import Command, declared_flags, filter_options, start_flags
 from jaxpf.cli.tracking.request import OF_BOXES, Run, request_of
+from jaxpf.cli.tracking.run import track
 from jaxpf.contract.options import options_of
 from jaxpf.detections.lifetimes import Rules
 from jaxpf.targets.registry import DEFAULT, all_targets, find_target
@@ -90,7 +91,4 @@ command = _Targets("track")
 @click.pass_context
 def _track(ctx: click.Context, **_: Any) -> None:
     assert isinstance(ctx.command, TrackCommand)
-    request = request_of(ctx, ctx.command.target)
-    from jaxpf.cli.tracking.run import track
-
-    track(request)
+    track(request_of(ctx, ctx.command.target))

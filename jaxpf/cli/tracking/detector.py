@@ -14,6 +14,7 @@ from jaxpf.contract.numbers import plain
 from jaxpf.contract.options import options_of
 from jaxpf.detections.files import DETECTED, Detections, check_frames, read_detections
 from jaxpf.detections.lifetimes import Rules
+from jaxpf.measures.scores import import_trackeval
 from jaxpf.media.film import FrameSource
 from jaxpf.targets.target import Start
 
@@ -82,8 +83,6 @@ def read_detector(options: Mapping[str, Any]) -> Detector | None:
             f"{confidences.max():g}; give a lower one."
         )
     if options["truth"]:
-        from jaxpf.measures.scores import import_trackeval
-
         import_trackeval()
     return Detector(table, rules, by_frame)
 

@@ -5,7 +5,7 @@ import functools
 import itertools
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import numpy as np
@@ -19,6 +19,7 @@ from jaxpf.cli.tracking.report import report
 from jaxpf.cli.tracking.request import Request, check_together
 from jaxpf.cli.tracking.results import Results, nothing_follows, writing_results
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.types import TrackerLike
 from jaxpf.detections import follow
 from jaxpf.detections.population import open_model
 from jaxpf.evaluation.trackers import OwnTracker, own_tracker
@@ -29,9 +30,6 @@ from jaxpf.sequences.layouts import read_truth
 from jaxpf.sequences.tables import BoxTable
 from jaxpf.targets.building import build, looks_of
 from jaxpf.targets.target import Start
-
-if TYPE_CHECKING:
-    from jaxpf.contract.types import TrackerLike
 
 
 def track(request: Request) -> None:
@@ -98,7 +96,7 @@ def read_starts(request: Request, source: FrameSource) -> tuple[Start, dict[int,
 
 def tracker_of(
     request: Request, source: FrameSource, frame: np.ndarray, start: Start
-) -> "TrackerLike":
+) -> TrackerLike:
     """Build the tracker of objects that start at a frame, uint8 RGB ``[H, W, 3]``."""
     run, of_filter, detector = request.run, request.filter_options, request.detector
     if run.tracker:

@@ -20,7 +20,7 @@ from jaxpf.contract.interface import (
     Likelihood,
     Proposal,
 )
-from jaxpf.contract.optional import filter_of, likelihood_of, optional
+from jaxpf.contract.optional import likelihood_of, optional, unwrapped
 from jaxpf.contract.pytree import T
 from jaxpf.contract.types import DynamicsLike, LikelihoodLike, ProposalLike, TrackerLike
 
@@ -125,7 +125,7 @@ def with_inputs(tracker: T, inputs: Any, first: ArrayLike = 0) -> T:
 def _parts_changed(tracker: T, method: str, *arguments: Any) -> T:
     """Replace the parts of the model by what their optional method returns."""
     for name in ("dynamics", "likelihood", "proposal"):
-        if optional(getattr(filter_of(tracker, name), name, None), method):
+        if optional(getattr(unwrapped(tracker, name), name, None), method):
             tracker = changed_inside(tracker, name, lambda part: getattr(part, method)(*arguments))
     return tracker
 

@@ -59,7 +59,7 @@ def optional(part: object, name: str) -> Any:
     return getattr(part, name, OPTIONAL[name])
 
 
-def filter_of(tracker: Any, having: str = "likelihood") -> Any:
+def unwrapped(tracker: Any, having: str = "likelihood") -> Any:
     """The outermost of a tracker and those that it wraps with an attribute, else the innermost."""
     while not hasattr(tracker, having) and hasattr(tracker, "tracker"):
         tracker = tracker.tracker
@@ -68,4 +68,4 @@ def filter_of(tracker: Any, having: str = "likelihood") -> Any:
 
 def likelihood_of(tracker: Any) -> Any:
     """The likelihood of a tracker or of the filter that it wraps; None if there is none."""
-    return getattr(filter_of(tracker), "likelihood", None)
+    return getattr(unwrapped(tracker), "likelihood", None)

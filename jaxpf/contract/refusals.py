@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import Argument, InputError
-from jaxpf.contract.optional import filter_of, likelihood_of, optional
+from jaxpf.contract.optional import likelihood_of, optional, unwrapped
 from jaxpf.contract.pytree import T, is_concrete
 from jaxpf.contract.state import STATUS_OK, STATUS_UNSUPPORTED, Summary
 from jaxpf.contract.types import TrackerLike
@@ -61,7 +61,7 @@ def evidence_biases(tracker: TrackerLike) -> Sequence[Bias]:
     They are its property ``evidence_biases``, without which its evidence is unbiased, and a
     likelihood that looks near the particles' mean: a particle's weight then depends on the others.
     """
-    biases = optional(filter_of(tracker, "evidence_biases"), "evidence_biases")
+    biases = optional(unwrapped(tracker, "evidence_biases"), "evidence_biases")
     likelihood = likelihood_of(tracker)
     if not optional(likelihood, "look_near"):
         return biases

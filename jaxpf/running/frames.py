@@ -11,7 +11,7 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import with_nan
-from jaxpf.contract.optional import filter_of, optional
+from jaxpf.contract.optional import optional, unwrapped
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.state import Summary
 from jaxpf.contract.types import TrackerLike
@@ -89,7 +89,7 @@ def noted(tracker: TrackerLike) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        inner = filter_of(tracker)
+        inner = unwrapped(tracker)
         parts = {name: getattr(inner, name, None) for name in ("dynamics", "likelihood")}
         named = [f"{name} {type(part).__name__}" for name, part in parts.items() if part]
         count = optional(tracker, "num_partitions")

@@ -15,7 +15,7 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.optional import filter_of, likelihood_of, optional
+from jaxpf.contract.optional import likelihood_of, optional, unwrapped
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.types import TrackerLike
 from jaxpf.running.frames import Frames, frames_of, num_frames
@@ -58,7 +58,7 @@ def marked(
             f"seen, [{total}], or which partitions, [{total}, {parts}]; single components of y may "
             "be missing for a likelihood (or log_likelihood) with handles_nan = True."
         )
-    if len(shape) == 2 and hasattr(filter_ := filter_of(tracker), "population"):
+    if len(shape) == 2 and hasattr(filter_ := unwrapped(tracker), "population"):
         raise InputError(
             f"{type(filter_).__name__} compares particles of different targets, which a missing "
             "target would upset; give observed for whole frames, [T]."

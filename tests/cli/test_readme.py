@@ -18,7 +18,7 @@ SITE = ROOT / "notebooks" / "docs"
 PAGES = {
     ROOT / "README.md": {"street", "jaxpf-clip", "out.mp4"},
     SITE / "start.md": {
-        *("frame.png", "street", "two", "puppet", "fish", "wires", "crossing"),
+        *("street", "two", "puppet", "fish", "wires", "crossing"),
         *("points", "parts", "contours"),
     },
     SITE / "own.md": set(),

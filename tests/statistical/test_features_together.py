@@ -29,6 +29,7 @@ from features import PAIRS_REFUSED, covering_array, default_with, shown
 
 import jaxpf
 from jaxpf import InputError, smoothing
+from jaxpf.contract.calls import changed_inside
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
@@ -50,7 +51,7 @@ def changed(config, made, factors):
     """The tracker with noises multiplied by ``factors``."""
     model = model_of(config, factors)
     for name in ("dynamics", "likelihood"):
-        made = jaxpf.contract.changed_inside(made, name, lambda _, name=name: model[name])
+        made = changed_inside(made, name, lambda _, name=name: model[name])
     return made
 
 

@@ -15,6 +15,7 @@ from records import z_score
 
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass
+from jaxpf.contract.calls import changed_inside
 
 FRAMES, N, RUNS, FLIP = 3, 12, 20_000, 0.1
 START, START_LABEL = (1, 3), (0.7, 0.3)
@@ -170,7 +171,7 @@ def test_exchange_separates_places_from_the_label_that_depends_on_them(name):
         swapped = ordering.sps(num_partitions=2)
         with pytest.raises(InputError, match="swap='combinatorial' separates a particle's parts"):
             dataclasses.replace(made, ordering=swapped)
-        made = jaxpf.contract.changed_inside(made, "ordering", lambda _: swapped)
+        made = changed_inside(made, "ordering", lambda _: swapped)
     keys = jax.random.split(jax.random.key(5), RUNS)
     frames = jnp.asarray(WEIGHTING), jnp.asarray(JOINT)
     found = jaxpf.monte_carlo(made, keys, frames, report_distance, batch_size=2000)

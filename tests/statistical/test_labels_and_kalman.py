@@ -15,6 +15,7 @@ from proposed import residual
 
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass
+from jaxpf.contract.calls import changed_inside
 from jaxpf.dynamics import RandomWalk
 from jaxpf.gradients import StopGradient
 from jaxpf.proposals import Linearised, Mixture
@@ -152,10 +153,8 @@ def test_gradient_by_the_law_of_the_labels_is_exact(motion):
             gradient=StopGradient(),
             motion_gradient=motion,
         )
-        tracker = jaxpf.contract.changed_inside(
-            tracker, "dynamics", lambda dynamics: Walk(1.0, parameters[0])
-        )
-        tracker = jaxpf.contract.changed_inside(
+        tracker = changed_inside(tracker, "dynamics", lambda dynamics: Walk(1.0, parameters[0]))
+        tracker = changed_inside(
             tracker, "initial_label", lambda label: jnp.stack([1 - parameters[1], parameters[1]])
         )
         return jaxpf.run(tracker, key, ALTERNATING)[1].log_evidence.sum()

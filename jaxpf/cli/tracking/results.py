@@ -215,36 +215,44 @@ class Results:
 
 
 @contextlib.contextmanager
-def writing_results(results: Results) -> Iterator[Results]:
-    """Lock the folder and open its files; keep what was tracked, whatever ends the run.
+def locked_folder(results: Results) -> Iterator[None]:
+    """Prepare the output folder, and lock it until everything, the summary too, is written."""
+    output, existed = results.output, results.output.is_dir()
+    writing.prepare_output_folder(output, results.request.run.overwrite)
+    try:
+        with locked(output, "tracking", keep=False):
+            yield
+    finally:
+        if not results.is_kept and not existed:
+            with contextlib.suppress(OSError):
+                output.rmdir()
+
+
+@contextlib.contextmanager
+def writing_results(results: Results) -> Iterator[None]:
+    """Open the files; keep what was tracked, whatever ends the run.
 
     Ctrl-C and errors of input are kept as ``results.stopped`` and not raised.
     """
-    output, existed = results.output, results.output.is_dir()
-    writing.prepare_output_folder(output, results.request.run.overwrite)
-    with locked(output, "tracking", keep=False):
-        try:
-            with (
-                announced_stop("Finishing: what was tracked is being written."),
-                contextlib.ExitStack() as files,
-                console.progress_bar("frames") as progress,
-            ):
-                results.open(files, progress)
-                try:
-                    yield results
-                finally:
-                    results.save_state()
-                if results.tracked == 0:
-                    start = results.request.run.start + results.resumed
-                    raise nothing_follows(results.source, start)
-                progress.update(progress.task_ids[0], total=results.tracked)
-        except (KeyboardInterrupt, InputError) as error:
-            results.stopped = error
-        if results.has_begun and not results.is_kept:
-            remove_outputs(output)
-    if not results.is_kept and not existed:
-        with contextlib.suppress(OSError):
-            output.rmdir()
+    try:
+        with (
+            announced_stop("Finishing: what was tracked is being written."),
+            contextlib.ExitStack() as files,
+            console.progress_bar("frames") as progress,
+        ):
+            results.open(files, progress)
+            try:
+                yield
+            finally:
+                results.save_state()
+            if results.tracked == 0:
+                start = results.request.run.start + results.resumed
+                raise nothing_follows(results.source, start)
+            progress.update(progress.task_ids[0], total=results.tracked)
+    except (KeyboardInterrupt, InputError) as error:
+        results.stopped = error
+    if results.has_begun and not results.is_kept:
+        remove_outputs(results.output)
 
 
 class Diagnostics(LineWriter):

@@ -17,7 +17,12 @@ from jaxpf.cli.shared.startup import use_compile_cache
 from jaxpf.cli.tracking.detector import check_detector
 from jaxpf.cli.tracking.report import report
 from jaxpf.cli.tracking.request import Request, check_together
-from jaxpf.cli.tracking.results import Results, nothing_follows, writing_results
+from jaxpf.cli.tracking.results import (
+    Results,
+    locked_folder,
+    nothing_follows,
+    writing_results,
+)
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.types import TrackerLike
 from jaxpf.detections import follow
@@ -53,24 +58,25 @@ def track(request: Request) -> None:
         tracker = make(picture, start)
         results = Results(request, source, {run.start: start} | later, tracker)
         state = results.resume()
-        with writing_results(results), warnings.catch_warnings():
-            # At the end, the report says how many there were.
-            warnings.filterwarnings("ignore", "the log-likelihood of frame", UserWarning)
-            for record in follow(
-                tracker,
-                jax.random.key(run.seed),
-                itertools.islice(itertools.chain([picture, second], frames), most),
-                start,
-                target=request.target,
-                later=later,
-                make=make,
-                detections=detector and detector.by_frame,
-                rules=detector and detector.rules,
-                state=state,
-                first=run.start,
-            ):
-                results.add(record)
-    report(results, truth)
+        with locked_folder(results):
+            with writing_results(results), warnings.catch_warnings():
+                # At the end, the report says how many there were.
+                warnings.filterwarnings("ignore", "the log-likelihood of frame", UserWarning)
+                for record in follow(
+                    tracker,
+                    jax.random.key(run.seed),
+                    itertools.islice(itertools.chain([picture, second], frames), most),
+                    start,
+                    target=request.target,
+                    later=later,
+                    make=make,
+                    detections=detector and detector.by_frame,
+                    rules=detector and detector.rules,
+                    state=state,
+                    first=run.start,
+                ):
+                    results.add(record)
+            report(results, truth)
 
 
 def read_starts(request: Request, source: FrameSource) -> tuple[Start, dict[int, Start]]:

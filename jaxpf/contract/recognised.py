@@ -12,7 +12,7 @@ from typing import Any
 import jax
 import numpy as np
 
-#: Packages whose functions and objects do not change while a program runs.
+#: Packages whose modules, classes and functions do not change while a program runs.
 _FIXED = {"builtins", "functools", "jax", "jaxlib", "jaxpf", "math", "numpy", "scipy"}
 #: Largest NumPy array that is compared by its values, bytes.
 _MOST_BYTES = 2**16
@@ -45,11 +45,11 @@ def _key_of(value: Any) -> Hashable:
         if value.dtype.hasobject or value.nbytes > _MOST_BYTES:
             raise TypeError("an array can change")
         return type(value), value.dtype.str, value.shape, value.tobytes()
-    module = value.__name__ if isinstance(value, types.ModuleType) else type(value).__module__
-    home = str(getattr(value, "__module__", module) or module).partition(".")[0]
-    is_fixed = home in _FIXED and (home != "builtins" or callable(value))
-    if is_fixed and not isinstance(value, jax.core.Tracer):
-        return type(value), id(value)  # which cannot be another's while the function lives
+    is_module = isinstance(value, types.ModuleType)
+    home = value.__name__ if is_module else getattr(value, "__module__", None)
+    is_fixed = hasattr(value, "__name__") and str(home).partition(".")[0] in _FIXED
+    if is_fixed or (isinstance(value, jax.Array) and not isinstance(value, jax.core.Tracer)):
+        return type(value), _Same(value)
     if isinstance(value, types.FunctionType):
         cells = tuple(cell.cell_contents for cell in value.__closure__ or ())
         names = sorted(_names_in(value.__code__) & value.__globals__.keys())
@@ -57,6 +57,19 @@ def _key_of(value: Any) -> Hashable:
         looked_up = tuple(value.__globals__[name] for name in names)
         return value.__code__, _key_of((cells, value.__defaults__, named, looked_up))
     raise TypeError(f"a {type(value).__name__} can change")
+
+
+class _Same:
+    """Equal to the same object only, which it keeps alive, so that no other gets its address."""
+
+    def __init__(self, value: object):
+        self.value = value
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.value is other.value
+
+    def __hash__(self) -> int:
+        return id(self.value)
 
 
 def _names_in(code: types.CodeType) -> set[str]:

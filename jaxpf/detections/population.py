@@ -110,6 +110,8 @@ def come_and_go(
 ) -> Iterator[Group]:
     """The objects of each frame; arguments as for ``follow``, ``named`` starts by frame."""
     ids = [int(name) for start in named.values() for name in start.ids]
+    if len(set(ids)) < len(ids) or min(ids, default=0) < 0:
+        raise InputError(f"objects are named {ids}; give each a number of its own, from 0 on.")
     living = lifetimes.start_empty(tracker.num_targets, max(ids, default=0))
     state: Any = init_compiled(tracker, key)
     summary: Any = None

@@ -14,6 +14,7 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract import DynamicsWithDensity, DynamicsWithPrediction
 from jaxpf.contract.calls import of_partition
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 
@@ -104,6 +105,11 @@ class FirstOrder(_NoisyDrift):
         check_number("scale", self.scale, least=0)
         for name in ("position", "speed"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
+        if len(self.position) != len(self.speed):
+            raise InputError(
+                f"position={self.position} and speed={self.speed} must name the same number of "
+                "coordinates."
+            )
 
     def _drift(self, current, previous):
         return current.at[np.array(self.position)].add(current[np.array(self.speed)])
@@ -130,9 +136,14 @@ class LinearGaussian(DynamicsWithDensity, DynamicsWithPrediction):
     offset: ArrayLike | None = None
 
     def __post_init__(self):
+        shape = np.shape(self.transition)
         for name in self.by_partition:
-            if getattr(self, name) is not None:
-                check_number(name, getattr(self, name))
+            if (value := getattr(self, name)) is None:
+                continue
+            check_number(name, value)
+            wanted = shape[:2] if name == "offset" else shape
+            if np.shape(value) != wanted:  # JAX would repeat rows
+                raise InputError(f"{name} has shape {np.shape(value)}; give {wanted}.")
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[D, N]``."""

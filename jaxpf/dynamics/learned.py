@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.numbers import check_whole, with_nan
 from jaxpf.contract.pytree import as_array
 from jaxpf.dynamics.gaussian import LinearGaussian
 
@@ -47,7 +47,7 @@ def fit(
     """
     check_whole("order", order, 1, 2)
     check_known("coefficients=", coefficients, COEFFICIENTS)
-    pieces = [np.asarray(piece, float) for piece in _as_list(tracks)]
+    pieces = [np.asarray(with_nan(piece), float) for piece in _as_list(tracks)]
     if not pieces or any(
         piece.ndim != 3 or piece.shape[1:] != pieces[0].shape[1:] for piece in pieces
     ):

@@ -8,6 +8,7 @@ import numpy as np
 
 from jaxpf.contract import Likelihood
 from jaxpf.contract.calls import of_partition
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import with_nan
 from jaxpf.contract.pytree import pytree_dataclass
 
@@ -117,6 +118,12 @@ def kalman(
         )
     )
     frames = np.asarray(with_nan(frames), float)
+    size, count = len(mean), len(observation)
+    shapes = [np.shape(x) for x in (mean, covariance, transition, process_covariance)]
+    if shapes != [(size,), *[(size, size)] * 3] or noise_covariance.shape != (count, count):
+        raise InputError(
+            "mean is [S], covariances and transition are [S, S], and the noise [E, E]."
+        )
     log_evidence, means, covariances = [], [], []
     for frame in frames:
         mean = transition @ mean

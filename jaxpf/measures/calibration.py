@@ -84,6 +84,10 @@ def confidence_counts(confidence: ArrayLike, on_object: ArrayLike) -> np.ndarray
         np.asarray(confidence, float),
         np.asarray(on_object, float),
     )
+    if ((confidence < 0) | (confidence > 1)).any() or not np.isin(
+        on_object[~np.isnan(on_object)], (0, 1)
+    ).all():
+        raise InputError("confidence must be from 0 to 1, and on_object 0 or 1, or NaN.")
     counts = np.zeros((len(confidence), 2, CONFIDENCE_BINS), np.int64)
     run = np.indices(confidence.shape)[0]
     is_given = np.isfinite(confidence) & np.isfinite(on_object)

@@ -14,12 +14,13 @@ Source: smith2004, section 3.1, unless a function states another.
 """
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, get_args
 
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
+from jaxpf.contract.errors import InputError, check_known
 from jaxpf.lowering.programs import compiled
 from jaxpf.measures.intervals import Interval, mean_interval, median_interval
 from jaxpf.measures.means import masked_mean
@@ -192,6 +193,10 @@ def summarise(
           truth and a finite estimate, because errors have no bound.
     """
     estimate, truth = jnp.asarray(boxes_estimate), jnp.asarray(boxes_truth)
+    if estimate.ndim != 4 or estimate.shape[1:] != truth.shape:  # they would broadcast
+        raise InputError(
+            f"boxes are {estimate.shape} and {truth.shape}; give [R, T, P, 4] and [T, P, 4]."
+        )
     found = {
         name: median_interval(values, level=level)
         if name == "centre_error"
@@ -247,6 +252,7 @@ def _presence(estimate: ArrayLike, truth: ArrayLike) -> Array:
 def _frames_that_count(estimate: ArrayLike, truth: ArrayLike, over: Over) -> Array:
     if over == "tracked":
         return track_state(estimate, truth)
+    check_known("over=", over, get_args(Over))
     return _presence(estimate, truth)
 
 

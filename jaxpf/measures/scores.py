@@ -16,6 +16,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import with_nan
 from jaxpf.measures.association import pairwise_iou
 from jaxpf.measures.means import masked_mean
 from jaxpf.measures.metrics import centre_error, has_truth, iou
@@ -67,8 +68,8 @@ def tracking_scores(estimate: ArrayLike, truth: ArrayLike) -> dict[str, float]:
     Raises:
         InputError: TrackEval is not installed, or the shapes do not match.
     """
-    truth = np.asarray(truth, float)
-    estimate = np.asarray(estimate, float)
+    truth = np.asarray(with_nan(truth), float)
+    estimate = np.asarray(with_nan(estimate), float)
     metrics = import_trackeval().metrics
     data = _trackeval_data(estimate, truth)
     quiet = {"PRINT_CONFIG": False}

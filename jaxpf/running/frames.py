@@ -91,7 +91,9 @@ def noted(tracker: TrackerLike) -> Iterator[None]:
     except Exception as error:
         inner = unwrapped(tracker)
         parts = {name: getattr(inner, name, None) for name in ("dynamics", "likelihood")}
-        named = [f"{name} {type(part).__name__}" for name, part in parts.items() if part]
+        named = [
+            f"{name} {type(part).__name__}" for name, part in parts.items() if part is not None
+        ]
         count = optional(tracker, "num_partitions")
         error.add_note(
             f"In a run of {type(inner).__name__} ({', '.join(named)}) with {count} partitions.  "

@@ -38,6 +38,7 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
+import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -115,6 +116,7 @@ def weigh(
     """
     moved = state.lagged[0]
     log_prob = contract.log_prob_all(tracker.likelihood, observation, state.labels, moved)
+    chex.assert_shape(log_prob, (tracker.num_particles,))
     log_prob, num_invalid = sanitised(log_prob.astype(moved.dtype))
     log_prob = lax.optimization_barrier(log_prob)
     if tracker.motion_gradient == "score":

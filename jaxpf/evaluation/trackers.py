@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 
 import scenes
@@ -109,6 +110,11 @@ def own_tracker(name: str, function: Any, scene: Scene) -> Any:
         cause = scenes.cause_of(error, getattr(function, "path", ""))
         raise InputError(f"the tracker {name!r} cannot be made: {cause}; correct it.") from error
     if hasattr(tracker, "init") and hasattr(tracker, "step"):
+        if isinstance(tracker, type) or any(leaf is tracker for leaf in jax.tree.leaves(tracker)):
+            raise InputError(
+                f"the tracker {name!r} is no pytree; return an object of a class that is decorated "
+                "by @jaxpf.pytree_dataclass."
+            )
         return tracker
     if boxes is None:
         raise InputError(

@@ -159,8 +159,11 @@ def open_arrays(path: Path, remedy: str) -> Iterator[Mapping[str, np.ndarray]]:
         with np.load(path, allow_pickle=False) as content:
             yield content
     except Exception as error:  # a damaged archive can raise almost anything
-        cause = " ".join(str(error).split())[:100]
-        raise Damaged(f"'{path}' is damaged ({cause}); {remedy}.") from None
+        if isinstance(error, OSError) and error.strerror:
+            why = f"cannot be read: {error.strerror.lower()}"
+        else:
+            why = "is damaged, or was not written by jaxpf"
+        raise Damaged(f"'{path}' {why}; {remedy}.") from None
 
 
 def versions() -> dict[str, str]:

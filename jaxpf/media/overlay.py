@@ -189,7 +189,7 @@ def draw_particles(
         max_per_object: maximum number of particles to draw, evenly spaced in the particle index,
             so that the picture does not depend on chance.
     """
-    frame = frame.copy()
+    frame, centres = frame.copy(), np.asarray(centres, float)
     radius = line_thickness(frame)
     num_particles = centres.shape[1]
     chosen = np.unique(

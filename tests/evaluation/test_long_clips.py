@@ -70,8 +70,6 @@ import numpy as np
 from jaxpf.evaluation import (Plan, evaluate)
 from jaxpf.evaluation.scene import load_scene
 from jaxpf.running import chunks
-from jaxpf.running import chunks
-from jaxpf.sequences import Frames, sequence as sequences
 
 chunks.CHUNK_BYTES = 16 * 2**20
 

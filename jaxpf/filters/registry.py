@@ -47,6 +47,10 @@ def _one_variant(
     return [Variant("", {"method": method})]
 
 
+def _fits(values: Mapping[str, Any], parents: Sequence[int]) -> None:
+    """Refuse nothing."""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Filter:
     """A filter with one or several methods.
@@ -72,7 +76,7 @@ class Filter:
     varied: tuple[str, ...] = ("method",)
     by_default: bool = False
     opens: bool = False
-    check: Callable[[Mapping[str, Any], Sequence[int]], None] = lambda values, parents: None
+    check: Callable[[Mapping[str, Any], Sequence[int]], None] = _fits
     variants: Callable[..., list[Variant]] = _one_variant
 
     @property

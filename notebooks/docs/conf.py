@@ -56,7 +56,8 @@ def readable_arguments(app, what, name, obj, options, signature, returns):
         fields = inspect.signature(obj).parameters.values()
         plain = [field.replace(annotation=inspect.Parameter.empty) for field in fields]
         signature = str(inspect.Signature(plain))
-    return re.sub(r"<(?:function )?([\w.]+)(?: at \w+)?>", r"\1", signature or "") or None, returns
+    signature = (signature or "").replace("<lambda>", "lambda")
+    return re.sub(r"<(?:function )?([\w.]+)(?: at \w+)?>", r"\1", signature) or None, returns
 
 
 #: How Sphinx writes ``jax.Array`` and ``jax.typing.ArrayLike``.

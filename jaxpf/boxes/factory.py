@@ -27,7 +27,7 @@ from jaxpf.contract.options import OPEN, Option
 from jaxpf.contract.types import LikelihoodLike
 from jaxpf.filters.options import FilterOptions
 from jaxpf.ordering import Ordering
-from jaxpf.targets.building import factory, looks_of
+from jaxpf.targets.building import Network, factory, looks_of
 from jaxpf.targets.target import Looks, Start
 
 #: Appearance -> default sharpness.
@@ -100,15 +100,7 @@ def tracker(
             rare=True,
         ),
     ] = 2,
-    network: Annotated[
-        str | None,
-        Option(
-            "File with the weights of EfficientNet-lite0, .pth or .npz; by default those of "
-            "'jaxpf[pretrained]' (pretrained appearance only).",
-            needs=("appearance", "pretrained"),
-            rare=True,
-        ),
-    ] = None,
+    network: Network = None,
     motion: Annotated[
         Literal["auto", "pixels", "relative"],
         Option(

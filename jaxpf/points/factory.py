@@ -16,7 +16,7 @@ from jaxpf.contract.options import Option
 from jaxpf.contract.types import LikelihoodLike, TrackerLike
 from jaxpf.filters.options import FilterOptions
 from jaxpf.ordering import Ordering
-from jaxpf.targets.building import factory, looks_of
+from jaxpf.targets.building import Network, factory, looks_of
 from jaxpf.targets.target import Looks, Start
 
 #: Side in pixels of the square that represents a point where an area is needed.
@@ -44,15 +44,7 @@ def tracker(
             compiles=True,
         ),
     ] = "windows",
-    network: Annotated[
-        str | None,
-        Option(
-            "File with the weights of EfficientNet-lite0, .pth or .npz; by default those of "
-            "'jaxpf[pretrained]' (pretrained appearance only).",
-            needs=("appearance", "pretrained"),
-            rare=True,
-        ),
-    ] = None,
+    network: Network = None,
     sharpness: Annotated[
         float,
         Option(

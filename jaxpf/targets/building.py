@@ -8,13 +8,13 @@ import functools
 import inspect
 import os
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, TypeVar
 
 import numpy as np
 
 from jaxpf import filters
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.options import complete, defaults_of, options_of
+from jaxpf.contract.options import Option, complete, defaults_of, options_of
 from jaxpf.filters.registry import Filter
 from jaxpf.targets.presets import PRESETS
 from jaxpf.targets.registry import find_target
@@ -28,6 +28,17 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+#: An option of boxes and of points.
+Network = Annotated[
+    str | None,
+    Option(
+        "File with the weights of EfficientNet-lite0, .pth or .npz; by default those of "
+        "'jaxpf[pretrained]' (pretrained appearance only).",
+        needs=("appearance", "pretrained"),
+        rare=True,
+    ),
+]
 
 
 def filter_for(target: Target, method: str | None = None) -> Filter:

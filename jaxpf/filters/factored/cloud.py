@@ -24,26 +24,14 @@ from jaxpf.contract.state import (
     moments,
     sanitised,
 )
-from jaxpf.contract.types import Initial
+from jaxpf.contract.types import HoldsModel, Initial
 from jaxpf.filters import confidence
 from jaxpf.filters.initial import as_floats
 from jaxpf.resampling import weighted as resampling
 
 
-class Factored(Protocol):
+class Factored(HoldsModel, Protocol):
     """What these operations read of a factored filter."""
-
-    @property
-    def dynamics(self) -> Any:
-        """The motion model."""
-
-    @property
-    def likelihood(self) -> Any:
-        """The observation model."""
-
-    @property
-    def initial(self) -> Any:
-        """Substates before the first frame, or a sampler of them."""
 
     @property
     def num_particles(self) -> int:

@@ -1,5 +1,6 @@
 """Commands whose errors use command-line notation, ``--frames 0``, and their usual options."""
 
+import errno
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,13 @@ class GivenPath(click.Path):
         """Convert text to a ``Path``."""
         if value == "":
             self.fail("it is empty; give a path, or . for this folder.", param, ctx)
-        return super().convert(value, param, ctx)
+        path: Any = super().convert(value, param, ctx)
+        try:
+            path.stat()
+        except OSError as error:
+            if error.errno == errno.ELOOP:  # resolving it would raise a RuntimeError
+                self.fail(f"symbolic links at '{path}' form a loop; give another path.", param, ctx)
+        return path
 
 
 class NumberList(click.ParamType):

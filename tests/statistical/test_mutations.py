@@ -176,7 +176,7 @@ def test_kills_faults_in_the_weights_of_a_proposal(fault, monkeypatch):
         )
     if fault in ("partition", "mixture"):
         mutant = of_next if fault == "partition" else of_one
-        monkeypatch.setattr(contract, "proposal_log_density_all", mutant)
+        monkeypatch.setattr(calls, "proposal_log_density_all", mutant)
     worst = mutant_scores(problem(TREE), ordering.ps([0, 1, 2]), proposal=proposal).worst
     assert worst < LIMIT if fault == "none" else worst > WRONG
 

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import jaxpf
-from jaxpf.contract.optional import OPTIONAL
+from jaxpf.contract.optional import DEFAULTS
 
 ROOT = Path(jaxpf.__file__).parent
 #: Rows of the map, the uppermost first: each the rooms that stand on one line.
@@ -79,4 +79,4 @@ def test_optional_methods_are_looked_up_in_the_contract_alone():
         if room_of(name) != "contract"
         for node in ast.walk(ast.parse(path.read_text()))
     }
-    assert not {row for row in found if row[1] in OPTIONAL}
+    assert not {row for row in found if row[1] in DEFAULTS}

@@ -56,9 +56,10 @@ class Tracker:
 
     def step_observed(self, key: jax.Array, state: Any, observation: Any) -> tuple[Any, Any]:
         """Return the next state and the frame's summary, given the result of ``observe``."""
-        if type(self).observe is not Tracker.observe:
-            raise TypeError(f"{type(self).__name__} must define step_observed, as it has observe")
-        _check_defined(self, Tracker, "step", "step_observed")
+        if type(self).step is Tracker.step or type(self).observe is not Tracker.observe:
+            raise TypeError(
+                f"{type(self).__name__} must define step_observed, or step and no observe"
+            )
         return self.step(key, state, observation)  # the observation is the frame itself
 
     @compiled_alone
@@ -95,37 +96,20 @@ class Dynamics:
     a move.  ``by_partition`` names the fields with a row for each partition.
     """
 
-    def propagate(
-        self,
-        key: jax.Array,
-        partition: jax.Array,
-        current: jax.Array,
-        previous: jax.Array,
-        parent: jax.Array,
-    ) -> jax.Array:
+    def propagate(self, key, partition, current, previous, parent) -> jax.Array:
         """Draw the new substate ``[D]``, x_t.
 
         ``current`` is x_{t-1} and ``previous`` x_{t-2}; ``parent`` is already moved, zeros for a
         root; ``[D]`` each.
         """
-        _check_defined(self, Dynamics, "propagate", "propagate_all")
         columns = (x[:, None] for x in (current, previous, parent))
         return self.propagate_all(key, jnp.asarray(partition)[None], *columns)[:, 0]
 
-    def propagate_all(
-        self,
-        key: jax.Array,
-        partition: jax.Array,
-        current: jax.Array,
-        previous: jax.Array,
-        parent: jax.Array,
-    ) -> jax.Array:
+    def propagate_all(self, key, partition, current, previous, parent) -> jax.Array:
         """``propagate`` for N particles: ``partition`` ``[N]``, substates ``[D, N]``."""
-        _check_defined(self, Dynamics, "propagate", "propagate_all")
         keys = jax.random.split(key, partition.shape[0])
-        return jax.vmap(self.propagate, in_axes=(0, 0, 1, 1, 1), out_axes=1)(
-            keys, partition, current, previous, parent
-        )
+        move = keys, partition, current, previous, parent
+        return _each(self, Dynamics, "propagate", (0, 0, -1, -1, -1), *move)
 
 
 class CoupledDynamics:
@@ -140,35 +124,16 @@ class CoupledDynamics:
 
     coupled = True
 
-    def propagate(
-        self,
-        key: jax.Array,
-        partition: jax.Array,
-        current: jax.Array,
-        previous: jax.Array,
-        parent: jax.Array,
-        others: jax.Array,
-    ) -> jax.Array:
+    def propagate(self, key, partition, current, previous, parent, others) -> jax.Array:
         """Draw the new substate ``[D]``, given ``others`` ``[P, D]``."""
-        _check_defined(self, CoupledDynamics, "propagate", "propagate_all")
         columns = (x[..., None] for x in (current, previous, parent, others))
         return self.propagate_all(key, jnp.asarray(partition)[None], *columns)[:, 0]
 
-    def propagate_all(
-        self,
-        key: jax.Array,
-        partition: jax.Array,
-        current: jax.Array,
-        previous: jax.Array,
-        parent: jax.Array,
-        others: jax.Array,
-    ) -> jax.Array:
+    def propagate_all(self, key, partition, current, previous, parent, others) -> jax.Array:
         """``propagate`` for N particles, ``[D, N]``, given ``others`` ``[P, D, N]``."""
-        _check_defined(self, CoupledDynamics, "propagate", "propagate_all")
         keys = jax.random.split(key, partition.shape[0])
-        return jax.vmap(self.propagate, in_axes=(0, 0, 1, 1, 1, 2), out_axes=1)(
-            keys, partition, current, previous, parent, others
-        )
+        move = keys, partition, current, previous, parent, others
+        return _each(self, CoupledDynamics, "propagate", (0, 0, -1, -1, -1, -1), *move)
 
 
 class DynamicsWithDensity(Dynamics):
@@ -177,37 +142,20 @@ class DynamicsWithDensity(Dynamics):
     Define ``log_density`` or ``log_density_all``; each defaults to the other.
     """
 
-    def log_density(
-        self,
-        partition: jax.Array,
-        new: jax.Array,
-        current: jax.Array,
-        previous: jax.Array,
-        parent: jax.Array,
-    ) -> jax.Array:
+    def log_density(self, partition, new, current, previous, parent) -> jax.Array:
         """Log of the density ``[]`` from which ``propagate`` draws ``new`` ``[D]``.
 
         Leave out dimensions in which all particles hold the same value.  If a direction in which
         particles differ has no noise, such as the position under a constant velocity, there is no
         density; ``jaxpf.smooth(..., method="genealogy")`` needs none.
         """
-        _check_defined(self, DynamicsWithDensity, "log_density", "log_density_all")
         columns = (x[:, None] for x in (new, current, previous, parent))
         return self.log_density_all(jnp.asarray(partition)[None], *columns)[0]
 
-    def log_density_all(
-        self,
-        partition: jax.Array,
-        new: jax.Array,
-        current: jax.Array,
-        previous: jax.Array,
-        parent: jax.Array,
-    ) -> jax.Array:
+    def log_density_all(self, partition, new, current, previous, parent) -> jax.Array:
         """``log_density`` for N particles, ``[N]``: substates ``[D, N]``."""
-        _check_defined(self, DynamicsWithDensity, "log_density", "log_density_all")
-        return jax.vmap(self.log_density, in_axes=(0, 1, 1, 1, 1))(
-            partition, new, current, previous, parent
-        )
+        move = partition, new, current, previous, parent
+        return _each(self, DynamicsWithDensity, "log_density", (0, -1, -1, -1, -1), *move)
 
 
 class DynamicsWithPrediction(Dynamics):
@@ -216,19 +164,15 @@ class DynamicsWithPrediction(Dynamics):
     Define ``predict`` or ``predict_all``; each defaults to the other.
     """
 
-    def predict(self, partition: jax.Array, current: jax.Array, previous: jax.Array) -> jax.Array:
+    def predict(self, partition, current, previous) -> jax.Array:
         """Return the new substate ``[D]`` without noise."""
-        _check_defined(self, DynamicsWithPrediction, "predict", "predict_all")
-        return self.predict_all(jnp.asarray(partition)[None], current[:, None], previous[:, None])[
-            :, 0
-        ]
+        columns = current[:, None], previous[:, None]
+        return self.predict_all(jnp.asarray(partition)[None], *columns)[:, 0]
 
-    def predict_all(
-        self, partition: jax.Array, current: jax.Array, previous: jax.Array
-    ) -> jax.Array:
+    def predict_all(self, partition, current, previous) -> jax.Array:
         """``predict`` for N particles: ``partition`` ``[N]``, substates ``[D, N]``."""
-        _check_defined(self, DynamicsWithPrediction, "predict", "predict_all")
-        return jax.vmap(self.predict, in_axes=(0, 1, 1), out_axes=1)(partition, current, previous)
+        move = partition, current, previous
+        return _each(self, DynamicsWithPrediction, "predict", (0, -1, -1), *move)
 
 
 class Likelihood:
@@ -287,17 +231,14 @@ class Likelihood:
         """
         return frame
 
-    def log_prob(self, observation: Any, partition: jax.Array, substate: jax.Array) -> jax.Array:
+    def log_prob(self, observation, partition, substate) -> jax.Array:
         """Log-likelihood ``[]`` of one partition's substate ``[D]``."""
-        _check_defined(self, Likelihood, "log_prob", "log_prob_all")
         return self.log_prob_all(observation, jnp.asarray(partition)[None], substate[:, None])[0]
 
-    def log_prob_all(
-        self, observation: Any, partition: jax.Array, substates: jax.Array
-    ) -> jax.Array:
+    def log_prob_all(self, observation, partition, substates) -> jax.Array:
         """``log_prob`` for N particles, ``[N]``: ``partition`` ``[N]``, substates ``[D, N]``."""
-        _check_defined(self, Likelihood, "log_prob", "log_prob_all")
-        return jax.vmap(self.log_prob, in_axes=(None, 0, 1))(observation, partition, substates)
+        seen = observation, partition, substates
+        return _each(self, Likelihood, "log_prob", (None, 0, -1), *seen)
 
 
 class Proposal:
@@ -315,33 +256,28 @@ class Proposal:
 
     def propose(self, key, observation, partition, current, previous, parent) -> jax.Array:
         """Draw the new substate ``[D]``; the past is as for ``Dynamics.propagate``."""
-        _check_defined(self, Proposal, "propose", "propose_all")
         columns = (x[:, None] for x in (current, previous, parent))
         return self.propose_all(key, observation, jnp.asarray(partition)[None], *columns)[:, 0]
 
     def propose_all(self, key, observation, partition, current, previous, parent) -> jax.Array:
         """``propose`` for N particles, ``[D, N]``: ``partition`` ``[N]``, substates ``[D, N]``."""
-        _check_defined(self, Proposal, "propose", "propose_all")
         keys = jax.random.split(key, partition.shape[0])
-        return jax.vmap(self.propose, in_axes=(0, None, 0, 1, 1, 1), out_axes=1)(
-            keys, observation, partition, current, previous, parent
-        )
+        move = keys, observation, partition, current, previous, parent
+        return _each(self, Proposal, "propose", (0, None, 0, -1, -1, -1), *move)
 
     def log_density(self, observation, partition, new, current, previous, parent) -> jax.Array:
         """Log of the density ``[]`` from which ``propose`` draws ``new`` ``[D]``."""
-        _check_defined(self, Proposal, "log_density", "log_density_all")
         columns = (x[:, None] for x in (new, current, previous, parent))
         return self.log_density_all(observation, jnp.asarray(partition)[None], *columns)[0]
 
     def log_density_all(self, observation, partition, new, current, previous, parent) -> jax.Array:
         """``log_density`` for N particles, ``[N]``: substates ``[D, N]``."""
-        _check_defined(self, Proposal, "log_density", "log_density_all")
-        return jax.vmap(self.log_density, in_axes=(None, 0, 1, 1, 1, 1))(
-            observation, partition, new, current, previous, parent
-        )
+        move = observation, partition, new, current, previous, parent
+        return _each(self, Proposal, "log_density", (None, 0, -1, -1, -1, -1), *move)
 
 
-def _check_defined(part: object, base: type, one: str, every: str) -> None:
-    """Refuse a class that defines neither of two methods that default to each other."""
-    if all(getattr(type(part), name, None) is getattr(base, name) for name in (one, every)):
-        raise TypeError(f"{type(part).__name__} must define {one} or {every}")
+def _each(part: Any, base: type, name: str, axes: tuple[int | None, ...], *arguments: Any) -> Any:
+    """Apply a method for one particle, which the class must define, to all on the last axis."""
+    if getattr(type(part), name, None) is getattr(base, name):
+        raise TypeError(f"{type(part).__name__} must define {name} or {name}_all")
+    return jax.vmap(getattr(part, name), axes, -1)(*arguments)

@@ -2,61 +2,23 @@
 
 from typing import Any
 
-#: Their names, and what a part without one counts as having; None for methods.  For their meaning
-#: see ``jaxpf.contract.interface``.
-OPTIONAL: dict[str, Any] = {
-    # of trackers
-    "evidence_biases": (),
-    "moments": None,
-    "num_partitions": None,
-    "states": None,
-    # of trackers and likelihoods
-    "observe_nearby": None,
-    # of dynamics and likelihoods
-    "at_frame": None,
-    "with_inputs": None,
-    # of dynamics
+#: What a part without one counts as having, see ``jaxpf.contract.interface``; None for the others.
+DEFAULTS: dict[str, Any] = {
     "by_partition": (),
     "coupled": False,
-    "log_density": None,
-    "log_density_all": None,
-    "log_label": None,
-    "predict": None,
-    "predict_all": None,
-    "propagate_label": None,
-    # of likelihoods
-    "as_seen": None,
+    "evidence_biases": (),
     "fixed_observation": False,
-    "form": None,
     "handles_nan": False,
-    "log_first_stage": None,
-    "log_joint": None,
-    "log_joint_all": None,
-    "log_joint_labelled": None,
-    "log_joint_labelled_all": None,
-    "log_odds": None,
-    "log_odds_all": None,
-    "look_near": None,
-    "model_error": (0.0, 0.0, 0.0),
-    "orders_of_labels": None,
-    "reaches_border": None,
-    "same_place": None,
-    "sample": None,
-    "space": None,
-    "state_gradient": True,
-    # of proposals
-    "needs_noise": False,
-    "of_model": None,
-    # of observations
-    "take_frame": None,
-    # of initial samplers
     "independent": False,
+    "model_error": (0.0, 0.0, 0.0),
+    "needs_noise": False,
+    "state_gradient": True,
 }
 
 
 def optional(part: object, name: str) -> Any:
-    """An optional method or attribute of a part; if it has none, the default in ``OPTIONAL``."""
-    return getattr(part, name, OPTIONAL[name])
+    """An optional method or attribute of a part; if it has none, the one in ``DEFAULTS``."""
+    return getattr(part, name, DEFAULTS.get(name))
 
 
 def unwrapped(tracker: Any, having: str = "likelihood") -> Any:

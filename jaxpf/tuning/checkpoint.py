@@ -1,79 +1,108 @@
-"""Checkpoints: an interrupted descent resumes and reaches the same values.
+"""Checkpoints: an interrupted job goes on from its folder, to the same results bit for bit."""
 
-A store in the call's folder has a piece for each repeat that has begun.
-"""
-
-import dataclasses
-import json
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from jaxpf import __version__
-from jaxpf.files.states import digest
+from jaxpf.contract.errors import InputError
+from jaxpf.files.states import digest, load_like, save
 from jaxpf.files.store import Store
-from jaxpf.tuning.parameters import Parameter
-from jaxpf.tuning.problem import TrainingSequence
 from jaxpf.tuning.result import Descent
-from jaxpf.tuning.settings import Settings
 
-#: Fields of a descent that are stored under their own names.
-_TRACES = ("loss", "gradient_norm", "stopped")
+#: Steps of a scan in a piece.
+_LENGTH = 50
+
+Progress = Callable[[int, int], None]
 
 
-def asked(
-    parameters: Sequence[Parameter],
-    start: Mapping[str, ArrayLike],
-    objective: Any,
-    settings: Settings,
-    sequences: Sequence[TrainingSequence],
-) -> dict[str, Any]:
-    """Everything that determines the tuned values, as JSON values."""
-    name = objective if isinstance(objective, str) else getattr(objective, "__qualname__", "own")
-    description = {
-        "jaxpf": __version__,
-        "parameters": [f"{p.path}={p.low:g}:{p.high:g}" for p in parameters],
-        "start": {path: np.asarray(value).tolist() for path, value in start.items()},
-        "objective": name,
-        "sequences": [sequence.name for sequence in sequences],
-        **dataclasses.asdict(settings),
-        "frames": [digest((each.frames, each.observed, each.inputs)) for each in sequences],
-        "labels": [digest(sequence.truth) for sequence in sequences],
-        "tracker": [digest(sequence.tracker) for sequence in sequences],
-    }
-    return json.loads(json.dumps(description))
+def described(asked: Mapping[str, Any]) -> dict[str, Any]:
+    """What determines a job's results, as settings of its store: arrays by a digest."""
+
+    def shown(value: object) -> Any:
+        plain = int, float, str, type(None)
+        entries = value if isinstance(value, list) else [value]
+        return value if all(isinstance(x, plain) for x in entries) else digest(value)
+
+    return {"jaxpf": __version__, **{name: shown(value) for name, value in asked.items()}}
 
 
 def write(store: Store, description: Mapping[str, Any], descent: Descent) -> None:
     """Write a descent; the first one begins the store's job."""
     if store.settings() is None:
         store.begin(description)
-    arrays = {f"free.{name}": z for name, z in descent.free.items()}
-    arrays |= {f"moment.{number}": x for number, x in enumerate(descent.moments)}
-    arrays |= {name: np.asarray(getattr(descent, name)) for name in _TRACES}
-    store.write(f"repeat-{descent.repeat}", arrays)
+    leaves = enumerate(jax.tree.leaves(vars(descent)))
+    store.write(f"repeat-{descent.repeat}", {str(n): np.asarray(leaf) for n, leaf in leaves})
 
 
-def read(store: Store, description: Mapping[str, Any]) -> list[Descent]:
-    """Read the stored descents, if any; refuse damaged ones, or those of another call."""
-    old = store.settings()
-    if old is None:
-        return []
-    store.check_same(old, description)
-    return [_descent(repeat, store) for repeat in range(len(store.names("repeat-*")))]
+def read(store: Store | None, begun: Descent) -> Descent:
+    """The stored descent of a repeat; the one that has just ``begun`` if there is none."""
+    name = f"repeat-{begun.repeat}"
+    if store is None or not store.names(name):
+        return begun
+    arrays, structure = store.read(name), jax.tree.structure(vars(begun))
+    found = jax.tree.unflatten(structure, [arrays[str(n)] for n in range(len(arrays))])
+    return Descent(**found | {"repeat": begun.repeat, "stopped": str(found["stopped"])})
 
 
-def _descent(repeat: int, store: Store) -> Descent:
-    arrays = store.read(f"repeat-{repeat}")
-    free = [name for name in arrays if name.startswith("free.")]
-    moments = [name for name in arrays if name.startswith("moment.")]
-    return Descent(
-        repeat=repeat,
-        free={name.removeprefix("free."): arrays[name] for name in free},
-        loss=arrays["loss"],
-        gradient_norm=arrays["gradient_norm"],
-        moments=[arrays[name] for name in moments],
-        stopped=str(arrays["stopped"]),
-    )
+class LongScans:
+    """The scans of a job, in pieces that report progress and are kept in a folder.
+
+    Args:
+        progress: called with the number of steps done, and of all; None reports nothing.
+        folder: holds finished pieces, so that the job goes on there; None keeps none.
+        total: number of all steps.
+        asked: everything that determines the results: by name, values or pytrees of arrays.
+
+    Raises:
+        InputError: the folder holds another job.
+    """
+
+    def __init__(
+        self,
+        progress: Progress | None,
+        folder: str | os.PathLike[str] | None,
+        total: int,
+        asked: Mapping[str, Any],
+    ):
+        self.progress, self.total, self.done = progress, total, 0
+        self.store = None if folder is None else Store(Path(folder))
+        if self.store is not None:
+            self.store.resume(described(asked))
+
+    def scan(
+        self, name: str, function: Callable[[Any, Any], Any], carry: Any, items: Any
+    ) -> tuple[Any, Any]:
+        """Return ``function(carry, items)``, a compiled scan: the last carry, and what is kept."""
+        if self.progress is None and self.store is None:
+            return function(carry, items)
+        kept = []
+        for first in range(0, len(jax.tree.leaves(items)[0]), _LENGTH):
+            part = jax.tree.map(lambda x, first=first: x[first : first + _LENGTH], items)
+            carry, found = self._piece(f"{name}-{first}", function, carry, part)
+            kept.append(found)
+            self.done += len(jax.tree.leaves(part)[0])
+            if self.progress is not None:
+                jax.block_until_ready(found)
+                self.progress(self.done, self.total)
+        return carry, jax.tree.map(lambda *x: jnp.concatenate(x), *kept)
+
+    def _piece(self, name: str, function: Any, carry: Any, items: Any) -> tuple[Any, Any]:
+        if self.store is not None and self.store.names(name):
+            try:
+                wanted = jax.eval_shape(function, carry, items)
+                return load_like(self.store.path(name), wanted, "this one")
+            except InputError:
+                raise InputError(
+                    f"'{self.store.path(name)}' is damaged or of another call; remove "
+                    f"'{self.store.folder}', or choose another folder."
+                ) from None
+        result = function(carry, items)
+        if self.store is not None:
+            save(self.store.path(name), result)
+        return result

@@ -97,26 +97,33 @@ def tune(
                 )
         if any(each.name.startswith("dynamics.") for each in parsed):
             check_motion_gradient(sequence.tracker)
-    asked = checkpoint.asked(parsed, start, objective, settings, sequences)
+    name = objective if isinstance(objective, str) else getattr(objective, "__qualname__", "own")
+    asked = checkpoint.described(
+        dataclasses.asdict(settings)
+        | {"objective": name, "parameters": list(map(str, parsed)), "start": start}
+        | {"sequences": [each.name for each in sequences]}
+        | {"frames": [(each.frames, each.observed, each.inputs) for each in sequences]}
+        | {"labels": [(each.truth,) for each in sequences]}
+        | {"tracker": [each.tracker for each in sequences]}
+    )
     store = None if folder is None else Store(Path(folder), "remove it, or choose another folder")
+    if store is not None and (old := store.settings()) is not None:
+        store.check_same(old, asked)
     prepared = [ready(sequence) for sequence in sequences]
     value_and_gradient = free_loss(objective, tuple(parsed), sequences[0].outlines)
-    descents: list[Descent] = [] if store is None else checkpoint.read(store, asked)
+    descents: list[Descent] = []
     for repeat in range(settings.repeats):
-        descent = descents[repeat] if repeat < len(descents) else None
-        if descent is None:
-            descent = _begin(parsed, start, settings, repeat)
-            descents.append(descent)
+        descents.append(checkpoint.read(store, _begin(parsed, start, settings, repeat)))
         try:
-            for done in _descend(descent, parsed, prepared, value_and_gradient, settings):
-                descents[repeat] = done
+            for done in _descend(descents[-1], prepared, value_and_gradient, settings):
+                descents[-1] = done
                 if store is not None and done.num_steps % _STEPS_PER_CHECKPOINT == 0:
                     checkpoint.write(store, asked, done)
                 if progress is not None:
                     progress(done)
         except _NotFinite as error:
             result = summarise(parsed, start, descents, settings)
-            where = f"{error} of step {descents[repeat].num_steps + 1}, repeat {repeat + 1}"
+            where = f"{error} of step {descents[-1].num_steps + 1}, repeat {repeat + 1}"
             values = ", ".join(f"{name} = {_shown(x)}" for name, x in result.last_good.items())
             raise Diverged(
                 f"the loss became {error.value} on {where}; the last good values are {values}: "
@@ -125,8 +132,8 @@ def tune(
             ) from None
         finally:
             # Without a step there is nothing to resume, and the next call may have other settings.
-            if store is not None and descents[repeat].num_steps:
-                checkpoint.write(store, asked, descents[repeat])
+            if store is not None and descents[-1].num_steps:
+                checkpoint.write(store, asked, descents[-1])
     result = summarise(parsed, start, descents, settings)
     if objective == "evidence":
         errors, reason = curvature(result, parsed, prepared, value_and_gradient, settings)
@@ -199,7 +206,7 @@ def _on_device(free: dict[str, np.ndarray]) -> dict[str, jax.Array]:
     return {name: jnp.asarray(z, float) for name, z in free.items()}
 
 
-def _descend(descent, parameters, sequences, value_and_gradient, settings):
+def _descend(descent, sequences, value_and_gradient, settings):
     """Yield the descent after every step until it stops."""
     optimiser, take_step = _optimiser(settings.clip, settings.learning_rate)
     free = _on_device({name: trace[-1] for name, trace in descent.free.items()})

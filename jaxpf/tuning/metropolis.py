@@ -39,7 +39,7 @@ from jaxpf.running.frames import as_arrays, num_frames
 from jaxpf.smoothing.genealogy import draw_paths
 from jaxpf.smoothing.groups import check_genealogy, sees_previous
 from jaxpf.smoothing.passes import backward_key
-from jaxpf.tuning.in_pieces import LongScans, Progress
+from jaxpf.tuning.checkpoint import LongScans, Progress
 from jaxpf.tuning.objectives import keep_log_evidence
 from jaxpf.tuning.posterior import Posterior
 

@@ -3,25 +3,14 @@
 Every objective runs a tracker R times over a sequence and returns one number per run, ``[R]``,
 which shows the spread over runs.  Differentiate it in the tracker by ``jax.grad(...,
 allow_int=True)``; the tracker's field ``gradient`` determines what the gradient means.
-All have these arguments:
-
-``tracker``, ``frames``, ``observed``, ``inputs``
-    As for ``jaxpf.run``.
-``keys``
-    ``[R]``, one per run; the same keys give the same random numbers.
-``truth``
-    Labels; NaN marks missing labels, which are ignored.
-``checkpoint``
-    What reverse-mode differentiation stores; it changes memory and time, not the result.  False
-    stores everything that a frame computes.  True stores only the particles between frames and
-    their ancestors, and recomputes each frame in the backward pass, which costs about one more
-    forward pass.  A number k stores only the particles of every k-th frame and costs two more; with
-    k near sqrt(T), memory grows with the square root of the number of frames.
+``tracker`` and ``frames`` are as for ``jaxpf.run``; ``keys``, ``[R]``, are one per run, and the
+same keys give the same random numbers.  NaN marks missing labels in ``truth``, which are ignored.
+All take the options in ``Options``.
 """
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import jax
 import jax.numpy as jnp
@@ -45,14 +34,27 @@ from jaxpf.running.frames import num_frames
 from jaxpf.shapes.rectangles import boxes_from_substates, is_proper
 
 
+class Options(TypedDict, total=False):
+    """Options of every objective.
+
+    Attributes:
+        checkpoint: what reverse-mode differentiation stores; it changes memory and time, not the
+            result.  False stores everything that a frame computes.  True, the default, stores only
+            the particles between frames and their ancestors, and recomputes each frame in the
+            backward pass, which costs about one more forward pass.  A number k stores only the
+            particles of every k-th frame and costs two more; with k near sqrt(T), memory grows with
+            the square root of the number of frames.
+        observed: as for ``jaxpf.run``.
+        inputs: as for ``jaxpf.run``.
+    """
+
+    checkpoint: bool | int
+    observed: Any
+    inputs: Any
+
+
 def log_evidence(
-    tracker: TrackerLike,
-    keys: jax.Array,
-    frames: Any,
-    *,
-    checkpoint: bool | int = True,
-    observed: Any = None,
-    inputs: Any = None,
+    tracker: TrackerLike, keys: jax.Array, frames: Any, **options: Unpack[Options]
 ) -> jax.Array:
     """Log of each run's estimate of ``p(y_1:T)``; -inf if a frame was impossible for all particles.
 
@@ -64,25 +66,19 @@ def log_evidence(
     = 0 makes it one, so its evidence prefers lambda = 0 for any frames.  Tune such a sharpness by a
     supervised loss, or normalise the likelihood.
     """
-    increments = _record(keep_log_evidence, tracker, keys, frames, checkpoint, observed, inputs)
+    increments = _record(keep_log_evidence, tracker, keys, frames, **options)
     return logs.sum_evenly(increments, axis=0)
 
 
 def log_mean_evidence(
-    tracker: TrackerLike,
-    keys: jax.Array,
-    frames: Any,
-    *,
-    checkpoint: bool | int = True,
-    observed: Any = None,
-    inputs: Any = None,
+    tracker: TrackerLike, keys: jax.Array, frames: Any, **options: Unpack[Options]
 ) -> jax.Array:
     """Log of the mean over runs of the estimates of ``p(y_1:T)``, ``[]``.
 
     Unlike the mean of the logs it approaches the log evidence as R grows, even with few particles.
     So does its gradient with ``jaxpf.gradients.StopGradient``.
     """
-    increments = _record(keep_log_evidence, tracker, keys, frames, checkpoint, observed, inputs)
+    increments = _record(keep_log_evidence, tracker, keys, frames, **options)
     # Runs are compared by their differences: sums of large numbers would be rounded.
     common = logs.finite(lax.stop_gradient(jnp.max(increments, axis=1)))
     every = logs.sum_evenly(increments - common[:, None], axis=0)
@@ -90,20 +86,13 @@ def log_mean_evidence(
 
 
 def position_error(
-    tracker: TrackerLike,
-    keys: jax.Array,
-    frames: Any,
-    truth: ArrayLike,
-    *,
-    checkpoint: bool | int = True,
-    observed: Any = None,
-    inputs: Any = None,
+    tracker: TrackerLike, keys: jax.Array, frames: Any, truth: ArrayLike, **options: Unpack[Options]
 ) -> jax.Array:
     """Mean distance of the estimate from labelled positions, in the substates' units (pixels).
 
     Substates begin with the coordinates (u, v), and so does ``truth``, ``[T, P, >= 2]``.
     """
-    estimate = _record(_keep_estimate, tracker, keys, frames, checkpoint, observed, inputs)
+    estimate = _record(_keep_estimate, tracker, keys, frames, **options)
     truth, labelled = _places(truth, estimate)
     offset = jnp.where(labelled[:, None, :, None], estimate[..., :2] - truth[:, None], 0.0)
     square = jnp.sum(offset**2, axis=-1)
@@ -112,14 +101,7 @@ def position_error(
 
 
 def crps_loss(
-    tracker: TrackerLike,
-    keys: jax.Array,
-    frames: Any,
-    truth: ArrayLike,
-    *,
-    checkpoint: bool | int = True,
-    observed: Any = None,
-    inputs: Any = None,
+    tracker: TrackerLike, keys: jax.Array, frames: Any, truth: ArrayLike, **options: Unpack[Options]
 ) -> jax.Array:
     """Mean continuous ranked probability score of labelled positions, in pixels.
 
@@ -130,7 +112,10 @@ def crps_loss(
     """
     estimate, spread = _record(
         lambda state, summary: (summary.estimate, summary.spread),
-        *(tracker, keys, frames, checkpoint, observed, inputs),
+        tracker,
+        keys,
+        frames,
+        **options,
     )
     truth, labelled = _places(truth, estimate)
     counts = labelled[:, None, :, None]
@@ -149,10 +134,7 @@ def iou_loss(
     frames: Any,
     truth_boxes: ArrayLike,
     sizes: ArrayLike,
-    *,
-    checkpoint: bool | int = True,
-    observed: Any = None,
-    inputs: Any = None,
+    **options: Unpack[Options],
 ) -> jax.Array:
     """Mean of 1 - intersection over union of the estimated and the labelled boxes, 0 to 1.
 
@@ -162,7 +144,7 @@ def iou_loss(
     ``truth_boxes`` ``[T, P, 4]`` are x, y, w, h in pixels; a box of zero width or height is
     ignored.  ``sizes`` ``[P, 2]`` are width and height at scale 1, in pixels.
     """
-    estimate = _record(_keep_estimate, tracker, keys, frames, checkpoint, observed, inputs)
+    estimate = _record(_keep_estimate, tracker, keys, frames, **options)
     truth = _truth(truth_boxes, estimate, least=4)
     labelled = is_proper(truth)
     # Dummy boxes replace missing ones, since 0/0 would put NaN into the gradient.
@@ -176,17 +158,14 @@ def outline_loss(
     frames: Any,
     truth: ArrayLike,
     outlines: Callable[[jax.Array], jax.Array],
-    *,
-    checkpoint: bool | int = True,
-    observed: Any = None,
-    inputs: Any = None,
+    **options: Unpack[Options],
 ) -> jax.Array:
     """``iou_loss`` for convex outlines at any angle.
 
     ``truth`` ``[T, P, V, 2]`` are corners in order, pixels; ``outlines`` is a function of estimates
     ``[..., P, D]`` -> corners ``[..., P, V, 2]``.
     """
-    estimate = _record(_keep_estimate, tracker, keys, frames, checkpoint, observed, inputs)
+    estimate = _record(_keep_estimate, tracker, keys, frames, **options)
     truth = _truth(truth, estimate, num_axes=4)
     labelled = jnp.all(jnp.isfinite(truth), axis=(-2, -1))
     found = outlines(estimate)
@@ -214,9 +193,9 @@ def _record(
     tracker: TrackerLike,
     keys: jax.Array,
     frames: Any,
-    checkpoint: bool | int,
-    observed: Any,
-    inputs: Any,
+    checkpoint: bool | int = True,
+    observed: Any = None,
+    inputs: Any = None,
 ) -> Any:
     """``record(state, summary)`` for every frame and run, leading axes ``[T, R]``.
 

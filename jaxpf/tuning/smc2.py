@@ -26,7 +26,7 @@ from jaxpf.lowering.programs import compiled
 from jaxpf.resampling.weighted import ancestors
 from jaxpf.running import gaps, runs
 from jaxpf.running.frames import as_arrays, num_frames
-from jaxpf.tuning.in_pieces import LongScans, Progress
+from jaxpf.tuning.checkpoint import LongScans, Progress
 from jaxpf.tuning.metropolis import Filters
 from jaxpf.tuning.objectives import keep_log_evidence
 

@@ -138,14 +138,18 @@ def test_the_form_for_all_particles_follows_from_that_for_one():
 @pytest.mark.parametrize(
     ("base", "call", "missing"),
     [
-        (contract.Dynamics, lambda x: x.propagate(None, 0, *[jnp.zeros(1)] * 3), "propagate"),
+        (
+            contract.Dynamics,
+            lambda x: x.propagate(jax.random.key(0), 0, *[jnp.zeros(1)] * 3),
+            "propagate",
+        ),
         (contract.Likelihood, lambda x: x.log_prob(None, 0, jnp.zeros(1)), "log_prob"),
         (
             contract.DynamicsWithDensity,
             lambda x: x.log_density_all(jnp.zeros(1), *[jnp.zeros((1, 1))] * 4),
             "log_density",
         ),
-        (contract.Tracker, lambda x: x.step(None, None, None), "step or step_observed"),
+        (contract.Tracker, lambda x: x.step(None, None, None), "step_observed, or step"),
     ],
 )
 def test_a_class_that_defines_nothing_says_what_is_missing(base, call, missing):

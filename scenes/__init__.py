@@ -10,24 +10,21 @@ import difflib
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from scenes.articulated import ArticulatedParameters, articulated_scene
-from scenes.distracter import DistracterParameters, distracter_scene
-from scenes.face import FaceParameters, face_scene
-from scenes.fish import FishParameters, fish_scene
+from scenes.articulated import Articulated
+from scenes.distracter import Distracter
+from scenes.drawn import Drawn
+from scenes.face import Face
+from scenes.fish import Fish
 from scenes.functions import call_scene, cause_of, function_of_text, names_function
-from scenes.leaves import LeavesParameters, leaves_scene
-from scenes.parameters import Parameters
-from scenes.projectiles import ProjectilesParameters, projectiles_scene
+from scenes.leaves import Leaves
+from scenes.projectiles import Projectiles
 from scenes.scene import Scene, SceneError, cut_patch
-from scenes.skydivers import SkydiversParameters, skydivers_scene
+from scenes.skydivers import Skydivers
 from scenes.street import puppet_scene, street_scene
-from scenes.walkers import WalkersParameters, walkers_scene
-from scenes.wires import WiresParameters, wires_scene
+from scenes.walkers import Walkers
+from scenes.wires import Wires
 
 __all__ = [
-    "ArticulatedParameters",
-    "DistracterParameters",
-    "ProjectilesParameters",
     "Scene",
     "SceneError",
     "cause_of",
@@ -42,32 +39,31 @@ __all__ = [
     "street_scene",
 ]
 
-# name -> class of the parameters, and function of (parameters, seed) that generates the scene
-_REGISTRY: dict[str, tuple[type[Parameters], Callable[[Any, int], Scene]]] = {
-    parameters.scene: (parameters, draw)
-    for parameters, draw in (
-        (ArticulatedParameters, articulated_scene),
-        (DistracterParameters, distracter_scene),
-        (ProjectilesParameters, projectiles_scene),
-        (FaceParameters, face_scene),
-        (FishParameters, fish_scene),
-        (SkydiversParameters, skydivers_scene),
-        (LeavesParameters, leaves_scene),
-        (WalkersParameters, walkers_scene),
-        (WiresParameters, wires_scene),
+#: The synthetic scenes by name.
+_DRAWN: Mapping[str, type[Drawn]] = {
+    each.name: each
+    for each in (
+        Articulated,
+        Distracter,
+        Face,
+        Fish,
+        Leaves,
+        Projectiles,
+        Skydivers,
+        Walkers,
+        Wires,
     )
 }
 
 
 def names() -> list[str]:
     """Return the names of the synthetic scenes, sorted."""
-    return sorted(_REGISTRY)
+    return sorted(_DRAWN)
 
 
 def default_parameters(name: str) -> dict[str, Any]:
     """Return the parameters of a scene with their defaults."""
-    parameters_class, _ = _look_up(name)
-    return dataclasses.asdict(parameters_class())
+    return dataclasses.asdict(_look_up(name)())
 
 
 def make(name: str, seed: int = 0, **parameters: Any) -> Scene:
@@ -75,7 +71,6 @@ def make(name: str, seed: int = 0, **parameters: Any) -> Scene:
 
     The same name, seed and parameters give the same scene, bit for bit.
     """
-    parameters_class, draw = _look_up(name)
     valid = default_parameters(name)
     unknown = sorted(set(parameters) - set(valid))
     if unknown:
@@ -83,7 +78,7 @@ def make(name: str, seed: int = 0, **parameters: Any) -> Scene:
             f"scene {name!r} has no parameter {', '.join(map(repr, unknown))}; "
             f"it has {', '.join(valid)}"
         )
-    return draw(parameters_class(**parameters), _whole_seed(name, seed))
+    return _look_up(name)(**parameters).draw(_whole_seed(name, seed))
 
 
 def open_scene(
@@ -101,7 +96,7 @@ def open_scene(
         SceneError: an unknown scene or a failing function; the message says which.
     """
     given = dict(parameters or {})
-    if callable(source) or (source not in _REGISTRY and names_function(source)):
+    if callable(source) or (source not in _DRAWN and names_function(source)):
         return call_scene(source, _whole_seed(str(source), seed), given)
     return make(source, seed, **given)
 
@@ -112,12 +107,12 @@ def _whole_seed(name: str, seed: int) -> int:
     return int(seed)
 
 
-def _look_up(name: str) -> tuple[type, Callable[[Any, int], Scene]]:
-    if name not in _REGISTRY:
+def _look_up(name: str) -> type[Drawn]:
+    if name not in _DRAWN:
         near = difflib.get_close_matches(name, names(), n=1)
         meant = f"did you mean {near[0]!r}?  The" if near else "the"
         raise SceneError(
             f"no scene {name!r}; {meant} scenes are {', '.join(names())}.  You can also "
             "give a folder with an annotated sequence, or a function, file.py:function"
         )
-    return _REGISTRY[name]
+    return _DRAWN[name]

@@ -2,8 +2,7 @@
 
 An object of P rectangles, a centre and two arms, moves and deforms.  The paper specifies the
 numbers of parts and of frames and names the motions (weak; strong at the beginning; "very strong
-and erratic" throughout); its sequences were never published.  Everything else is our choice,
-documented in ``ArticulatedParameters``.
+and erratic" throughout); its sequences were never published.  Everything else is our choice.
 """
 
 import dataclasses
@@ -12,19 +11,24 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 
 from scenes.drawing import boxes_around, coloured, scattered, with_noise
-from scenes.parameters import Above0, Count, Parameters, Range, Share, Signed
-from scenes.scene import Scene, SceneError
-
-# Every ingredient has its own random stream, so that changing, say, the noise level keeps the
-# motion of a seed.
-_MOTION, _TEXTURES, _BACKGROUND, _PIXELS, _PATCHES = range(5)
+from scenes.drawn import Above0, Count, Drawn, Range, Share, Signed, streams
+from scenes.scene import Scene
 
 
 @dataclasses.dataclass(frozen=True)
-class ArticulatedParameters(Parameters):
-    """Parameters of the articulated scene; "paper" marks values from gonzales2011.
+class Articulated(Drawn):
+    """The scene and its parameters; "paper" marks values from gonzales2011.
 
-    Lengths are in pixels, angles in degrees, times in frames, colours in grey levels from 0 to 255.
+    Part 0 is the centre; odd parts form the left arm and even parts the right, from the centre
+    outwards.  ``boxes`` are the upright bounding boxes.  ``extras`` holds
+
+    * ``corners [T, P, 4, 2]``: top left, top right, bottom right and bottom left corner of every
+      part, as named at angle 0, in pixels;
+    * ``poses [T, P, 3]``: x, y of the part's centre and its angle in radians, clockwise in the
+      image, continuous in time;
+    * ``parents``, a tuple ``[P]``, -1 for the centre;
+    * ``parent_anchors [P, 2]`` and ``part_anchors [P, 2]``: the position of a part's joint in its
+      parent's coordinates and in its own (origin at the centre, axes turned with the part).
 
     Attributes:
         num_parts: P, an odd number: the centre and two arms of (P - 1) / 2 parts each
@@ -36,8 +40,8 @@ class ArticulatedParameters(Parameters):
         part_length: length of an arm's part, along the arm.
         inset: distance of a joint from the ends of the two parts that it connects, inside both, so
             that no gap opens as they rotate.
-        tilt: maximum rotation of the centre.
-        swing: maximum angle between a part and its parent.
+        tilt: maximum rotation of the centre, degrees.
+        swing: maximum angle between a part and its parent, degrees.
         period_spread: every coordinate's period is drawn from (1 -+ this) times the mean.
         strong_factor: speed factor there; it falls to 1 within the last quarter of
             ``strong_frames``.
@@ -53,7 +57,7 @@ class ArticulatedParameters(Parameters):
             each channel and pixel; one background for all frames.
     """
 
-    scene: ClassVar[str] = "articulated"
+    name: ClassVar[str] = "articulated"
     num_parts: Count = 7
     num_frames: Count = 300
     motion: Literal["smooth", "strong_start", "erratic"] = "smooth"
@@ -92,108 +96,122 @@ class ArticulatedParameters(Parameters):
         self.require("erratic_longest", longest, "must be at least erratic_shortest")
         self.require("inset", self.inset <= narrow, f"must be at most {narrow}, half a part")
 
+    def draw(self, seed: int) -> Scene:
+        """Draw the scene."""
+        motion, looks, ground, pixels, patches = streams(seed, 5)
+        parents = tuple(max(part - 2, 0) if part else -1 for part in range(self.num_parts))
+        sizes = np.full((self.num_parts, 2), (self.part_length, self.part_width))
+        sizes[0] = self.centre_width, self.centre_height
+        joints = self._joints(parents, sizes)
+        poses = _place(self._draw_motion(motion), parents, *joints)
+        poses[..., :2] += self.size / 2
+        signs = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+        corners = poses[..., None, :2] + _turned(signs * sizes[:, None] / 2, poses[..., None, 2])
+        self.check_in_view(corners)
+        textures = self._paint_textures(sizes, looks)
+        return self.scene(
+            seed,
+            self._draw_frames(poses, corners, textures, ground, pixels),
+            boxes_around(corners),
+            # Reference patches have noise, like the parts in the frames.
+            [with_noise(texture, self.object_noise, patches) for texture in textures],
+            corners=corners,
+            poses=poses,
+            parents=parents,
+            parent_anchors=joints[0],
+            part_anchors=joints[1],
+        )
 
-def articulated_scene(parameters: ArticulatedParameters, seed: int = 0) -> Scene:
-    """Generate the scene; the same parameters and seed give the same scene, bit for bit.
+    def _joints(self, parents: tuple[int, ...], sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Positions of each part's joint in its parent's coordinates and its own, ``[P, 2]``."""
+        parent_anchors, part_anchors = np.zeros(sizes.shape), np.zeros(sizes.shape)
+        for part, parent in enumerate(parents):
+            if parent >= 0:
+                outwards = -1 if part % 2 == 1 else 1
+                parent_anchors[part, 0] = outwards * (sizes[parent, 0] / 2 - self.inset)
+                part_anchors[part, 0] = -outwards * (sizes[part, 0] / 2 - self.inset)
+        return parent_anchors, part_anchors
 
-    Part 0 is the centre; odd parts form the left arm and even parts the right, from the centre
-    outwards.  ``boxes`` are the upright bounding boxes.  ``extras`` holds
+    def _draw_motion(self, rng: np.random.Generator) -> np.ndarray:
+        """``[T, P + 2]``: x and y of the centre, its angle, and the angle of every other joint."""
+        turns = np.deg2rad([self.tilt, *[self.swing] * (self.num_parts - 1)])
+        largest = np.array([self.travel_x, self.travel_y, *turns])
+        if self.motion == "erratic":
+            return largest * np.stack([self._draw_erratic(rng) for _ in largest], axis=1)
+        periods = np.full(largest.shape, self.swing_period)
+        periods[:2] = self.travel_period
+        periods *= rng.uniform(1 - self.period_spread, 1 + self.period_spread, periods.shape)
+        phases = rng.uniform(0, 2 * np.pi, periods.shape)
+        clock = np.concatenate([[0.0], np.cumsum(self._speed())])[:-1]
+        return largest * np.sin(2 * np.pi * clock[:, None] / periods + phases)
 
-    * ``corners [T, P, 4, 2]``: top left, top right, bottom right and bottom left corner of every
-      part, as named at angle 0, in pixels;
-    * ``poses [T, P, 3]``: x, y of the part's centre and its angle in radians, clockwise in the
-      image, continuous in time;
-    * ``parents``, a tuple ``[P]``, -1 for the centre;
-    * ``parent_anchors [P, 2]`` and ``part_anchors [P, 2]``: the position of a part's joint in its
-      parent's coordinates and in its own (origin at the centre, axes turned with the part).
-    """
-    parents = _tree(parameters.num_parts)
-    sizes = np.full((parameters.num_parts, 2), (parameters.part_length, parameters.part_width))
-    sizes[0] = parameters.centre_width, parameters.centre_height
-    parent_anchors, part_anchors = _joints(parameters, parents, sizes)
-    motion = _draw_motion(parameters, np.random.default_rng([seed, _MOTION]))
-    poses = _place(motion, parents, parent_anchors, part_anchors)
-    poses[..., :2] += np.array([parameters.frame_width, parameters.frame_height]) / 2
-    corners = _corners(poses, sizes)
-    _check_in_view(parameters, corners)
-    textures = _paint_textures(parameters, sizes, np.random.default_rng([seed, _TEXTURES]))
-    frames = _draw_frames(parameters, seed, poses, corners, textures)
-    # Reference patches have noise, like the parts in the frames.
-    rng = np.random.default_rng([seed, _PATCHES])
-    return Scene(
-        name="articulated",
-        frames=frames,
-        boxes=boxes_around(corners),
-        patches=[with_noise(texture, parameters.object_noise, rng) for texture in textures],
-        fps=parameters.fps,
-        parameters=parameters.record(seed),
-        extras={
-            "corners": corners,
-            "poses": poses,
-            "parents": parents,
-            "parent_anchors": parent_anchors,
-            "part_anchors": part_anchors,
-        },
-    )
+    def _speed(self) -> np.ndarray:
+        """``[T]``: how far the clock of the smooth motion advances in each frame."""
+        if self.motion != "strong_start":
+            return np.ones(self.num_frames)
+        left = self.strong_frames - np.arange(self.num_frames)
+        share = np.clip(left / max(self.strong_frames / 4, 1), 0, 1)
+        return 1 + (self.strong_factor - 1) * share
 
+    def _draw_erratic(self, rng: np.random.Generator) -> np.ndarray:
+        """``[T]`` in -1 to 1: moves between random targets, at rest in each."""
+        track = np.empty(self.num_frames)
+        at, start = 0, rng.uniform(-1, 1)
+        while at < len(track):
+            steps = int(rng.integers(self.erratic_shortest, self.erratic_longest + 1))
+            target = rng.uniform(-1, 1)
+            share = np.arange(steps)[: len(track) - at] / steps
+            ease = share**2 * (3 - 2 * share)
+            track[at : at + steps] = start + (target - start) * ease
+            at, start = at + steps, target
+        return track
 
-def _tree(num_parts: int) -> tuple[int, ...]:
-    """Two arms from a centre: -1, 0, 0, 1, 2, 3, 4, ..."""
-    return tuple(-1 if part == 0 else max(part - 2, 0) for part in range(num_parts))
+    def _paint_textures(self, sizes: np.ndarray, rng: np.random.Generator) -> list[np.ndarray]:
+        """Textures ``[h, w, 3]`` float: mosaics of two hues, different for every part."""
+        textures = []
+        for part, (width, height) in enumerate(sizes):
+            is_accent = scattered(self.accent_share, height, width, self.cell_size, rng)
+            hues = part / self.num_parts + np.where(is_accent, 0.12, 0.0)
+            textures.append(coloured(hues, self.saturation, self.brightness))
+        return textures
 
+    def _draw_frames(
+        self,
+        poses: np.ndarray,
+        corners: np.ndarray,
+        textures: list[np.ndarray],
+        ground: np.random.Generator,
+        pixels: np.random.Generator,
+    ) -> np.ndarray:
+        """``[T, H, W, 3]`` uint8: the background, parts from the arms' ends to the centre."""
+        mean = np.full((self.frame_height, self.frame_width, 3), self.background_mean)
+        background = with_noise(mean, self.background_noise, ground)
+        frames = np.repeat(background[None], self.num_frames, axis=0)
+        for frame, pose, corner in zip(frames, poses, corners, strict=True):
+            for part in reversed(range(len(textures))):
+                self._paste(frame, pose[part], corner[part], textures[part], pixels)
+        return frames
 
-def _joints(
-    parameters: ArticulatedParameters, parents: tuple[int, ...], sizes: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Positions of each part's joint in its parent's coordinates and its own, ``[P, 2]`` each."""
-    parent_anchors, part_anchors = np.zeros(sizes.shape), np.zeros(sizes.shape)
-    for part, parent in enumerate(parents):
-        if parent >= 0:
-            outwards = -1 if part % 2 == 1 else 1
-            parent_anchors[part, 0] = outwards * (sizes[parent, 0] / 2 - parameters.inset)
-            part_anchors[part, 0] = -outwards * (sizes[part, 0] / 2 - parameters.inset)
-    return parent_anchors, part_anchors
-
-
-# Motion
-
-
-def _draw_motion(parameters: ArticulatedParameters, rng: np.random.Generator) -> np.ndarray:
-    """``[T, P + 2]``: x and y of the centre, its angle, and the angle of every other joint."""
-    turns = np.deg2rad([parameters.tilt, *[parameters.swing] * (parameters.num_parts - 1)])
-    largest = np.array([parameters.travel_x, parameters.travel_y, *turns])
-    if parameters.motion == "erratic":
-        return largest * np.stack([_draw_erratic(parameters, rng) for _ in largest], axis=1)
-    periods = np.full(largest.shape, parameters.swing_period)
-    periods[:2] = parameters.travel_period
-    spread = parameters.period_spread
-    periods *= rng.uniform(1 - spread, 1 + spread, periods.shape)
-    phases = rng.uniform(0, 2 * np.pi, periods.shape)
-    clock = np.concatenate([[0.0], np.cumsum(_speed(parameters))])[:-1]
-    return largest * np.sin(2 * np.pi * clock[:, None] / periods + phases)
-
-
-def _speed(parameters: ArticulatedParameters) -> np.ndarray:
-    """``[T]``: how far the clock of the smooth motion advances in each frame."""
-    if parameters.motion != "strong_start":
-        return np.ones(parameters.num_frames)
-    left = parameters.strong_frames - np.arange(parameters.num_frames)
-    share = np.clip(left / max(parameters.strong_frames / 4, 1), 0, 1)
-    return 1 + (parameters.strong_factor - 1) * share
-
-
-def _draw_erratic(parameters: ArticulatedParameters, rng: np.random.Generator) -> np.ndarray:
-    """``[T]`` in -1 to 1: moves between random targets, at rest in each."""
-    track = np.empty(parameters.num_frames)
-    at, start = 0, rng.uniform(-1, 1)
-    while at < len(track):
-        steps = int(rng.integers(parameters.erratic_shortest, parameters.erratic_longest + 1))
-        target = rng.uniform(-1, 1)
-        share = np.arange(steps)[: len(track) - at] / steps
-        ease = share**2 * (3 - 2 * share)
-        track[at : at + steps] = start + (target - start) * ease
-        at, start = at + steps, target
-    return track
+    def _paste(
+        self,
+        picture: np.ndarray,
+        pose: np.ndarray,
+        corners: np.ndarray,
+        texture: np.ndarray,
+        rng: np.random.Generator,
+    ) -> None:
+        """Draw one part in place: a pixel whose centre lies in it shows the texture there."""
+        left, top = np.floor(corners.min(axis=0)).astype(int).clip(0)
+        right, bottom = np.ceil(corners.max(axis=0)).astype(int)
+        window = picture[top:bottom, left:right]
+        rows, columns = np.mgrid[top : top + len(window), left : left + window.shape[1]]
+        offsets = np.stack([columns, rows], axis=-1) + 0.5 - pose[:2]
+        height, width = texture.shape[:2]
+        inner = _turned(offsets, -pose[2]) + np.array([width, height]) / 2
+        column, row = np.floor(inner).astype(int).transpose(2, 0, 1)
+        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        shown = texture[row[inside], column[inside]]
+        window[inside] = with_noise(shown, self.object_noise, rng)
 
 
 def _place(
@@ -216,83 +234,7 @@ def _place(
 
 
 def _turned(vectors: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Rotate vectors ``[..., 2]`` by angles ``[...]``, clockwise in the image."""
+    """Rotate vectors ``[..., 2]`` by angles ``[...]`` in radians, clockwise in the image."""
     x, y = vectors[..., 0], vectors[..., 1]
     cosine, sine = np.cos(angles), np.sin(angles)
     return np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
-
-
-def _corners(poses: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """``[T, P, 4, 2]``, clockwise from the corner that is top left at angle 0."""
-    signs = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    offsets = signs * sizes[:, None] / 2
-    return poses[..., None, :2] + _turned(offsets, poses[..., None, 2])
-
-
-def _check_in_view(parameters: ArticulatedParameters, corners: np.ndarray) -> None:
-    frame = (parameters.frame_width, parameters.frame_height)
-    outside = np.argwhere(((corners < 0) | (corners > frame)).any(axis=(2, 3)))
-    if len(outside):
-        frame_number, part = outside[0]
-        raise SceneError(
-            f"articulated scene: part {part} leaves the {frame[0]} x {frame[1]} frame in frame "
-            f"{frame_number}; take fewer or smaller parts, less travel_x, travel_y or swing, or a "
-            "larger frame"
-        )
-
-
-# Pictures
-
-
-def _paint_textures(
-    parameters: ArticulatedParameters, sizes: np.ndarray, rng: np.random.Generator
-) -> list[np.ndarray]:
-    """Textures ``[h, w, 3]`` float: mosaics of two hues, different for every part."""
-    textures = []
-    for part, (width, height) in enumerate(sizes):
-        share, cell = parameters.accent_share, parameters.cell_size
-        is_accent = scattered(share, height, width, cell, rng)
-        hues = part / parameters.num_parts + np.where(is_accent, 0.12, 0.0)
-        textures.append(coloured(hues, parameters.saturation, parameters.brightness))
-    return textures
-
-
-def _draw_frames(
-    parameters: ArticulatedParameters,
-    seed: int,
-    poses: np.ndarray,
-    corners: np.ndarray,
-    textures: list[np.ndarray],
-) -> np.ndarray:
-    """``[T, H, W, 3]`` uint8: background, parts from the arms' ends inwards, the centre on top."""
-    shape = (parameters.frame_height, parameters.frame_width, 3)
-    mean = np.full(shape, parameters.background_mean)
-    rng = np.random.default_rng([seed, _BACKGROUND])
-    background = with_noise(mean, parameters.background_noise, rng)
-    rng = np.random.default_rng([seed, _PIXELS])
-    frames = np.repeat(background[None], parameters.num_frames, axis=0)
-    for frame, pose, corner in zip(frames, poses, corners, strict=True):
-        for part in reversed(range(len(textures))):
-            _paste(frame, pose[part], corner[part], textures[part], parameters.object_noise, rng)
-    return frames
-
-
-def _paste(
-    picture: np.ndarray,
-    pose: np.ndarray,
-    corners: np.ndarray,
-    texture: np.ndarray,
-    noise: float,
-    rng: np.random.Generator,
-) -> None:
-    """Draw one part in place: a pixel whose centre lies in it shows the texture's cell there."""
-    left, top = np.floor(corners.min(axis=0)).astype(int).clip(0)
-    right, bottom = np.ceil(corners.max(axis=0)).astype(int)
-    window = picture[top:bottom, left:right]
-    rows, columns = np.mgrid[top : top + len(window), left : left + window.shape[1]]
-    offsets = np.stack([columns, rows], axis=-1) + 0.5 - pose[:2]
-    height, width = texture.shape[:2]
-    inner = _turned(offsets, -pose[2]) + np.array([width, height]) / 2
-    column, row = np.floor(inner).astype(int).transpose(2, 0, 1)
-    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    window[inside] = with_noise(texture[row[inside], column[inside]], noise, rng)

@@ -7,13 +7,14 @@ below 1.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from typing import ClassVar, NamedTuple
 
 import cv2
 import numpy as np
 
-from scenes.parameters import Parameters
-from scenes.scene import Scene, SceneError
+from scenes.drawn import Drawn, streams
+from scenes.scene import Scene
 
 Bend = Callable[[np.ndarray], np.ndarray]
 
@@ -34,6 +35,34 @@ class Body:
 
     picture: np.ndarray
     alpha: np.ndarray
+
+
+class Sketch:
+    """A body while it is drawn, pixel by pixel.
+
+    Attributes:
+        picture: float32 [h, w, 3], also outside its silhouette.
+        alpha: uint8 [h, w], the silhouette.
+        middle: pixel of the body's origin, [2].
+    """
+
+    def __init__(self, texture: np.ndarray):
+        """Begin with a texture [h, w, 3] without a silhouette."""
+        height, width = texture.shape[:2]
+        self.picture = np.ascontiguousarray(np.clip(texture, 0, 255).astype(np.float32))
+        self.alpha = np.zeros((height, width), np.uint8)
+        self.middle = np.array([width // 2, height // 2])
+
+    def limb(self, start, end, thickness, colour=None, wider=0) -> None:
+        """Add a thick line between two positions; a colour covers that many pixels more."""
+        first, last = ([int(value) for value in self.middle + place] for place in (start, end))
+        cv2.line(self.alpha, first, last, (255,), thickness, cv2.LINE_AA)
+        if colour is not None:
+            cv2.line(self.picture, first, last, colour, thickness + wider, cv2.LINE_AA)
+
+    def body(self) -> Body:
+        """The finished body."""
+        return Body(self.picture, self.alpha.astype(np.float32) / 255)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -149,36 +178,68 @@ class Film:
         self.frames.append(np.clip(noisy + 0.5, 0, 255).astype(np.uint8))
 
 
-def point_scene(
-    frames: Sequence[np.ndarray],
-    points: Sequence[np.ndarray],
-    visible: Sequence[np.ndarray],
-    names: Sequence[str],
-    length: Sequence[float],
-    parameters: Parameters,
-    seed: int,
-) -> Scene:
-    """Build a scene of points.
+class Shot(NamedTuple):
+    """A frame of a scene of points.
+
+    Attributes:
+        picture: float32 [H, W, 3], without camera noise.
+        points: [P, 2], pixels.
+        visible: [P] bool.
+        length: of the body, pixels.
+    """
+
+    picture: np.ndarray
+    points: np.ndarray
+    visible: np.ndarray
+    length: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Points(Drawn):
+    """A scene of points on deforming bodies; boxes and patches are windows around the points.
 
     ``extras`` has ``points`` [T, P, 2] in pixels, ``visible`` bool [T, P], ``point_names`` and
-    ``body_length`` [T] in pixels.  Boxes and patches are windows around the points.
+    ``body_length`` [T] in pixels.
+
+    Attributes:
+        pixel_noise: standard deviation of the camera noise.
     """
-    places = np.array(points)
-    boxes = np.concatenate([places - WINDOW / 2, np.full_like(places, WINDOW)], axis=-1)
-    patches = []
-    padded = np.pad(frames[0], ((WINDOW, WINDOW), (WINDOW, WINDOW), (0, 0)))
-    for point, (x, y) in zip(names, places[0], strict=True):
-        if not (0 <= x < frames[0].shape[1] and 0 <= y < frames[0].shape[0]):
-            raise SceneError(
-                f"scene {parameters.scene!r}: point {point!r} starts outside; use a larger frame"
-            )
-        column, row = int(x) + WINDOW - WINDOW // 2, int(y) + WINDOW - WINDOW // 2
-        patches.append(padded[row : row + WINDOW, column : column + WINDOW].copy())
-    extras = {
-        "points": places,
-        "visible": np.array(visible),
-        "point_names": tuple(names),
-        "body_length": np.array(length),
-    }
-    record, fps = parameters.record(seed), parameters.fps
-    return Scene(parameters.scene, np.stack(frames), boxes, patches, fps, record, extras)
+
+    pixel_noise: float = 4.0
+
+    #: Name of a point -> its position in body coordinates.
+    points: ClassVar[Mapping[str, tuple[float, float]]]
+
+    def shots(self, look: np.random.Generator, path: np.random.Generator) -> Iterator[Shot]:
+        """The frames, from a stream for appearance and one for motion."""
+        raise NotImplementedError
+
+    def in_view(self, places: np.ndarray) -> np.ndarray:
+        """Whether positions [..., 2] lie in the frame."""
+        return np.all((places >= 0) & (places < self.size), axis=-1)
+
+    def draw(self, seed: int) -> Scene:
+        """Draw the scene."""
+        look, path, camera = streams(seed, 3)
+        film, truth = Film(camera, self.frame_height, self.frame_width, self.pixel_noise), []
+        for picture, *of_frame in self.shots(look, path):
+            film.add(picture)
+            truth.append(of_frame)
+        points, visible, length = (np.array(each) for each in zip(*truth, strict=True))
+        boxes = np.concatenate([points - WINDOW / 2, np.full_like(points, WINDOW)], axis=-1)
+        starts_inside = bool(self.in_view(points[0]).all())
+        self.require("frame_width", starts_inside, "is too small for the body")
+        padded = np.pad(film.frames[0], ((WINDOW, WINDOW), (WINDOW, WINDOW), (0, 0)))
+        patches = []
+        for column, row in points[0].astype(int) + WINDOW - WINDOW // 2:
+            patches.append(padded[row : row + WINDOW, column : column + WINDOW].copy())
+        return self.scene(
+            seed,
+            np.stack(film.frames),
+            boxes,
+            patches,
+            points=points,
+            visible=visible,
+            point_names=tuple(self.points),
+            body_length=length,
+        )

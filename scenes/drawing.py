@@ -1,13 +1,13 @@
 """Shared by drawn scenes: textures, mosaics, noise, smooth paths, painted outlines, boxes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import cv2
 import numpy as np
 
-from scenes.parameters import Parameters
-from scenes.scene import Scene, SceneError
+from scenes.drawn import Drawn
+from scenes.scene import Scene
 
 #: Fractional bits of OpenCV coordinates.
 _SHIFT = 4
@@ -19,15 +19,31 @@ def texture(rng: np.random.Generator, height: int, width: int, grain: float) -> 
     return (noise - noise.mean()) / noise.std()
 
 
+def grained(
+    draw: Callable[[int, int], np.ndarray], height: int, width: int, grain: int
+) -> np.ndarray:
+    """A picture ``[height, width, ...]`` of squares with one value each.
+
+    Args:
+        draw: function of the numbers of rows and columns -> values of the squares.
+        height: in pixels.
+        width: in pixels.
+        grain: side of the squares.
+    """
+    squares = draw(-(-height // grain), -(-width // grain))
+    return squares.repeat(grain, axis=0).repeat(grain, axis=1)[:height, :width]
+
+
 def scattered(
     share: float, height: int, width: int, cell_size: int, rng: np.random.Generator
 ) -> np.ndarray:
     """``[h, w]`` bool: a random share of the square cells."""
-    columns, rows = -(-width // cell_size), -(-height // cell_size)
-    cells = np.arange(rows * columns) < round(share * rows * columns)
-    grid = rng.permutation(cells).reshape(rows, columns)
-    whole = np.kron(grid, np.ones((cell_size, cell_size), bool))
-    return whole[:height, :width].astype(bool)
+
+    def draw(rows: int, columns: int) -> np.ndarray:
+        cells = np.arange(rows * columns) < round(share * rows * columns)
+        return rng.permutation(cells).reshape(rows, columns)
+
+    return grained(draw, height, width, cell_size)
 
 
 def coloured(hues: np.ndarray, saturation: float, brightness: float) -> np.ndarray:
@@ -63,6 +79,33 @@ def noisy(picture: np.ndarray, noise: float, rng: np.random.Generator) -> np.nda
     return np.repeat(with_noise(picture, noise, rng)[..., None], 3, axis=-1)
 
 
+def painted(
+    grounds: Iterable[np.ndarray],
+    outlines: np.ndarray,
+    order: Sequence[int],
+    paint: Callable[[np.ndarray, np.ndarray], object],
+    noise: float,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Frames ``[T, H, W, 3]`` uint8 of outlines on grey grounds.
+
+    Args:
+        grounds: ``[H, W]`` of each frame.
+        outlines: ``[T, P, S, 2]``.
+        order: in which targets are painted, the farthest first.
+        paint: paints an outline into a picture, in place.
+        noise: standard deviation of every pixel.
+        rng: stream of the noise.
+    """
+    frames = []
+    for ground, shapes in zip(grounds, outlines, strict=True):
+        picture = ground.copy()
+        for target in order:
+            paint(picture, shapes[target])
+        frames.append(noisy(picture, noise, rng))
+    return np.stack(frames)
+
+
 def paint_inside(picture: np.ndarray, outline: np.ndarray, colour: float | np.ndarray) -> None:
     """Fill a closed outline ``[S, 2]`` in a float picture ``[H, W]``, antialiased, in place.
 
@@ -71,20 +114,15 @@ def paint_inside(picture: np.ndarray, outline: np.ndarray, colour: float | np.nd
         outline: in continuous pixels.
         colour: a grey level, or a picture of the same size.
     """
-    _blend(
-        picture,
-        outline,
-        colour,
-        2,
-        lambda share, points: cv2.fillPoly(share, [points], 255, cv2.LINE_AA, _SHIFT),
-    )
+
+    def fill(share: np.ndarray, points: np.ndarray) -> None:
+        cv2.fillPoly(share, [points], 255, cv2.LINE_AA, _SHIFT)
+
+    _blend(picture, outline, colour, 2, fill)
 
 
 def paint_body(
-    picture: np.ndarray,
-    outline: np.ndarray,
-    colour: float | np.ndarray,
-    seam: float,
+    picture: np.ndarray, outline: np.ndarray, colour: float | np.ndarray, seam: float
 ) -> None:
     """Fill a closed outline as ``paint_inside`` does, and draw a seam around it, 2 pixels wide.
 
@@ -96,53 +134,11 @@ def paint_body(
 
 def paint_line(picture: np.ndarray, line: np.ndarray, grey: float, width: int) -> None:
     """Draw an open line ``[S, 2]`` into a float picture ``[H, W]``, in place."""
-    _blend(
-        picture,
-        line,
-        grey,
-        width + 2,
-        lambda share, points: cv2.polylines(
-            share, [points], False, 255, width, cv2.LINE_AA, _SHIFT
-        ),
-    )
 
+    def draw(share: np.ndarray, points: np.ndarray) -> None:
+        cv2.polylines(share, [points], False, 255, width, cv2.LINE_AA, _SHIFT)
 
-def boxes_around(outlines: np.ndarray) -> np.ndarray:
-    """Boxes x, y, w, h ``[..., 4]`` around outlines ``[..., S, 2]``."""
-    low, high = outlines.min(axis=-2), outlines.max(axis=-2)
-    return np.concatenate([low, high - low], axis=-1)
-
-
-def make_scene(
-    frames: np.ndarray, outlines: np.ndarray, parameters: Parameters, seed: int, **extras: Any
-) -> Scene:
-    """Build the scene, with boxes around the outlines and patches from the first frame.
-
-    Raises:
-        SceneError: an outline leaves the frame.
-    """
-    height, width = frames.shape[1:3]
-    outside = ((outlines < 0) | (outlines > (width, height))).any(axis=(2, 3))
-    if outside.any():
-        frame, target = np.argwhere(outside)[0]
-        raise SceneError(
-            f"scene {parameters.scene!r}: target {target} leaves the {width} x {height} frame in "
-            f"frame {frame}; take a larger frame or less motion"
-        )
-    boxes = boxes_around(outlines)
-    patches = []
-    for x, y, w, h in boxes[0]:
-        rows, columns = slice(int(y), int(np.ceil(y + h))), slice(int(x), int(np.ceil(x + w)))
-        patches.append(frames[0, rows, columns])
-    return Scene(
-        name=parameters.scene,
-        frames=frames,
-        boxes=boxes,
-        patches=patches,
-        fps=parameters.fps,
-        parameters=parameters.record(seed),
-        extras={"outlines": outlines, **extras},
-    )
+    _blend(picture, line, grey, width + 2, draw)
 
 
 def _blend(
@@ -166,3 +162,21 @@ def _blend(
     if np.ndim(colour):
         colour = colour[top:bottom, left:right]
     part += (share / 255.0) * (colour - part)
+
+
+def boxes_around(outlines: np.ndarray) -> np.ndarray:
+    """Boxes x, y, w, h ``[..., 4]`` around outlines ``[..., S, 2]``."""
+    low, high = outlines.min(axis=-2), outlines.max(axis=-2)
+    return np.concatenate([low, high - low], axis=-1)
+
+
+def scene_of_outlines(
+    drawn: Drawn, seed: int, frames: np.ndarray, outlines: np.ndarray, **extras: Any
+) -> Scene:
+    """A scene with boxes around the outlines and patches from the first frame."""
+    drawn.check_in_view(outlines)
+    boxes, patches = boxes_around(outlines), []
+    for x, y, w, h in boxes[0]:
+        rows, columns = slice(int(y), int(np.ceil(y + h))), slice(int(x), int(np.ceil(x + w)))
+        patches.append(frames[0, rows, columns])
+    return drawn.scene(seed, frames, boxes, patches, outlines=outlines, **extras)

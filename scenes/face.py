@@ -7,14 +7,14 @@ that the paper does not specify are our choices.
 """
 
 import dataclasses
+from collections.abc import Iterator
 from typing import Annotated, ClassVar
 
 import cv2
 import numpy as np
 
-from scenes.deforming import Body, Film, Pose, bumps, draw, noise, point_scene
-from scenes.parameters import Parameters, Range
-from scenes.scene import Scene
+from scenes.deforming import Body, Points, Pose, Shot, Sketch, bumps, draw, noise
+from scenes.drawn import Range
 
 WIDTH = 200.0  # of the frontal face, pixels; errors are relative to it
 
@@ -45,8 +45,8 @@ BLINKS = (22, 68, 108)
 
 
 @dataclasses.dataclass(frozen=True)
-class FaceParameters(Parameters):
-    """Parameters of the face scene.
+class Face(Points):
+    """The scene and its parameters; an eyelid covers the eye, not its corners.
 
     Attributes:
         num_frames: length (paper: 127).
@@ -54,72 +54,54 @@ class FaceParameters(Parameters):
         frame_height: of a frame (paper: 576).
         tilt: displacement of each view, in opposite directions.
         smile: displacement of the corners of the mouth.
-        pixel_noise: standard deviation of the camera noise.
     """
 
-    scene: ClassVar[str] = "face"
+    name: ClassVar[str] = "face"
     num_frames: Annotated[int, Range(2)] = 127
     frame_width: Annotated[int, Range(640)] = 720
     frame_height: Annotated[int, Range(400)] = 576
     tilt: float = 40.0
     smile: float = 14.0
-    pixel_noise: float = 4.0
 
+    points: ClassVar = FRONT | PROFILE
 
-def face_scene(parameters: FaceParameters, seed: int = 0) -> Scene:
-    """Generate the scene; for ``extras`` see ``scenes.deforming.point_scene``.
-
-    Every point is always visible; an eyelid covers the eye, not its corners.
-    """
-    look, path, camera = (np.random.default_rng([seed, stream]) for stream in range(3))
-    width, height = parameters.frame_width, parameters.frame_height
-    wall = noise(look, (height, width), 80.0) * 5 + np.array([88.0, 92.0, 104.0])
-    wall = wall.astype(np.float32)
-    skin = noise(look, _SHAPE, 5.0) * 7 + noise(look, _SHAPE, 24.0) * 6
-    pictures = [
-        [draw_view(skin, closed) for closed in (False, True)] for draw_view in (_front, _side)
-    ]
-    groups = [np.array(list(group.values()), float) for group in (FRONT, PROFILE)]
-    phases = path.uniform(0, 2 * np.pi, 6)
-    film = Film(camera, height, width, parameters.pixel_noise)
-    points = []
-    for t in range(parameters.num_frames):
-        tilt = parameters.tilt * np.interp(t, [0, 30, 60, 100, 126], [0, 0, 1, 0.2, 0.5])
-        smile = parameters.smile * np.interp(t, [0, 56, 68, 82, 95, 126], [0, 0, 1, 1, 0, 0])
-        sway = 6 * np.sin(0.07 * t + phases[0]), 5 * np.sin(0.09 * t + phases[1])
-        closed = max(np.exp(-(((t - blink) / 2.0) ** 2)) for blink in BLINKS)
-        frame = wall.copy()
-        where = []
-        for view, (x, sign) in enumerate(((0.3 * width, 1), (0.74 * width, -1))):
-            at = x + sign * (tilt + sway[0]), 0.5 * height + sway[1] + 0.25 * tilt
-            if view == 0:
-                bend = bumps(
+    def shots(self, look: np.random.Generator, path: np.random.Generator) -> Iterator[Shot]:
+        """The frames, in which every point is visible."""
+        width, height = self.frame_width, self.frame_height
+        wall = noise(look, (height, width), 80.0) * 5 + np.array([88.0, 92.0, 104.0])
+        wall = wall.astype(np.float32)
+        skin = np.array([206.0, 160.0, 134.0])
+        skin = skin + (noise(look, _SHAPE, 5.0) * 7 + noise(look, _SHAPE, 24.0) * 6)
+        views = [
+            (0.3 * width, 1, FRONT, [_front(skin, closed) for closed in (False, True)]),
+            (0.74 * width, -1, PROFILE, [_side(skin, closed) for closed in (False, True)]),
+        ]
+        phases = path.uniform(0, 2 * np.pi, 6)
+        for t in range(self.num_frames):
+            tilt = self.tilt * np.interp(t, [0, 30, 60, 100, 126], [0, 0, 1, 0.2, 0.5])
+            smile = self.smile * np.interp(t, [0, 56, 68, 82, 95, 126], [0, 0, 1, 1, 0, 0])
+            sway = 6 * np.sin(0.07 * t + phases[0]), 5 * np.sin(0.09 * t + phases[1])
+            closed = max(np.exp(-(((t - blink) / 2.0) ** 2)) for blink in BLINKS)
+            smiles = (
+                bumps(
                     ((-40, 66), 22.0, (-smile, -0.7 * smile)),
                     ((40, 66), 22.0, (smile, -0.7 * smile)),
-                )
-            else:
-                bend = bumps(((60, 64), 20.0, (-0.6 * smile, -0.2 * smile)))
-            pose = Pose(*at, 1.0, sign * 0.004 * tilt, bend)
-            opened, shut = pictures[view]
-            picture = opened.picture + np.float32(closed) * (shut.picture - opened.picture)
-            draw(frame, Body(picture, opened.alpha), pose)
-            where.append(pose.to_image(groups[view]))
-        film.add(frame)
-        points.append(np.concatenate(where))
-    visible = [np.ones(len(points[0]), bool)] * parameters.num_frames
-    lengths = [WIDTH] * parameters.num_frames
-    names = [*FRONT, *PROFILE]
-    return point_scene(film.frames, points, visible, names, lengths, parameters, seed)
+                ),
+                bumps(((60, 64), 20.0, (-0.6 * smile, -0.2 * smile))),
+            )
+            frame, where = wall.copy(), []
+            for (x, sign, points, (opened, shut)), bend in zip(views, smiles, strict=True):
+                at = x + sign * (tilt + sway[0]), 0.5 * height + sway[1] + 0.25 * tilt
+                pose = Pose(*at, 1.0, sign * 0.004 * tilt, bend)
+                picture = opened.picture + np.float32(closed) * (shut.picture - opened.picture)
+                draw(frame, Body(picture, opened.alpha), pose)
+                where.append(pose.to_image(np.array(list(points.values()), float)))
+            places = np.concatenate(where)
+            yield Shot(frame, places, np.ones(len(places), bool), WIDTH)
 
 
 _SHAPE = (300, 240)
-_SKIN = np.array([206.0, 160.0, 134.0])
 _HAIR, _DARK, _LIP = (66, 46, 36), (30, 24, 24), (170, 84, 84)
-
-
-def _canvas(skin: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[int, int]]:
-    picture = np.ascontiguousarray(np.clip(_SKIN + skin, 0, 255).astype(np.float32))
-    return picture, np.zeros(_SHAPE, np.uint8), (_SHAPE[1] // 2, _SHAPE[0] // 2)
 
 
 def _eye(picture, centre, closed, reach=19):
@@ -133,7 +115,8 @@ def _eye(picture, centre, closed, reach=19):
 
 
 def _front(skin: np.ndarray, closed: bool) -> Body:
-    picture, alpha, (x, y) = _canvas(skin)
+    sketch = Sketch(skin)
+    picture, alpha, (x, y) = sketch.picture, sketch.alpha, sketch.middle.tolist()
     cv2.ellipse(alpha, (x, y), (100, 140), 0, 0, 360, 255, -1, cv2.LINE_AA)
     cv2.ellipse(picture, (x, y - 96), (104, 50), 0, 0, 360, _HAIR, -1, cv2.LINE_AA)
     for side in (-1, 1):
@@ -145,11 +128,12 @@ def _front(skin: np.ndarray, closed: bool) -> Body:
     cv2.ellipse(picture, (x, y + 22), (12, 8), 0, 0, 180, (180, 124, 106), 2, cv2.LINE_AA)
     cv2.ellipse(picture, (x, y + 66), (40, 11), 0, 0, 360, _LIP, -1, cv2.LINE_AA)
     cv2.line(picture, (x - 40, y + 66), (x + 40, y + 66), (96, 40, 44), 2, cv2.LINE_AA)
-    return Body(picture, alpha.astype(np.float32) / 255)
+    return sketch.body()
 
 
 def _side(skin: np.ndarray, closed: bool) -> Body:
-    picture, alpha, (x, y) = _canvas(skin)
+    sketch = Sketch(skin)
+    picture, alpha, (x, y) = sketch.picture, sketch.alpha, sketch.middle.tolist()
     outline = [
         *((-90, -60), (-60, -120), (0, -138), (44, -110), (54, -60), (52, -36), (86, 18), (62, 36)),
         *((68, 54), (58, 64), (64, 76), (52, 90), (56, 108), (30, 126), (-20, 110), (-60, 60)),
@@ -162,4 +146,4 @@ def _side(skin: np.ndarray, closed: bool) -> Body:
     cv2.circle(picture, (x + 66, y + 28), 4, (120, 70, 60), -1, cv2.LINE_AA)
     cv2.ellipse(picture, (x + 60, y + 56), (14, 7), 0, 0, 360, _LIP, -1, cv2.LINE_AA)
     cv2.ellipse(picture, (x + 56, y + 74), (12, 7), 0, 0, 360, _LIP, -1, cv2.LINE_AA)
-    return Body(picture, alpha.astype(np.float32) / 255)
+    return sketch.body()

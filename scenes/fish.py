@@ -6,37 +6,22 @@ is not available; details that the paper does not specify are our choices.
 """
 
 import dataclasses
+from collections.abc import Iterator
 from typing import Annotated, ClassVar
 
 import cv2
 import numpy as np
 
-from scenes.deforming import Bend, Body, Film, Pose, covers, draw, noise, point_scene
-from scenes.parameters import Parameters, Range
-from scenes.scene import Scene
+from scenes.deforming import Bend, Body, Points, Pose, Shot, covers, draw, noise
+from scenes.drawn import Range
 
 LENGTH = 220.0  # of the body, pixels at scale 1
-
-#: In body coordinates, the nose to the right.
-POINTS = {
-    "nose": (100, 4),
-    "eye": (78, -8),
-    "gill": (52, 6),
-    "dorsal front": (28, -34),
-    "dorsal back": (-22, -32),
-    "belly": (30, 34),
-    "pelvic fin": (2, 38),
-    "flank": (8, -2),
-    "anal fin": (-32, 28),
-    "tail root": (-66, 0),
-    "tail top": (-94, -26),
-    "tail bottom": (-94, 26),
-}
+_SHAPE = (120, 240)
 
 
 @dataclasses.dataclass(frozen=True)
-class FishParameters(Parameters):
-    """Parameters of the fish scene.
+class Fish(Points):
+    """The scene and its parameters.
 
     Attributes:
         num_frames: length (paper: 110).
@@ -44,75 +29,70 @@ class FishParameters(Parameters):
         frame_height: of a frame (paper: 1080).
         speed: of the fish, pixels per frame.
         likeness: share of the fish's markings in those of the look-alikes, 0 to 1.
-        pixel_noise: standard deviation of the camera noise.
     """
 
-    scene: ClassVar[str] = "fish"
+    name: ClassVar[str] = "fish"
     num_frames: Annotated[int, Range(2)] = 110
     frame_width: Annotated[int, Range(480)] = 960
     frame_height: Annotated[int, Range(270)] = 540
     speed: float = 3.0
     likeness: float = 0.5
-    pixel_noise: float = 4.0
 
     wave: ClassVar[float] = 9.0  # amplitude of swimming, at the tail
+    #: The nose to the right.
+    points: ClassVar = {
+        "nose": (100, 4),
+        "eye": (78, -8),
+        "gill": (52, 6),
+        "dorsal front": (28, -34),
+        "dorsal back": (-22, -32),
+        "belly": (30, 34),
+        "pelvic fin": (2, 38),
+        "flank": (8, -2),
+        "anal fin": (-32, 28),
+        "tail root": (-66, 0),
+        "tail top": (-94, -26),
+        "tail bottom": (-94, 26),
+    }
 
-
-def fish_scene(parameters: FishParameters, seed: int = 0) -> Scene:
-    """Generate the scene; for ``extras`` see ``scenes.deforming.point_scene``."""
-    look, path, camera = (np.random.default_rng([seed, stream]) for stream in range(3))
-    width, height = parameters.frame_width, parameters.frame_height
-    water = noise(look, (height, width), 60.0) * 14 + noise(look, (height, width), 9.0) * 6
-    background = (water + np.array([62.0, 104.0, 112.0])).astype(np.float32)
-    markings = noise(look, _SHAPE, 7.0)
-    fish = _fish(markings)
-    others = []
-    for _ in range(4):
-        share = parameters.likeness
-        mixed = share * markings + (1 - share) * noise(look, _SHAPE, 7.0)
-        others.append(_fish(mixed / mixed.std()))
-    phases = path.uniform(0, 2 * np.pi, 6)
-    wander = path.uniform(0.8, 1.2, 4)
-    places = np.array(list(POINTS.values()), float)
-    film = Film(camera, height, width, parameters.pixel_noise)
-    points, visible = [], []
-    travel = parameters.speed * parameters.num_frames
-    start = max(130.0, width / 2 - travel / 2)
-    for t in range(parameters.num_frames):
-        x = start + parameters.speed * t + 12 * np.sin(0.06 * t + phases[0])
-        y = height / 2 + 26 * np.sin(0.045 * wander[0] * t + phases[1])
-        tilt = 0.1 * np.sin(0.05 * wander[1] * t + phases[2])
-        pose = Pose(x, y, 1.0, tilt, _swimming(parameters.wave, 0.35 * t + phases[3]))
-        frame = background.copy()
-        behind = 0.55 * width + 140 * np.sin(0.02 * t)
-        draw(
-            frame, others[2], Pose(behind - 2 * t, 0.24 * height, 0.75, 0.0, _swimming(6, 0.3 * t))
-        )
-        draw(
-            frame, others[3], Pose(0.2 * width + t, 0.8 * height, 0.8, 0.05, _swimming(6, 0.4 * t))
-        )
-        draw(frame, fish, pose)
-        # In front: one meets the head and swims along for a while, one passes the dorsal fin.
-        along = np.interp(t, [0, 8, 14, 45, 54, 70], [330, 250, 132, 130, 300, 700])
-        over = np.interp(t, [0, 20, 32, 57, 68, 80], [-700, -330, -60, 30, 330, 800])
-        front = (
-            (others[0], Pose(x + along, y + 2, 0.8, 0.0, _swimming(7, 0.3 * t + phases[4]))),
-            (others[1], Pose(x + over, y - 40, 1.0, 0.0, _swimming(7, 0.33 * t + phases[5]))),
-        )
-        where = pose.to_image(places)
-        hidden = np.zeros(len(places), bool)
-        for body, at in front:
-            draw(frame, body, at)
-            hidden |= covers(body, at, where)
-        inside = ((where >= 0) & (where < [width, height])).all(axis=1)
-        film.add(frame)
-        points.append(where)
-        visible.append(inside & ~hidden)
-    lengths = [LENGTH] * parameters.num_frames
-    return point_scene(film.frames, points, visible, [*POINTS], lengths, parameters, seed)
-
-
-_SHAPE = (120, 240)
+    def shots(self, look: np.random.Generator, path: np.random.Generator) -> Iterator[Shot]:
+        """The frames."""
+        width, height = self.frame_width, self.frame_height
+        water = noise(look, (height, width), 60.0) * 14 + noise(look, (height, width), 9.0) * 6
+        background = (water + np.array([62.0, 104.0, 112.0])).astype(np.float32)
+        markings = noise(look, _SHAPE, 7.0)
+        fish = _fish(markings)
+        others = []
+        for _ in range(4):
+            mixed = self.likeness * markings + (1 - self.likeness) * noise(look, _SHAPE, 7.0)
+            others.append(_fish(mixed / mixed.std()))
+        phases = path.uniform(0, 2 * np.pi, 6)
+        wander = path.uniform(0.8, 1.2, 4)
+        places = np.array(list(self.points.values()), float)
+        start = max(130.0, width / 2 - self.speed * self.num_frames / 2)
+        for t in range(self.num_frames):
+            x = start + self.speed * t + 12 * np.sin(0.06 * t + phases[0])
+            y = height / 2 + 26 * np.sin(0.045 * wander[0] * t + phases[1])
+            tilt = 0.1 * np.sin(0.05 * wander[1] * t + phases[2])
+            pose = Pose(x, y, 1.0, tilt, _swimming(self.wave, 0.35 * t + phases[3]))
+            far = 0.55 * width + 140 * np.sin(0.02 * t) - 2 * t
+            behind = (
+                (others[2], Pose(far, 0.24 * height, 0.75, 0.0, _swimming(6, 0.3 * t))),
+                (others[3], Pose(0.2 * width + t, 0.8 * height, 0.8, 0.05, _swimming(6, 0.4 * t))),
+            )
+            # In front: one meets the head and swims along for a while, one passes the dorsal fin.
+            along = np.interp(t, [0, 8, 14, 45, 54, 70], [330, 250, 132, 130, 300, 700])
+            over = np.interp(t, [0, 20, 32, 57, 68, 80], [-700, -330, -60, 30, 330, 800])
+            front = (
+                (others[0], Pose(x + along, y + 2, 0.8, 0.0, _swimming(7, 0.3 * t + phases[4]))),
+                (others[1], Pose(x + over, y - 40, 1.0, 0.0, _swimming(7, 0.33 * t + phases[5]))),
+            )
+            frame = background.copy()
+            for body, at in (*behind, (fish, pose), *front):
+                draw(frame, body, at)
+            where = pose.to_image(places)
+            hidden = np.any([covers(*each, where) for each in front], axis=0)
+            yield Shot(frame, where, self.in_view(where) & ~hidden, LENGTH)
 
 
 def _fish(markings: np.ndarray) -> Body:

@@ -71,7 +71,7 @@ def function_of_text(text: str, path: str, name: str) -> Callable[..., Any]:
     Raises:
         SceneError: the text fails to run, or has no such function.
     """
-    return _function_in(f"{path}:{name}", path, lambda: _module_of_text(text, path), name)
+    return _function_in(path, name, functools.partial(_module_of_text, text, path))
 
 
 def names_function(source: str) -> bool:
@@ -98,33 +98,23 @@ def cause_of(error: BaseException, path: str = "") -> str:
     return f"{cause}, at line {lines[-1]} of {path}" if lines else cause
 
 
-# Helpers
-
-
 def _import_function(source: str) -> Callable[..., Any]:
     place, _, name = source.rpartition(":")
-    path = Path(place)
     if not place.endswith(".py"):
-        return _function_in(source, place, lambda: _module(place), name)
+        return _function_in(place, name, functools.partial(_module, place))
+    path = Path(place)
     if not path.is_file():
         raise SceneError(f"{source!r}: there is no file {place}")
-
-    def load() -> ModuleType:
-        return _module_of_text(path.read_text(encoding="utf-8"), str(path.resolve()))
-
-    return _function_in(source, place, load, name)
+    return function_of_text(path.read_text(encoding="utf-8"), str(path.resolve()), name)
 
 
-def _function_in(
-    source: str, place: str, load: Callable[[], ModuleType], name: str
-) -> Callable[..., Any]:
+def _function_in(place: str, name: str, load: Callable[[], ModuleType]) -> Callable[..., Any]:
+    source = f"{place}:{name}"
     try:
         module = load()
     except (Exception, SystemExit) as error:
-        where = str(Path(place).resolve()) if place.endswith(".py") else ""
-        raise SceneError(
-            f"{source!r}: {place} cannot be imported ({cause_of(error, where)})"
-        ) from error
+        cause = cause_of(error, place)
+        raise SceneError(f"{source!r}: {place} cannot be imported ({cause})") from error
     function = getattr(module, name, None)
     if not callable(function):
         raise SceneError(f"{source!r}: {place} has no function {name!r}")

@@ -6,7 +6,7 @@ front of them resembles its surroundings.  Strong camera noise covers everything
 during the first third and grow during the rest.
 
 The paper specifies the number of frames and targets, the areas and the aspect ratios.  Everything
-else is our choice, documented in ``ProjectilesParameters``.
+else is our choice.
 """
 
 import dataclasses
@@ -15,22 +15,21 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
-from scenes.drawing import as_pixels
-from scenes.parameters import Count, Parameters, Range, Share, Signed
+from scenes.drawing import as_pixels, grained
+from scenes.drawn import Count, Drawn, Range, Share, Signed, streams
 from scenes.scene import Scene, SceneError
-
-# Every ingredient has its own random stream, so that changing, say, the noise level keeps the
-# trajectories of a seed.
-_STREAMS = range(4)  # trajectories, textures, background, noise
 
 _TRIES = 20_000
 
 
 @dataclasses.dataclass(frozen=True)
-class ProjectilesParameters(Parameters):
-    """Parameters of the projectiles scene; "paper" marks values from rowe2005.
+class Projectiles(Drawn):
+    """The scene and its parameters; "paper" marks values from rowe2005.
 
-    Lengths are in pixels, times in frames, intensities in grey levels from 0 to 255.
+    Patches are the targets' appearance without camera noise, at the largest size.  ``extras``
+    holds ``strips [S, 2]``, left and right end of every strip in pixels, and ``speeds [T, L, 2]``,
+    the true displacement of every centre since the previous frame.  Boxes are continuous; a pixel
+    belongs to a target if its centre lies in the box.
 
     Attributes:
         num_frames: T (paper: 300).
@@ -51,7 +50,7 @@ class ProjectilesParameters(Parameters):
         noise: standard deviation of the camera noise, independent for every pixel and frame.
     """
 
-    scene: ClassVar[str] = "projectiles"
+    name: ClassVar[str] = "projectiles"
     num_frames: Count = 300
     frame_width: Count = 360
     frame_height: Count = 288
@@ -86,155 +85,103 @@ class ProjectilesParameters(Parameters):
         more = f"needs more targets than num_targets = {self.num_targets}"
         self.require("paths", enough, more)
 
+    def draw(self, seed: int) -> Scene:
+        """Draw the scene."""
+        layout, textures, ground, noise = streams(seed, 4)
+        sizes = self._sizes()
+        centres = self._draw_centres(sizes, layout)
+        boxes = np.concatenate(
+            [centres - sizes[:, None] / 2, np.broadcast_to(sizes[:, None], centres.shape)], axis=-1
+        )
+        means = np.linspace(*self.target_means, self.num_targets)
+        shape = self.cell_rows, self.cell_columns
+        looks = [mean + self.target_deviation * textures.standard_normal(shape) for mean in means]
+        background, strips = self._draw_background(means, ground)
+        frames = np.empty((self.num_frames, *background.shape, 3), np.uint8)
+        for frame, of_frame in zip(frames, boxes, strict=True):
+            picture = background.copy()
+            for look, box in zip(looks, of_frame, strict=True):
+                _paste(picture, look, box)
+            noisy = picture + self.noise * noise.standard_normal(picture.shape, np.float32)
+            frame[...] = as_pixels(noisy)[..., None]
+        patches = [_patch(look, sizes[0]) for look in looks]
+        speeds = np.diff(centres, axis=0, prepend=centres[:1])
+        return self.scene(seed, frames, boxes, patches, strips=strips, speeds=speeds)
 
-def projectiles_scene(parameters: ProjectilesParameters, seed: int = 0) -> Scene:
-    """Generate the scene; the same parameters and seed give the same scene, bit for bit.
+    def _sizes(self) -> np.ndarray:
+        """``[T, 2]``: width and height, smallest after a third, changing at constant rates."""
 
-    Patches are the targets' appearance without camera noise, at the largest size.  ``extras``
-    holds ``strips [S, 2]``, left and right end of every strip in pixels, and ``speeds [T, L, 2]``,
-    the true displacement of every centre since the previous frame.  Boxes are continuous; a pixel
-    belongs to a target if its centre lies in the box.
-    """
-    layout, textures, ground, noise = (np.random.default_rng([seed, stream]) for stream in _STREAMS)
-    sizes = _sizes(parameters)
-    centres = _draw_centres(parameters, sizes, layout)
-    boxes = np.concatenate(
-        [centres - sizes[:, None] / 2, np.broadcast_to(sizes[:, None], centres.shape)], axis=-1
-    )
-    looks = _draw_looks(parameters, textures)
-    background, strips = _draw_background(parameters, ground)
-    frames = np.empty((parameters.num_frames, *background.shape, 3), np.uint8)
-    for time in range(parameters.num_frames):
-        picture = background.copy()
-        for look, box in zip(looks, boxes[time], strict=True):
-            _paste(picture, look, box)
-        noisy = picture + parameters.noise * noise.standard_normal(picture.shape, np.float32)
-        frames[time] = as_pixels(noisy)[..., None]
-    return Scene(
-        name="projectiles",
-        frames=frames,
-        boxes=boxes,
-        patches=[_patch(look, sizes[0]) for look in looks],
-        fps=parameters.fps,
-        parameters=parameters.record(seed),
-        extras={"strips": strips, "speeds": np.diff(centres, axis=0, prepend=centres[:1])},
-    )
+        def sides(area: float, aspect: float) -> np.ndarray:
+            return np.array([math.sqrt(area / aspect), math.sqrt(area * aspect)])
 
+        small = sides(self.area_small, self.aspect_small)
+        large = sides(self.area_large, self.aspect_large)
+        times = np.arange(self.num_frames)
+        turn, last = self.num_frames / 3, max(self.num_frames - 1, 1)
+        share = np.where(times < turn, 1 - times / turn, (times - turn) / max(last - turn, 1))
+        return small + np.clip(share, 0, 1)[:, None] * (large - small)
 
-def _sizes(parameters: ProjectilesParameters) -> np.ndarray:
-    """``[T, 2]``: width and height, smallest after the first third, changing at constant rates."""
+    def _draw_centres(self, sizes: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Centres ``[T, L, 2]``: shots, redrawn until they satisfy the parameters."""
+        placed: list[np.ndarray] = []
+        for _ in range(_TRIES):
+            shot = self._draw_shot(len(placed), rng)
+            reach = sizes / 2 + self.frame_margin
+            if not np.all((shot >= reach) & (shot <= self.size - reach)):
+                continue
+            gap = self.separation if self.paths == "apart" else 0.0
+            meets = [
+                np.any(np.all(np.abs(shot - other) < sizes + gap, axis=-1)) for other in placed
+            ]
+            if self.paths == "apart" and any(meets):
+                continue
+            if self.paths == "crossing" and placed and not meets[-1]:
+                continue
+            placed.append(shot)
+            if len(placed) == self.num_targets:
+                return np.stack(placed, axis=1)
+        raise SceneError(
+            f"scene {self.name!r}: no {self.num_targets} shots with paths = {self.paths!r} stay in "
+            f"view for {self.num_frames} frames of {self.frame_width} x {self.frame_height}; take "
+            "fewer targets, another gravity, or a larger frame"
+        )
 
-    def sides(area: float, aspect: float) -> np.ndarray:
-        return np.array([math.sqrt(area / aspect), math.sqrt(area * aspect)])
+    def _draw_shot(self, number: int, rng: np.random.Generator) -> np.ndarray:
+        """``[T, 2]``: flight with friction proportional to speed, in closed form."""
+        width, height = self.frame_width, self.frame_height
+        times = np.arange(self.num_frames)
+        decay = 1 - self.friction
+        travelled = (1 - decay**times) / self.friction  # of a speed of 1, without gravity
+        reach = rng.uniform(*self.reach) * width
+        start = rng.uniform(0, width - reach)
+        x = start + reach * travelled / (travelled[-1] if self.num_frames > 1 else 1.0)
+        if number % 2:
+            x = width - x
+        terminal = self.gravity / self.friction
+        first = rng.uniform(0, 1) * height
+        upwards = rng.uniform(-0.5, 1.5) * self.gravity * self.num_frames / 2
+        y = first - upwards * travelled + terminal * (times - travelled)
+        return np.stack([x, y], axis=-1)
 
-    small = sides(parameters.area_small, parameters.aspect_small)
-    large = sides(parameters.area_large, parameters.aspect_large)
-    times = np.arange(parameters.num_frames)
-    turn, last = parameters.num_frames / 3, max(parameters.num_frames - 1, 1)
-    share = np.where(times < turn, 1 - times / turn, (times - turn) / max(last - turn, 1))
-    return small + np.clip(share, 0, 1)[:, None] * (large - small)
+    def _draw_background(
+        self, means: np.ndarray, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """``[H, W]`` intensities, and the strips' ends ``[S, 2]``."""
 
+        def draw(rows: int, columns: int) -> np.ndarray:
+            return rng.standard_normal((rows, columns))
 
-# Trajectories
-
-
-def _draw_centres(
-    parameters: ProjectilesParameters, sizes: np.ndarray, rng: np.random.Generator
-) -> np.ndarray:
-    """Centres ``[T, L, 2]``: shots, redrawn until they satisfy the parameters."""
-    placed: list[np.ndarray] = []
-    for _ in range(_TRIES):
-        shot = _draw_shot(parameters, len(placed), rng)
-        if not _in_view(parameters, shot, sizes):
-            continue
-        meets = [_meet(parameters, shot, other, sizes) for other in placed]
-        if parameters.paths == "apart" and any(meets):
-            continue
-        if parameters.paths == "crossing" and placed and not meets[-1]:
-            continue
-        placed.append(shot)
-        if len(placed) == parameters.num_targets:
-            return np.stack(placed, axis=1)
-    raise SceneError(
-        f"projectiles scene: no {parameters.num_targets} shots with paths = {parameters.paths!r} "
-        f"stay in view for {parameters.num_frames} frames of {parameters.frame_width} x "
-        f"{parameters.frame_height}; take fewer targets, another gravity, or a larger frame"
-    )
-
-
-def _draw_shot(
-    parameters: ProjectilesParameters, number: int, rng: np.random.Generator
-) -> np.ndarray:
-    """``[T, 2]``: flight with friction proportional to speed, in closed form."""
-    width, height = parameters.frame_width, parameters.frame_height
-    times = np.arange(parameters.num_frames)
-    decay = 1 - parameters.friction
-    travelled = (1 - decay**times) / parameters.friction  # of a speed of 1, without gravity
-    reach = rng.uniform(*parameters.reach) * width
-    start = rng.uniform(0, width - reach)
-    x = (
-        start + reach * travelled / travelled[-1]
-        if parameters.num_frames > 1
-        else start + 0 * times
-    )
-    if number % 2:
-        x = width - x
-    terminal = parameters.gravity / parameters.friction
-    first = rng.uniform(0, 1) * height
-    upwards = rng.uniform(-0.5, 1.5) * parameters.gravity * parameters.num_frames / 2
-    y = first - upwards * travelled + terminal * (times - travelled)
-    return np.stack([x, y], axis=-1)
-
-
-def _in_view(parameters: ProjectilesParameters, centres: np.ndarray, sizes: np.ndarray) -> bool:
-    frame = np.array([parameters.frame_width, parameters.frame_height])
-    reach = sizes / 2 + parameters.frame_margin
-    return bool(np.all((centres >= reach) & (centres <= frame - reach)))
-
-
-def _meet(
-    parameters: ProjectilesParameters, path: np.ndarray, other: np.ndarray, sizes: np.ndarray
-) -> bool:
-    """Whether two boxes ever meet; with paths "apart", whether they come closer than the gap."""
-    gap = parameters.separation if parameters.paths == "apart" else 0.0
-    return bool(np.any(np.all(np.abs(path - other) < sizes + gap, axis=-1)))
-
-
-# Pictures
-
-
-def _draw_looks(parameters: ProjectilesParameters, rng: np.random.Generator) -> list[np.ndarray]:
-    """Matrices of intensities, one per target."""
-    shape = parameters.cell_rows, parameters.cell_columns
-    return [
-        mean + parameters.target_deviation * rng.standard_normal(shape)
-        for mean in _means(parameters)
-    ]
-
-
-def _means(parameters: ProjectilesParameters) -> np.ndarray:
-    return np.linspace(*parameters.target_means, parameters.num_targets)
-
-
-def _draw_background(
-    parameters: ProjectilesParameters, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """``[H, W]`` intensities, and the strips' ends ``[S, 2]``."""
-    height, width = parameters.frame_height, parameters.frame_width
-    grain = parameters.background_grain
-    shape = -(-height // grain), -(-width // grain)
-    normal = rng.standard_normal(shape).repeat(grain, axis=0).repeat(grain, axis=1)
-    normal = normal[:height, :width].astype(np.float32)
-    picture = parameters.background_mean + parameters.background_deviation * normal
-    ends = np.zeros((len(parameters.strips), 2))
-    means = _means(parameters)
-    for number, share in enumerate(parameters.strips):
-        left = round(share * width - parameters.strip_width / 2)
-        left, right = max(left, 0), min(left + parameters.strip_width, width)
-        mean = means[number % len(means)]
-        picture[:, left:right] = mean + parameters.target_deviation * normal[:, left:right]
-        ends[number] = left, right
-    return picture.astype(np.float32), ends
+        normal = grained(draw, self.frame_height, self.frame_width, self.background_grain)
+        normal = normal.astype(np.float32)
+        picture = self.background_mean + self.background_deviation * normal
+        ends = np.zeros((len(self.strips), 2))
+        for number, share in enumerate(self.strips):
+            left = round(share * self.frame_width - self.strip_width / 2)
+            left, right = max(left, 0), min(left + self.strip_width, self.frame_width)
+            mean = means[number % len(means)]
+            picture[:, left:right] = mean + self.target_deviation * normal[:, left:right]
+            ends[number] = left, right
+        return picture.astype(np.float32), ends
 
 
 def _paste(picture: np.ndarray, look: np.ndarray, box: np.ndarray) -> None:

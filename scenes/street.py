@@ -10,14 +10,15 @@ import cv2
 import numpy as np
 
 from scenes import drawing as drawn
-from scenes.articulated import ArticulatedParameters, articulated_scene
-from scenes.deforming import Bend, Body, Film, Pose, bumps, draw, noise
+from scenes.articulated import Articulated
+from scenes.deforming import Bend, Body, Film, Pose, Sketch, bumps, draw, noise
+from scenes.drawn import streams
 from scenes.scene import Scene
 
 WIDTH, HEIGHT = 480, 270
 #: Size of a person at scale 1, pixels.
 SIZE = np.array([40.0, 90.0])
-_PAVEMENT, _MARGIN, _SHAPE, _PIXEL_NOISE = 150, 16, (104, 64), 3.0
+_PAVEMENT, _MARGIN, _PIXEL_NOISE = 150, 16, 3.0
 
 
 def street_scene(num_frames: int = 90, seed: int = 0, *, come_and_go: bool = False) -> Scene:
@@ -29,7 +30,7 @@ def street_scene(num_frames: int = 90, seed: int = 0, *, come_and_go: bool = Fal
         come_and_go: five people cross the picture, instead of three who stay in it; the box of a
             person is NaN while the centre is outside the picture.
     """
-    look, path, camera = (np.random.default_rng([seed, stream]) for stream in range(3))
+    look, path, camera = streams(seed, 3)
     wall = _wall(look)
     scales, middles = _walks(num_frames, come_and_go)
     people = [_person(look) for _ in scales]
@@ -60,11 +61,10 @@ def street_scene(num_frames: int = 90, seed: int = 0, *, come_and_go: bool = Fal
 
 
 def puppet_scene(num_frames: int = 60, seed: int = 0) -> Scene:
-    """The seven parts of ``articulated_scene`` before the street's wall; same ``extras``."""
-    parameters = ArticulatedParameters(
+    """The seven parts of ``Articulated`` before the street's wall; same ``extras``."""
+    parts = Articulated(
         num_frames=num_frames, frame_width=WIDTH, frame_height=HEIGHT, background_noise=0.0
-    )
-    parts = articulated_scene(parameters, seed)
+    ).draw(seed)
     look, camera = (np.random.default_rng([seed, 10 + stream]) for stream in range(2))
     wall = _wall(look)[_MARGIN:-_MARGIN, _MARGIN:-_MARGIN]
     film = Film(camera, HEIGHT, WIDTH, _PIXEL_NOISE)
@@ -74,7 +74,7 @@ def puppet_scene(num_frames: int = 60, seed: int = 0) -> Scene:
     ]
     for poses in parts.extras["poses"]:
         frame = wall.copy()
-        # From the arms' ends to the centre, as in ``articulated_scene``.
+        # From the arms' ends to the centre, as in ``Articulated``.
         for body, (x, y, angle) in reversed(list(zip(bodies, poses, strict=True))):
             draw(frame, body, Pose(x, y, 1.0, angle))
         film.add(frame)
@@ -127,30 +127,20 @@ def _shifted(wall: np.ndarray, by: np.ndarray) -> np.ndarray:
 
 def _person(rng: np.random.Generator) -> Body:
     """A person of 40 x 90 pixels, in a shirt with individual markings."""
-    middle = np.array([_SHAPE[1] // 2, _SHAPE[0] // 2])
-    alpha = np.zeros(_SHAPE, np.uint8)
-    shirt, trousers = rng.uniform(40, 230, 3), rng.uniform(20, 110, 3)
-    picture = shirt + 26 * noise(rng, _SHAPE, 5.0)
-    picture = np.ascontiguousarray(np.clip(picture, 0, 255).astype(np.float32))
-
-    def limb(start, end, thickness, colour=None):
-        first, last = ([int(value) for value in middle + place] for place in (start, end))
-        cv2.line(alpha, first, last, (255,), thickness, cv2.LINE_AA)
-        if colour is not None:
-            cv2.line(picture, first, last, colour, thickness + 1, cv2.LINE_AA)
-
+    shirt, trousers = rng.uniform(40, 230, 3), rng.uniform(20, 110, 3).tolist()
+    sketch = Sketch(shirt + 26 * noise(rng, (104, 64), 5.0))
     skin, hair = (214, 168, 140), rng.uniform(20, 120, 3).tolist()
     for side in (-1, 1):
-        limb((5 * side, 8), (7 * side, 40), 11, trousers.tolist())
-        limb((12 * side, -20), (15 * side, 2), 7)
-        limb((15 * side, 2), (15 * side, 6), 6, skin)
-    limb((-4, -18), (-4, 4), 17)
-    limb((4, -18), (4, 4), 17)
-    head = tuple(int(value) for value in middle + np.array([0, -35]))
-    cv2.circle(alpha, head, 9, 255, -1, cv2.LINE_AA)
-    cv2.circle(picture, head, 10, skin, -1, cv2.LINE_AA)
-    cv2.ellipse(picture, head, (10, 10), 0, 180, 360, hair, -1, cv2.LINE_AA)
-    return Body(picture, alpha.astype(np.float32) / 255)
+        sketch.limb((5 * side, 8), (7 * side, 40), 11, trousers, wider=1)
+        sketch.limb((12 * side, -20), (15 * side, 2), 7)
+        sketch.limb((15 * side, 2), (15 * side, 6), 6, skin, wider=1)
+    sketch.limb((-4, -18), (-4, 4), 17)
+    sketch.limb((4, -18), (4, 4), 17)
+    head = (sketch.middle + np.array([0, -35])).tolist()
+    cv2.circle(sketch.alpha, head, 9, 255, -1, cv2.LINE_AA)
+    cv2.circle(sketch.picture, head, 10, skin, -1, cv2.LINE_AA)
+    cv2.ellipse(sketch.picture, head, (10, 10), 0, 180, 360, hair, -1, cv2.LINE_AA)
+    return sketch.body()
 
 
 def _step(phase: float) -> Bend:

@@ -14,18 +14,17 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenes import drawing as drawn
-from scenes.parameters import Parameters
+from scenes import drawing
+from scenes.drawn import Drawn, streams
 from scenes.scene import Scene
 
-_PATHS, _BACKGROUND, _PIXELS, _EXAMPLES = range(4)
 _POINTS = 80
 _MODES = 6
 
 
 @dataclasses.dataclass(frozen=True)
-class WalkersParameters(Parameters):
-    """Parameters of the walkers scene.
+class Walkers(Drawn):
+    """The scene and its parameters.
 
     Attributes:
         travel: distance that each walker covers, from one side to the other.
@@ -34,7 +33,7 @@ class WalkersParameters(Parameters):
         noise: standard deviation of every pixel, in every frame.
     """
 
-    scene: ClassVar[str] = "walkers"
+    name: ClassVar[str] = "walkers"
     travel: float = 170.0
     clutter: float = 25.0
     clutter_grain: float = 4.0
@@ -48,88 +47,68 @@ class WalkersParameters(Parameters):
     body_grey: ClassVar[float] = 70.0
     num_examples: ClassVar[int] = 80  # E
 
+    def draw(self, seed: int) -> Scene:
+        """Draw the scene."""
+        paths, background, pixels, others = streams(seed, 4)
+        count, body = self.num_frames, self._body()
+        modes, share = self._modes(body), np.linspace(-0.5, 0.5, count)
+        outlines = np.empty((count, 2, _POINTS, 2))
+        for target in range(2):
+            side, phase = (-1) ** target, paths.uniform(0, 2 * np.pi)
+            bob = np.sin(2 * np.pi * np.arange(count) / self.step_period + phase)
+            x = self.frame_width / 2 + side * share * self.travel
+            middle = np.stack([x, self.frame_height / 2 + self.step_height * bob], axis=1)
+            weights = drawing.wandering(paths, count, _MODES, 2 * self.step_period)
+            weights = weights + paths.standard_normal(_MODES)
+            bodies = body + np.einsum("tm,msc->tsc", weights, modes)
+            outlines[:, target] = middle[:, None] + bodies
+        front = int(paths.integers(2))
+        shape = self.frame_height, self.frame_width
+        ground = 150 + self.clutter * drawing.texture(background, *shape, self.clutter_grain)
 
-def walkers_scene(parameters: WalkersParameters, seed: int) -> Scene:
-    """Draw the scene."""
-    rng = np.random.default_rng([seed, _PATHS])
-    count, modes = parameters.num_frames, _modes(parameters)
-    share = np.linspace(-0.5, 0.5, count)
-    outlines = np.empty((count, 2, _POINTS, 2))
-    for target in range(2):
-        side, phase = (-1) ** target, rng.uniform(0, 2 * np.pi)
-        bob = np.sin(2 * np.pi * np.arange(count) / parameters.step_period + phase)
-        middle = np.stack(
-            [
-                parameters.frame_width / 2 + side * share * parameters.travel,
-                parameters.frame_height / 2 + parameters.step_height * bob,
-            ],
-            axis=1,
+        def paint(picture: np.ndarray, walker: np.ndarray) -> None:
+            drawing.paint_body(picture, walker, self.body_grey, seam=self.body_grey + 50)
+
+        grounds, order = [ground] * count, (1 - front, front)
+        frames = drawing.painted(grounds, outlines, order, paint, self.noise, pixels)
+        weights = 1.4 * others.standard_normal((self.num_examples, _MODES))
+        return drawing.scene_of_outlines(
+            self,
+            seed,
+            frames,
+            outlines,
+            closed=True,
+            front=np.full(count, front),
+            examples=body + np.einsum("em,msc->esc", weights, modes),
         )
-        weights = drawn.wandering(rng, count, _MODES, 2 * parameters.step_period)
-        weights = weights + rng.standard_normal(_MODES)
-        bodies = _body(parameters) + np.einsum("tm,msc->tsc", weights, modes)
-        outlines[:, target] = middle[:, None] + bodies
-    front = int(rng.integers(2))
-    frames = _draw_frames(parameters, seed, outlines, front)
-    rng = np.random.default_rng([seed, _EXAMPLES])
-    weights = 1.4 * rng.standard_normal((parameters.num_examples, _MODES))
-    return drawn.make_scene(
-        frames,
-        outlines,
-        parameters,
-        seed,
-        closed=True,
-        front=np.full(count, front),
-        examples=_body(parameters) + np.einsum("em,msc->esc", weights, modes),
-    )
 
+    def _body(self) -> np.ndarray:
+        """Head and shoulders about the origin, ``[S, 2]``, clockwise from the top."""
+        # Radius by angle: a narrow head, a neck, broad shoulders, a flat chest.
+        corners = np.array(
+            [(0, -0.5), (0.13, -0.46), (0.19, -0.33), (0.13, -0.19), (0.2, -0.12), (0.42, -0.02),
+             (0.5, 0.15), (0.48, 0.5), (0.2, 0.5)]
+        )  # fmt: skip
+        mirrored = corners[:0:-1] * (-1, 1)
+        line = np.concatenate([corners, mirrored, corners[:1]])
+        along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        at = np.linspace(0, along[-1], _POINTS, endpoint=False)
+        points = np.stack([np.interp(at, along, line[:, axis]) for axis in range(2)], axis=1)
+        return points * (self.body_width, self.body_height)
 
-def _body(parameters: WalkersParameters) -> np.ndarray:
-    """Head and shoulders about the origin, ``[S, 2]``, clockwise from the top."""
-    # Radius by angle: a narrow head, a neck, broad shoulders, a flat chest.
-    corners = np.array(
-        [(0, -0.5), (0.13, -0.46), (0.19, -0.33), (0.13, -0.19), (0.2, -0.12), (0.42, -0.02),
-         (0.5, 0.15), (0.48, 0.5), (0.2, 0.5)]
-    )  # fmt: skip
-    mirrored = corners[:0:-1] * (-1, 1)
-    line = np.concatenate([corners, mirrored, corners[:1]])
-    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    at = np.linspace(0, along[-1], _POINTS, endpoint=False)
-    points = np.stack([np.interp(at, along, line[:, axis]) for axis in range(2)], axis=1)
-    return points * (parameters.body_width, parameters.body_height)
-
-
-def _modes(parameters: WalkersParameters) -> np.ndarray:
-    """Deformations ``[6, S, 2]``, each ``deformation`` pixels at its largest point."""
-    body = _body(parameters)
-    x, y = (body / np.abs(body).max(axis=0)).T
-    head, none = np.clip(-2 * y - 0.4, 0, 1), np.zeros_like(x)
-    modes = np.array(
-        [
-            (x, none),
-            (none, y),
-            (y, none),
-            (head, none),
-            (none, np.abs(x) * (y < 0.5)),
-            (x * head, none),
-        ]
-    ).transpose(0, 2, 1)
-    size = np.linalg.norm(modes, axis=2).max(axis=1)
-    return parameters.deformation * modes / size[:, None, None]
-
-
-def _draw_frames(
-    parameters: WalkersParameters, seed: int, outlines: np.ndarray, front: int
-) -> np.ndarray:
-    height, width = parameters.frame_height, parameters.frame_width
-    rng = np.random.default_rng([seed, _BACKGROUND])
-    ground = 150 + parameters.clutter * drawn.texture(rng, height, width, parameters.clutter_grain)
-    rng = np.random.default_rng([seed, _PIXELS])
-    frames = np.empty((len(outlines), height, width, 3), np.uint8)
-    for frame, bodies in zip(frames, outlines, strict=True):
-        picture = ground.copy()
-        for target in (1 - front, front):
-            grey = parameters.body_grey
-            drawn.paint_body(picture, bodies[target], grey, seam=grey + 50)
-        frame[...] = drawn.noisy(picture, parameters.noise, rng)
-    return frames
+    def _modes(self, body: np.ndarray) -> np.ndarray:
+        """Deformations ``[6, S, 2]``, each ``deformation`` pixels at its largest point."""
+        x, y = (body / np.abs(body).max(axis=0)).T
+        head, none = np.clip(-2 * y - 0.4, 0, 1), np.zeros_like(x)
+        modes = np.array(
+            [
+                (x, none),
+                (none, y),
+                (y, none),
+                (head, none),
+                (none, np.abs(x) * (y < 0.5)),
+                (x * head, none),
+            ]
+        ).transpose(0, 2, 1)
+        size = np.linalg.norm(modes, axis=2).max(axis=1)
+        return self.deformation * modes / size[:, None, None]

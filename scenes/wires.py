@@ -13,17 +13,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenes import drawing as drawn
-from scenes.parameters import Count, Parameters
+from scenes import drawing
+from scenes.drawn import Count, Drawn, streams
 from scenes.scene import Scene
 
-_PATHS, _BACKGROUND, _PIXELS = range(3)
 _POINTS = 60
 
 
 @dataclasses.dataclass(frozen=True)
-class WiresParameters(Parameters):
-    """Parameters of the wires scene.
+class Wires(Drawn):
+    """The scene and its parameters.
 
     Attributes:
         wire_width: thickness of the drawn line.
@@ -36,7 +35,7 @@ class WiresParameters(Parameters):
         noise: standard deviation of every pixel, in every frame.
     """
 
-    scene: ClassVar[str] = "wires"
+    name: ClassVar[str] = "wires"
     wire_width: Count = 3
     bend: float = 22.0
     meeting_distance: float = 7.0
@@ -53,76 +52,60 @@ class WiresParameters(Parameters):
     turning: ClassVar[float] = 4.0  # the same for the angle, degrees
     wander_period: ClassVar[float] = 30.0
 
+    def draw(self, seed: int) -> Scene:
+        """Draw the scene."""
+        paths, background, pixels = streams(seed, 3)
+        outlines, meeting = self.paths(paths)
+        shape = self.frame_height, self.frame_width
+        ground = 150 + self.clutter * drawing.texture(background, *shape, self.clutter_grain)
 
-def wires_scene(parameters: WiresParameters, seed: int) -> Scene:
-    """Generate the scene."""
-    outlines, meeting = wires_paths(parameters, np.random.default_rng([seed, _PATHS]))
-    height, width = parameters.frame_height, parameters.frame_width
-    rng = np.random.default_rng([seed, _BACKGROUND])
-    ground = 150 + parameters.clutter * drawn.texture(rng, height, width, parameters.clutter_grain)
-    rng = np.random.default_rng([seed, _PIXELS])
-    frames = np.empty((parameters.num_frames, height, width, 3), np.uint8)
-    for frame, wires in zip(frames, outlines, strict=True):
-        picture = ground.copy()
-        for wire in wires:
-            drawn.paint_line(picture, wire, 150 - parameters.contrast, parameters.wire_width)
-        frame[...] = drawn.noisy(picture, parameters.noise, rng)
-    return drawn.make_scene(
-        frames,
-        outlines,
-        parameters,
-        seed,
-        closed=False,
-        meeting=meeting,
-        background=drawn.noisy(ground, parameters.noise, rng),
-    )
+        def paint(picture: np.ndarray, wire: np.ndarray) -> None:
+            drawing.paint_line(picture, wire, 150 - self.contrast, self.wire_width)
 
-
-def wires_paths(
-    parameters: WiresParameters, rng: np.random.Generator
-) -> tuple[np.ndarray, tuple[int, int]]:
-    """Return the centrelines of the wires ``[T, 2, S, 2]``, and first and last meeting frame.
-
-    With the defaults no point moves more than 4.8 pixels per frame, and the second wire stays right
-    of the first.
-    """
-    count = parameters.num_frames
-    times, middle = np.arange(count), (count - 1) / 2
-    half = parameters.meeting_frames / 2
-    apart = np.clip((np.abs(times - middle) - half) / max(middle - half, 1), 0, 1)
-    apart_smoothly = _eased(apart)
-    far, near = parameters.start_distance, parameters.meeting_distance
-    distance = near + (far - near) * apart_smoothly
-    together = np.flatnonzero(apart == 0)
-    meeting = (int(together[0]), int(together[-1])) if len(together) else (count // 2, count // 2)
-    along = np.linspace(-0.5, 0.5, _POINTS)
-    paths = drawn.wandering(rng, count, 6, parameters.wander_period)
-    # Random motion decreases as the wires approach each other, to keep their distance.
-    paths *= 0.2 + 0.8 * apart_smoothly[:, None]
-    outlines = np.empty((count, 2, _POINTS, 2))
-    for wire in range(2):
-        bend = parameters.bend * (1 + wire * parameters.unlikeness)
-        shape = np.stack(
-            [bend * np.sin(2 * np.pi * (along + 0.1 * wire * parameters.unlikeness)),
-             parameters.wire_length * along], axis=1
-        )  # fmt: skip
-        side = (-1) ** (wire + 1) / 2
-        x, y, turn = paths[:, 3 * wire : 3 * wire + 3].T
-        angle = np.deg2rad(parameters.turning * turn)[:, None]
-        cosine, sine = np.cos(angle), np.sin(angle)
-        outlines[:, wire, :, 0] = (
-            parameters.frame_width / 2
-            + (side * distance + parameters.wander * x)[:, None]
-            + cosine * shape[:, 0]
-            - sine * shape[:, 1]
+        grounds = [ground] * self.num_frames
+        return drawing.scene_of_outlines(
+            self,
+            seed,
+            drawing.painted(grounds, outlines, (0, 1), paint, self.noise, pixels),
+            outlines,
+            closed=False,
+            meeting=meeting,
+            background=drawing.noisy(ground, self.noise, pixels),
         )
-        outlines[:, wire, :, 1] = (
-            parameters.frame_height / 2
-            + (parameters.wander * y)[:, None]
-            + sine * shape[:, 0]
-            + cosine * shape[:, 1]
-        )
-    return outlines, meeting
+
+    def paths(self, rng: np.random.Generator) -> tuple[np.ndarray, tuple[int, int]]:
+        """Return the centrelines ``[T, 2, S, 2]``, and the first and last meeting frame.
+
+        With the defaults no point moves more than 4.8 pixels per frame, and the second wire stays
+        right of the first.
+        """
+        count = self.num_frames
+        last, half = count - 1, self.meeting_frames / 2
+        from_middle = np.abs(np.arange(count) - last / 2)
+        apart = np.clip((from_middle - half) / max(last / 2 - half, 1), 0, 1)
+        apart_smoothly = _eased(apart)
+        far, near = self.start_distance, self.meeting_distance
+        distance = near + (far - near) * apart_smoothly
+        together = np.flatnonzero(apart == 0)
+        if not len(together):
+            together = np.array([count // 2])
+        along, middle = np.linspace(-0.5, 0.5, _POINTS), self.size / 2
+        paths = drawing.wandering(rng, count, 6, self.wander_period)
+        # Random motion decreases as the wires approach each other, to keep their distance.
+        paths *= 0.2 + 0.8 * apart_smoothly[:, None]
+        outlines = np.empty((count, 2, _POINTS, 2))
+        for wire in range(2):
+            bend = self.bend * (1 + wire * self.unlikeness)
+            x = bend * np.sin(2 * np.pi * (along + 0.1 * wire * self.unlikeness))
+            y = self.wire_length * along
+            side = (-1) ** (wire + 1) / 2
+            right, down, turn = paths[:, 3 * wire : 3 * wire + 3].T
+            right, down = side * distance + self.wander * right, self.wander * down
+            angle = np.deg2rad(self.turning * turn)[:, None]
+            cosine, sine = np.cos(angle), np.sin(angle)
+            outlines[:, wire, :, 0] = middle[0] + right[:, None] + cosine * x - sine * y
+            outlines[:, wire, :, 1] = middle[1] + down[:, None] + sine * x + cosine * y
+        return outlines, (int(together[0]), int(together[-1]))
 
 
 def _eased(share: np.ndarray) -> np.ndarray:

@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 
 import scenes
-from scenes import ArticulatedParameters
-
-FEW = {"num_frames": 8}
+from scenes.articulated import Articulated
 
 
 def make(seed=3, **parameters):
-    return scenes.make("articulated", seed=seed, **(FEW | parameters))
+    return scenes.make("articulated", seed=seed, **({"num_frames": 8} | parameters))
 
 
 def turned(vectors, angles):
@@ -19,36 +17,25 @@ def turned(vectors, angles):
     return np.stack([product.real, product.imag], axis=-1)
 
 
-def steps(scene):
-    """How far every corner moves from frame to frame, ``[T - 1, P]``."""
-    return np.linalg.norm(np.diff(scene.extras["corners"], axis=0), axis=-1).mean(axis=-1)
-
-
 @pytest.mark.parametrize("motion", ["smooth", "strong_start", "erratic"])
-@pytest.mark.parametrize("num_parts", [1, 3, 5, 7, 9, 11])
+@pytest.mark.parametrize("num_parts", [1, 7, 11])
 def test_every_joint_holds_in_every_frame(num_parts, motion):
     scene = make(num_parts=num_parts, motion=motion)
     poses, parents = scene.extras["poses"], scene.extras["parents"]
     assert parents == (-1, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8)[:num_parts]
-    for part, parent in enumerate(parents):
-        if parent < 0:
-            continue
-        seen_from_parent = poses[:, parent, :2] + turned(
-            scene.extras["parent_anchors"][part], poses[:, parent, 2]
-        )
-        seen_from_part = poses[:, part, :2] + turned(
-            scene.extras["part_anchors"][part], poses[:, part, 2]
-        )
-        np.testing.assert_allclose(seen_from_parent, seen_from_part, atol=1e-9)
+    for part, parent in list(enumerate(parents))[1:]:
+        joints = [
+            poses[:, which, :2] + turned(scene.extras[f"{whose}_anchors"][part], poses[:, which, 2])
+            for which, whose in ((parent, "parent"), (part, "part"))
+        ]
+        np.testing.assert_allclose(*joints, atol=1e-9)
         bend = np.abs(poses[:, part, 2] - poses[:, parent, 2])
-        assert bend.max() <= np.deg2rad(ArticulatedParameters.swing) + 1e-9
+        assert bend.max() <= np.deg2rad(Articulated.swing) + 1e-9
 
 
 def test_corners_and_boxes_describe_the_poses():
     scene = make()
     corners, poses = scene.extras["corners"], scene.extras["poses"]
-    assert corners.shape == (8, 7, 4, 2)
-    np.testing.assert_allclose(corners.mean(axis=2), poses[..., :2], atol=1e-9)
     for number, (width, height) in enumerate(scene.sizes):
         upright = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (width / 2, height / 2)
         expected = poses[:, number, None, :2] + turned(upright, poses[:, number, None, 2])
@@ -72,11 +59,15 @@ def test_pixels_inside_a_part_show_it_and_pixels_outside_show_the_background():
 
 
 def test_motions_differ_as_the_paper_says():
+    """By how far every corner moves from frame to frame."""
+
+    def steps(seed, motion):
+        corners = make(seed, num_parts=5, motion=motion, num_frames=120).extras["corners"]
+        return np.linalg.norm(np.diff(corners, axis=0), axis=-1).mean(axis=-1)
+
     smooth, strong, erratic = (
-        np.concatenate(
-            [steps(make(s, num_parts=5, motion=m, num_frames=120)) for s in range(2)], axis=1
-        )
-        for m in ("smooth", "strong_start", "erratic")
+        np.concatenate([steps(seed, motion) for seed in range(2)], axis=1)
+        for motion in ("smooth", "strong_start", "erratic")
     )
     assert 2 * smooth[:40].mean() < strong[:40].mean()
     # After the beginning it is the same path at the same speed.
@@ -87,8 +78,8 @@ def test_motions_differ_as_the_paper_says():
 
 
 def test_a_strong_start_runs_through_the_smooth_path_faster():
-    calm = scenes.make("articulated", 4, num_frames=40, strong_factor=3.0)
-    strong = scenes.make("articulated", 4, num_frames=10, strong_factor=3.0, motion="strong_start")
+    calm = make(4, num_frames=40, strong_factor=3.0)
+    strong = make(4, num_frames=10, strong_factor=3.0, motion="strong_start")
     np.testing.assert_allclose(strong.extras["poses"], calm.extras["poses"][::3][:10], atol=1e-9)
 
 
@@ -98,12 +89,3 @@ def test_neighbouring_parts_look_different():
     for part, parent in enumerate(scene.extras["parents"]):
         if parent >= 0:
             assert np.abs(colours[part] - colours[parent]).max() > 40
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("motion", ["smooth", "strong_start", "erratic"])
-def test_the_largest_object_stays_in_view(motion):
-    scene = scenes.make("articulated", seed=0, num_parts=11, motion=motion)
-    assert scene.frames.shape == (300, 300, 400, 3)
-    assert (scene.boxes[..., :2] >= 0).all()
-    assert (scene.boxes[..., :2] + scene.boxes[..., 2:] <= (400, 300)).all()

@@ -11,24 +11,11 @@ NAN = float("nan")
 
 #: Scene -> parameters, of which the refusal names the first.
 ALONE = {
-    "distracter": [
-        *({"seed": -1}, {"likeness": 1.5}, {"num_objects": 0}, {"motion_scale": -1.0}),
-        *({"vanish_frame": 3}, {"brightness": NAN}),
-    ],
-    "articulated": [
-        *({"num_parts": 4}, {"num_parts": 0}, {"motion": "wild"}, {"swing": NAN}),
-        *({"part_length": 0}, {"object_noise": -1.0}, {"accent_share": 1.5}, {"inset": 20.0}),
-        *({"period_spread": 1.0}, {"erratic_longest": 2}),
-    ],
-    "wires": [{"num_frames": 0}, {"wire_width": 2.5}],
-    "leaves": [{"noise": -1}, {"leaves": 5}, {"leaves": 1}],
-    "fish": [{"num_frames": 1}],
-    "skydivers": [{"growth": -1.0}],
-    "face": [{"frame_width": 100}],
-    "projectiles": [
-        *({"friction": 1.0}, {"paths": "near"}, {"reach": (0.5,)}, {"reach": (0.9, 0.5)}),
-        {"strips": (0.4, 1.5)},
-    ],
+    "distracter": [{"seed": -1}, {"num_objects": 0}, {"vanish_frame": 3}, {"brightness": NAN}],
+    "articulated": [{"num_parts": 4}, {"motion": "wild"}, {"inset": 20.0}, {"erratic_longest": 2}],
+    "wires": [{"wire_width": 2.5}],
+    "leaves": [{"noise": -1}, {"leaves": 5}],
+    "projectiles": [{"friction": 1.0}, {"reach": (0.5,)}, {"reach": (0.9, 0.5)}, {"strips": (2,)}],
 }
 TOGETHER = [
     ("nothing", {}, "distracter"),

@@ -47,10 +47,3 @@ def test_pixel_noise_does_not_change_the_paths(name, noise):
     calm, noisy = (scenes.make(name, **{noise: x}, **SMALL.get(name, FEW)) for x in (0.0, 30.0))
     np.testing.assert_array_equal(calm.boxes, noisy.boxes)
     assert not np.array_equal(calm.frames, noisy.frames)
-
-
-def test_sizes_are_those_of_the_patches():
-    frames, patch = np.zeros((3, 8, 9, 3), np.uint8), np.zeros((2, 4, 3), np.uint8)
-    made = scenes.Scene("test", frames, np.zeros((3, 1, 4)), [patch], 25.0, {})
-    np.testing.assert_array_equal(made.sizes, [[4, 2]])
-    assert "distracter" in scenes.names()

@@ -25,7 +25,7 @@ FIGURES = {
     "figure 11, error": ("error", "erratic", (5,), (10,)),
     "figure 11, variance": ("variance", "erratic", (5,), (10,)),
 }
-#: Frames of a figure in which a strong start is strong (``ArticulatedParameters.strong_frames``).
+#: Frames of a figure in which a strong start is strong (``Articulated.strong_frames``).
 START = {"figure 10": slice(0, 60)}
 
 

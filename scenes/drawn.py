@@ -1,11 +1,13 @@
-"""Parameters of drawn scenes: fields whose annotations say in which range they must lie."""
+"""Drawn scenes: dataclasses whose fields are parameters, with their ranges in annotations."""
 
 import dataclasses
 import math
 import numbers
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, get_args, get_origin
 
-from scenes.scene import SceneError
+import numpy as np
+
+from scenes.scene import Scene, SceneError
 
 
 class Range(NamedTuple):
@@ -30,10 +32,11 @@ Signed = Annotated[float, Range(-math.inf)]
 
 
 @dataclasses.dataclass(frozen=True)
-class Parameters:
-    """Parameters of a drawn scene; lengths in pixels, times in frames, colours in grey levels.
+class Drawn:
+    """A drawn scene; lengths in pixels, times in frames, colours in grey levels from 0 to 255.
 
-    Numbers must be finite and in the range of their annotation.
+    Fields are parameters; numbers must be finite and in the range of their annotation.  The same
+    parameters and seed give the same scene, bit for bit.
 
     Attributes:
         num_frames: length of the sequence.
@@ -47,7 +50,11 @@ class Parameters:
     frame_height: Count = 240
     fps: Above0 = 25.0
 
-    scene: ClassVar[str]
+    name: ClassVar[str]
+
+    def draw(self, seed: int) -> Scene:
+        """Draw the scene; the class documents its ``extras``."""
+        raise NotImplementedError
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -56,11 +63,37 @@ class Parameters:
     def require(self, name: str, holds: bool, remedy: str) -> None:
         """Refuse the parameters unless ``holds``; ``remedy`` says what must hold of ``name``."""
         if not holds:
-            raise SceneError(f"scene {self.scene!r}: {name} = {getattr(self, name)!r} {remedy}")
+            raise SceneError(f"scene {self.name!r}: {name} = {getattr(self, name)!r} {remedy}")
 
-    def record(self, seed: int) -> dict[str, Any]:
-        """All parameters by name, and the seed: what determines the scene."""
-        return {**dataclasses.asdict(self), "seed": seed}
+    @property
+    def size(self) -> np.ndarray:
+        """``[2]``: width and height of a frame."""
+        return np.array([self.frame_width, self.frame_height])
+
+    def check_in_view(self, outlines: np.ndarray) -> None:
+        """Refuse objects, outlines ``[T, P, S, 2]``, of which a point leaves the frame."""
+        outside = np.argwhere(((outlines < 0) | (outlines > self.size)).any(axis=(2, 3)))
+        for frame, target in outside:
+            raise SceneError(
+                f"scene {self.name!r}: object {target} leaves the {self.frame_width} x "
+                f"{self.frame_height} frame in frame {frame}; take a larger frame, fewer or "
+                "smaller objects, or less motion"
+            )
+
+    def scene(
+        self, seed: int, frames: Any, boxes: np.ndarray, patches: list[np.ndarray], **extras: Any
+    ) -> Scene:
+        """The scene of these pictures, with all parameters and the seed."""
+        parameters = {**dataclasses.asdict(self), "seed": seed}
+        return Scene(self.name, frames, boxes, patches, self.fps, parameters, extras)
+
+
+def streams(seed: int, count: int) -> list[np.random.Generator]:
+    """A random stream for every ingredient.
+
+    Changing one, such as the noise level, then keeps the others, such as the trajectories.
+    """
+    return [np.random.default_rng([seed, stream]) for stream in range(count)]
 
 
 def _fits(value: Any, kind: Any) -> tuple[bool, str]:

@@ -11,7 +11,7 @@ from hypothesis import given, settings, strategies as st
 from jaxpf import InputError, ordering
 from jaxpf.boxes import read_boxes
 from jaxpf.boxes.tracks import parse_box, write_mot
-from jaxpf.cli.shared import config
+from jaxpf.cli.shared import flags
 from jaxpf.cli.shared.flags import NumberList
 from jaxpf.contract import Option
 from jaxpf.parts.files import HEADER, read_parts
@@ -142,7 +142,7 @@ def test_an_option_has_its_type_and_bounds_or_is_refused(value, kind, length):
     assert length <= 0 or len(values) == length
 
 
-@click.command("a", params=[config.config_flag()])
+@click.command("a", params=[flags.config_flag()])
 @click.option("--runs", type=int)
 @click.option("--share", type=float)
 @click.option("--name", type=str)
@@ -160,5 +160,5 @@ def command(**options):
 )
 def test_a_written_configuration_repeats_the_options(file, runs, share, name, scale):
     written = {"runs": runs, "share": share, "name": name, "scale": scale}
-    config.write_config(file, "a", written)
+    flags.write_config(file, "a", written)
     assert command.main(["--config", str(file)], standalone_mode=False) == written

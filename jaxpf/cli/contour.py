@@ -5,9 +5,9 @@ from typing import Any
 
 import click
 
-from jaxpf.cli.shared import plain
+from jaxpf.cli.shared import flags
 from jaxpf.cli.shared.console import say
-from jaxpf.cli.shared.plain import GivenPath, PlainCommand
+from jaxpf.cli.shared.flags import Command, GivenPath
 from jaxpf.cli.shared.startup import use_compile_cache
 from jaxpf.contours.annotated_files import read_annotated
 from jaxpf.contours.learned_files import write_learned
@@ -22,7 +22,7 @@ def command() -> None:
     """Learn what contours look like and how they move."""
 
 
-@command.command("learn", cls=PlainCommand)
+@command.command("learn", cls=Command)
 @click.argument("folder", type=GivenPath())
 @click.option(
     "--kind",
@@ -49,14 +49,14 @@ def command() -> None:
     help="Control points of a contour, as many as the start contours have: `jaxpf mark` writes 12 "
     "for open and 16 for closed ones.",
 )
-@plain.whole(
+@flags.whole(
     "--turns",
     default=0,
     most=360,
     help="Also learn copies rotated to N directions, mirrored and reversed (centrelines only); for "
     "bodies that lie in any direction and bend to either side.",
 )
-@plain.whole(
+@flags.whole(
     "--order",
     default=2,
     most=2,
@@ -70,8 +70,8 @@ def command() -> None:
     help="What a coordinate's motion depends on: its own last steps, its own past with a mean to "
     "which it returns, or the past of all coordinates.",
 )
-@plain.output("File for `jaxpf track --learned`.", "learned.json")
-@plain.overwrite_file
+@flags.output("File for `jaxpf track --learned`.", "learned.json")
+@flags.overwrite_file
 def learn(
     folder: Path,
     kind: str | None,

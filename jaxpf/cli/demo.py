@@ -12,10 +12,9 @@ import numpy as np
 
 import scenes
 from jaxpf import filters, ordering
-from jaxpf.cli.shared import plain
+from jaxpf.cli.shared import flags
 from jaxpf.cli.shared.console import print_table, say
-from jaxpf.cli.shared.flags import declared_flags, picked
-from jaxpf.cli.shared.plain import PlainCommand
+from jaxpf.cli.shared.flags import Command, declared_flags, parse
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.contract.options import options_of
 from jaxpf.contract.state import Summary
@@ -36,11 +35,11 @@ _COLUMNS = ("", "recovery, object 1", "success, objects 2-7", "precision", "reca
 _PARTICLES = {"num_particles": options_of(filters.filter_of("dps").build)["num_particles"]}
 
 
-@click.command("demo", cls=PlainCommand, params=declared_flags(_PARTICLES, "Options"))
-@plain.whole("--runs", default=50, least=1, most=100_000, help="Independent runs per method.")
-@plain.whole("--seed", default=100, most=2**20 - 1, help="Seed of the scene and of the runs.")
-@plain.output("Folder for the results.", "jaxpf-demo")
-@plain.overwrite
+@click.command("demo", cls=Command, params=declared_flags(_PARTICLES, "Options"))
+@flags.whole("--runs", default=50, least=1, most=100_000, help="Independent runs per method.")
+@flags.whole("--seed", default=100, most=2**20 - 1, help="Seed of the scene and of the runs.")
+@flags.output("Folder for the results.", "jaxpf-demo")
+@flags.overwrite
 def command(runs: int, seed: int, output: Path, overwrite: bool, num_particles: int | None) -> None:
     """Compare SIR, PS, DPS and SPS on a synthetic scene, and write a video.
 
@@ -49,9 +48,8 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, num_particles: 
     does each method find object 1 again?  The video shows a run of DPS, the default of `jaxpf
     track`.  All methods start from the same boxes with the same seeds; intervals are at 95%.
     """
-    count = picked(filters.filter_of("dps").build, {"num_particles": num_particles})[
-        "num_particles"
-    ]
+    given = {"num_particles": num_particles}
+    count = parse(given, filters.filter_of("dps").build)["num_particles"]
     start_jax()
     scene = scenes.make("distracter", seed=seed)
     methods = {

@@ -10,7 +10,7 @@ import numpy as np
 
 import scenes
 from jaxpf.cli.shared.console import say
-from jaxpf.cli.shared.plain import GivenPath, PlainCommand, overwrite
+from jaxpf.cli.shared.flags import Command, GivenPath, overwrite
 from jaxpf.contours.files import write_contours
 from jaxpf.detections.files import write_detections
 from jaxpf.evaluation.baselines.simulated_detections import simulated_detections
@@ -23,7 +23,7 @@ from scenes import Scene
 _SEED = 1
 
 
-@click.command("example", cls=PlainCommand)
+@click.command("example", cls=Command)
 @click.argument(
     "kind",
     type=click.Choice(["boxes", "parts", "points", "contours", "detections"]),

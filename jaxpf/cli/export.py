@@ -27,9 +27,9 @@ import click
 import numpy as np
 
 from jaxpf.boxes.tracks import read_tracks, write_mot
-from jaxpf.cli.shared import plain
+from jaxpf.cli.shared import flags
 from jaxpf.cli.shared.console import say
-from jaxpf.cli.shared.plain import GivenPath, PlainCommand
+from jaxpf.cli.shared.flags import Command, GivenPath
 from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import read_rows, read_text
 from jaxpf.files.writing import (
@@ -319,11 +319,11 @@ _FORMATS: dict[str, tuple[str, Callable[[Path, Tracked], None], bool | None]] = 
 }
 
 
-@click.command("export", cls=PlainCommand)
+@click.command("export", cls=Command)
 @click.argument("folder", type=GivenPath())
 @click.argument("form", metavar="FORMAT", type=click.Choice(list(_FORMATS)))
 @click.argument("output", metavar="FILE", type=GivenPath())
-@plain.overwrite_file
+@flags.overwrite_file
 def command(folder: Path, form: str, output: Path, overwrite: bool) -> None:
     """Write the tracks of `jaxpf track` in FOLDER to FILE, in FORMAT.
 

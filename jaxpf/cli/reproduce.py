@@ -6,27 +6,26 @@ from pathlib import Path
 
 import click
 
-from jaxpf.cli.shared import plain
-from jaxpf.cli.shared.config import config_flag, write_config
+from jaxpf.cli.shared import flags
 from jaxpf.cli.shared.console import print_table, say
-from jaxpf.cli.shared.plain import PlainCommand
+from jaxpf.cli.shared.flags import Command, config_flag, write_config
 from jaxpf.cli.shared.startup import cluster, start_jax
 from jaxpf.files.writing import prepare_output_folder
 from jaxpf.papers import PAPERS
 
 
-@click.command("reproduce", cls=PlainCommand, params=[config_flag()])
+@click.command("reproduce", cls=Command, params=[config_flag()])
 @click.argument("paper", type=click.Choice(PAPERS), metavar="PAPER")
-@plain.whole(
+@flags.whole(
     "--scenes",
     default=None,
     least=1,
     most=10_000,
     help="Number of scenes, the units of the intervals.  [default: the planned number]",
 )
-@plain.whole("--seed", default=0, most=2**20 - 1, help="Seed of the first scene.")
+@flags.whole("--seed", default=0, most=2**20 - 1, help="Seed of the first scene.")
 @click.option("--quick", is_flag=True, help="Measure a much smaller version, as a preview.")
-@plain.output(
+@flags.output(
     "Folder for tables, figures and report.  [default: jaxpf-PAPER, with --quick jaxpf-PAPER-quick]"
 )
 @click.option("--overwrite", is_flag=True, help="Accept an output folder that is not empty.")

@@ -5,18 +5,18 @@ from pathlib import Path
 
 import click
 
-from jaxpf.cli.shared import plain
+from jaxpf.cli.shared import flags
 from jaxpf.cli.shared.console import say
-from jaxpf.cli.shared.plain import PlainCommand
+from jaxpf.cli.shared.flags import Command
 from jaxpf.files.writing import report_os_errors, write_text
 from jaxpf.papers import PAPERS
 from jaxpf.papers.judging import verdicts
 from jaxpf.papers.judging.claims import RULE
 
 
-@click.command("verdicts", cls=PlainCommand)
+@click.command("verdicts", cls=Command)
 @click.argument("papers", nargs=-1, type=click.Choice(PAPERS), metavar="[PAPER]...")
-@plain.output(
+@flags.output(
     "Folder that also gets the verdicts as PAPER/verdicts.csv, judged again by today's rule.  "
     "[default: none]"
 )

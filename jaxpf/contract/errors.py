@@ -24,10 +24,6 @@ class Argument(NamedTuple):
     def __str__(self) -> str:
         return f"{self.name}{self.joint}{self.value}" if self.value != "" else self.name
 
-    def as_flag(self, flag: str) -> str:
-        """The argument on the command line, such as ``--runs 0``."""
-        return f"{flag} {self.typed or self.value}".strip()
-
 
 def choice(name: str, value: str) -> Argument:
     """A named choice in a message: ``motion='pixels'``; ``--motion pixels`` on the command line."""

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxpf.contract.errors import Argument, InputError, check_known, choice
-from jaxpf.contract.numbers import bounds_in_words, check_number, check_whole, plain
+from jaxpf.contract.numbers import MOST, bounds_in_words, check_number, check_whole, plain
 
 #: The value of an option that is settled automatically.
 OPEN = "auto"
@@ -167,46 +167,34 @@ def options_of(*owners: Callable[..., Any]) -> dict[str, Option]:
     return found
 
 
-def defaults_of(owner: Callable[..., Any]) -> dict[str, Any]:
-    """The defaults of an owner's options."""
-    return {name: option.default for name, option in options_of(owner).items()}
-
-
-def checked(owner: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """The checked values of all options of an owner, by default its defaults."""
-    declared = options_of(owner).items()
-    return {name: option.checked(values.get(name, option.default)) for name, option in declared}
+def defaults_of(*owners: Callable[..., Any]) -> dict[str, Any]:
+    """The defaults of the owners' options."""
+    return {name: option.default for name, option in options_of(*owners).items()}
 
 
 def complete(
-    owner: Callable[..., Any], given: Mapping[str, Any], defaults: Mapping[str, Any] | None = None
+    given: Mapping[str, Any],
+    *owners: Callable[..., Any],
+    defaults: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """The checked values of all options of an owner.
+    """The checked values of all options of functions and dataclasses.
 
     Args:
-        owner: a function or dataclass; names that it does not declare are ignored.
         given: name -> value; a value may imply others that were left open.
-        defaults: defaults that override those of the owner.
+        owners: names that none of them declares are ignored.
+        defaults: defaults that override the declared ones.
 
     Raises:
         InputError: a value is out of range, or two values conflict.
     """
-    implies = implied(owner, {name: [value] for name, value in given.items()})
-    return checked(owner, {**(defaults or {}), **given, **implies})
-
-
-def check_options(owner: Any) -> None:
-    """Check the annotated fields of a dataclass, and convert them; for ``__post_init__``.
-
-    Raises:
-        InputError: see ``Option.checked``.
-    """
-    for name, option in options_of(type(owner)).items():
-        object.__setattr__(owner, name, option.checked(getattr(owner, name)))
+    implies = implied({name: [value] for name, value in given.items()}, *owners)
+    values = {**(defaults or {}), **given, **implies}
+    declared = options_of(*owners).items()
+    return {name: option.checked(values.get(name, option.default)) for name, option in declared}
 
 
 def check_fields(owner: Any) -> None:
-    """Refuse annotated fields of a tracker outside their ranges; traced values pass.
+    """Refuse annotated fields of an object outside their ranges; traced values pass.
 
     Raises:
         InputError: names the field and its range.
@@ -218,22 +206,22 @@ def check_fields(owner: Any) -> None:
         if about.choices:
             check_known(f"{name}=", value, about.choices)
         elif about.kind is int:
-            check_whole(name, value, int(about.least), int(about.most))
+            check_whole(name, value, int(about.least), int(min(about.most, MOST)))
         else:
             check_number(name, value, above=about.above, least=about.least, most=about.most)
 
 
-def implied(owner: Callable[..., Any], given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
+def implied(given: Mapping[str, Sequence[Any]], *owners: Callable[..., Any]) -> dict[str, Any]:
     """Return the values that given options imply for others: name -> value.
 
     Args:
-        owner: a function or dataclass.
         given: name -> all values given for it.
+        owners: functions or dataclasses.
 
     Raises:
         InputError: given options exclude each other.
     """
-    declared, values = options_of(owner), dict[str, Any]()
+    declared, values = options_of(*owners), dict[str, Any]()
     for name in given:
         if name not in declared or not declared[name].needs:
             continue
@@ -253,9 +241,9 @@ def implied(owner: Callable[..., Any], given: Mapping[str, Sequence[Any]]) -> di
     return values
 
 
-def applying(owner: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Those values of an owner's options that apply, given the others."""
-    declared = options_of(owner)
+def applying(values: Mapping[str, Any], *owners: Callable[..., Any]) -> dict[str, Any]:
+    """Those values of the owners' options that apply, given the others."""
+    declared = options_of(*owners)
     return {
         n: values[n] for n, option in declared.items() if n in values and option.applies(values)
     }

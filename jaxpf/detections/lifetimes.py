@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from jaxpf.contract.options import Option, check_options
+from jaxpf.contract.options import Option, check_fields
 from jaxpf.measures import association
 from jaxpf.measures.association import pairwise_iou
 
@@ -72,7 +72,7 @@ class Rules:
     ] = 0.1
 
     def __post_init__(self) -> None:
-        check_options(self)
+        check_fields(self)
 
 
 class Living(NamedTuple):

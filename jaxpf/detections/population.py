@@ -93,9 +93,9 @@ def open_box_tracker(
     """
     settings["num_particles"] = num_particles
     check_names(settings, BOXES, filters.filter_of("labelled"))
-    values = complete(BOXES.tracker, settings)
+    values = complete(settings, BOXES.tracker)
     model = open_model(values, frame_shape, capacity, typical_size, num_particles)
-    of_filter = complete(filters.filter_of("labelled").build, settings)
+    of_filter = complete(settings, filters.filter_of("labelled").build)
     return filters.build(model, **of_filter)
 
 

@@ -168,7 +168,7 @@ def _methods_with(option: str) -> set[str]:
 
 def applicable(filter_: Filter, method: str) -> set[str]:
     """The options of a filter that apply to one of its methods."""
-    return {*applying(filter_.build, defaults_of(filter_.build) | {"method": method})}
+    return {*applying(defaults_of(filter_.build) | {"method": method}, filter_.build)}
 
 
 def _allowed(options: Sequence[Option], value: object) -> Any:
@@ -218,7 +218,7 @@ def complete(plan: Plan, name: str, parents: Sequence[int] | None = None) -> Pla
         for name, option in plan.options_for(target).items()
         if all(own[name].default == option.default for own in declared if name in own)
     }
-    implications = implied(target.tracker, plan.grid)
+    implications = implied(plan.grid, target.tracker)
     grid = {**defaults, **plan.grid, **{name: (value,) for name, value in implications.items()}}
     return dataclasses.replace(plan, grid=grid)
 

@@ -87,7 +87,7 @@ def new_settings(
         # Independent of the number of runs, because these options determine the results.
         looks = looks_of(scene, num_particles)
         values = of.settle(values, looks.settings)
-        if applying(of.tracker, values).get("likelihood") == OPEN:
+        if applying(values, of.tracker).get("likelihood") == OPEN:
             made = inspect.unwrap(of.tracker)(looks, start, **values)
             values["likelihood"] = made.likelihood.method
         return values

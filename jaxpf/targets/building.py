@@ -171,10 +171,10 @@ def _made(
     values = {name: _plain(value) for name, value in values.items()}
     filter_ = filter_for(target, values.get("method"))
     check_names(values, target, filter_)
-    of_filter = complete(filter_.build, values, defaults_for(target, filter_))
+    of_filter = complete(values, filter_.build, defaults=defaults_for(target, filter_))
     filter_.check_model(of_filter, start.parents)
     settings = frame.settings if isinstance(frame, Looks) else {}
-    of_target = target.settle(complete(target.tracker, values), settings)
+    of_target = target.settle(complete(values, target.tracker), settings)
     return function(frame, start, **of_filter | of_target | objects)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import Argument, InputError
-from jaxpf.contract.options import Option, applying, checked, options_of
+from jaxpf.contract.options import Option, applying, complete, options_of
 from jaxpf.gradients import named
 from jaxpf.targets import building
 from jaxpf.targets.registry import find_target
@@ -41,8 +41,8 @@ class Recipe:
         values = {**of.defaults, **self.values}
         filter_ = building.filter_for(of, values.get("method"))
         building.check_names(self.values, of, filter_)
-        owners = (filter_.build, of.tracker)
-        values = {n: v for owner in owners for n, v in checked(owner, values).items()}
+        # Not given but defaults, because values may stand beside others that exclude them.
+        values = complete({}, filter_.build, of.tracker, defaults=values)
         object.__setattr__(self, "values", values)
 
     @property
@@ -118,7 +118,7 @@ def _spread(count: int, wanted: int) -> np.ndarray:
 
 def tuned_by_default(owner: Callable[..., Any], values: Mapping[str, Any]) -> tuple[str, ...]:
     """Paths of the parameters that are tuned by default, of a factory with these options."""
-    applies = applying(owner, values)
+    applies = applying(values, owner)
     return tuple(
         option.path + ending
         for name, option in options_of(owner).items()

@@ -3,7 +3,7 @@
 import dataclasses
 from typing import Annotated
 
-from jaxpf.contract.options import Option, check_options
+from jaxpf.contract.options import Option, check_fields
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,4 +57,4 @@ class Settings:
     seed: Annotated[int, Option("Random seed.", least=0, most=2**32 - 1)] = 0
 
     def __post_init__(self) -> None:
-        check_options(self)
+        check_fields(self)

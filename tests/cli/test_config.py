@@ -10,7 +10,7 @@ from command_line import asked_of_track, refusal_of
 from small_video import picture
 
 from jaxpf import InputError
-from jaxpf.cli.shared import config
+from jaxpf.cli.shared import flags
 
 
 @pytest.fixture
@@ -72,8 +72,8 @@ def test_a_file_or_a_video_that_is_not_there_is_refused(tmp_path):
     ("written", "typed", "asked"),
     [
         ("seed = 1", "--seed 2", {"run.seed": 2}),
-        ("seed = 1", "", {"run.seed": 1, "filter_options.method": "dps"}),
-        ("method = 'sir'", "--method ps", {"filter_options.method": "ps"}),
+        ("seed = 1", "", {"run.seed": 1, "options.method": "dps"}),
+        ("method = 'sir'", "--method ps", {"options.method": "ps"}),
         # Typed boxes replace all that says where objects start.
         (
             "boxes = 'nowhere.csv'\nids = [1]",
@@ -85,9 +85,9 @@ def test_a_file_or_a_video_that_is_not_there_is_refused(tmp_path):
         (
             "method = 'ps'\norder = [2, 1]",
             "--method dps",
-            {"filter_options.order": None, "filter_options.method": "dps"},
+            {"options.order": None, "options.method": "dps"},
         ),
-        ("order = [2, 1]", "--method ps", {"filter_options.order": (1, 0)}),
+        ("order = [2, 1]", "--method ps", {"options.order": (1, 0)}),
     ],
     ids=range(7),
 )
@@ -119,13 +119,13 @@ def test_the_output_of_the_configuration_is_used(refusal, tmp_path):
 
 def test_a_name_that_is_not_utf_8_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"\\udcff.*is not UTF-8.*rename"):
-        config.write_config(tmp_path / "run.toml", "track", {"boxes": Path("a\udcff.csv")})
+        flags.write_config(tmp_path / "run.toml", "track", {"boxes": Path("a\udcff.csv")})
     assert not list(tmp_path.iterdir())
 
 
 def test_what_is_written_reads_back_as_the_same_options(tmp_path):
     """``test_properties.py`` writes values of every kind; paths become text, None is left out."""
     options = {"video": tmp_path / "a.mp4", "box": ("1,2,3,4",), "overlay": False, "ids": None}
-    config.write_config(tmp_path / "run.toml", "track", options)
+    flags.write_config(tmp_path / "run.toml", "track", options)
     table = tomllib.loads((tmp_path / "run.toml").read_text())["track"]
     assert table == {"video": str(tmp_path / "a.mp4"), "box": ["1,2,3,4"], "overlay": False}

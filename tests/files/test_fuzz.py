@@ -21,8 +21,7 @@ import jaxpf
 from jaxpf import InputError
 from jaxpf.boxes import read_boxes
 from jaxpf.boxes.tracks import check_boxes, dense, start_boxes
-from jaxpf.cli.shared.config import config_flag
-from jaxpf.cli.shared.flags import NumberList
+from jaxpf.cli.shared.flags import NumberList, config_flag
 from jaxpf.contours.files import read_contours
 from jaxpf.detections.files import read_detections
 from jaxpf.evaluation import Results

@@ -18,7 +18,7 @@ from hypothesis.extra import numpy as hnp
 from jaxpf import InputError, save
 from jaxpf.boxes import read_boxes, read_tracks
 from jaxpf.cli.marking.starts import write_start
-from jaxpf.cli.shared.config import write_config
+from jaxpf.cli.shared.flags import write_config
 from jaxpf.cli.tracking.columns import TrackTable
 from jaxpf.contours import Contours
 from jaxpf.contours.files import read_contours, write_contours

@@ -11,8 +11,8 @@ import click
 import pandas as pd
 
 from jaxpf.cli.evaluating.request import VARIED, Compared, Request, Work, parse
-from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import print_table, progress_bar, say
+from jaxpf.cli.shared.flags import write_config
 from jaxpf.cli.shared.scene_options import SceneCommand, SceneOptions
 from jaxpf.cli.shared.startup import cluster, start_jax, use_compile_cache
 from jaxpf.contract.errors import InputError
@@ -200,7 +200,7 @@ def _plan_table(prepared: Prepared) -> tuple[list[str], list[list[str]], dict[st
     values: dict[str, dict[str, None]] = {}
     for index, configuration in enumerate(configurations):
         by_method.setdefault(configuration.method, []).append(index)
-        left_out = options_of(of.tracker).keys() - applying(of.tracker, configuration.parameters)
+        left_out = options_of(of.tracker).keys() - applying(configuration.parameters, of.tracker)
         for name, value in configuration.parameters.items():
             if name not in left_out:
                 values.setdefault(name, {})[plain(value)] = None

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from jaxpf.cli.shared.flags import as_typed, given_in, picked
+from jaxpf.cli.shared import flags
+from jaxpf.cli.shared.flags import as_typed, given_in, pair
 from jaxpf.cli.shared.scene_options import (
     SceneOptions,
     names_in,
-    pair,
     resolved_scene,
     scene_name,
     scene_parameters,
@@ -158,7 +158,7 @@ class Request:
     def table(self) -> dict[str, Any]:
         """Contents of ``run.toml``, in command-line notation."""
         kept = {
-            n: v for n, v in as_typed(Options, vars(self.options)).items() if n not in _NOT_REPEATED
+            n: v for n, v in as_typed(vars(self.options), Options).items() if n not in _NOT_REPEATED
         }
         return {"scene": self.scene, **kept, **self.grid}
 
@@ -179,7 +179,7 @@ def parse(values: Mapping[str, Any]) -> Request:
     Raises:
         InputError: a value is out of range, or a name occurs twice.
     """
-    options = Options(**picked(Options, values))
+    options = Options(**flags.parse(values, Options))
     tracks = (pair("--tracks", text, os.path.realpath) for text in options.tracks)
     named = [name for text in options.baseline for name in names_in(text)]
     options = dataclasses.replace(

@@ -9,9 +9,9 @@ import click
 from jaxpf.boxes.tracks import read_boxes
 from jaxpf.cli.marking.drawing import Marking
 from jaxpf.cli.marking.starts import SUFFIXES
-from jaxpf.cli.shared import plain
+from jaxpf.cli.shared import flags
 from jaxpf.cli.shared.console import say
-from jaxpf.cli.shared.plain import GivenPath, PlainCommand
+from jaxpf.cli.shared.flags import Command, GivenPath
 from jaxpf.files.store import is_locked
 from jaxpf.media.page.runs import Run
 from jaxpf.media.page.server import Server, described
@@ -23,12 +23,12 @@ _kind = click.option(
 )
 
 
-@click.command("mark", cls=PlainCommand)
+@click.command("mark", cls=Command)
 @click.argument("video")
 @_kind
-@plain.whole("--start", default=0, most=2**31 - 1, help="Frame shown first, from 0.")
-@plain.grey_range
-@plain.output(
+@flags.whole("--start", default=0, most=2**31 - 1, help="Frame shown first, from 0.")
+@flags.grey_range
+@flags.output(
     "Start file to write, or to edit.  [default: NAME-TARGET.csv beside VIDEO; .json for contours]"
 )
 @_open
@@ -52,7 +52,7 @@ def mark(
     _serve(Marking(video, kind, output, start, range=range), [], opens, keep)
 
 
-@click.command("view", cls=PlainCommand)
+@click.command("view", cls=Command)
 @click.argument("folder", type=GivenPath())
 @click.argument("beside", type=GivenPath(), required=False)
 @click.option("--video", help="The film.  [default: the one that was tracked]")

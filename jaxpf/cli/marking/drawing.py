@@ -17,7 +17,7 @@ from jaxpf.cli.marking.starts import (
     save_start,
     typed_start,
 )
-from jaxpf.cli.shared.config import write_config
+from jaxpf.cli.shared.flags import write_config
 from jaxpf.cli.tracking.request import NOT_WITH_LATER
 from jaxpf.contract.errors import InputError
 from jaxpf.files.store import is_locked

@@ -1,4 +1,4 @@
-"""Options shared by `jaxpf evaluate` and `jaxpf tune`: a scene, and options of its target."""
+"""Options of kinds of target and of filters, and those of the scenes of evaluate and tune."""
 
 import dataclasses
 import json
@@ -9,11 +9,38 @@ from typing import Annotated, Any
 import click
 
 import scenes
-from jaxpf.cli.shared.config import config_flag
-from jaxpf.cli.shared.flags import Command, declared_flags, filter_options, pair
+from jaxpf.cli.shared.flags import Command, config_flag, declared_flags, given_in, pair
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import Option, options_of
+from jaxpf.filters.registry import Filter, all_filters
 from jaxpf.targets.registry import DEFAULT, all_targets
+from jaxpf.targets.target import Target
+
+
+def filter_options(unsuited: Sequence[str] = ()) -> dict[str, Option]:
+    """The options of all filters but those whose methods are ``unsuited``."""
+    families = [each for each in all_filters().values() if {*each.methods} - {*unsuited}]
+    declared = options_of(*(each.build for each in families))
+    about = [options_of(each.build)["method"].help.removesuffix(".") for each in families]
+    method = dataclasses.replace(declared["method"], help=f"Sampling: {', '.join(about)}.")
+    return {**declared, "method": method}
+
+
+def refuse_others(values: Mapping[str, Any], target: Target, filter_: Filter) -> None:
+    """Refuse flags of another kind of target or another filter than those of this run."""
+    owners: dict[str, dict[str, Option]] = {}
+    for each in all_filters().values():
+        declared = options_of(each.build).items()
+        for method in each.methods:
+            fitting = {n: option for n, option in declared if option.applies({"method": method})}
+            owners[f"--method {method}"] = fitting
+    owners |= {name: options_of(each.tracker) for name, each in all_targets().items()}
+    for name in given_in(values).keys() - options_of(target.tracker, filter_.build).keys():
+        if having := [owner for owner, options in owners.items() if name in options]:
+            raise InputError(
+                f"{owners[having[0]][name].flag} works only with {' or '.join(having)}, and this "
+                f"run tracks {target.name} by the {filter_.name} filter; leave it out."
+            )
 
 
 @dataclasses.dataclass(frozen=True)

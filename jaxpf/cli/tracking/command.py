@@ -4,8 +4,8 @@ from typing import Any
 
 import click
 
-from jaxpf.cli.shared.config import config_flag, target_in
-from jaxpf.cli.shared.flags import Command, declared_flags, filter_options, start_flags
+from jaxpf.cli.shared.flags import Command, config_flag, declared_flags, start_flags, target_in
+from jaxpf.cli.shared.scene_options import filter_options
 from jaxpf.cli.tracking.request import OF_BOXES, Run, request_of
 from jaxpf.cli.tracking.run import track
 from jaxpf.contract.options import options_of
@@ -81,7 +81,7 @@ class _Targets(click.Group):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         if not args or args[0] not in all_targets():
-            args = [target_in(args) or DEFAULT, *args]
+            args = [find_target(target_in(args) or DEFAULT).name, *args]
         return super().parse_args(ctx, args)
 
 

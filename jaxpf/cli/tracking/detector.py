@@ -8,7 +8,7 @@ import numpy as np
 from jaxpf.boxes.target import BOXES
 from jaxpf.boxes.tracks import BoxTable, check_boxes
 from jaxpf.cli.shared.console import say
-from jaxpf.cli.shared.flags import picked
+from jaxpf.cli.shared.flags import parse
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import plain
 from jaxpf.contract.options import options_of
@@ -36,6 +36,15 @@ class Detector(NamedTuple):
     table: BoxTable
     rules: Rules
     by_frame: Detections | None
+
+    @property
+    def defaults(self) -> dict[str, Any]:
+        """Defaults of filter and target options that differ with --detections."""
+        guided = self.by_frame is not None and self.rules.detection_noise > 0
+        return {
+            "num_particles": PARTICLES_EACH * self.rules.capacity,
+            **(_GUIDED if guided else {}),
+        }
 
     @property
     def typical_size(self) -> tuple[float, float]:
@@ -67,7 +76,7 @@ def read_detector(options: Mapping[str, Any]) -> Detector | None:
                     f"{rule.flag} works only with --detections; add it, or leave {rule.flag} out."
                 )
         return None
-    table, rules = read_detections(options["detections"]), Rules(**picked(Rules, options))
+    table, rules = read_detections(options["detections"]), Rules(**parse(options, Rules))
     if not len(table):
         raise InputError(
             f"{table.source} holds no boxes; give a file with detections, or leave "
@@ -85,15 +94,6 @@ def read_detector(options: Mapping[str, Any]) -> Detector | None:
     if options["truth"]:
         import_trackeval()
     return Detector(table, rules, by_frame)
-
-
-def defaults_of(detector: Detector | None) -> tuple[dict, Mapping[str, Any]]:
-    """Defaults of filter and target options that differ with --detections."""
-    if detector is None:
-        return {}, {}
-    guided = detector.by_frame is not None and detector.rules.detection_noise > 0
-    particles = {"num_particles": PARTICLES_EACH * detector.rules.capacity}
-    return particles, _GUIDED if guided else {}
 
 
 def check_detector(detector: Detector, start: Start, number: int, source: FrameSource) -> None:

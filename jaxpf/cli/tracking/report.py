@@ -85,7 +85,7 @@ def _summary(
     frames = slice(start, max(start, results.last) + 1)
     started = results.start.ids.tolist()
     model_errors = calls.model_error(results.filter, len(started))
-    method = request.model.get("likelihood")
+    method = request.options.get("likelihood")
     return {
         "parameters": {
             name: str(value) if isinstance(value, Path) else value

@@ -1,15 +1,15 @@
 """The parsed and checked request of ``jaxpf track``, including everything that repeats the run."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import click
 
-from jaxpf import filters
-from jaxpf.cli.shared.flags import as_typed, picked, refuse_others
-from jaxpf.cli.tracking.detector import Detector, defaults_of, read_detector
+from jaxpf.cli.shared.flags import as_typed, parse
+from jaxpf.cli.shared.scene_options import filter_options, refuse_others
+from jaxpf.cli.tracking.detector import Detector, read_detector
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, Option, options_of
 from jaxpf.detections.lifetimes import Rules
@@ -102,9 +102,8 @@ class Request:
         target: the kind of target.
         starts: values of its ``start_flags``.
         run: options shared by all kinds of target.
-        model: values of the target's options.
         filter: the filter family.
-        filter_options: values of the filter's options.
+        options: values of the target's and of the filter's options.
         detector: detections and rules of --detections; None for a fixed set of objects.
     """
 
@@ -112,9 +111,8 @@ class Request:
     target: Target
     starts: Mapping[str, Any]
     run: Run
-    model: Mapping[str, Any]
     filter: Filter
-    filter_options: Mapping[str, Any]
+    options: Mapping[str, Any]
     detector: Detector | None
 
     def table(self, video: str | Path) -> dict[str, Any]:
@@ -123,34 +121,50 @@ class Request:
         Args:
             video: video address without a password.
         """
-        values = {"target": self.target.name, "video": video, **self.starts}
-        values |= {n: v for n, v in as_typed(Run, vars(self.run)).items() if n not in _NOT_REPEATED}
-        values |= as_typed(self.target.tracker, self.model)
-        values |= as_typed(self.filter.build, self.filter_options)
+        values = {**vars(self.run), **self.options}
+        owners = [Run, self.target.tracker, self.filter.build]
         if self.detector is not None:
-            values |= as_typed(Rules, vars(self.detector.rules))
+            values |= vars(self.detector.rules)
+            owners.append(Rules)
+        typed = as_typed(values, *owners)
+        table = {"target": self.target.name, "video": video, **self.starts, **typed}
         return {
             name: value.resolve() if isinstance(value, Path) else value
-            for name, value in values.items()
-            if value not in (None, ())
+            for name, value in table.items()
+            if value not in (None, ()) and name not in _NOT_REPEATED
         }
 
 
 def request_of(ctx: click.Context, target: Target) -> Request:
-    """Build the request from the command line and a configuration file."""
-    values = _given(ctx, target)
-    run = Run(**picked(Run, values))
+    """Build the request from the command line and a configuration file.
+
+    Values of the file that do not go with what is typed are left out.
+    """
+    values = dict(ctx.params)
+    source = {name: ctx.get_parameter_source(name) for name in values}
+    typed = {n for n in values if source[n] is click.core.ParameterSource.COMMANDLINE}
+    written = {n for n in values if source[n] is click.core.ParameterSource.DEFAULT_MAP}
+    if typed & target.start_flags.keys() - {*_ADDS_TO_START}:
+        values |= dict.fromkeys(written & target.start_flags.keys())
+    run = Run(**parse(values, Run))
     detector = read_detector(values)
     filter_ = _filter_of(values["method"], target, detector is not None)
+    own = options_of(target.tracker, filter_.build)
+    chosen = {name: values[name] for name in typed if values[name] != OPEN}
+    for name in written & (own.keys() | filter_options().keys()):
+        if not own[name].applies(chosen) if name in own else "method" in typed:
+            values[name] = None
     refuse_others(values, target, filter_)
-    particles, of_target = defaults_of(detector)
-    defaults = {**defaults_for(target, filter_), **particles}
-    of_filter = picked(filter_.build, values, defaults)
-    # Objects that appear later are not in the start frame, so nothing can be learned from it.
-    settings = {} if detector is None else {"appearance": "colour"}
-    model = target.settle(picked(target.tracker, values, of_target), settings)
+    defaults, settings = {**defaults_for(target, filter_)}, {}
+    if detector is not None:
+        defaults |= detector.defaults
+        # Objects that appear later are not in the start frame, so nothing can be learned from it.
+        settings["appearance"] = "colour"
+    options = target.settle(
+        parse(values, target.tracker, filter_.build, defaults=defaults), settings
+    )
     starts = {name: values[name] for name in target.start_flags}
-    request = Request(values["video"], target, starts, run, model, filter_, of_filter, detector)
+    request = Request(values["video"], target, starts, run, filter_, options, detector)
     check_together(request)
     if run.save_state is not None:
         # A chain of runs goes on from one file, which the user names twice.
@@ -159,89 +173,51 @@ def request_of(ctx: click.Context, target: Target) -> Request:
     return request
 
 
+def _filter_of(method: str | None, target: Target, opens: bool) -> Filter:
+    """The filter that --method or --detections selects."""
+    able = [family for family in all_filters().values() if family.opens]
+    if opens and not method:
+        return able[0]
+    chosen = filter_for(target, method)
+    if opens and chosen not in able:
+        names = [name for family in able for name in family.methods]
+        raise InputError(
+            f"--detections does not work with --method {method}, which tracks a fixed set of "
+            f"objects; use --method {', '.join(names)}."
+        )
+    return chosen
+
+
 _LEAVE = "leave one of them out."
+_ONE_FILTER = "works only with the built-in filters; leave it"
 #: Options with which no object starts, or is corrected, in a later frame.
 NOT_WITH_LATER = ("runs", "save_state", "resume", "tracker")
-#: Options, what they exclude, and why: another option, or what is known once the video is open.
-_EXCLUSIONS = (
-    (
-        ("detections",),
-        "tracker",
-        "works only with the built-in filters; leave it or --tracker out.",
+#: (option, what it excludes): why; the other is an option, or known once the video is open.
+_EXCLUSIONS = {
+    ("detections", "tracker"): f"{_ONE_FILTER} or --tracker out.",
+    ("runs", "detections"): (
+        f"needs a fixed set of objects, and --detections changes it; {_LEAVE}"
     ),
-    (
-        ("runs",),
-        "detections",
-        f"needs a fixed set of objects, and --detections changes it; {_LEAVE}",
-    ),
-    (
-        ("save_state", "resume"),
-        "detections",
+    **dict.fromkeys(
+        [("save_state", "detections"), ("resume", "detections")],
         f"keeps a filter's state, which does not hold the objects of --detections; {_LEAVE}",
     ),
-    (
-        ("runs",),
-        "tracker",
-        "works only with the built-in filters; leave it out, or wrap your tracker in "
-        "jaxpf.filters.SideBySide.",
-    ),
-    (
-        NOT_WITH_LATER,
-        "later",
+    ("runs", "tracker"): (f"{_ONE_FILTER} out, or wrap your tracker in jaxpf.filters.SideBySide."),
+    **dict.fromkeys(
+        [(name, "later") for name in NOT_WITH_LATER],
         "works with objects that all start in the start frame, and the start file names later "
         "frames; leave it out, or their rows.",
     ),
-    (
-        ("resume",),
-        "live",
+    ("resume", "live"): (
         "goes on in a video that begins as it did, and '{video}' is live; leave it out, or record "
-        "a video first.",
+        "a video first."
     ),
-)
+}
 
 
 def check_together(request: Request, video: object = None, **known: object) -> None:
     """Refuse options that exclude each other, or what is ``known`` of the opened ``video``."""
     values = vars(request.run) | {"detections": request.detector} | known
-    for names, other, why in _EXCLUSIONS:
-        for name in names:
-            if all(values.get(each) not in (None, False, {}) for each in (name, other)):
-                raise InputError(f"--{name.replace('_', '-')} {why.format(video=video)}")
-
-
-def _given(ctx: click.Context, target: Target) -> dict[str, Any]:
-    """Command-line values, and values of the configuration file that do not contradict them."""
-    values = dict(ctx.params)
-    source = {name: ctx.get_parameter_source(name) for name in values}
-    typed = {n for n in values if source[n] is click.core.ParameterSource.COMMANDLINE}
-    written = {n for n in values if source[n] is click.core.ParameterSource.DEFAULT_MAP}
-    left_out: set[str] = set()
-    if (typed & set(target.start_flags)) - set(_ADDS_TO_START):
-        left_out |= set(target.start_flags)
-    families = [family.build for family in all_filters().values()]
-    if "method" in typed:
-        chosen = filters.filter_of(values["method"])
-        left_out |= set(options_of(*families)) - set(options_of(chosen.build))
-        left_out |= set() if values["method"] == "ps" else {"order"}
-    owners: list[Callable[..., Any]] = [target.tracker, *families]
-    for owner in owners:
-        for name, option in options_of(owner).items():
-            other = option.needs[0] if option.needs else ""
-            if other in typed and values[other] != OPEN and not option.applies(values):
-                left_out.add(name)
-    return {n: None if n in left_out & written else value for n, value in values.items()}
-
-
-def _filter_of(method: str | None, target: Target, opens: bool) -> Filter:
-    """The filter that --method or --detections selects."""
-    able_families = [family for family in all_filters().values() if family.opens]
-    if opens and not method:
-        return able_families[0]
-    chosen = filter_for(target, method)
-    if opens and not chosen.opens:
-        able = [name for family in able_families for name in family.methods]
-        raise InputError(
-            f"--detections does not work with --method {method}, which tracks a fixed set of "
-            f"objects; use --method {', '.join(able)}."
-        )
-    return chosen
+    for (name, other), why in _EXCLUSIONS.items():
+        if all(values.get(each) not in (None, False, {}) for each in (name, other)):
+            raise InputError(f"--{name.replace('_', '-')} {why.format(video=video)}")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.cli.shared import console
-from jaxpf.cli.shared.config import write_config
+from jaxpf.cli.shared.flags import write_config
 from jaxpf.cli.shared.stopping import announced_stop
 from jaxpf.cli.tracking.columns import Columns, TrackTable
 from jaxpf.cli.tracking.overlay import Overlay

@@ -24,6 +24,7 @@ from jaxpf.cli.tracking.results import (
     writing_results,
 )
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.options import options_of
 from jaxpf.contract.types import TrackerLike
 from jaxpf.detections import follow
 from jaxpf.detections.population import open_model
@@ -104,16 +105,15 @@ def tracker_of(
     request: Request, source: FrameSource, frame: np.ndarray, start: Start
 ) -> TrackerLike:
     """Build the tracker of objects that start at a frame, uint8 RGB ``[H, W, 3]``."""
-    run, of_filter, detector = request.run, request.filter_options, request.detector
+    run, options, detector = request.run, request.options, request.detector
     if run.tracker:
         return _own_tracker(run.tracker, source, frame, start.shapes)
-    count = of_filter["num_particles"]
+    count = options["num_particles"]
     if detector is not None:
         size, capacity = detector.typical_size, detector.rules.capacity
-        model = open_model(request.model, frame.shape[:2], capacity, size, count)
-        return filters.build(model, **of_filter)
-    values = {**request.model, **of_filter}
-    tracker = build(request.target, values, start, looks_of(frame, count))
+        model = open_model(options, frame.shape[:2], capacity, size, count)
+        return filters.build(model, **{n: options[n] for n in options_of(request.filter.build)})
+    tracker = build(request.target, {**options}, start, looks_of(frame, count))
     return tracker if run.runs is None else SideBySide(tracker, run.runs)
 
 

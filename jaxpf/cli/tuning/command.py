@@ -8,13 +8,13 @@ from typing import Annotated, Any
 
 import click
 
-from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import progress_bar, say
-from jaxpf.cli.shared.flags import as_typed, picked, refuse_others
+from jaxpf.cli.shared.flags import as_typed, parse, write_config
 from jaxpf.cli.shared.scene_options import (
     SceneCommand,
     SceneOptions,
     names_in,
+    refuse_others,
     resolved_scene,
     scene_name,
     scene_parameters,
@@ -109,7 +109,7 @@ class Options(Outcome, Settings, Tuned, Scenes):
     """All of ``jaxpf tune``'s own options."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
+        # Not the check of the settings: values of flags are checked already.
         if self.labels is not None and self.objective == "evidence":
             raise InputError(
                 f"--labels {self.labels} does not work with --objective evidence, which needs no "
@@ -118,7 +118,10 @@ class Options(Outcome, Settings, Tuned, Scenes):
 
 
 def _command(**values: Any) -> None:
-    options, source = Options(**picked(Options, values, _DEFAULTS)), resolved_scene(values["scene"])
+    options, source = (
+        Options(**parse(values, Options, defaults=_DEFAULTS)),
+        resolved_scene(values["scene"]),
+    )
     folder = options.output or Path(f"jaxpf-tune-{scene_name(source)}")
     check_output_folder(folder)
     continues = Store(folder).settings() is not None
@@ -171,7 +174,7 @@ def _command(**values: Any) -> None:
     except KeyboardInterrupt:
         say(f"The steps so far are kept in '{folder}'; the same command continues.", err=True)
         raise
-    table = {"scene": source, **as_typed(Options, vars(options)), **typed, "output": None}
+    table = {"scene": source, **as_typed(vars(options), Options), **typed, "output": None}
     write_config(folder / "run.toml", "tune", table)
     outputs.write_tuned(folder / outputs.TUNED, result, result.values, before)
     outputs.write_traces(folder / outputs.TRACES, result, options.objective)
@@ -275,9 +278,9 @@ def _recipe(
             name, value, *_ = declared.needs
             if own.get(name) in (None, OPEN):
                 own[name] = value
-    model = target.settle(picked(target.tracker, own), scene.settings, scene.num_objects)
     defaults = {"num_particles": _PARTICLES, **target.defaults}
-    of_filter = picked(filter_.build, own, defaults)
-    typed = as_typed(filter_.build, of_filter) | as_typed(target.tracker, model)
+    chosen = parse(own, filter_.build, target.tracker, defaults=defaults)
+    chosen = target.settle(chosen, scene.settings, scene.num_objects)
+    typed = as_typed(chosen, filter_.build, target.tracker)
     typed = {name: value for name, value in typed.items() if name in values}
-    return Recipe(target.name, of_filter | model, gradient=options.gradient), typed
+    return Recipe(target.name, chosen, gradient=options.gradient), typed

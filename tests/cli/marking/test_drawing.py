@@ -13,7 +13,7 @@ from clips import grey, write_pictures
 from jaxpf import InputError
 from jaxpf.cli.marking.drawing import Marking
 from jaxpf.cli.marking.starts import read_start, write_start
-from jaxpf.cli.shared.config import write_config
+from jaxpf.cli.shared.flags import write_config
 from jaxpf.files.store import locked
 from jaxpf.media.page.runs import Run
 from jaxpf.media.page.server import Refusal

@@ -199,7 +199,7 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     unset = "bands likelihood noise_pixels swap noise_relative network boxes ids detections frames"
     unset += " fps range order ess_threshold tracker runs resume"
     elsewhere = "output overwrite config set save_state"
-    names = {param.name for param in boxes.params} | boxes.rare.keys() | {"target"}
+    names = {param.name for param in boxes.params} | {"target"}
     assert set(options) == names - of_others - {*unset.split(), *elsewhere.split()}
 
 

@@ -5,5 +5,5 @@ computes intervals, ``checkpoints`` stores measurements.  Each paper has a folde
 files, see ``paper``.
 """
 
-#: Papers that can be repeated; each is a module here with a ``PAPER``.
+#: Papers that can be repeated; each is a folder here.
 PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")

@@ -16,6 +16,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+import jaxpf
+import scenes
 from jaxpf.contract.errors import InputError
 from jaxpf.files.executors import Pool, in_turn
 from jaxpf.files.store import Store
@@ -115,20 +117,17 @@ def keeping(
         with report_os_errors("write", store.folder):
             store.remove()
         store.begin(_described(settings))
-    done = False
     try:
         yield Measurements(report, store, pool)
-        done = True
-    finally:
-        if done or not store.names():
+    except BaseException:
+        if not store.names():  # nothing to resume
             store.remove()
+        raise
+    store.remove()
 
 
 def _described(settings: Mapping[str, Any]) -> dict[str, Any]:
     """The settings with a digest of the program, since code changes may change results."""
-    import jaxpf
-    import scenes
-
     digest = hashlib.sha256()
     for package in (jaxpf, scenes):
         for file in sorted(Path(package.__path__[0]).rglob("*.py")):

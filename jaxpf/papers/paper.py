@@ -4,7 +4,7 @@ Each paper has a folder with the same files: ``scenes`` (drawn scenes, trackers 
 ``study`` (measures of the runs, and figures), and the data.  ``paper.toml`` has the title, the
 planned number of scenes, notes, ``measures`` with their kind and digits, and the tables with the
 published figures; ``claims.csv`` the claims; ``settings.csv`` the settings that the paper leaves
-open, and how they were chosen.  ``__init__`` has the ``PAPER``.
+open, and how they were chosen.  ``study`` has the ``PAPER``.
 """
 
 import dataclasses
@@ -24,7 +24,7 @@ from jaxpf.papers.checkpoints import UNSTORED, Measurements
 from jaxpf.papers.judging import verdicts
 from jaxpf.papers.judging.claims import GROUPS, RULE, Judged, claims_of, judge_all, read_rows
 from jaxpf.papers.judging.estimates import Quantity
-from jaxpf.papers.study import Study, Table, table_rows, tables
+from jaxpf.papers.study import Study, Table, tables
 
 #: How to read the tables.
 CELLS = (
@@ -35,7 +35,7 @@ CELLS = (
 
 def paper_of(name: str) -> "Paper":
     """Import the paper of a name."""
-    return importlib.import_module(f"jaxpf.papers.{name}").PAPER
+    return importlib.import_module(f"jaxpf.papers.{name}.study").PAPER
 
 
 class Comparison(NamedTuple):
@@ -83,7 +83,7 @@ class Comparison(NamedTuple):
             InputError: a file cannot be written.
         """
         judged = (each._replace(command=command, version=__version__) for each in self.claims)
-        texts = {f"{table.name}.csv": csv_text(table_rows(table)) for table in self.tables}
+        texts = {f"{table.name}.csv": csv_text(table.lines()) for table in self.tables}
         texts["verdicts.csv"] = verdicts.csv_of(judged)
         pictures = {f"{stem}.png": figure for stem, figure in self.figures.items()}
         for name, text in texts.items():

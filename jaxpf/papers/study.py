@@ -12,16 +12,15 @@ an interval.  Title and note may quote ``{scenes}``, ``{sequences}`` (their numb
 words.
 """
 
-import dataclasses
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from jaxpf.papers.judging.claims import counted
-from jaxpf.papers.judging.estimates import ALONE, COMPARED, Measured, Quantity
+from jaxpf.papers.judging.estimates import KINDS, Measured, Quantity
 
 _TEXTS: Mapping[str, Callable[[np.ndarray], str]] = {
     "number": lambda values: f"{values.flat[0]:g}",
@@ -64,12 +63,12 @@ class Study(NamedTuple):
         Returns:
             An empty list if a variant was not measured.
         """
-        first = self.values(measure, variant)
+        estimate, first = KINDS[kind], self.values(measure, variant)
         if not against:
-            return [ALONE[kind](values, case) for case, values in first.items()]
+            return [estimate(values, what=case) for case, values in first.items()]
         second = self.values(measure, against)
-        pairs = ((case, values.align(second[case], "inner")) for case, values in first.items())
-        return [COMPARED[kind](*pair, case) for case, pair in pairs] if second else []
+        common = {case: first[case].align(second[case], "inner") for case in first if second}
+        return [estimate(*pair, case) for case, pair in common.items()]
 
     def variants(self, measure: str) -> list[str]:
         """All variants of which a measure was taken."""
@@ -88,15 +87,14 @@ def tidy(values: Mapping[tuple[str, str, str], Any]) -> pd.DataFrame:
     return rows.reset_index(drop=True).astype({"value": float})
 
 
-@dataclasses.dataclass(frozen=True)
-class Table:
-    """A table; a cell is a text, or an object that ``str`` turns into one.
+class Table(NamedTuple):
+    """A table.
 
     Attributes:
         name: stem of its file.
         title: one line above the table, with units.
         columns: header, starting with the label's column.
-        rows: ``(label, cells)``.
+        rows: ``(label, cells)``; a cell is a text or a ``Cell``.
         note: remark for the reader; may be empty.
     """
 
@@ -110,61 +108,72 @@ class Table:
         """Rows of text for printing."""
         return [[label, *map(str, cells)] for label, cells in self.rows]
 
+    def lines(self) -> Iterator[Sequence[object]]:
+        """A line for each cell, with columns for the published and the measured figure."""
+        yield "row", "column", "published", "measured", "low", "high", "text"
+        for label, cells in self.rows:
+            for column, cell in zip(self.columns[1:], cells, strict=True):
+                if isinstance(cell, str):
+                    yield label, column, "", "", "", "", cell
+                    continue
+                published = "" if cell.published is None else cell.published
+                measured = [f"{x:.6g}" if math.isfinite(x) else "" for x in cell.measured]
+                yield label, column, published, *measured, ""
 
-@dataclasses.dataclass(frozen=True)
-class Cell:
-    """A published and a measured figure; either may be missing.
+
+class Cell(NamedTuple):
+    """A published and a measured figure.
 
     Attributes:
         published: the paper's figure, or None.
-        measured: ours with its 95% interval, or None.
+        measured: ours with its 95% interval.
         digits: decimal places to show.
     """
 
-    published: float | None = None
-    measured: Measured | None = None
+    published: float | None
+    measured: Measured
     digits: int = 0
 
     def __str__(self) -> str:
         """``published | measured [low, high]``, with a dash for a missing value."""
         left = "–" if self.published is None else f"{self.published:z.{self.digits}f}"
-        if self.measured is None or math.isnan(self.measured.value):
-            return f"{left} | –"
         value, low, high = (f"{x:z.{self.digits}f}" for x in self.measured)
-        interval = "" if math.isnan(self.measured.low) else f" [{low}, {high}]"
-        return f"{left} | {value}{interval}"
+        return f"{left} | {value}" + f" [{low}, {high}]" * (not math.isnan(self.measured.low))
 
 
 def tables(declared: Mapping[str, Any], study: Study) -> list[Table]:
     """The tables of a paper's ``paper.toml`` whose measures were taken."""
     made = (_table(each, declared["measures"], study) for each in declared["tables"])
-    return [table for table in made if table is not None]
+    return [table for table in made if table]
 
 
 def _table(declared: Mapping[str, Any], measures: Mapping[str, Any], study: Study) -> Table | None:
     rows: dict[str, list[Any]] = {}
     number = 0
-    for heading, column in named(declared["columns"]).items():
+    columns = named(declared["columns"])
+    for heading, column in columns.items():
         column = [column] if isinstance(column, str) else column
         measure, *variants = [declared["measure"], *column] if "measure" in declared else column
         how = {**measures[measure], **declared.get("how", {}).get(heading, {})}
+        kind, digits = how.get("kind", "mean"), how.get("digits", 0)
         known = declared.get("published", {}).get(heading)
         for label, *of_row in _labels(declared, measure, study, variants):
-            if (kind := how.get("kind", "mean")) in _TEXTS:
+            if kind in _TEXTS:
                 values = np.array(list(study.values(measure, *of_row).values()))
                 rows.setdefault(label, []).append(_TEXTS[kind](values))
                 continue
             for figure in study.figures(kind, measure, *of_row):
                 cells = rows.setdefault(label or figure.what, [])
                 printed = _published(known, label, list(rows).index(label or figure.what))
-                cells.append(_cell(figure.measured(), how.get("digits", 0), printed))
+                is_known = not math.isnan(figure.value)
+                cells.append(Cell(printed, figure.measured(), digits) if is_known else "-")
                 number = max(number, figure.units)
     if not rows:
         return None
     words = {unit: counted(number, unit) for unit in ("scenes", "sequences")} | dict(study.words)
     title, note = (declared.get(name, "").format_map(words) for name in ("title", "note"))
-    columns = [declared.get("corner", ""), *named(declared["columns"])]
-    return Table(declared["name"], title, columns, list(rows.items()), note)
+    header = [declared.get("corner", ""), *columns]
+    return Table(declared["name"], title, header, list(rows.items()), note)
 
 
 def _labels(
@@ -188,21 +197,3 @@ def _published(known: Any, label: str, row: int) -> float | None:
         return known.get(label)
     figure = known[row] if isinstance(known, Sequence) else known
     return None if figure is None or math.isnan(figure) else figure
-
-
-def _cell(measured: Measured, digits: int, published: float | None) -> Cell | str:
-    return "-" if math.isnan(measured.value) else Cell(published, measured, digits)
-
-
-def table_rows(table: Table) -> Iterable[Sequence[object]]:
-    """Long format: one line per cell, with columns for the published and the measured figure."""
-    yield "row", "column", "published", "measured", "low", "high", "text"
-    for label, cells in table.rows:
-        for column, cell in zip(table.columns[1:], cells, strict=True):
-            if isinstance(cell, str):
-                yield label, column, "", "", "", "", cell
-                continue
-            published = "" if cell.published is None else cell.published
-            known = cell.measured or (math.nan,) * 3
-            measured = [f"{x:.6g}" if math.isfinite(x) else "" for x in known]
-            yield label, column, published, *measured, ""

@@ -13,6 +13,7 @@ import scenes
 from jaxpf import cli, media
 from jaxpf.papers import PAPERS
 from jaxpf.papers.judging import verdicts
+from jaxpf.papers.judging.claims import read_rows
 from jaxpf.papers.paper import claims_markdown, markdown_table
 
 #: The package's own page: the names in the order in which they are met, by their purpose.
@@ -134,7 +135,7 @@ def _verdicts():
     """The stored verdicts, tables for each paper, and the claims that have none."""
     blocks = ["# Claims of five papers, and their verdicts\n"]
     for paper in PAPERS:
-        judged, left = verdicts.stored(paper), verdicts.not_judged(paper)
+        judged, left = verdicts.stored(paper), read_rows(paper, "not_judged.csv")
         blocks += [
             f"## {verdicts.summary(paper, judged)}\n",
             f"Method: {verdicts.FORMS[paper]}; {verdicts.origin(judged)}.\n",
@@ -142,7 +143,7 @@ def _verdicts():
             "### Not judged\n",
             *_rows(left),
             f"### {verdicts.EARLIER.capitalize()}\n",
-            *_rows(verdicts.earlier(paper)),
+            *_rows(read_rows(paper, "earlier.csv")),
         ]
     return "\n".join(blocks)
 

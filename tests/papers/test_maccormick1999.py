@@ -9,7 +9,8 @@ from judged import verdicts
 import jaxpf
 from jaxpf.papers.checkpoints import UNSTORED
 from jaxpf.papers.judging.claims import NOT_SEEN, PREVIEW, SUPPORTED
-from jaxpf.papers.maccormick1999 import PAPER, scenes as cases, study, toy
+from jaxpf.papers.maccormick1999 import scenes as cases, study, toy
+from jaxpf.papers.maccormick1999.study import PAPER
 from jaxpf.papers.study import Study, tidy
 
 

@@ -14,7 +14,7 @@ from command_line import jaxpf
 from jaxpf import InputError
 from jaxpf.evaluation.engine import Pool
 from jaxpf.papers import PAPERS, paper
-from jaxpf.papers.checkpoints import UNSTORED, can_resume, keeping
+from jaxpf.papers.checkpoints import can_resume, keeping
 from jaxpf.papers.judging.claims import claims_of
 from jaxpf.papers.judging.estimates import computed
 from jaxpf.papers.paper import Paper, paper_of
@@ -35,14 +35,6 @@ class Measured:
         return measurements.of_scenes(name, measure, [0])
 
 
-def test_without_a_folder_parts_are_measured_each_time():
-    measured = Measured()
-    measured.part(UNSTORED, "a")
-    found = measured.part(UNSTORED, "a")
-    assert measured.asked == ["a", "a"]
-    np.testing.assert_array_equal(found["with a space"], [[0, 1, 2]])
-
-
 def test_what_was_measured_before_a_stop_is_not_measured_again(tmp_path):
     measured = Measured()
     with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {"seed": 1}) as parts:
@@ -52,13 +44,18 @@ def test_what_was_measured_before_a_stop_is_not_measured_again(tmp_path):
     assert can_resume(tmp_path, {"seed": 1})
     assert not can_resume(tmp_path, {"seed": 2})
     (tmp_path / "parts" / "b-0.npz").write_bytes(b"PK damaged")
-    with keeping(tmp_path, {"seed": 1}) as parts:
+    with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {"seed": 1}) as parts:
         found = measured.part(parts, "a")
         measured.part(parts, "b")
+        raise KeyboardInterrupt
     assert measured.asked == ["a", "b", "b"]
     assert list(found) == ["with a space", "flags"]
     assert found["flags"].dtype == bool
-    assert not can_resume(tmp_path, {"seed": 1})
+    with keeping(tmp_path, {"seed": 2}) as parts:  # other settings begin anew
+        measured.part(parts, "a")
+    assert measured.asked == ["a", "b", "b", "a"]
+    with contextlib.suppress(InputError), keeping(tmp_path, {"scenes": 7}):
+        raise InputError("a mistake before anything is measured leaves nothing.")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -80,21 +77,6 @@ def test_parts_that_are_shared_out_come_in_their_order_and_once(tmp_path, pool):
     with keeping(tmp_path, {}, pool=pool) as parts:
         assert measured(parts, range(4)) == [0, 1, 2, 3]
     assert sorted(asked) == [0, 1, 2, 3]
-
-
-def test_a_mistake_before_anything_is_measured_leaves_nothing(tmp_path):
-    with contextlib.suppress(InputError), keeping(tmp_path, {"scenes": 7}):
-        raise InputError("something is missing.")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_other_settings_begin_anew(tmp_path):
-    measured = Measured()
-    for seed in (1, 2):
-        with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {"seed": seed}) as parts:
-            measured.part(parts, "a")
-            raise KeyboardInterrupt
-    assert measured.asked == ["a", "a"]
 
 
 def test_the_command_goes_on_where_it_was(tmp_path, monkeypatch):

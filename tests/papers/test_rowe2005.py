@@ -11,7 +11,8 @@ import jaxpf
 import scenes
 from jaxpf.papers.checkpoints import keeping
 from jaxpf.papers.judging.claims import NOT_SEEN, SUPPORTED
-from jaxpf.papers.rowe2005 import PAPER, scenes as synthetic, study
+from jaxpf.papers.rowe2005 import scenes as synthetic, study
+from jaxpf.papers.rowe2005.study import PAPER
 
 SCENES, RUNS, FRAMES, TARGETS = 25, synthetic.RUNS_PER_SCENE, 20, 2
 

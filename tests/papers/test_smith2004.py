@@ -21,9 +21,9 @@ from jaxpf.evaluation.engine import local_pool, run_keys
 from jaxpf.likelihoods import Gaussian
 from jaxpf.papers.checkpoints import UNSTORED, keeping
 from jaxpf.papers.judging.claims import NOT_SEEN, OPEN, PREVIEW, SUPPORTED
-from jaxpf.papers.smith2004 import PAPER, scenes
+from jaxpf.papers.smith2004 import scenes
 from jaxpf.papers.smith2004.scenes import OtherEnding, Outcome, scene_tracker
-from jaxpf.papers.smith2004.study import best_and_worst, figure_4, study_of
+from jaxpf.papers.smith2004.study import PAPER, best_and_worst, figure_4, study_of
 from jaxpf.shapes import boxes_from_substates
 
 # Published figures

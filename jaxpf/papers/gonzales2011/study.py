@@ -1,4 +1,10 @@
-"""Measures by the paper's figures 8 to 11, their curves, and figures that need no measurement."""
+"""gonzales2011 repeated: Gonzales, Dubuisson and Nguyen, "Simultaneous partitioned sampling for
+articulated object tracking", ACIVS 2011.
+
+Figures 8 to 11 on the scene ``articulated``, for PS and for SPS with the paper's swap,
+with the unbiased swap and without a swap, under the paper's dynamics and under dynamics that couple
+the parts.
+"""
 
 import itertools
 import math
@@ -14,6 +20,7 @@ from jaxpf.papers.checkpoints import Measurements
 from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, VARIANTS, Curves, measure
 from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.judging.estimates import Quantity, computed
+from jaxpf.papers.paper import Paper
 from jaxpf.papers.study import Study, tidy
 
 FRAMES = 300
@@ -134,3 +141,6 @@ def _curves(
                 axis.set_xlabel("frame")
     axes[0, 0].legend(fontsize="x-small")
     return figure
+
+
+PAPER = Paper("gonzales2011", measure_all, figures, computed_quantities)

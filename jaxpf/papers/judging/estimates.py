@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -52,9 +52,14 @@ def computed(value: float, what: str = "") -> Quantity:
     return Quantity(value, lambda level: (value, value), 0, what)
 
 
-def mean_of(values: Any, what: str = "", bounds: tuple[float, float] | None = None) -> Quantity:
-    """The mean of the scenes' values ``[S]``, ignoring NaN.  See ``mean_interval``."""
-    values = np.asarray(values, float)
+def mean_of(
+    first: ArrayLike,
+    second: ArrayLike | None = None,
+    what: str = "",
+    bounds: tuple[float, float] | None = None,
+) -> Quantity:
+    """The mean of the scenes' values ``[S]``, or of their differences, ignoring NaN."""
+    values = np.asarray(first if second is None else np.subtract(first, second), float)
     values = values[np.isfinite(values)]
 
     def interval(level: float) -> tuple[float, float]:
@@ -65,29 +70,10 @@ def mean_of(values: Any, what: str = "", bounds: tuple[float, float] | None = No
     return Quantity(value, interval, max(len(values), 1), what)
 
 
-def ratio_of(first: ArrayLike, second: ArrayLike, what: str = "") -> Quantity:
-    """The geometric mean of the scenes' ratios ``[S]``, first over second.
-
-    The arithmetic mean can exceed 1 in either direction of the division.  Scenes with a value that
-    is not finite or not positive are excluded.
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        logarithms = np.log(np.asarray(first, float) / np.asarray(second, float))
-    return mean_of(logarithms, what).scaled(math.exp)
-
-
-def gain_of(ours: ArrayLike, base: ArrayLike, what: str = "") -> Quantity:
-    """By how many per cent the scenes' values ``[S]`` are below others: one less ``ratio_of``."""
-    return ratio_of(ours, base, what).scaled(lambda ratio: 100 * (1 - ratio))
-
-
-def share_of(rates: ArrayLike, what: str = "") -> Quantity:
-    """The percentage of successes, from the scenes' rates ``[S]``."""
-    return mean_of(100 * np.asarray(rates, float), what, (0.0, 100.0))
-
-
-def gap_of(first: ArrayLike, second: ArrayLike, what: str = "") -> Quantity:
-    """Difference of two success percentages in points, from the same scenes' rates ``[S]``."""
+def share_of(first: ArrayLike, second: ArrayLike | None = None, what: str = "") -> Quantity:
+    """The percentage of successes, from the scenes' rates ``[S]``, or the difference of two."""
+    if second is None:
+        return mean_of(100 * np.asarray(first, float), None, what, (0.0, 100.0))
     rates = np.asarray(first, float), np.asarray(second, float)
 
     def interval(level: float) -> tuple[float, float]:
@@ -98,16 +84,28 @@ def gap_of(first: ArrayLike, second: ArrayLike, what: str = "") -> Quantity:
     return Quantity(value, interval, max(len(rates[0]), 1), what)
 
 
-#: Estimates by the kind of a measure, see ``jaxpf.papers.study``: of one variant, and of two.
-ALONE: Mapping[str, Callable[..., Quantity]] = {
+def ratio_of(first: ArrayLike, second: ArrayLike | None = None, what: str = "") -> Quantity:
+    """The geometric mean of the scenes' ratios ``[S]``, first over second, or to 1.
+
+    The arithmetic mean can exceed 1 in either direction of the division.  Scenes with a value that
+    is not finite or not positive are excluded.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.asarray(first, float) / np.asarray(1.0 if second is None else second, float)
+        return mean_of(np.log(ratios), None, what).scaled(math.exp)
+
+
+def gain_of(first: ArrayLike, second: ArrayLike | None = None, what: str = "") -> Quantity:
+    """By how many per cent the scenes' values ``[S]`` are below others; without these the mean."""
+    if second is None:
+        return mean_of(first, None, what)
+    return ratio_of(first, second, what).scaled(lambda ratio: 100 * (1 - ratio))
+
+
+#: Estimates by the kind of a measure: of one variant's values, or of two on the same scenes.
+KINDS: Mapping[str, Callable[..., Quantity]] = {
     "mean": mean_of,
     "percent": share_of,
-    "ratio": lambda values, what: ratio_of(values, 1.0, what),
-    "gain": mean_of,
-}
-COMPARED: Mapping[str, Callable[..., Quantity]] = {
-    "mean": lambda first, second, what: mean_of(np.subtract(first, second), what),
-    "percent": gap_of,
     "ratio": ratio_of,
     "gain": gain_of,
 }

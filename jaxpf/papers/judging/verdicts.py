@@ -2,13 +2,13 @@
 
 Each paper's folder holds ``claims.csv``; ``verdicts.csv``, which ``jaxpf reproduce`` writes, with a
 row for each figure of a claim; ``not_judged.csv``, the paper's other claims, and why they have no
-verdict; and ``earlier.csv``, figures that were measured once and are no longer repeated.
+verdict; and ``earlier.csv``, figures that were measured once and are no longer repeated, with the
+date, the commit and the reason.  Their keys once stood in ``verdicts.csv``.
 """
 
 import itertools
-import operator
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from statistics import NormalDist
 
@@ -22,7 +22,6 @@ from jaxpf.papers.judging.claims import (
     PREVIEW,
     SUPPORTED,
     WEAKER,
-    Claim,
     Judged,
     claims_of,
     judge,
@@ -53,23 +52,17 @@ EARLIER = "measured earlier, no longer repeated"
 
 def stored(paper: str) -> list[Judged]:
     """A paper's claims with their stored verdicts."""
-    claims = claims_of(paper)
-    rows = itertools.groupby(read_rows(paper, "verdicts.csv"), operator.itemgetter("key"))
-    return [_judged(claims[key], list(of_claim)) for key, of_claim in rows]
-
-
-def _judged(claim: Claim, rows: Sequence[Mapping[str, str]]) -> Judged:
-    """A verdict from its rows, one for each figure."""
-    first, level = rows[0], float(rows[0]["level"])
-    needed = float(first["needed"]) if first["needed"] else None
-    figures = [
-        Quantity(value, partial(_widened, value, low, high, level), int(row["units"]), row["what"])
-        for row in rows
-        for value, low, high in [map(float, (row["value"], row["low"], row["high"]))]
-    ]
-    return Judged(
-        claim, figures, first["verdict"], level, needed, first["command"], first["version"]
-    )
+    claims, judged = claims_of(paper), []
+    for key, rows in itertools.groupby(read_rows(paper, "verdicts.csv"), lambda row: row["key"]):
+        figures = []
+        for row in rows:
+            value, low, high, level = (float(row[name]) for name in STORED[2:6])
+            interval = partial(_widened, value, low, high, level)
+            figures.append(Quantity(value, interval, int(row["units"]), row["what"]))
+        needed = float(row["needed"]) if row["needed"] else None
+        rest = row["verdict"], level, needed, row["command"], row["version"]
+        judged.append(Judged(claims[key], figures, *rest))
+    return judged
 
 
 def _widened(
@@ -99,19 +92,6 @@ def judged_again(judged: Judged) -> Judged:
     again = judge(judged.claim, judged.figures, judged.level)
     needed = judged.needed if again.verdict == judged.verdict else again.needed
     return judged._replace(verdict=again.verdict, needed=needed)
-
-
-def not_judged(paper: str) -> list[dict[str, str]]:
-    """A paper's claims without a verdict: ``claim``, ``source`` and ``reason``."""
-    return list(read_rows(paper, "not_judged.csv"))
-
-
-def earlier(paper: str) -> list[dict[str, str]]:
-    """Figures that are no longer measured: claim, published, figures, units, date, commit, reason.
-
-    Their keys once stood in ``verdicts.csv``.
-    """
-    return list(read_rows(paper, "earlier.csv"))
 
 
 def of_group(judged: Iterable[Judged], group: str) -> list[Judged]:
@@ -190,16 +170,14 @@ def report(paper: str, judged: Sequence[Judged], details: bool = False) -> Itera
         if others := of_group(judged, group):
             yield f"\n{paper}, {title}:"
             yield from lines(others, details)
-    if left := not_judged(paper):
-        yield f"\n{paper}, not judged:"
-        for row in left:
-            text = f"- {row['claim']} ({row['source']}): {row['reason']}"
-            yield from textwrap.wrap(text, 98, subsequent_indent="  ")
-    if rows := earlier(paper):
-        yield f"\n{paper}, {EARLIER}:"
-        for row in rows:
-            text = (
-                f"- {row['claim']} ({row['published']}): {row['figures']} ({row['units']}, "
-                f"{row['date']}, commit {row['commit']}).  {row['reason']}"
-            )
-            yield from textwrap.wrap(text, 98, subsequent_indent="  ")
+    yield f"\n{paper}, not judged:"
+    for row in read_rows(paper, "not_judged.csv"):
+        text = f"- {row['claim']} ({row['source']}): {row['reason']}"
+        yield from textwrap.wrap(text, 98, subsequent_indent="  ")
+    yield f"\n{paper}, {EARLIER}:"
+    for row in read_rows(paper, "earlier.csv"):
+        text = (
+            f"- {row['claim']} ({row['published']}): {row['figures']} ({row['units']}, "
+            f"{row['date']}, commit {row['commit']}).  {row['reason']}"
+        )
+        yield from textwrap.wrap(text, 98, subsequent_indent="  ")

@@ -1,4 +1,8 @@
-"""Targets that meet or pass, tracked by several methods: figures 1, 4, 6, 7 and 11."""
+"""maccormick1999 repeated: MacCormick and Blake, "A probabilistic exclusion principle for tracking
+multiple objects", ICCV 1999.
+
+Targets that meet or pass on drawn scenes: figures 1, 4, 6, 7 and 11; and figures 3, 9 and 10.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -11,7 +15,7 @@ from matplotlib.figure import Figure
 from jaxpf.media import plotting
 from jaxpf.papers.checkpoints import Measurements
 from jaxpf.papers.judging.claims import counted
-from jaxpf.papers.judging.estimates import mean_of
+from jaxpf.papers.judging.estimates import computed, mean_of
 from jaxpf.papers.maccormick1999 import scenes, toy
 from jaxpf.papers.maccormick1999.scenes import (
     FIRST_FRAMES,
@@ -22,6 +26,7 @@ from jaxpf.papers.maccormick1999.scenes import (
     track,
     tracker_of,
 )
+from jaxpf.papers.paper import Paper
 from jaxpf.papers.study import Study, tidy
 from jaxpf.targets.presets import MACCORMICK1999
 
@@ -318,3 +323,11 @@ def draw_contours(axis: Axes, frame: np.ndarray, outlines: np.ndarray, closed: b
             line = np.concatenate([outline, outline[:1]]) if closed else outline
             axis.plot(*line.T, color=colour, lw=1, alpha=0.8)
     axis.set(xlim=(0, frame.shape[1]), ylim=(frame.shape[0], 0), xticks=[], yticks=[])
+
+
+PAPER = Paper(
+    "maccormick1999",
+    measure_all,
+    figures,
+    computed=lambda: {"line": [computed(toy.ratio_of_peaks())]},
+)

@@ -1,4 +1,9 @@
-"""Measures of the runs of a variant, and figures 2 to 4: S scenes, R runs, T frames, L targets."""
+"""rowe2005 repeated: Rowe, Rius, Gonzalez and Villanueva, "Towards robust multiple-target
+tracking", about 2005, a particle filter with per-target weight normalisation and speed feedback.
+
+Its synthetic test, two projectiles in front of strips that look like them: figures 2 to 4 and table
+1, and its arguments that have no table.  Arrays are of S scenes, R runs, T frames, L targets.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -8,6 +13,7 @@ from matplotlib.figure import Figure
 
 from jaxpf.media import plotting
 from jaxpf.papers.checkpoints import Measurements
+from jaxpf.papers.paper import Paper
 from jaxpf.papers.rowe2005.scenes import RUNS_PER_SCENE, VARIANTS, measure, stability
 from jaxpf.papers.study import Study, tidy
 
@@ -134,3 +140,6 @@ def figure_4(ratio: np.ndarray) -> Figure:
         axis.plot(np.arange(1, len(run) + 1), 100 * (run - 1), linewidth=0.7)
     axis.set(xlabel="frame", ylabel="error of the area (%)", ylim=(-100, 200))
     return figure
+
+
+PAPER = Paper("rowe2005", measure_all, figures)

@@ -1,6 +1,8 @@
-"""Measures of the runs, and figure 4.
+"""smith2004 repeated: Smith and Gatica-Perez, "Order matters: a distributed sampling method for
+multi-object tracking", BMVC 2004.
 
-Variants are methods; most measures have a case for each sharpness.
+Tables 1 and 2 and figure 4 on distracter scenes.  Variants are methods; most measures have a case
+for each sharpness.
 """
 
 from collections.abc import Mapping
@@ -11,6 +13,7 @@ from matplotlib.figure import Figure
 
 from jaxpf.media import plotting
 from jaxpf.papers.checkpoints import Measurements
+from jaxpf.papers.paper import Paper
 from jaxpf.papers.smith2004.scenes import (
     ENDINGS,
     METHODS,
@@ -223,3 +226,6 @@ def figure_4(outcome: Outcome) -> Figure:
         "deviation of the particles over the process noise"
     )
     return figure
+
+
+PAPER = Paper("smith2004", measure_all, figures)

@@ -92,19 +92,18 @@ def test_no_key_of_a_verdict_disappears():
     assert now <= once, "add the key to the list"
 
 
-def test_the_summary_counts_the_papers_own_claims():
+def test_the_summary_counts_the_papers_own_claims_and_the_origin_is_that_of_most():
     stored = verdicts.stored("rowe2005")
-    own = verdicts.of_group(stored, "paper")
-    assert 0 < len(own) < len(stored)
-    doubted = [
-        own[0]._replace(verdict=CONTRADICTED),
-        *(each._replace(verdict=OPEN) for each in own[1:3]),
-    ]
-    doubted += [each._replace(verdict=SUPPORTED) for each in own[3:5]]
-    said = verdicts.summary("rowe2005", doubted)
-    assert said == "rowe2005: 2 of 5 supported, 1 contradicted, 2 open"
-    doubted[1] = doubted[1]._replace(verdict="equal within 3")
-    assert verdicts.summary("rowe2005", doubted).endswith("1 weaker than claimed, 1 open")
+    own = verdicts.of_group(stored, "paper")[:5]
+    assert 5 < len(verdicts.of_group(stored, "paper")) < len(stored)
+    words = [CONTRADICTED, "equal within 3", OPEN, SUPPORTED, SUPPORTED]
+    doubted = [each._replace(verdict=word) for each, word in zip(own, words, strict=True)]
+    said = "rowe2005: 2 of 5 supported, 1 contradicted, 1 weaker than claimed, 1 open"
+    assert verdicts.summary("rowe2005", doubted) == said
+    assert verdicts.origin(own) == "75 scenes, 95% intervals"
+    other = own[0]._replace(level=0.99)
+    assert verdicts.origin([*own, other]) == "75 scenes, 95% intervals; 1 row otherwise"
+    assert verdicts.origin([own[0]._replace(figures=[computed(1.0)])]) == "computed"
 
 
 def test_all_papers_fit_on_two_screens_and_their_details_on_its_width():
@@ -127,11 +126,3 @@ def test_details_print_the_sentence_and_the_other_claims():
         assert words in detailed.out
         assert words not in plain.out
     assert "smith2004:" not in detailed.out
-
-
-def test_the_origin_is_that_of_most_rows():
-    own = verdicts.of_group(verdicts.stored("rowe2005"), "paper")[:3]
-    assert verdicts.origin(own) == "75 scenes, 95% intervals"
-    other = own[0]._replace(level=0.99)
-    assert verdicts.origin([*own, other]) == "75 scenes, 95% intervals; 1 row otherwise"
-    assert verdicts.origin([own[0]._replace(figures=[computed(1.0)])]) == "computed"

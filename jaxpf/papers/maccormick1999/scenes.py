@@ -9,6 +9,7 @@ import functools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+import cv2
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -21,7 +22,6 @@ from jaxpf.contract.state import Summary
 from jaxpf.dynamics.gaussian import RandomWalk
 from jaxpf.dynamics.learned import fit
 from jaxpf.dynamics.occlusion import WithOcclusion
-from jaxpf.evaluation.scene import load_scene
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods.contours import EdgeDetector, contours, learn_clutter
 from jaxpf.lowering import platform
@@ -88,11 +88,10 @@ class Case(NamedTuple):
 
 def wires(seed: int, num_frames: int = 60) -> Case:
     """Two wires that come together and separate, in Euclidean similarities of their start."""
-    scene = load_scene("wires", seed, parameters={"num_frames": num_frames})
-    detector = EdgeDetector(threshold=10.0, length=41, smoothing=1.0)
-    options = {"detector": detector, "width": 4.0, "sigma": 2.0, "independence": _INDEPENDENCE}
-    case = _drawn(scene, "similarity", 8, options, on_target=6.0)
-    return case._replace(noise=NOISE_OF_WIRES)
+    scene = scenes.make("wires", seed, num_frames=num_frames)
+    model = _learned(scene, "similarity", 8)
+    across = {"width": 4.0, "sigma": 2.0, "independence": _INDEPENDENCE}
+    return _case(scene, *model, across, on_target=6.0, noise=NOISE_OF_WIRES, smoothing=1.0)
 
 
 def leaves(seed: int, num_frames: int = 60) -> Case:
@@ -102,11 +101,10 @@ def leaves(seed: int, num_frames: int = 60) -> Case:
     coordinate instead repeats a share of its own last step, the learned shares are nearly 1 and
     shapes drift away: on 8 unreported sequences 1 is kept instead of 8.
     """
-    scene = load_scene("leaves", seed, parameters={"num_frames": num_frames})
-    detector = EdgeDetector(threshold=10.0, length=41, smoothing=1.5)
-    options = {"detector": detector, "sigma": 5.0, "independence": _INDEPENDENCE}
-    case = _drawn(scene, "affine", 10, options, on_target=10.0, coefficients="own")
-    return case._replace(noise=NOISE_OF_LEAVES)
+    scene = scenes.make("leaves", seed, num_frames=num_frames)
+    model = _learned(scene, "affine", 10, coefficients="own")
+    across = {"sigma": 5.0, "independence": _INDEPENDENCE}
+    return _case(scene, *model, across, on_target=10.0, noise=NOISE_OF_LEAVES)
 
 
 def leaves_of_figure_11(seed: int) -> Case:
@@ -123,19 +121,16 @@ def leaves_of_figure_11(seed: int) -> Case:
 
 def walkers(seed: int, num_frames: int = 60) -> Case:
     """Two heads and shoulders that pass each other, in 8 + 8 dimensions."""
-    scene = load_scene("walkers", seed, parameters={"num_frames": num_frames})
-    num_points = 20
-    control = [fit_spline(outline, num_points, closed=True) for outline in scene.extras["examples"]]
-    space = key_frame_space(np.array(control), 8, closed=True)
-    detector = EdgeDetector(threshold=10.0, length=41, smoothing=1.5)
+    scene = scenes.make("walkers", seed, num_frames=num_frames)
+    control = _control(scene.extras["examples"], 20, closed=True)
+    space = key_frame_space(control, 8, closed=True)
     # Brownian motion "with an amplitude matched to the speed of a walking person", from other
     # seeds.
-    middles = [other.mean(axis=2) for other in _other_outlines(scene)]
+    middles = [other.mean(axis=2) for other in _others("walkers", num_frames)]
     speed = np.mean([np.abs(np.diff(middle, axis=0)) for middle in middles], axis=(0, 1, 2))
-    shapes = space.project(np.array(control)[:, None])[:, 0, 2:].std(axis=0)
+    shapes = space.project(control[:, None])[:, 0, 2:].std(axis=0)
     scale = np.concatenate([1.5 * speed, _SHAPE_NOISE * shapes])
-    options = {"detector": detector, "num_lines": 40}
-    return _case("walkers", scene, space, RandomWalk(scale=scale), options, on_target=10.0)
+    return _case(scene, space, RandomWalk(scale=scale), {"num_lines": 40}, on_target=10.0, noise={})
 
 
 def as_printed(case: Case) -> Case:
@@ -165,79 +160,74 @@ def distances(case: Case, outlines: ArrayLike) -> np.ndarray:
     return np.maximum(to_truth, lengths.min(axis=-2).mean(axis=-1))
 
 
-def _drawn(
-    scene: scenes.Scene,
-    space: str,
-    num_points: int,
-    options: dict[str, Any],
-    on_target: float,
-    coefficients: str = "steps",
-) -> Case:
-    """A drawn case with second-order dynamics learned from the ground truth of other seeds."""
+def _learned(
+    scene: scenes.Scene, space: str, num_points: int, coefficients: str = "steps"
+) -> tuple[ShapeSpace, Any]:
+    """A shape space of the start, and second-order dynamics from the truth of other seeds."""
     closed = scene.extras["closed"]
-    control = _control(scene.extras["outlines"][:1], num_points, closed)[0]
-    shape_space = space_of(space, control, closed=closed)
     tracks = []
-    for other in _other_outlines(scene):
-        contours = _control(other, num_points, closed)
-        tracks.append(space_of(space, contours[0], closed=closed).project(contours))
+    for outlines in _others(scene.name, scene.num_frames):
+        control = _control(outlines, num_points, closed)
+        tracks.append(space_of(space, control[0], closed=closed).project(control))
+    start = _control(scene.extras["outlines"][0], num_points, closed)
     dynamics = fit(tracks, 2, coefficients=coefficients, pooled=True)
-    return _case(scene.name, scene, shape_space, dynamics, options, on_target)
-
-
-def _other_outlines(scene: scenes.Scene) -> tuple[np.ndarray, ...]:
-    """Outlines ``[T, 2, S, 2]`` of two other scenes of the same kind, which are not tracked."""
-    parameters = {key: value for key, value in scene.parameters.items() if key != "seed"}
-    return _outlines_to_learn_from(scene.name, tuple(sorted(parameters.items())))
+    return space_of(space, start, closed=closed), dynamics
 
 
 @functools.cache
-def _outlines_to_learn_from(name: str, parameters: tuple) -> tuple[np.ndarray, ...]:
+def _others(name: str, num_frames: int) -> tuple[np.ndarray, ...]:
+    """Outlines ``[T, 2, S, 2]`` of two other scenes of a kind, which are not tracked."""
     seeds = range(_SEED_TO_LEARN_FROM, _SEED_TO_LEARN_FROM + 2)
-    made = (scenes.make(name, seed, **dict(parameters)) for seed in seeds)
+    made = (scenes.make(name, seed, num_frames=num_frames) for seed in seeds)
     return tuple(scene.extras["outlines"] for scene in made)
 
 
-def _case(name, scene, space, dynamics, options, on_target) -> Case:
+def _case(
+    scene: scenes.Scene,
+    space: ShapeSpace,
+    dynamics: Any,
+    options: Mapping[str, Any],
+    on_target: float,
+    noise: Mapping[str, float],
+    smoothing: float = 1.5,
+) -> Case:
     outlines, closed = scene.extras["outlines"], space.closed
-    front = scene.extras["front"][0] if closed else 0
-    start = space.project(_control(outlines[:1], space.num_points, closed)[0])
+    front = int(scene.extras["front"][0]) if closed else 0
+    detector = EdgeDetector(threshold=10.0, length=41, smoothing=smoothing)
+    clutter = learn_clutter(scene.frames[::8], detector)
+    start = space.project(_control(outlines[0], space.num_points, closed))
     even = [
         [resample_polyline(line, _POINTS, closed=closed) for line in pair] for pair in outlines[1:]
     ]
     return Case(
-        name=name,
+        name=scene.name,
         frames=scene.frames[1:],
         truth=np.array(even),
         start=start.astype(np.float32),
         space=space,
         dynamics=dynamics,
-        options={**options, "clutter": learn_clutter(scene.frames[::8], options["detector"])},
+        options={"detector": detector, "clutter": clutter, **options},
         on_target=on_target,
         hidden=_hidden(outlines[1:], front) if closed else None,
-        farther=int(1 - front),
+        farther=1 - front,
+        noise=noise,
     )
 
 
 def _hidden(outlines: np.ndarray, front: int) -> np.ndarray:
     """Share of the farther outline's points inside the nearer one, ``[T]``."""
-    import cv2
-
     shares = []
     for pair in outlines.astype(np.float32):
-        inside = [
-            cv2.pointPolygonTest(pair[front][:, None], (float(x), float(y)), False) > 0
-            for x, y in pair[1 - front]
-        ]
-        shares.append(np.mean(inside))
+        nearer, farther = pair[front][:, None], pair[1 - front].tolist()
+        shares.append(np.mean([cv2.pointPolygonTest(nearer, at, False) > 0 for at in farther]))
     return np.array(shares)
 
 
 def _control(outlines: np.ndarray, num_points: int, closed: bool) -> np.ndarray:
-    """Control points ``[T, P, K, 2]`` of outlines ``[T, P, S, 2]``."""
-    return np.array(
-        [[fit_spline(line, num_points, closed=closed) for line in pair] for pair in outlines]
-    )
+    """Control points ``[..., K, 2]`` of outlines ``[..., S, 2]``."""
+    lines = outlines.reshape(-1, *outlines.shape[-2:])
+    control = np.array([fit_spline(line, num_points, closed=closed) for line in lines])
+    return control.reshape(*outlines.shape[:-2], num_points, 2)
 
 
 class Outcome(NamedTuple):

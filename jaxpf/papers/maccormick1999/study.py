@@ -219,9 +219,9 @@ def figures(study: Study) -> dict[str, Figure]:
         "figure_3": line_figure(),
         "figures_9_10": toy_figure(shown["toy"]),
         "figure_11": ess_figure(shown["figure_11"]),
-        "figure_4": meeting_figure(shown["wires"]),
-        "figure_7": passing_figure(shown["leaves"], (PARTITIONED, AS_MANY, ENOUGH)),
-        "figures_1_6": passing_figure(shown["walkers"]),
+        "figure_4": contours_figure(shown["wires"]),
+        "figure_7": contours_figure(shown["leaves"], (PARTITIONED, AS_MANY, ENOUGH)),
+        "figures_1_6": contours_figure(shown["walkers"]),
     }
 
 
@@ -285,33 +285,22 @@ def ess_figure(leaves: Passing) -> Figure:
     return drawing
 
 
-def meeting_figure(meeting: Passing) -> Figure:
-    """Three frames of the first sequence with the contours of each likelihood."""
-    times = [round(time) for time in np.linspace(0, len(meeting.case.frames) - 1, 3)]
-    return _frames_figure(meeting, times, "Figure 4 repeated: A and B by colour")
+def contours_figure(passing: Passing, methods: Sequence[str] = ()) -> Figure:
+    """The estimated contours in three frames of the first sequence.
 
-
-def passing_figure(passing: Passing, methods: Sequence[str] = ()) -> Figure:
-    """The first sequence before, during and after the occlusion, with the estimated contours.
-
-    Shows all methods, or the named ones that were measured.
+    Opaque targets are shown before, during and after the occlusion.  Shows all methods, or the
+    named ones that were measured.
     """
-    case = passing.case
-    times = 0, int(case.hidden.argmax()), len(case.frames) - 1
-    if methods:
-        kept = {name: passing.outlines[name] for name in methods if name in passing.outlines}
-        passing = passing._replace(outlines=kept)
-    return _frames_figure(passing, times, f"{case.name}: A and B by colour")
-
-
-def _frames_figure(passing: Passing, times: Sequence[int], title: str) -> Figure:
-    case, size = passing.case, (12, 3.2 * len(passing.outlines))
-    drawing, axes = plotting.new_figure(len(passing.outlines), len(times), figsize=size)
-    for row, (name, outlines) in zip(axes, passing.outlines.items(), strict=True):
-        for axis, time in zip(row, times, strict=True):
-            draw_contours(axis, case.frames[time], outlines[:, time], case.space.closed)
+    case, last = passing.case, len(passing.case.frames) - 1
+    middle = round(last / 2) if case.hidden is None else int(case.hidden.argmax())
+    shown = [name for name in methods or passing.outlines if name in passing.outlines]
+    drawing, axes = plotting.new_figure(len(shown), 3, figsize=(12, 3.2 * len(shown)))
+    for row, name in zip(axes, shown, strict=True):
+        for axis, time in zip(row, (0, middle, last), strict=True):
+            outlines = passing.outlines[name][:, time]
+            draw_contours(axis, case.frames[time], outlines, case.space.closed)
             axis.set_title(f"{name}: frame {time}", fontsize=9)
-    drawing.suptitle(title)
+    drawing.suptitle(f"{case.name}: A and B by colour")
     return drawing
 
 

@@ -25,20 +25,15 @@ from typing import Any
 
 import click
 import numpy as np
+import pandas as pd
 
 from jaxpf.boxes.tracks import read_tracks, write_mot
 from jaxpf.cli.shared import flags
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.flags import Command, GivenPath
 from jaxpf.contract.errors import InputError
-from jaxpf.files.reading import read_rows, read_text
-from jaxpf.files.writing import (
-    SUMMARY,
-    atomic_write,
-    check_output_file,
-    csv_text,
-    write_text,
-)
+from jaxpf.files.reading import read_text
+from jaxpf.files.writing import SUMMARY, atomic_write, check_output_file, write_text
 
 #: Category of all tracked objects.
 _LABEL = "object"
@@ -110,44 +105,33 @@ def read_tracked(folder: Path) -> Tracked:
             f"'{folder / SUMMARY}' is not a summary of this version of `jaxpf track`; give its "
             "output folder, or track again."
         ) from None
-    table = read_tracks(folder / "tracks.csv")
+    tracks, outlines = folder / "tracks.csv", folder / "outlines.csv"
+    table = read_tracks(tracks)
     if not len(table["frame"]):
-        raise InputError(f"'{folder / 'tracks.csv'}' holds no tracks, so nothing can be exported.")
-    frames, ids = table["frame"].astype(int), [str(name) for name in table["id"].tolist()]
-    names, numbers = tuple(dict.fromkeys(ids)), np.arange(first, first + len(times))
-    if not np.isin(frames, numbers).all():
+        raise InputError(f"'{tracks}' holds no tracks, so nothing can be exported.")
+    at, ids = table["frame"] - first, [str(name) for name in table["id"].tolist()]
+    if not np.isin(at, np.arange(len(times))).all():
         raise InputError(
             f"'{folder / SUMMARY}' and 'tracks.csv' are of different runs, whose frames differ; "
             "track again."
         )
-    rows = frames - first, np.array([names.index(name) for name in ids])
-    confidence, lost = np.zeros((2, len(numbers), len(names)))
-    outlines = folder / "outlines.csv"
+    names = tuple(dict.fromkeys(ids))
+    shape, rows = (len(times), len(names)), (at, [names.index(name) for name in ids])
+    confidence, lost = np.zeros((2, *shape))
     try:
         lost[rows], reported = table["lost"], table.get("confidence", np.nan)
         confidence[rows] = np.where(np.isnan(reported), 1 - table["lost"], reported)
         if outlines.is_file():
-            lines = _read_outlines(outlines, names, numbers)
+            lines = _read_outlines(outlines, names, first, shape)
         else:
-            shapes = _lines_of(table, target)
-            lines = np.full((len(numbers), len(names), *shapes.shape[1:]), np.nan)
-            lines[rows] = shapes
+            corners = _lines_of(table, target)
+            lines = np.full((*shape, *corners.shape[1:]), np.nan)
+            lines[rows] = corners
     except KeyError as error:
         raise InputError(
-            f"'{folder / 'tracks.csv'}' has no column {error}, which tracks of {target} have; "
-            "track again."
+            f"'{tracks}' has no column {error}, which tracks of {target} have; track again."
         ) from None
-    return Tracked(
-        target=target,
-        names=names,
-        first=first,
-        times=times,
-        pictures=pictures,
-        lines=lines,
-        confidence=confidence,
-        lost=lost > 0,
-        size=size,
-    )
+    return Tracked(target, names, first, times, pictures, lines, confidence, lost > 0, size)
 
 
 def _lines_of(table: dict[str, np.ndarray], target: str) -> np.ndarray:
@@ -164,24 +148,20 @@ def _lines_of(table: dict[str, np.ndarray], target: str) -> np.ndarray:
     return places + (corners - 0.5) * sizes @ turn.reshape(-1, 2, 2)
 
 
-def _read_outlines(path: Path, names: tuple[str, ...], numbers: np.ndarray) -> np.ndarray:
+def _read_outlines(
+    path: Path, names: tuple[str, ...], first: int, shape: tuple[int, int]
+) -> np.ndarray:
     try:
-        (_, header), *lines = read_rows(path, "outlines", "the outlines.csv of a run")
-        table = [dict(zip(header, fields, strict=True)) for _, fields in lines]
-        rows = [row for row in table if row["kind"] == "outline"]
-        length = 1 + max(int(row["k"]) for row in rows)
-        places = np.full((len(numbers), len(names), length, 2), np.nan)
-        for row in rows:
-            place = float(row["x"]), float(row["y"])
-            time = int(row["frame"]) - numbers[0]
-            places[time, names.index(row["id"]), int(row["k"])] = place
-    except (ValueError, IndexError, KeyError) as error:
-        if isinstance(error, InputError):
-            raise
+        table = pd.read_csv(path, dtype={"id": str}, keep_default_na=False)
+        table = table[table["kind"] == "outline"]
+        lines = np.full((*shape, 1 + max(table["k"]), 2), np.nan)
+        place = table["frame"] - first, [names.index(name) for name in table["id"]], table["k"]
+        lines[place] = table[["x", "y"]]
+    except (ValueError, IndexError, KeyError, TypeError):
         raise InputError(
             f"'{path}' is damaged, or does not belong to the tracks beside it; track again."
         ) from None
-    return places
+    return lines
 
 
 def write_coco(path: Path, tracked: Tracked) -> None:
@@ -195,26 +175,23 @@ def write_coco(path: Path, tracked: Tracked) -> None:
     category: dict[str, Any] = {"id": 1, "name": _LABEL}
     if of_points:
         category |= {"keypoints": list(tracked.names), "skeleton": []}
-    annotations = list((_skeletons if of_points else _shapes)(tracked))
-    content = {
-        "images": [
-            {
-                "id": number + 1,
-                "file_name": name,
-                "width": width,
-                "height": height,
-                "time": round(float(time), 6),
-            }
-            for number, (name, time) in enumerate(
-                zip(tracked.pictures, tracked.times, strict=True), start=tracked.first
-            )
-        ],
-        "annotations": [
-            {"id": number, "category_id": 1, "iscrowd": 0, **annotation}
-            for number, annotation in enumerate(annotations, start=1)
-        ],
-        "categories": [category],
-    }
+    images = [
+        {
+            "id": number,
+            "file_name": name,
+            "width": width,
+            "height": height,
+            "time": round(float(time), 6),
+        }
+        for number, (name, time) in enumerate(
+            zip(tracked.pictures, tracked.times, strict=True), start=tracked.first + 1
+        )
+    ]
+    annotations = [
+        {"id": number, "category_id": 1, "iscrowd": 0, **annotation}
+        for number, annotation in enumerate((_skeletons if of_points else _shapes)(tracked), 1)
+    ]
+    content = {"images": images, "annotations": annotations, "categories": [category]}
     write_text(path, json.dumps(content))
 
 
@@ -277,31 +254,28 @@ def write_motchallenge(path: Path, tracked: Tracked) -> None:
 
 def write_deeplabcut(path: Path, tracked: Tracked) -> None:
     """Write the CSV table of predictions of one animal as DeepLabCut writes it."""
-    header = [
-        ["scorer"] + 3 * len(tracked.names) * ["jaxpf"],
-        ["bodyparts", *(name for name in tracked.names for _ in range(3))],
-        ["coords"] + len(tracked.names) * ["x", "y", "likelihood"],
-    ]
-    rows = ([frame, *cells] for frame, cells in _keypoints(tracked))
-    write_text(path, csv_text([*header, *rows]))
+    levels = ["jaxpf"], tracked.names, ("x", "y", "likelihood")
+    table = _keypoints(tracked)
+    table.columns = pd.MultiIndex.from_product(levels, names=("scorer", "bodyparts", "coords"))
+    write_text(path, table.to_csv(lineterminator="\n"))
 
 
 def write_sleap(path: Path, tracked: Tracked) -> None:
     """Write the CSV table of SLEAP's "Export Analysis CSV", with one instance."""
-    columns = (f"{name}.{what}" for name in tracked.names for what in ("x", "y", "score"))
-    header = ["track", "frame_idx", "instance.score", *columns]
-    score = tracked.confidence.mean(axis=1).round(4)
-    points = zip(score, _keypoints(tracked), strict=True)
-    rows = (["jaxpf", frame, mean, *cells] for mean, (frame, cells) in points)
-    write_text(path, csv_text([header, *rows]))
+    table = _keypoints(tracked)
+    table.columns = [f"{name}.{what}" for name in tracked.names for what in ("x", "y", "score")]
+    table.insert(0, "instance.score", tracked.confidence.mean(axis=1).round(4))
+    table.insert(0, "frame_idx", table.index)
+    table.insert(0, "track", "jaxpf")
+    write_text(path, table.to_csv(index=False, lineterminator="\n"))
 
 
-def _keypoints(tracked: Tracked) -> Iterator[tuple[int, list[str | float]]]:
-    """Each frame's number, and x, y and confidence of each point; empty where not reported."""
+def _keypoints(tracked: Tracked) -> pd.DataFrame:
+    """x, y and confidence of each point, a row per frame; empty where not reported."""
     values = np.concatenate([tracked.lines[:, :, 0], tracked.confidence[..., None]], axis=-1)
     values[~np.isfinite(values).all(axis=-1)] = np.nan
-    for frame, row in enumerate(values, start=tracked.first):
-        yield frame, ["" if np.isnan(value) else round(float(value), 4) for value in row.ravel()]
+    table = pd.DataFrame(values.reshape(len(values), -1))
+    return table.map(lambda value: round(value, 4)).set_axis(table.index + tracked.first)
 
 
 def _rounded(values: Iterable[float]) -> list[float]:

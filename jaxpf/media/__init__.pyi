@@ -1,4 +1,3 @@
-from .film import Reading as Reading
 from .overlay import (
     draw_boxes as draw_boxes,
     draw_outlines as draw_outlines,

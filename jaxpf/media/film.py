@@ -1,25 +1,21 @@
 """Films: the interface of every source of frames, and video files, decoded by PyAV."""
 
-import dataclasses
 import itertools
 import os
 import time
 from array import array
-from collections.abc import Generator, Sequence
+from collections.abc import Generator
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from jaxpf.contract.errors import Argument, InputError, import_extra
-from jaxpf.contract.numbers import check_number
+from jaxpf.contract.errors import InputError, import_extra
 
 if TYPE_CHECKING:
     import av
 
-# Signatures of common containers; used only to distinguish "damaged" from "not a video".
-_CONTAINERS = ((4, b"ftyp", "MP4"), (8, b"AVI ", "AVI"), (0, b"\x1a\x45\xdf\xa3", "WebM or MKV"))
 #: Number of frames that are decoded on opening.
 _SHOWN = 16
 #: Seconds of decoding after which an estimate of the number of frames will do.
@@ -49,37 +45,6 @@ _LATEST = 100
 DEFAULT_FPS = 25.0
 
 
-@dataclasses.dataclass(frozen=True)
-class Reading:
-    """How a source is read.
-
-    Attributes:
-        fps: frames per second, in place of time stamps; 25 for a folder.
-        range: of a folder of images of 16 bits, the values that become 0 and 255.
-    """
-
-    fps: float | None = None
-    range: Sequence[int] | None = None
-
-    def __post_init__(self) -> None:
-        if self.fps is not None:
-            check_number("fps", self.fps, above=0)
-        if self.range is not None and not 0 <= self.range[0] < self.range[1] <= 65535:
-            raise InputError(
-                Argument("range", self.range, typed=",".join(map(str, self.range))),
-                " must be two whole numbers from 0 to 65535, black before white.",
-            )
-
-    def refuse_range(self, place: object) -> None:
-        """Refuse a range of values for other than images of 16 bits."""
-        if self.range is not None:
-            raise InputError(
-                Argument("range", self.range, typed=",".join(map(str, self.range))),
-                f" works only with a folder of images of 16 bits, and '{place}' is none; "
-                "leave it out.",
-            )
-
-
 class FrameSource:
     """Frames of one video, read on demand; repeatedly, unless the source is live.
 
@@ -106,13 +71,11 @@ class FrameSource:
 
     is_live = False
 
-    def __init__(self, path: Path | str, name: str, reading: Reading):
-        self.path = path
-        self.name = name
-        self.width = 0
-        self.height = 0
+    def __init__(self, path: Path | str, name: str, fps: float | None):
+        self.path, self.name = path, name
+        self.width = self.height = 0
         self.pixel_aspect = Fraction(1)
-        self._given_fps = reading.fps
+        self._given_fps = fps
         self._clock = Clock(DEFAULT_FPS)
         self.frames_expected: int | None = None
         self.num_frames: int | None = None
@@ -144,6 +107,35 @@ class FrameSource:
             raise self._past_the_end(start, self.num_frames)
         return self._frames(start)
 
+    def _frames(self, start: int) -> Generator[np.ndarray]:
+        count = 0
+        for count, picture in enumerate(self._pictures(start), 1):
+            if picture is not None:
+                self._check_size(picture, count - 1)
+                yield picture
+        self.num_frames = count
+        if count <= start:
+            raise self._past_the_end(start, count)
+
+    def _pictures(self, start: int) -> Generator[np.ndarray | None]:
+        """Yield every frame, as None if its number is below ``start``."""
+        raise NotImplementedError
+
+    def _past_the_end(self, start: int, count: int) -> InputError:
+        return InputError(
+            f"frame {start} is past the end of '{self.path}', which has {count} frame(s); "
+            f"choose one from 0 to {count - 1}"
+        )
+
+    def _check_size(self, picture: np.ndarray, number: int) -> None:
+        height, width = picture.shape[:2]
+        if (height, width) != (self.height, self.width):
+            place = f"'{self.pictures[number]}'" if self.pictures else f"frame {number}"
+            raise InputError(
+                f"'{self.path}' changes its size at {place}, from {self.width}x{self.height} to "
+                f"{width}x{height}; convert it to one size"
+            )
+
     def count_frames(self) -> int:
         """The number of frames, found by decoding the video once if its header has no count.
 
@@ -164,102 +156,57 @@ class FrameSource:
     def __iter__(self) -> Generator[np.ndarray]:
         return self.frames()
 
-    def _frames(self, start: int) -> Generator[np.ndarray]:
-        raise NotImplementedError
-
-    def _past_the_end(self, start: int, count: int) -> InputError:
-        return InputError(
-            f"frame {start} is past the end of '{self.path}', which has {count} frame(s); "
-            f"choose one from 0 to {count - 1}"
-        )
-
-    def _check_size(self, picture: np.ndarray, number: int) -> None:
-        height, width = picture.shape[:2]
-        if (height, width) != (self.height, self.width):
-            raise InputError(
-                f"'{self.path}' changes its size at frame {number}, from "
-                f"{self.width}x{self.height} to {width}x{height}; convert it to one size"
-            )
-
 
 class VideoFile(FrameSource):
     """A file decoded by PyAV."""
 
-    def __init__(self, path: Path, reading: Reading, beginning: bytes):
-        super().__init__(path, path.stem, reading)
-        picture = None
-        try:
-            with Decoder(path) as film:
-                self._clock = Clock(film.rate or DEFAULT_FPS)
-                # Some headers give a clock rate as frame rate, so the first frames show it.
-                for stamp, frame in itertools.islice(film.frames(), _SHOWN):
-                    self._clock.add(stamp)
-                    if picture is None:
-                        picture = film.upright(frame)
-                        self._describe(film)
-                        self._is_counted = film.is_counted
-        except NoFilm as error:
-            raise _undecodable(path, beginning, str(error)) from error
-        if picture is None:
-            raise _undecodable(path, beginning, "")
-        # From a decoded frame, because rotation can swap the header's width and height.
-        self.height, self.width = picture.shape[:2]
+    def __init__(self, path: Path, fps: float | None):
+        super().__init__(path, path.stem, fps)
+        with Decoder(path) as film:
+            self._clock = Clock(film.rate or DEFAULT_FPS)
+            # Some headers give a clock rate as frame rate, so the first frames show it.
+            for stamp, frame in itertools.islice(film.frames(), _SHOWN):
+                self._clock.add(stamp)
+                if not self.height:
+                    # From a decoded frame, because rotation can swap the header's width and height.
+                    self.height, self.width = film.upright(frame).shape[:2]
+        if not self.height:
+            raise _undecodable(path, "no frame was found")
+        self.frames_expected, self._is_counted = film.frames_expected, film.is_counted
+        self.pixel_aspect = film.pixel_aspect
+        if film.pixel_aspect != 1:
+            self.note = (
+                f"pixels of '{path}' are {float(film.pixel_aspect):.3g} times as wide as high; "
+                "coordinates count pixels"
+            )
 
     def count_frames(self) -> int:
         """See ``FrameSource``."""
         if self.num_frames is None and not self._is_counted:
             end, count = time.monotonic() + _PATIENCE, 0
-            with self._decoder() as film:
+            with Decoder(self.path) as film:
                 for count, _ in enumerate(film.frames(), 1):
                     if self.frames_expected and time.monotonic() > end:
                         return max(self.frames_expected, count)
             self.num_frames = count
         return super().count_frames()
 
-    def _decoder(self) -> "Decoder":
-        """Open the film again, for a pass over its frames."""
-        try:
-            return Decoder(self.path)
-        except NoFilm:
-            raise InputError(
-                f"video '{self.path}' was removed or replaced after it was opened; open it again"
-            ) from None
-
-    def _frames(self, start: int) -> Generator[np.ndarray]:
+    def _pictures(self, start: int) -> Generator[np.ndarray | None]:
         clock = self._clock = Clock(self._clock.rate)
-        count = 0
-        with self._decoder() as film:
-            for stamp, frame in film.frames():
+        with Decoder(self.path) as film:
+            for number, (stamp, frame) in enumerate(film.frames()):
                 clock.add(stamp)
-                if count >= start:
-                    picture = film.upright(frame)
-                    self._check_size(picture, count)
-                    yield picture
-                count += 1
-            self._reached_end(film, count)
-        if count <= start:
-            raise self._past_the_end(start, count)
+                yield film.upright(frame) if number >= start else None
+            self._judge(film, len(clock))
 
-    def _describe(self, film: "Decoder") -> None:
-        """Take what a ``Decoder`` knows once its first frame is upright."""
-        self.frames_expected = film.frames_expected
-        self.pixel_aspect = film.pixel_aspect
-        if film.pixel_aspect != 1:
-            self.note = (
-                f"pixels of '{self.path}' are {float(film.pixel_aspect):.3g} times as wide as "
-                "high; coordinates count pixels"
-            )
-
-    def _reached_end(self, film: "Decoder", count: int) -> None:
-        """Judge a ``Decoder`` that has yielded all ``count`` frames."""
-        self.num_frames = count
+    def _judge(self, film: "Decoder", count: int) -> None:
+        """Say whether a film whose ``count`` frames have all been decoded is whole."""
         self.truncated = film.is_cut(self._clock.rate)
         if self.truncated:
-            expected = film.frames_expected
             self.note = (
-                f"'{self.path}' announces {expected} frames, and {count} can be decoded: it is cut "
-                f"off or damaged after frame {count - 1}; copy or convert it again if the rest "
-                "matters"
+                f"'{self.path}' announces {film.frames_expected} frames, and {count} can be "
+                f"decoded: it is cut off or damaged after frame {count - 1}; copy or convert it "
+                "again if the rest matters"
             )
         elif film.damaged:
             self.note = (
@@ -268,18 +215,11 @@ class VideoFile(FrameSource):
             )
 
 
-def _undecodable(path: Path, beginning: bytes, why: str) -> InputError:
-    known = [kind for at, magic, kind in _CONTAINERS if beginning[at:].startswith(magic)]
-    if why or known:
-        why = why or f"it begins as {known[0]} but is cut off or damaged"
-        return InputError(f"video '{path}' cannot be decoded: {why}; copy it again or convert it")
+def _undecodable(path: object, why: str) -> InputError:
     return InputError(
-        f"'{path}' is not a video; give a video (mp4, avi, webm, mkv) or a folder of images"
+        f"'{path}' cannot be decoded ({why}): it is cut off or damaged, or not a video (mp4, avi, "
+        "webm, mkv) or a folder of images; copy it again or convert it"
     )
-
-
-class NoFilm(Exception):
-    """Nothing was found that can be decoded; the message says why, if it is known."""
 
 
 class Decoder:
@@ -297,8 +237,7 @@ class Decoder:
         """Open a film.
 
         Raises:
-            InputError: PyAV is missing.
-            NoFilm: there is nothing to decode.
+            InputError: PyAV is missing, or there is nothing to decode.
         """
         av = import_extra("av", f"reading the video '{file}' needs PyAV")
         from av.sidedata.sidedata import Type
@@ -316,9 +255,9 @@ class Decoder:
             options["correct_ts_overflow"] = "0"
             self._container: Any = av.open(os.path.abspath(file), options=options, **titles)
         except (av.FFmpegError, ValueError) as error:
-            raise NoFilm from error
+            raise _undecodable(file, f"{getattr(error, 'strerror', error)}".lower()) from error
         try:
-            self._stream = self._film()
+            self._stream = self._film(file)
             # With H.264 decoded in parallel, FFmpeg marks damaged frames at random, too late.
             if self._stream.codec_context.name != "h264":
                 self._stream.thread_type = "AUTO"
@@ -341,14 +280,14 @@ class Decoder:
             self._seconds = self._stream.frames / self.rate
         self.pixel_aspect = Fraction(self._stream.sample_aspect_ratio or 1)
 
-    def _film(self) -> Any:
+    def _film(self, file: object) -> Any:
         """The stream of frames; the cover of a recording is none."""
         streams = self._container.streams.video
         films = [one for one in streams if not one.disposition & one.disposition.attached_pic]
         if not films:
-            raise NoFilm("it holds no moving pictures")
+            raise _undecodable(file, "it holds no moving pictures")
         if films[0].codec_context is None:
-            raise NoFilm("its codec is unknown")
+            raise _undecodable(file, "its codec is unknown")
         return films[0]
 
     def frames(self) -> "Generator[tuple[float | None, av.VideoFrame]]":

@@ -13,8 +13,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from jaxpf.contract.errors import InputError, import_extra
-from jaxpf.media.film import Reading
+from jaxpf.contract.errors import Argument, InputError, import_extra
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
 #: Share of pixels that change as edges and noise do, above which a picture is a photograph.
@@ -61,26 +60,12 @@ def check_consecutive(folder: Path, names: Sequence[str]) -> str | None:
         place = given.index(None)
         return f"'{names[place]}' in folder '{folder}' has no number; it counts as frame {place}"
     steps = [after - before for before, after in itertools.pairwise(numbers)]
-    if 0 in steps:
-        place = steps.index(0)
-        raise InputError(
-            f"folder '{folder}' has two files of number {numbers[place]}, '{names[place]}' and "
-            f"'{names[place + 1]}'; a number in a name is the frame's number, so remove or rename "
-            "one"
-        )
-    if len(set(steps)) > 1:
+    if len(set(steps)) > 1 or 0 in steps:
         usual = statistics.mode(steps)
-        place = next(place for place, step in enumerate(steps) if step != usual)
-        earlier, later = names[place : place + 2]
-        missing = range(numbers[place] + usual, numbers[place + 1], usual)
-        listed = (
-            f"{missing[0]} to {missing[-1]}" if len(missing) > 1 else "".join(map(str, missing))
-        )
-        lacks = f"has no frame {listed}" if missing else "is numbered unevenly"
+        place = next(place for place, step in enumerate(steps) if step == 0 or step != usual)
         raise InputError(
-            f"folder '{folder}' {lacks}: '{later}' follows '{earlier}'; a number in a name is the "
-            "frame's number, so add the missing frames, or rename the files if these frames follow "
-            "one another"
+            f"in folder '{folder}', '{names[place + 1]}' follows '{names[place]}'; a number in a "
+            "name is the frame's number, so add the missing frames, or rename or remove files"
         )
     if steps[0] == 1 and numbers[0] in (0, 1):
         return None
@@ -140,13 +125,11 @@ def _is_rough(levels: np.ndarray) -> np.ndarray:
 
 
 def _of_one_colour(path: Path, values: np.ndarray) -> np.ndarray:
-    colours = np.unique(values.reshape(-1, 3), axis=0)
-    shown = [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in colours if r or g or b]
-    if len(shown) > 1:
+    colours = np.unique(values.reshape(-1, 3)[values.any(axis=-1).ravel()], axis=0)
+    if len(colours) > 1:
         raise InputError(
-            f"'{path}' has {len(shown)} colours ({', '.join(shown[:6])}); give a mask, not a "
-            "photograph, and save several objects as an indexed or grey PNG, in which each has a "
-            "number of its own."
+            f"'{path}' has {len(colours)} colours; give a mask, not a photograph, and save several "
+            "objects as an indexed or grey PNG, in which each has a number of its own."
         )
     return values.any(axis=-1).astype(int)
 
@@ -179,10 +162,7 @@ def pictures_in(folder: Path) -> list[Path]:
 def frames_inside(folder: Path) -> Path | None:
     """Return a video or a folder of images inside ``folder``, or None."""
     for entry in sorted(folder.iterdir()):
-        holds_images = entry.is_dir() and any(
-            inner.suffix.lower() in IMAGE_SUFFIXES for inner in entry.iterdir()
-        )
-        if holds_images or entry.suffix.lower() in VIDEO_SUFFIXES:
+        if pictures_in(entry) if entry.is_dir() else entry.suffix.lower() in VIDEO_SUFFIXES:
             return entry
     return None
 
@@ -203,7 +183,20 @@ class Levels(NamedTuple):
     note: str | None = None
 
 
-def levels_of(files: Sequence[Path], reading: Reading) -> Levels:
+def refuse_range(range: Sequence[int] | None, place: object) -> None:
+    """Refuse a range of values for other than images of 16 bits."""
+    if range is not None:
+        raise _bad_range(
+            range,
+            f" works only with a folder of images of 16 bits, and '{place}' is none; leave it out.",
+        )
+
+
+def _bad_range(range: Sequence[int], why: str) -> InputError:
+    return InputError(Argument("range", range, typed=",".join(map(str, range))), why)
+
+
+def levels_of(files: Sequence[Path], range: Sequence[int] | None) -> Levels:
     """Return how images of 16 bits become 8, by default as their values suggest.
 
     Cameras store 8 and 12 bits in 16-bit images.  The images count as 8-bit or 12-bit if no pixel
@@ -213,12 +206,16 @@ def levels_of(files: Sequence[Path], reading: Reading) -> Levels:
 
     Args:
         files: the images.
-        reading: black and white, if the user chooses them.
+        range: black and white, if the user chooses them.
     """
-    if reading.range is not None:
+    if range is not None:
+        black, white = range
+        if not 0 <= black < white <= _WHITES[16]:
+            raise _bad_range(
+                range, " must be two whole numbers from 0 to 65535, black before white."
+            )
         if _decode(files[0]).dtype != np.uint16:
-            reading.refuse_range(files[0])
-        black, white = reading.range
+            refuse_range(range, files[0])
         return Levels(black, white)
     places = np.unique(np.linspace(0, len(files) - 1, _SAMPLED).astype(int))
     found = []

@@ -4,7 +4,7 @@ Every function takes a uint8 RGB frame [H, W, 3] and returns a new one.  Coordin
 continuous pixels: pixel (0, 0) is the square [0, 1) x [0, 1).
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import cv2
@@ -82,7 +82,7 @@ def draw_boxes(
     corners = [(left, top), (right, top), (right, bottom), (left, bottom), (left, top)]
     names = range(1, len(x) + 1) if ids is None else ids
     lines = np.moveaxis(np.array(corners), -1, 0)
-    return _draw_outlines(frame, lines, names, colours, lost, doubtful, cv2.LINE_8)
+    return draw_outlines(frame, lines, names, colours, lost, doubtful, cv2.LINE_8)
 
 
 def draw_outlines(
@@ -92,6 +92,7 @@ def draw_outlines(
     colours: np.ndarray | None = None,
     lost: ArrayLike | None = None,
     doubtful: ArrayLike | None = None,
+    kind: int = cv2.LINE_AA,
 ) -> np.ndarray:
     """Draw labelled outlines, such as contours or turned rectangles, on a copy of the frame.
 
@@ -103,42 +104,29 @@ def draw_outlines(
         colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
         lost: bool [P]; a lost object is dashed and faint, and its label says "lost".
         doubtful: bool [P]; a doubtful object is dashed, and its label has a question mark.
+        kind: OpenCV's kind of line.
     """
-    return _draw_outlines(
-        frame, np.asarray(lines, float), names, colours, lost, doubtful, cv2.LINE_AA
-    )
-
-
-def _draw_outlines(
-    frame: np.ndarray,
-    lines: np.ndarray,
-    names: Sequence[object] | np.ndarray,
-    colours: np.ndarray | None,
-    lost: ArrayLike | None,
-    doubtful: ArrayLike | None,
-    kind: int,
-) -> np.ndarray:
-    picture = np.ascontiguousarray(frame).copy()
+    picture, outlines = np.ascontiguousarray(frame).copy(), np.asarray(lines, float)
     is_lost, is_doubtful = (
-        np.zeros(len(lines), bool) if marks is None else np.asarray(marks, bool)
+        np.zeros(len(outlines), bool) if marks is None else np.asarray(marks, bool)
         for marks in (lost, doubtful)
     )
-    shades = shades_of(len(lines), colours)
+    shades = shades_of(len(outlines), colours)
     # Clip, because OpenCV's integers overflow far outside.
-    size, shown = np.array(frame.shape[1::-1]), np.isfinite(lines).all(axis=(1, 2))
-    lines = np.clip(lines, -size, 2 * size)
+    size, shown = np.array(frame.shape[1::-1]), np.isfinite(outlines).all(axis=(1, 2))
+    outlines = np.clip(outlines, -size, 2 * size)
     faint = picture.copy()
     for index in np.flatnonzero(shown & is_lost):
-        _draw_outline(faint, lines[index], shades[index], True, kind)
+        _draw_outline(faint, outlines[index], shades[index], True, kind)
     cv2.addWeighted(faint, _FAINT, picture, 1 - _FAINT, 0, dst=picture)
     for index in np.flatnonzero(shown & ~is_lost):
-        _draw_outline(picture, lines[index], shades[index], bool(is_doubtful[index]), kind)
+        _draw_outline(picture, outlines[index], shades[index], bool(is_doubtful[index]), kind)
     # Labels come last, so that no outline crosses one.
     labels = []
     for place, name in enumerate(names):
         if shown[place]:
             mark = " lost" if is_lost[place] else " ?" if is_doubtful[place] else ""
-            low, high = lines[place].min(axis=0), lines[place].max(axis=0) + 0.5
+            low, high = outlines[place].min(axis=0), outlines[place].max(axis=0) + 0.5
             labels.append(Label.around(f"{name}{mark}", low, high, shades[place]))
     draw_labels(picture, labels)
     return picture
@@ -256,79 +244,45 @@ class Label(NamedTuple):
         return cls(text, int(left), int(top), int(right), int(bottom), colour)
 
 
-def draw_labels(frame: np.ndarray, labels: Sequence[Label]) -> None:
-    """Draw names as tags that are no wider than their objects and avoid overlapping each other.
+def draw_labels(frame: np.ndarray, labels: Sequence[Label], beside: bool = False) -> None:
+    """Draw names as tags: above, below or inside their objects, and no wider than these.
 
-    A tag is placed above, below or inside its object.  Names of objects too small for legible
-    letters are listed in the upper left corner instead.
+    Tags avoid overlapping each other.  Names of objects too small for legible letters are listed in
+    the upper left corner instead.
+
+    Args:
+        frame: uint8 RGB [H, W, 3], on which to draw.
+        labels: the names and where their objects are.
+        beside: whether tags stand beside small marks, such as points.  Then none covers a mark or
+            another tag, and names without a free place are listed.
     """
-    legible = max(_SMALLEST_FONT, min(frame.shape[:2]) / 950)
-
-    def places(label: Label) -> tuple[float, list[tuple[int, int]], bool]:
-        full = _tag_size(frame, label.text, legible)[0]
-        scale = legible * min(1.0, (label.right - label.left) / full)
-        high = _tag_size(frame, label.text, scale)[1]
-        corners = [(label.left, y) for y in (label.top - high, label.bottom, label.top)]
-        return scale, corners, True
-
-    _draw_tags(frame, labels, [], places)
-
-
-def draw_labels_beside(frame: np.ndarray, labels: Sequence[Label]) -> None:
-    """Draw names beside small marks, such as points; no tag covers a mark or another tag.
-
-    Names without a free place beside their mark are listed in the upper left corner.
-    """
-    scale = max(_SMALLEST_FONT, min(frame.shape[:2]) / 1600)
-    taken = [
-        (each.left, each.top, each.right - each.left, each.bottom - each.top) for each in labels
-    ]
-
-    def places(label: Label) -> tuple[float, list[tuple[int, int]], bool]:
-        wide, high = _tag_size(frame, label.text, scale)
-        corners = [
-            (x, y)
-            for x in (label.right, label.left - wide)
-            for y in (label.top - high, label.bottom, (label.top + label.bottom - high) // 2)
-        ]
-        return scale, corners, False
-
-    _draw_tags(frame, labels, taken, places)
-
-
-def _draw_tags(
-    frame: np.ndarray,
-    labels: Sequence[Label],
-    taken: list[_Rectangle],
-    places_of: Callable[[Label], tuple[float, list[tuple[int, int]], bool]],
-) -> None:
-    """Draw each tag at its first corner that is free, and list those without a place.
-
-    ``places_of`` gives a tag's font scale, its corners, and whether it may cover another tag.
-    """
+    legible = max(_SMALLEST_FONT, min(frame.shape[:2]) / (1600 if beside else 950))
+    taken = [(x, y, right - x, bottom - y) for _, x, y, right, bottom, _ in labels if beside]
     listed: list[Label] = []
     for label in labels:
-        scale, corners, may_cover = places_of(label)
-        size = _tag_size(frame, label.text, scale)
-        places = [_moved_inside(frame, (*corner, *size)) for corner in corners]
-        free = [place for place in places if not _meets(place, taken)]
-        if scale < _SMALLEST_FONT or not (free or may_cover):
+        text, left, top, right, bottom, colour = label
+        scale, (wide, high) = legible, _tag_size(frame, text, legible)
+        if beside:
+            heights = (top - high, bottom, (top + bottom - high) // 2)
+            corners = [(x, y) for x in (right, left - wide) for y in heights]
+        else:
+            scale = legible * min(1.0, (right - left) / wide)
+            wide, high = _tag_size(frame, text, scale)
+            corners = [(left, y) for y in (top - high, bottom, top)]
+        places = [_moved_inside(frame, (*corner, wide, high)) for corner in corners]
+        free = [place for place in places if not any(_meet(place, each) for each in taken)]
+        if scale < _SMALLEST_FONT or (beside and not free):
             listed.append(label)
             continue
         place = (free or places)[0]
         taken.append(place)
-        _tag(frame, label.text, *place[:2], label.colour, scale)
-    _list(frame, listed)
-
-
-def _list(frame: np.ndarray, labels: Sequence[Label]) -> None:
-    """List names in the upper left corner."""
+        _tag(frame, text, *place[:2], colour, scale)
     y = 0
-    for label in labels[:_MOST_LISTED]:
-        wide, high = _tag_size(frame, label.text, _SMALLEST_FONT)
+    for text, *_, colour in listed[:_MOST_LISTED]:
+        wide, high = _tag_size(frame, text, _SMALLEST_FONT)
         if wide > frame.shape[1] or y + high > frame.shape[0]:
             break
-        _tag(frame, label.text, 0, y, label.colour, _SMALLEST_FONT)
+        _tag(frame, text, 0, y, colour, _SMALLEST_FONT)
         y += high
 
 
@@ -338,15 +292,11 @@ def _moved_inside(frame: np.ndarray, place: _Rectangle) -> _Rectangle:
     return min(max(x, 0), max(width - wide, 0)), min(max(y, 0), max(height - high, 0)), wide, high
 
 
-def _meets(place: _Rectangle, others: Iterable[_Rectangle]) -> bool:
-    """Whether a rectangle overlaps any other."""
-    return any(
-        all(
-            place[axis] < other[axis] + other[axis + 2]
-            and other[axis] < place[axis] + place[axis + 2]
-            for axis in (0, 1)
-        )
-        for other in others
+def _meet(one: _Rectangle, other: _Rectangle) -> bool:
+    """Whether two rectangles overlap."""
+    return all(
+        one[axis] < other[axis] + other[axis + 2] and other[axis] < one[axis] + one[axis + 2]
+        for axis in (0, 1)
     )
 
 

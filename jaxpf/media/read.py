@@ -1,6 +1,7 @@
 """Opens video files, folders of images, cameras and streams, to be read one frame at a time."""
 
 import errno
+import itertools
 import numbers
 import os
 import re
@@ -13,8 +14,9 @@ import cv2
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_number
 from jaxpf.files.writing import report_os_errors
-from jaxpf.media.film import DEFAULT_FPS, Clock, FrameSource, Reading, VideoFile
+from jaxpf.media.film import DEFAULT_FPS, Clock, FrameSource, VideoFile
 from jaxpf.media.images import (
     IMAGE_SUFFIXES,
     check_consecutive,
@@ -25,6 +27,7 @@ from jaxpf.media.images import (
     pictures_in,
     quiet_opencv,
     read_image,
+    refuse_range,
     to_rgb,
 )
 
@@ -32,11 +35,14 @@ from jaxpf.media.images import (
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://")
 #: Milliseconds to wait for a stream to open, and for each of its frames.
 _PATIENCE = 10_000
-#: With the time stamps and the values of the source.
-_AS_STORED = Reading()
 
 
-def open_frames(path: str | os.PathLike[str] | int, reading: Reading = _AS_STORED) -> FrameSource:
+def open_frames(
+    path: str | os.PathLike[str] | int,
+    *,
+    fps: float | None = None,
+    range: Sequence[int] | None = None,
+) -> FrameSource:
     """Open a video, a folder of images or a live source for reading.
 
     A folder's images (png, jpg, jpeg, bmp, tif, tiff, webp) are the frames, in natural order
@@ -58,7 +64,8 @@ def open_frames(path: str | os.PathLike[str] | int, reading: Reading = _AS_STORE
 
     Args:
         path: a video in any format that PyAV decodes, a folder, or a live source.
-        reading: a frame rate and a range of values of your own.
+        fps: frames per second, in place of time stamps; 25 for a folder.
+        range: of a folder of images of 16 bits, the values that become 0 and 255.
 
     Returns:
         A source that has at least one frame.
@@ -68,18 +75,19 @@ def open_frames(path: str | os.PathLike[str] | int, reading: Reading = _AS_STORE
     """
     if path == "":
         raise InputError("no video is named; give its path, or . for the images in this folder")
+    if fps is not None:
+        check_number("fps", fps, above=0)
     address = _live_address(path)
     if address is not None:
-        reading.refuse_range(address)
-        return _LiveSource(address, reading)
+        refuse_range(range, address)
+        return _LiveSource(address, fps)
     path = Path(f"{path}")
     check_name(path)
     with report_os_errors("read", f"{path}"):
         if path.is_dir():
-            return _ImageFolder(path, reading)
+            return _ImageFolder(path, fps, range)
         try:
-            with open(path, "rb") as file:
-                beginning = file.read(16)
+            size = path.stat().st_size
         except OSError as error:
             if error.errno not in (errno.ENOENT, errno.ENOTDIR):
                 raise
@@ -87,15 +95,15 @@ def open_frames(path: str | os.PathLike[str] | int, reading: Reading = _AS_STORE
                 f"there is no video or folder at '{path}'; check the path (current folder: "
                 f"'{Path.cwd()}')"
             ) from None
-    if not beginning:
+    if not size:
         raise InputError(f"video '{path}' is empty (0 bytes); copy or record it again")
     if path.suffix.lower() in IMAGE_SUFFIXES:
         check_single(path)
         raise InputError(
             f"'{path}' is a single image; give the folder that holds the images, or a video"
         )
-    reading.refuse_range(path)
-    return VideoFile(path, reading, beginning)
+    refuse_range(range, path)
+    return VideoFile(path, fps)
 
 
 def open_pictures(files: Sequence[Path]) -> FrameSource:
@@ -107,48 +115,45 @@ def open_pictures(files: Sequence[Path]) -> FrameSource:
     for file in files:
         if not file.is_file():
             raise InputError(f"there is no picture '{file}'; add it, or correct the sequence")
-    return _ImageFolder(files[0].parent, _AS_STORED, files)
+    return _ImageFolder(files[0].parent, None, None, files)
 
 
 class _ImageFolder(FrameSource):
     """A folder whose images, or some of them in the given order, are the frames."""
 
-    def __init__(self, path: Path, reading: Reading, files: Sequence[Path] | None = None):
-        super().__init__(path, path.resolve().name, reading)
-        given, files = files, list(files or pictures_in(path))
-        self._files, self.pictures = files, [file.name for file in files]
+    def __init__(
+        self,
+        path: Path,
+        fps: float | None,
+        range: Sequence[int] | None,
+        files: Sequence[Path] = (),
+    ):
+        super().__init__(path, path.resolve().name, fps)
+        self._files = list(files or pictures_in(path))
+        names = self.pictures = [file.name for file in self._files]
+        content = f"one image only, '{names[0]}'" if names else "no images"
         # A single picture beside a video or a folder of frames is a preview, not the sequence.
-        meant = frames_inside(path) if len(files) < 2 and not given else None
-        content = f"one image only, '{files[0].name}'" if files else "no images"
+        meant = frames_inside(path) if len(names) < 2 and not files else None
         if meant is not None:
             raise InputError(f"folder '{path}' holds {content}; did you mean '{meant}'?")
-        if not files:
+        if not names:
             suffixes = ", ".join(suffix.lstrip(".") for suffix in IMAGE_SUFFIXES)
-            raise InputError(
-                f"folder '{path}' holds no images ({suffixes}); give a folder that does"
-            )
-        notes = [check_consecutive(path, self.pictures)]
+            raise InputError(f"folder '{path}' holds {content} ({suffixes}); give one that does")
+        notes = [check_consecutive(path, names)]
         for entry in self._files:
             check_name(entry)
             check_single(entry)
-        self.frames_expected = self.num_frames = len(self._files)
-        self._levels = levels_of(self._files, reading)
+        self.frames_expected = self.num_frames = len(names)
+        self._levels = levels_of(self._files, range)
         self.height, self.width = read_image(self._files[0], self._levels).shape[:2]
         notes += [self._levels.note]
-        if len(files) == 1:
+        if len(names) == 1:
             notes += [f"folder '{path}' holds {content}"]
         self.note = "; ".join(filter(None, notes)) or None
 
-    def _frames(self, start: int) -> Generator[np.ndarray]:
-        for file in self._files[start:]:
-            frame = read_image(file, self._levels)
-            if frame.shape[:2] != (self.height, self.width):
-                raise InputError(
-                    f"folder '{self.path}' mixes image sizes: '{self._files[0].name}' is "
-                    f"{self.width}x{self.height} but '{file.name}' is "
-                    f"{frame.shape[1]}x{frame.shape[0]}; keep only frames of one size"
-                )
-            yield frame
+    def _pictures(self, start: int) -> Generator[np.ndarray | None]:
+        for number, file in enumerate(self._files):
+            yield read_image(file, self._levels) if number >= start else None
 
 
 def _live_address(source: str | os.PathLike[str] | int) -> str | int | None:
@@ -172,10 +177,9 @@ class _LiveSource(FrameSource):
 
     is_live = True
 
-    def __init__(self, address: str | int, reading: Reading):
+    def __init__(self, address: str | int, fps: float | None):
         """Open the source and read its first frame; see ``_live_address`` and ``open_frames``."""
-        shown, name = _names(address)
-        super().__init__(shown, name, reading)
+        super().__init__(*_names(address), fps)
         self._is_camera = isinstance(address, int)
         with quiet_opencv():
             if isinstance(address, int):
@@ -198,19 +202,13 @@ class _LiveSource(FrameSource):
         self._clock.add(time.monotonic() if self._is_camera else None)
         return to_rgb(frame, self.path)
 
-    def _frames(self, start: int) -> Generator[np.ndarray]:
-        count = 0
-        while self._following is not None:
-            frame = self._following
-            self._check_size(frame, count)
-            count += 1
-            if count > start:
-                yield frame
+    def _pictures(self, start: int) -> Generator[np.ndarray | None]:
+        for number in itertools.count():
+            if self._following is None:
+                break
+            yield self._following if number >= start else None
             self._following = self._read()
         self._capture.release()
-        self.num_frames = count
-        if count <= start:
-            raise self._past_the_end(start, count)
 
     def _no_picture(self) -> InputError:
         does = "gives no picture" if self._capture.isOpened() else "does not open"

@@ -2,8 +2,7 @@
 
 import math
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -13,7 +12,7 @@ import cv2
 import numpy as np
 
 from jaxpf.contract.errors import InputError, import_extra
-from jaxpf.files.writing import report_os_errors, temporary_sibling
+from jaxpf.files.writing import check_output_file
 
 # With this preset a 640x480 frame takes 2 ms on one core, and a file half as large again as with
 # "superfast", which takes 5 ms; "crf" fixes the quality whatever the file size.
@@ -32,9 +31,9 @@ _BT601, _LIMITED = 6, 1
 class VideoWriter:
     """Writes frames to a ``.mp4`` file (H.264), which every browser and player supports.
 
-    Use it as a context manager.  The video gets its name, and replaces an earlier one, with its
-    first frame.  It can be played whenever the program ends: the frames written up to then form a
-    video.  If there are no frames, or encoding fails, no file is left.
+    Use it as a context manager.  The first frame replaces an earlier video.  The file can be played
+    whenever the program ends: the frames written up to then form a video.  If encoding fails, no
+    file is left.
 
     Attributes:
         path: the final name.
@@ -69,48 +68,37 @@ class VideoWriter:
             raise InputError(
                 f"fps {fps} for '{path}' is not between {_SLOWEST} and 1000; give one like 25"
             )
-        self._period, self._latest = 1 / fps, -1
+        check_output_file(self.path, overwrite=True)
+        self._av = import_extra("av", f"writing the video '{path}' needs PyAV")
         self.num_frames = 0
-        self._shape = (height, width, 3)
-        self._padding = (height % 2, width % 2)
-        self._temporary = temporary_sibling(self.path)
-        self._error: Exception | None = None
-        self._closed = False
-        with report_os_errors("write", self.path):
-            self._temporary.touch()
-        try:
-            rate = Fraction(fps).limit_denominator(60_000)
-            aspect = Fraction(pixel_aspect).limit_denominator(1000)
-            self._container, self._stream = self._open(rate, aspect)
-        except BaseException:
-            self._temporary.unlink(missing_ok=True)
-            raise
+        self._shape, self._padding = (height, width), (height % 2, width % 2)
+        self._rate = Fraction(fps).limit_denominator(60_000)
+        self._period, self._latest = 1 / fps, -1
+        self._aspect = Fraction(pixel_aspect).limit_denominator(1000)
+        self._container: Any = None
+        self._stream: Any = None
+        self._error: InputError | None = None
+        self._check_encoder()
 
-    def _open(self, rate: Fraction, pixel_aspect: Fraction) -> tuple[Any, Any]:
-        av = import_extra("av", f"writing the video '{self.path}' needs PyAV")
+    def _check_encoder(self) -> None:
+        """Try the encoder, so that nothing is replaced if it will fail."""
         try:
-            av.codec.Codec(_ENCODER, "w")
-            container = av.open(str(self._temporary.absolute()), "w", options=_CONTAINER)
-            stream: Any = container.add_stream(_ENCODER, rate=rate)
-            stream.height, stream.width = np.add(self._shape[:2], self._padding).tolist()
-            stream.options = _SETTINGS
-            stream.pix_fmt = "yuv420p"
-            context = stream.codec_context
-            context.time_base, context.sample_aspect_ratio = _TICK, pixel_aspect
-            context.colorspace, context.color_range = _BT601, _LIMITED
-            context.open()
-        except av.codec.codec.UnknownCodecError:
+            encoder = self._av.CodecContext.create(_ENCODER, "w")
+            self._set_up(encoder)
+            encoder.open()
+        except (self._av.FFmpegError, ValueError) as error:
+            height, width = self._shape
             raise InputError(
-                f"cannot write video '{self.path}': the encoder {_ENCODER} is missing here; "
-                "install av from PyPI"
+                f"cannot write video '{self.path}': the encoder {_ENCODER} is missing or refuses "
+                f"frames of {width}x{height} pixels ({str(error).lower()}); install av from PyPI, "
+                "or give frames of another size"
             ) from None
-        except av.FFmpegError as error:
-            raise InputError(
-                f"cannot write video '{self.path}': the encoder {_ENCODER} refuses frames of "
-                f"{self._shape[1]}x{self._shape[0]} pixels ({str(error.strerror).lower()}); give "
-                "frames of another size"
-            ) from None
-        return container, stream
+
+    def _set_up(self, context: Any) -> None:
+        context.height, context.width = np.add(self._shape, self._padding).tolist()
+        context.options, context.pix_fmt = _SETTINGS, "yuv420p"
+        context.time_base, context.sample_aspect_ratio = _TICK, self._aspect
+        context.colorspace, context.color_range = _BT601, _LIMITED
 
     def write(self, frame: np.ndarray, time: float | None = None) -> None:
         """Append one frame.
@@ -120,71 +108,62 @@ class VideoWriter:
             time: when to show it, seconds after the first; by default its number / ``fps``.
 
         Raises:
-            InputError: a frame could not be encoded or written.
+            InputError: the frame could not be encoded or written.
         """
         if any(self._padding):
             bottom, right = self._padding
             frame = cv2.copyMakeBorder(frame, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
         time = self.num_frames * self._period if time is None else time
         self._latest = max(round(time / _TICK), self._latest + 1)
-        with self._reported():
-            self._encode(cv2.cvtColor(frame, cv2.COLOR_RGB2YUV_I420))
+        self._encode(cv2.cvtColor(frame, cv2.COLOR_RGB2YUV_I420))
         self.num_frames += 1
-        if self._temporary.exists():
-            with suppress(OSError):  # Windows renames no open file; ``close`` does
-                os.replace(self._temporary, self.path)
 
     def close(self) -> None:
-        """Finish the file and rename it to its final name; further calls do nothing.
+        """Finish the file; further calls do nothing.
 
         Raises:
             InputError: encoding or writing failed, for example on a full disk; no file is left.
         """
-        if self._closed:
-            return
-        self._closed = True
         try:
-            with self._reported():
-                if self.num_frames:
-                    self._encode(None)
-                self._container.close()
+            if self._error is not None or self._container is not None:
+                self._encode(None)
         finally:  # also after Ctrl-C while the encoder empties its queue
-            with suppress(Exception):
-                self._container.close()
-            self._give_name()
-
-    def _give_name(self) -> None:
-        if self._error is not None or not self.num_frames:
-            self._temporary.unlink(missing_ok=True)
-            if self.num_frames:
-                self.path.unlink(missing_ok=True)
-        elif self._temporary.exists():
-            with report_os_errors("write", self.path):
-                os.replace(self._temporary, self.path)
-
-    @contextmanager
-    def _reported(self) -> Iterator[None]:
-        """Turn an error of the block into one sentence, with which later blocks fail, too."""
-        if self._error is None:
-            try:
-                yield
-                return
-            except Exception as error:
-                self._error = error
-        reason = (getattr(self._error, "strerror", None) or str(self._error)).lower()
-        raise InputError(
-            f"cannot write video '{self.path}': {reason}; check the free disk space"
-        ) from self._error
+            self._release()
 
     def _encode(self, picture: np.ndarray | None) -> None:
-        """Encode a picture, or flush the encoder if it is None."""
-        import av
+        """Encode a picture; if it is None, finish the file.  After an error, fail again."""
+        if self._error is not None:
+            raise self._error
+        try:
+            if self._container is None:
+                self._open()
+            frame = None
+            if picture is not None:
+                frame = self._av.VideoFrame.from_ndarray(picture, "yuv420p")
+                frame.pts, frame.time_base = self._latest, _TICK
+                frame.duration = round(self._period / _TICK)
+            self._container.mux(self._stream.encode(frame))
+            if picture is None:
+                self._container.close()
+        except Exception as error:
+            reason = (getattr(error, "strerror", None) or str(error)).lower()
+            self._error = InputError(
+                f"cannot write video '{self.path}': {reason}; check the free disk space"
+            )
+            self._release()
+            self.path.unlink(missing_ok=True)
+            raise self._error from error
 
-        frame = None if picture is None else av.VideoFrame.from_ndarray(picture, "yuv420p")
-        if frame is not None:
-            frame.pts, frame.time_base = self._latest, _TICK
-            frame.duration = round(self._period / _TICK)
-        self._container.mux(self._stream.encode(frame))
+    def _open(self) -> None:
+        self._container = self._av.open(str(self.path.absolute()), "w", options=_CONTAINER)
+        self._stream = self._container.add_stream(_ENCODER, rate=self._rate)
+        self._set_up(self._stream.codec_context)
+
+    def _release(self) -> None:
+        if self._container is not None:
+            with suppress(Exception):
+                self._container.close()
+            self._container = None
 
     def __enter__(self) -> "VideoWriter":
         return self

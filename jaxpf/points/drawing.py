@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.media.overlay import DARK, Label, draw_labels_beside, shades_of
+from jaxpf.media.overlay import DARK, Label, draw_labels, shades_of
 
 _SHIFT = 3  # fractional bits of OpenCV coordinates
 
@@ -67,7 +67,7 @@ def draw_points(
             for name, place, colour in zip(names, np.clip(places, -1e4, 1e5), shades, strict=True)
             if np.isfinite(place).all()
         ]
-        draw_labels_beside(picture, labels)
+        draw_labels(picture, labels, beside=True)
     return picture
 
 

@@ -6,7 +6,7 @@ import pytest
 from numbered_frames import number_of, numbered_frame
 from refusals import message_of
 
-from jaxpf.media import Reading, open_frames
+from jaxpf.media import open_frames
 from jaxpf.media.images import natural_order
 
 
@@ -101,7 +101,7 @@ def test_an_image_that_contradicts_12_bits_is_refused(tmp_path):
     frames = open_frames(tmp_path).frames()
     next(frames)
     assert f"'{tmp_path / '1.png'}' has a value of 4096" in message_of(next, frames)
-    chosen = open_frames(tmp_path, Reading(range=(0, 65535)))
+    chosen = open_frames(tmp_path, range=(0, 65535))
     assert [int(frame[0, 0, 0]) for frame in chosen][:3] == [12, 16, 12]
 
 
@@ -131,7 +131,7 @@ def test_images_that_fill_little_of_16_bits_are_scaled_by_their_content(
     frames = np.stack(list(source))
     assert len(np.unique(frames)) >= min(64, 0.8 * (white - black))  # a quarter of all levels
     assert source.note is not None
-    exact = list(open_frames(tmp_path, Reading(range=(black, white))))[1][30:, :, 0]
+    exact = list(open_frames(tmp_path, range=(black, white)))[1][30:, :, 0]
     np.testing.assert_allclose(exact, (values[30:] - black) / (white - black) * 255, atol=0.51)
 
 

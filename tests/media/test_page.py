@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from jaxpf import InputError
-from jaxpf.media.page.server import Refusal, Server
+from jaxpf.media.page.server import Conflict, Server
 
 
 class Film:
     """Ten frames, each of one grey level."""
 
-    path, opened = "film", 0
+    name, path, opened = "<b>film</b>", "film", 0
+    width, height, fps, num_frames = 24, 16, 25.0, 10
 
     def frames(self, start):
         self.opened += 1
@@ -36,7 +37,7 @@ def film():
 @pytest.fixture
 def server(film):
     answers = {"echo": lambda content: {"got": content}, "wrong": refuse}
-    server = Server(film, {"name": "<b>film</b>"}, answers)
+    server = Server(film, answers, note="so")
     yield server
     server.close()
 
@@ -67,7 +68,8 @@ def test_it_serves_the_page_and_frames(server, film):
         answer, content = ask(server, f"/{server.token}/{name}")
         assert answer.status == 200
         assert content.startswith(start)
-    assert json.loads(ask(server, f"/{server.token}/about")[1]) == {"name": "<b>film</b>"}
+    about = json.loads(ask(server, f"/{server.token}/about")[1])
+    assert (about["name"], about["frames"], about["note"]) == ("<b>film</b>", 10, "so")
     for number in (0, 1, 2, 7, 3):
         assert level_of(server, number) == pytest.approx(20 * number, abs=2)
     assert film.opened == 1, "frames passed over are kept"
@@ -83,9 +85,9 @@ def test_answers_and_refusals_are_json(server):
     assert post(server, "none", {})[0].status == 404
 
 
-def test_an_answer_may_refuse_with_a_status_and_content(server):
+def test_an_answer_may_let_the_page_choose(server):
     def conflict(content):
-        raise Refusal(409, error="changed.", digest="a1")
+        raise Conflict("changed.", digest="a1")
 
     server.answers["conflict"] = conflict
     answer, content = post(server, "conflict", {})
@@ -95,7 +97,7 @@ def test_an_answer_may_refuse_with_a_status_and_content(server):
 def test_what_has_changed_is_told_anew(server):
     server.answers["about"] = lambda _: {"items": server.about["name"].upper()}
     about = json.loads(ask(server, f"/{server.token}/about")[1])
-    assert about == {"name": "<b>film</b>", "items": "<B>FILM</B>"}
+    assert (about["name"], about["items"]) == ("<b>film</b>", "<B>FILM</B>")
 
 
 def test_the_server_of_a_closed_page_stays_while_a_run_goes_on(server, monkeypatch):

@@ -11,7 +11,7 @@ import pytest
 from films import moving_square, write_film
 from refusals import message_of
 
-from jaxpf.media import Reading, VideoWriter, open_frames
+from jaxpf.media import VideoWriter, open_frames
 
 GREY = np.full((90, 120, 3), 128, np.uint8)
 LIST = b"#EXTM3U\n#EXT-X-TARGETDURATION:4\n#EXTINF:4,\nwalk.avi\n#EXT-X-ENDLIST\n"
@@ -65,12 +65,20 @@ FOLDERS = [
     ({"frames/0.png": b"", "preview.png": image()}, {}, "frames'"),
     ({"0.tif": image(np.float32)}, {}, "float32"),
     ({"0.tif": image(np.float32, channels=1)}, {}, "32 bits"),
-    ({"0.png": image(size=(48, 64)), "1.png": image(size=(24, 32))}, {}, "64x48 but '1.png' is 32"),
+    (
+        {"0.png": image(size=(48, 64)), "1.png": image(size=(24, 32))},
+        {},
+        "at '1.png', from 64x48 to 32x24",
+    ),
     ({"0.png": image(), "1.png": b""}, {}, "0 bytes"),
     ({"0.png": image(), "1.png": b"no image"}, {}, "1.png"),
-    ({f"f{n}.png": image() for n in (1, 2, 3, 16, 17)}, {}, "no frame 4 to 15"),
-    ({f"f{n}_rgb.png": image() for n in (1, 2, 9)}, {}, "no frame 3 to 8"),
-    ({f"{n}.{end}": image() for n in (1, 2) for end in ("png", "jpg")}, {}, "'1.jpg' and '1.png'"),
+    ({f"f{n}.png": image() for n in (1, 2, 3, 16, 17)}, {}, "'f16.png' follows 'f3.png'"),
+    ({f"f{n}_rgb.png": image() for n in (1, 2, 9)}, {}, "'f9_rgb.png' follows 'f2_rgb.png'"),
+    (
+        {f"{n}.{end}": image() for n in (1, 2) for end in ("png", "jpg")},
+        {},
+        "'1.png' follows '1.jpg'",
+    ),
     ({"0.png": "loop"}, {}, "0.png"),
     ({"0.png": png_of(60_000, 60_000)}, {}, "2^30 pixels"),
     ({os.fsdecode(b"\xff.png"): image()}, {}, "UTF-8"),
@@ -94,7 +102,7 @@ def test_a_folder_that_is_no_film_is_refused(tmp_path, files, options, named):
         else:
             cv2.imwrite(str(tmp_path / f"written{path.suffix}"), content)
             (tmp_path / f"written{path.suffix}").rename(path)
-    message = message_of(lambda: list(open_frames(tmp_path, Reading(**options))))
+    message = message_of(lambda: list(open_frames(tmp_path, **options)))
     assert named in message
     assert str(tmp_path) in message or "range" in named
 

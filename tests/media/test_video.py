@@ -13,7 +13,7 @@ from films import moving_square, write_film
 from numbered_frames import number_of, numbered_frame
 from refusals import message_of
 
-from jaxpf.media import Reading, VideoWriter, open_frames
+from jaxpf.media import VideoWriter, open_frames
 
 CODECS = {"mp4": "mp4v", "avi": "MJPG"}
 
@@ -62,8 +62,10 @@ def test_a_video_gives_its_frames_in_order_as_rgb(tmp_path):
 
 def test_a_given_rate_replaces_that_of_the_container(tmp_path):
     path = write_video(tmp_path / "walk.mp4", 3)
-    assert open_frames(path, Reading(fps=7)).fps == 7
-    assert "fps=0.0 must be a finite number above 0" in message_of(Reading, 0.0)
+    assert open_frames(path, fps=7).fps == 7
+    assert "fps=0.0 must be a finite number above 0" in message_of(
+        lambda: open_frames(path, fps=0.0)
+    )
 
 
 def test_start_frames_outside_the_video_are_refused(tmp_path):
@@ -92,7 +94,7 @@ def test_frames_are_shown_at_their_timestamps(tmp_path):
     seconds = [0.0, 0.1, 0.5, 0.6]
     frames, stamps = [numbered_frame(number) for number in range(4)], [0, 100, 500, 600]
     path = write_film(tmp_path / "varying.mkv", frames, stamps=stamps)
-    source, given = open_frames(path), open_frames(path, Reading(fps=5))
+    source, given = open_frames(path), open_frames(path, fps=5)
     shown = [source.shown_at(number) for number, _ in enumerate(source)]
     np.testing.assert_allclose(shown, seconds)
     given_times = [given.shown_at(number) for number, _ in enumerate(given)]
@@ -162,7 +164,7 @@ def test_a_cut_mp4_without_its_index_is_refused(tmp_path):
     path = cut(write_video(tmp_path / "walk.mp4", frame=noisy_frame), 0.6)
     message = message_of(open_frames, path)
     assert str(path) in message
-    assert "begins as MP4 but is cut off" in message
+    assert "cannot be decoded" in message
     assert "copy it again" in message
 
 
@@ -183,7 +185,7 @@ def test_a_codec_that_is_missing_is_named_as_a_cause(tmp_path):
     with VideoWriter(path, 64, 48, 25) as video:
         video.write(numbered_frame(0))
     path.write_bytes(path.read_bytes().replace(b"avc1", b"none").replace(b"avcC", b"nonC"))
-    assert "its codec is unknown; copy it again or convert it" in message_of(open_frames, path)
+    assert "its codec is unknown" in message_of(open_frames, path)
 
 
 def test_memory_does_not_grow_with_the_length(tmp_path):
@@ -210,7 +212,7 @@ def test_nothing_is_printed_and_standard_error_is_put_back(tmp_path):
     cv2.imwrite(str(tmp_path / "pictures" / "0.png"), noisy_frame(0))
     cut(tmp_path / "pictures" / "0.png", 0.5)
     program = (
-        "import os, sys, numpy as np; from jaxpf.media import Reading, VideoWriter, open_frames\n"
+        "import os, sys, numpy as np; from jaxpf.media import VideoWriter, open_frames\n"
         "for name in ('good.webm', 'damaged.avi', 'bad.mp4', 'pictures', '63'):\n"
         "    try: list(open_frames(name))\n"
         "    except ValueError: pass\n"

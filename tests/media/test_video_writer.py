@@ -130,11 +130,11 @@ def test_an_encoder_that_fails_stops_the_writing(tmp_path, monkeypatch):
     assert os.listdir(tmp_path) == []
 
 
-def test_an_encoder_that_is_missing_is_refused_with_a_remedy(tmp_path, monkeypatch):
-    def missing(name, mode):
-        raise av.codec.codec.UnknownCodecError(name)
-
-    monkeypatch.setattr(av.codec, "Codec", missing)
-    message = message_of(VideoWriter, tmp_path / "out.mp4", 64, 48, 25)
-    assert "the encoder libx264 is missing here; install av from PyPI" in message
+@pytest.mark.parametrize(("encoder", "size"), [("gone", (64, 48)), ("libx264", (70_000, 48))])
+def test_an_encoder_that_is_missing_or_refuses_is_found_at_once(
+    tmp_path, monkeypatch, encoder, size
+):
+    monkeypatch.setattr("jaxpf.media.video_writer._ENCODER", encoder)
+    message = message_of(VideoWriter, tmp_path / "out.mp4", *size, 25)
+    assert f"the encoder {encoder} is missing or refuses frames of {size[0]}x{size[1]}" in message
     assert os.listdir(tmp_path) == []

@@ -12,9 +12,9 @@ from jaxpf.cli.marking.starts import SUFFIXES
 from jaxpf.cli.shared import flags
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.flags import Command, GivenPath
-from jaxpf.files.store import is_locked
+from jaxpf.files.writing import csv_text
 from jaxpf.media.page.runs import Run
-from jaxpf.media.page.server import Server, described
+from jaxpf.media.page.server import Server
 
 _keep = click.option("--keep", is_flag=True, help="Keep serving after the page is closed.")
 _open = click.option("--open/--no-open", "opens", default=True, help="Open the browser.")
@@ -49,7 +49,9 @@ def mark(
     its button Track runs it into jaxpf-NAME, asking before it replaces results.  The page is served
     on this machine alone, until it has been closed for a minute and its run has ended.
     """
-    _serve(Marking(video, kind, output, start, range=range), [], opens, keep)
+    marking = Marking(video, kind, output, start, range=range)
+    drawn = marking.about()["items"]
+    _serve(marking, drawn[0]["frame"] if drawn else start, opens, keep)
 
 
 @click.command("view", cls=Command)
@@ -67,31 +69,26 @@ def view(folder: Path, beside: Path | None, video: str | None, opens: bool, keep
     them with its options, asking before it replaces the results.
     """
     run = Run(folder.resolve() if folder.name in ("", "..") else folder)
-    second = [] if beside is None else [Run(beside) if beside.is_dir() else _Truth(beside)]
     values = None if video else run.table.get("range")
     marking = Marking(video or run.video, run.kind, None, run.start, run, values)
-    _serve(marking, [run, *second], opens, keep)
+    if beside is not None:
+        marking.shown.append(Run(beside) if beside.is_dir() else _Truth(beside))
+    _serve(marking, run.start, opens, keep)
 
 
 class _Truth:
     """True boxes of a CSV, in the place of a run."""
 
     def __init__(self, path: Path):
-        table = read_boxes(path, truth=True)
-        rows = [
-            ",".join(map(str, (frame, name, *box)))
-            for frame, name, box in zip(
-                table.frame.tolist(), table.id.tolist(), table.box.tolist(), strict=True
-            )
-        ]
-        self.name = str(path)
-        self._text = "\n".join(["frame,id,x,y,w,h", *rows]) + "\n"
+        table, self.name = read_boxes(path, truth=True), str(path)
+        columns = (table.frame.tolist(), table.id.tolist(), table.box.tolist())
+        rows = ([frame, name, *box] for frame, name, box in zip(*columns, strict=True))
+        self._text = csv_text([["frame", "id", "x", "y", "w", "h"], *rows])
 
     def since(self, at: dict[str, int]) -> dict[str, Any]:
         """See ``jaxpf.media.page.runs.Run``."""
-        text = "" if at["tracks"] else self._text
         return {
-            "tracks": text,
+            "tracks": "" if at["tracks"] else self._text,
             "outlines": "",
             "at": {"file": 0, "tracks": 1, "outlines": 0},
             "is_new": False,
@@ -100,37 +97,16 @@ class _Truth:
         }
 
 
-def _serve(marking: Marking, runs: list[Run | _Truth], opens: bool, keep: bool) -> None:
-    shown = list(runs)
-    if not shown and is_locked(marking.folder):
-        shown = [Run(marking.folder, is_waited_for=True)]
-
-    def about(_: Any) -> dict[str, Any]:
-        return marking.existing() | {"results": [run.name for run in shown]}
-
-    def result(content: Any) -> dict[str, Any]:
-        return shown[content["index"]].since(content["at"])
-
-    def track(content: Any) -> dict[str, str]:
-        started = marking.track(content)
-        run = Run(marking.folder, is_waited_for=True)
-        run.kind, run.start_file = content["kind"], marking.file(content["kind"])
-        shown[:] = [run]
-        return started
-
-    shapes, note = marking.existing()["items"], marking.note()
-    start = shapes[0]["frame"] if shapes and not marking.reviewed else marking.start
+def _serve(marking: Marking, start: int, opens: bool, keep: bool) -> None:
+    note = marking.note()
     if not marking.source.frames_expected:
         say("Counting the frames, as the film's header does not.")
-    known = described(marking.source, kind=marking.kind, start=start, note=note, can_track=not note)
     answers = {
-        "about": about,
-        "save": marking.save,
-        "track": track,
-        "progress": marking.progress,
-        "result": result,
+        name: getattr(marking, name) for name in ("about", "save", "track", "progress", "result")
     }
-    server = Server(marking.source, known, answers)
+    server = Server(
+        marking.source, answers, kind=marking.kind, start=start, note=note, can_track=not note
+    )
     say(f"{server.url}\nThe page is open until you press Ctrl-C or close it.")
     if note:
         say(f"Note: {note}", err=True)

@@ -1,4 +1,4 @@
-"""What is drawn on the page: where it is kept, and the run that tracks from it."""
+"""What the page shows and draws: where it is kept, and the run that tracks from it."""
 
 import hashlib
 import shlex
@@ -14,17 +14,16 @@ from jaxpf.cli.marking.starts import (
     Shapes,
     check_start,
     read_start,
-    save_start,
     typed_start,
+    write_start,
 )
 from jaxpf.cli.shared.flags import write_config
 from jaxpf.cli.tracking.request import NOT_WITH_LATER
 from jaxpf.contract.errors import InputError
 from jaxpf.files.store import is_locked
 from jaxpf.files.writing import is_left_over, report_os_errors
-from jaxpf.media.film import Reading
 from jaxpf.media.page.runs import Run
-from jaxpf.media.page.server import Refusal
+from jaxpf.media.page.server import Conflict
 from jaxpf.media.read import open_frames
 from jaxpf.targets.later import holds_whole_tracks
 
@@ -35,35 +34,48 @@ _NOT_CORRECTED = ("detections", "mask", "ids", *NOT_WITH_LATER, "order")
 
 
 class Marking:
-    """What is drawn on a film, where it is written, and the run that tracks from it."""
+    """What is drawn on a film, where it is written, and the run that tracks from it.
+
+    Methods that take ``content``, the JSON of a request, answer the page.
+
+    Attributes:
+        reviewed: the run whose objects are corrected, by ``jaxpf view``.  It is repeated with its
+            options, from a file of starts and corrections in its folder.
+        shown: the results that the page shows.
+        run: the process of the run that was started here.
+    """
 
     def __init__(
         self,
         video: str,
         kind: str | None,
-        output: Path | None,
-        start: int,
+        output: Path | None = None,
+        start: int = 0,
         reviewed: Run | None = None,
         range: list[int] | None = None,
     ):
-        self.source = open_frames(video, Reading(range=range))
-        self.range = range
+        self.source = open_frames(video, range=range)
         if self.source.is_live:
             raise InputError(f"'{video}' is live; record it to a file, and mark that.")
-        self.video = video
+        self.video, self.start, self.range, self.reviewed = video, start, range, reviewed
         self.kind = kind or ("contours" if output and output.suffix == ".json" else "boxes")
-        self.output, self.start, self.reviewed = output, start, reviewed
+        self.output = output
         self.folder = reviewed.folder if reviewed else Path(f"jaxpf-{self.source.name}")
-        self.given = None if reviewed is None else reviewed.start_file
-        mine = self.file(self.kind)
-        if self.given and not self.given.is_file() and self.given.name == mine.name:
-            self.given = mine  # the folder was moved
-        self.is_gone = self.given is not None and not self.given.is_file()
+        self.configuration = self.folder / "run.toml"
+        self.shown: list[Any] = [reviewed] if reviewed else []
+        if not reviewed and is_locked(self.folder):
+            self.shown = [Run(self.folder, None if self.configuration.is_file() else {})]
+        own, self.given = self.file(self.kind), reviewed.start_file if reviewed else None
+        if self.given and not self.given.is_file() and self.given.name == own.name:
+            self.given = own  # the folder was moved
         # Corrections of an earlier run that was tracked into the same folder.
-        self._old = digest(mine) if self._is_old(mine) else None
-        self._saving = threading.Lock()
+        is_own = self.given is not None and self.given.resolve() == own.resolve()
+        is_old = reviewed and own.is_file() and not is_own
+        is_old = is_old and own.stat().st_mtime < self.configuration.stat().st_mtime
+        self._old = _digest(own) if is_old else None
         self.run: subprocess.Popen[bytes] | None = None
         self._log: Any = None
+        self._saving = threading.Lock()
 
     def file(self, kind: str) -> Path:
         """The start file of a kind of target; of a reviewed run, its own file of corrections."""
@@ -74,49 +86,41 @@ class Marking:
         beside = Path(self.source.path).parent
         return beside / f"{self.source.name}-{kind}{SUFFIXES[kind]}"
 
-    def existing(self) -> dict[str, Any]:
-        """The shapes of start files and their digests; of a run without corrections, its starts."""
-        shapes: Shapes = []
+    def about(self, content: Any = None) -> dict[str, Any]:
+        """What is drawn, the digests of its files, and the names of the results.
+
+        Of a reviewed run without corrections, its starts are drawn.
+        """
+        items: Shapes = []
         digests = {}
         for kind in SUFFIXES:
-            path, found = self.file(kind), digest(self.file(kind))
+            path, found = self.file(kind), _digest(self.file(kind))
             if found and found != self._old:
-                shapes += read_start(path, kind, self.start)
+                items += read_start(path, kind, self.start)
                 digests[kind] = found
             elif self.reviewed is not None and kind == self.kind:
-                shapes += self._starts(self.reviewed)
-        return {"items": shapes, "digests": digests}
+                items += self._starts(self.reviewed)
+        return {"items": items, "digests": digests, "results": [run.name for run in self.shown]}
 
     def _starts(self, run: Run) -> Shapes:
         """Where the objects of a run started; of whole tracks, their boxes in its first frame."""
         if self.given is None:
             return typed_start(run.table, run.start)
-        shapes = [] if self.is_gone else read_start(self.given, self.kind, run.start)
-        if not holds_whole_tracks({(shape["frame"], shape["name"]) for shape in shapes}):
+        shapes = read_start(self.given, self.kind, run.start) if self.given.is_file() else []
+        if not _are_whole_tracks(shapes):
             return shapes
         return [shape for shape in shapes if shape["frame"] == run.start]
 
-    def _is_old(self, path: Path) -> bool:
-        if self.reviewed is None or not path.is_file():
-            return False
-        if self.given is not None and self.given.resolve() == path.resolve():
-            return False
-        return path.stat().st_mtime < self.configuration.stat().st_mtime
-
     def command(self, kind: str, shapes: Shapes) -> list[str]:
         """Arguments of the command that tracks from the start file, as the reviewed run did."""
-        frames, usual = {shape["frame"] for shape in shapes}, 0
-        given = [] if kind == "boxes" else [kind]
-        given += [str(self.video)]
+        frames, usual, options = {shape["frame"] for shape in shapes}, 0, []
         if self.reviewed is not None and kind == self.kind:
-            given += ["--config", str(self.configuration)]
-            usual = self.reviewed.start
+            options, usual = ["--config", str(self.configuration)], self.reviewed.start
         elif self.range:
-            given += ["--range", ",".join(map(str, self.range))]
-        given += [f"--{kind}", str(self.file(kind))]
-        if usual not in frames:
-            given += ["--start", str(min(frames))]
-        return ["track", *given]
+            options = ["--range", ",".join(map(str, self.range))]
+        named = [] if kind == "boxes" else [kind]
+        begin = [] if usual in frames else ["--start", str(min(frames))]
+        return ["track", *named, self.video, *options, f"--{kind}", str(self.file(kind)), *begin]
 
     def note(self) -> str:
         """Why the given start file will not be written, if so."""
@@ -130,21 +134,18 @@ class Marking:
         """Write the start file, as the page asks; an emptied drawing removes it.
 
         Raises:
-            Refusal: the file is not the one that the page has read, of which it gives the digest.
+            Conflict: the file is not the one that the page has read, of which it gives the digest.
         """
         kind, shapes = content["kind"], content["items"]
-        if kind not in SUFFIXES:
-            raise InputError(f"there is no kind of target {kind!r:.60}; use {', '.join(SUFFIXES)}.")
         path = self.file(kind)
         if self.reviewed is not None and kind == self.kind:
             self._check_correction(self.reviewed.table, shapes)
         with self._saving:
             check_start(path, kind)
-            found = digest(path)
+            found = _digest(path)
             if content.get("digest", "") != found:
-                raise Refusal(
-                    409,
-                    error=f"'{path}' was changed by another page or program.",
+                raise Conflict(
+                    f"'{path}' was changed by another page or program.",
                     digest=found,
                     items=read_start(path, kind, self.start) if found else [],
                 )
@@ -152,12 +153,9 @@ class Marking:
                 with report_os_errors("remove", path):
                     path.unlink(missing_ok=True)
                 return {"file": "", "command": "", "digest": ""}
-            try:
-                save_start(path, kind, shapes)
-            except InputError as error:
-                raise Refusal(400, error=str(error), digest=digest(path)) from None
+            write_start(path, kind, shapes)
             command = shlex.join(["jaxpf", *self.command(kind, shapes)])
-            return {"file": str(path), "command": command, "digest": digest(path)}
+            return {"file": str(path), "command": command, "digest": _digest(path)}
 
     def _check_correction(self, table: dict[str, Any], shapes: Shapes) -> None:
         """Refuse shapes with which a run of this configuration cannot be repeated."""
@@ -169,12 +167,12 @@ class Marking:
                 f"a run with --{refused[0].replace('_', '-')} cannot be corrected here; track "
                 f"without it, from a file of start {self.kind} (--{self.kind})."
             )
-        if self.is_gone:
+        if self.given is not None and not self.given.is_file():
             raise InputError(
                 f"the start file '{self.given}' of this run is no longer a file; put it back to "
                 "correct the run."
             )
-        if holds_whole_tracks({(shape["frame"], shape["name"]) for shape in shapes}):
+        if _are_whole_tracks(shapes):
             raise InputError(
                 "an object has shapes in three frames in a row, which count as a finished track, "
                 "not as corrections; delete some."
@@ -184,11 +182,12 @@ class Marking:
         """Start the run of the drawn shapes, which goes on when the page or this program ends.
 
         Raises:
-            Refusal: it would replace other results, or a run, and the page has not asked for that.
+            Conflict: it would replace other results, or a run, and the page has not asked for that.
         """
+        kind = content["kind"]
         if not content.get("replaces") and (self.is_running or self._holds_results()):
             state = "A run is writing its" if self.is_running else "There are"
-            raise Refusal(409, error=f"{state} results in '{self.folder}'.")
+            raise Conflict(f"{state} results in '{self.folder}'.")
         if self.run is not None and self.run.poll() is None:
             self.run.terminate()  # it keeps what it has tracked
             self.run.wait()
@@ -197,7 +196,7 @@ class Marking:
         if self.reviewed is not None:  # a run that was stopped may have removed it
             write_config(self.configuration, "track", self.reviewed.table)
         self.save(content)  # corrections are newer than the options of the run
-        given = self.command(content["kind"], content["items"])
+        given = self.command(kind, content["items"])
         self._log = tempfile.NamedTemporaryFile()  # noqa: SIM115
         self.run = subprocess.Popen(
             [sys.executable, "-m", "jaxpf", *given, "-o", str(self.folder), "--overwrite"],
@@ -206,6 +205,7 @@ class Marking:
             stderr=subprocess.STDOUT,
             start_new_session=True,
         )
+        self.shown = [Run(self.folder, {"target": kind, kind: self.file(kind)})]
         return {"output": str(self.folder)}
 
     def _holds_results(self) -> bool:
@@ -216,26 +216,21 @@ class Marking:
             )
 
     @property
-    def configuration(self) -> Path:
-        """The options of the reviewed run."""
-        return self.folder / "run.toml"
-
-    @property
     def is_running(self) -> bool:
         """Whether a run is going on, of this program or another."""
         return (self.run is not None and self.run.poll() is None) or is_locked(self.folder)
 
     def progress(self, content: Any) -> dict[str, Any]:
         """Whether the run goes on, and its last lines."""
-        running, text = self.is_running, ""
+        answer = {"running": self.is_running, "text": "", "failed": False}
         if self.run is not None:
             lines = Path(self._log.name).read_text(errors="replace").splitlines()
-            text = "\n".join(lines[-_LINES:])
-        return {
-            "running": running,
-            "text": text,
-            "failed": self.run is not None and bool(self.run.poll()),
-        }
+            answer |= {"text": "\n".join(lines[-_LINES:]), "failed": bool(self.run.poll())}
+        return answer
+
+    def result(self, content: Any) -> dict[str, Any]:
+        """What a run has written since the page asked last."""
+        return self.shown[content["index"]].since(content["at"])
 
     def how_to_end(self) -> str:
         """How the run that goes on is seen and ended."""
@@ -243,7 +238,11 @@ class Marking:
         return f"The run goes on; `jaxpf view {shlex.quote(str(self.folder))}` shows it.{end}"
 
 
-def digest(path: Path) -> str:
+def _are_whole_tracks(shapes: Shapes) -> bool:
+    return holds_whole_tracks({(shape["frame"], shape["name"]) for shape in shapes})
+
+
+def _digest(path: Path) -> str:
     """Of a file's content; "" if there is no file."""
     with report_os_errors("read", path):
         return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""

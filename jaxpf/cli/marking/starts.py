@@ -7,8 +7,7 @@ w, h``; for points ``x, y``; for parts the ends of a limb ``x1, y1, x2, y2``, it
 
 import itertools
 import re
-import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from jaxpf.contours.data import Contours
 from jaxpf.contours.files import contours_text, read_contours
 from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import read_rows
-from jaxpf.files.writing import atomic_write, csv_text, remove_leavings
+from jaxpf.files.writing import atomic_write, csv_text
 from jaxpf.parts.files import HEADER, read_parts
 from jaxpf.points.files import FRAMES_HEADER, parse_points, read_points
 from jaxpf.shapes.splines import CUBIC, fit_spline, points_on
@@ -28,63 +27,46 @@ Shapes = list[dict[str, Any]]
 #: Suffix of each kind's start file, whose flag has the name of the kind.
 SUFFIXES = {"boxes": ".csv", "points": ".csv", "parts": ".csv", "contours": ".json"}
 #: Columns of each kind's table.
-HEADERS = {"boxes": "frame,id,x,y,w,h", "points": FRAMES_HEADER, "parts": HEADER}
-#: Seconds after which an incomplete file counts as left by a killed program.
-_KILLED = 60.0
+_HEADERS = {"boxes": "frame,id,x,y,w,h", "points": FRAMES_HEADER, "parts": HEADER}
 #: Number of control points of closed and of open contours.
 _CONTROL = {True: 16, False: 12}
 
 
 def write_start(path: Path, kind: str, shapes: Shapes) -> None:
-    """Write the start file of one kind of target, if its reader takes all of it.
+    """Write the start file of one kind of target, if the same shapes can be read from it again.
 
     Raises:
         InputError: the file would be refused, or lack a shape; or parts or contours lie in several
-            frames.
+            frames.  An earlier file stays as it was.
     """
     frames = sorted({shape["frame"] for shape in shapes})
-    for frame in frames:
-        if not isinstance(frame, int) or frame < 0:
-            raise InputError(f"{frame!r:.40} is no frame; give a whole number from 0.")
     if kind in ("parts", "contours") and len(frames) > 1:
         raise InputError(
             f"{kind} were drawn in frames {frames[0]} and {frames[1]}; draw all in one frame; to "
             "start again in a later one, use another --output."
         )
     shapes = sorted(shapes, key=lambda shape: shape["frame"])
-    text = _TEXTS[kind](shapes)
+    places = [f"'{shape['name']}' in frame {shape['frame']}" for shape in shapes]
     with atomic_write(path) as file:
-        file.write(text)
+        file.write(_text(kind, shapes))
         file.flush()
-        temporary = Path(file.name)
         try:
-            names = [shape["name"] for shape in read_start(temporary, kind, 0)]
-        except InputError as error:
-            raise InputError(_by_name(f"{error}", temporary, shapes)) from None
-        for shape, name in itertools.zip_longest(shapes, names):
+            names = [shape["name"] for shape in read_start(Path(file.name), kind, 0)]
+        except InputError as error:  # the page has no lines, so it names the shape of the line
+            line = re.compile(rf"line (\d+) of '{re.escape(file.name)}'")
+            sentence = line.sub(lambda found: places[int(found[1]) - 2], f"{error}")
+            raise InputError(sentence) from None
+        for shape, place, name in itertools.zip_longest(shapes, places, names):
             if shape["name"] != name:
                 raise InputError(
-                    f"{_place(shape)} would not be read again; give it a plain name, and a width "
-                    "and height above 0"
+                    f"{place} would not be read again; give it a plain name, and a width and "
+                    "height above 0"
                 )
 
 
-def save_start(path: Path, kind: str, shapes: Shapes) -> None:
-    """Write the shapes; if some cannot be read again, only add the others to the file, and raise.
-
-    Raises:
-        InputError: see ``write_start``.  Nothing that was in the file is lost.
-    """
-    remove_leavings(path.parent, f"{path.stem}.", older=_KILLED)
-    try:
-        write_start(path, kind, shapes)
-    except InputError:
-        sound = [shape for shape in shapes if _is_sound(path, kind, shape)]
-        if 0 < len(sound) < len(shapes):
-            places = {_place(shape) for shape in sound}
-            before = read_start(path, kind, sound[0]["frame"]) if path.is_file() else []
-            write_start(path, kind, sound + [one for one in before if _place(one) not in places])
-        raise
+def read_start(path: Path, kind: str, frame: int) -> Shapes:
+    """The shapes of a start file; ``frame`` is that of files that do not name frames."""
+    return [{"kind": kind, "frame": frame, **shape} for shape in _READERS[kind](path)]
 
 
 def check_start(path: Path, kind: str) -> None:
@@ -95,74 +77,49 @@ def check_start(path: Path, kind: str) -> None:
         contours = read_contours(path)
         number = contours.points.shape[1]
         is_start = contours.degree == CUBIC and number == _CONTROL[contours.closed]
-        expected = "as many control points as the page writes"
     else:
-        (_, header), *rows = read_rows(path, kind, HEADERS[kind]) or [(1, [])]
-        is_start = ",".join(header) == HEADERS[kind] and len(rows) == len(read_start(path, kind, 0))
-        expected = f"the columns {HEADERS[kind]}, and no row of an absent object"
+        (_, header), *rows = read_rows(path, kind, _HEADERS[kind]) or [(1, [])]
+        is_whole = ",".join(header) == _HEADERS[kind]
+        is_start = is_whole and len(rows) == len(read_start(path, kind, 0))
     if not is_start:
         raise InputError(
-            f"'{path}' is no start file of {kind} as written by the page, which has {expected}; it "
-            "stays as it is, so choose another --output."
+            f"'{path}' is no start file of {kind} as written by the page; it stays as it is, so "
+            "choose another --output."
         )
-
-
-def _is_sound(path: Path, kind: str, shape: dict[str, Any]) -> bool:
-    """Whether a shape can be stored by itself."""
-    with tempfile.TemporaryDirectory() as folder:
-        try:
-            write_start(Path(folder) / path.name, kind, [shape | {"parent": ""}])
-        except InputError:
-            return False
-    return True
-
-
-def _place(shape: dict[str, Any]) -> str:
-    return f"'{shape['name']}' in frame {shape['frame']}"
-
-
-def _by_name(sentence: str, path: Path, shapes: Shapes) -> str:
-    """A reader's sentence about a line of a file, said of the shape in that line."""
-    line = re.compile(rf"line (\d+) of '{re.escape(str(path))}'")
-    return line.sub(lambda found: _place(shapes[int(found[1]) - 2]), sentence)
-
-
-def read_start(path: Path, kind: str, frame: int) -> Shapes:
-    """The shapes of a start file; ``frame`` is that of files that do not name frames."""
-    return [{"kind": kind, **shape} for shape in _READERS[kind](path, frame)]
 
 
 def typed_start(table: Mapping[str, Any], frame: int) -> Shapes:
     """The shapes of --box and --point in a run's configuration."""
-    boxes = [parse_box(text).tolist() for text in table.get("box", ())]
-    shapes = [
+    boxes = [(str(n), parse_box(text)) for n, text in enumerate(table.get("box", ()), 1)]
+    points: Any = ()
+    if "point" in table:
+        given = parse_points(table["point"])
+        points = zip(given.names, given.places, strict=True)
+    return [
         {
-            "kind": "boxes",
-            "name": str(number),
+            "kind": kind,
+            "name": name,
             "frame": frame,
-            **dict(zip("xywh", box, strict=True)),
+            **dict(zip("xywh", map(float, place), strict=False)),
         }
-        for number, box in enumerate(boxes, 1)
-    ]
-    if "point" not in table:
-        return shapes
-    points = parse_points(table["point"])
-    return shapes + [
-        {"kind": "points", "name": name, "frame": frame, "x": x, "y": y}
-        for name, (x, y) in zip(points.names, points.places.tolist(), strict=True)
+        for kind, named in (("boxes", boxes), ("points", points))
+        for name, place in named
     ]
 
 
-def _boxes_text(shapes: Shapes) -> str:
-    for shape in shapes:
-        if not re.fullmatch(r"0|[1-9]\d*", shape["name"], re.ASCII):
-            raise InputError(
-                f"box '{shape['name']}' must be named by a whole number, such as 1; rename it."
-            )
-    return _table("boxes", shapes)
+def _text(kind: str, shapes: Shapes) -> str:
+    """Content of a start file."""
+    if kind == "contours":
+        return _contours_text(shapes)
+    columns = _HEADERS[kind].split(",")
+    if kind == "parts":
+        return csv_text([columns, *map(_part_row, shapes)])
+    keys = ["name" if column == "id" else column for column in columns]
+    rows = [[f"{shape[k]:.10g}" if k in "xywh" else shape[k] for k in keys] for shape in shapes]
+    return csv_text([columns, *rows])
 
 
-def _read_boxes(path: Path, frame: int) -> Shapes:
+def _read_boxes(path: Path) -> Shapes:
     table = read_boxes(path, truth=True)
     return [
         {"name": str(name), "frame": int(at), **dict(zip("xywh", box.tolist(), strict=True))}
@@ -170,31 +127,28 @@ def _read_boxes(path: Path, frame: int) -> Shapes:
     ]
 
 
-def _points_text(shapes: Shapes) -> str:
-    return _table("points", shapes)
-
-
-def _read_points(path: Path, frame: int) -> Shapes:
+def _read_points(path: Path) -> Shapes:
     points = read_points(path)
-    frames = [frame] * len(points.names) if points.frames is None else points.frames.tolist()
+    shapes = [
+        {"name": name, "x": x, "y": y}
+        for name, (x, y) in zip(points.names, points.places.tolist(), strict=True)
+    ]
+    if points.frames is None:
+        return shapes
     return [
-        {"name": name, "frame": at, "x": x, "y": y}
-        for name, at, (x, y) in zip(points.names, frames, points.places.tolist(), strict=True)
+        {"frame": at, **shape} for at, shape in zip(points.frames.tolist(), shapes, strict=True)
     ]
 
 
-def _parts_text(shapes: Shapes) -> str:
-    rows = []
-    for shape in shapes:
-        first, second = (np.array([shape[f"x{end}"], shape[f"y{end}"]], float) for end in (1, 2))
-        (x, y), along = (first + second) / 2, second - first
-        angle = np.degrees(np.arctan2(along[1], along[0]))
-        numbers = (x, y, np.hypot(*along), shape["width"], angle)
-        rows.append([shape["name"], shape["parent"], *(f"{number:.2f}" for number in numbers)])
-    return csv_text([HEADERS["parts"].split(","), *rows])
+def _part_row(shape: dict[str, Any]) -> list[str]:
+    first, second = (np.array([shape[f"x{end}"], shape[f"y{end}"]], float) for end in (1, 2))
+    (x, y), along = (first + second) / 2, second - first
+    angle = np.degrees(np.arctan2(along[1], along[0]))
+    numbers = (x, y, np.hypot(*along), shape["width"], angle)
+    return [shape["name"], shape["parent"], *(f"{number:.2f}" for number in numbers)]
 
 
-def _read_parts(path: Path, frame: int) -> Shapes:
+def _read_parts(path: Path) -> Shapes:
     parts = read_parts(path)
     shapes = []
     for number, name in enumerate(parts.names):
@@ -203,7 +157,7 @@ def _read_parts(path: Path, frame: int) -> Shapes:
         ends = zip(("x1", "y1", "x2", "y2"), (x, y, x, y), (*-reach, *reach), strict=True)
         shape = {key: round(float(centre + shift), 2) for key, centre, shift in ends}
         parent = "" if parts.parents[number] < 0 else parts.names[parts.parents[number]]
-        shapes.append({"name": name, "frame": frame, "parent": parent, "width": width, **shape})
+        shapes.append({"name": name, "parent": parent, "width": width, **shape})
     return shapes
 
 
@@ -233,35 +187,17 @@ def _control_points(points: list[list[float]], closed: bool) -> np.ndarray:
     return fit_spline(dense, _CONTROL[closed], closed=closed)
 
 
-def _read_contours(path: Path, frame: int) -> Shapes:
+def _read_contours(path: Path) -> Shapes:
     contours = read_contours(path)
-    lines = points_on(
-        contours.points,
-        contours.points.shape[1],
-        closed=contours.closed,
-        degree=contours.degree,
-    )
-    same = {"frame": frame, "closed": contours.closed, "width": contours.width}
+    number, closed = contours.points.shape[1], contours.closed
+    lines = points_on(contours.points, number, closed=closed, degree=contours.degree)
     return [
-        {"name": name, "points": line, **same}
+        {"name": name, "points": line, "closed": closed, "width": contours.width}
         for name, line in zip(contours.names, lines.round(2).tolist(), strict=True)
     ]
 
 
-def _table(kind: str, shapes: Shapes) -> str:
-    columns = HEADERS[kind].split(",")
-    keys = ["name" if column == "id" else column for column in columns]
-    rows = [[f"{shape[k]:.10g}" if k in "xywh" else shape[k] for k in keys] for shape in shapes]
-    return csv_text([columns, *rows])
-
-
-_TEXTS: dict[str, Callable[[Shapes], str]] = {
-    "boxes": _boxes_text,
-    "points": _points_text,
-    "parts": _parts_text,
-    "contours": _contours_text,
-}
-_READERS: dict[str, Callable[[Path, int], Shapes]] = {
+_READERS = {
     "boxes": _read_boxes,
     "points": _read_points,
     "parts": _read_parts,

@@ -30,7 +30,7 @@ from jaxpf.detections import follow
 from jaxpf.detections.population import open_model
 from jaxpf.evaluation.trackers import OwnTracker, own_tracker
 from jaxpf.filters import SideBySide
-from jaxpf.media.film import FrameSource, Reading
+from jaxpf.media.film import FrameSource
 from jaxpf.media.read import open_frames
 from jaxpf.sequences.layouts import read_truth
 from jaxpf.sequences.tables import BoxTable
@@ -45,7 +45,7 @@ def track(request: Request) -> None:
     tracked frame leaves no files.
     """
     run, detector = request.run, request.detector
-    source = open_frames(request.video, Reading(run.fps, run.range))
+    source = open_frames(request.video, fps=run.fps, range=run.range)
     # The start frame comes before those of --frames.
     most = None if run.frames is None else run.frames + 1
     with contextlib.closing(source.frames(run.start)) as frames:

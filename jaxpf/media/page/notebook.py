@@ -1,7 +1,7 @@
 """The page within a notebook."""
 
 import os
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import check_known
-from jaxpf.media.film import Reading
 from jaxpf.media.page.runs import Run
-from jaxpf.media.page.server import Server, described
+from jaxpf.media.page.server import Server
 from jaxpf.media.read import open_frames
 
 #: Height of the page in a notebook, pixels.
@@ -30,8 +29,7 @@ class Drawn:
         url: address of the page, to open it in a window of its own.
     """
 
-    def __init__(self, source: Any, **about: Any):
-        runs = about.pop("runs", [])
+    def __init__(self, source: Any, runs: Sequence[Run] = (), **about: Any):
         self.shapes: list[dict[str, Any]] = []
         answers = {
             "about": lambda _: {"items": self.shapes},
@@ -39,7 +37,7 @@ class Drawn:
             "progress": lambda content: {"running": False, "text": "", "failed": False},
             "result": lambda content: runs[content["index"]].since(content["at"]),
         }
-        self._server = Server(source, described(source, **about), answers)
+        self._server = Server(source, answers, results=[run.name for run in runs], **about)
         self.url = self._server.url
 
     def _save(self, content: Any) -> dict[str, str]:
@@ -111,5 +109,5 @@ def view(folder: str | os.PathLike[str]) -> Drawn:
         InputError: the folder holds no run, or its film cannot be read.
     """
     run = Run(Path(folder))
-    about = {"kind": run.kind, "start": run.start, "results": [run.name], "can_draw": False}
-    return Drawn(open_frames(run.video, Reading(range=run.table.get("range"))), runs=[run], **about)
+    source = open_frames(run.video, range=run.table.get("range"))
+    return Drawn(source, [run], kind=run.kind, start=run.start, can_draw=False)

@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,19 +15,17 @@ _MOST, _TABLES = 4 * 2**20, ("tracks", "outlines")
 class Run:
     """An output folder, which may still be written."""
 
-    def __init__(self, folder: Path, is_waited_for: bool = False):
-        """Read ``run.toml``; a run that has just been started may not have written it yet."""
-        self.folder, self.name = folder, str(folder)
-        try:
-            table = tomllib.loads((folder / "run.toml").read_text())["track"]
-        except (OSError, KeyError, tomllib.TOMLDecodeError):
-            if not is_waited_for:
+    def __init__(self, folder: Path, table: Mapping[str, Any] | None = None):
+        """Describe a run by its options; without ``table``, by its ``run.toml``."""
+        if table is None:
+            try:
+                table = tomllib.loads((folder / "run.toml").read_text())["track"]
+            except (OSError, KeyError, tomllib.TOMLDecodeError):
                 raise InputError(
                     f"'{folder}' holds no run.toml of `jaxpf track`; give the folder of a run."
                 ) from None
-            table = {"video": "", "target": "boxes"}
-        self.table = table
-        self.video, self.kind = str(table["video"]), table["target"]
+        self.folder, self.name, self.table = folder, str(folder), dict(table)
+        self.video, self.kind = str(table.get("video", "")), table.get("target", "boxes")
         self.start = table.get("start", 0)
         file = table.get(self.kind)  # as its flag
         self.start_file = None if file is None else Path(file)

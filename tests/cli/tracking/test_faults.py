@@ -55,10 +55,10 @@ def test_a_fault_of_the_video_on_the_way_keeps_what_was_tracked(track, tmp_path)
     frames = [picture(0), picture(1), picture(2)[:40]]
     outcome = track(*BOXES, video=write_pictures(tmp_path / "mixed", frames))
     assert outcome.code == 2
-    assert "mixes image sizes: '0.png' is 64x48 but '2.png' is 64x40" in outcome.err
+    assert "changes its size at '2.png', from 64x48 to 64x40" in outcome.err
     assert rows_of(tmp_path / "out").shape == (4, 7)
     assert len(list(open_frames(tmp_path / "out" / "overlay.mp4"))) == 2
-    assert "mixes image sizes" in summary_of(tmp_path / "out")["error"]
+    assert "changes its size" in summary_of(tmp_path / "out")["error"]
 
 
 def test_a_disk_that_fills_up_is_one_sentence_and_keeps_whole_lines(track, tmp_path, monkeypatch):
@@ -107,7 +107,7 @@ def test_an_overlay_that_cannot_be_opened_loses_no_old_results(track, tmp_path, 
     def refuse(*_):
         raise InputError("the encoder refuses")
 
-    monkeypatch.setattr("jaxpf.media.video_writer.VideoWriter._open", refuse)
+    monkeypatch.setattr("jaxpf.media.video_writer.VideoWriter._check_encoder", refuse)
     outcome = track(*BOXES, "--overwrite")
     assert (outcome.code, "the encoder refuses" in outcome.err) == (2, True)
     assert left_in(tmp_path / "out") == old

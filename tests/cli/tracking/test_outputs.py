@@ -30,7 +30,7 @@ from jaxpf.detections import Rules
 from jaxpf.files import states
 from jaxpf.filters import filter_of
 from jaxpf.filters.registry import all_filters
-from jaxpf.media import Reading, open_frames
+from jaxpf.media import open_frames
 
 # What a run writes
 
@@ -216,7 +216,7 @@ def test_pictures_of_16_bits_with_a_rate_of_their_own_give_the_tracks_of_the_vid
     assert summary_of(output)["fps"] == 10
     assert open_frames(output / "overlay.mp4").fps == 10
     assert tomllib.loads((output / "run.toml").read_text())["track"]["range"] == [100, 610]
-    deep = open_frames(place / "deep", Reading(range=(100, 610)))
+    deep = open_frames(place / "deep", range=(100, 610))
     plain = open_frames(place / "images")
     np.testing.assert_array_equal(next(deep.frames()), next(plain.frames()))
 

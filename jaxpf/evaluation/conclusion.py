@@ -8,58 +8,58 @@ than ten runs decide nothing: the sentence is a preview.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 
-from jaxpf.evaluation.estimates import LEVEL
-from jaxpf.evaluation.measures import by_name
+from jaxpf.evaluation.estimates import ALL, LEVEL, difference
 from jaxpf.evaluation.results import Configuration, Results
-from jaxpf.evaluation.summaries import (
-    ALL,
-    Summary,
-    configuration_name,
-    named_values,
-    paired,
-)
 from jaxpf.measures.intervals import DECISIVE
 
-#: The measure that ranks configurations.
-RANKED_BY = by_name("success_auc")
+#: The measure and the object that rank configurations.
+RANKED_BY = "success_auc", ALL
 _MOST_NAMED = 3
 
 
 def areas_of(estimates: pd.DataFrame) -> pd.Series:
     """Success AUC of the configurations that have one, by their index, best first."""
-    rows = estimates[(estimates.measure == RANKED_BY.name) & (estimates.object == ALL)]
+    measure, of = RANKED_BY
+    rows = estimates[(estimates.measure == measure) & (estimates.object == of)]
     areas = rows.set_index("configuration").value.astype(float)
     return areas.iloc[np.argsort(areas.to_numpy())[::-1]]
 
 
-def conclude(results: Results, summaries: Sequence[Summary], areas: pd.Series) -> str:
-    """State which configurations differ from the best, from the ``areas_of`` the summaries."""
+def conclude(results: Results, values: Mapping[int, pd.DataFrame], areas: pd.Series) -> str:
+    """State which configurations differ from the best.
+
+    Args:
+        results: the evaluation.
+        values: of every run of the configurations, by their index, as for ``difference``.
+        areas: see ``areas_of``.
+    """
     if not len(areas):
         return "No run is finished, so there is nothing to conclude."
     best, *others = areas.index.tolist()
-    ours = summaries[best].configuration
+    configurations = results.configurations
+    ours = configurations[best]
     held = [name for name in results.swept if name in ours.parameters]
-    equal = [other for other in others if _agree(ours, summaries[other].configuration, held)]
+    equal = [other for other in others if _agree(ours, configurations[other], held)]
     others, held = (equal, held) if equal else (others, [])
-    names = [configuration_name(results, each.configuration, held) for each in summaries]
-    settings = ", ".join(named_values(ours, held))
-    start = f"With {settings}, where the mean is highest, " if held else ""
+    names = [results.name_of(each, held) for each in configurations]
+    start = f"With {', '.join(ours.named(held))}, where the mean is highest, " if held else ""
     if not others:
         return f"{names[best]}: success AUC {_share(areas[best])}."
-    fewest = min((s.runs for s in summaries if not s.configuration.is_imported), default=DECISIVE)
+    imported = {index for index in values if configurations[index].is_imported}
+    fewest = min((len(values[i]) for i in values if i not in imported), default=DECISIVE)
     if fewest < DECISIVE:
         runs = "one run" if fewest == 1 else f"{fewest} runs"
         return (
             f"Preview of {runs}: {start[:1].lower() + start[1:]}{names[best]} is ahead, success "
             f"AUC {_share(areas[best])}; fewer than {DECISIVE} runs decide nothing."
         )
-    pairs = math.comb(len(areas), 2)
-    apart = {other: _difference(summaries[best], summaries[other], pairs) for other in others}
+    level = 1 - (1 - LEVEL) / math.comb(len(areas), 2)
+    apart = {other: _difference(values, best, other, imported, level) for other in others}
     worse = [other for other in others if apart[other][1] > 0]
     tied = [other for other in others if other not in worse]
     if not worse:
@@ -90,14 +90,21 @@ def _agree(ours: Configuration, other: Configuration, names: Sequence[str]) -> b
     return all(theirs.get(name, mine[name]) == mine[name] for name in names)
 
 
-def _difference(first: Summary, second: Summary, pairs: int) -> tuple[float, float, float]:
-    """First minus second, with the ends of an interval Bonferroni-corrected for ``pairs``."""
-    found = paired(first, second, RANKED_BY, 1 - (1 - LEVEL) / pairs)
-    value, lower, upper = (float(x[-1]) for x in (found.value, found.lower, found.upper))
-    if first.configuration.is_imported and second.configuration.is_imported:
-        return value, value, value
-    known = np.isfinite(lower)
-    return value, lower if known else -np.inf, upper if known else np.inf
+def _difference(
+    values: Mapping[int, pd.DataFrame], ours: int, theirs: int, imported: set[int], level: float
+) -> tuple[float, float, float]:
+    """One configuration minus another, with the ends of an interval."""
+    first, second = (values[index][[RANKED_BY]] for index in (ours, theirs))
+    # An imported track is the same in every run.
+    if ours in imported:
+        first = first.reindex(second.index, method="ffill")
+    if theirs in imported:
+        second = second.reindex(first.index, method="ffill")
+    found = difference(first, second, level).iloc[0]
+    if {ours, theirs} <= imported:
+        return found.value, found.value, found.value
+    known = np.isfinite(found.lower)
+    return found.value, found.lower if known else -np.inf, found.upper if known else np.inf
 
 
 def _listed(all_names: Sequence[str], indices: Sequence[int]) -> str:

@@ -1,18 +1,19 @@
-"""Estimates and paired differences over the runs of an evaluation.
+"""Estimates and paired differences over the runs of an evaluation, or over sequences.
 
-Runs are the independent units.  Frames and objects of one run are correlated, so they contribute
-to its value but do not narrow the interval.  Measures with known bounds are means, the others
-medians; see ``jaxpf.measures.intervals``.
+Both are tables with a row per unit, which is a run or a sequence, and a column per measure and
+object; NaN where a unit does not count.  Units are independent.  Frames and objects of one run are
+correlated, so they contribute to its value but do not narrow the interval.  Measures with known
+bounds are means, the others medians; see ``jaxpf.measures.intervals``.
 """
 
-from typing import NamedTuple
-
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.special import bdtr
 
+from jaxpf.evaluation.measures import by_name
 from jaxpf.measures.intervals import (
-    Bounds,
+    Interval,
     difference_interval,
     difference_p_value,
     mean_interval,
@@ -21,117 +22,95 @@ from jaxpf.measures.intervals import (
 
 #: Confidence level of every interval.
 LEVEL = 0.95
-
-
-class Estimate(NamedTuple):
-    """A mean or median for each of P objects, and for all objects (last); ``[P + 1]`` each.
-
-    Attributes:
-        runs: number of runs that count.
-        value: of the runs.
-        standard_error: NaN for a single run, and for medians.
-        lower: lower end of the interval; NaN with too few runs.
-        upper: upper end of the interval.
-    """
-
-    runs: np.ndarray
-    value: np.ndarray
-    standard_error: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-
-
-class Difference(NamedTuple):
-    """A configuration minus its reference, on common seeds; ``[P + 1]`` each as in ``Estimate``.
-
-    Attributes:
-        runs: number of pairs that count.
-        value: positive if the configuration has the larger values.
-        standard_error: of the runs' differences; NaN for medians.
-        lower: lower end of the interval.
-        upper: upper end of the interval.
-        gained: number of runs in which the configuration has the larger value.
-        lost: number of runs in which the reference has the larger value.
-        p: two-sided p-value for no difference, below 0.05 where the 95% interval excludes 0: of
-            rates McNemar's exact test, of medians the sign test.
-    """
-
-    runs: np.ndarray
-    value: np.ndarray
-    standard_error: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    gained: np.ndarray
-    lost: np.ndarray
-    p: np.ndarray
+#: Name of all objects together in the tables.
+ALL = "all"
+#: Bounds of the measures that have any.
+_SHARE = (0.0, 1.0)
 
 
 def with_all(values: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Append the mean over objects as a last column.
+    """Append the weighted mean over objects as a last object.
 
     Args:
-        values: ``[R, P]``, NaN where an object does not count.
-        weights: ``[R, P]``.
+        values: ``[R, P, ...]``, not finite where an object does not count.
+        weights: of the same shape.
 
     Returns:
-        Values and weights ``[R, P + 1]``; the weights are 0 where the values are not finite.
+        Values, NaN where nothing counts, and weights, 0 there; ``[R, P + 1, ...]``.
     """
     weights = np.where(np.isfinite(values), weights, 0.0)
+    values = np.where(weights > 0, values, np.nan)
     total = np.sum(weights, axis=1, keepdims=True)
-    mass = np.sum(weights * np.where(weights > 0, values, 0.0), axis=1, keepdims=True)
+    mass = np.sum(weights * np.nan_to_num(values), axis=1, keepdims=True)
     pooled = np.where(total > 0, mass / np.where(total > 0, total, 1.0), np.nan)
     return np.concatenate([values, pooled], 1), np.concatenate([weights, total], 1)
 
 
-def estimate(values: np.ndarray, weights: np.ndarray, bounds: Bounds | None) -> Estimate:
-    """Means over runs of ``values [R, P]`` with ``weights [R, P]``; medians without bounds."""
-    values, weights = with_all(values, weights)
-    if bounds is None:
-        found = median_interval(np.where(weights > 0, values, np.nan), level=LEVEL)
-    else:
-        found = mean_interval(values, weights, level=LEVEL, bounds=bounds)
-    return Estimate(np.sum(weights > 0, axis=0), *found)
+def estimate(values: pd.DataFrame, weights: pd.DataFrame | None = None) -> pd.DataFrame:
+    """Means of shares, with the weights of the units, and medians of other measures.
+
+    Returns:
+        A row per column of ``values``: the number of ``runs`` that count, ``value``,
+        ``standard_error`` (NaN for a single run, and for medians), and the ends of the interval,
+        ``lower`` and ``upper`` (NaN with too few runs).
+    """
+    if weights is None:
+        weights = values.notna().astype(float)
+    shares = _are_shares(values)
+    mass = _columns(weights, shares)
+    means = mean_interval(_columns(values, shares), mass, level=LEVEL, bounds=_SHARE)
+    medians = median_interval(_columns(values, ~shares), level=LEVEL)
+    return _table(values, shares, means, medians)
 
 
-def without_interval(estimate: Estimate) -> Estimate:
-    """Drop the intervals, for a tracker that is the same in every run."""
-    unknown = np.full_like(estimate.value, np.nan)
-    return estimate._replace(standard_error=unknown, lower=unknown, upper=unknown)
-
-
-def difference(
-    ours: tuple[np.ndarray, np.ndarray],
-    theirs: tuple[np.ndarray, np.ndarray],
-    bounds: Bounds | None,
-    level: float = LEVEL,
-) -> Difference:
-    """Mean difference of paired runs; the median difference without bounds.
+def difference(ours: pd.DataFrame, theirs: pd.DataFrame, level: float = LEVEL) -> pd.DataFrame:
+    """Mean differences of common units; median differences of measures without bounds.
 
     Args:
-        ours: values and weights of objects in each run, ``[R, P]`` each.
-        theirs: those of the reference in the same runs.
-        bounds: smallest and largest possible value, or None.
+        ours: values of a configuration.
+        theirs: those of its reference.
         level: confidence of the interval.
+
+    Returns:
+        A row per column as from ``estimate``; ``gained`` and ``lost``, the number of runs in which
+        the configuration or the reference has the larger value; and a two-sided p-value for no
+        difference, ``p``, below 0.05 where the 95% interval excludes 0: of rates McNemar's exact
+        test, of medians the sign test.
     """
-    first, second = (
-        np.where(weights > 0, values, np.nan)
-        for values, weights in (with_all(*each) for each in (ours, theirs))
-    )
-    apart = first - second
-    runs = np.sum(np.isfinite(apart), axis=0)
+    units = ours.index.intersection(theirs.index)
+    ours, theirs, shares = ours.loc[units], theirs.loc[units], _are_shares(ours)
+    apart, pairs = ours - theirs, (_columns(ours, shares), _columns(theirs, shares))
+    means = difference_interval(*pairs, level, _SHARE)
+    medians = median_interval(_columns(apart, ~shares), level=level)
+    table = _table(apart, shares, means, medians)
     # Equal values in every run may differ by rounding.
-    sizes = np.abs([first, second])
+    sizes = np.abs([ours, theirs])
     scale = 1e-12 * np.max(sizes, axis=(0, 1), where=np.isfinite(sizes), initial=0)
-    gained, lost = np.sum(apart > scale, axis=0), np.sum(apart < -scale, axis=0)
-    if bounds is None:
-        found = median_interval(apart, level=level)
-        # Runs without a difference count on the other side.
-        p = np.minimum(2 * bdtr(runs - np.maximum(gained, lost), runs, 0.5), 1.0)
-        p = np.where(runs > 1, p, np.nan)
-    else:
-        found = difference_interval(first, second, level, bounds)
-        p = difference_p_value(first, second, bounds)
-    return Difference(runs, *found, gained, lost, p)
+    gained, lost, runs = (apart > scale).sum(), (apart < -scale).sum(), table.runs
+    # Of medians, runs without a difference count on the other side.
+    p = np.minimum(2 * bdtr(runs - np.maximum(gained, lost), runs, 0.5), 1.0).where(runs > 1)
+    p[shares] = difference_p_value(*pairs, _SHARE)
+    return table.assign(gained=gained, lost=lost, p=p)
+
+
+def _are_shares(table: pd.DataFrame) -> np.ndarray:
+    """Whether each column is of a measure with bounds."""
+    names = table.columns.get_level_values("measure")
+    return np.array([by_name(name).bounds is not None for name in names])
+
+
+def _columns(table: pd.DataFrame, chosen: np.ndarray) -> np.ndarray:
+    """Some columns, with contiguous rows: sums over rows then have one order for any choice."""
+    return np.ascontiguousarray(table.to_numpy()[:, chosen])
+
+
+def _table(
+    values: pd.DataFrame, shares: np.ndarray, means: Interval, medians: Interval
+) -> pd.DataFrame:
+    ends = np.empty((len(Interval._fields), values.shape[1]))
+    ends[:, shares], ends[:, ~shares] = means, medians
+    fields = dict(zip(Interval._fields, ends, strict=True))
+    return pd.DataFrame({"runs": np.isfinite(values).sum(), **fields}, index=values.columns)
 
 
 def holm(p: ArrayLike) -> np.ndarray:

@@ -13,10 +13,12 @@ from matplotlib import rc_context
 from matplotlib.rcsetup import cycler
 from matplotlib.ticker import LogLocator, NullLocator
 
+from jaxpf.evaluation.estimates import ALL
 from jaxpf.evaluation.measures import CURVES, DISTANCE, by_name
-from jaxpf.evaluation.summaries import ALL, Summary, intervals
-from jaxpf.evaluation.tables import Overview, heading_of
+from jaxpf.evaluation.summaries import Overview
+from jaxpf.evaluation.tables import heading_of, intervals
 from jaxpf.files.writing import atomic_write, remove_leavings, report_os_errors
+from jaxpf.measures.calibration import Reliability
 from jaxpf.media.plotting import new_figure
 
 if TYPE_CHECKING:
@@ -97,18 +99,21 @@ def save(figure: "Drawing", png: str | os.PathLike[str]) -> None:
 def _drawn(overview: Overview) -> "Iterator[tuple[str, str, str, Drawing]]":
     """Yield name, title, caption and drawing of each figure of the best configurations."""
     summaries = overview.summaries
-    best = [summaries[index] for index in overview.ranked[:MOST_LINES]]
-    calibrated = [summary for summary in best if summary.pit_values.any()]
-    confident = [summary for summary in best if summary.confidence.frames[-1]]
+    best = overview.ranked[:MOST_LINES]
+    names = {index: overview.names[index] for index in best}
+    calibrated = {name: summaries[i].pit_values for i, name in names.items()}
+    calibrated = {name: counts for name, counts in calibrated.items() if counts.any()}
+    confident = {name: summaries[i].confidence for i, name in names.items()}
+    confident = {name: each for name, each in confident.items() if each.frames[-1]}
     shown = f" The best {len(best)} of {len(summaries)} configurations."
     shown = shown if len(best) < len(summaries) else ""
     if not best:
         return
+    of_all = overview.curves[overview.curves.object == ALL]
     curves = {
-        (summary.name, name): [x[-1] for x in (curve.value, curve.lower, curve.upper)]
-        for summary in best
-        for name in CURVES
-        for curve in [getattr(summary, name)]
+        (names[index], curve): rows[["value", "lower", "upper"]].to_numpy().T
+        for (index, curve), rows in of_all.groupby(["configuration", "curve"])
+        if index in names
     }
     yield (
         "success-curves",
@@ -117,7 +122,7 @@ def _drawn(overview: Overview) -> "Iterator[tuple[str, str, str, Drawing]]":
         "centre error is at most a threshold (wu2013), without the start frame. Bands: 95% "
         "intervals over runs. In brackets: the area under the success curve, and the "
         "precision within 20 pixels." + shown,
-        accuracy_curves([summary.name for summary in best], curves),
+        accuracy_curves([*names.values()], curves),
     )
     yield (
         "error-over-time",
@@ -125,7 +130,10 @@ def _drawn(overview: Overview) -> "Iterator[tuple[str, str, str, Drawing]]":
         "Line: median over runs and objects. Dark band: the middle half. Pale band: from 5 to "
         "95%. These are quantiles, not intervals; frames without truth or estimate do not count."
         + shown,
-        error_over_time(overview.results.start_frame + 1, best),
+        error_over_time(
+            overview.results.start_frame + 1,
+            {name: summaries[index].quantiles for index, name in names.items()},
+        ),
     )
     if calibrated:
         yield (
@@ -156,7 +164,7 @@ def _drawn(overview: Overview) -> "Iterator[tuple[str, str, str, Drawing]]":
 
 
 def accuracy_curves(
-    methods: Sequence[str], curves: Mapping[tuple[str, str], Sequence[np.ndarray] | np.ndarray]
+    methods: Sequence[str], curves: Mapping[tuple[str, str], np.ndarray]
 ) -> "Drawing":
     """Draw success and precision curves (wu2013) with their intervals.
 
@@ -167,7 +175,7 @@ def accuracy_curves(
     figure, axes = _axes(len(methods), len(CURVES))
     for axis, (name, thresholds) in zip(axes, CURVES.items(), strict=True):
         for method in methods:
-            value, lower, upper = 100 * np.asarray(curves[method, name])
+            value, lower, upper = 100 * curves[method, name]
             shown = value.mean() if name == "success" else value[DISTANCE]
             (line,) = axis.plot(thresholds, value, label=f"{_wrapped(method)} [{shown:.0f}]")
             style = {"color": line.get_color(), "alpha": 0.15, "linewidth": 0}
@@ -179,24 +187,24 @@ def accuracy_curves(
     return figure
 
 
-def error_over_time(first_frame: int, summaries: Sequence[Summary]) -> "Drawing":
+def error_over_time(first_frame: int, quantiles: Mapping[str, np.ndarray]) -> "Drawing":
     """Draw quantiles of the centre error of all objects, with a panel per configuration."""
-    columns = min(len(summaries), 4)
-    rows = -(-len(summaries) // columns)
+    columns = min(len(quantiles), 4)
+    rows = -(-len(quantiles) // columns)
     size = (max(4.5, 2.3 * columns), 0.7 + 1.75 * rows)
     figure, axes = new_figure(rows, columns, figsize=size)
-    everything = np.array([summary.quantiles for summary in summaries])
+    everything = np.array([*quantiles.values()])
     frames = first_frame + np.arange(everything.shape[-1])
     top = 1.04 * max(float(np.max(everything, where=np.isfinite(everything), initial=0)), 1.0)
-    for axis in axes.flat[len(summaries) :]:
+    for axis in axes.flat[len(quantiles) :]:
         axis.set_visible(False)
-    for axis, summary, quantiles in zip(axes.flat, summaries, everything, strict=False):
-        low, quarter, median, three_quarters, high = quantiles
+    for axis, name, of_errors in zip(axes.flat, quantiles, everything, strict=False):
+        low, quarter, median, three_quarters, high = of_errors
         for ends, alpha in (((low, high), 0.22), ((quarter, three_quarters), 0.45)):
             axis.fill_between(frames, *ends, color=COLOURS[0], alpha=alpha, linewidth=0)
         axis.plot(frames, median, "k", linewidth=1.2, marker="." * (len(frames) == 1))
-        name = "\n".join(textwrap.fill(part, 26) for part in summary.name.split(", "))
-        axis.set(title=name, ylim=(0, top), xlabel="frame", ylabel="centre error (px)")
+        title = "\n".join(textwrap.fill(part, 26) for part in name.split(", "))
+        axis.set(title=title, ylim=(0, top), xlabel="frame", ylabel="centre error (px)")
         axis.label_outer()
     return figure
 
@@ -207,13 +215,15 @@ def lines_over_particles(overview: Overview) -> dict[str, list[int]]:
     Each group, keyed by the common name, is sorted by that number and has at least two entries.
     """
 
+    configurations, speeds = overview.results.configurations, overview.results.speeds
+
     def number(index: int) -> float:
-        return overview.summaries[index].configuration.parameters["num_particles"]
+        return configurations[index].parameters["num_particles"]
 
     lines: dict[str, list[int]] = {}
-    for index, summary in enumerate(overview.summaries):
-        if np.isfinite(summary.speed) and "num_particles" in summary.configuration.parameters:
-            name = summary.name.replace(f", num_particles {number(index)}", "")
+    for index in overview.summaries:
+        if np.isfinite(speeds[index]) and "num_particles" in configurations[index].parameters:
+            name = overview.names[index].replace(f", num_particles {number(index)}", "")
             lines.setdefault(name, []).append(index)
     return {name: sorted(line, key=number) for name, line in lines.items() if len(line) > 1}
 
@@ -221,12 +231,13 @@ def lines_over_particles(overview: Overview) -> dict[str, list[int]]:
 def against_time(overview: Overview, lines: Mapping[str, Sequence[int]]) -> "Drawing":
     """Draw success AUC and centre error against time per frame, see ``lines_over_particles``."""
     figure, axes = _axes(len(lines), 2)
+    speeds = overview.results.speeds
     for axis, name in zip(axes, ("success_auc", "centre_error"), strict=True):
         measure = by_name(name)
         for label, line in lines.items():
             values = intervals(overview.estimates, name, ALL, line)
             value, lower, upper = values.T * (100 if measure.percent else 1)
-            times = [1000 / overview.summaries[index].speed for index in line]
+            times = [1000 / speeds[index] for index in line]
             _error_bars(axis, times, value, [value - lower, upper - value], label)
         axis.set(xscale="log", xlabel="ms a frame", ylabel=heading_of(measure))
         axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
@@ -236,29 +247,28 @@ def against_time(overview: Overview, lines: Mapping[str, Sequence[int]]) -> "Dra
     return figure
 
 
-def calibration(summaries: Sequence[Summary]) -> "Drawing":
+def calibration(pit_values: Mapping[str, np.ndarray]) -> "Drawing":
     """Draw coverage of central regions of x and y against their probability."""
-    figure, (axis,) = _axes(len(summaries))
-    for summary in summaries:
-        counts = summary.pit_values
+    figure, (axis,) = _axes(len(pit_values))
+    for name, counts in pit_values.items():
         half = len(counts) // 2
         inside = [counts[half - k : half + k].sum() for k in range(half + 1)]
         shares = 100 * np.array(inside) / counts.sum()
-        axis.plot(np.linspace(0, 100, half + 1), shares, label=_wrapped(summary.name))
+        axis.plot(np.linspace(0, 100, half + 1), shares, label=_wrapped(name))
     _finish_diagonal(axis, "probability of the region (%)", "truth inside (% of frames)")
     return figure
 
 
-def confidence(summaries: Sequence[Summary]) -> "Drawing":
+def confidence(reliabilities: Mapping[str, Reliability]) -> "Drawing":
     """Draw the share of boxes on their object against the confidence."""
-    figure, (axis,) = _axes(len(summaries))
-    bins = summaries[0].confidence.bins
-    middles = 100 * (np.arange(bins) + 0.5) / bins
-    for number, summary in enumerate(summaries):
-        value, _, lower, upper = (100 * x[:bins] for x in summary.confidence.shares())
-        places = middles + 1.5 * (number - (len(summaries) - 1) / 2)
+    figure, (axis,) = _axes(len(reliabilities))
+    for number, (name, reliability) in enumerate(reliabilities.items()):
+        bins = reliability.bins
+        middles = 100 * (np.arange(bins) + 0.5) / bins
+        value, _, lower, upper = (100 * x[:bins] for x in reliability.shares())
+        places = middles + 1.5 * (number - (len(reliabilities) - 1) / 2)
         reach = np.nan_to_num([value - lower, upper - value])
-        _error_bars(axis, places, value, reach, summary.name)
+        _error_bars(axis, places, value, reach, name)
     _finish_diagonal(axis, "confidence (%)", "boxes on their object (%)")
     return figure
 

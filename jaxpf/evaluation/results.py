@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import plain
 from jaxpf.files.store import SETTINGS, Damaged, Store
 from jaxpf.files.writing import write_text
 from jaxpf.targets.registry import find_target
@@ -70,6 +71,11 @@ class Configuration:
     def label(self) -> str:
         """Method and ordering, for tables and legends."""
         return f"{self.method} {self.ordering}".strip()
+
+    def named(self, names: Sequence[str]) -> list[str]:
+        """Those of the named parameters that the configuration has, as "sharpness 20"."""
+        values = self.parameters
+        return [f"{name} {plain(values[name])}" for name in names if name in values]
 
     @property
     def is_imported(self) -> bool:
@@ -231,6 +237,11 @@ class Results:
         asked = self.settings["asked"].get("grid", {})
         return tuple(name for name in self.varied if len(asked.get(name, ())) > 1)
 
+    def name_of(self, configuration: Configuration, but: Sequence[str] = ()) -> str:
+        """Method, ordering, and the parameters that differ between configurations, save ``but``."""
+        names = [name for name in self.varied if name not in but]
+        return ", ".join([configuration.label, *configuration.named(names)])
+
     @property
     def speeds(self) -> list[float]:
         """Frames per second of each configuration; NaN where not measured, see ``speed``."""
@@ -243,10 +254,6 @@ class Results:
         """Store the frames per second of each configuration; NaN where not measured."""
         rounded = [round(x, 4) if math.isfinite(x) else None for x in speeds]
         write_text(self.folder / SPEEDS, json.dumps(rounded))
-
-    def finished(self, configuration: Configuration) -> int:
-        """Number of runs of a configuration on disk."""
-        return sum(map(len, self.batches(configuration)))
 
     def batches(self, configuration: Configuration) -> Iterator[Batch]:
         """Yield the finished runs of a configuration in order.

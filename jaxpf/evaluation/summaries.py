@@ -1,33 +1,23 @@
-"""What the finished runs of an evaluation show: a table of estimates and one of differences."""
+"""What the finished runs of an evaluation show: tables of runs, estimates and differences."""
 
 import dataclasses
-import functools
 import importlib.util
 import warnings
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 
 from jaxpf import filters
-from jaxpf.contract.numbers import plain
-from jaxpf.evaluation.estimates import (
-    LEVEL,
-    Difference,
-    Estimate,
-    difference,
-    estimate,
-    holm,
-    without_interval,
-)
+from jaxpf.evaluation.conclusion import areas_of, conclude
+from jaxpf.evaluation.estimates import ALL, LEVEL, difference, estimate, holm, with_all
 from jaxpf.evaluation.measures import (
     COLUMNS,
+    CURVES,
     FIGURES,
     FRAMES,
     MEASURES,
     SCORES,
-    Measure,
     measure_batch,
 )
 from jaxpf.evaluation.results import BUILT_IN, Configuration, Results
@@ -46,81 +36,129 @@ ONE_OBJECT = (
     "One object: there is nothing to order, so all orderings coincide (SIR, PS, DPS, SPS) and one "
     "is run unless methods are named."
 )
-#: Name of all objects together in the tables.
-ALL = "all"
+#: Columns of the tables of runs (with one per measure), curves, estimates and differences.
+_RUN = ["configuration", "seed", "run", "object"]
+_CURVE = ["configuration", "object", "curve", "threshold", "value", "lower", "upper"]
+_COLUMN = ["measure", "object"]
+_ESTIMATE = ["configuration", "object", "measure", "runs", *Interval._fields]
+_DIFFERENCE = ["configuration", "reference", *_ESTIMATE[1:], "gained", "lost", "p"]
 
 
 @dataclasses.dataclass(frozen=True)
 class Summary:
-    """Measures of the R finished runs of one configuration.
+    """What the finished runs of one configuration show besides tables.
 
     Attributes:
-        name: of the configuration, with the parameters that vary.
-        configuration: that was run.
-        speed: frames per second, NaN if not measured.
-        numbers: ``[R]`` numbers of the finished runs.
-        columns: ``[R, P, K]``, one for each of ``COLUMNS``.
+        runs: number of finished runs.
         quantiles: of the centre error over runs and objects, ``[len(QUANTILES), T]``.
-        success: curve at the K ``IOU_THRESHOLDS`` with its interval; fields ``[P + 1, K]``,
-            all objects last.
-        precision: curve at the K ``CENTRE_THRESHOLDS``.
         pit_values: counts of probability integral transforms in ``BINS`` equal bins, over x and
             y, all objects, and the frames in which they are tracked.
         confidence: its reliability, over all objects and frames with truth.
-        scores: of the first ``SCORED_RUNS`` runs, ``[R, len(SCORES)]``; no rows if TrackEval is
-            not installed.
+        scores: a row of ``SCORES`` for each of the first ``SCORED_RUNS`` runs; none if TrackEval
+            is not installed.
     """
 
-    name: str
-    configuration: Configuration
-    speed: float
-    numbers: np.ndarray
-    columns: np.ndarray
+    runs: int
     quantiles: np.ndarray
-    success: Interval
-    precision: Interval
     pit_values: np.ndarray
     confidence: Reliability
-    scores: np.ndarray
+    scores: pd.DataFrame
+
+
+@dataclasses.dataclass(frozen=True)
+class Overview:
+    """What the finished runs of an evaluation show.
+
+    In the tables, ``configuration`` is the index of one of the evaluation's configurations, and
+    the ``object`` of estimates is "all" for all together.
+
+    Attributes:
+        results: the evaluation.
+        names: of all configurations, with the parameters that vary.
+        summaries: of the configurations with finished runs, by index.
+        runs: a row of ``COLUMNS`` per configuration, run and object.
+        curves: a row per configuration, object, curve and threshold.
+        estimates: a row per configuration, object and measure that has a value, see ``estimate``.
+        differences: the same for configurations minus their ``reference``, see ``difference``.
+            ``p_holm`` is after Holm's correction over the configurations.
+        ranking: the configurations that have a success AUC, best first.
+        conclusion: sentence on which configuration is best.
+        remarks: sentences about missing results and caveats.
+    """
+
+    results: Results
+    names: list[str]
+    summaries: dict[int, Summary]
+    runs: pd.DataFrame
+    curves: pd.DataFrame
+    estimates: pd.DataFrame
+    differences: pd.DataFrame
+    ranking: list[int]
+    conclusion: str
+    remarks: list[str]
 
     @property
-    def runs(self) -> int:
-        """Number of finished runs, R."""
-        return len(self.numbers)
-
-    def of(self, measure: Measure) -> tuple[np.ndarray, np.ndarray]:
-        """Values of a measure for every run and object, and the weights for its mean."""
-        if measure in SCORES:
-            values = self.scores[:, [SCORES.index(measure)]]
-            return values, np.ones_like(values)
-        values = self.columns[:, :, COLUMNS.index(measure.name)]
-        if measure.weight:
-            return values, self.columns[:, :, COLUMNS.index(measure.weight)]
-        return values, np.ones_like(values)
+    def ranked(self) -> list[int]:
+        """The configurations with finished runs, the best first and those without a value last."""
+        return [*self.ranking, *(index for index in self.summaries if index not in self.ranking)]
 
 
-def summaries_of(results: Results) -> list[Summary]:
-    """Measure the finished runs of every configuration that has any.
+def measure_results(results: Results) -> Overview:
+    """Measure the finished runs of an evaluation, finished or not.
 
-    Batches are read one after another.  The columns stay in memory, some 300 bytes per run and
+    Batches are read one after another.  The tables stay in memory, some 600 bytes per run and
     object; while a configuration is measured, so do its curves and the errors of every frame,
     some 3000 bytes and 12 more per frame.
 
     Raises:
         InputError: a batch is damaged.
     """
-    pairs = zip(results.configurations, results.speeds, strict=True)
-    every = (_summary(results, configuration, speed) for configuration, speed in pairs)
-    return [summary for summary in every if summary is not None]
+    configurations, speeds = results.configurations, results.speeds
+    names = [results.name_of(configuration) for configuration in configurations]
+    measured = {index: each for index in range(len(names)) if (each := _measured(results, index))}
+    summaries = {index: summary for index, (summary, _, _) in measured.items()}
+    runs = _joined([runs for _, runs, _ in measured.values()], [*_RUN, *COLUMNS])
+    curves = _joined([curves for _, _, curves in measured.values()], _CURVE)
+    values, tables = {}, []
+    for index, summary in summaries.items():
+        rows = runs[runs.configuration == index]
+        values[index], weights = _by_run(rows, summary.scores)
+        found = estimate(values[index], weights)
+        if configurations[index].is_imported:  # the same in every run
+            found[["standard_error", "lower", "upper"]] = np.nan
+        found = pd.concat([found, _figures(results, speeds[index], summary.confidence)])
+        tables.append(found.reset_index().assign(configuration=index))
+    estimates = _with_value(_joined(tables, _ESTIMATE))
+    differences = _differences(configurations, values)
+    areas = areas_of(estimates)
+    ranking, conclusion = areas.index.tolist(), conclude(results, values, areas)
+    remarks = [*_remarks(results, names, summaries)]
+    every = names, summaries, runs, curves, estimates, differences
+    made = Overview(results, *every, ranking, conclusion, remarks)
+    confident = [index for index in made.ranked if summaries[index].confidence.frames[-1]]
+    remarks += [_reliability(names[index], summaries[index].confidence) for index in confident[:1]]
+    return made
 
 
-def _summary(results: Results, configuration: Configuration, speed: float) -> Summary | None:
-    truth, target = results.truth, results.target
+def _joined(tables: Sequence[pd.DataFrame], columns: list[str]) -> pd.DataFrame:
+    if not tables:
+        return pd.DataFrame(columns=columns)
+    return pd.concat(tables, ignore_index=True)[columns]
+
+
+def _with_value(table: pd.DataFrame) -> pd.DataFrame:
+    return table[np.isfinite(table.value.astype(float))]
+
+
+def _measured(results: Results, index: int) -> tuple[Summary, pd.DataFrame, pd.DataFrame] | None:
+    """Summary, runs and curves of a configuration; None without a finished run."""
+    truth, target, ids = results.truth, results.target, results.object_ids
+    configuration = results.configurations[index]
     # The coordinates of a user-defined tracker are unknown.
     has_places = configuration.kind == BUILT_IN and target.has_places
     is_scored = target.has_boxes and has_scores()
     pieces: list[tuple[np.ndarray, ...]] = []
-    scores: list[list[float]] = []
+    scores: list[dict[str, float]] = []
     pit_values, confidence = np.zeros(BINS, np.int64), Reliability()
     for batch in results.batches(configuration):
         piece = measure_batch(batch, truth, target, results.start, has_places)
@@ -129,25 +167,18 @@ def _summary(results: Results, configuration: Configuration, speed: float) -> Su
         error, curves = piece.centre_error, (piece.success, piece.precision)
         pieces.append((batch.runs, piece.columns, error, *curves))
         for boxes in batch.shapes[: SCORED_RUNS - len(scores)] if is_scored else ():
-            values = tracking_scores(boxes, truth)
-            scores.append([values[measure.name] for measure in SCORES])
+            scores.append(tracking_scores(boxes, truth))
     if not pieces:
         return None
-    runs, columns, errors, success, precision = map(np.concatenate, zip(*pieces, strict=True))
+    runs, columns, errors, *every = map(np.concatenate, zip(*pieces, strict=True))
+    head = index, results.seed, np.repeat(runs, len(ids)), np.tile(ids, len(runs))
+    table = pd.DataFrame(columns.reshape(-1, len(COLUMNS)), columns=[*COLUMNS])
+    table = table.assign(**dict(zip(_RUN, head, strict=True)))
     frames = columns[:, :, COLUMNS.index(FRAMES), None]
-    return Summary(
-        name=configuration_name(results, configuration),
-        configuration=configuration,
-        speed=speed,
-        numbers=runs,
-        columns=columns,
-        quantiles=error_quantiles(errors),
-        success=_curve(success, frames),
-        precision=_curve(precision, frames),
-        pit_values=pit_values,
-        confidence=confidence,
-        scores=np.array(scores).reshape(-1, len(SCORES)),
-    )
+    drawn = [_curve(n, x, frames, ids) for n, x in zip(CURVES, every, strict=True)]
+    of_runs = pd.DataFrame(scores, runs[: len(scores)], [each.name for each in SCORES], float)
+    summary = Summary(len(runs), error_quantiles(errors), pit_values, confidence, of_runs)
+    return summary, table, pd.concat(drawn).assign(configuration=index)
 
 
 def error_quantiles(errors: np.ndarray) -> np.ndarray:
@@ -161,13 +192,17 @@ def error_quantiles(errors: np.ndarray) -> np.ndarray:
         return np.nanquantile(by_frame, QUANTILES, axis=1)
 
 
-def _curve(curves: np.ndarray, frames: np.ndarray) -> Interval:
+def _curve(name: str, curves: np.ndarray, frames: np.ndarray, ids: Sequence[int]) -> pd.DataFrame:
     """Mean of curves ``[R, P, K]`` over runs, with intervals; objects weigh by frames."""
     curves = curves.astype(np.float64)  # NaN for an object that never has truth
     total = np.maximum(np.sum(frames, axis=1, keepdims=True), 1)
     pooled = np.sum(frames * np.nan_to_num(curves), axis=1, keepdims=True) / total
     curves = np.concatenate([curves, pooled], axis=1)
-    return mean_interval(curves, level=LEVEL, bounds=(0.0, 1.0))
+    found = mean_interval(curves, level=LEVEL, bounds=(0.0, 1.0))
+    axes = [*map(str, ids), ALL], [name], [f"{threshold:g}" for threshold in CURVES[name]]
+    points = pd.MultiIndex.from_product(axes, names=["object", "curve", "threshold"])
+    ends = {end: getattr(found, end).ravel() for end in ("value", "lower", "upper")}
+    return pd.DataFrame(ends, points).dropna(subset="value").reset_index()
 
 
 def has_scores() -> bool:
@@ -175,152 +210,100 @@ def has_scores() -> bool:
     return importlib.util.find_spec("trackeval") is not None
 
 
-def configuration_name(
-    results: Results, configuration: Configuration, but: Sequence[str] = ()
-) -> str:
-    """Method, ordering, and the parameters that differ between configurations, except ``but``."""
-    names = [name for name in results.varied if name not in but]
-    return ", ".join([configuration.label, *named_values(configuration, names)])
+def _by_run(rows: pd.DataFrame, scores: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Values and weights of a configuration: a row per run, a column per measure and object."""
+    runs, names = rows.run.unique(), [each.name for each in MEASURES]
+    objects = [*map(str, rows.object.unique()), ALL]
+    weights = [rows[each.weight] if each.weight else np.ones(len(rows)) for each in MEASURES]
+    shape = len(runs), len(objects) - 1, len(names)
+    found = rows[names].to_numpy().reshape(shape), np.stack(weights, axis=-1).reshape(shape)
+    columns = pd.MultiIndex.from_product([names, objects], names=_COLUMN)
+    values, weighed = (
+        pd.DataFrame(each.swapaxes(1, 2).reshape(len(runs), -1), runs, columns)
+        for each in with_all(*found)
+    )
+    whole = _whole(objects[:-1])
+    columns = pd.MultiIndex.from_product([scores.columns, whole], names=_COLUMN)
+    of_all = pd.DataFrame(np.repeat(scores.to_numpy(), len(whole), axis=1), scores.index, columns)
+    return values.join(of_all), weighed.join(of_all.notna().astype(float)).fillna(0.0)
 
 
-def named_values(configuration: Configuration, names: Sequence[str]) -> list[str]:
-    """Those of the named parameters that a configuration has, as "sharpness 20"."""
-    values = configuration.parameters
-    return [f"{name} {plain(values[name])}" for name in names if name in values]
+def _whole(objects: Sequence[object]) -> list[str]:
+    """Names of all objects together; what exists of them alone is also that of a single one."""
+    return [*map(str, objects), ALL] if len(objects) == 1 else [ALL]
 
 
-def estimates_of(results: Results, summaries: Sequence[Summary]) -> pd.DataFrame:
-    """A row per configuration, object ("all" for all objects) and measure that has a value.
-
-    Columns: ``configuration``, the index of its summary, ``object``, ``measure``, ``runs``,
-    ``value``, ``standard_error``, and the ends of the interval, ``lower`` and ``upper``.
-    """
-    measured = _measured(results, summaries)
-    rows: list[tuple] = []
-    for index, summary in enumerate(summaries):
-        for measure, objects in measured:
-            found = estimate(*summary.of(measure), measure.bounds)
-            if summary.configuration.is_imported:
-                found = without_interval(found)
-            rows += [(index, name, measure.name, *x) for name, *x in _last(objects, *found)]
-        reliability = summary.confidence
-        figures = reliability.area(), reliability.silent(), summary.speed
-        for measure, value in zip(FIGURES, figures, strict=True):
-            rows += [
-                (index, name, measure.name, 1, value, *3 * [np.nan]) for name in _whole(results)
-            ]
-        for place, numbers in enumerate(zip(reliability.runs, *reliability.shares(), strict=True)):
-            if place < reliability.bins:
-                rows.append((index, ALL, f"on_object_{place}", *numbers))
-    table = pd.DataFrame(rows, columns=["configuration", "object", "measure", *Estimate._fields])
-    return table[np.isfinite(table.value.astype(float))]
+def _figures(results: Results, speed: float, confidence: Reliability) -> pd.DataFrame:
+    """Estimates over all runs and objects together: reliability of confidence, and speed."""
+    values = confidence.area(), confidence.silent(), speed
+    rows = {
+        (measure.name, name): (1, value, *3 * [np.nan])
+        for measure, value in zip(FIGURES, values, strict=True)
+        for name in _whole(results.object_ids)
+    }
+    by_bin = [*zip(confidence.runs, *confidence.shares(), strict=True)][: confidence.bins]
+    rows |= {(f"on_object_{place}", ALL): found for place, found in enumerate(by_bin)}
+    index = pd.MultiIndex.from_tuples(rows, names=_COLUMN)
+    return pd.DataFrame([*rows.values()], index, _ESTIMATE[3:])
 
 
-def differences_of(results: Results, summaries: Sequence[Summary]) -> pd.DataFrame:
-    """Configurations minus their references on common seeds, a row as in ``estimates_of``.
-
-    More columns: ``reference``, the index of its summary; ``gained`` and ``lost``, the number of
-    runs in which the configuration or the reference has the larger value; ``p`` of no difference,
-    and ``p_holm`` after Holm's correction over the configurations.
-    """
-    measured = _measured(results, summaries)
-    rows: list[tuple] = []
-    for index, summary in enumerate(summaries):
-        reference = _reference(summaries[:index], summary)
-        if reference is None:
-            continue
-        for measure, objects in measured:
-            found = paired(summary, summaries[reference], measure)
-            key = index, reference
-            rows += [(*key, name, measure.name, *x) for name, *x in _last(objects, *found)]
-    columns = ["configuration", "reference", "object", "measure", *Difference._fields]
-    table = pd.DataFrame(rows, columns=columns)
-    table["p_holm"] = table.groupby(["measure", "object"]).p.transform(holm)
-    return table[np.isfinite(table.value.astype(float))]
+def _differences(
+    configurations: Sequence[Configuration], values: Mapping[int, pd.DataFrame]
+) -> pd.DataFrame:
+    tables = []
+    for index, ours in values.items():
+        reference = _reference(configurations, values, index)
+        if reference is not None:
+            found = difference(ours, values[reference]).reset_index()
+            tables.append(found.assign(configuration=index, reference=reference))
+    table = _joined(tables, _DIFFERENCE)
+    table["p_holm"] = table.groupby(_COLUMN).p.transform(holm)
+    return _with_value(table)
 
 
-def _measured(results: Results, summaries: Sequence[Summary]) -> list[tuple[Measure, list[str]]]:
-    """Every measure, and the objects that have it: each and all, or of scores all together."""
-    scores = SCORES if any(len(each.scores) for each in summaries) else ()
-    names = [*map(str, results.object_ids), ALL]
-    return [(m, names) for m in MEASURES] + [(m, _whole(results)) for m in scores]
-
-
-def _whole(results: Results) -> list[str]:
-    """All objects together; what exists of them alone is also that of a single one."""
-    names = [*map(str, results.object_ids), ALL]
-    return names if len(names) == 2 else [ALL]
-
-
-def _last(names: Sequence[str], *fields: np.ndarray) -> Iterator[tuple]:
-    """Each name with the entries of fields ``[P + 1]``, whose last ones are those of the names."""
-    return zip(names, *(field[-len(names) :] for field in fields), strict=True)
-
-
-def _reference(earlier: Sequence[Summary], summary: Summary) -> int | None:
+def _reference(
+    configurations: Sequence[Configuration], values: Mapping[int, pd.DataFrame], index: int
+) -> int | None:
     """Index of a configuration's reference; None if no earlier one shares at least two seeds.
 
     The reference is the first configuration with the same parameters, so methods are compared at
     equal parameters.  If there is none, it is the first configuration of all.
     """
-    ours = summary.configuration
+    ours = configurations[index]
     candidates = [
-        index
-        for index, other in enumerate(earlier)
-        if not (ours.is_imported or other.configuration.is_imported)
-        and len(np.intersect1d(other.numbers, summary.numbers)) > 1
+        other
+        for other in values
+        if other < index
+        and not (ours.is_imported or configurations[other].is_imported)
+        and len(values[other].index.intersection(values[index].index)) > 1
     ]
-    same = [i for i in candidates if earlier[i].configuration.parameters == ours.parameters]
+    same = [i for i in candidates if configurations[i].parameters == ours.parameters]
     return next(iter([*same, *candidates]), None)
 
 
-def paired(ours: Summary, theirs: Summary, measure: Measure, level: float = LEVEL) -> Difference:
-    """The first minus the second over common runs; imported tracks are the same in every run."""
-    both = [(each, each.of(measure)) for each in (ours, theirs)]
-    own = [s.numbers[: len(x[0])] for s, x in both if not s.configuration.is_imported]
-    runs = functools.reduce(np.intersect1d, own or [np.zeros(1)])
-
-    def common(summary: Summary, found: tuple[np.ndarray, np.ndarray]) -> Any:
-        rows: np.ndarray = np.isin(summary.numbers[: len(found[0])], runs)
-        if summary.configuration.is_imported:
-            rows = np.zeros(len(runs), int)
-        return tuple(x[rows] for x in found)
-
-    return difference(common(*both[0]), common(*both[1]), measure.bounds, level)
-
-
-def intervals(
-    table: pd.DataFrame, measure: str, of: str, configurations: Sequence[int]
-) -> np.ndarray:
-    """Value, lower and upper end ``[C, 3]`` of a measure and an object; NaN where there is none."""
-    rows = table[(table.measure == measure) & (table.object == of)].set_index("configuration")
-    return rows.reindex(configurations)[["value", "lower", "upper"]].to_numpy()
-
-
-def remarks_of(results: Results, summaries: Sequence[Summary]) -> Iterator[str]:
+def _remarks(
+    results: Results, names: Sequence[str], summaries: Mapping[int, Summary]
+) -> Iterator[str]:
     """Sentences about missing results and caveats."""
-    finished = {summary.name: summary.runs for summary in summaries}
-    configurations = results.configurations
-    for configuration in configurations:
-        name = configuration_name(results, configuration)
-        runs = finished.get(name, 0)
+    finished = {index: summary.runs for index, summary in summaries.items()}
+    for index, configuration in enumerate(results.configurations):
+        runs = finished.get(index, 0)
         if configuration.is_imported:
-            yield f"{name}: one track, the same for every seed; without intervals."
+            yield f"{names[index]}: one track, the same for every seed; without intervals."
         elif runs < results.runs:
-            yield f"{name}: {runs} of {results.runs} runs are finished."
-    ours = [c for c in configurations if c.kind == BUILT_IN]
+            yield f"{names[index]}: {runs} of {results.runs} runs are finished."
+    ours = [c for c in results.configurations if c.kind == BUILT_IN]
     ordered = any(filters.filter_of(c.method.lower()).by_default for c in ours)
     if len(results.object_ids) == 1 and ordered:
         yield ONE_OBJECT
     if not has_scores():
         yield "HOTA, MOTA and IDF1 are left out; pip install --no-deps trackeval adds them."
-    elif any(summary.runs > SCORED_RUNS for summary in summaries):
+    elif any(runs > SCORED_RUNS for runs in finished.values()):
         yield f"HOTA, MOTA and IDF1 are of the first {SCORED_RUNS} runs."
 
 
-def reliability_of(summary: Summary) -> str:
-    """Reliability of confidence of one configuration in a sentence."""
-    confidence = summary.confidence
+def _reliability(name: str, confidence: Reliability) -> str:
+    """Reliability of a configuration's confidence in a sentence."""
     value, bins = confidence.shares().value, confidence.bins
     shares = [
         f"{place / bins:.1f} to {(place + 1) / bins:.1f}: {100 * value[place]:.0f}%"
@@ -330,6 +313,6 @@ def reliability_of(summary: Summary) -> str:
     area = confidence.area()
     area_text = f"; area under the curve {100 * area:.0f}%" if np.isfinite(area) else ""
     return (
-        f"Confidence of {summary.name} (boxes on their object): {', '.join(shares)}{area_text}; "
+        f"Confidence of {name} (boxes on their object): {', '.join(shares)}{area_text}; "
         f"off its object, and not reported lost: {100 * confidence.silent():.0f}% of all frames."
     )

@@ -11,7 +11,6 @@ Undefined fields, such as the precision of an object that was never tracked, are
 tables have one row per configuration, with cells "value [lower, upper]".
 """
 
-import dataclasses
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -20,27 +19,10 @@ import numpy as np
 import pandas as pd
 
 from jaxpf.contract.numbers import plain
-from jaxpf.evaluation.conclusion import areas_of, conclude
-from jaxpf.evaluation.measures import (
-    COLUMNS,
-    CURVES,
-    REGIONS,
-    SCORES,
-    SIZE_REGIONS,
-    Measure,
-    by_name,
-)
+from jaxpf.evaluation.estimates import ALL
+from jaxpf.evaluation.measures import REGIONS, SCORES, SIZE_REGIONS, Measure, by_name
 from jaxpf.evaluation.results import Results
-from jaxpf.evaluation.summaries import (
-    ALL,
-    Summary,
-    differences_of,
-    estimates_of,
-    intervals,
-    reliability_of,
-    remarks_of,
-    summaries_of,
-)
+from jaxpf.evaluation.summaries import Overview, measure_results
 from jaxpf.files.writing import atomic_write
 from jaxpf.measures.intervals import DECISIVE
 
@@ -71,53 +53,6 @@ _ROUNDING = 1e-4
 SIGNIFICANT = 0.05
 
 
-@dataclasses.dataclass(frozen=True)
-class Overview:
-    """What the finished runs of an evaluation show.
-
-    Attributes:
-        results: the evaluation.
-        summaries: of every configuration with finished runs.
-        estimates: see ``estimates_of``.
-        differences: see ``differences_of``.
-        remarks: sentences about missing results and caveats.
-        conclusion: sentence on which configuration is best.
-        ranking: indices of the summaries that have a value, best first.
-    """
-
-    results: Results
-    summaries: list[Summary]
-    estimates: pd.DataFrame
-    differences: pd.DataFrame
-    remarks: list[str]
-    conclusion: str
-    ranking: list[int]
-
-    @property
-    def ranked(self) -> list[int]:
-        """Indices of all summaries, the best first and those without a value last."""
-        rest = [index for index in range(len(self.summaries)) if index not in self.ranking]
-        return [*self.ranking, *rest]
-
-
-def measure_results(results: Results) -> Overview:
-    """Measure the finished runs of an evaluation, finished or not.
-
-    Raises:
-        InputError: a batch is damaged.
-    """
-    summaries = summaries_of(results)
-    estimates = estimates_of(results, summaries)
-    areas = areas_of(estimates)
-    conclusion, ranking = conclude(results, summaries, areas), areas.index.tolist()
-    remarks = [*remarks_of(results, summaries)]
-    differences = differences_of(results, summaries)
-    made = Overview(results, summaries, estimates, differences, remarks, conclusion, ranking)
-    confident = (summaries[i] for i in made.ranked if summaries[i].confidence.frames[-1])
-    remarks += map(reliability_of, [*confident][:1])
-    return made
-
-
 def write_tables(results: Results) -> Overview:
     """Measure the runs of an evaluation, finished or not, and write all tables.
 
@@ -125,32 +60,27 @@ def write_tables(results: Results) -> Overview:
         InputError: a file cannot be written, or a batch is damaged.
     """
     overview = measure_results(results)
-    keys = _keys(overview)
-    names = [summary.name for summary in overview.summaries]
-    differences = overview.differences.rename(columns={"value": "difference"})
-    differences["reference"] = [names[index] for index in differences.reference]
-    write_csv(results.folder / "results.csv", _with_keys(_runs(overview), keys))
-    write_csv(results.folder / "summary.csv", _with_keys(overview.estimates, keys))
-    write_csv(results.folder / "curves.csv", _with_keys(_curves(overview), keys))
-    write_csv(results.folder / "differences.csv", _with_keys(differences, keys))
-    return overview
-
-
-def write_csv(path: Path, table: pd.DataFrame) -> None:
-    """Write a data frame with seven digits; undefined numbers are empty."""
-    with atomic_write(path) as file:
-        table.to_csv(file, index=False, float_format="%.7g", lineterminator="\n")
-
-
-def _keys(overview: Overview) -> pd.DataFrame:
-    """Scene, method, ordering and parameters of every summary, as texts."""
-    results = overview.results
     names = dict.fromkeys(name for c in results.configurations for name in c.parameters)
-    rows = [
-        [results.scene_name, c.method, c.ordering, *(_cell(c.parameters.get(n)) for n in names)]
-        for c in (summary.configuration for summary in overview.summaries)
-    ]
-    return pd.DataFrame(rows, columns=["scene", "method", "ordering", *names], dtype=str)
+    keys = pd.DataFrame(
+        [
+            [results.scene_name, c.method, c.ordering, *(_cell(c.parameters.get(n)) for n in names)]
+            for c in results.configurations
+        ],
+        columns=["scene", "method", "ordering", *names],
+        dtype=str,
+    )
+    differences = overview.differences.rename(columns={"value": "difference"})
+    differences["reference"] = [overview.names[index] for index in differences.reference]
+    for name, table in (
+        ("results", overview.runs),
+        ("summary", overview.estimates),
+        ("curves", overview.curves),
+        ("differences", differences),
+    ):
+        own = keys.iloc[table.configuration].reset_index(drop=True)
+        rest = table.drop(columns="configuration").reset_index(drop=True)
+        write_csv(results.folder / f"{name}.csv", pd.concat([own, rest], axis=1))
+    return overview
 
 
 def _cell(value: object) -> str:
@@ -158,41 +88,10 @@ def _cell(value: object) -> str:
     return "" if value is None else plain(value) if isinstance(value, tuple) else str(value)
 
 
-def _with_keys(table: pd.DataFrame, keys: pd.DataFrame) -> pd.DataFrame:
-    """A table with the keys of its configurations in front, in the place of their index."""
-    own = keys.iloc[table.configuration].reset_index(drop=True)
-    rest = table.drop(columns="configuration").reset_index(drop=True)
-    return pd.concat([own, rest], axis=1)
-
-
-def _runs(overview: Overview) -> pd.DataFrame:
-    """A row per configuration, run and object, with all measures."""
-    ids = overview.results.object_ids
-    head = ["configuration", "seed", "run", "object"]
-    parts = [pd.DataFrame(columns=[*head, *COLUMNS])]
-    for index, summary in enumerate(overview.summaries):
-        values = pd.DataFrame(summary.columns.reshape(-1, len(COLUMNS)), columns=[*COLUMNS])
-        runs, objects = np.repeat(summary.numbers, len(ids)), np.tile(ids, summary.runs)
-        for place, column in enumerate((index, overview.results.seed, runs, objects)):
-            values.insert(place, head[place], column)
-        parts.append(values)
-    return pd.concat(parts[1:] or parts)
-
-
-def _curves(overview: Overview) -> pd.DataFrame:
-    """A row per configuration, object, curve and threshold."""
-    names = [*map(str, overview.results.object_ids), ALL]
-    rows: list[tuple] = []
-    for index, summary in enumerate(overview.summaries):
-        for curve, thresholds in CURVES.items():
-            found = getattr(summary, curve)
-            for place, name in enumerate(names):
-                if np.isfinite(found.value[place, 0]):
-                    ends = (found.value[place], found.lower[place], found.upper[place])
-                    at = zip((f"{x:g}" for x in thresholds), *ends, strict=True)
-                    rows += [(index, name, curve, *point) for point in at]
-    columns = ["configuration", "object", "curve", "threshold", "value", "lower", "upper"]
-    return pd.DataFrame(rows, columns=columns)
+def write_csv(path: Path, table: pd.DataFrame) -> None:
+    """Write a data frame with seven digits; undefined numbers are empty."""
+    with atomic_write(path) as file:
+        table.to_csv(file, index=False, float_format="%.7g", lineterminator="\n")
 
 
 # Tables for readers: title -> a data frame of texts, with the configurations in its first column
@@ -218,16 +117,16 @@ def estimate_tables(
 
     Args:
         overview: of the evaluation.
-        configurations: indices of their summaries.
+        configurations: their indices.
         measures: in the columns; those without a value are left out.
         about: what the tables are about, for their titles.
     """
-    summaries = [overview.summaries[index] for index in configurations]
+    runs = [overview.summaries[index].runs for index in configurations]
     tables = {}
-    for title, of in _objects(overview.results) if summaries else ():
-        columns = {"method": [summary.name for summary in summaries]}
-        if len({summary.runs for summary in summaries}) > 1:
-            columns["runs"] = [str(summary.runs) for summary in summaries]
+    for title, of in _objects(overview.results) if runs else ():
+        columns = {"method": [overview.names[index] for index in configurations]}
+        if len(set(runs)) > 1:
+            columns["runs"] = [*map(str, runs)]
         for measure in measures:
             values = intervals(overview.estimates, measure, of, configurations)
             columns |= measure_column(measure, values)
@@ -254,7 +153,7 @@ def calibration_tables(
 
 def difference_tables(overview: Overview) -> dict[str, pd.DataFrame]:
     """Paired differences from the references: a table of all objects, then one per object."""
-    found, names = overview.differences, [summary.name for summary in overview.summaries]
+    found, names = overview.differences, overview.names
     references = found.groupby("configuration").reference.first()
     tables = {}
     for title, of in _objects(overview.results) if len(found) else ():
@@ -281,6 +180,14 @@ def _objects(results: Results) -> Iterator[tuple[str, str]]:
         yield "all objects", ALL
     for identity in results.object_ids:
         yield f"object {identity}", str(identity)
+
+
+def intervals(
+    table: pd.DataFrame, measure: str, of: str, configurations: Sequence[int]
+) -> np.ndarray:
+    """Value, lower and upper end ``[C, 3]`` of a measure and an object; NaN where there is none."""
+    rows = table[(table.measure == measure) & (table.object == of)].set_index("configuration")
+    return rows.reindex(configurations)[["value", "lower", "upper"]].to_numpy()
 
 
 def measure_column(name: str, values: np.ndarray, sign: str = "") -> dict[str, list[str]]:

@@ -33,22 +33,20 @@ def test_curves_are_means_over_runs(tmp_path):
     truth, boxes = walks(seed=8, runs=30, frames=6, objects=2)
     results = make(tmp_path / "results", [(SIR, [batch(boxes[:20]), batch(boxes[20:], 20)])], truth)
     made = write_tables(results)
-    (summary,) = made.summaries
-    for found, curve in (
-        (summary.success, success_curve),
-        (summary.precision, precision_curve),
-    ):
+    tables = made.curves.set_index(["curve", "object"]).sort_index()
+    for name, curve in (("success", success_curve), ("precision", precision_curve)):
         curves = jax.jit(curve)(np.float32(boxes), truth)
         wanted = mean_interval(curves, bounds=(0, 1))
-        np.testing.assert_allclose(found.value[:2], wanted.value, atol=1e-6)
-        np.testing.assert_allclose(found.lower[:2], wanted.lower, atol=1e-5)
-        np.testing.assert_allclose(found.upper[:2], wanted.upper, atol=1e-5)
+        for place, of in enumerate("12"):
+            for end in ("value", "lower", "upper"):
+                found = tables.loc[name, of][end]
+                np.testing.assert_allclose(found, getattr(wanted, end)[place], atol=1e-5)
         if curve is success_curve:
             assert value(made, 0, "success_auc") == pytest.approx(float(np.mean(curves)), rel=1e-5)
     rows = [row for row in rows_of(results.folder / "curves.csv") if row["object"] == "all"]
     assert [row["curve"] for row in rows] == ["success"] * 21 + ["precision"] * 51
     (at_20,) = (row for row in rows if (row["curve"], row["threshold"]) == ("precision", "20"))
-    assert float(at_20["value"]) == pytest.approx(np.mean(summary.precision.value[2, 20]))
+    assert float(at_20["value"]) == pytest.approx(np.mean(curves[..., 20]))
 
 
 def test_reliability_and_area_of_confidence_by_hand(tmp_path):
@@ -63,7 +61,7 @@ def test_reliability_and_area_of_confidence_by_hand(tmp_path):
     boxes[0, 2, :, 0] += 17  # of 3/37 not
     results = make(tmp_path / "results", [(SIR, [batch(boxes, confidence=confidence)])], truth)
     made = write_tables(results)
-    (summary,) = made.summaries
+    (summary,) = made.summaries.values()
     assert summary.confidence.frames.tolist() == [0, 10, 0, 0, 10, 20]
     np.testing.assert_allclose(
         summary.confidence.shares().value, [math.nan, 0.2, math.nan, math.nan, 0.8, 0.5]

@@ -6,7 +6,7 @@ from made_results import DPS, OTHER, PS, SIR, batch, imported, make, value, walk
 
 from jaxpf.evaluation import tables
 from jaxpf.evaluation.results import Configuration
-from jaxpf.evaluation.tables import measure_results
+from jaxpf.evaluation.summaries import measure_results
 
 pytestmark = pytest.mark.usefixtures("without_scores")
 
@@ -109,5 +109,5 @@ def test_one_screen_shows_the_best_first(tmp_path, monkeypatch):
     (table,) = tables.printed_tables(measured).values()
     areas = [value(measured, i, "success_auc") for i in measured.ranking]
     assert areas == sorted(areas, reverse=True)
-    best = [measured.summaries[i].name for i in measured.ranking[:2]]
+    best = [measured.names[i] for i in measured.ranking[:2]]
     assert table.method.tolist() == best

@@ -9,7 +9,7 @@ from made_results import PARAMETERS, batch, make, walks
 from jaxpf.evaluation import figures
 from jaxpf.evaluation.measures import by_name
 from jaxpf.evaluation.results import SPEEDS, Configuration
-from jaxpf.evaluation.tables import measure_results
+from jaxpf.evaluation.summaries import measure_results
 
 #: Particles and frames per second: PS takes 10 and 40 ms, SPS 20 and 100.
 TIMED = [

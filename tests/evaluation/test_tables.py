@@ -16,7 +16,6 @@ from jaxpf import InputError, measures as metrics
 from jaxpf.evaluation import Plan, Results, tables
 from jaxpf.evaluation.results import Configuration
 from jaxpf.evaluation.settings import new_settings
-from jaxpf.evaluation.summaries import configuration_name
 from jaxpf.evaluation.tables import write_tables
 from jaxpf.measures import mean_interval
 from jaxpf.measures.metrics import track_state
@@ -150,7 +149,7 @@ def test_methods_are_compared_on_common_runs_at_equal_parameters(tmp_path):
     results = make(tmp_path / "results", batches, truth, runs=16)
     made = write_tables(results)
     expected = [f"{name}, sharpness {value}" for value in (20, 40) for name in ("SIR", "PS 21")]
-    assert [s.name for s in made.summaries] == expected
+    assert [made.names[index] for index in made.summaries] == expected
     found = made.differences
     assert dict(found.groupby("configuration").reference.first()) == {1: 0, 2: 0, 3: 2}
     of_ps = found[found.configuration == 1].set_index(["measure", "object"])
@@ -174,7 +173,7 @@ def test_labels_leave_out_what_follows_from_an_appearance(tmp_path):
     plan = Plan(small_scene, methods=("sir",), grid={"appearance": ("colour", "discriminative")})
     settings = new_settings(plan, scene, "", target, target.scene_start(scene), {}.get)
     results = Results(tmp_path, settings, scene.boxes[1:], target.scene_start(scene))
-    names = [configuration_name(results, one) for one in results.configurations]
+    names = [results.name_of(one) for one in results.configurations]
     assert names == ["SIR, appearance colour", "SIR, appearance discriminative"]
     motions = [one.parameters["motion"] for one in results.configurations]
     assert motions == ["pixels", "relative"]

@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxpf.evaluation import Results
 from jaxpf.evaluation.results import FOLDER, Batch, Configuration, batch_name
-from jaxpf.evaluation.summaries import intervals
+from jaxpf.evaluation.tables import intervals
 from jaxpf.files.store import Store
 from jaxpf.targets import Start
 

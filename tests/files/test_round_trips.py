@@ -151,13 +151,12 @@ def tracked(draw):
 @given(tracked=tracked(), rate=st.sampled_from([0.3, 25, 29.97, 1e6]))
 def test_tracks_csv(folder, tracked, rate):
     ids, frames = tracked
-    with TrackTable(folder / "tracks.csv", ("x", "y")) as table:
+    every = ("x", "y", *MEASURED, "confidence", "lost", "x_mc_error")
+    with TrackTable(folder / "tracks.csv", ("x", "y"), every) as table:
         for number, rows in enumerate(frames):
             columns = np.array(rows, float).T
-            places = dict(zip(("x", "y", *MEASURED), columns, strict=False))
-            sure = {"confidence": columns[4], "lost": columns[5], "x_mc_error": columns[0]}
-            table.add(number, number / rate, ids, places | sure)
-            table.flush()
+            places = dict(zip(every, [*columns, columns[0]], strict=True))
+            table.add(number, number / rate, (ids, places))
     read = read_tracks(folder / "tracks.csv")
     assert [str(name) for name in read.pop("id")] == [*map(str, ids)] * len(frames)
     found = np.array([read[name] for name in ("x", "y", *MEASURED, "confidence", "lost")])

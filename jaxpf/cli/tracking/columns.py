@@ -1,6 +1,6 @@
 """The columns of tracks.csv: one row per frame and object, for every kind of target."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,38 +24,32 @@ class Columns:
 
     def __init__(self, target: Target, shown_at: Callable[[int], float]):
         self._target, self._shown_at = target, shown_at
+        #: Frame in which a group started -> ids and centres of its partitions in the last frame.
         self._before: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
     def resume(self, since: int, tracker: Any, start: Start, state: Any) -> None:
         """Take the centres of the last frame of an earlier run from its state."""
-        centres = np.full((len(start.ids), 2), np.nan)
         if hasattr(state, "substates") and not self._target.is_told_boxes_by(tracker):
             kept, weights = _kept(state)
-            shapes = shapes_of(tracker, self._target, start, np.asarray(state.substates)[kept])
-            values = self._target.column_values(start, np.asarray(shapes, float))
-            centres = _mean(self._target.centres(values), weights)
-        self._before[since] = start.ids, centres
+            values = _values(self._target, tracker, start, np.asarray(state.substates)[kept])
+            self._before[since] = start.ids, _mean(self._target.centres(values), weights)
 
     def __call__(self, number: int, group: Group) -> dict[str, np.ndarray]:
         """Columns of frame ``number``, ``[Q]`` each; only the coordinates where a group starts."""
-        start = group.start
-        ids, before = self._before.get(
-            group.since, (start.ids, np.full((len(start.ids), 2), np.nan))
-        )
-        places, centres = places_of(
-            self._target,
-            group,
-            np.where((start.ids == ids)[:, None], before, np.nan),
-            self._shown_at(number) - self._shown_at(number - 1) if number > group.since else np.nan,
-        )
+        target, start, summary = self._target, group.start, group.summary
+        unknown = np.full((len(start.ids), 2), np.nan)
+        ids, before = self._before.get(group.since, (start.ids, unknown))
+        before = np.where((start.ids == ids)[:, None], before, np.nan)
+        step = self._shown_at(number) - self._shown_at(max(number - 1, 0))
+        places, centres = places_of(target, group, before, step)
         self._before[group.since] = start.ids, centres
-        if group.summary is None:
-            return {name: places[name] for name in self._target.columns} | {"lost": group.lost}
+        if summary is None:
+            return {name: places[name] for name in target.columns} | {"lost": group.lost}
         if group.confidence is not None:
             places["confidence"] = group.confidence
         places["lost"] = group.lost
-        variance = getattr(group.summary, "estimate_variance", None)
-        if variance is not None and self._target.has_places:
+        variance = getattr(summary, "estimate_variance", None)
+        if variance is not None and target.has_places:
             errors = np.sqrt(variance)[group.slots]
             places |= {"x_mc_error": errors[:, 0], "y_mc_error": errors[:, 1]}
         return places
@@ -84,12 +78,8 @@ def places_of(
         speed = np.linalg.norm(centres - before, axis=-1) / step
         return places | {"speed": speed[slots]}, centres
 
-    def columns_of(substates: Any) -> np.ndarray:
-        shapes = shapes_of(group.tracker, target, start, np.asarray(substates)[kept])
-        return target.column_values(start, np.asarray(shapes, float))
-
     kept, weights = _kept(state)
-    particles = columns_of(state.substates)
+    particles = _values(target, group.tracker, start, np.asarray(state.substates)[kept])
     levels = [level / 100 for level in LEVELS]
     # Sort only the reported partitions.
     shown = weights if weights.ndim == 1 else weights[slots]
@@ -114,11 +104,18 @@ def places_of(
     previous = getattr(state, "previous_substates", None)
     if previous is None:
         return places, centres
-    steps = (middles - target.centres(columns_of(previous))) / step
+    earlier = _values(target, group.tracker, start, np.asarray(previous)[kept])
+    steps = (middles - target.centres(earlier)) / step
     # Deviation of each particle's step from the mean step, along the estimate's direction.
     along = np.sum((steps - _mean(steps, weights)) * moved, -1) / np.maximum(speed, 1e-9)
     ends = speed[slots] + quantiles(along[:, slots, None], shown, levels)[..., 0]
     return places | _ends("speed", np.maximum(ends, 0)), centres
+
+
+def _values(target: Target, tracker: Any, start: Start, substates: np.ndarray) -> np.ndarray:
+    """Values of the columns ``[N, P, C]`` of particles ``[N, P, D]``."""
+    shapes = shapes_of(tracker, target, start, substates)
+    return target.column_values(start, np.asarray(shapes, float))
 
 
 def _ends(name: str, interval: np.ndarray) -> dict[str, np.ndarray]:
@@ -166,51 +163,30 @@ def _mean(values: np.ndarray, log_weights: np.ndarray) -> np.ndarray:
 
 
 class TrackTable(LineWriter):
-    """Writes tracks.csv; the first filtered frame determines the header.
+    """Writes tracks.csv; an object without a place has no row."""
 
-    The start frame's rows, which hold coordinates alone, wait until then.
-    """
-
-    def __init__(self, path: Path, coordinates: Sequence[str]):
+    def __init__(self, path: Path, coordinates: Sequence[str], columns: Sequence[str]):
         super().__init__(path)
-        self._coordinates = coordinates
-        self._waiting: list[tuple[int, float, np.ndarray, dict[str, np.ndarray]]] = []
-        self._columns: list[str] = []
+        self._coordinates, self._columns = coordinates, columns
+        self.write_rows([["frame", "time", "id", *columns]])
 
     def add(
-        self, number: int, time: float, ids: np.ndarray, columns: dict[str, np.ndarray]
+        self, number: int, time: float, *groups: tuple[np.ndarray, dict[str, np.ndarray]]
     ) -> None:
-        """Add rows of objects, to be written with ``flush``; an object without a place has none.
+        """Write the rows of a frame, all or none.
 
         Args:
             number: of the frame.
             time: at which it is shown, seconds.
-            ids: ``[Q]``.
-            columns: ``[Q]`` each, see ``Columns``.
+            groups: ids ``[Q]`` and columns, see ``Columns``.
         """
-        self._waiting.append((number, time, ids, columns))
-
-    def flush(self) -> None:
-        """Write all rows of a frame, or none."""
-        if not self._columns:
-            filtered = [columns for *_, columns in self._waiting if "speed" in columns]
-            if not filtered:
-                return
-            self._columns = list(filtered[0])
-            self.write_rows([["frame", "time", "id", *self._columns]])
-        self.write_rows([row for each in self._waiting for row in self._rows(*each)])
-        self._waiting.clear()
-
-    def _rows(
-        self, number: int, time: float, ids: np.ndarray, columns: dict[str, np.ndarray]
-    ) -> Iterator[list[Any]]:
-        there = np.isfinite([columns[name] for name in self._coordinates]).all(axis=0)
-        for place in np.flatnonzero(there):
-            cells = [
-                _cell(name, columns[name][place]) if name in columns else ""
-                for name in self._columns
-            ]
-            yield [number, f"{time:.4f}", ids[place], *cells]
+        rows = []
+        for ids, columns in groups:
+            there = np.isfinite([columns[name] for name in self._coordinates]).all(axis=0)
+            for place in np.flatnonzero(there):
+                given = (_cell(n, columns[n][place]) if n in columns else "" for n in self._columns)
+                rows.append([number, f"{time:.4f}", ids[place], *given])
+        self.write_rows(rows)
 
 
 def _cell(name: str, value: float) -> str:

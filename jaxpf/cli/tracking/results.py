@@ -16,7 +16,7 @@ from jaxpf.cli.tracking.overlay import Overlay
 from jaxpf.cli.tracking.request import Request
 from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
-from jaxpf.detections.lifetimes import EMPTY
+from jaxpf.detections.lifetimes import EMPTY, Changes
 from jaxpf.detections.records import Group, Record
 from jaxpf.files import states, writing
 from jaxpf.files.store import locked
@@ -44,12 +44,11 @@ class Results:
 
     Attributes:
         request, source, tracker: of the run.
+        starts: frame -> objects that start, or start again, there; first those of the start frame.
         output: the folder.
-        start: the objects of the start frame.
-        later: frame -> objects that start, or start again, there.
         filter: the tracker itself, without the wrapper that repeats it.
         resumed: number of frames that an earlier run has tracked.
-        names: names of a fixed set of objects, in the order of their first frames.
+        names: names of the objects, in the order in which they start.
         tracked: number of tracked frames.
         last: number of the last frame.
         invalid: number of likelihoods that were not a number.
@@ -60,20 +59,19 @@ class Results:
         ess: effective sample sizes of the tracked frames, rounded as in diagnostics.csv.
         seconds: time of the first frame, which includes compilation, and of all others.
         stopped: the exception that ended the run early, or None.
+        has_begun: whether files of an earlier run have been replaced.
     """
 
     def __init__(
         self, request: Request, source: FrameSource, starts: Mapping[int, Start], tracker: Any
     ):
-        self.request, self.source, self.tracker = request, source, tracker
+        self.request, self.source, self.starts, self.tracker = request, source, starts, tracker
         self.output = output_folder(request, source)
-        self.start, self.later = starts[request.run.start], dict(starts)
-        del self.later[request.run.start]
         self.filter: Any = tracker.tracker if request.run.runs else tracker
-        self.resumed = 0
-        of_start = [name for each in starts.values() for name in each.ids.tolist()]
-        self.names: list[Any] = [] if request.detector else list(dict.fromkeys(of_start))
-        self.tracked = self.last = self.invalid = self.impossible = 0
+        self.names: list[Any] = []
+        if request.detector is None:
+            self.names += dict.fromkeys(n for each in starts.values() for n in each.ids.tolist())
+        self.resumed = self.tracked = self.last = self.invalid = self.impossible = 0
         self.outside: dict[str, list[int]] = {str(name): [] for name in self.names}
         self.without_likelihood: dict[str, list[int]] = {str(name): [] for name in self.names}
         self.changes: dict[str, list[dict]] = {"started": [], "ended": [], "refused": []}
@@ -82,7 +80,7 @@ class Results:
         self.stopped: KeyboardInterrupt | InputError | None = None
         self.has_begun = False
         self._columns = Columns(request.target, source.shown_at)
-        self._waiting: list[Record] = []
+        self._waiting: list[tuple[Record, list[dict[str, np.ndarray]]]] = []
         self._state: Any = None
         self._saved, self._clock = time.monotonic(), time.perf_counter()
 
@@ -98,7 +96,7 @@ class Results:
                 f"--resume {run.resume} has tracked {self.resumed} frames already, and --frames "
                 f"{run.frames} includes them; give a larger number."
             )
-        self._columns.resume(run.start, self.filter, self.start, state)
+        self._columns.resume(run.start, self.filter, self.starts[run.start], state)
         return state
 
     @property
@@ -106,28 +104,25 @@ class Results:
         """Whether there are results to keep."""
         return self.stopped is None or self.tracked > 0
 
-    @property
-    def expected(self) -> int | None:
-        """Number of frames to track according to the video and --frames; None if unknown."""
-        run, expected = self.request.run, self.source.num_frames or self.source.frames_expected
-        frames = [] if expected is None else [expected - run.start - 1]
-        frames += [] if run.frames is None else [run.frames]
-        return max(min(frames) - self.resumed, 0) if frames else None
-
     def open(self, files: contextlib.ExitStack, progress: Any) -> None:
         """Take what closes the files, and the progress bar."""
         self._files, self._progress = files, progress
-        self._task = progress.add_task("compiling", total=self.expected)
+        run, known = self.request.run, self.source.num_frames or self.source.frames_expected
+        counts = [] if known is None else [known - run.start - 1]
+        counts += [] if run.frames is None else [run.frames]
+        self._expected = max(min(counts) - self.resumed, 0) if counts else None
+        self._task = progress.add_task("compiling", total=self._expected)
 
     def add(self, record: Record) -> None:
         """Write a record; old results are replaced when the first frame has been tracked."""
-        self._waiting.append(record)
+        columns = [self._columns(record.number, group) for group in record.groups]
+        self._waiting.append((record, columns))
         if not self.has_begun:
             if not record.filtered:
                 return
-            self._begin()
+            self._begin(next(list(each) for each in columns if "speed" in each))
         for each in self._waiting:
-            self._write(each)
+            self._write(*each)
         self._waiting.clear()
         if not record.filtered:
             return
@@ -137,7 +132,7 @@ class Results:
         if self.tracked == 1:
             self.seconds = elapsed, 0.0
             self._progress.reset(
-                self._task, total=self.expected, completed=1, description="tracking"
+                self._task, total=self._expected, completed=1, description="tracking"
             )
         else:
             self.seconds = self.seconds[0], self.seconds[1] + elapsed
@@ -149,62 +144,60 @@ class Results:
             states.save(self.request.run.save_state, self._state)
             self._saved = time.monotonic()
 
-    def _begin(self) -> None:
+    def _begin(self, columns: list[str]) -> None:
         """Open the files; the overlay may fail, so it is opened while old results are there."""
-        request, target = self.request, self.request.target
+        request, target, output = self.request, self.request.target, self.output
         self._overlay = None
         if request.run.overlay:
-            self._overlay = Overlay(self.output / "overlay.mp4", target, self.source)
+            self._overlay = Overlay(output / "overlay.mp4", target, self.source)
             self._files.enter_context(self._overlay.video)
-        remove_outputs(self.output)
+        remove_outputs(output)
         self.has_begun = True
-        write_config(self.output / "run.toml", "track", request.table(self.source.path))
-        table = TrackTable(self.output / "tracks.csv", target.columns)
-        self._tracks = self._files.enter_context(table)
-        outlines = target.outline_file(self.output / "outlines.csv", self.start)
-        self._outlines = self._files.enter_context(outlines)
-        detector = request.detector
-        names = self.names
-        if detector is not None:
-            names = [f"slot_{number}" for number in range(1, detector.rules.capacity + 1)]
-        diagnostics = Diagnostics(self.output / "diagnostics.csv", names, detector is not None)
-        self._diagnostics = self._files.enter_context(diagnostics)
+        write_config(output / "run.toml", "track", request.table(self.source.path))
+        start, detector = self.starts[request.run.start], request.detector
+        slots = detector and [f"slot_{number + 1}" for number in range(detector.rules.capacity)]
+        self._tracks, self._outlines, self._diagnostics = map(
+            self._files.enter_context,
+            (
+                TrackTable(output / "tracks.csv", target.columns, columns),
+                target.outline_file(output / "outlines.csv", start),
+                Diagnostics(output / "diagnostics.csv", slots or self.names, slots is not None),
+            ),
+        )
 
-    def _write(self, record: Record) -> None:
+    def _write(self, record: Record, columns: list[dict[str, np.ndarray]]) -> None:
+        """Write a frame, and count it."""
         number, filtered = record.number, record.filtered
         if self._outlines is not None:
             self._outlines(number, record.shapes)
-        columns = [self._columns(number, group) for group in record.groups]
-        shown_at = self.source.shown_at(number)
-        for group, each in zip(record.groups, columns, strict=True):
-            self._tracks.add(number, shown_at, group.ids, each)
-        self._tracks.flush()
-        if filtered:
-            self.ess.append(self._diagnostics.write(record))
-        self._count(record)
+        ids = [group.ids for group in record.groups]
+        self._tracks.add(number, self.source.shown_at(number), *zip(ids, columns, strict=True))
         if self._overlay is not None:
             self._overlay.write(record, columns)
-
-    def _count(self, record: Record) -> None:
-        """Count a frame; ``last`` is its number, also where objects only start again."""
-        self.last, filtered = record.number, record.filtered
-        self._state = record.groups[0].state
-        self.tracked += bool(filtered)
+        # The number is the last one also where objects only start again.
+        self.last, self._state = number, record.groups[0].state
+        if record.changes is not None:
+            self._count(number, record.changes)
+        if not filtered:
+            return
+        ess, log_evidence = self._diagnostics.write(record)
+        self.ess.append(ess)
+        self.tracked += 1
         self.invalid += int(sum(_reported(filtered, "num_invalid", 0)))
-        self.impossible += bool(filtered) and bool(
-            np.isneginf(sum(_reported(filtered, "log_evidence")))
-        )
+        self.impossible += bool(np.isneginf(log_evidence))
         for group in filtered:
             for where, frames in (
                 (group.outside, self.outside),
                 (group.without_likelihood, self.without_likelihood),
             ):
                 for name in group.ids[where]:
-                    frames.setdefault(str(name), []).append(record.number)
-        if (changes := record.changes) is None:
-            return
-        at = {"frame": record.number}
+                    frames.setdefault(str(name), []).append(number)
+
+    def _count(self, number: int, changes: Changes) -> None:
+        """Count detected objects that started, ended or were refused."""
+        at = {"frame": number}
         for new in changes.started:
+            self.names.append(new.id)
             self.changes["started"].append({"id": new.id, **at, "box": new.box.tolist()})
         for gone in changes.ended:
             self.changes["ended"].append({"id": gone.id, **at, "reason": gone.reason})
@@ -262,23 +255,24 @@ class Diagnostics(LineWriter):
 
     def __init__(self, path: Path, names: list[Any], by_slot: bool):
         super().__init__(path)
-        self._names, self._by_slot, self._is_new = names, by_slot, True
+        self._names, self._by_slot, self._columns = names, by_slot, list[str]()
 
-    def write(self, record: Record) -> float:
-        """Write a row; a user-defined tracker may report less than the built-in ones."""
+    def write(self, record: Record) -> tuple[float, float]:
+        """Write a row, and return its effective sample size and log evidence.
+
+        A user-defined tracker may report less than the built-in ones.
+        """
         groups = record.filtered
-        columns = {"distinct_share": self._row(groups, "distinct_share")}
-        if any(group.confidence is not None for group in groups):
-            columns["confidence"] = self._row(groups, "confidence")
-        if self._is_new:
-            names = [f"{column}_{name}" for column in columns for name in self._names]
+        if not self._columns:
+            is_sure = any(group.confidence is not None for group in groups)
+            self._columns = ["distinct_share", *["confidence"] * is_sure]
+            names = [f"{column}_{name}" for column in self._columns for name in self._names]
             self.write_rows([["frame", "ess", "log_evidence", *names]])
-            self._is_new = False
-        scalars = [min(_reported(groups, "ess")), sum(_reported(groups, "log_evidence"))]
-        values = [*scalars, *np.concatenate([*columns.values()])]
+        scalars = min(_reported(groups, "ess")), sum(_reported(groups, "log_evidence"))
+        values = np.concatenate([scalars, *(self._row(groups, name) for name in self._columns)])
         cells = [f"{value:.6g}" for value in values]
         self.write_rows([[record.number, *cells]])
-        return float(cells[0])
+        return float(cells[0]), float(cells[1])
 
     def _row(self, groups: list[Group], name: str) -> np.ndarray:
         """A column of the summaries; NaN where a group does not report it."""

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jaxpf.cli.tracking.verdict import object_verdicts, sentences
+from jaxpf.cli.tracking.report import object_verdicts, sentences
 from jaxpf.media import plotting
 
 FRAMES = np.arange(30)

@@ -18,16 +18,18 @@ from jaxpf.boxes.models import (
     box_model,
     boxes_at,
     reach_of,
-    relative_box_model,
     relative_steps,
 )
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import MOST, plain
 from jaxpf.contract.options import OPEN, Option
 from jaxpf.contract.types import LikelihoodLike
-from jaxpf.filters.options import FilterOptions
-from jaxpf.ordering import Ordering
-from jaxpf.targets.building import Network, factory, looks_of
+from jaxpf.likelihoods.discriminative import discriminative
+from jaxpf.likelihoods.exclusion import excluding
+from jaxpf.likelihoods.histogram import histogram, histogram_from_patches
+from jaxpf.likelihoods.pixels import PixelLikelihood
+from jaxpf.likelihoods.pretrained import efficientnet_lite0, pretrained
+from jaxpf.targets.building import Network, TrackerOptions, factory, looks_of
 from jaxpf.targets.target import Looks, Start
 
 #: Appearance -> default sharpness.
@@ -41,9 +43,6 @@ def tracker(
     frame: ArrayLike | Looks | None,
     boxes: ArrayLike | Start,
     *,
-    like: str | None = None,
-    method: str | None = None,
-    num_particles: int | None = None,
     likelihood: Annotated[
         Literal["auto", "integral", "sampled"] | LikelihoodLike,
         Option(
@@ -54,7 +53,6 @@ def tracker(
             rare=True,
         ),
     ] = "auto",
-    ordering: Ordering | None = None,
     patches: Sequence[np.ndarray] | None = None,
     appearance: Annotated[
         Literal["auto", "colour", "discriminative", "pretrained"],
@@ -145,7 +143,7 @@ def tracker(
             needs=("appearance", "discriminative", "pretrained"),
         ),
     ] = "none",
-    **options: Unpack[FilterOptions],
+    **options: Unpack[TrackerOptions],
 ) -> Any:
     """Build the tracker of ``jaxpf track``, with its defaults unless options override them.
 
@@ -163,16 +161,15 @@ def tracker(
         frame: uint8 RGB ``[H, W, 3]`` that contains the boxes; tracking continues with the next
             frame.  It may be None with a user-defined likelihood.
         boxes: x, y, w, h in pixels, ``[P, 4]``.
-        like: ``"smith2004"`` or ``"rowe2005"`` for that paper's system as printed; other arguments
-            override it.  Other settings of rowe2005: ``jaxpf.boxes.rowe2005.rowe2005_tracker``.
-        method: ``"dps"`` (default), ``"sir"``, ``"ps"``, ``"sps"``, ``"labelled"``, ...
-        num_particles: number of particles; default 300.
         likelihood: a user-defined likelihood of substates (u, v, a), the centre in pixels and the
             size relative to the start; or the name of a method to compute histograms.
-        ordering: from ``jaxpf.ordering``, instead of a method.
         patches: P pictures, uint8 RGB ``[h, w, 3]``, from which colours are learned instead of
             from the frame.
-        options: of the method's filter: ``resampling``, ...
+        options: ``like="smith2004"`` or ``"rowe2005"`` for that paper's system as printed, which
+            other arguments override (other settings of rowe2005:
+            ``jaxpf.boxes.rowe2005.rowe2005_tracker``); ``method``, ``"dps"`` (default), ``"sir"``,
+            ``"ps"``, ``"sps"``, ``"labelled"``, ..., or an ``ordering`` of ``jaxpf.ordering``;
+            ``num_particles``, default 300; and those of the method's filter: ``resampling``, ...
 
     Returns:
         The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.
@@ -181,32 +178,34 @@ def tracker(
         InputError: an unknown option or a value out of range; the message names it.
     """
     assert isinstance(boxes, Start), "by the decorator"
-    is_relative, count = motion == "relative", len(boxes.ids)
-    steps: Any = relative_steps(noise_relative, count) if is_relative else None
-    if not isinstance(likelihood, str):
-        learned: Any = likelihood
-    else:
-        looks = looks_of(frame, num_particles, patches)
+    steps = relative_steps(noise_relative, len(boxes.ids)) if motion == "relative" else None
+    if isinstance(likelihood, str):
+        looks = looks_of(frame, options.get("num_particles"), patches)
+        names = [f"the box of object {number}" for number in boxes.ids]
         assert sharpness is not None, "by settle"
         if looks.background is not None:
             _check_tunable(appearance, noise_relative)
+        made: Any
         if appearance == "colour":
-            learned = _histograms(looks, boxes, sharpness, bands, likelihood)
+            made = _histograms(looks, boxes, names, sharpness, bands, likelihood)
         elif appearance == "discriminative":
-            learned = _discriminative(looks, boxes, sharpness, steps)
+            about: dict[str, Any] = {} if steps is None else {"reach": reach_of(steps)}
+            if looks.background is not None:
+                about |= {"interpolation": "bilinear", "background_frames": looks.background}
+            made = discriminative(
+                looks.frame, boxes.shapes, sharpness=sharpness, names=names, **about
+            )
         else:
-            learned = _pretrained(looks, boxes, sharpness, network)
-        if exclusion == "boxes" and appearance != "colour":
-            from jaxpf.likelihoods.exclusion import excluding
-
-            learned = excluding(learned)
-    if is_relative:
-        model = relative_box_model(learned, boxes.shapes, steps, momentum)
-    else:
-        model = box_model(learned, boxes.shapes, noise_pixels)
-    return filters.build(
-        model, method=method, num_particles=num_particles, ordering=ordering, **options
-    )
+            weights = efficientnet_lite0(network)
+            made = pretrained(
+                looks.frame, boxes.shapes, sharpness=sharpness, network=weights, names=names
+            )
+        if looks.patches is None or appearance != "colour":
+            _check_contrast(looks.frame, boxes.shapes, names)
+        excludes = exclusion == "boxes" and appearance != "colour"
+        likelihood = excluding(made) if excludes else made
+    model = box_model(likelihood, boxes.shapes, noise_pixels, steps=steps, momentum=momentum)
+    return filters.build(model, **options)
 
 
 def start(given: Any, names: Sequence[object] | np.ndarray | None = None) -> Start:
@@ -254,8 +253,6 @@ def to_boxes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     Raises:
         InputError: the tracker's dynamics do not know the sizes.
     """
-    from jaxpf.likelihoods.pixels import PixelLikelihood
-
     if isinstance(tracker.likelihood, PixelLikelihood):
         centre, sides = np.split(np.asarray(estimate)[..., :4], 2, axis=-1)
         return np.concatenate([centre - sides / 2, sides], axis=-1)
@@ -268,43 +265,19 @@ def to_boxes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
     return boxes_at(estimate, sizes)
 
 
-def _histograms(looks: Looks, start: Start, sharpness: float, bands: int, method: str) -> Any:
-    from jaxpf.likelihoods.histogram import histogram, histogram_from_patches
-
+def _histograms(
+    looks: Looks, start: Start, names: list[str], sharpness: float, bands: int, method: str
+) -> Any:
     settings: dict[str, Any] = {"sharpness": sharpness, "bands": bands}
     if looks.background is None:
-        names = _names(start)
         settings |= {"method": method, "num_particles": looks.num_particles, "names": names}
         if looks.patches is None:
-            _check_contrast(looks.frame, start.shapes, names)
             return histogram(looks.frame, start.shapes, **settings)
     else:
         settings |= {"method": "integral", "interpolation": "bilinear", "form": "ratio"}
         settings["background_frames"] = looks.background
     shape, patches = looks.frame.shape[:2], looks.patches or []
     return histogram_from_patches(patches, start.sizes, frame_shape=shape, **settings)
-
-
-def _discriminative(looks: Looks, start: Start, sharpness: float, steps: Any) -> Any:
-    from jaxpf.likelihoods.discriminative import discriminative
-
-    settings: dict[str, Any] = {"sharpness": sharpness, "names": _names(start)}
-    if steps is not None:
-        settings["reach"] = reach_of(steps)
-    if looks.background is not None:
-        settings |= {"interpolation": "bilinear", "background_frames": looks.background}
-    likelihood = discriminative(looks.frame, start.shapes, **settings)
-    _check_contrast(looks.frame, start.shapes, _names(start))
-    return likelihood
-
-
-def _pretrained(looks: Looks, start: Start, sharpness: float, network: str | None) -> Any:
-    from jaxpf.likelihoods.pretrained import efficientnet_lite0, pretrained
-
-    settings: dict[str, Any] = {"network": efficientnet_lite0(network), "names": _names(start)}
-    likelihood = pretrained(looks.frame, start.shapes, sharpness=sharpness, **settings)
-    _check_contrast(looks.frame, start.shapes, _names(start))
-    return likelihood
 
 
 def _check_tunable(appearance: str, noise_relative: Sequence[float] | None) -> None:
@@ -330,8 +303,3 @@ def _check_contrast(frame: np.ndarray, boxes: np.ndarray, names: Sequence[str]) 
                 f"{name} lies on one colour, and so does what is around it, so that "
                 "it cannot be located; give a box whose edges show, or another start frame."
             )
-
-
-def _names(start: Start) -> list[str]:
-    """How messages show the boxes."""
-    return [f"the box of object {number}" for number in start.ids]

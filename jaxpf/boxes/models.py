@@ -1,17 +1,15 @@
 """Models of boxes for any likelihood."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
-from jaxpf.contract.numbers import check_number, plain
-
-if TYPE_CHECKING:
-    from jaxpf.contract.types import LikelihoodLike
+from jaxpf.contract.numbers import plain
+from jaxpf.contract.types import LikelihoodLike
+from jaxpf.dynamics.relative import PixelMotion, RelativeMotion
 
 #: Noise of centre (pixels) and scale per frame: wide enough for walking people in video.
 DEFAULT_SCALE = (4.0, 2.0, 0.003)
@@ -25,52 +23,36 @@ DEFAULT_MOMENTUM = 0.3
 
 
 def box_model(
-    likelihood: "LikelihoodLike", boxes: ArrayLike, scale: ArrayLike = DEFAULT_SCALE
+    likelihood: LikelihoodLike,
+    boxes: ArrayLike,
+    scale: ArrayLike = DEFAULT_SCALE,
+    *,
+    steps: ArrayLike | None = None,
+    momentum: ArrayLike = DEFAULT_MOMENTUM,
 ) -> Model:
-    """Boxes that move from their start by smith2004's AR2 dynamics.
+    """Boxes that move from their start in pixels, or by steps relative to their size.
 
     Args:
         likelihood: of substates (u, v, a), such as ``jaxpf.likelihoods.histogram(...)``.
         boxes: x, y, w, h in pixels, ``[P, 4]``: where the objects are before the first frame.
-        scale: noise of u, v (pixels) and a per frame, ``[3]`` or ``[P, 3]``.
+        scale: noise of u, v (pixels) and a per frame, ``[3]`` or ``[P, 3]``, see
+            ``jaxpf.dynamics.relative.PixelMotion``.
+        steps: instead, ``[3]`` or ``[P, 3]``, see ``jaxpf.dynamics.relative.RelativeMotion``.
+        momentum: of relative motion, ``[]`` or ``[P]``.
     """
-    from jaxpf.dynamics.relative import PixelMotion
-
     boxes = np.asarray(boxes, np.float32).reshape(-1, 4)
-    check_number("scale", scale, least=0)
+    dynamics: PixelMotion | RelativeMotion
+    if steps is None:
+        dynamics = PixelMotion(scale=np.asarray(scale, np.float32), sizes=boxes[:, 2:])
+    else:
+        dynamics = RelativeMotion(
+            sizes=boxes[:, 2:],
+            steps=np.asarray(steps, np.float32),
+            momentum=np.asarray(momentum, np.float32),
+        )
     centres = boxes[:, :2] + boxes[:, 2:] / 2
-    return Model(
-        dynamics=PixelMotion(scale=np.asarray(scale, np.float32), sizes=boxes[:, 2:]),
-        likelihood=likelihood,
-        initial=np.concatenate([centres, np.ones((len(boxes), 1), np.float32)], axis=1),
-        parents=(-1,) * len(boxes),
-    )
-
-
-def relative_box_model(
-    likelihood: "LikelihoodLike",
-    boxes: ArrayLike,
-    steps: ArrayLike = DEFAULT_STEPS,
-    momentum: ArrayLike = DEFAULT_MOMENTUM,
-) -> Model:
-    """Boxes that move from their start by steps relative to their size.
-
-    Args:
-        likelihood: see ``box_model``.
-        boxes: see ``box_model``.
-        steps: see ``jaxpf.dynamics.relative.RelativeMotion``, ``[3]`` or ``[P, 3]``.
-        momentum: see ``jaxpf.dynamics.relative.RelativeMotion``, ``[]`` or ``[P]``.
-    """
-    from jaxpf.dynamics.relative import RelativeMotion
-
-    check_number("steps", steps, least=0)
-    model = box_model(likelihood, boxes)
-    motion = RelativeMotion(
-        sizes=model.dynamics.sizes,
-        steps=np.asarray(steps, np.float32),
-        momentum=np.asarray(momentum, np.float32),
-    )
-    return model._replace(dynamics=motion)
+    initial = np.concatenate([centres, np.ones((len(boxes), 1), np.float32)], axis=1)
+    return Model(dynamics, likelihood, initial, (-1,) * len(boxes))
 
 
 def relative_steps(values: Sequence[float] | None, count: int) -> np.ndarray:

@@ -2,40 +2,35 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
-from jaxpf.boxes import tracks
 from jaxpf.boxes.factory import settle, start, tracker, unchecked_start
 from jaxpf.boxes.models import boxes_at
 from jaxpf.boxes.rowe2005 import rowe2005_tracker
+from jaxpf.boxes.tracks import check_boxes, parse_box
 from jaxpf.contract.errors import InputError
-from jaxpf.targets.later import starts_by_frame
+from jaxpf.measures import metrics
+from jaxpf.media.film import FrameSource
+from jaxpf.media.overlay import draw_boxes
+from jaxpf.sequences.layouts import read_truth
+from jaxpf.sequences.tables import BoxTable, listed
 from jaxpf.targets.target import Marks, Start, Target
-
-if TYPE_CHECKING:
-    import jax
-    from jax.typing import ArrayLike
-
-    from jaxpf.media.film import FrameSource
-    from scenes import Scene
+from scenes import Scene
 
 
-def _outlines(start: Start, shapes: "ArrayLike") -> "jax.Array | np.ndarray":
-    import jax.numpy as jnp
-
+def _outlines(start: Start, shapes: ArrayLike) -> jax.Array:
     x, y, w, h = jnp.moveaxis(jnp.asarray(shapes), -1, 0)
     corners = [(x, y), (x + w, y), (x + w, y + h), (x, y + h)]
     return jnp.stack([jnp.stack(corner, axis=-1) for corner in corners], axis=-2)
 
 
-def _measures(start: Start, shapes: "ArrayLike", truth: "ArrayLike") -> dict[str, Any]:
+def _measures(start: Start, shapes: ArrayLike, truth: ArrayLike) -> dict[str, Any]:
     """Exact measures for boxes."""
-    import jax.numpy as jnp
-
-    from jaxpf.measures import metrics
-
     return {
         "present": metrics.has_truth(truth),
         "tracked": metrics.track_state(shapes, truth),
@@ -47,64 +42,72 @@ def _measures(start: Start, shapes: "ArrayLike", truth: "ArrayLike") -> dict[str
     }
 
 
-def _read_start(given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
-    from jaxpf.sequences.layouts import read_truth
-
+def _read_start(given: Mapping[str, Any], number: int, source: FrameSource) -> Start:
     if given["box"] and given["boxes"]:
         raise InputError("--box and --boxes were both given; use one of them.")
     if given["ids"] is not None and not given["boxes"]:
         raise InputError("--ids names objects of a CSV file; give the file with --boxes.")
     if given["boxes"]:
-        table = read_truth(given["boxes"])
-        ids, boxes = tracks.start_boxes(table, number, _starting(table, number, given["ids"]))
-    elif given["box"]:
-        boxes = np.stack([tracks.parse_box(text) for text in given["box"]])
-        ids = np.arange(1, len(boxes) + 1)
-    elif given.get("detections"):
-        return unchecked_start(np.zeros((0, 4)))
-    else:
+        return start_boxes(read_truth(given["boxes"]), number, source, given["ids"])
+    if not given["box"]:
+        if given.get("detections"):
+            return unchecked_start(np.zeros((0, 4)))
         raise InputError(
             "no start box: give --box x,y,w,h for every object, or --boxes FILE.csv.  Draw the "
             f"start boxes with `jaxpf mark {source.path}`."
         )
-    tracks.check_boxes(boxes, source.width, source.height, [f"object {i}" for i in ids])
-    return unchecked_start(boxes, ids)
+    begun = unchecked_start(np.stack([parse_box(text) for text in given["box"]]))
+    check_boxes(begun.shapes, source.width, source.height, [f"object {i}" for i in begun.ids])
+    return begun
 
 
-def _later_starts(
-    given: Mapping[str, Any], number: int, source: "FrameSource"
-) -> tuple[dict[int, Start], str | None]:
-    """Boxes of later frames in the file of --boxes."""
-    from jaxpf.sequences.layouts import read_truth
+def start_boxes(
+    table: BoxTable, first: int, source: FrameSource, ids: Sequence[int] | None = None
+) -> Start:
+    """The objects that start in a frame, and in later ones, see ``Start.from_rows``.
 
-    if not given["boxes"]:
-        return {}, None
-    table = read_truth(given["boxes"])
-    ids = table.id if given["ids"] is None else given["ids"]
-    named = np.isin(table.id, ids)
+    Args:
+        table: boxes of a file.
+        first: the start frame, counting from 0.
+        source: the video.
+        ids: the objects asked for; by default all, in the order of the file.
+
+    Raises:
+        InputError: no box in that frame, an unknown id, an id asked for twice, or a box outside.
+    """
+    if first not in table.frame:
+        raise InputError(
+            f"{table.source} has no box with an area in frame {first}; choose a start frame among "
+            f"{listed(np.unique(table.frame)) or 'none'} (counting from 0)"
+        )
+    asked = np.isin(table.id, table.id if ids is None else ids)
 
     def start_at(frame: int) -> Start:
-        rows = named & (table.frame == frame)
+        rows = np.flatnonzero(asked & (table.frame == frame))
+        if ids is not None and frame == first:
+            order = [[*ids].index(each) for each in table.id[rows].tolist()]
+            rows = rows[np.argsort(order)]
         names = [f"object {i} in frame {frame}" for i in table.id[rows]]
-        tracks.check_boxes(table.box[rows], source.width, source.height, names)
+        check_boxes(table.box[rows], source.width, source.height, names)
         return unchecked_start(table.box[rows], table.id[rows])
 
-    later, note = starts_by_frame(table.frame[named], table.id[named], number, start_at)
-    here = table.id[table.frame == number]
-    absent = np.setdiff1d(ids, np.concatenate([here, *(each.ids for each in later.values())]))
-    if given["ids"] is not None and len(absent):
-        raise InputError(
-            f"id {absent[0]} has no box in frame {number} of {table.source}, which holds whole "
-            "tracks, so that only its start frame is used; choose another --start."
-        )
-    return later, note
+    begun = Start.from_rows(table.frame[asked], table.id[asked], first, start_at)
+    known = {i for each in (begun, *begun.later.values()) for i in each.ids.tolist()}
+    for identity in ids or ():
+        if identity not in known or [*(ids or ())].count(identity) > 1:
+            there = sorted(table.id[table.frame == first].tolist())
+            raise InputError(
+                f"id {identity} has no box in frame {first} of {table.source}, or is asked for "
+                f"twice; the ids there are {listed(there)}{'; '.join(('', *begun.remarks))}"
+            )
+    return begun
 
 
-def _scene_shapes(scene: "Scene") -> np.ndarray:
+def _scene_shapes(scene: Scene) -> np.ndarray:
     return np.asarray(scene.boxes, np.float64)
 
 
-def _scene_start(scene: "Scene") -> Start:
+def _scene_start(scene: Scene) -> Start:
     return unchecked_start(scene.boxes[0], scene.extras.get("ids"))
 
 
@@ -114,17 +117,7 @@ def _column_values(start: Start, shapes: np.ndarray) -> np.ndarray:
 
 
 def _draw(frame: np.ndarray, start: Start, shapes: np.ndarray, marks: Marks) -> np.ndarray:
-    from jaxpf.media.overlay import draw_boxes
-
     return draw_boxes(frame, shapes, list(start.ids), marks.colours, marks.lost, marks.doubtful)
-
-
-def _starting(table: "tracks.BoxTable", number: int, ids: Sequence[int] | None) -> list[int] | None:
-    """Those of the ids asked for that do not start in a later frame."""
-    if ids is None:
-        return None
-    here, later = table.id[table.frame == number], table.id[table.frame > number]
-    return [each for each in ids if each in here or each not in later]
 
 
 BOXES = Target(
@@ -136,7 +129,6 @@ BOXES = Target(
     outlines=_outlines,
     measure=_measures,
     read_start=_read_start,
-    later_starts=_later_starts,
     scene_shapes=_scene_shapes,
     scene_start=_scene_start,
     columns=("x", "y", "w", "h"),

@@ -17,22 +17,10 @@ from numpy.typing import ArrayLike
 from jaxpf.contract.errors import InputError, import_extra
 from jaxpf.files.reading import check_pixels, parse_number, read_rows
 from jaxpf.files.writing import write_text
-from jaxpf.sequences.tables import BoxTable, dense, listed, read_boxes
+from jaxpf.sequences.tables import read_boxes as read_boxes
 
 if TYPE_CHECKING:
     import supervision
-
-__all__ = [
-    "BoxTable",
-    "check_boxes",
-    "dense",
-    "parse_box",
-    "read_boxes",
-    "read_tracks",
-    "start_boxes",
-    "to_supervision",
-    "write_mot",
-]
 
 
 def read_tracks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
@@ -71,56 +59,19 @@ def read_tracks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     return columns
 
 
-def start_boxes(
-    table: BoxTable, frame: int, ids: Sequence[int] | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the start boxes of the objects.
-
-    Args:
-        table: boxes of a file.
-        frame: the start frame, counting from 0.
-        ids: the requested objects; by default all in that frame, in the order of the file.
-
-    Returns:
-        ids int [P] and boxes float64 [P, 4], in the requested order.
-
-    Raises:
-        InputError: no box in that frame, an unknown id, or an id requested twice.
-    """
-    row_of = {int(table.id[row]): row for row in np.flatnonzero(table.frame == frame)}
-    if not len(table.frame):
-        raise InputError(f"{table.source} has no box with an area; give widths and heights above 0")
-    if not row_of:
-        raise InputError(
-            f"{table.source} has no box in frame {frame}; choose a start frame among "
-            f"{listed(np.unique(table.frame)) or 'none'} (counting from 0)"
-        )
-    wanted = list(row_of) if ids is None else [int(identity) for identity in ids]
-    for index, identity in enumerate(wanted):
-        if identity not in row_of or identity in wanted[:index]:
-            raise InputError(
-                f"id {identity} has no box in frame {frame} of {table.source}, or is asked for "
-                f"twice; the ids there are {listed(sorted(row_of))}"
-            )
-    return np.array(wanted, np.int64), table.box[[row_of[identity] for identity in wanted]]
-
-
 def parse_box(text: str) -> np.ndarray:
     """Parse a box typed as ``"x,y,w,h"``: float64 [4] in pixels.
 
     Raises:
         InputError: not four finite numbers, or no positive width and height.
     """
-    remedy = "write x,y,w,h in pixels, such as 120,80,40,90"
+    remedy = "write x,y,w,h in pixels, w and h above 0, such as 120,80,40,90"
     fields = text.split(",")
     if len(fields) != 4:
         raise InputError(f"box '{text}' has {len(fields)} number(s) instead of 4; {remedy}")
     values = [parse_number(field.strip(), f"box '{text}' holds", remedy) for field in fields]
-    if values[2] <= 0 or values[3] <= 0:
-        raise InputError(
-            f"box '{text}' has the size {values[2]:g} x {values[3]:g}; both must be positive, so "
-            f"{remedy}"
-        )
+    if min(values[2:]) <= 0:
+        raise InputError(f"box '{text}' has no area; {remedy}")
     return np.array(values)
 
 
@@ -140,17 +91,15 @@ def check_boxes(
     """
     boxes = np.reshape(boxes, (-1, 4)).astype(float)
     check_pixels("the boxes", boxes)
-    for index, (x, y, w, h) in enumerate(boxes):
-        name = f"box {index + 1}" if names is None else f"the box of {names[index]}"
-        shown = f"{name} ({x:g},{y:g},{w:g},{h:g})"
-        if not np.isfinite(boxes[index]).all():
-            raise InputError(f"{shown} is not finite; give four numbers x,y,w,h")
-        if w <= 0 or h <= 0:
-            raise InputError(f"{shown} has no area; give a positive width and height")
-        if x >= width or y >= height or x + w <= 0 or y + h <= 0:
-            raise InputError(
-                f"{shown} lies outside the {width}x{height} frame; give a box that overlaps it"
-            )
+    names = [f"object {number}" for number in range(1, len(boxes) + 1)] if names is None else names
+    for name, (x, y, w, h) in zip(names, boxes, strict=True):
+        fault = ""
+        if not np.isfinite((x, y, w, h)).all() or w <= 0 or h <= 0:
+            fault = "has no area; give four finite numbers x,y,w,h, w and h above 0"
+        elif x >= width or y >= height or x + w <= 0 or y + h <= 0:
+            fault = f"lies outside the {width}x{height} frame; give a box that overlaps it"
+        if fault:
+            raise InputError(f"the box of {name} ({x:g},{y:g},{w:g},{h:g}) {fault}")
 
 
 def write_mot(
@@ -170,19 +119,16 @@ def write_mot(
             non-finite rows are omitted.
         confidence: [K]; 1 tracked (the default), 0 lost.
     """
-    frames, boxes = np.asarray(frames), np.asarray(boxes, float)
-    confidence = np.ones(len(frames)) if confidence is None else confidence
-    write_text(path, _rows(frames, np.asarray(ids), boxes, np.asarray(confidence)))
-
-
-def _rows(frames: np.ndarray, ids: np.ndarray, boxes: np.ndarray, confidence: np.ndarray) -> str:
-    """Format MOT lines; the only place that converts 0-based numbers to the file's 1-based."""
-    rows = []
-    for frame, identity, (x, y, w, h), value in zip(frames, ids, boxes, confidence, strict=True):
-        if np.isfinite((x, y, w, h)).all():
-            box = f"{x + 1:.3f},{y + 1:.3f},{w:.3f},{h:.3f}"
-            rows.append(f"{int(frame) + 1},{int(identity)},{box},{float(value):.6g},-1,-1,-1\n")
-    return "".join(rows)
+    boxes = np.asarray(boxes, float).reshape(-1, 4)
+    confidence = np.ones(len(boxes)) if confidence is None else confidence
+    columns = np.asarray(frames), np.asarray(ids), boxes, np.asarray(confidence)
+    rows = [
+        f"{int(frame) + 1},{int(identity)},{x + 1:.3f},{y + 1:.3f},{w:.3f},{h:.3f},"
+        f"{float(value):.6g},-1,-1,-1\n"
+        for frame, identity, (x, y, w, h), value in zip(*columns, strict=True)
+        if np.isfinite((x, y, w, h)).all()
+    ]
+    write_text(path, "".join(rows))
 
 
 def to_supervision(

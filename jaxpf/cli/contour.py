@@ -9,9 +9,8 @@ from jaxpf.cli.shared import flags
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.flags import Command, GivenPath
 from jaxpf.cli.shared.startup import use_compile_cache
-from jaxpf.contours.annotated_files import read_annotated
-from jaxpf.contours.learned_files import write_learned
-from jaxpf.contours.learning import learn_contours
+from jaxpf.contours.files import write_learned
+from jaxpf.contours.learning import learn_contours, read_annotated
 from jaxpf.dynamics.learned import COEFFICIENTS
 from jaxpf.files.writing import check_output_file
 from jaxpf.shapes.learning import ANNOTATIONS

@@ -11,7 +11,7 @@ import numpy as np
 import scenes
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.flags import Command, GivenPath, overwrite
-from jaxpf.contours.files import write_contours
+from jaxpf.contours.files import contours_text
 from jaxpf.detections.files import write_detections
 from jaxpf.evaluation.baselines.simulated_detections import simulated_detections
 from jaxpf.files.writing import csv_text, prepare_output_folder, write_text
@@ -97,7 +97,7 @@ def _write_points(folder: Path, scene: Scene) -> None:
 
 def _write_contours(folder: Path, scene: Scene) -> None:
     start: Any = all_targets()["contours"].scene_start(scene)
-    write_contours(folder / "wires.json", start.contours)
+    write_text(folder / "wires.json", contours_text(start.contours))
     rows = (
         [frame, wire, number, *_rounded(*point)]
         for frame, wires in enumerate(scene.extras["outlines"])

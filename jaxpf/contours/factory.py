@@ -7,20 +7,26 @@ A contour is a partition whose substate is a point of a shape space, such as tho
 import dataclasses
 from typing import Annotated, Any, Literal, Unpack
 
+import jax
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf import filters
-from jaxpf.contours.data import Contours, Learned
+from jaxpf.contours.files import Contours, Learned
 from jaxpf.contract.errors import Argument, InputError
+from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import plain
 from jaxpf.contract.optional import optional
 from jaxpf.contract.options import Option
+from jaxpf.contract.pytree import as_array
 from jaxpf.contract.types import LikelihoodLike, TrackerLike
-from jaxpf.filters.options import FilterOptions
-from jaxpf.ordering import Ordering
+from jaxpf.dynamics.gaussian import RandomWalk
+from jaxpf.dynamics.occlusion import WithOcclusion
+from jaxpf.likelihoods.contours import EdgeDetector, contours as contours_likelihood
+from jaxpf.shapes.depth import depth_orders
+from jaxpf.shapes.spaces import ShapeSpace, space_of
 from jaxpf.shapes.splines import basis, even_places, points_on
-from jaxpf.targets.building import factory, looks_of
+from jaxpf.targets.building import TrackerOptions, factory, looks_of
 from jaxpf.targets.target import Looks, Start
 
 #: Number of segments of a reported polyline.
@@ -28,6 +34,8 @@ PIECES = 64
 #: Default slip on film of open and of closed contours, as a share of their size; see
 #: "Contours" in docs/development/defaults.md.
 _SLIP = {False: 0.1, True: 0.05}
+#: Noise per frame of the shift and of the other coordinates, as a share of a contour's size.
+_NOISE = 0.05, 0.006
 #: The depth order of separate contours is unknown; few particles would keep an arbitrary one.
 _FLIP = 0.5
 
@@ -38,7 +46,7 @@ class ContourStart(Start):
 
     Attributes:
         contours: their control points.
-        learned: shape space and dynamics (``jaxpf.contours.data.Learned``), or None.
+        learned: shape space and dynamics (``jaxpf.contours.files.Learned``), or None.
     """
 
     contours: Contours
@@ -50,11 +58,7 @@ def tracker(
     frame: ArrayLike | Looks | None,
     contours: Contours | Start,
     *,
-    like: str | None = None,
-    method: str | None = None,
-    num_particles: int | None = None,
     likelihood: LikelihoodLike | None = None,
-    ordering: Ordering | None = None,
     learned: Learned | None = None,
     shape_space: Annotated[
         Literal["translation", "similarity", "affine"] | None,
@@ -178,11 +182,12 @@ def tracker(
             rare=True,
         ),
     ] = None,
-    **options: Unpack[FilterOptions],
+    **options: Unpack[TrackerOptions],
 ) -> Any:
     """Build the contour tracker of ``jaxpf track``.
 
-    Example::
+    Opaque targets carry a label for their order in depth, and partitioned sampling is branched:
+    each particle samples first the target that it believes to be nearest.  Example::
 
         leaf = [[100, 60], [140, 70], [160, 110], [130, 150], [90, 140], [70, 100]]
         contours = jaxpf.contours.Contours(names=("leaf",), points=[leaf])
@@ -196,13 +201,11 @@ def tracker(
         frame: uint8 RGB ``[H, W, 3]``, from which clutter is learned; tracking continues with the
             next frame.  It may be None with a user-defined likelihood.
         contours: the start contours.
-        like: ``"maccormick1999"`` for that paper's system as printed; other arguments override it.
-        method: ``"ps"`` (default) or ``"sir"``.
-        num_particles: number of particles; default 500.
         likelihood: a user-defined likelihood of points of the shape space.
-        ordering: from ``jaxpf.ordering``, instead of a method.
         learned: shape space and dynamics.
-        options: of the method's filter: ``resampling``, ``joint_weighting``, ...
+        options: ``like="maccormick1999"`` for that paper's system as printed; ``method``, ``"ps"``
+            (default) or ``"sir"``; ``num_particles``, default 500; and those of the method's
+            filter: ``resampling``, ``joint_weighting``, ...
 
     Returns:
         The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.
@@ -210,30 +213,21 @@ def tracker(
     Raises:
         InputError: an unknown option or a value out of range; the message names it.
     """
-    from jaxpf.contours.models import contours_model, start_space
-    from jaxpf.contract.pytree import as_array
-    from jaxpf.likelihoods.contours import EdgeDetector, contours as contours_likelihood
-
     assert isinstance(contours, ContourStart), "by the decorator"
-    given, space_of_file = contours.contours, contours.learned and contours.learned.space
+    given, count = contours.contours, contours.num_partitions
     if noise_bend is not None and shape_space == "translation":
         raise InputError(
             Argument("noise_bend", plain(noise_bend)),
             " works only with shapes that change, but 'translation' only shifts them; leave one "
             "of them out.",
         )
-    if space_of_file is not None and shape_space is not None:
-        raise InputError(
-            f"the shape space {shape_space} was asked for and a learned one was given; leave one "
-            "of them out."
-        )
-    space = start_space(given, space_of_file or shape_space or "similarity")
+    space = _space(contours, shape_space)
     if likelihood is None:
-        looks = looks_of(frame, num_particles)
+        looks = looks_of(frame)
         typical = looks.frame[None] if looks.typical is None else looks.typical
         made = contours_likelihood(
             space,
-            contours.num_partitions,
+            count,
             exclusion=exclusion,
             frames=typical if clutter is None else None,
             clutter=clutter,
@@ -250,26 +244,51 @@ def tracker(
         if looks.patches is None:
             made = made.started(looks.frame, space.project(given.points))
         likelihood = made
-    noise = noise_shift, noise_bend
-    dynamics = contours.learned and contours.learned.dynamics_of(contours.num_partitions)
-    if dynamics is not None and noise != (None, None):
+    dynamics: Any = contours.learned and contours.learned.dynamics
+    noise = [noise_shift, noise_bend]
+    if dynamics is None:
+        usual = given.sizes[:, None] * _NOISE
+        scale = np.where([value is None for value in noise], usual, np.array(noise, float))
+        scale = np.repeat(scale.astype(np.float32), [2, space.dimension - 2], axis=1)
+        dynamics = RandomWalk(scale=scale)
+    elif noise != [None, None]:
         raise InputError(
             "noise was given, but the learned file has dynamics of its own; leave one of them out, "
             "or learn again with --order 0."
         )
-    model = contours_model(
-        likelihood,
-        given,
-        space,
-        dynamics=dynamics,
-        scale=np.where(
-            [value is None for value in noise], given.usual_noise, np.array(noise, float)
-        ),
-        flip=(_FLIP if flip is None else flip) if exclusion.startswith("opaque") else None,
-    )
-    return filters.build(
-        model, method=method, num_particles=num_particles, ordering=ordering, **options
-    )
+    else:
+        dynamics = jax.tree.map(lambda x: np.repeat(np.asarray(x)[:1], count, axis=0), dynamics)
+    initial = space.project(given.points).astype(np.float32)
+    model = Model(dynamics, likelihood, initial, contours.parents)
+    if exclusion.startswith("opaque"):
+        labels = len(depth_orders(count))
+        model = model._replace(
+            dynamics=WithOcclusion(dynamics, likelihood, _FLIP if flip is None else flip),
+            initial_label=np.full(labels, 1 / labels, np.float32),
+        )
+    return filters.build(model, **options)
+
+
+def _space(start: ContourStart, name: str | None) -> ShapeSpace:
+    """The space of a name relative to each start contour, or the learned one."""
+    given, learned = start.contours, start.learned
+    if learned is None:
+        kind: dict[str, Any] = {"closed": given.closed, "degree": given.degree}
+        return space_of(name or "similarity", given.points, **kind)
+    if name is not None:
+        raise InputError(
+            f"the shape space {name} was asked for and a learned one was given; leave one of them "
+            "out."
+        )
+    space, count = learned.space, given.points.shape[1]
+    if (space.num_points, space.closed) != (count, given.closed):
+        kinds = ["closed" if closed else "open" for closed in (given.closed, space.closed)]
+        raise InputError(
+            f"the start's {kinds[0]} contours have {count} control points, and the shape space's "
+            f"{kinds[1]} ones {space.num_points}; give both the same, as by "
+            f"`jaxpf contour learn --points {count}`."
+        )
+    return space
 
 
 def start(given: Contours, names: Any = None) -> ContourStart:

@@ -1,6 +1,6 @@
-"""Files of contours: start contours and tracks.
+"""Files of contours: start contours, and models learned from annotated ones.
 
-JSON, written by hand or from a mask::
+Start contours are JSON, written by hand or from a mask::
 
     {"closed": true, "contours": {"left leaf": [[10, 20], [30, 18], ...], ...}}
 
@@ -9,30 +9,84 @@ with pixel (0, 0) the square [0, 1) x [0, 1).  A closed contour's first point is
 A spline passes near its control points, not through them; the likelihood's ``outline_points``
 returns points on the curve.  The optional ``"width"`` makes an open contour the centreline of a
 wire of that width in pixels, with two visible edges.
+
+Learned models are JSON, as ``jaxpf contour learn`` writes them and ``jaxpf track --learned`` reads
+them.  ``"space"`` holds the arrays of ``jaxpf.shapes.ShapeSpace``; ``"dynamics"``, unless null,
+those of ``jaxpf.dynamics.LinearGaussian``; both for one target.  All targets of a run share them.
 """
 
 import dataclasses
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxpf.contours.data import Contours
 from jaxpf.contract.errors import InputError
-from jaxpf.files.reading import check_name, read_text
-from jaxpf.files.writing import LineWriter, write_text
-from jaxpf.shapes.splines import CUBIC, crosses_itself, points_on
+from jaxpf.contract.numbers import check_number
+from jaxpf.contract.pytree import as_array
+from jaxpf.dynamics.gaussian import LinearGaussian
+from jaxpf.files.reading import FARTHEST, check_name, read_json
+from jaxpf.files.writing import write_text
+from jaxpf.shapes.spaces import ShapeSpace, check_contours
+from jaxpf.shapes.splines import CUBIC, check_order, crosses_itself, points_on
 
-TRACK_HEADER = "frame,id,k,x,y,kind"
 _KEYS = {"closed", "contours", "degree", "width"}
 _EXAMPLE = '{"closed": true, "contours": {"leaf": [[10, 20], [30, 18], [32, 40], [12, 38]]}}'
 #: Number of points at which a contour is tested for self-intersection.
 _LOOKED_AT = 200
-#: Largest coordinate, pixels.
-_FARTHEST = 1e9
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Contours:
+    """Start contours, cubic B-splines by default.
+
+    Attributes:
+        names: of the P targets.
+        points: float64 ``[P, K, 2]``, control points in pixels.
+        closed: whether they are closed curves.
+        degree: of the splines.
+        width: of a wire with two edges, pixels; None for a contour that is a single edge.
+        remarks: warnings about accepted but possibly wrong input.
+    """
+
+    names: tuple[str, ...]
+    points: np.ndarray
+    closed: bool = True
+    degree: int = CUBIC
+    width: float | None = None
+    remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", check_contours(self.points, self.degree))
+        if self.width is not None:
+            check_number("width", self.width, above=0)
+            if self.closed:
+                raise InputError(
+                    f"width {self.width:g} works only with open contours; leave it out."
+                )
+
+    @property
+    def sizes(self) -> np.ndarray:
+        """Sizes ``[P]`` in pixels: sides of squares whose diagonal is that of a bounding box.
+
+        It is the box of a contour's control points, which holds the contour.
+        """
+        return np.linalg.norm(np.ptp(self.points, axis=1), axis=-1) / np.sqrt(2)
+
+
+class Learned(NamedTuple):
+    """A model learned from one target, or from several targets of one kind.
+
+    Attributes:
+        space: with one template.
+        dynamics: of the same for every target, or None.
+    """
+
+    space: ShapeSpace
+    dynamics: LinearGaussian | None
 
 
 def read_contours(path: str | os.PathLike[str]) -> Contours:
@@ -41,51 +95,51 @@ def read_contours(path: str | os.PathLike[str]) -> Contours:
     A contour that crosses itself is accepted and reported in ``remarks``.
 
     Raises:
-        InputError: no such file, invalid JSON, a missing or unknown key, too few control points,
+        InputError: the file cannot be read, has a missing or unknown key, too few control points,
             contours of different lengths, or a value that is not a finite number.
     """
-    path = Path(path)
-    content = _content(path)
-    closed = content.get("closed")
-    if not isinstance(closed, bool):
-        said = f'"closed" is {json.dumps(closed)}' if "closed" in content else '"closed" is missing'
-        raise InputError(f"'{path}': {said}; give true or false.")
-    degree, width = content.get("degree", CUBIC), content.get("width")
-    given = content.get("contours")
-    if not isinstance(given, dict) or not given:
-        raise InputError(f"'{path}' holds no contours; write them as in {_EXAMPLE}.")
-    for name in given:
-        check_name(name, f"a contour of '{path}'")
-    points = [_points(path, name, rows) for name, rows in given.items()]
-    lengths = {name: len(rows) for name, rows in zip(given, points, strict=True)}
-    if len(set(lengths.values())) > 1:
-        listed = ", ".join(f"'{name}' {count}" for name, count in lengths.items())
-        raise InputError(
-            f"'{path}': the contours have different numbers of control points: {listed}; give all "
-            "the same number."
-        )
-    try:
-        contours = Contours(tuple(given), np.array(points), closed, degree, width)
-    except InputError as error:
-        raise InputError(f"'{path}': {error}") from None
+    contours = read_json(Path(path), "contours", f"JSON such as {_EXAMPLE}", _contours)
     remarks = []
-    for name, control in zip(given, points, strict=True):
-        line = points_on(control, _LOOKED_AT, closed=closed, degree=degree)
-        if crosses_itself(line, closed=closed):
+    for name, control in zip(contours.names, contours.points, strict=True):
+        line = points_on(control, _LOOKED_AT, closed=contours.closed, degree=contours.degree)
+        if crosses_itself(line, closed=contours.closed):
             remarks.append(f"The contour '{name}' of '{path}' crosses itself; check its points.")
     return dataclasses.replace(contours, remarks=tuple(remarks))
 
 
-def write_contours(path: str | os.PathLike[str], contours: Contours) -> None:
-    """Write a file that ``read_contours`` reads."""
-    write_text(path, contours_text(contours))
+def _contours(content: Mapping[str, Any]) -> Contours:
+    if unknown := sorted(content.keys() - _KEYS):
+        raise ValueError(f"the key {unknown[0]!r:.60} is unknown")
+    closed, given = content["closed"], content["contours"]
+    if not isinstance(closed, bool):
+        raise ValueError(f'"closed" is {closed!r:.60}, neither true nor false')
+    if not given:
+        raise ValueError("it has no contours")
+    for name, rows in given.items():
+        check_name(name, "a contour")
+        for number, row in enumerate(rows if isinstance(rows, list) else [rows]):
+            if not (isinstance(row, list) and len(row) == 2 and all(map(_is_place, row))):
+                raise ValueError(
+                    f"point {number} of contour '{name}' is {row!r:.60} instead of two numbers of "
+                    f"at most {FARTHEST:.0f}"
+                )
+    if len({len(rows) for rows in given.values()}) > 1:
+        listed = ", ".join(f"'{name}' {len(rows)}" for name, rows in given.items())
+        raise ValueError(f"the contours have different numbers of control points: {listed}"[:400])
+    points = np.array([*given.values()], float)
+    degree = content.get("degree", CUBIC)
+    return Contours(tuple(given), points, closed, degree, content.get("width"))
+
+
+def _is_place(value: object) -> bool:
+    return isinstance(value, int | float) and abs(value) <= FARTHEST
 
 
 def contours_text(contours: Contours) -> str:
-    """The content of the file of ``write_contours``."""
+    """The content of a file that ``read_contours`` reads."""
     lines = [
         f"  {json.dumps(name)}: {json.dumps(np.round(rows, 3).tolist())}"
-        for name, rows in zip(contours.names, np.asarray(contours.points, float), strict=True)
+        for name, rows in zip(contours.names, contours.points, strict=True)
     ]
     head: dict[str, Any] = {"closed": contours.closed, "degree": contours.degree}
     if contours.width is not None:
@@ -94,81 +148,56 @@ def contours_text(contours: Contours) -> str:
     return start + ', "contours": {\n' + ",\n".join(lines) + "\n}}\n"
 
 
-class ContourTrackWriter(LineWriter):
-    """Appends tracks of contours to a file, which after every frame contains whole lines only.
+def write_learned(path: str | os.PathLike[str], learned: Learned) -> None:
+    """Write a file that ``read_learned`` reads."""
 
-    CSV with the header ``frame,id,k,x,y,kind``.  Every contour has points of kind
-    ``control``, usable as start contours, and of kind ``outline``, for drawing.
+    def first(owner: Any, name: str) -> Any:
+        values = getattr(owner, name)
+        return None if values is None else np.asarray(values, float)[0].tolist()
+
+    space, moves = learned
+    about = {"closed": space.closed, "degree": space.degree}
+    about |= {name: first(space, name) for name in ("template", "modes")}
+    names = ("transition", "lag", "offset", "noise")
+    dynamics = moves and {name: first(moves, name) for name in names}
+    write_text(path, json.dumps({"space": about, "dynamics": dynamics}, indent=1) + "\n")
+
+
+def read_learned(path: str | os.PathLike[str]) -> Learned:
+    """Read a file that ``write_learned`` wrote.
+
+    Raises:
+        InputError: the file is missing or has other content.
     """
-
-    header = TRACK_HEADER
-
-    def append(
-        self,
-        frame: int,
-        names: Sequence[object] | np.ndarray,
-        control: np.ndarray,
-        outlines: np.ndarray,
-    ) -> None:
-        """Write the contours of one frame.
-
-        Args:
-            frame: counting from 0.
-            names: ``[P]``.
-            control: control points ``[P, K, 2]``, pixels; K is 0 if there are none.
-            outlines: ``[P, V, 2]``; a target with a non-finite point is omitted.
-
-        Raises:
-            InputError: the disk is full or the file cannot be written.
-        """
-        self.write_rows(
-            [int(frame), name, number, f"{x:.3f}", f"{y:.3f}", kind]
-            for target, name in enumerate(names)
-            if np.isfinite(outlines[target]).all()
-            for kind, points in (("control", control), ("outline", outlines))
-            for number, (x, y) in enumerate(points[target])
-        )
+    expected = "a file that `jaxpf contour learn` wrote"
+    return read_json(Path(path), "a learned shape space", expected, _learned)
 
 
-def _content(path: Path) -> dict[str, Any]:
-    text = read_text(path, "contours", _EXAMPLE)
-    try:
-        content = json.loads(text, object_pairs_hook=lambda pairs: _unique(path, pairs))
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"'{path}' is no JSON ({error}); write it as {_EXAMPLE}.") from None
-    if not isinstance(content, dict):
-        kind = "list" if isinstance(content, list) else "single value"
-        raise InputError(f"'{path}' holds a {kind}; write it as {_EXAMPLE}.")
-    unknown = sorted(set(content) - _KEYS)
-    if unknown:
-        raise InputError(
-            f"'{path}' has the unknown key {unknown[0]!r}; its keys are {', '.join(sorted(_KEYS))}."
-        )
-    return content
+def _learned(content: Mapping[str, Any]) -> Learned:
+    about, moves = content["space"], content.get("dynamics")
+    degree, count, size = int(about["degree"]), len(about["template"]), len(about["modes"])
+    check_order(count, degree)
+    space = ShapeSpace(
+        template=_numbers(about, "template", (count, 2)),
+        modes=_numbers(about, "modes", (size, count, 2)),
+        closed=bool(about["closed"]),
+        degree=degree,
+    )
+    if moves is None:
+        return Learned(space, None)
+    square = (size, size)
+    dynamics = LinearGaussian(
+        transition=_numbers(moves, "transition", square),
+        noise=_numbers(moves, "noise", square),
+        lag=None if moves["lag"] is None else _numbers(moves, "lag", square),
+        offset=None if moves["offset"] is None else _numbers(moves, "offset", (size,)),
+    )
+    return Learned(space, dynamics)
 
 
-def _unique(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Build a JSON object; refuse duplicate names, of which JSON would silently drop the first."""
-    names = [name for name, _ in pairs]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"'{path}' holds '{name}' twice; give each a name of its own.")
-    return dict(pairs)
-
-
-def _points(path: Path, name: str, rows: object) -> np.ndarray:
-    if not isinstance(rows, list):
-        raise InputError(f"'{path}': contour '{name}' is not a list of points [x, y].")
-    for number, row in enumerate(rows):
-        if not (isinstance(row, list) and len(row) == 2 and all(_is_number(v) for v in row)):
-            raise InputError(
-                f"'{path}': point {number} of contour '{name}' is {json.dumps(row)[:60]}; give two "
-                f"numbers of at most {_FARTHEST:.0f}, [x, y]."
-            )
-    return np.array(rows, float)
-
-
-def _is_number(value: object) -> bool:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return False
-    return abs(value) <= _FARTHEST
+def _numbers(about: Mapping[str, Any], name: str, shape: tuple[int, ...]) -> Any:
+    """An array with a leading axis of one target."""
+    array = np.asarray(about[name], float)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite numbers of shape {list(shape)}")
+    return as_array(array[None], float)

@@ -3,72 +3,66 @@
 A shape is a polyline x, y, x, y, ... in pixels; a closed contour's last point equals its first.
 """
 
-import contextlib
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import os
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import cv2
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
-from jaxpf.contours.data import Contours
+from jaxpf.contours.drawing import draw_contour_particles
 from jaxpf.contours.factory import PIECES, start, to_contours, tracker
-from jaxpf.contours.files import ContourTrackWriter, read_contours
+from jaxpf.contours.files import Contours, read_contours, read_learned
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.optional import optional
+from jaxpf.files.writing import LineWriter
+from jaxpf.measures.polylines import measure_polylines
+from jaxpf.media.film import FrameSource
+from jaxpf.media.overlay import draw_outlines
 from jaxpf.shapes.splines import basis, even_places, fit_spline, resample_polyline
 from jaxpf.targets.target import Marks, Start, Target
+from scenes import Scene
 
-if TYPE_CHECKING:
-    import jax
-    from jax.typing import ArrayLike
-
-    from jaxpf.media.film import FrameSource
-    from scenes import Scene
-
+#: Header of outlines.csv.
+TRACK_HEADER = "frame,id,k,x,y,kind"
 #: Number of control points of a scene's contours, closed and open.
 _SCENE_POINTS = {True: 16, False: 8}
 #: Number of particles to draw, those with the largest weights.
 _DRAWN = 20
 
 
-def _shapes(start: Start, estimate: "ArrayLike", tracker: Any) -> np.ndarray:
+def _shapes(start: Start, estimate: ArrayLike, tracker: Any) -> np.ndarray:
     lines = to_contours(tracker, estimate)
     return lines.reshape(*lines.shape[:-2], -1)
 
 
-def _outlines(start: Start, shapes: "ArrayLike") -> "jax.Array | np.ndarray":
+def _outlines(start: Start, shapes: ArrayLike) -> jax.Array:
     """Polylines there and back, so that closing the polygon adds no line.
 
     These outlines are not convex; ``measures`` accounts for that.
     """
-    import jax.numpy as jnp
-
     lines = _lines(jnp.asarray(shapes))
     return jnp.concatenate([lines, jnp.flip(lines, axis=-2)], axis=-2)
 
 
-def _measures(start: Start, shapes: "ArrayLike", truth: "ArrayLike") -> dict[str, Any]:
-    import jax.numpy as jnp
-
-    from jaxpf.measures.polylines import measure_polylines
-
+def _measures(start: Start, shapes: ArrayLike, truth: ArrayLike) -> dict[str, Any]:
     return measure_polylines(_lines(jnp.asarray(shapes)), _lines(jnp.asarray(truth)))
 
 
-def _read_start(given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
+def _read_start(given: Mapping[str, Any], number: int, source: FrameSource) -> Start:
     if not given["contours"]:
         raise InputError(
             "no start contour: give --contours FILE.json with control points.  Draw contours "
             f"with `jaxpf mark {source.path} --target contours`."
         )
     contours = read_contours(given["contours"])
-    learned = None
-    if given["learned"]:
-        from jaxpf.contours.learned_files import read_learned
-
-        learned = read_learned(given["learned"])
+    learned = read_learned(given["learned"]) if given["learned"] else None
     begun = dataclasses.replace(start(contours), learned=learned)
     for name, line in zip(contours.names, _lines(begun.shapes), strict=True):
         seen = (line >= 0) & (line < (source.width, source.height))
@@ -80,7 +74,7 @@ def _read_start(given: Mapping[str, Any], number: int, source: "FrameSource") ->
     return begun
 
 
-def _scene_shapes(scene: "Scene") -> np.ndarray | None:
+def _scene_shapes(scene: Scene) -> np.ndarray | None:
     if not {"outlines", "closed"} <= set(scene.extras):
         return None
     closed = bool(scene.extras["closed"])
@@ -89,7 +83,7 @@ def _scene_shapes(scene: "Scene") -> np.ndarray | None:
     return np.reshape(lines, (*outlines.shape[:2], -1))
 
 
-def _scene_start(scene: "Scene") -> Start:
+def _scene_start(scene: Scene) -> Start:
     """Splines fitted to the outlines of the first frame."""
     closed = bool(scene.extras["closed"])
     outlines = scene.extras["outlines"][0]
@@ -104,29 +98,38 @@ def _column_values(start: Start, shapes: np.ndarray) -> np.ndarray:
     return _lines(shapes).mean(axis=-2)
 
 
-@contextlib.contextmanager
-def _outline_file(path: Path, start: Start) -> Iterator[Callable[[int, np.ndarray], None]]:
-    """CSV with the header ``frame,id,k,x,y,kind``."""
-    inverse = np.zeros((0, PIECES + 1))  # without splines there are no control points
-    contours = getattr(start, "contours", None)
-    if contours is not None:
-        places = even_places(PIECES + 1, closed=False)
-        kind: dict[str, Any] = {"closed": contours.closed, "degree": contours.degree}
-        # The control points follow from the points on the spline, which are more.
-        inverse = np.linalg.pinv(basis(places, contours.points.shape[1], **kind))
+class OutlineFile(LineWriter):
+    """An outlines.csv, which after every frame contains whole lines only.
 
-    with ContourTrackWriter(path) as writer:
+    Every contour has points of kind ``control``, usable as start contours, and of kind ``outline``,
+    for drawing.  A stored evaluation knows of no splines, and so of no control points.
+    """
 
-        def append(frame: int, shapes: np.ndarray) -> None:
-            lines = _lines(np.asarray(shapes, float))
-            writer.append(frame, start.ids, inverse @ lines, lines)
+    header = TRACK_HEADER
 
-        yield append
+    def __init__(self, path: str | os.PathLike[str], start: Start):
+        super().__init__(path)
+        self._names, self._inverse = start.ids, np.zeros((0, PIECES + 1))
+        if (contours := getattr(start, "contours", None)) is not None:
+            kind: dict[str, Any] = {"closed": contours.closed, "degree": contours.degree}
+            places = even_places(PIECES + 1, closed=False)
+            # The control points follow from the points on the spline, which are more.
+            self._inverse = np.linalg.pinv(basis(places, contours.points.shape[1], **kind))
+
+    def __call__(self, frame: int, shapes: np.ndarray) -> None:
+        """Write the shapes of one frame; a target with a non-finite point is omitted."""
+        lines = _lines(np.asarray(shapes, float))
+        kinds = {"control": self._inverse @ lines, "outline": lines}
+        self.write_rows(
+            [frame, name, number, f"{x:.3f}", f"{y:.3f}", kind]
+            for target, name in enumerate(self._names)
+            if np.isfinite(lines[target]).all()
+            for kind, points in kinds.items()
+            for number, (x, y) in enumerate(points[target])
+        )
 
 
 def _draw(frame: np.ndarray, start: Start, shapes: np.ndarray, marks: Marks) -> np.ndarray:
-    from jaxpf.media.overlay import draw_outlines
-
     lines = _lines(np.asarray(shapes))
     return draw_outlines(frame, lines, start.ids, marks.colours, marks.lost, marks.doubtful)
 
@@ -135,8 +138,6 @@ def _draw_particles(
     frame: np.ndarray, start: Start, tracker: Any, state: Any, colours: np.ndarray
 ) -> np.ndarray:
     """Contours of the likeliest particles, occluded parts dark and dashed."""
-    from jaxpf.contours.drawing import draw_contour_particles
-
     log_weights = np.asarray(state.log_weights)
     best = np.argsort(log_weights)[::-1][:_DRAWN]
     lines = _lines(_shapes(start, np.asarray(state.substates)[best], tracker))
@@ -161,8 +162,6 @@ def _polyline(outline: np.ndarray, closed: bool) -> np.ndarray:
 
 def _hidden(lines: np.ndarray, orders: Sequence[Sequence[int]]) -> np.ndarray:
     """Which points of ``[n, P, V, 2]`` lie inside a nearer contour, by orders, nearest first."""
-    import cv2
-
     is_hidden = np.zeros(lines.shape[:3], bool)
     for hidden, outlines, order in zip(is_hidden, lines, orders, strict=True):
         for nearer, farther in combinations(order, 2):
@@ -186,7 +185,7 @@ CONTOURS = Target(
     scene_shapes=_scene_shapes,
     scene_start=_scene_start,
     column_values=_column_values,
-    outline_file=_outline_file,
+    outline_file=OutlineFile,
     draw=_draw,
     draw_particles=_draw_particles,
     defaults={"method": "ps", "num_particles": 500},

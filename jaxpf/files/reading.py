@@ -2,14 +2,21 @@
 
 import codecs
 import csv
+import json
 import math
 import unicodedata
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
 
+T = TypeVar("T")
+
+#: What parsing may raise of a file with other content.
+_FAULTS = ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError
 #: Limits of a coordinate in pixels and of a whole number, beyond which floats lose precision.
 FARTHEST, LARGEST_WHOLE = 1e9, 2**53 - 1
 #: Longest name, and the Unicode categories that break a line of a table or cannot be encoded.
@@ -40,6 +47,37 @@ def read_text(path: Path, what: str, expected: str) -> str:
     if "\0" in text:
         raise InputError(f"'{path}' is not a text file, as it holds NUL bytes; give {expected}")
     return text
+
+
+def read_json(path: Path, what: str, expected: str, parse: Callable[[dict[str, Any]], T]) -> T:
+    """Read a JSON object with ``parse``; whatever is wrong with the file is one sentence.
+
+    JSON would silently drop the first of two values of one name, which are refused.
+
+    Args:
+        path: the file.
+        what: the kind of content, for messages.
+        expected: what to give instead, for messages.
+        parse: function of the object that raises any error if it is not as expected.
+    """
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        names = [name for name, _ in pairs]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise ValueError(f"it has '{twice[0]:.60}' twice")
+        return dict(pairs)
+
+    text = read_text(path, what, expected)
+    try:
+        content = json.loads(text, object_pairs_hook=unique)
+        if not isinstance(content, dict):
+            raise ValueError("it is no object {...}")
+        return parse(content)
+    except _FAULTS as e:
+        cause = f"it has no {e}" if isinstance(e, KeyError) else " ".join(f"{e}".split())
+        raise InputError(
+            f"'{path}' is no file of {what} ({cause[:500].rstrip('.')}); give {expected}"
+        ) from None
 
 
 def parse_number(

@@ -17,11 +17,13 @@ from jaxpf import filters
 from jaxpf.contract.model import check_tree
 from jaxpf.contract.numbers import MOST
 from jaxpf.contract.options import Option
+from jaxpf.contract.pytree import as_array
 from jaxpf.contract.types import LikelihoodLike, TrackerLike
-from jaxpf.filters.options import FilterOptions
-from jaxpf.ordering import Ordering
+from jaxpf.likelihoods.histogram import histogram_from_patches
+from jaxpf.likelihoods.patch import patch, patch_from_pictures
 from jaxpf.parts.files import Parts
-from jaxpf.targets.building import factory, looks_of
+from jaxpf.parts.models import cut_pictures, parts_model, with_log_odds
+from jaxpf.targets.building import TrackerOptions, factory, looks_of
 from jaxpf.targets.target import Looks, Start
 
 # Samples per side of a part: the error of the likelihood is then .017 sharpness, see
@@ -39,9 +41,6 @@ def tracker(
     frame: ArrayLike | Looks | None,
     parts: Parts | Start,
     *,
-    like: str | None = None,
-    method: str | None = None,
-    num_particles: int | None = None,
     likelihood: Annotated[
         Literal["auto", "sampled", "patch"] | LikelihoodLike,
         Option(
@@ -51,7 +50,6 @@ def tracker(
             rare=True,
         ),
     ] = "auto",
-    ordering: Ordering | None = None,
     patches: Sequence[np.ndarray] | None = None,
     sharpness: Annotated[
         float,
@@ -112,7 +110,7 @@ def tracker(
             compiles=True,
         ),
     ] = "relative",
-    **options: Unpack[FilterOptions],
+    **options: Unpack[TrackerOptions],
 ) -> Any:
     """Build the part tracker of ``jaxpf track``.
 
@@ -134,15 +132,14 @@ def tracker(
         frame: uint8 RGB ``[H, W, 3]`` that contains the parts; tracking continues with the next
             frame.  It may be None with a user-defined likelihood.
         parts: tree, poses and sizes of the parts of one or several objects.
-        like: ``"gonzales2011"`` for that paper's system as printed; other arguments override it.
-        method: ``"sps"`` (default), ``"ps"`` or ``"sir"``.
-        num_particles: number of particles; default 300.
         likelihood: a user-defined likelihood of (u, v, scale, theta), or the name of a method to
             compute it.
-        ordering: from ``jaxpf.ordering``, instead of a method.
         patches: P upright pictures, uint8 RGB ``[h, w, 3]``, from which appearance is learned
             instead of from the frame.
-        options: of the method's filter: ``resampling``, ...
+        options: ``like="gonzales2011"`` for that paper's system as printed, which other arguments
+            override; ``method``, ``"sps"`` (default), ``"ps"`` or ``"sir"``, or an ``ordering`` of
+            ``jaxpf.ordering``; ``num_particles``, default 300; and those of the method's filter:
+            ``resampling``, ...
 
     Returns:
         The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.
@@ -150,19 +147,19 @@ def tracker(
     Raises:
         InputError: an unknown option or a value out of range; the message names it.
     """
-    from jaxpf.parts.models import parts_model
-
     assert isinstance(parts, Start), "by the decorator"
+    learned: Any = likelihood
     if isinstance(likelihood, str):
-        looks = looks_of(frame, num_particles, patches)
+        looks = looks_of(frame, patches=patches)
         if likelihood == "patch" and looks.background is None:
             learned = _patches(looks, parts, sharpness)
         else:
             learned = _histograms(looks, parts, sharpness, bands)
         if looks.patches is None:
-            learned = _with_odds(learned, looks, parts, slip)
-    else:
-        learned = likelihood
+            learned = with_log_odds(learned, looks.frame, parts.shapes, parts.sizes, parts.parents)
+            usual = _SLIP * float(np.median(parts.sizes.min(axis=1)))
+            slip = looks.settings.get("slip", usual) if slip is None else slip
+            learned = dataclasses.replace(learned, slip=as_array(slip, float))
     degrees = np.array(_DEGREES)
     model = parts_model(
         learned,
@@ -174,9 +171,7 @@ def tracker(
         joint_scale=degrees * noise_joints,
         reach=parts.reach,
     )
-    return filters.build(
-        model, method=method, num_particles=num_particles, ordering=ordering, **options
-    )
+    return filters.build(model, **options)
 
 
 def start(given: Parts, names: Sequence[object] | None = None) -> Start:
@@ -191,22 +186,7 @@ def to_parts(tracker: TrackerLike, estimate: ArrayLike) -> np.ndarray:
     return np.asarray(estimate)[..., :3]
 
 
-def _with_odds(learned: Any, looks: Looks, start: Start, slip: float | None) -> Any:
-    """Parts learned from the start frame get log odds and a slip."""
-    from jaxpf.contract.pytree import as_array
-    from jaxpf.parts.models import with_log_odds
-
-    if slip is None:
-        side = float(np.median(start.sizes.min(axis=1)))
-        slip = looks.settings.get("slip", _SLIP * side)
-    part = with_log_odds(learned, looks.frame, start.shapes, start.sizes, start.parents)
-    return dataclasses.replace(part, slip=as_array(slip, float))
-
-
 def _patches(looks: Looks, start: Start, sharpness: float) -> Any:
-    from jaxpf.likelihoods import patch
-    from jaxpf.likelihoods.patch import patch_from_pictures
-
     settings: dict[str, Any] = {"sigma": 1 / math.sqrt(sharpness), "window": _PATCH_WINDOW}
     if looks.patches is not None:
         return patch_from_pictures(looks.patches, start.sizes, **settings)
@@ -214,9 +194,6 @@ def _patches(looks: Looks, start: Start, sharpness: float) -> Any:
 
 
 def _histograms(looks: Looks, start: Start, sharpness: float, bands: int) -> Any:
-    from jaxpf.likelihoods import histogram_from_patches
-    from jaxpf.parts.models import cut_pictures
-
     settings: dict[str, Any] = {}
     if looks.background is not None:
         settings = {"interpolation": "bilinear", "form": "ratio"}

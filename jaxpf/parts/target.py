@@ -5,28 +5,21 @@ Shapes are poses x, y (pixels), theta (radians).
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.media.film import FrameSource
+from jaxpf.media.overlay import draw_outlines
 from jaxpf.parts.factory import start, tracker
 from jaxpf.parts.files import Parts, read_parts
-from jaxpf.targets.later import check_inside
-from jaxpf.targets.target import Marks, Start, Target
-
-if TYPE_CHECKING:
-    from jaxpf.media.film import FrameSource
-    from scenes import Scene
+from jaxpf.shapes.rectangles import corners_from_poses
+from jaxpf.targets.target import Marks, Start, Target, check_inside
+from scenes import Scene
 
 
-def _outlines(poses: Any, sizes: Any) -> Any:
-    from jaxpf.shapes.rectangles import corners_from_poses
-
-    return corners_from_poses(poses, sizes)
-
-
-def _read_start(given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
+def _read_start(given: Mapping[str, Any], number: int, source: FrameSource) -> Start:
     path = given["parts"]
     if path is None:
         raise InputError(
@@ -38,13 +31,13 @@ def _read_start(given: Mapping[str, Any], number: int, source: "FrameSource") ->
     return start(parts)
 
 
-def _scene_shapes(scene: "Scene") -> np.ndarray | None:
+def _scene_shapes(scene: Scene) -> np.ndarray | None:
     if not {"poses", "parents"} <= set(scene.extras):
         return None
     return np.asarray(scene.extras["poses"], np.float64)
 
 
-def _scene_start(scene: "Scene") -> Start:
+def _scene_start(scene: Scene) -> Start:
     parents = tuple(int(parent) for parent in scene.extras["parents"])
     ids = scene.extras.get("ids", range(1, len(parents) + 1))
     return start(Parts(tuple(ids), parents, scene.extras["poses"][0], scene.sizes))
@@ -57,9 +50,7 @@ def _column_values(start: Start, shapes: np.ndarray) -> np.ndarray:
 
 
 def _draw(frame: np.ndarray, start: Start, shapes: np.ndarray, marks: Marks) -> np.ndarray:
-    from jaxpf.media.overlay import draw_outlines
-
-    corners = np.asarray(_outlines(np.asarray(shapes), start.sizes), float)
+    corners = np.asarray(corners_from_poses(np.asarray(shapes), start.sizes), float)
     lines = np.concatenate([corners, corners[:, :1]], axis=1)
     return draw_outlines(frame, lines, start.ids, marks.colours, marks.lost, marks.doubtful)
 
@@ -69,8 +60,8 @@ PARTS = Target(
     tracker=tracker,
     start=start,
     shapes=lambda start, estimate, tracker: np.asarray(estimate)[..., :3],
-    outlines=lambda start, shapes: _outlines(shapes, start.sizes),
-    outlines_of_estimates=_outlines,
+    outlines=lambda start, shapes: corners_from_poses(shapes, start.sizes),
+    outlines_of_estimates=corners_from_poses,
     read_start=_read_start,
     scene_shapes=_scene_shapes,
     scene_start=_scene_start,

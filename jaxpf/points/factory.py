@@ -14,9 +14,10 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.options import Option
 from jaxpf.contract.types import LikelihoodLike, TrackerLike
-from jaxpf.filters.options import FilterOptions
-from jaxpf.ordering import Ordering
-from jaxpf.targets.building import Network, factory, looks_of
+from jaxpf.dynamics.gaussian import AR2
+from jaxpf.likelihoods.patch import windows, windows_from_pictures
+from jaxpf.likelihoods.pretrained import efficientnet_lite0, pretrained_points
+from jaxpf.targets.building import Network, TrackerOptions, factory, looks_of
 from jaxpf.targets.target import Looks, Start
 
 #: Side in pixels of the square that represents a point where an area is needed.
@@ -30,11 +31,7 @@ def tracker(
     frame: ArrayLike | Looks | None,
     points: ArrayLike | Start,
     *,
-    like: str | None = None,
-    method: str | None = None,
-    num_particles: int | None = None,
     likelihood: LikelihoodLike | None = None,
-    ordering: Ordering | None = None,
     appearance: Annotated[
         Literal["windows", "pretrained"],
         Option(
@@ -109,7 +106,7 @@ def tracker(
             rare=True,
         ),
     ] = "mean",
-    **options: Unpack[FilterOptions],
+    **options: Unpack[TrackerOptions],
 ) -> Any:
     """Build the point tracker of ``jaxpf track``.
 
@@ -125,13 +122,12 @@ def tracker(
         frame: uint8 RGB ``[H, W, 3]`` that contains the points; tracking continues with the next
             frame.  It may be None with a user-defined likelihood.
         points: x and y in pixels, ``[P, 2]``.
-        like: ``"eskil2014"`` for that paper's system as printed, or ``"pffl"`` for the one that it
-            compares with; other arguments override it.
-        method: ``"sps"`` (default), ``"ps"``, ``"pffl"``, ``"eskil"``, ...
-        num_particles: number of particles; by default 1000, or 10 for eskil and 50 for pffl.
         likelihood: a user-defined likelihood of substates (u, v).
-        ordering: from ``jaxpf.ordering``, instead of a method.
-        options: of the method's filter: ``resampling``, ``drift``, ...
+        options: ``like="eskil2014"`` for that paper's system as printed, or ``"pffl"`` for the one
+            that it compares with, which other arguments override; ``method``, ``"sps"`` (default),
+            ``"ps"``, ``"pffl"``, ``"eskil"``, ..., or an ``ordering`` of ``jaxpf.ordering``;
+            ``num_particles``, by default 1000, or 10 for eskil and 50 for pffl; and those of the
+            method's filter: ``resampling``, ``drift``, ...
 
     Returns:
         The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.
@@ -140,25 +136,22 @@ def tracker(
         InputError: an unknown option or a value out of range, a point outside the frame, two points
             at the same position, or a single point with eskil's drift; the message says which.
     """
-    from jaxpf.dynamics.gaussian import AR2
-
     assert isinstance(points, Start), "by the decorator"
     if likelihood is None:
-        looks = looks_of(frame, num_particles)
+        looks = looks_of(frame)
+        about: dict[str, Any] = {"sigma": sigma, "norm": norm, "slip": slip}
+        patches, size = looks.patches, (window_size, window_size)
         if appearance == "pretrained":
-            likelihood = _pretrained(looks, points, network, sharpness=sharpness, slip=slip)
+            about = {"sharpness": sharpness, "slip": slip, "network": efficientnet_lite0(network)}
+            likelihood = pretrained_points(looks.frame, points.shapes, **about)
+        elif patches is not None and all(patch.shape[:2] == size for patch in patches):
+            likelihood = windows_from_pictures(patches, **about)
         else:
-            likelihood = _windows(looks, points, window_size, sigma=sigma, norm=norm, slip=slip)
+            likelihood = windows(looks.frame, points.shapes, window=size, **about)
     _check_apart(points)
-    model = Model(
-        dynamics=AR2(np.float32(noise_points), np.float32(momentum)),
-        likelihood=likelihood,
-        initial=points.shapes.astype(np.float32),
-        parents=points.parents,
-    )
-    return filters.build(
-        model, method=method, num_particles=num_particles, ordering=ordering, **options
-    )
+    motion = AR2(np.float32(noise_points), np.float32(momentum))
+    model = Model(motion, likelihood, points.shapes.astype(np.float32), points.parents)
+    return filters.build(model, **options)
 
 
 def start(given: Any, names: Sequence[object] | None = None) -> Start:
@@ -182,30 +175,12 @@ def to_points(tracker: TrackerLike, estimate: ArrayLike) -> np.ndarray:
     return np.asarray(estimate)[..., :2]
 
 
-def _pretrained(looks: Looks, start: Start, network: str | None, **settings: Any) -> Any:
-    from jaxpf.likelihoods.pretrained import efficientnet_lite0, pretrained_points
-
-    settings["network"] = efficientnet_lite0(network)
-    return pretrained_points(looks.frame, start.shapes, **settings)
-
-
-def _windows(looks: Looks, start: Start, size: int, **settings: Any) -> Any:
-    """Windows of the frame, or the patches if they have the window's size."""
-    from jaxpf.likelihoods.patch import windows, windows_from_pictures
-
-    patches = looks.patches
-    if patches is not None and all(patch.shape[:2] == (size, size) for patch in patches):
-        return windows_from_pictures(patches, **settings)
-    return windows(looks.frame, start.shapes, window=(size, size), **settings)
-
-
 def _check_apart(start: Start) -> None:
-    places = start.shapes
-    for second in range(len(places)):
-        for first in range(second):
-            if np.array_equal(places[first], places[second]):
-                x, y = places[first]
-                raise InputError(
-                    f"points {start.ids[first]} and {start.ids[second]} are both at "
-                    f"({x:g}, {y:g}): move or remove one."
-                )
+    seen: dict[tuple[float, ...], object] = {}
+    for name, place in zip(start.ids, map(tuple, start.shapes.tolist()), strict=True):
+        if place in seen:
+            raise InputError(
+                f"points {seen[place]} and {name} are both at ({place[0]:g}, {place[1]:g}): move "
+                "or remove one."
+            )
+        seen[place] = name

@@ -2,37 +2,34 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
+from jaxpf.media.film import FrameSource
+from jaxpf.media.images import read_mask
+from jaxpf.points.drawing import draw_points
 from jaxpf.points.factory import settle, start, tracker
 from jaxpf.points.files import Points, grid_points, parse_points, read_points
-from jaxpf.targets.later import check_inside, starts_by_frame
-from jaxpf.targets.target import Marks, Start, Target
-
-if TYPE_CHECKING:
-    import jax
-    from jax.typing import ArrayLike
-
-    from jaxpf.media.film import FrameSource
-    from scenes import Scene
+from jaxpf.targets.target import Marks, Start, Target, check_inside
+from scenes import Scene
 
 #: Default spacing of a grid of points, pixels.
 _MASK_STEP = 20.0
 
 
-def _outlines(start: Start, shapes: "ArrayLike") -> "jax.Array | np.ndarray":
+def _outlines(start: Start, shapes: ArrayLike) -> jax.Array:
     """Squares around the points, where polygons are needed."""
-    import jax.numpy as jnp
-
     half = jnp.asarray(start.sizes, jnp.asarray(shapes).dtype)[:, None] / 2
     corners = jnp.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], half.dtype)
     return jnp.asarray(shapes)[..., None, :] + corners * half
 
 
-def _read_start(given: Mapping[str, Any], number: int, source: "FrameSource") -> Start:
+def _read_start(given: Mapping[str, Any], number: int, source: FrameSource) -> Start:
     said = [name for name in ("point", "points", "mask") if given[name]]
     if len(said) > 1:
         raise InputError(f"--{said[0]} and --{said[1]} were both given; use one of them.")
@@ -47,39 +44,27 @@ def _read_start(given: Mapping[str, Any], number: int, source: "FrameSource") ->
         step = _MASK_STEP if given["mask_step"] is None else given["mask_step"]
         points = _on_mask(given["mask"], step, source)
     else:
-        points = (
-            read_points(given["points"]).at(number)
-            if given["points"]
-            else parse_points(given["point"])
-        )
-    check_inside("point", points.names, points.places, source)
-    return start(points.places, points.names)
-
-
-def _later_starts(
-    given: Mapping[str, Any], number: int, source: "FrameSource"
-) -> tuple[dict[int, Start], str | None]:
-    """Points of later frames in the file of --points."""
-    points = read_points(given["points"]) if given["points"] else None
-    if points is None or points.frames is None:
-        return {}, None
+        typed, path = given["point"], given["points"]
+        points = read_points(path) if path else parse_points(typed)
 
     def start_at(frame: int) -> Start:
         there = points.at(frame)
         check_inside("point", there.names, there.places, source)
         return start(there.places, there.names)
 
-    return starts_by_frame(points.frames, np.array(points.names), number, start_at)
+    if points.frames is None:
+        return start_at(number)
+    return Start.from_rows(points.frames, np.array(points.names), number, start_at)
 
 
-def _scene_shapes(scene: "Scene") -> np.ndarray | None:
+def _scene_shapes(scene: Scene) -> np.ndarray | None:
     """Hidden points count as absent."""
     if "points" not in scene.extras:
         return None
     return np.where(scene.extras["visible"][..., None], scene.extras["points"], np.nan)
 
 
-def _scene_start(scene: "Scene") -> Start:
+def _scene_start(scene: Scene) -> Start:
     """Raise InputError: a point is hidden in the first frame."""
     names, shown = scene.extras["point_names"], scene.extras["visible"][0]
     for name, visible in zip(names, shown, strict=True):
@@ -93,8 +78,6 @@ def _scene_start(scene: "Scene") -> Start:
 
 def _draw(frame: np.ndarray, start: Start, shapes: np.ndarray, marks: Marks) -> np.ndarray:
     """Lost points are hollow, and doubtful ones have a question mark."""
-    from jaxpf.points.drawing import draw_points
-
     doubtful = np.zeros(len(start.ids), bool) if marks.doubtful is None else marks.doubtful
     return draw_points(
         frame,
@@ -109,10 +92,8 @@ def _draw(frame: np.ndarray, start: Start, shapes: np.ndarray, marks: Marks) -> 
     )
 
 
-def _on_mask(path: Path, step: float, source: "FrameSource") -> Points:
+def _on_mask(path: Path, step: float, source: FrameSource) -> Points:
     """Return points on a grid within a mask of the frame's size."""
-    from jaxpf.media.images import read_mask
-
     if not path.is_file():
         raise InputError(f"there is no mask at '{path}'; give a picture that is 0 off the body.")
     mask = read_mask(path) > 0
@@ -134,7 +115,6 @@ POINTS = Target(
     shapes=lambda start, estimate, tracker: np.asarray(estimate)[..., :2],
     outlines=_outlines,
     read_start=_read_start,
-    later_starts=_later_starts,
     scene_shapes=_scene_shapes,
     scene_start=_scene_start,
     draw=_draw,

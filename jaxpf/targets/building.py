@@ -8,26 +8,38 @@ import functools
 import inspect
 import os
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, TypeVar
+from typing import Annotated, Any, ParamSpec, TypeVar
 
 import numpy as np
+from jax.typing import ArrayLike
 
 from jaxpf import filters
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import Option, complete, defaults_of, options_of
-from jaxpf.filters.registry import Filter
+from jaxpf.contract.types import TrackerLike
+from jaxpf.filters.options import FilterOptions
+from jaxpf.filters.registry import Filter, all_filters
+from jaxpf.ordering import Ordering
 from jaxpf.targets.presets import PRESETS
 from jaxpf.targets.registry import find_target
 from jaxpf.targets.target import Looks, Start, Target
-
-if TYPE_CHECKING:
-    from jax.typing import ArrayLike
-
-    from jaxpf.contract.types import TrackerLike
-    from scenes import Scene
+from scenes import Scene
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+class TrackerOptions(FilterOptions, total=False):
+    """What every factory takes besides its own options: a system, a method, its filter's options.
+
+    ``ordering`` is one from ``jaxpf.ordering``, instead of a method.
+    """
+
+    like: str | None
+    method: str | None
+    num_particles: int | None
+    ordering: Ordering | None
+
 
 #: An option of boxes and of points.
 Network = Annotated[
@@ -90,7 +102,7 @@ def build(target: Target, values: dict[str, Any], start: Start, looks: Looks) ->
 
 
 def shapes_of(
-    tracker: "TrackerLike", target: Target, start: Start, estimate: "ArrayLike"
+    tracker: TrackerLike, target: Target, start: Start, estimate: ArrayLike
 ) -> np.ndarray:
     """Convert estimates to shapes ``[..., P, S]``, by the tracker if it can, else by the target."""
     if target.is_told_boxes_by(tracker):
@@ -115,7 +127,7 @@ def looks_of(frame: Any, num_particles: int | None = None, patches: Any = None) 
     return Looks(frame, patches, num_particles or Looks._field_defaults["num_particles"])
 
 
-def looks_of_scene(scene: "Scene", num_particles: int | None, **about: Any) -> Looks:
+def looks_of_scene(scene: Scene, num_particles: int | None, **about: Any) -> Looks:
     """A scene's reference patches and first frame; ``about`` are further fields of ``Looks``."""
     looks = Looks(scene.frames[0], scene.patches, settings=scene.settings, **about)
     return looks._replace(num_particles=num_particles) if num_particles else looks
@@ -134,31 +146,31 @@ def factory(name: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
         @functools.wraps(function)
         def made(*arguments: P.args, **given: P.kwargs) -> R:
-            return _made(function, find_target(name), *arguments, **given)
+            bound = inspect.signature(function).bind(*arguments, **given)
+            frame, start = bound.args
+            return _made(function, find_target(name), frame, start, bound.kwargs)
 
         return made
 
     return decorate
 
 
-#: Arguments of factories that are no options, and options that may be objects of the user.
+#: Options that may be objects of the user.
 _OBJECTS = ("likelihood", "resampling", "ordering", "patches")
 
 
 def _made(
-    function: Callable[..., R], target: Target, frame: Any, given_start: Any = None, **given: Any
+    function: Callable[..., R], target: Target, frame: Any, start: Any, given: dict[str, Any]
 ) -> R:
     """Complete and check the options, and call the function with them."""
-    _, second, *_ = inspect.signature(function).parameters
-    given_start = given.pop(second, given_start)
-    start = given_start if isinstance(given_start, Start) else target.start(given_start)
+    start = start if isinstance(start, Start) else target.start(start)
     values = {name: value for name, value in given.items() if value is not None}
-    of_start = {field.name for field in dataclasses.fields(start)} & values.keys()
-    start = dataclasses.replace(start, **{name: values.pop(name) for name in of_start})
-    if (like := values.pop("like", None)) is not None:
-        if like in target.systems:
-            return target.systems[like](frame, start.shapes, **values)
-        values, start = _with_preset(like, target, values, start)
+    if (like := values.pop("like", None)) in target.systems:
+        return target.systems[like](frame, start.shapes, **values)
+    if like is not None:
+        values = _with_preset(like, target, start, values)
+    fields = {field.name for field in dataclasses.fields(start)} & values.keys()
+    start = dataclasses.replace(start, **{name: values.pop(name) for name in fields})
     objects = {
         name: values.pop(name)
         for name in _OBJECTS
@@ -178,25 +190,22 @@ def _made(
     return function(frame, start, **of_filter | of_target | objects)
 
 
-def _with_preset(
-    like: Any, target: Target, values: dict[str, Any], start: Start
-) -> tuple[dict[str, Any], Start]:
-    """The arguments of a factory, completed by a published system where they leave it open."""
+def _with_preset(like: str, target: Target, start: Start, given: dict[str, Any]) -> dict[str, Any]:
+    """The options of a published system that go with those given, and the latter."""
     known = PRESETS.get(target.name, {})
     if like not in known:
         names = ", ".join([*known, *target.systems])
         raise InputError(
             f"like={like!r:.60} is not a published system of {target.name}; choose from {names}."
         )
-    options, start = known[like](start)
-    if "ordering" in values:
-        options.pop("method", None)
-    if "method" in values:
-        options.pop("ordering", None)
-    filter_ = filter_for(target, values.get("method", options.get("method")))
+    options = known[like](start)
+    if given.keys() & {"method", "ordering"}:
+        options = {n: value for n, value in options.items() if n not in ("method", "ordering")}
+    filter_ = filter_for(target, given.get("method", options.get("method")))
     declared = options_of(target.tracker, filter_.build)
-    fitting = {n for n, option in declared.items() if option.applies(values)} | {"ordering"}
-    return {n: value for n, value in options.items() if n in fitting} | values, start
+    unfit = {n for n, option in declared.items() if not option.applies(given)}
+    unfit |= options_of(*(each.build for each in all_filters().values())).keys() - declared.keys()
+    return {n: value for n, value in options.items() if n not in unfit} | given
 
 
 def _plain(value: Any) -> Any:

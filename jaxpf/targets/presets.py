@@ -5,15 +5,11 @@ included.  Options that the caller gives take precedence.  Noise that a paper do
 this library's default.
 """
 
-import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from jaxpf import ordering as orderings
 from jaxpf.targets.target import Start
-
-#: Options of the target and of the filter, and where tracking starts.
-System = tuple[dict[str, Any], Start]
 
 #: gonzales2011: lambda of the likelihood, and the range around the object in which particles
 #: start, in pixels, pixels and radians, which the paper leaves open.
@@ -43,9 +39,10 @@ MACCORMICK1999: Mapping[str, Mapping[str, Any]] = {
 }
 
 
-def _smith2004(start: Start) -> System:
+def _smith2004(start: Start) -> dict[str, Any]:
     """DPS, section 4, with the paper's reassembly; likelihood exp(-lambda d^2) of histograms."""
-    options = {
+    return {
+        "ordering": orderings.dps(start.num_partitions, reassembly="literal"),
         "num_particles": 300,
         "sharpness": 20.0,
         "noise_pixels": (2.0, 2.0, 0.001),
@@ -53,43 +50,43 @@ def _smith2004(start: Start) -> System:
         "appearance": "colour",
         "likelihood": "integral",  # of all pixels
     }
-    return {**options, "ordering": orderings.dps(len(start.ids), reassembly="literal")}, start
 
 
-def _gonzales2011(start: Start) -> System:
+def _gonzales2011(start: Start) -> dict[str, Any]:
     """SPS, sections 3.1 and 3.2: the sorted swap; every part moves on its own."""
-    options = {
+    return {
         "method": "sps",
         "swap": "sorted",
         "resampling": "multinomial",
         "dynamics": "absolute",
         "sharpness": GONZALES2011_SHARPNESS,
         "slip": 0.0,
+        "reach": GONZALES2011_REACH,
     }
-    return options, dataclasses.replace(start, reach=GONZALES2011_REACH)
 
 
-def _eskil2014(start: Start) -> System:
+def _eskil2014(start: Start) -> dict[str, Any]:
     """Eq. 6 to 9 as printed: summed squares, distances held to 0.01 pixel, plain sum in eq. 9."""
     own = {"method": "eskil", "shape": "pixels", "shape_scale": 0.01, "drift": "literal"}
-    return {**ESKIL2014, **own}, start
+    return {**ESKIL2014, **own}
 
 
-def _pffl(start: Start) -> System:
+def _pffl(start: Start) -> dict[str, Any]:
     """What eskil2014 compares with: eq. 5, without its authors' learned prior."""
-    return {**ESKIL2014, "method": "pffl", "form": "literal"}, start
+    return {**ESKIL2014, "method": "pffl", "form": "literal"}
 
 
-def _maccormick1999(start: Any) -> System:
+def _maccormick1999(start: Any) -> dict[str, Any]:
     """Closed contours hide one another, and open ones are wires."""
     options = {**MACCORMICK1999["opaque" if start.contours.closed else "wires"]}
     if start.learned is not None:
         options.pop("shape_space", None)
-    return options, start
+    return options
 
 
-#: Target -> paper -> function of the start.  rowe2005 has a builder, see ``Target.systems``.
-PRESETS: Mapping[str, Mapping[str, Callable[[Start], System]]] = {
+#: Target -> paper -> function of the start that returns options of the factory.  rowe2005 has a
+#: builder, see ``Target.systems``.
+PRESETS: Mapping[str, Mapping[str, Callable[[Start], dict[str, Any]]]] = {
     "boxes": {"smith2004": _smith2004},
     "parts": {"gonzales2011": _gonzales2011},
     "points": {"eskil2014": _eskil2014, "pffl": _pffl},

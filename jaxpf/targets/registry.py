@@ -3,22 +3,19 @@
 import functools
 import importlib
 from importlib.metadata import entry_points
-from typing import TYPE_CHECKING
 
 from jaxpf.contract.errors import InputError, check_known
-
-if TYPE_CHECKING:
-    from jaxpf.targets.target import Target
-    from scenes import Scene
+from jaxpf.targets.target import Target
+from scenes import Scene
 
 #: Target to track if none is given.
 DEFAULT = "boxes"
 #: A scene gets the first kind whose truth it has, those of users before those of this library.
 _OWN = ("points", "parts", "contours", "boxes")
-_REGISTERED: "dict[str, Target]" = {}
+_REGISTERED: dict[str, Target] = {}
 
 
-def register(target: "Target") -> None:
+def register(target: Target) -> None:
     """Add a kind of target to the command line and to evaluations.
 
     A package does so by an entry point of the group ``jaxpf.targets``, ``NAME = "module:TARGET"``.
@@ -27,17 +24,17 @@ def register(target: "Target") -> None:
 
 
 @functools.cache
-def _installed() -> "dict[str, Target]":
+def _installed() -> dict[str, Target]:
     return {entry.name: entry.load() for entry in entry_points(group="jaxpf.targets")}
 
 
-def all_targets() -> "dict[str, Target]":
+def all_targets() -> dict[str, Target]:
     """All kinds of target, by name."""
     own = {n: getattr(importlib.import_module(f"jaxpf.{n}.target"), n.upper()) for n in _OWN}
     return _REGISTERED | _installed() | own
 
 
-def find_target(name: str) -> "Target":
+def find_target(name: str) -> Target:
     """The target of a name.
 
     Raises:
@@ -47,7 +44,7 @@ def find_target(name: str) -> "Target":
     return all_targets()[name]
 
 
-def target_of_scene(scene: "Scene", name: str | None = None) -> "Target":
+def target_of_scene(scene: Scene, name: str | None = None) -> Target:
     """The target that fits a scene's ground truth.
 
     Args:

@@ -2,15 +2,21 @@
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.files.reading import check_pixels
+from jaxpf.measures.outlines import measure_outlines
 from jaxpf.media.film import FrameSource
+from jaxpf.media.overlay import draw_particles
 from scenes import Scene
+
+#: Frames in a row with a start of one object, from which on a file holds whole tracks.
+_WHOLE = 3
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -26,6 +32,7 @@ class Start:
         parents: the part tree, -1 for a root.
         reach: half-width of the uniform distribution around the shapes from which particles start,
             ``[]`` or ``[S]``; used by parts only.
+        later: frame -> objects that start, or start again, there.
         remarks: warnings about input that was accepted but may be a mistake.
     """
 
@@ -33,13 +40,55 @@ class Start:
     shapes: np.ndarray
     sizes: np.ndarray
     parents: tuple[int, ...]
-    reach: Any = dataclasses.field(default=0.0, kw_only=True)
-    remarks: tuple[str, ...] = dataclasses.field(default=(), kw_only=True)
+    _: dataclasses.KW_ONLY
+    reach: Any = 0.0
+    later: "Mapping[int, Start]" = dataclasses.field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
     @property
     def num_partitions(self) -> int:
         """P, the number of objects."""
         return len(self.parents)
+
+    @classmethod
+    def from_rows(
+        cls, frames: np.ndarray, names: np.ndarray, first: int, start_at: Callable[[int], Self]
+    ) -> Self:
+        """The objects of frame ``first`` and of later ones, by a file's rows per frame and object.
+
+        A file that gives an object in three frames in a row holds whole tracks, not starts, and
+        only its first frame counts.
+
+        Args:
+            frames: int ``[K]``, from 0.
+            names: ``[K]``.
+            first: the start frame.
+            start_at: function from a frame to its objects.
+        """
+        start = start_at(first)
+        if holds_whole_tracks(set(zip(frames.tolist(), names.tolist(), strict=True))):
+            remark = f"the start file holds whole tracks; only its frame {first} is used."
+            return dataclasses.replace(start, remarks=(*start.remarks, remark))
+        later = {int(at): start_at(int(at)) for at in np.unique(frames[frames > first])}
+        return dataclasses.replace(start, later=later)
+
+
+def holds_whole_tracks(rows: set[tuple[int, Any]]) -> bool:
+    """Whether an object has rows ``(frame, name)`` in three frames in a row."""
+    return any(all((at + step, name) in rows for step in range(_WHOLE)) for at, name in rows)
+
+
+def check_inside(
+    what: str, names: Iterable[object], places: np.ndarray, source: FrameSource
+) -> None:
+    """Refuse x and y ``[P, 2]`` outside the frame; ``what`` they are, such as ``"point"``."""
+    check_pixels("the start points", places)
+    for name, (x, y) in zip(names, places, strict=True):
+        if not (0 <= x < source.width and 0 <= y < source.height):
+            raise InputError(
+                f"{what} '{name}' is at ({x:g}, {y:g}), outside the frame of {source.width} x "
+                f"{source.height} pixels: move it inside, or leave it out."
+            )
 
 
 class Looks(NamedTuple):
@@ -96,8 +145,6 @@ def _no_start(scene: Scene) -> Start:
 
 def _dots(frame: np.ndarray, start: Start, tracker: Any, state: Any, colours: Any) -> np.ndarray:
     """The frame with one dot for every particle."""
-    from jaxpf.media.overlay import draw_particles
-
     if not hasattr(state, "substates"):
         return frame
     centres = np.swapaxes(np.asarray(state.substates)[..., :2], 0, 1)
@@ -127,8 +174,6 @@ class Target:
         scene_shapes: function of a scene that returns its truth ``[T, P, S]``, NaN where an object
             is absent; None if its truth is of another kind.
         scene_start: function of such a scene that returns where objects are in its first frame.
-        later_starts: function of the arguments of ``read_start`` that returns the objects that
-            start, or start again, in later frames, frame -> start, and a remark or None.
         measure: function of start, shapes and truth that returns error measures per frame; by
             default those of the outlines, ``jaxpf.measures.outlines``.
         columns: of tracks.csv that hold an object's position; angles in degrees, others in pixels.
@@ -162,9 +207,6 @@ class Target:
     settle: Callable[..., dict[str, Any]] = lambda values, settings, num_objects=None: {**values}
     scene_shapes: Callable[[Scene], Any] = lambda scene: None
     scene_start: Callable[[Scene], Start] = _no_start
-    later_starts: Callable[..., tuple[dict[int, Start], str | None]] = (
-        lambda given, number, source: ({}, None)
-    )
     measure: Callable[[Start, Any, Any], dict[str, Any]] | None = None
     columns: tuple[str, ...] = ("x", "y")
     fixed_columns: tuple[str, ...] = ()
@@ -195,6 +237,4 @@ class Target:
         """Error measures per frame of shapes ``[..., P, S]``."""
         if self.measure is not None:
             return self.measure(start, shapes, truth)
-        from jaxpf.measures.outlines import measure_outlines
-
         return measure_outlines(self.outlines(start, shapes), self.outlines(start, truth))

@@ -1,5 +1,5 @@
 import os
-from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 from box_files import GT
@@ -7,18 +7,25 @@ from hypothesis import given, strategies as st
 from properties import EVERY, tracks
 from refusals import every, message_of
 
-from jaxpf.boxes import read_boxes, to_supervision
-from jaxpf.boxes.tracks import check_boxes, dense, parse_box, start_boxes, write_mot
+from jaxpf.boxes import read_boxes, target, to_supervision
+from jaxpf.boxes.tracks import check_boxes, parse_box, write_mot
+from jaxpf.sequences.tables import dense
+
+VIDEO = SimpleNamespace(width=640, height=480)
 
 # Choosing and checking
 
 
+def start_boxes(table, frame, ids=None):
+    return target.start_boxes(table, frame, VIDEO, ids)
+
+
 def test_start_boxes_come_in_the_order_asked(boxes_file):
     table = read_boxes(boxes_file(GT))
-    ids, boxes = start_boxes(table, 0, [1, 3])
-    assert ids.tolist() == [1, 3]
-    assert boxes.tolist() == [[11.5, 21, 31, 41], [10, 20, 30, 40]]
-    assert start_boxes(table, 0)[0].tolist() == [3, 1], "by default in the order of the file"
+    found = start_boxes(table, 0, [1, 3])
+    assert found.ids.tolist() == [1, 3]
+    assert found.shapes.tolist() == [[11.5, 21, 31, 41], [10, 20, 30, 40]]
+    assert start_boxes(table, 0).ids.tolist() == [3, 1], "by default in the order of the file"
 
 
 def test_long_lists_of_frames_are_shortened(boxes_file):
@@ -43,8 +50,8 @@ def test_a_typed_box_is_read():
     assert parse_box("-5,-6,7,8").tolist() == [-5, -6, 7, 8]
 
 
-def outside(box):
-    return partial(check_boxes, [[1, 2, 3, 4], box], 640, 480)
+def check(*boxes):
+    check_boxes(boxes, VIDEO.width, VIDEO.height)
 
 
 @every(
@@ -57,13 +64,13 @@ def outside(box):
         (lambda _: parse_box(""), "''"),
         (lambda _: parse_box("1,2,c,4"), "'c'"),
         (lambda _: parse_box("1,2,nan,4"), "'nan'"),
-        (lambda _: parse_box("1,2,3,-4"), "3 x -4"),
-        (lambda _: outside([np.nan, 1, 2, 3])(), "box 2 (nan"),
-        (lambda _: outside([1, 2, 0, 3])(), "box 2 (1,2,0,3)"),
-        (lambda _: outside([640, 2, 3, 3])(), "box 2 (640"),
-        (lambda _: outside([2, 480, 3, 3])(), "box 2 (2,480"),
-        (lambda _: outside([-3, 2, 3, 3])(), "box 2 (-3"),
-        (lambda _: outside([2, -3, 3, 3])(), "box 2 (2,-3"),
+        (lambda _: parse_box("1,2,3,-4"), "'1,2,3,-4' has no area"),
+        (lambda _: check([1, 2, 3, 4], [np.nan, 1, 2, 3]), "object 2 (nan"),
+        (lambda _: check([1, 2, 0, 3]), "object 1 (1,2,0,3)"),
+        (lambda _: check([640, 2, 3, 3]), "object 1 (640"),
+        (lambda _: check([2, 480, 3, 3]), "object 1 (2,480"),
+        (lambda _: check([-3, 2, 3, 3]), "object 1 (-3"),
+        (lambda _: check([2, -3, 3, 3]), "object 1 (2,-3"),
         (lambda _: check_boxes([[1, 2, 3, -3]], 640, 480, ["id 7"]), "id 7"),
         (lambda _: write_mot("gone/t.txt", [0], [1], [[1, 2, 3, 4]]), "'gone/t.txt'"),
     ]
@@ -73,7 +80,7 @@ def test_what_is_not_there_or_no_box_is_named(boxes_file, call, named):
 
 
 def test_boxes_may_lie_partly_outside():
-    check_boxes([[-5, -5, 10, 10], [635, 475, 10, 10], [-9, -9, 999, 999]], 640, 480)
+    check([-5, -5, 10, 10], [635, 475, 10, 10], [-9, -9, 999, 999])
 
 
 # Writing

@@ -8,11 +8,11 @@ import pytest
 from command_line import jaxpf, refusal_of
 
 from jaxpf.boxes import read_boxes
-from jaxpf.boxes.tracks import dense
 from jaxpf.contours.files import read_contours
 from jaxpf.media import open_frames
 from jaxpf.parts.files import read_parts
 from jaxpf.points.files import read_points
+from jaxpf.sequences.tables import dense
 
 KINDS = {"boxes": 90, "parts": 60, "points": 60, "contours": 60, "detections": 120}
 #: The others are made by the same function.

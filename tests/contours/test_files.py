@@ -10,7 +10,7 @@ from properties import EVERY, coordinates, extents, names
 from refusals import message_of
 
 from jaxpf.contours import Contours
-from jaxpf.contours.files import read_contours, write_contours
+from jaxpf.contours.files import contours_text, read_contours
 
 LEAF = [[10, 20], [30, 18], [32, 40], [12, 38.5]]
 
@@ -29,7 +29,7 @@ def test_what_is_written_is_read(tmp_path_factory, data, closed, degree):
     points = data.draw(arrays(float, (len(found), 6, 2), elements=coordinates))
     width = None if closed else data.draw(st.none() | extents)
     written = Contours(tuple(found), points, closed, degree, width)
-    write_contours(path, written)
+    path.write_text(contours_text(written), "utf-8")
     read = read_contours(path)
     for name in ("names", "closed", "degree", "width"):
         assert getattr(read, name) == getattr(written, name)
@@ -63,7 +63,7 @@ def four(*last):
         ({"width": 12}, "open contours"),
         ({"width": -1, "closed": False}, "width"),
         ({"width": "thin", "closed": False}, "width"),
-        ({"contours": {}}, "no contours"),
+        ({"contours": {}}, "it has no contours"),
         ({"contours": {"leaf": LEAF[:3]}}, "3 control point"),
         ({"contours": {"a": LEAF, "b": [*LEAF, [1, 2]]}}, "'a' 4, 'b' 5"),
         (four(1, "x"), "point 3 of contour 'leaf'"),

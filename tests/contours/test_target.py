@@ -13,8 +13,7 @@ from refusals import message_of
 import jaxpf
 import scenes
 from jaxpf.contours import Contours
-from jaxpf.contours.files import ContourTrackWriter
-from jaxpf.contours.target import CONTOURS, _hidden
+from jaxpf.contours.target import CONTOURS, OutlineFile, _hidden
 from jaxpf.shapes.splines import fit_spline
 from jaxpf.targets import Start
 
@@ -108,15 +107,14 @@ def test_filmed_contours_slip_and_move_by_shares_of_their_size(wires):
 
 @pytest.mark.slow
 @pytest.mark.always
-def test_tracks_hold_control_points_and_outlines(tmp_path, tracked):
+def test_tracks_hold_control_points_and_outlines(tmp_path, wires, tracked):
     tracker, estimates = tracked
-    names, space = ("left", "right"), tracker.likelihood.space
+    space = tracker.likelihood.space
     broken = estimates[1].copy()
     broken[1] = np.nan
-    with ContourTrackWriter(tmp_path / "tracks.csv") as writer:
+    with OutlineFile(tmp_path / "tracks.csv", CONTOURS.start(wires[1])) as write:
         for frame, estimate in enumerate((estimates[0], broken)):
-            control = np.asarray(space.control_points(estimate))
-            writer.append(frame, names, control, jaxpf.contours.to_contours(tracker, estimate))
+            write(frame, CONTOURS.shapes(None, estimate, tracker))
     rows = rows_of(tmp_path / "tracks.csv")
     assert len(rows) == 3 * (8 + 65)
     wanted = ("0", "control", "right")

@@ -9,6 +9,7 @@ import json
 import random
 import signal
 import warnings
+from types import SimpleNamespace
 
 import click
 import cv2
@@ -20,7 +21,7 @@ from small_video import picture, write_lossless_video
 import jaxpf
 from jaxpf import InputError
 from jaxpf.boxes import read_boxes
-from jaxpf.boxes.tracks import check_boxes, dense, start_boxes
+from jaxpf.boxes.target import start_boxes
 from jaxpf.cli.shared.flags import NumberList, config_flag
 from jaxpf.contours.files import read_contours
 from jaxpf.detections.files import read_detections
@@ -30,6 +31,7 @@ from jaxpf.media import open_frames
 from jaxpf.parts.files import read_parts
 from jaxpf.points.files import read_points
 from jaxpf.sequences import open_sequence
+from jaxpf.sequences.tables import dense
 from jaxpf.tuning import checkpoint
 
 SEED = 17
@@ -134,9 +136,7 @@ def read_table(path):
     table = read_boxes(path)
     if len(table):
         dense(table, [int(table.id[0])], 5)
-        frame = int(table.frame[0])
-        ids, boxes = start_boxes(table, frame)
-        check_boxes(boxes, 64, 48, [f"object {i}" for i in ids])
+        start_boxes(table, int(table.frame[0]), SimpleNamespace(width=64, height=48))
 
 
 def read_scene(folder, path):

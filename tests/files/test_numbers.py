@@ -5,7 +5,7 @@ import pytest
 
 from jaxpf import InputError
 from jaxpf.boxes import read_boxes
-from jaxpf.contours.annotated_files import read_annotated
+from jaxpf.contours.learning import read_annotated
 from jaxpf.detections.files import read_detections
 from jaxpf.parts.files import read_parts
 from jaxpf.points.files import read_points

@@ -21,7 +21,7 @@ from jaxpf.cli.marking.starts import write_start
 from jaxpf.cli.shared.flags import write_config
 from jaxpf.cli.tracking.columns import TrackTable
 from jaxpf.contours import Contours
-from jaxpf.contours.files import read_contours, write_contours
+from jaxpf.contours.files import contours_text, read_contours
 from jaxpf.detections.files import read_detections, write_detections
 from jaxpf.files.reading import check_name, read_rows
 from jaxpf.files.states import load_like
@@ -187,7 +187,7 @@ def test_contours(folder, data, closed, width):
     known = data.draw(st.lists(names, min_size=1, max_size=3, unique=True))
     points = data.draw(hnp.arrays(float, (len(known), 5, 2), elements=pixels, unique=True))
     contours = Contours(tuple(known), points, closed, 3, None if closed else width)
-    write_contours(folder / "contours.json", contours)
+    (folder / "contours.json").write_text(contours_text(contours), "utf-8")
     read = read_contours(folder / "contours.json")
     assert (read.names, read.closed, read.degree) == (contours.names, closed, 3)
     assert read.width == contours.width

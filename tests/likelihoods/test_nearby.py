@@ -10,7 +10,7 @@ from histograms import texture
 
 import jaxpf
 from jaxpf import pytree_dataclass
-from jaxpf.boxes.models import DEFAULT_STEPS, relative_box_model
+from jaxpf.boxes.models import DEFAULT_STEPS, box_model
 from jaxpf.likelihoods import discriminative
 from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
 from jaxpf.likelihoods.discriminative.nearby import WindowShape
@@ -118,7 +118,7 @@ def scene():
 def tracker_of(likelihood, stride):
     steps = np.array(DEFAULT_STEPS) * [stride, stride, 1]
     return jaxpf.Partitioned(
-        **relative_box_model(likelihood, scene()[1], steps)._asdict(),
+        **box_model(likelihood, scene()[1], steps=steps)._asdict(),
         ordering=jaxpf.ordering.dps(2),
         num_particles=100,
     )

@@ -9,13 +9,13 @@ from PIL import Image
 from small_sequences import write_pictures
 
 from jaxpf.boxes import read_boxes
-from jaxpf.boxes.tracks import dense
 from jaxpf.cli.tuning.command import _scenes_to_tune_on
 from jaxpf.evaluation.scene import load_scene
 from jaxpf.media import open_frames
 from jaxpf.media.images import read_mask
 from jaxpf.sequences import open_sequence
 from jaxpf.sequences.layouts import read_truth
+from jaxpf.sequences.tables import dense
 
 T, SIZE = 5, (40, 60)
 

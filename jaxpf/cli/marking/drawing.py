@@ -25,7 +25,7 @@ from jaxpf.files.writing import is_left_over, report_os_errors
 from jaxpf.media.page.runs import Run
 from jaxpf.media.page.server import Conflict
 from jaxpf.media.read import open_frames
-from jaxpf.targets.later import holds_whole_tracks
+from jaxpf.targets.target import holds_whole_tracks
 
 #: Lines of a run's output that the page shows.
 _LINES = 8

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.boxes.tracks import parse_box, read_boxes
-from jaxpf.contours.data import Contours
-from jaxpf.contours.files import contours_text, read_contours
+from jaxpf.contours.files import Contours, contours_text, read_contours
 from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import read_rows
 from jaxpf.files.writing import atomic_write, csv_text

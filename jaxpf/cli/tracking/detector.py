@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxpf.boxes.target import BOXES
-from jaxpf.boxes.tracks import BoxTable, check_boxes
+from jaxpf.boxes.tracks import check_boxes
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.flags import parse
 from jaxpf.contract.errors import InputError
@@ -16,6 +16,7 @@ from jaxpf.detections.files import DETECTED, Detections, check_frames, read_dete
 from jaxpf.detections.lifetimes import Rules
 from jaxpf.measures.scores import import_trackeval
 from jaxpf.media.film import FrameSource
+from jaxpf.sequences.tables import BoxTable
 from jaxpf.targets.target import Start
 
 #: Default number of particles per place.

@@ -84,8 +84,7 @@ def read_starts(request: Request, source: FrameSource) -> tuple[Start, dict[int,
     """Objects of the start frame, and frame -> those that start, or start again, later."""
     run, target, detector = request.run, request.target, request.detector
     start = target.read_start(request.starts, run.start, source)
-    later, note = target.later_starts(request.starts, run.start, source)
-    remarks = [*start.remarks, *([note] if note else [])]
+    later, remarks = dict(start.later), [*start.remarks]
     if run.frames is not None:
         end = run.start + run.frames
         if beyond := [at for at in later if at > end]:

@@ -129,7 +129,7 @@ def test_ids_without_a_start_are_refused(refuse, tmp_path, place):
     (tmp_path / "whole.csv").write_text("\n".join(lines))
     sentence = refuse("--boxes", tmp_path / "whole.csv", "--ids", "1,2")
     assert "id 2 has no box in frame 0" in sentence
-    assert "which holds whole tracks" in sentence
+    assert "holds whole tracks" in sentence
 
 
 def test_a_start_after_the_last_frame_is_an_error_and_the_tracks_are_kept(track, tmp_path):

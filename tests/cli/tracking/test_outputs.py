@@ -21,7 +21,6 @@ from small_video import (
 
 from jaxpf import measures, ordering
 from jaxpf.boxes import read_boxes, read_tracks
-from jaxpf.boxes.tracks import dense
 from jaxpf.cli.tracking import results
 from jaxpf.cli.tracking.command import command
 from jaxpf.contract.lost import LOST_BELOW
@@ -31,6 +30,7 @@ from jaxpf.files import states
 from jaxpf.filters import filter_of
 from jaxpf.filters.registry import all_filters
 from jaxpf.media import open_frames
+from jaxpf.sequences.tables import dense
 
 # What a run writes
 

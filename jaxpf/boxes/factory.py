@@ -170,12 +170,6 @@ def tracker(
             ``jaxpf.boxes.rowe2005.rowe2005_tracker``); ``method``, ``"dps"`` (default), ``"sir"``,
             ``"ps"``, ``"sps"``, ``"labelled"``, ..., or an ``ordering`` of ``jaxpf.ordering``;
             ``num_particles``, default 300; and those of the method's filter: ``resampling``, ...
-
-    Returns:
-        The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.
-
-    Raises:
-        InputError: an unknown option or a value out of range; the message names it.
     """
     assert isinstance(boxes, Start), "by the decorator"
     steps = relative_steps(noise_relative, len(boxes.ids)) if motion == "relative" else None

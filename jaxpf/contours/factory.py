@@ -206,12 +206,6 @@ def tracker(
         options: ``like="maccormick1999"`` for that paper's system as printed; ``method``, ``"ps"``
             (default) or ``"sir"``; ``num_particles``, default 500; and those of the method's
             filter: ``resampling``, ``joint_weighting``, ...
-
-    Returns:
-        The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.
-
-    Raises:
-        InputError: an unknown option or a value out of range; the message names it.
     """
     assert isinstance(contours, ContourStart), "by the decorator"
     given, count = contours.contours, contours.num_partitions

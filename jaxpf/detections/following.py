@@ -78,7 +78,8 @@ def follow(
     groups: list[tuple[Any, Iterator[Group]]] = []
     number = begin = first if state is None else first + 1 + int(calls.time_of(state))
     if state is not None:
-        assert start is not None
+        assert start is not None, "a state holds the objects of the start frame"
+        assert not later, "a state holds the objects of the start frame"
         groups = [(start.ids, _group(first, tracker, key, shown(), start, target, state))]
         starts = {}
     elif rules is not None or detections is not None:

@@ -6,7 +6,7 @@ frame.  Slots are reused, ids never.
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -93,36 +93,28 @@ class Living(NamedTuple):
     last_id: int
 
 
-class Started(NamedTuple):
-    """An object that starts."""
+class Change(NamedTuple):
+    """An object that starts, ends, or could not start: where, and why.
 
-    slot: int
-    id: int
-    box: np.ndarray
-
-
-class Ended(NamedTuple):
-    """An object that ended, and why."""
-
-    slot: int
-    id: int
-    reason: str
-
-
-class Refusal(NamedTuple):
-    """An object that could not start, and why; a detection's id is ``EMPTY``."""
+    Attributes:
+        id: of the object; ``EMPTY`` for a detection that could not start.
+        slot: ``EMPTY`` if it could not start.
+        box: where it starts or could not; None if it ended.
+        reason: "" if it starts.
+    """
 
     id: int
-    box: np.ndarray
-    reason: str
+    slot: int = EMPTY
+    box: Any = None
+    reason: str = ""
 
 
 class Changes(NamedTuple):
     """Objects that started, ended or were refused in a frame."""
 
-    started: list[Started]
-    ended: list[Ended]
-    refused: list[Refusal]
+    started: list[Change]
+    ended: list[Change]
+    refused: list[Change]
 
 
 def start_empty(capacity: int, last_id: int = 0) -> Living:
@@ -158,7 +150,7 @@ def advance(
     ids, candidates, last_id = living.ids.copy(), living.candidates, living.last_id
     ids[[gone.slot for gone in ended]] = EMPTY
     wanted: list[tuple[int, np.ndarray]] = list(named)
-    refused: list[Refusal] = []
+    refused: list[Change] = []
     full = f"all places, {len(ids)}, are taken; ask for a larger capacity."
     if detections is not None:
         here = np.concatenate([boxes[ids != EMPTY], *(box[None] for _, box in named)])
@@ -167,25 +159,24 @@ def advance(
         candidates = association.advance(candidates, detections[~is_tracked], settings)
         ready = (candidates.hits >= rules.min_hits) & (candidates.missed == 0)
         ready &= _inside(candidates.boxes, frame_shape)
-        room = np.sum(ids == EMPTY) - len(named)
         ready &= _first_of_each(candidates.boxes, ready)
-        born = np.flatnonzero(ready)[: max(room, 0)]
+        room = max(np.sum(ids == EMPTY) - len(named), 0)
+        born, late = np.split(np.flatnonzero(ready), [room])
         wanted += [(EMPTY, candidates.boxes[place]) for place in born]
         # Report a refusal once; the candidate stays and starts as soon as a slot is free.
-        late = np.setdiff1d(np.flatnonzero(ready), born)
         first = late[candidates.hits[late] == rules.min_hits]
-        refused = [Refusal(EMPTY, candidates.boxes[place], full) for place in first]
+        refused = [Change(EMPTY, box=box, reason=full) for box in candidates.boxes[first]]
         candidates = association.without(candidates, born)
     started = []
     for identity, box in wanted:
         free = np.flatnonzero(ids == EMPTY)
         if len(free) == 0:
-            refused.append(Refusal(identity, box, full))
+            refused.append(Change(identity, box=box, reason=full))
             continue
         if identity == EMPTY:
             identity = last_id = last_id + 1
         ids[free[0]], unseen[free[0]], undetected[free[0]] = identity, 0, 0
-        started.append(Started(int(free[0]), identity, box))
+        started.append(Change(identity, int(free[0]), box))
     living = Living(ids, unseen, undetected, candidates, last_id)
     return living, Changes(started, ended, refused)
 
@@ -197,7 +188,7 @@ def _find_ended(
     detections: np.ndarray | None,
     frame_shape: Sequence[int],
     rules: Rules,
-) -> tuple[np.ndarray, np.ndarray, list[Ended]]:
+) -> tuple[np.ndarray, np.ndarray, list[Change]]:
     """Return each slot's unseen and undetected frames in a row ``[C]``, and who ended."""
     alive = living.ids != EMPTY
     seen, undetected = ~without_likelihood, living.undetected.copy()
@@ -219,7 +210,8 @@ def _find_ended(
         return f"not detected in {row} with detections in a row"
 
     gone = np.flatnonzero(outside | forgotten).tolist()
-    return unseen, undetected, [Ended(at, int(living.ids[at]), reason(at)) for at in gone]
+    ended = [Change(int(living.ids[slot]), slot, reason=reason(slot)) for slot in gone]
+    return unseen, undetected, ended
 
 
 def _first_of_each(boxes: np.ndarray, ready: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.options import OPEN, complete
 from jaxpf.detections import lifetimes
-from jaxpf.detections.lifetimes import EMPTY, Changes, Living, Refusal, Rules
+from jaxpf.detections.lifetimes import EMPTY, Change, Changes, Living, Rules
 from jaxpf.detections.records import Group, check_started, group_of
 from jaxpf.filters.labelled.population import add_target, remove_target
 from jaxpf.filters.labelled.tracker import Labelled
@@ -91,12 +91,12 @@ def open_box_tracker(
         settings: options of boxes and of the labelled filter, such as ``noise_pixels`` and
             ``weights``.
     """
+    labelled = filters.filter_of("labelled")
     settings["num_particles"] = num_particles
-    check_names(settings, BOXES, filters.filter_of("labelled"))
+    check_names(settings, BOXES, labelled)
     values = complete(settings, BOXES.tracker)
     model = open_model(values, frame_shape, capacity, typical_size, num_particles)
-    of_filter = complete(settings, filters.filter_of("labelled").build)
-    return filters.build(model, **of_filter)
+    return filters.build(model, **complete(settings, labelled.build))
 
 
 def come_and_go(
@@ -175,7 +175,7 @@ def _changed(
         except InputError as error:  # too small, or too far outside the frame
             ids[new.slot] = EMPTY
             identity = new.id if new.id in named else EMPTY
-            refused.append(Refusal(identity, new.box, str(error)))
+            refused.append(Change(identity, box=new.box, reason=str(error)))
             continue
         if isinstance(tracker.likelihood, Detected):
             likelihood = dataclasses.replace(tracker.likelihood, likelihood=likelihood)

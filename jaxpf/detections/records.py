@@ -71,24 +71,23 @@ def group_of(
     changes: Changes | None = None,
 ) -> Group:
     """A group in one frame, uint8 RGB ``[H, W, 3]``; nobody is lost in a frame without summary."""
-    nobody, confidence = np.zeros(len(slots), bool), None
+    nobody = np.zeros(len(slots), bool)
     if summary is None:
         return Group(since, tracker, start, shapes, slots, nobody, nobody, nobody, changes=changes)
-    new = [] if changes is None else [each.slot for each in changes.started]
+    is_new = np.isin(slots, [] if changes is None else [each.slot for each in changes.started])
+
+    def reported(name: str, of_new: Any) -> Any:
+        values = getattr(summary, name, None)
+        return None if values is None else np.where(is_new, of_new, np.asarray(values)[slots])
+
     corners = np.asarray(target.outlines(start, shapes), float)[slots]
     lowest, highest = corners.min(axis=1), corners.max(axis=1)
     outside = ~np.all((lowest < np.array(frame.shape[1::-1])) & (highest > 0), axis=1)
-    if (without := getattr(summary, "without_likelihood", None)) is not None:
-        without = np.array(without)
-        without[new] = False  # they have their start boxes
-    hopeless = nobody if without is None else without[slots]
-    if (given := getattr(summary, "confidence", None)) is not None:
-        given = np.array(given)
-        given[new] = np.nan
-        confidence = given[slots]
-    confidence, lost = judge(outside, hopeless, confidence)
+    without = reported("without_likelihood", False)  # new objects have their start boxes
+    without = nobody if without is None else without
+    confidence, lost = judge(outside, without, reported("confidence", np.nan))
     return Group(
-        *(since, tracker, start, shapes, slots, outside, hopeless, lost, confidence),
+        *(since, tracker, start, shapes, slots, outside, without, lost, confidence),
         *(summary, state, changes),
     )
 

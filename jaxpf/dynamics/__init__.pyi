@@ -5,10 +5,6 @@ from .gaussian import (
     LinearGaussian as LinearGaussian,
     RandomWalk as RandomWalk,
 )
-from .joints import (
-    RelativeToParent as RelativeToParent,
-    UniformAround as UniformAround,
-    UniformJoints as UniformJoints,
-)
+from .joints import RelativeToParent as RelativeToParent, UniformAround as UniformAround
 from .learned import fit as fit
 from .occlusion import WithOcclusion as WithOcclusion

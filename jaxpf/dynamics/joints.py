@@ -117,7 +117,7 @@ class RelativeToParent(DynamicsWithDensity):
 
 @pytree_dataclass
 class UniformAround:
-    """Initial sampler: each part uniform around its start pose, ``key -> [P, 3]``.
+    """Initial sampler: each part uniform around its start pose, ``key -> [P, D]``.
 
     Source: gonzales2011, section 4, "particles are uniformly generated around the object".
 
@@ -125,37 +125,12 @@ class UniformAround:
         poses: ``[P, 3]``, (x, y, theta) of the parts at the start.
         reach: largest deviation per coordinate, ``[3]`` or ``[P, 3]``; pixels, pixels and
             radians.
+        dynamics: if given, roots and joints deviate, and parts follow their parents: D is 6.
     """
 
     poses: ArrayLike
     reach: ArrayLike
-
-    #: Parts are drawn independently, so roots may be exchanged (``sps``).
-    independent = True
-
-    def __post_init__(self):
-        check_number("poses", self.poses)
-        check_number("reach", self.reach, least=0)
-
-    def __call__(self, key):
-        """Draw all parts, ``[P, 3]``."""
-        poses = jnp.asarray(self.poses)
-        return poses + self.reach * jax.random.uniform(key, poses.shape, poses.dtype, -1, 1)
-
-
-@pytree_dataclass
-class UniformJoints:
-    """Initial sampler: roots and joints uniform around their start, ``key -> [P, 6]``.
-
-    Attributes:
-        dynamics: defines the substates.
-        poses: ``[P, 3]``, (x, y, theta) of the parts at the start.
-        reach: largest deviation of a root's pose or a part's joint, ``[P, 3]``.
-    """
-
-    dynamics: RelativeToParent
-    poses: ArrayLike
-    reach: ArrayLike
+    dynamics: RelativeToParent | None = None
 
     #: Trees are drawn independently, so roots may be exchanged (``sps``).
     independent = True
@@ -165,10 +140,10 @@ class UniformJoints:
         check_number("reach", self.reach, least=0)
 
     def __call__(self, key):
-        """Draw all parts, ``[P, 6]``."""
+        """Draw all parts."""
         poses = jnp.asarray(self.poses)
         shift = self.reach * jax.random.uniform(key, poses.shape, poses.dtype, -1, 1)
-        return substates_at(self.dynamics, poses, shift)
+        return poses + shift if self.dynamics is None else substates_at(self.dynamics, poses, shift)
 
 
 def place(joint, parent, parent_anchor, part_anchor):

@@ -6,6 +6,7 @@ Unlike the Yule-Walker equations it handles non-stationary tracks, which are usu
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,12 +48,12 @@ def fit(
     """
     check_whole("order", order, 1, 2)
     check_known("coefficients=", coefficients, COEFFICIENTS)
-    pieces = [np.asarray(with_nan(piece), float) for piece in _as_list(tracks)]
-    if not pieces or any(
-        piece.ndim != 3 or piece.shape[1:] != pieces[0].shape[1:] for piece in pieces
-    ):
-        shapes = ", ".join(str(list(piece.shape)) for piece in pieces)
-        raise InputError(f"tracks have the shapes {shapes}; give [T, P, D], the same P and D.")
+    each: Any = tracks
+    if not (isinstance(tracks, list | tuple) and np.ndim(tracks[0]) == 3):
+        each = [tracks]
+    pieces = [np.asarray(with_nan(piece), float) for piece in each]
+    if len({piece.shape[1:] for piece in pieces}) > 1:
+        raise InputError("tracks [T, P, D] must have the same P and D.")
     num_targets = pieces[0].shape[1]
     groups = [list(range(num_targets))] if pooled else [[target] for target in range(num_targets)]
     fits: dict[int, tuple[np.ndarray, ...]] = {}
@@ -67,14 +68,6 @@ def fit(
     return LinearGaussian(
         transition=transition, noise=noise, lag=lag if order == 2 else None, offset=offset
     )
-
-
-def _as_list(tracks) -> list:
-    try:
-        is_one = np.ndim(tracks) == 3
-    except ValueError:  # tracks of different lengths
-        is_one = False
-    return [tracks] if is_one or not isinstance(tracks, list | tuple) else list(tracks)
 
 
 def _triples(track: np.ndarray, order: int) -> np.ndarray:

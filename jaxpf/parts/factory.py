@@ -140,12 +140,6 @@ def tracker(
             override; ``method``, ``"sps"`` (default), ``"ps"`` or ``"sir"``, or an ``ordering`` of
             ``jaxpf.ordering``; ``num_particles``, default 300; and those of the method's filter:
             ``resampling``, ...
-
-    Returns:
-        The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.
-
-    Raises:
-        InputError: an unknown option or a value out of range; the message names it.
     """
     assert isinstance(parts, Start), "by the decorator"
     learned: Any = likelihood

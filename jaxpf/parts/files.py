@@ -48,13 +48,9 @@ def read_parts(path: str | os.PathLike[str]) -> Parts:
     Raises:
         InputError: the file cannot be read or a line is invalid; the message names it.
     """
-    path = Path(path)
     lines: dict[str, str] = {}
     parent_names, numbers = [], []
-    for place, fields in read_below(path, "parts", HEADER):
-        name, parent = fields[:2]
-        if not name:
-            raise InputError(f"{place} has no part in column 1; give every part a name")
+    for place, (name, parent, *fields) in read_below(Path(path), "parts", HEADER):
         check_name(name, place)
         if name in lines:
             raise InputError(
@@ -62,10 +58,9 @@ def read_parts(path: str | os.PathLike[str]) -> Parts:
             )
         lines[name] = place
         parent_names.append(parent)
-        numbers.append(
-            [_number(field, column, place) for column, field in enumerate(fields[2:], 3)]
-        )
-        width, height = numbers[-1][2:4]
+        for column, field in zip(HEADER.split(",")[2:], fields, strict=True):
+            numbers.append(parse_number(field, f"{place}: {column} is", "give a number"))
+        width, height = numbers[-3:-1]
         if width <= 0 or height <= 0:
             raise InputError(
                 f"{place}: part '{name}' has a box of {width:g} x {height:g} pixels, which has no "
@@ -83,15 +78,10 @@ def read_parts(path: str | os.PathLike[str]) -> Parts:
             )
         parents.append(names.index(parent) if parent else -1)
     check_tree(parents, names, f"the parts of '{path}'")
-    table = np.array(numbers)
+    table = np.reshape(numbers, (-1, 5))
     return Parts(
         names=tuple(names),
         parents=tuple(parents),
         poses=np.column_stack([table[:, :2], np.deg2rad(table[:, 4])]),
         sizes=table[:, 2:4],
     )
-
-
-def _number(field: str, column: int, place: str) -> float:
-    name = HEADER.split(",")[column - 1]
-    return parse_number(field, f"{place}: {name} (column {column}) is", "give a number")

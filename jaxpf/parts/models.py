@@ -22,7 +22,6 @@ from jaxpf.dynamics.gaussian import RandomWalk
 from jaxpf.dynamics.joints import (
     RelativeToParent,
     UniformAround,
-    UniformJoints,
     joints_between,
     substates_at,
 )
@@ -208,21 +207,20 @@ def parts_model(
     scale, joint_scale = np.asarray(scale, np.float32), np.asarray(joint_scale, np.float32)
     check_known("dynamics ", dynamics, DYNAMICS)
     reach = np.broadcast_to(np.asarray(reach, np.float32), (len(tree), 3))
-    moves: Any
-    initial: Any
-    if dynamics == "absolute":
-        moves = RandomWalk(scale=scale)
-        initial = UniformAround(poses, reach) if reach.any() else poses
-    else:
+    moves: Any = RandomWalk(scale=scale)
+    start: Any = poses
+    follow = None
+    if dynamics == "relative":
         parent_anchor, part_anchor = anchors or joints_between(poses, sizes, tree)
-        moves = RelativeToParent(
+        moves = follow = RelativeToParent(
             scale=scale,
             joint_scale=joint_scale,
             parent_anchor=np.asarray(parent_anchor, np.float32),
             part_anchor=np.asarray(part_anchor, np.float32),
             parents=tree,
         )
-        initial = UniformJoints(moves, poses, reach) if reach.any() else substates_at(moves, poses)
+        start = substates_at(moves, poses)
+    initial = UniformAround(poses, reach, follow) if reach.any() else start
     fixed = likelihood if isinstance(likelihood, OfFixedSize) else OfFixedSize(likelihood)
     return Model(moves, fixed, initial, tree)
 

@@ -128,13 +128,6 @@ def tracker(
             ``"ps"``, ``"pffl"``, ``"eskil"``, ..., or an ``ordering`` of ``jaxpf.ordering``;
             ``num_particles``, by default 1000, or 10 for eskil and 50 for pffl; and those of the
             method's filter: ``resampling``, ``drift``, ...
-
-    Returns:
-        The tracker, for ``jaxpf.run``, ``jaxpf.stream`` and the others.
-
-    Raises:
-        InputError: an unknown option or a value out of range, a point outside the frame, two points
-            at the same position, or a single point with eskil's drift; the message says which.
     """
     assert isinstance(points, Start), "by the decorator"
     if likelihood is None:

@@ -4,7 +4,6 @@
 """
 
 import dataclasses
-import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import check_number
 from jaxpf.files.reading import check_name, parse_number, read_rows
 
 HEADERS = ("x,y", "x,y,name")
@@ -63,25 +63,41 @@ def read_points(path: str | os.PathLike[str]) -> Points:
     Raises:
         InputError: the file cannot be read or a line is invalid; the message names it.
     """
-    path = Path(path)
-    rows = read_rows(path, "points", "CSV lines x,y,name")
+    rows = read_rows(Path(path), "points", "CSV lines x,y,name")
     header = ",".join(rows[0][1]).lower() if rows else ""
-    if header == FRAMES_HEADER:
-        return _points_of_frames(path, rows[1:])
-    if header in HEADERS:
+    if header in (*HEADERS, FRAMES_HEADER):
         rows = rows[1:]
     if not rows:
         raise InputError(f"'{path}' holds no points; {_REMEDY}, a line each")
-    return _points([(f"line {line} of '{path}'", fields) for line, fields in rows])
+    lines = [(f"line {line} of '{path}'", fields) for line, fields in rows]
+    return _points(lines, framed=header == FRAMES_HEADER)
 
 
 def parse_points(texts: Sequence[str]) -> Points:
-    """Parse points typed as ``"x,y"`` or ``"x,y,name"``."""
-    if not texts:
-        raise InputError(f"no point was given; {_REMEDY}")
+    """Parse points typed as ``"x,y"`` or ``"x,y,name"``, at least one."""
     return _points(
         [(f"point '{text}'", [field.strip() for field in text.split(",")]) for text in texts]
     )
+
+
+def _points(rows: list[tuple[str, list[str]]], framed: bool = False) -> Points:
+    """The points of lines; ``framed`` ones begin with the frame and the name."""
+    remedy = f"write {FRAMES_HEADER}, such as 0,nose,120,80" if framed else _REMEDY
+    names: list[tuple[int, str]] = []
+    places = []
+    for where, fields in rows:
+        if len(fields) not in ((4,) if framed else (2, 3)):
+            raise InputError(f"{where} has {len(fields)} value(s); {remedy}")
+        at, name, *place = fields if framed else ("0", "".join(fields[2:]), *fields[:2])
+        frame = int(parse_number(at, f"{where}: frame is", remedy, least=0, whole=True))
+        name = name or str(sum(frame == other for other, _ in names))
+        check_name(name, where)
+        if (frame, name) in names:
+            raise InputError(f"{where} repeats the name '{name}'; give every point its own")
+        names.append((frame, name))
+        places.append([parse_number(field, f"{where} holds", remedy) for field in place])
+    frames = np.array([frame for frame, _ in names]) if framed else None
+    return Points(tuple(name for _, name in names), np.array(places), frames)
 
 
 def grid_points(mask: ArrayLike, step: float) -> Points:
@@ -92,11 +108,10 @@ def grid_points(mask: ArrayLike, step: float) -> Points:
         step: grid spacing, pixels.
 
     Raises:
-        InputError: the mask is not [H, W], the step is below 1, or no point lies on the mask.
+        InputError: the step is below 1, or no point lies on the mask.
     """
     mask = np.asarray(mask)
-    if not (math.isfinite(step) and step >= 1):
-        raise InputError(f"a grid's step of {step:g} pixels must be a number of at least 1")
+    check_number("step", step, least=1)
     height, width = mask.shape
     x, y = np.meshgrid(np.arange(step / 2, width, step), np.arange(step / 2, height, step))
     on = mask[y.astype(int), x.astype(int)] != 0
@@ -104,40 +119,3 @@ def grid_points(mask: ArrayLike, step: float) -> Points:
         raise InputError(f"no point of a grid of {step:g} pixels is on the mask; use a finer one")
     places = np.stack([x[on], y[on]], axis=1)
     return Points(tuple(str(number) for number in range(len(places))), places)
-
-
-def _points(rows: list[tuple[str, list[str]]]) -> Points:
-    names: list[str] = []
-    places: list[tuple[float, float]] = []
-    for where, fields in rows:
-        if len(fields) not in (2, 3):
-            raise InputError(f"{where} has {len(fields)} value(s); {_REMEDY}")
-        x, y = (parse_number(field, f"{where} holds", _REMEDY) for field in fields[:2])
-        name = fields[2] if len(fields) == 3 and fields[2] else str(len(names))
-        check_name(name, where)
-        if name in names:
-            raise InputError(f"{where} repeats the name '{name}'; give every point its own")
-        names.append(name)
-        places.append((x, y))
-    return Points(tuple(names), np.array(places))
-
-
-def _points_of_frames(path: Path, rows: list[tuple[int, list[str]]]) -> Points:
-    remedy = f"write {FRAMES_HEADER}, such as 0,nose,120,80"
-    by_frame: dict[int, list[tuple[str, list[str]]]] = {}
-    for line, fields in rows:
-        where = f"line {line} of '{path}'"
-        if len(fields) != 4:
-            raise InputError(f"{where} has {len(fields)} value(s); {remedy}")
-        frame = parse_number(fields[0], f"{where} holds", remedy)
-        if frame < 0 or frame % 1:
-            raise InputError(f"{where} has the frame {fields[0]}; frames count from 0")
-        by_frame.setdefault(int(frame), []).append((where, [*fields[2:], fields[1]]))
-    if not by_frame:
-        raise InputError(f"'{path}' holds no points; {remedy}, a line each")
-    parts = [_points(given) for given in by_frame.values()]
-    return Points(
-        names=tuple(name for part in parts for name in part.names),
-        places=np.concatenate([part.places for part in parts]),
-        frames=np.repeat(list(by_frame), [len(part.names) for part in parts]),
-    )

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_whole
 
 #: Particles are divided among the orders: 24 for four targets, 120 for five.
 MOST_OPAQUE = 4
@@ -25,7 +24,6 @@ def depth_orders(num_targets: int) -> tuple[tuple[int, ...], ...]:
     Raises:
         InputError: fewer than two targets, or more than ``MOST_OPAQUE``.
     """
-    check_whole("num_targets", num_targets)
     if not 2 <= num_targets <= MOST_OPAQUE:
         raise InputError(
             f"{num_targets} opaque target(s): particles divide among all orders in which targets "
@@ -59,19 +57,9 @@ def in_front(label_probabilities: ArrayLike) -> np.ndarray:
 
     Args:
         label_probabilities: ``[..., P!]``, from the summaries of a tracker of opaque targets.
-
-    Raises:
-        InputError: the last axis is not P! for P from 2 to ``MOST_OPAQUE``.
     """
     probabilities = np.asarray(label_probabilities)
     counts = {factorial(count): count for count in range(2, MOST_OPAQUE + 1)}
-    labels = probabilities.shape[-1]
-    if labels not in counts:
-        raise InputError(
-            f"label_probabilities has shape {probabilities.shape}; its last axis holds one "
-            f"probability for each order of the targets in depth: {list(counts)} for "
-            f"{list(counts.values())} targets."
-        )
-    depth = depths(counts[labels])
+    depth = depths(counts[probabilities.shape[-1]])
     nearer = depth[:, :, None] < depth[:, None, :]
     return np.tensordot(probabilities, nearer.astype(probabilities.dtype), 1)

@@ -52,16 +52,6 @@ class ShapeSpace:
         """K, number of control points of a contour."""
         return np.shape(self.template)[1]
 
-    @property
-    def num_templates(self) -> int:
-        """P if each target has its own template; 1 if all share one."""
-        return np.shape(self.template)[0]
-
-    @property
-    def _count(self) -> str:
-        """P in messages, which is any number if all targets share a template."""
-        return f"{self.num_templates}" if self.num_templates > 1 else "P"
-
     @in_full
     def control_points(self, substates):
         """Control points ``[..., P, K, 2]`` of substates ``[..., P, D]``, in pixels."""

@@ -82,7 +82,9 @@ def check_names(given: Iterable[str], target: Target, filter_: Filter) -> None:
             )
 
 
-def build(target: Target, values: dict[str, Any], start: Start, looks: Looks) -> Any:
+def build(
+    target: Target, values: Mapping[str, Any], start: Start, looks: Any, **objects: Any
+) -> Any:
     """The tracker of checked values.
 
     Args:
@@ -91,14 +93,16 @@ def build(target: Target, values: dict[str, Any], start: Start, looks: Looks) ->
             defaults.
         start: where tracking starts.
         looks: what the likelihood is learned from.
+        objects: of the user's, in the place of options.
 
     Raises:
         InputError: options conflict, or an object cannot be seen.
     """
     filter_ = filter_for(target, values.get("method"))
-    filter_.check_model(defaults_of(filter_.build) | values, start.parents)
-    settled = target.settle(defaults_of(target.tracker) | values, looks.settings)
-    return inspect.unwrap(target.tracker)(looks, start, **settled)
+    filter_.check_model({**defaults_of(filter_.build), **values}, start.parents)
+    settings = getattr(looks, "settings", {})
+    settled = target.settle({**defaults_of(target.tracker), **values}, settings)
+    return inspect.unwrap(target.tracker)(looks, start, **settled | objects)
 
 
 def shapes_of(
@@ -148,7 +152,7 @@ def factory(name: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
         def made(*arguments: P.args, **given: P.kwargs) -> R:
             bound = inspect.signature(function).bind(*arguments, **given)
             frame, start = bound.args
-            return _made(function, find_target(name), frame, start, bound.kwargs)
+            return _made(find_target(name), frame, start, bound.kwargs)
 
         return made
 
@@ -159,10 +163,8 @@ def factory(name: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 _OBJECTS = ("likelihood", "resampling", "ordering", "patches")
 
 
-def _made(
-    function: Callable[..., R], target: Target, frame: Any, start: Any, given: dict[str, Any]
-) -> R:
-    """Complete and check the options, and call the function with them."""
+def _made(target: Target, frame: Any, start: Any, given: dict[str, Any]) -> Any:
+    """Complete and check the options, and build the tracker."""
     start = start if isinstance(start, Start) else target.start(start)
     values = {name: value for name, value in given.items() if value is not None}
     if (like := values.pop("like", None)) in target.systems:
@@ -183,11 +185,9 @@ def _made(
     values = {name: _plain(value) for name, value in values.items()}
     filter_ = filter_for(target, values.get("method"))
     check_names(values, target, filter_)
-    of_filter = complete(values, filter_.build, defaults=defaults_for(target, filter_))
-    filter_.check_model(of_filter, start.parents)
-    settings = frame.settings if isinstance(frame, Looks) else {}
-    of_target = target.settle(complete(values, target.tracker), settings)
-    return function(frame, start, **of_filter | of_target | objects)
+    defaults = defaults_for(target, filter_)
+    values = complete(values, filter_.build, target.tracker, defaults=defaults)
+    return build(target, values, start, frame, **objects)
 
 
 def _with_preset(like: str, target: Target, start: Start, given: dict[str, Any]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import norm
 
 import scenes
-from jaxpf.dynamics import RelativeToParent, UniformAround, UniformJoints
+from jaxpf.dynamics import RelativeToParent, UniformAround
 from jaxpf.dynamics.joints import joints_between, substates_at
 from jaxpf.shapes.rectangles import corners_from_poses
 
@@ -199,7 +199,7 @@ def test_a_start_by_joints_holds_together():
     model = dynamics()
     poses = np.array([[100, 50, 0], [75, 49, 0.2], [126, 52, -0.3], [50, 45, 0.4], [150, 60, 0.1]])
     reach = np.broadcast_to(np.array([4, 4, 0.2]), (5, 3))
-    sampler = UniformJoints(model, jnp.array(poses, jnp.float32), reach)
+    sampler = UniformAround(jnp.array(poses, jnp.float32), reach, model)
     keys = jax.random.split(jax.random.key(0), 500)
     drawn = np.asarray(jax.jit(jax.vmap(sampler))(keys), float)
     for part, parent in enumerate(TREE):

@@ -79,7 +79,6 @@ def test_what_is_learned_moves_particles():
     (lambda: fit(simulate(TRUTH, 5), 2, coefficients="all"), "3 steps of target 0"),
     (lambda: fit(simulate(TRUTH, 50), 3), "order = 3"),
     (lambda: fit(simulate(TRUTH, 50), coefficients="some"), "coefficients='some'"),
-    (lambda: fit(np.zeros((5, 2))), "tracks"),
 ])  # fmt: skip
 def test_what_cannot_be_fitted_is_refused(call, named):
     assert named in message_of(call)

@@ -176,5 +176,4 @@ def test_who_is_in_front_of_whom_is_read_from_labels():
             if order.index(i) < order.index(j)
         )
         np.testing.assert_allclose(found[:, i, j], expected)
-    assert "[2, 6, 24]" in message_of(in_front, np.full(5, 0.2))
     assert "5 opaque target" in message_of(depth_orders, 5)

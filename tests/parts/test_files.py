@@ -61,7 +61,7 @@ ROOT = "a,,1,1,2,2,0\n"
         (f"{ROOT}b,c,1,1,2,2,0\n", "line 3 of .*'b' hangs on 'c'"),
         ("a,,1,1,0,2,0\n", "line 2 of .*'a'.* 0 x 2"),
         (f"{ROOT}{ROOT}", "line 3 of .*'a' of line 2"),
-        (",,1,1,2,2,0\n", "line 2 of .*column 1"),
+        (",,1,1,2,2,0\n", "line 2 of .*the name ''"),
         ("a\x07,,1,1,2,2,0\n", "name"),
         ("a,,1,1,2,2\n", "line 2 of .* 6 column"),
         ("a,,1,one,2,2,0\n", "line 2 of .*y .*'one'"),

@@ -21,8 +21,10 @@ def demos(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_it_prints_a_table_and_writes_its_files(demos):
+def test_it_prints_a_table_with_each_methods_own_time_and_writes_its_files(demos):
     folder, text = demos[0]
+    assert len(re.findall(r"of the runs \([\d.]+ s\)", text)) == 4
+    assert "success: tracked in every frame" in text
     assert re.search(r"SIR.*%.*\[\d+, \d+\]", text)
     for method in ("SIR", "PS", "DPS", "SPS"):
         assert re.search(rf"│ {method} +│ +\d+% \[\d+, \d+\] │", text)

@@ -33,6 +33,8 @@ def test_controls_are_escaped_and_other_text_stays(capsys):
         ("evaluate", HOSTILE),
         (HOSTILE,),
         ("export", "a\nError: all is lost", "coco", "x.json"),
+        ("trakc",),
+        ("mark", "--strat", "1"),
     ],
 )
 def test_names_on_the_command_line_reach_no_terminal_and_are_one_line(

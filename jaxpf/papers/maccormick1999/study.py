@@ -72,9 +72,6 @@ WALKERS = {
     OCCLUSION + ALL_PRINTED: Method("opaque-literal", "sir", 2000, 2, all_printed=True),
     INDEPENDENT: Method("none", "independent", 2000, 2),
 }
-#: Methods of the quick version.
-_QUICK_LEAVES = PARTITIONED, AS_MANY
-_QUICK_WALKERS = OCCLUSION, INDEPENDENT
 
 
 class Passing(NamedTuple):
@@ -98,10 +95,9 @@ def measure_all(seeds: range, quick: bool, measurements: Measurements) -> Study:
     shown: dict[str, Any] = {"toy": steps}
     # Figures 9 and 10: the last step's effective sample size, of each run.
     values: Values = {("toy: ess", name, ""): of_name[-1].ess for name, of_name in steps.items()}
-    leaves, walkers = (
-        {name: methods[name] for name in (names if quick else methods)}
-        for methods, names in ((LEAVES, _QUICK_LEAVES), (WALKERS, _QUICK_WALKERS))
-    )
+    leaves, walkers = LEAVES, WALKERS
+    if quick:
+        leaves, walkers = FIGURE_11, {name: WALKERS[name] for name in (OCCLUSION, INDEPENDENT)}
     for kind, title, make, methods in (
         ("wires", "Figure 4, wires", scenes.wires, WIRES),
         ("leaves", "Leaves", scenes.leaves, leaves),
@@ -248,7 +244,7 @@ def toy_figure(steps: Mapping[str, Sequence[toy.Step]]) -> Figure:
     """All steps of both figures for one run, with y in black and grey."""
     drawing, axes = plotting.new_figure(2, 4, figsize=(16, 8.4))
     for row, (method, shown) in zip(axes, steps.items(), strict=True):
-        for axis, step in zip(row, shown, strict=True):
+        for axis, step, name in zip(row, shown, toy.STEPS[method], strict=True):
             weights, labels = step.weights[0], step.labels[0]
             axis.scatter(
                 *step.substates[0].T, s=1000 * weights, facecolors="none", linewidths=1.2,
@@ -257,7 +253,7 @@ def toy_figure(steps: Mapping[str, Sequence[toy.Step]]) -> Figure:
             axis.plot(*toy.TARGET, "+", color="red", ms=14, mew=2)
             axis.set(
                 xlim=(-3, 3), ylim=(-3, 3), xlabel="A", ylabel="B",
-                title=f"{method}: {step.name}\neffective sample size {step.ess[0]:.1f} of "
+                title=f"{method}: {name}\neffective sample size {step.ess[0]:.1f} of "
                 f"{toy.PARTICLES}",
             )  # fmt: skip
             axis.title.set_fontsize(9)

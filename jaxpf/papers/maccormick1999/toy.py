@@ -86,13 +86,11 @@ class Step(NamedTuple):
     """The particles at one step of a frame, in R runs.
 
     Attributes:
-        name: the operation just done.
         substates: ``[R, N, 2]``.
         weights: ``[R, N]``, sum 1.
         labels: ``[R, N]``, y, the target that is searched first; 0 throughout for ``CONVENTIONAL``.
     """
 
-    name: str
     substates: np.ndarray
     weights: np.ndarray
     labels: np.ndarray
@@ -119,12 +117,8 @@ def tracker_of(method: str) -> Partitioned:
 def steps(seed: int) -> dict[str, list[Step]]:
     """Method -> the ``STEPS`` of one frame."""
     keys = jax.random.split(jax.random.key(seed), _RUNS)
-    by_method = {}
-    for method in (CONVENTIONAL, BRANCHED):
-        tracker = tracker_of(method)
-        stages = compiled(jax.vmap(partial(frame, tracker)))(keys)
-        by_method[method] = [_step(*each) for each in zip(STEPS[method], stages, strict=True)]
-    return by_method
+    recorded = {name: compiled(jax.vmap(partial(frame, tracker_of(name))))(keys) for name in STEPS}
+    return {name: [_step(*each) for each in stages] for name, stages in recorded.items()}
 
 
 def frame(tracker: Partitioned, key: jax.Array) -> list[tuple[jax.Array, ...]]:
@@ -180,8 +174,7 @@ def _prior(key: jax.Array) -> jax.Array:
     return _PRIOR * jax.random.normal(key, (2, 1))
 
 
-def _step(name: str, recorded: tuple[Any, ...]) -> Step:
-    substates, log_weights, labels = recorded
+def _step(substates: jax.Array, log_weights: jax.Array, labels: jax.Array) -> Step:
     weights = np.exp(np.asarray(log_weights, float))
     weights /= weights.sum(axis=1, keepdims=True)
-    return Step(name, np.moveaxis(np.asarray(substates), 1, 2), weights, np.asarray(labels))
+    return Step(np.moveaxis(np.asarray(substates), 1, 2), weights, np.asarray(labels))

@@ -2,16 +2,12 @@
 
 In the paper, the best order of PS recovers object 1 in 38% of the runs and the worst in 8%
 (sharpness 30), and DPS in 13 to 23 points more than PS on average.  With the paper's settings we
-observe neither.  We vary settings that the paper leaves open to see whether such an effect appears:
-
-- the number of particles, since a first stage with few may lose the last good copy;
-- resampling twice: figure 1 of the paper resamples at the start of a frame and after every stage,
-  including the last, where this library does both at once;
-- estimates computed after that last resampling;
-- weights that are not corrected for earlier stages: the joint likelihood at the end of the frame
-  then counts every object twice except the last of the order, which alone is weighted correctly.
-
-All of this is in ``OtherEnding``: the library resamples once and corrects for every stage.
+observe neither.  ``PARTICLES`` and ``ENDINGS`` vary what the paper leaves open, to see whether such
+an effect appears: a first stage with few particles may lose the last good copy; figure 1 of the
+paper resamples at the start of a frame and after every stage, including the last, where this
+library does both at once; estimates may be computed after that last resampling; and weights may not
+be corrected for earlier stages, so that the joint likelihood at the end of the frame counts every
+object twice except the last of the order, which alone is weighted correctly.
 """
 
 import dataclasses

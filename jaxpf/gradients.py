@@ -56,8 +56,7 @@ from jaxpf.contract.types import Differentiable
 from jaxpf.resampling import transport, weighted
 from jaxpf.resampling.components import Components
 
-#: Names of strategies for resampling, and of those for the motion.
-GRADIENTS = ("none", "stop_gradient", "soft", "transport")
+#: Names of strategies for the motion.
 MOTION_GRADIENTS = ("pathwise", "score")
 
 
@@ -179,38 +178,27 @@ class Transport(Gradient):
         )
 
 
-_NAMED = {
-    "none": NoGradient,
-    "stop_gradient": StopGradient,
-    "soft": Soft,
-    "transport": Transport,
+#: Strategies for resampling by name, with default parameters.
+GRADIENTS: dict[str, Gradient] = {
+    "none": NoGradient(),
+    "stop_gradient": StopGradient(),
+    "soft": Soft(),
+    "transport": Transport(),
 }
 
 
-def named(name: str) -> Gradient:
-    """Return the strategy named in ``GRADIENTS``, with default parameters."""
-    return _NAMED[name]()
-
-
 def check_gradients(tracker: Differentiable) -> None:
-    """Refuse gradient settings that are incompatible with the rest of a tracker.
-
-    Raises:
-        InputError: ``score`` of coupled dynamics; see also ``Gradient.check``.
-    """
+    """Refuse gradient settings that are incompatible with the rest of a tracker."""
     tracker.gradient.check(tracker)
     if tracker.motion_gradient == "score":
         check_uncoupled(tracker.dynamics, "motion_gradient='score'")
 
 
 def check_motion_gradient(tracker: Any) -> None:
-    """Refuse a gradient of the motion's parameters that would always be zero.
+    """Refuse a gradient of parameters of the motion or the start that would always be zero.
 
-    Call it before differentiating with respect to the dynamics or the initial state.
-
-    Raises:
-        InputError: the likelihood is piecewise constant in the state (its ``state_gradient`` is
-            false) and the motion is differentiated along the particles' paths.
+    So it is along the particles' paths if the likelihood is piecewise constant in the state (its
+    ``state_gradient`` is false).
     """
     moves = optional(tracker.likelihood, "state_gradient")
     if tracker.motion_gradient == "pathwise" and not moves:

@@ -31,15 +31,8 @@ def _outlines(start: Start, shapes: ArrayLike) -> jax.Array:
 
 def _measures(start: Start, shapes: ArrayLike, truth: ArrayLike) -> dict[str, Any]:
     """Exact measures for boxes."""
-    return {
-        "present": metrics.has_truth(truth),
-        "tracked": metrics.track_state(shapes, truth),
-        "precision": metrics.precision(shapes, truth),
-        "recall": metrics.recall(shapes, truth),
-        "iou": metrics.iou(shapes, truth),
-        "centre_error": metrics.centre_error(shapes, truth),
-        "corner_error": jnp.full(jnp.shape(shapes)[:-1], jnp.nan),
-    }
+    corner_error = jnp.full(jnp.shape(shapes)[:-1], jnp.nan)
+    return {**metrics.measure_boxes(shapes, truth), "corner_error": corner_error}
 
 
 def _read_start(given: Mapping[str, Any], number: int, source: FrameSource) -> Start:

@@ -101,15 +101,8 @@ def with_inputs(tracker: T, inputs: Any, first: ArrayLike = 0) -> T:
     """Return the tracker with known inputs of its model, such as controls or frame intervals.
 
     Dynamics, likelihoods and proposals that take inputs define ``with_inputs(inputs, first)``;
-    their ``at_frame(time)`` reads row ``time - first``.
-
-    Args:
-        tracker: any tracker.
-        inputs: pytree of arrays ``[T, ...]``, a row for each frame; None changes nothing.
-        first: number of the first of these frames.
-
-    Raises:
-        InputError: no part of the model takes inputs.
+    their ``at_frame(time)`` reads row ``time - first``.  Inputs are a pytree of arrays
+    ``[T, ...]``, a row for each frame from ``first`` on; None changes nothing.
     """
     if inputs is None:
         return tracker
@@ -159,13 +152,7 @@ def changed_inside(tracker: Any, name: str, change: Callable[[Any], Any]) -> Any
 
 
 def check_factors(dynamics: DynamicsLike, likelihood: LikelihoodLike, holder: str) -> None:
-    """Refuse a model that does not factor over partitions, for particles that hold one each.
-
-    Args:
-        dynamics: of the model.
-        likelihood: of the model.
-        holder: the particles, in the message.
-    """
+    """Refuse a model that does not factor over partitions, for particles that hold one each."""
     check_uncoupled(dynamics, f"{holder} that hold one object each")
     if has_log_joint(likelihood):
         raise InputError(
@@ -358,7 +345,7 @@ def observe_nearby(observer: object, frame: Any, near: Any) -> Any:
 def model_error(tracker: TrackerLike, num_partitions: int) -> np.ndarray:
     """Errors ``[P, 3]`` that a tracker's likelihood declares, see ``Likelihood``; else 0."""
     declared = np.array(optional(likelihood_of(tracker), "model_error"), float)
-    return np.broadcast_to(declared, (num_partitions, 3))
+    return np.broadcast_to(declared.reshape(-1, 3), (num_partitions, 3))
 
 
 def of_partition(values: jax.Array, partition: jax.Array) -> jax.Array:

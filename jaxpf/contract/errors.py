@@ -50,16 +50,7 @@ class InputError(ValueError):
 
 
 def import_extra(module: str, need: str, install: str = "'jaxpf[cli]'") -> ModuleType:
-    """Import an optional module.
-
-    Args:
-        module: its name.
-        need: what needs it, such as ``"writing tables needs pandas"``.
-        install: argument of ``pip install``.
-
-    Raises:
-        InputError: it is missing; says how to install it.
-    """
+    """Import an optional module; if it is missing, say what has ``need`` of it, and the remedy."""
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError:
@@ -67,11 +58,7 @@ def import_extra(module: str, need: str, install: str = "'jaxpf[cli]'") -> Modul
 
 
 def check_names(names: object, count: int) -> None:
-    """Refuse names that are not one for each of ``count`` objects.
-
-    Raises:
-        InputError: gives both numbers.
-    """
+    """Refuse names that are not one for each of ``count`` objects."""
     given = 0 if isinstance(names, str) or not hasattr(names, "__len__") else len(names)
     if given != count:
         raise InputError(
@@ -80,30 +67,13 @@ def check_names(names: object, count: int) -> None:
 
 
 def check_separate(what: str, *others: tuple[object, str]) -> None:
-    """Refuse a setting together with others that it does not work with.
-
-    Args:
-        what: the setting.
-        others: whether another one is used, and its name.
-
-    Raises:
-        InputError: names both.
-    """
+    """Refuse the setting ``what`` together with another one that is used, given as (used, name)."""
     for used, other in others:
         if used:
             raise InputError(f"{what} does not work with {other}; leave one of them out.")
 
 
 def check_known(shown: str, value: object, known: Collection[str]) -> None:
-    """Refuse a name that is not in ``known``.
-
-    Args:
-        shown: start of the message, before the name, such as ``"swap="``.
-        value: the given name.
-        known: all valid names.
-
-    Raises:
-        InputError: lists the valid names.
-    """
+    """Refuse a name that is not in ``known``; ``shown`` begins the message, such as ``"swap="``."""
     if not isinstance(value, str) or value not in known:
         raise InputError(f"{shown}{value!r} is unknown; choose one of {', '.join(known)}.")

@@ -19,16 +19,9 @@ def judge(
 ) -> tuple[np.ndarray | None, np.ndarray]:
     """Confidence in the reported positions of P objects in one frame, and whether they are lost.
 
-    An object is lost where it is outside the picture, where all particles have likelihood zero, or
-    where its confidence is below ``LOST_BELOW``.  In the first two cases its confidence is 0.
-
-    Args:
-        outside: bool ``[P]``, outside the picture.
-        without_likelihood: bool ``[P]``, of ``jaxpf.Summary``.
-        confidence: ``[P]``, see ``jaxpf.Summary``; None if the likelihood defines none.
-
-    Returns:
-        The confidence ``[P]``, None if there is none, and lost, bool ``[P]``.
+    An object is lost where it is ``outside`` the picture, where all particles have likelihood zero,
+    or where its confidence, see ``jaxpf.Summary``, is below ``LOST_BELOW``.  In the first two cases
+    its confidence is 0.  All are ``[P]``; without a confidence, None is returned for it.
     """
     gone = np.asarray(outside, bool) | np.asarray(without_likelihood, bool)
     if confidence is None:

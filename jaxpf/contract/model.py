@@ -43,15 +43,9 @@ class Model(NamedTuple):
 def check_tree(
     parents: Sequence[int], names: Sequence[str] | None = None, what: str = ""
 ) -> tuple[int, ...]:
-    """Return the part tree as a tuple of ints.
+    """Return the part tree as a tuple of ints; refuse no part, an unknown parent, or a cycle.
 
-    Args:
-        parents: index of each part's parent, -1 for a root.
-        names: of the parts, for messages; by default their indices.
-        what: the tree in messages; by default ``parents``.
-
-    Raises:
-        InputError: no parts, a parent that does not exist, or a cycle.
+    In messages ``names`` are those of the parts, and ``what`` is the tree.
     """
     tree = tuple(map(operator.index, parents))
     if not tree:

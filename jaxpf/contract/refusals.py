@@ -16,16 +16,10 @@ from jaxpf.contract.types import TrackerLike
 
 
 def refused(*cases: tuple[Any, Iterable[str | Argument]]) -> Any:
-    """Refuse the first case that is known to hold; return whether a traced one holds.
+    """Refuse the first case that is known to hold; return whether a traced one holds, or None.
 
-    Args:
-        cases: conditions, bool of any shape or None, each with the pieces of its ``InputError``.
-
-    Returns:
-        Bool, for ``poisoned``; None if no condition is traced.
-
-    Raises:
-        InputError: a condition that is not traced holds.
+    A case is a condition, bool of any shape or None, with the pieces of its ``InputError``; what is
+    returned is for ``poisoned``.
     """
     traced = None
     for condition, pieces in cases:
@@ -74,11 +68,8 @@ def biased_evidence(
 ) -> jax.Array | None:
     """Refuse a tracker with a biased evidence for ``what``; see ``refused`` for what is returned.
 
-    Args:
-        tracker: any tracker.
-        what: what needs the evidence.
-        otherwise: an alternative to the unbiased setting.
-        tuning: whether gross biases alone matter.
+    The message gives the unbiased setting, or ``otherwise``.  For ``tuning``, gross biases alone
+    matter.
     """
     return refused(
         *(

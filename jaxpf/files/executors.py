@@ -120,12 +120,9 @@ def _outcome(
 def local_pool(
     workers: int, devices: int | None = None, prepare: Callable[[], None] | None = None
 ) -> Pool:
-    """Local processes, with the start method "spawn".
+    """Local processes, with the start method "spawn", among which by default the cores are divided.
 
-    Args:
-        workers: number of processes.
-        devices: host devices per process; by default the workers share the cores equally.
-        prepare: picklable function that is called first in every process.
+    ``prepare`` is a picklable function that is called first in every process.
     """
     start = functools.partial(
         ProcessPoolExecutor,

@@ -26,10 +26,7 @@ _LONGEST_NAME, _UNFIT = 200, ("Cc", "Cs", "Zl", "Zp")
 def read_text(path: Path, what: str, expected: str) -> str:
     """Read a text file: UTF-8 with or without a byte order mark, or UTF-16 with one.
 
-    Args:
-        path: the file.
-        what: the kind of content, for messages, such as ``"boxes"``.
-        expected: what to give instead, for messages.
+    Messages name the kind of content, such as ``"boxes"``, and what was ``expected`` instead.
     """
     if path.is_dir():
         raise InputError(f"'{path}' is a folder; give a file of {what}: {expected}")
@@ -89,15 +86,10 @@ def parse_number(
     most: float = FARTHEST,
     whole: bool = False,
 ) -> float:
-    """Parse a field as a finite number.
+    """Parse a field, such as ``"1"``, ``"1.0"`` or ``"1e2"``, as a finite number.
 
-    Args:
-        field: its text, such as ``"1"``, ``"1.0"`` or ``"1e2"``.
-        place: where the field is and what it holds, for messages: ``"line 3 of 'a.csv': x is"``.
-        remedy: what to give instead of a text, for messages.
-        least: lowest value.
-        most: highest value.
-        whole: whether it must be a whole number.
+    Messages begin with the ``place`` and what it holds, ``"line 3 of 'a.csv': x is"``, and end with
+    the ``remedy``.
     """
     try:
         value = math.nan if "_" in field else float(field)  # only Python accepts 1_000
@@ -112,12 +104,7 @@ def parse_number(
 
 
 def check_pixels(what: str, values: np.ndarray) -> None:
-    """Refuse coordinates of several points or boxes that are shares of the frame's size.
-
-    Args:
-        what: the coordinates, for messages.
-        values: x, y or x, y, w, h, ``[K, 2 or 4]``.
-    """
+    """Refuse coordinates of several points or boxes that are shares of the frame's size."""
     # The corners of boxes may be shifted by a pixel.  Whole numbers are label images of few pixels.
     if values.size > 2 and np.abs(values).max() <= 2 and (values % 1).any():
         raise InputError(
@@ -127,12 +114,7 @@ def check_pixels(what: str, values: np.ndarray) -> None:
 
 
 def check_name(name: str, place: str) -> None:
-    """Refuse a name that does not fit in one field of a table.
-
-    Args:
-        name: of an object.
-        place: for messages, such as ``"line 3 of 'a.csv'"``.
-    """
+    """Refuse an object's name that does not fit in one field of a table, at a ``place``."""
     is_unfit = any(unicodedata.category(letter) in _UNFIT for letter in name)
     if not name.strip() or len(name) > _LONGEST_NAME or is_unfit:
         raise InputError(

@@ -99,10 +99,8 @@ class Store:
     ) -> Iterator[tuple[str, Mapping[str, np.ndarray]]]:
         """Yield name and arrays of every piece: read if it is stored, else made and stored.
 
-        Args:
-            pieces: names, valid as file names, and what ``make`` is called with.
-            make: function -> arrays by name.
-            pool: workers that make pieces, which then come in any order, see ``in_turn``.
+        A piece has a name, valid as a file name, and what ``make`` is called with.  Workers of a
+        ``pool`` make pieces in any order, see ``in_turn``.
         """
         missing = {}
         for name, piece in pieces:

@@ -16,12 +16,7 @@ from jaxpf.contract.errors import InputError
 
 @contextmanager
 def report_os_errors(action: str, path: str | os.PathLike[str]) -> Iterator[None]:
-    """Turn an ``OSError`` within the block into an ``InputError`` that names ``path``.
-
-    Args:
-        action: the attempted action, a verb phrase: ``"write"``, ``"create the folder"``.
-        path: the file or folder concerned.
-    """
+    """Turn an ``OSError`` into an ``InputError``: "cannot ``action`` the ``path``", and why."""
     try:
         yield
     except OSError as error:
@@ -77,11 +72,6 @@ def atomic_write(
     The content goes to a temporary file in the same folder, which is flushed to disk and
     renamed at the end of the block.  If the block raises, the file at ``path`` stays unchanged
     and the temporary file is removed.
-
-    Args:
-        path: the file to write or replace; its folder must exist.
-        mode: ``"w"`` or ``"wb"``.
-        encoding: of text; ignored with ``"wb"``.
     """
     path = Path(path)
     text = mode == "w"
@@ -181,12 +171,9 @@ def _probe(path: Path) -> None:
 
 
 def remove_leavings(folder: Path, stem: str = "", older: float = 0.0) -> None:
-    """Remove the incomplete files of killed processes.
+    """Remove the incomplete files of killed processes, of any stem or of one.
 
-    Args:
-        folder: where they lie.
-        stem: of the file that was being written; by default of any.
-        older: seconds since the last write, below which another process may still be writing.
+    Another process may still be writing one that was written to less than ``older`` seconds ago.
     """
     for path in folder.glob(f".{glob.escape(stem)}*{PARTIAL}*"):
         with suppress(OSError):
@@ -211,11 +198,8 @@ def check_output_folder(path: Path) -> None:
 def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     """Create the folder for a run's results; refuse to mix them with other files.
 
-    ``overwrite`` deletes nothing: the run replaces files of the same names, others stay.
-
-    Args:
-        path: the folder; missing parents are created.
-        overwrite: accept a folder that is not empty.
+    ``overwrite`` accepts a folder that is not empty and deletes nothing: the run replaces files of
+    the same names, others stay.
     """
     path = Path(path)
     with report_os_errors("create the output folder", path):

@@ -46,16 +46,11 @@ def choose(
 def computed_once(
     function: Callable[[], jax.Array], like: jax.Array, unforeseen: jax.Array
 ) -> jax.Array:
-    """``function()``, computed once for all its uses.
+    """``function()``, computed once for all its uses; ``like`` is an array of the same form.
 
     On a CPU, XLA would fuse it into each use and recompute it, even across a barrier, but not
-    across a branch whose predicate is unknown at compile time.  On an accelerator a barrier is
-    enough.
-
-    Args:
-        function: the computation.
-        like: an array of the same shape and dtype.
-        unforeseen: ``[]`` bool, true at run time but unknown to the compiler.
+    across a branch whose predicate is unknown at compile time, such as ``unforeseen``, which is
+    true at run time.  On an accelerator a barrier is enough.
     """
     if platform.on_accelerator():
         return lax.optimization_barrier(function())

@@ -50,13 +50,10 @@ def no_tracks() -> Tracks:
 
 
 def assigned(one: np.ndarray, other: np.ndarray, least_iou: float) -> np.ndarray:
-    """Assign each box of ``one`` ``[P, 4]`` to at most one box of ``other`` ``[Q, 4]``.
+    """Assign each box of ``one`` ``[P, 4]`` to at most one box of ``other``: index ``[P]``, or -1.
 
     The assignment is one to one and maximises the sum of IoUs over pairs whose IoU is
     ``least_iou`` or more.
-
-    Returns:
-        int ``[P]``, the index into ``other``, or -1 for none.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -96,17 +93,11 @@ def without(tracks: Tracks, places: np.ndarray) -> Tracks:
 
 
 def pairwise_iou(one: ArrayLike, other: ArrayLike) -> np.ndarray:
-    """Intersection over union of every pair of boxes, in double precision.
+    """Intersection over union ``[P, Q]`` of every pair of boxes, in double precision.
 
     ``jaxpf.measures.iou`` compares boxes elementwise in JAX.  Scores that threshold the IoU
-    need double precision to agree with other tools.
-
-    Args:
-        one: x, y, w, h ``[P, 4]``.
-        other: ``[Q, 4]``.
-
-    Returns:
-        float64 ``[P, Q]``; 0 where a box is not finite or has no width or no height.
+    need double precision to agree with other tools.  0 where a box is not finite or has no width or
+    no height.
     """
     one = _proper_or_empty(one)[:, None]
     other = _proper_or_empty(other)[None, :]

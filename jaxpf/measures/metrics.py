@@ -14,68 +14,52 @@ Source: smith2004, section 3.1, unless a function states another.
 """
 
 from collections.abc import Sequence
-from typing import Literal, get_args
 
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.errors import InputError
 from jaxpf.lowering.programs import compiled
 from jaxpf.measures.intervals import Interval, mean_interval, median_interval
-from jaxpf.measures.means import masked_mean
 from jaxpf.shapes.rectangles import area, centres, intersection_area, is_proper
 
-Over = Literal["tracked", "all"]
 
-
-# One frame
-
-
-def has_truth(truth: ArrayLike) -> Array:
-    """``[...]`` bool: whether each box of ``truth [..., 4]`` is finite and has an area."""
-    return is_proper(truth)
-
-
-def track_state(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """T: whether the estimated area E and the true area G share more than an edge.
+def measure_boxes(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]:
+    """Compare boxes with the true ones, frame by frame, with E the estimated and G the true area.
 
     Args:
-        estimate: ``[..., 4]`` boxes.
-        truth: ``[..., 4]`` boxes.
+        estimate: ``[..., 4]``.
+        truth: ``[..., 4]``; the leading axes broadcast.
 
     Returns:
-        ``[...]`` bool; false where there is no truth.
+        ``[...]`` each: ``present`` (there is truth), ``tracked`` (T: E and G share more than an
+        edge), ``precision`` (area(E and G) / area(E)), ``recall`` (area(E and G) / area(G)),
+        and, not in smith2004, ``iou`` (area(E and G) / area(E or G)) and ``centre_error`` (distance
+        of the centres, pixels).
     """
-    return intersection_area(estimate, truth) > 0
+    estimate, truth = jnp.broadcast_arrays(jnp.asarray(estimate), jnp.asarray(truth))
+    common, ours, theirs = intersection_area(estimate, truth), area(estimate), area(truth)
+    present, offset = is_proper(truth), centres(estimate) - centres(truth)
+    return {
+        "present": present,
+        "tracked": common > 0,
+        "precision": share(common, ours, present),
+        "recall": share(common, theirs, present),
+        "iou": share(common, ours + theirs - common, present),
+        "centre_error": jnp.where(present, jnp.hypot(offset[..., 0], offset[..., 1]), jnp.nan),
+    }
 
 
-def precision(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """``[...]``: share of the estimated area that is correct, area(E and G) / area(E)."""
-    return _share_of_intersection(estimate, truth, area(estimate))
-
-
-def recall(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """``[...]``: share of the true area that is covered, area(E and G) / area(G)."""
-    return _share_of_intersection(estimate, truth, area(truth))
+def share(common: Array, whole: Array, present: Array) -> Array:
+    """``common / whole``: 0 for an empty whole, NaN without truth."""
+    ratio = jnp.where(whole > 0, common / jnp.where(whole > 0, whole, 1), 0)
+    return jnp.where(present, ratio, jnp.nan)
 
 
 def iou(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """``[...]``: intersection over union, area(E and G) / area(E or G); not in smith2004."""
-    union = area(estimate) + area(truth) - intersection_area(estimate, truth)
-    return _share_of_intersection(estimate, truth, union)
-
-
-def centre_error(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """``[...]``: distance between the boxes' centres in pixels; not in smith2004.
-
-    NaN without truth, or if the estimate is not finite.
-    """
-    offset = centres(estimate) - centres(truth)
-    return jnp.where(has_truth(truth), jnp.hypot(offset[..., 0], offset[..., 1]), jnp.nan)
-
-
-# One run
+    """``[...]``: intersection over union of boxes ``[..., 4]``, see ``measure_boxes``."""
+    return measure_boxes(estimate, truth)["iou"]
 
 
 def success(estimate: ArrayLike, truth: ArrayLike) -> Array:
@@ -88,86 +72,41 @@ def success(estimate: ArrayLike, truth: ArrayLike) -> Array:
     Returns:
         ``[..., P]`` bool; false for an object without truth.
     """
-    return throughout(track_state(estimate, truth), _presence(estimate, truth))
+    found = measure_boxes(estimate, truth)
+    return throughout(found["tracked"], found["present"])
 
 
-def throughout(tracked: ArrayLike, present: ArrayLike) -> Array:
+def throughout(tracked: Array, present: Array) -> Array:
     """``success`` ``[..., P]`` from track state and presence, ``[..., T, P]`` bool each."""
-    tracked, present = _of_frames(tracked, present)
     return jnp.all(tracked | ~present, axis=-2) & jnp.any(present, axis=-2)
 
 
-def recovery(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """Whether an object was tracked at the end: T = 1 in its last frame with truth.
+def in_the_end(tracked: Array, present: Array) -> Array:
+    """Whether an object was tracked at the end, "recovery": T = 1 in its last frame with truth.
 
     The paper counts runs that "either successfully tracked throughout or recovered from lost
     tracking" without a duration; this is our interpretation.  Arguments and result as for
-    ``success``.
+    ``throughout``.
     """
-    return in_the_end(track_state(estimate, truth), _presence(estimate, truth))
-
-
-def in_the_end(tracked: ArrayLike, present: ArrayLike) -> Array:
-    """``recovery`` ``[..., P]`` from track state and presence, ``[..., T, P]`` bool each."""
-    tracked, present = _of_frames(tracked, present)
     frames = jnp.arange(present.shape[-2])[:, None]
     last = jnp.max(jnp.where(present, frames, -1), axis=-2, keepdims=True, initial=-1)
     return jnp.any(tracked & (frames == last), axis=-2)
 
 
-def mean_precision(
-    estimate: ArrayLike,
-    truth: ArrayLike,
-    over: Over = "tracked",
-    axis: int | Sequence[int] = -2,
-) -> Array:
-    """Mean precision over frames; by default only those with T = 1, as in smith2004.
-
-    Args:
-        estimate: ``[..., T, P, 4]`` boxes.
-        truth: ``[..., T, P, 4]`` boxes.
-        over: "tracked" averages over frames with T = 1, "all" over frames with truth.
-        axis: axes of ``[..., T, P]`` to average over: -2 gives a mean per run, (-3, -2) pools the
-            frames of all runs.
-
-    Returns:
-        ``[..., P]``; NaN where no frame counts.
-    """
-    counts = _frames_that_count(estimate, truth, over)
-    return masked_mean(precision(estimate, truth), counts, axis)
+def masked_mean(values: ArrayLike, mask: ArrayLike, axis: int | Sequence[int]) -> Array:
+    """Mean of the finite values where ``mask`` is true; NaN if there are none."""
+    values = as_float(values)
+    axis = axis if isinstance(axis, int) else tuple(axis)
+    counts = jnp.isfinite(values) & jnp.asarray(mask, bool)
+    total = jnp.sum(jnp.where(counts, values, 0), axis)
+    number = jnp.sum(counts, axis)
+    return jnp.where(number > 0, total / jnp.maximum(number, 1), jnp.nan)
 
 
-def mean_recall(
-    estimate: ArrayLike,
-    truth: ArrayLike,
-    over: Over = "tracked",
-    axis: int | Sequence[int] = -2,
-) -> Array:
-    """Mean recall over frames; arguments and result as for ``mean_precision``."""
-    counts = _frames_that_count(estimate, truth, over)
-    return masked_mean(recall(estimate, truth), counts, axis)
-
-
-# Many runs: intervals, in NumPy
-
-
-def success_rate(estimate: ArrayLike, truth: ArrayLike, level: float = 0.95) -> Interval:
-    """Share of runs with ``success``, with its interval over runs; see ``mean_interval``.
-
-    Args:
-        estimate: ``[R, T, P, 4]`` boxes.
-        truth: ``[T, P, 4]`` boxes.
-        level: confidence of the interval, in (0, 1).
-
-    Returns:
-        ``[P]`` each; NaN for an object without truth.
-    """
-    return _rate(success(estimate, truth), truth, level)
-
-
-def recovery_rate(estimate: ArrayLike, truth: ArrayLike, level: float = 0.95) -> Interval:
-    """Share of runs with ``recovery``; arguments and result as for ``success_rate``."""
-    return _rate(recovery(estimate, truth), truth, level)
+def as_float(values: ArrayLike) -> Array:
+    """Convert to a float array; integers and bools become the default float."""
+    values = jnp.asarray(float(values) if isinstance(values, int) else values)
+    return values.astype(jnp.result_type(values.dtype, jnp.float32))
 
 
 def summarise(
@@ -197,66 +136,31 @@ def summarise(
         raise InputError(
             f"boxes are {estimate.shape} and {truth.shape}; give [R, T, P, 4] and [T, P, 4]."
         )
-    found = {
+    return {
         name: median_interval(values, level=level)
         if name == "centre_error"
         else mean_interval(values, frames, level=level, bounds=(0.0, 1.0))
         for name, (values, frames) in _of_runs(estimate, truth).items()
     }
-    rates = {each.__name__: each(estimate, truth, level) for each in (success_rate, recovery_rate)}
-    return rates | found
 
 
 # Compiled as a whole, because otherwise the first call compiles about a hundred small operations.
 @compiled
 def _of_runs(estimate: Array, truth: Array) -> dict[str, tuple[Array, Array]]:
     """Mean of each measure over the frames of each run that count, and their number, ``[R, P]``."""
-    tracked, present = track_state(estimate, truth), _presence(estimate, truth)
+    found = measure_boxes(estimate, truth)
+    tracked, present = found["tracked"], found["present"]
 
-    def over(values: Array, counts: Array) -> tuple[Array, Array]:
-        counts = counts & jnp.isfinite(values)
-        return masked_mean(values, counts, -2), jnp.sum(counts, axis=-2)
+    def over(counts: Array, name: str) -> tuple[Array, Array]:
+        counts = counts & jnp.isfinite(found[name])
+        return masked_mean(found[name], counts, -2), jnp.sum(counts, axis=-2)
 
-    precisions, recalls = precision(estimate, truth), recall(estimate, truth)
+    ever = jnp.any(present, axis=-2)
     return {
-        "tracked": over(tracked.astype(precisions.dtype), present),
-        "precision": over(precisions, tracked),
-        "recall": over(recalls, tracked),
-        "precision_all": over(precisions, present),
-        "recall_all": over(recalls, present),
-        "iou": over(iou(estimate, truth), present),
-        "centre_error": over(centre_error(estimate, truth), present),
+        "success_rate": (throughout(tracked, present), ever),
+        "recovery_rate": (in_the_end(tracked, present), ever),
+        "tracked": over(present, "tracked"),
+        **{name: over(tracked, name) for name in ("precision", "recall")},
+        **{f"{name}_all": over(present, name) for name in ("precision", "recall")},
+        **{name: over(present, name) for name in ("iou", "centre_error")},
     }
-
-
-# Helpers
-
-
-def _of_frames(tracked: ArrayLike, present: ArrayLike) -> tuple[Array, Array]:
-    return jnp.asarray(tracked, bool), jnp.asarray(present, bool)
-
-
-def _share_of_intersection(estimate: ArrayLike, truth: ArrayLike, whole: Array) -> Array:
-    """area(E and G) / whole: 0 for an empty whole, NaN without truth."""
-    common = intersection_area(estimate, truth)
-    share = jnp.where(whole > 0, common / jnp.where(whole > 0, whole, 1), 0)
-    return jnp.where(has_truth(truth), share, jnp.nan)
-
-
-def _presence(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """``has_truth``, broadcast to the leading axes of the estimate."""
-    shape = jnp.broadcast_shapes(jnp.shape(estimate), jnp.shape(truth))
-    return jnp.broadcast_to(has_truth(truth), shape[:-1])
-
-
-def _frames_that_count(estimate: ArrayLike, truth: ArrayLike, over: Over) -> Array:
-    if over == "tracked":
-        return track_state(estimate, truth)
-    check_known("over=", over, get_args(Over))
-    return _presence(estimate, truth)
-
-
-def _rate(outcome: Array, truth: ArrayLike, level: float) -> Interval:
-    """Rate of ``outcome [R, P]`` over runs; objects without truth have none."""
-    ever = jnp.any(has_truth(truth), axis=-2)
-    return mean_interval(outcome, ever, level=level, bounds=(0.0, 1.0))

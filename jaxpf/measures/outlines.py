@@ -8,6 +8,8 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
+from jaxpf.measures.metrics import share
+
 #: Corners within this distance of an edge, relative to the outlines' extent, lie on it.
 _ON_EDGE = 1e-6
 
@@ -31,10 +33,6 @@ def measure_outlines(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]:
     ours, theirs = area(estimate), area(truth)
     present = theirs > 0
 
-    def share(whole: Array) -> Array:
-        ratio = jnp.where(whole > 0, common / jnp.where(whole > 0, whole, 1), 0)
-        return jnp.where(present, ratio, jnp.nan)
-
     def distance(offset: Array) -> Array:
         return jnp.hypot(offset[..., 0], offset[..., 1])
 
@@ -43,9 +41,9 @@ def measure_outlines(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]:
     return {
         "present": present,
         "tracked": common > 0,
-        "precision": share(ours),
-        "recall": share(theirs),
-        "iou": share(ours + theirs - common),
+        "precision": share(common, ours, present),
+        "recall": share(common, theirs, present),
+        "iou": share(common, ours + theirs - common, present),
         "centre_error": jnp.where(present, centres, jnp.nan),
         "corner_error": jnp.where(present, corners, jnp.nan),
     }

@@ -5,7 +5,7 @@ from jax import Array
 from jax.scipy.special import logsumexp
 from jax.typing import ArrayLike
 
-from jaxpf.measures.means import as_float
+from jaxpf.measures.metrics import as_float
 
 
 def effective_dynamics(spread: ArrayLike, scale: ArrayLike) -> Array:
@@ -13,13 +13,8 @@ def effective_dynamics(spread: ArrayLike, scale: ArrayLike) -> Array:
 
     smith2004 defines it as a variance but plots it as a percentage of sigma.  It can exceed 1,
     because particles follow the observations and their spread carries over between frames.
-
-    Args:
-        spread: ``[..., P, D]`` standard deviations of the particle set at the end of a time step.
-        scale: ``[D]`` or ``[P, D]``, sigma, the standard deviation of the process noise.
-
-    Returns:
-        ``[..., P, D]``; NaN in coordinates without process noise.
+    ``spread`` is ``[..., P, D]``, at the end of a time step; ``scale``, sigma, ``[D]`` or
+    ``[P, D]``.  NaN in coordinates without process noise.
     """
     spread, scale = as_float(spread), as_float(scale)
     has_noise = scale > 0
@@ -27,18 +22,11 @@ def effective_dynamics(spread: ArrayLike, scale: ArrayLike) -> Array:
 
 
 def corner_distances(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """Sum of the distances between the corners of estimated and true rectangles.
+    """Sum of the distances between the 4 P corners of estimated and true rectangles, in pixels.
 
     Source: gonzales2011, section 4, "the sum of the Euclidean distances between the corners".
-
-    Args:
-        estimate: ``[..., P, 4, 2]`` corners in pixels, see
-            ``jaxpf.shapes.rectangles.corners_from_poses``.
-        truth: ``[..., P, 4, 2]``; the leading axes broadcast.
-
-    Returns:
-        ``[...]``, the sum over all 4 P corners, in pixels; NaN if any corner of either is not
-        finite.
+    Corners are ``[..., P, 4, 2]``, see ``jaxpf.shapes.rectangles.corners_from_poses``; NaN if any
+    is not finite.
     """
     apart = as_float(estimate) - as_float(truth)
     distance = jnp.hypot(apart[..., 0], apart[..., 1])
@@ -52,14 +40,8 @@ def pose_variance(spread: ArrayLike, sizes: ArrayLike) -> Array:
     gonzales2011 plots "the variance of the particle set" without a definition.  Here it is the
     mean squared distance of a rectangle's corners from their mean positions, to first order in
     the angle, summed over the rectangles: var x + var y + r^2 var theta with r half the diagonal.
-    The factor r^2 makes pixels and radians commensurable.
-
-    Args:
-        spread: ``[..., P, D]``, D >= 3, standard deviations of x, y, theta; others are ignored.
-        sizes: ``[P, 2]`` width and height, pixels.
-
-    Returns:
-        ``[...]``; NaN if a spread is not finite.
+    The factor r^2 makes pixels and radians commensurable.  ``spread`` is ``[..., P, >= 3]``, of x,
+    y, theta; ``sizes`` ``[P, 2]``.  NaN if a spread is not finite.
     """
     spread, sizes = as_float(spread), as_float(sizes)
     radius = 0.5 * jnp.hypot(sizes[..., 0], sizes[..., 1])
@@ -69,13 +51,9 @@ def pose_variance(spread: ArrayLike, sizes: ArrayLike) -> Array:
 
 
 def resamplings_per_frame(resample_after: ArrayLike) -> Array:
-    """Resamplings of the whole set per frame: P for PS, the number of levels for SPS.
+    """Resamplings of the whole set per frame, with that at the start.
 
-    Args:
-        resample_after: ``[..., P]`` bool, ``Ordering.resample_after``.
-
-    Returns:
-        ``[...]`` int, including the resampling at the start of the frame.
+    P for PS, the number of levels for SPS; of ``Ordering.resample_after``.
     """
     return 1 + jnp.sum(jnp.asarray(resample_after), axis=-1)
 
@@ -101,13 +79,9 @@ def effective_sample_size(log_weights: ArrayLike) -> Array:
 
 
 def distinct_share(lineage: ArrayLike) -> Array:
-    """U / N: share of distinct particles, which smith2004 calls uniqueness.
+    """U / N ``[..., P]``: share of distinct particles, which smith2004 calls uniqueness.
 
-    Args:
-        lineage: ``[..., P, N]`` int, lineage id of each particle's partition; copies share it.
-
-    Returns:
-        ``[..., P]``, from 1 / N to 1.
+    Copies share the lineage id of each particle's partition, ``[..., P, N]``.
     """
     ordered = jnp.sort(jnp.asarray(lineage), axis=-1)
     changes = jnp.sum(ordered[..., 1:] != ordered[..., :-1], axis=-1)

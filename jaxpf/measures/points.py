@@ -23,10 +23,7 @@ def point_distances(estimates: ArrayLike, truth: ArrayLike, length: ArrayLike = 
 
 
 def mean_error(distance: ArrayLike, chosen: ArrayLike | None = None) -> np.ndarray:
-    """Mean distance ``[...]`` of each run over the frames and points ``chosen`` ``[T, P]``.
-
-    NaN if no known distance is chosen.
-    """
+    """Mean known distance ``[...]`` of each run over frames and points ``chosen``, ``[T, P]``."""
     distance = np.asarray(distance, float)
     counts = ~np.isnan(distance)
     if chosen is not None:

@@ -18,19 +18,8 @@ from jax.typing import ArrayLike
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import with_nan
 from jaxpf.measures.association import pairwise_iou
-from jaxpf.measures.means import masked_mean
-from jaxpf.measures.metrics import centre_error, has_truth, iou
-
-__all__ = [
-    "CENTRE_THRESHOLDS",
-    "IOU_THRESHOLDS",
-    "distance_precision",
-    "precision_curve",
-    "success_auc",
-    "success_curve",
-    "success_rate_50",
-    "tracking_scores",
-]
+from jaxpf.measures.metrics import iou, masked_mean, measure_boxes
+from jaxpf.shapes.rectangles import is_proper
 
 #: IoU thresholds of the success curve (wu2013): 0, .05, ..., 1.
 IOU_THRESHOLDS = np.arange(21) / 20
@@ -123,7 +112,7 @@ def precision_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
     Returns:
         ``[..., P, 51]``.
     """
-    errors = centre_error(estimate, truth)
+    errors = measure_boxes(estimate, truth)["centre_error"]
     within = errors[..., None] <= jnp.asarray(CENTRE_THRESHOLDS, errors.dtype)
     return _share_of_frames(within.astype(errors.dtype), truth)
 
@@ -155,7 +144,7 @@ def import_trackeval() -> ModuleType:
 
 def _share_of_frames(hits: Array, truth: ArrayLike) -> Array:
     """Mean of ``hits [..., T, P, K]`` over frames with truth: ``[..., P, K]``."""
-    counts = jnp.broadcast_to(has_truth(truth)[..., None], hits.shape)
+    counts = jnp.broadcast_to(is_proper(truth)[..., None], hits.shape)
     return masked_mean(hits, counts, -3)
 
 

@@ -130,17 +130,14 @@ def run_blocks(
     """``monte_carlo`` in given blocks, the last of which may be padded.
 
     Unless ``batch_size`` fixes their width, blocks are halved if an accelerator's memory runs out.
-
-    Raises:
-        InputError: as for ``monte_carlo``.
     """
     frames = frames_of(frames)
     if frames.source is None:
         tracker, whole = missing_frames.marked(tracker, frames.whole, observed)
         frames = Frames(whole)
     elif observed is not None:
-        tracker, source = missing_frames.marked_source(tracker, frames, observed)
-        frames = Frames(None, source)
+        rows = frames_of(observed).one_by_one()
+        frames = Frames(None, zip(frames.source, rows, strict=True))
     devices = tuple(jax.local_devices() if devices is None else devices)
     may_halve = platform.on_accelerator() and batch_size is None
     if may_halve:
@@ -154,7 +151,8 @@ def run_blocks(
         of_chunk = tracker
         if frames.source is not None:
             # Missing frames are known only now.
-            of_chunk, chunk = missing_frames.marked(tracker, chunk, first=first)
+            chunk, seen = (chunk, None) if observed is None else chunk
+            of_chunk, chunk = missing_frames.marked(tracker, chunk, seen, first)
         grouped = in_groups(first, chunk, used)
         if not kept:
             begin = _begin_halving if may_halve and is_concrete(tracker, keys, chunk) else _begin
@@ -217,9 +215,8 @@ def _begin(
 ) -> Any:
     """Advance all runs through the first chunk of frames.
 
-    Returns:
-        For each width: the number of runs, their keys ``[B, W]``, padded so that every device has
-        the same number of blocks, their states and the recorded values.
+    Returns for each width the number of runs, their keys ``[B, W]``, padded so that every device
+    has the same number of blocks, their states and the recorded values.
     """
     sizes, batches, first = [], [], 0
     for count, width in blocks:
@@ -269,12 +266,7 @@ def _joined(kept: list[Any], sizes: tuple[int, ...], length: int) -> Any:
 def in_groups(first: int, frames: Any, devices: tuple) -> tuple[np.ndarray, Any]:
     """Split frames into groups with one frame per device: times ``[G, D]``, frames ``[G, D, ...]``.
 
-    Each device receives only the frames that it observes.
-
-    Args:
-        first: time of the first frame.
-        frames: ``[G D, ...]``.
-        devices: D devices; empty for a single device.
+    Each of D devices receives only the frames that it observes.
     """
     length, count = num_frames(frames), max(len(devices), 1)
     times = np.arange(first, first + length, dtype=np.int32).reshape(-1, count)
@@ -307,19 +299,9 @@ def advance_batches(
     """Advance states ``[B, W, ...]`` through a chunk of frames; compiled by ``monte_carlo``.
 
     Blocks run in sequence, those of one width in a loop, and are divided among the devices.  In
-    each group of frames, every device observes one frame and receives the others' observations.
-
-    Args:
-        tracker: as for ``run``.
-        keys: for each width, ``[B, W]``.
-        states: for each width, states before the chunk, ``[B, W, ...]``.
-        times: ``[G, D]``, see ``in_groups``; a single device has groups of one frame.
-        groups: ``[G, D, ...]``.
-        record: as for ``run``.
-        devices: D devices; empty for a single device.
-
-    Returns:
-        For each width, the states after the chunk, and the recorded values ``[B, W, G D, ...]``.
+    each group of frames (see ``in_groups``), every device observes one frame and receives the
+    others' observations.  There are keys ``[B, W]`` and states for each width; returned are the
+    states after the chunk, and the recorded values ``[B, W, G D, ...]``.
     """
     advance: Callable = partial(
         _advance_on_one_device, record=record, num_devices=max(len(devices), 1)

@@ -21,9 +21,7 @@ _LEAST = 2
 def chunk_length(num_frames: int | None, frame_bytes: int) -> int:
     """Number of frames per chunk that fits into ``CHUNK_BYTES``, at least two.
 
-    Args:
-        num_frames: length of the sequence, which is divided evenly; None if unknown.
-        frame_bytes: size of one frame.
+    The length of the sequence, unless it is unknown (None), is divided evenly.
     """
     most = max(_LEAST, CHUNK_BYTES // max(frame_bytes, 1))
     if num_frames is None:
@@ -34,19 +32,13 @@ def chunk_length(num_frames: int | None, frame_bytes: int) -> int:
 def in_chunks(frames: Frames, length: int | None, multiple: int) -> Iterator[tuple[int, int, Any]]:
     """Yield a sequence's frames in chunks.
 
-    Args:
-        frames: in NumPy or device arrays, or one by one.
-        length: frames per chunk, rounded up to a multiple of ``multiple``.  None: as many as fit in
-            ``CHUNK_BYTES``, or all frames if they are already on a device.
-        multiple: the length of every chunk is a multiple of this.
+    Chunks have ``length`` frames, rounded up to a multiple of ``multiple``; by default as many as
+    fit in ``CHUNK_BYTES``, or all frames if they are already on a device.
 
     Yields:
         The number of the chunk's first frame, the number of frames without padding, and the
         frames.  All chunks have the same length, padded by repeating the last frame, unless there
         is only one chunk.
-
-    Raises:
-        InputError: no frame, or a frame that differs in shape from the first; ``length`` below 1.
     """
     if length is not None:
         check_whole("frames_per_chunk", length)
@@ -70,49 +62,26 @@ def in_chunks(frames: Frames, length: int | None, multiple: int) -> Iterator[tup
 
 
 def _gathered(frames: Iterable[Any], length: int | None, multiple: int) -> Iterator[Any]:
-    """``in_chunks`` for single frames, which are written directly into the chunk's buffer."""
+    """``in_chunks`` for single frames."""
     source = iter(frames)
-    start = next(source, None)
-    if start is None:
+    rows = [_copied(frame) for frame in itertools.islice(source, 1)]
+    if not rows:
         raise InputError("frames has no frame; give at least one.")
-    leaves, structure = _leaves(start)
-    kinds = [_kind(leaf) for leaf in leaves]
     if length is None:
         total = len(frames) if isinstance(frames, Sized) else None
-        length = chunk_length(total, sum(leaf.nbytes for leaf in leaves))
-    length = _rounded(length, multiple)
-    rest = enumerate(itertools.chain([start], source))
-    for first in itertools.count(0, length):
-        arrays = [np.empty((length, *leaf.shape), leaf.dtype) for leaf in leaves]
-        count = 0
-        for number, frame in itertools.islice(rest, length):
-            own, shape = _leaves(frame)
-            own_kinds = [_kind(leaf) for leaf in own]
-            if (own_kinds, shape) != (kinds, structure):
-                raise InputError(
-                    f"frame {number} is {', '.join(own_kinds)}, the first one {', '.join(kinds)}; "
-                    "give frames that are all alike."
-                )
-            for array, leaf in zip(arrays, own, strict=True):
-                array[count] = leaf
-            count += 1
-        if not count:
-            return
-        wanted = _filled_length(first, count, length, multiple)
-        for array in arrays:
-            array[count:wanted] = array[count - 1]
-        yield first, count, jax.tree.unflatten(structure, [array[:wanted] for array in arrays])
-        if count < length:
-            return
+        length = chunk_length(total, sum(leaf.nbytes for leaf in jax.tree.leaves(rows)))
+    length, first = _rounded(length, multiple), 0
+    while rows:
+        rows += map(_copied, itertools.islice(source, length - len(rows)))
+        count = len(rows)
+        rows += rows[-1:] * (_filled_length(first, count, length, multiple) - count)
+        yield first, count, jax.tree.map(lambda *leaves: np.stack(leaves), *rows)
+        first, rows = first + length, [_copied(frame) for frame in itertools.islice(source, 1)]
 
 
-def _leaves(frame: Any) -> tuple[list[np.ndarray], Any]:
-    leaves, structure = jax.tree.flatten(frame)
-    return [np.asarray(with_nan(leaf)) for leaf in leaves], structure
-
-
-def _kind(leaf: np.ndarray) -> str:
-    return f"{jax.dtypes.canonicalize_dtype(leaf.dtype)} {list(leaf.shape)}"
+def _copied(frame: Any) -> Any:
+    """A frame's arrays, which a camera may overwrite by the next frame."""
+    return jax.tree.map(lambda leaf: np.array(with_nan(leaf)), frame)
 
 
 def _rounded(length: int, multiple: int) -> int:

@@ -67,11 +67,7 @@ def as_arrays(tree: Any) -> Any:
 
 
 def num_frames(frames: Any) -> int:
-    """Return the length of the leading axis of all arrays.
-
-    Raises:
-        InputError: no frames, or arrays with different numbers of frames.
-    """
+    """Return the length of the leading axis of all arrays; refuse none, and different ones."""
     lengths = {np.shape(leaf)[0] for leaf in jax.tree.leaves(frames)}
     if len(lengths) != 1 or 0 in lengths:
         raise InputError(

@@ -3,22 +3,18 @@
 ``jaxpf.running.gaps`` wraps a tracker so that it takes the marked frames.
 """
 
-import itertools
-from collections.abc import Iterator
-from types import ModuleType
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.optional import likelihood_of, optional, unwrapped
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.types import TrackerLike
-from jaxpf.running.frames import Frames, frames_of, num_frames
+from jaxpf.running.frames import num_frames
 from jaxpf.running.gaps import WithGaps
 
 
@@ -44,34 +40,29 @@ def marked(
     ):
         return tracker, frames
     if observed is None:
-        seen = _seen(frames)
-        _check_nan(tracker, frames, seen, first)
-        return (tracker, frames) if seen is None else (WithGaps(tracker), (frames, seen))
-    seen, shape = _as_bool(observed), np.shape(observed)
+        some, every = _nan_in(frames)
+        _check_nan(tracker, frames, some & ~every, first)
+        if is_concrete(every) and not np.any(every):
+            return tracker, frames
+        return WithGaps(tracker), (frames, ~every)
+    seen = np.asarray(observed, bool) if is_concrete(observed) else observed.astype(bool)
     total, parts = num_frames(frames), optional(tracker, "num_partitions")
-    of_components = len(shape) > 1 and shape == np.shape(frames) != (total, parts)
+    of_components = seen.ndim > 1 and seen.shape == np.shape(frames) != (total, parts)
     if of_components and calls.handles_nan(tracker):
         return marked(tracker, jnp.where(seen, frames, jnp.nan), None, first)
-    if shape not in ((total,), (total, parts)):
+    if seen.shape not in ((total,), (total, parts)):
         raise InputError(
-            f"observed has shape {list(shape)}; say of each of the {total} frames whether it was "
-            f"seen, [{total}], or which partitions, [{total}, {parts}]; single components of y may "
-            "be missing for a likelihood (or log_likelihood) with handles_nan = True."
+            f"observed has shape {list(seen.shape)}; say of each of the {total} frames whether it "
+            f"was seen, [{total}], or which partitions, [{total}, {parts}]; single components of y "
+            "may be missing for a likelihood (or log_likelihood) with handles_nan = True."
         )
-    if len(shape) == 2 and hasattr(filter_ := unwrapped(tracker), "population"):
+    if seen.ndim == 2 and hasattr(filter_ := unwrapped(tracker), "population"):
         raise InputError(
             f"{type(filter_).__name__} compares particles of different targets, which a missing "
             "target would upset; give observed for whole frames, [T]."
         )
-    _check_nan(tracker, frames, seen, first)
+    _check_nan(tracker, frames, _nan_in(frames)[0] & seen.reshape(total, -1).all(axis=1), first)
     return WithGaps(tracker), (frames, seen)
-
-
-def marked_source(tracker: TrackerLike, frames: Frames, observed: Any) -> tuple[Any, Iterator[Any]]:
-    """``marked`` for frames that come one by one."""
-    each = marked_one_by_one(tracker, frames, observed)
-    pairs = (taken if its is not tracker else (taken, True) for _, its, taken in each)
-    return WithGaps(tracker), pairs
 
 
 def unmarked(tracker: TrackerLike, frames: Any) -> tuple[Any, Any]:
@@ -79,72 +70,34 @@ def unmarked(tracker: TrackerLike, frames: Any) -> tuple[Any, Any]:
     return (tracker.tracker, frames[0]) if isinstance(tracker, WithGaps) else (tracker, frames)
 
 
-def marked_one_by_one(tracker: TrackerLike, frames: Frames, observed: Any = None) -> Iterator[Any]:
-    """Yield each frame, the tracker for it, and the frame in that tracker's format."""
-    rows = () if observed is None else frames_of(observed).one_by_one()
-    pairs = itertools.zip_longest(frames.one_by_one(), rows)
-    for number, (frame, seen) in enumerate(pairs):
-        if observed is not None and (frame is None or seen is None):
-            raise InputError("observed must have one row for each frame.")
-        if frame is None:
-            raise InputError(f"frame {number} is None, as an unreadable file gives; give arrays.")
-        one = jax.tree.map(lambda x: np.asarray(x)[None], frame)
-        its, taken = marked(tracker, one, seen if seen is None else np.asarray(seen)[None], number)
-        is_changed = seen is not None or its is not tracker
-        yield frame, its, jax.tree.map(lambda x: x[0], taken) if is_changed else frame
-
-
-def _as_bool(observed: ArrayLike) -> np.ndarray | jax.Array:
-    return observed.astype(bool) if isinstance(observed, jax.Array) else np.asarray(observed, bool)
-
-
-def _seen(frames: Any) -> np.ndarray | jax.Array | None:
-    """``[T]`` bool, which frames are not entirely NaN; None if all are seen."""
-    leaves = jax.tree.leaves(frames)
-    if not leaves or not all(jnp.issubdtype(jnp.result_type(x), jnp.floating) for x in leaves):
-        return None
-    if not is_concrete(frames):
-        return ~_nan_throughout(jnp, leaves)
-    # Within a user's trace, indexing a JAX array would give a tracer.
-    leaves = [np.asarray(x) for x in leaves]
-    # A frame that is entirely NaN starts with NaN, so only such frames must be read.
-    first = [np.isnan(x[(slice(None), *[0] * (x.ndim - 1))]) for x in leaves]
-    places = np.flatnonzero(np.all(first, axis=0))
-    missing = np.zeros(len(leaves[0]), bool)
-    if len(places):
-        missing[places] = _nan_throughout(np, [x[places] for x in leaves])
-    return ~missing if missing.any() else None
-
-
-def _nan_throughout(library: ModuleType, leaves: list[Any]) -> Any:
-    of_leaves = [library.isnan(x).reshape(len(x), -1).all(axis=1) for x in leaves]
-    return library.all(library.stack(of_leaves), axis=0)
-
-
-def _check_nan(tracker: TrackerLike, frames: Any, seen: Any, first: int) -> None:
-    """Refuse concrete frames, seen ``[T]`` or ``[T, P]``, of which a part is NaN.
-
-    Raises:
-        InputError: names the first such frame and the place in it.
-    """
-    if not is_concrete(frames, seen) or calls.handles_nan(tracker):
-        return
-    for path, leaf in jax.tree_util.tree_leaves_with_path(frames):
-        if not jnp.issubdtype(jnp.result_type(leaf), jnp.floating):
-            continue
-        # Within a user's trace, indexing a JAX array would give a tracer.
-        leaf = np.asarray(leaf)
+def _nan_in(frames: Any) -> tuple[Any, Any]:
+    """``[T]`` bool each: which frames hold NaN, and which nothing else."""
+    library = np if is_concrete(frames) else jnp  # JAX would return tracers inside a user's trace
+    leaves = list(map(library.asarray, jax.tree.leaves(frames)))
+    floats = [leaf for leaf in leaves if jnp.issubdtype(leaf.dtype, jnp.floating)]
+    some = np.zeros(num_frames(frames), bool)
+    every: Any = ~some if len(floats) == len(leaves) else some
+    for leaf in floats:
         # The smallest number shows whether any is NaN, without a mask as large as the frames.
-        if not leaf.size or not np.isnan(np.min(leaf)):
+        if library is np and not np.isnan(np.min(leaf, initial=np.inf)):
+            every = np.zeros_like(every)
             continue
-        is_nan = np.isnan(leaf).reshape(len(leaf), -1).any(axis=1)
-        if seen is not None:
-            is_nan &= np.asarray(seen, bool).reshape(len(leaf), -1).all(axis=1)
-        if is_nan.any():
-            frame = int(np.argmax(is_nan))
-            place = np.argwhere(np.isnan(leaf[frame]))[0].tolist()
+        is_nan = library.isnan(leaf).reshape(len(leaf), -1)
+        some, every = some | is_nan.any(axis=1), every & is_nan.all(axis=1)
+    return some, every
+
+
+def _check_nan(tracker: TrackerLike, frames: Any, partly: Any, first: int) -> None:
+    """Refuse frames that are NaN in part, ``[T]`` bool, where the frames are known."""
+    if calls.handles_nan(tracker) or not is_concrete(partly) or not np.any(partly):
+        return
+    frame = int(np.argmax(partly))
+    for path, leaf in jax.tree_util.tree_leaves_with_path(frames):
+        leaf = np.asarray(leaf)[frame]
+        if jnp.issubdtype(leaf.dtype, jnp.floating) and np.isnan(leaf).any():
             raise InputError(
-                f"frame {first + frame} holds NaN{jax.tree_util.keystr(path)} at {place}, but not "
-                "only NaN; give observed= to say which frames or partitions are missing, or set "
-                "handles_nan = True on a likelihood (or log_likelihood) that understands NaN."
+                f"frame {first + frame} holds NaN{jax.tree_util.keystr(path)} at "
+                f"{np.argwhere(np.isnan(leaf))[0].tolist()}, but not only NaN; give observed= to "
+                "say which frames or partitions are missing, or set handles_nan = True on a "
+                "likelihood (or log_likelihood) that understands NaN."
             )

@@ -136,18 +136,8 @@ def ready(
 ) -> tuple[Any, Any]:
     """Let a tracker know the inputs of all frames, and which are missing.
 
-    Args:
-        tracker: any tracker.
-        frames: as for ``run``.
-        observed: as for ``run``.
-        inputs: as for ``run``.
-        first: number of the first frame.
-
-    Returns:
-        The tracker and the frames as its steps take them.
-
-    Raises:
-        InputError: as for ``run``.
+    Arguments and errors are those of ``run``; returns the tracker, and the frames as its steps take
+    them.
     """
     frames = frames_of(frames).stacked()
     tracker = with_rows(tracker, inputs, num_frames(frames), first)
@@ -155,11 +145,7 @@ def ready(
 
 
 def with_rows(tracker: T, inputs: Any, count: int, first: ArrayLike = 0) -> T:
-    """Return the tracker with the inputs of ``count`` frames; unchanged if there are none.
-
-    Raises:
-        InputError: another number of rows; no part of the model takes inputs.
-    """
+    """Return the tracker with the inputs of ``count`` frames; refuse another number of rows."""
     if inputs is None:
         return tracker
     inputs = as_arrays(inputs)
@@ -197,16 +183,9 @@ def frame_step(
 ) -> Callable[[Any, Any], Any]:
     """Build the body of a loop over frames: observe a frame once, and advance all runs.
 
-    Args:
-        observe: the tracker's ``observe``.
-        of_every_run: function of ``(advance, states)`` that applies ``advance(tracker, key,
-            state)`` to every run, in any arrangement of the states, and returns its results: the
-            new states and the recorded values.
-        record: as for ``run``.
-
-    Returns:
-        A ``lax.scan`` body: function of ``states`` and ``(time, frame)`` that returns the new
-        states and the frame's recorded values.
+    ``of_every_run(advance, states)`` applies ``advance(tracker, key, state)`` to every run, in any
+    arrangement of the states, and returns the new states and the recorded values.  The result is a
+    ``lax.scan`` body: a function of ``states`` and ``(time, frame)`` that returns the same.
     """
 
     def step_all(states: Any, item: Any) -> Any:

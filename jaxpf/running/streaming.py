@@ -1,5 +1,6 @@
 """Track a sequence frame by frame, with constant memory and one compiled step."""
 
+import itertools
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
@@ -13,6 +14,8 @@ from jaxpf.lowering.programs import compiled
 from jaxpf.running import missing_frames
 from jaxpf.running.frames import frames_of, noted, warn_of_frames
 from jaxpf.running.runs import as_key, init_compiled, one_run, summary_only, with_rows
+
+_ENDED = object()
 
 
 class TrackedFrame(NamedTuple):
@@ -68,15 +71,20 @@ def stream(
     first = 0 if state is None else int(calls.time_of(state))
     with noted(tracker):
         state = init_compiled(tracker, key) if state is None else state
-    marked = missing_frames.marked_one_by_one(tracker, frames_of(frames), observed)
-    given, told = iter(()) if inputs is None else frames_of(inputs).one_by_one(), 0
-    for number, (frame, its_tracker, taken) in enumerate(marked, first):
-        if inputs is not None:
-            row = next(given, None)
-            if row is None:
-                raise InputError(f"inputs end before frame {number}; give a row for each frame.")
-            row = jax.tree.map(lambda x: np.asarray(x)[None], row)
-            its_tracker = with_rows(its_tracker, row, 1, number)
+    seen, given = (
+        itertools.repeat(None) if rows is None else frames_of(rows).one_by_one()
+        for rows in (observed, inputs)
+    )
+    told = 0
+    for number, frame in enumerate(frames_of(frames).one_by_one(), first):
+        rows = {"observed": next(seen, _ENDED), "inputs": next(given, _ENDED)}
+        for name, row in rows.items():
+            if row is _ENDED:
+                raise InputError(f"{name} end before frame {number}; give a row for each frame.")
+        one, is_seen, row = jax.tree.map(lambda x: np.asarray(x)[None], (frame, *rows.values()))
+        its_tracker = with_rows(tracker, row, 1, number)
+        its_tracker, one = missing_frames.marked(its_tracker, one, is_seen, number)
+        taken = jax.tree.map(lambda x: x[0], one)
         with noted(tracker):
             state, summary = step(its_tracker, key, number, state, taken)
         summary = jax.tree.map(np.asarray, summary)

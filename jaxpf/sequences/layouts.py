@@ -229,11 +229,8 @@ def _described(
 ) -> tuple[Frames, float]:
     """The frames that a description announces, and their rate per second.
 
-    Args:
-        path: of the description, for messages.
-        about: its values.
-        keys: of the number of frames, width, height and frames per second.
-        place: the video, or a function of a frame's number that returns its picture.
+    ``keys`` name the number of frames, width, height and rate; ``place`` is the video, or a
+    function of a frame's number that returns its picture.
     """
     count, *size, fps = (
         parse_number(str(about.get(key)), f"'{path}': {key} is", "give a number", **limits)

@@ -176,13 +176,9 @@ def box_rows(
 
 
 def dense(table: BoxTable, ids: Sequence[int], num_frames: int) -> np.ndarray:
-    """Return the boxes of ``ids`` in frames 0 to num_frames - 1; later frames are ignored.
+    """Boxes of ``ids`` in frames 0 to num_frames - 1, float64 ``[num_frames, len(ids), 4]``.
 
-    Returns:
-        float64 [num_frames, len(ids), 4], NaN where an object has no box.
-
-    Raises:
-        InputError: an id that occurs nowhere in the table.
+    NaN where an object has no box; later frames are ignored.
     """
     available = set(table.id.tolist())
     boxes = np.full((num_frames, len(ids), 4), np.nan)

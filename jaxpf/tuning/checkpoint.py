@@ -45,8 +45,9 @@ def read(store: Store | None, begun: Descent) -> Descent:
     name = f"repeat-{begun.repeat}"
     if store is None or not store.names(name):
         return begun
-    arrays, structure = store.read(name), jax.tree.structure(vars(begun))
-    found = jax.tree.unflatten(structure, [arrays[str(n)] for n in range(len(arrays))])
+    structure = jax.tree.structure(vars(begun))
+    with store.opened(name) as arrays:
+        found = jax.tree.unflatten(structure, [arrays[str(n)] for n in range(len(arrays))])
     return Descent(**found | {"repeat": begun.repeat, "stopped": str(found["stopped"])})
 
 

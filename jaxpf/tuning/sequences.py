@@ -10,7 +10,7 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.options import Option, applying, complete, options_of
-from jaxpf.gradients import named
+from jaxpf.gradients import GRADIENTS
 from jaxpf.targets import building
 from jaxpf.targets.registry import find_target
 from jaxpf.targets.target import Looks, Start, Target
@@ -29,7 +29,7 @@ class Recipe:
         target: name of a target, see ``jaxpf.targets``.
         values: options of the target and of the method's filter, including ``method``; the rest
             have their defaults.
-        gradient: gradient through resampling, see ``jaxpf.gradients``.
+        gradient: name of a gradient through resampling, see ``jaxpf.gradients.GRADIENTS``.
     """
 
     target: str
@@ -84,7 +84,8 @@ def training_sequence(
     background = scene.frames[_spread(len(scene.frames), _BACKGROUND_FRAMES)]
     particles = recipe.values["num_particles"]
     looks = building.looks_of_scene(scene, particles, background=background)
-    tracker = dataclasses.replace(recipe.tracker(start, looks), gradient=named(recipe.gradient))
+    gradient = GRADIENTS[recipe.gradient]
+    tracker = dataclasses.replace(recipe.tracker(start, looks), gradient=gradient)
     shapes = np.array(of.scene_shapes(scene)[1:], np.float32)
     if labels is not None:
         if not 1 <= labels <= len(shapes):
@@ -130,13 +131,9 @@ def tuned_by_default(owner: Callable[..., Any], values: Mapping[str, Any]) -> tu
 def with_tuned(
     target: Target, options: Mapping[str, Any], values: Mapping[str, ArrayLike]
 ) -> dict[str, Any]:
-    """Replace a target's options by tuned values.
+    """Replace a target's options by tuned values, tracker path -> value.
 
-    Args:
-        target: the kind of target.
-        options: values of its options.
-        values: tracker path -> value, such as ``dynamics.scale[0]``, or ``dynamics.scale`` for all
-            numbers of the option.
+    A path is such as ``dynamics.scale[0]``, or ``dynamics.scale`` for all numbers of the option.
     """
     changed = dict(options)
     declared = options_of(target.tracker).values()

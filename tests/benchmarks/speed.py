@@ -7,7 +7,8 @@ intervals (from six repeats on).  On a shared machine trust them more than the n
 
 import dataclasses
 import sys
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -25,11 +26,26 @@ from jaxpf.cli.shared.startup import start_jax
 from jaxpf.dynamics import LinearGaussian
 from jaxpf.likelihoods import Gaussian, histogram
 from jaxpf.measures import Interval, median_interval
-from jaxpf.measures.timing import interleaved
 
 RUNS, PARTICLES, OBJECTS = 50, 300, 7
 #: Noise of x, y (pixels) and of the scale.
 _BOX_SCALE = (2, 2, 0.001)
+
+
+def interleaved(
+    candidates: Mapping[str, Callable[[], object]], repeats: int
+) -> dict[str, np.ndarray]:
+    """Seconds ``[repeats]`` of each candidate, timed in turn after one warm-up."""
+    for candidate in candidates.values():
+        jax.block_until_ready(candidate())
+    seconds: dict[str, list[float]] = {name: [] for name in candidates}
+    for repeat in range(repeats):
+        names = list(candidates)
+        for name in names if repeat % 2 == 0 else reversed(names):
+            began = time.perf_counter()
+            jax.block_until_ready(candidates[name]())
+            seconds[name].append(time.perf_counter() - began)
+    return {name: np.array(values) for name, values in seconds.items()}
 
 
 class Case(NamedTuple):

@@ -68,17 +68,6 @@ def test_a_wrapper_weighs_as_the_wrapped_likelihood_in_whichever_form_that_is_wr
     np.testing.assert_array_equal(wrapped.observe(OBSERVATION), 2 * OBSERVATION)
 
 
-def test_a_wrapper_has_what_the_wrapped_likelihood_has_and_no_more():
-    assert not hasattr(OfFixedSize(OfOneParticle()), "log_joint")
-    plain, full = OfFixedSize(OfOneParticle()), OfFixedSize(OfAll())
-    assert not calls.has_log_odds(plain)
-    odds = calls.log_odds_all(full, OBSERVATION, PARTITION, SUBSTATES)
-    np.testing.assert_allclose(odds, [0 + 1 + 0.1, 1 + 5 + 0.2], rtol=1e-6)
-    joint = full.log_joint(OBSERVATION, SUBSTATES.T, jnp.array([1.0, 2.0]))
-    np.testing.assert_allclose(joint, 3 + 2 - (1 + 5), rtol=1e-6)
-    assert not hasattr(OfFixedSize(OfFixedSize(OfOneParticle())), "log_joint")
-
-
 def parts(likelihood, **settings):
     return jaxpf.Partitioned(
         dynamics=RandomWalk(jnp.float32(0.1)),

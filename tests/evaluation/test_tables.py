@@ -18,7 +18,7 @@ from jaxpf.evaluation.results import Configuration
 from jaxpf.evaluation.settings import new_settings
 from jaxpf.evaluation.tables import write_tables
 from jaxpf.measures import mean_interval
-from jaxpf.measures.metrics import track_state
+from jaxpf.measures.metrics import measure_boxes
 from jaxpf.targets.registry import find_target
 
 
@@ -155,7 +155,7 @@ def test_methods_are_compared_on_common_runs_at_equal_parameters(tmp_path):
     of_ps = found[found.configuration == 1].set_index(["measure", "object"])
     difference = of_ps.loc["tracked_share"]
     assert difference.runs.tolist() == [8, 8, 8]
-    tracked = np.asarray(jax.jit(track_state)(boxes[:8], truth))
+    tracked = np.asarray(jax.jit(measure_boxes)(boxes[:8], truth)["tracked"])
     assert difference.value["1"] == pytest.approx(-tracked[:, :, 0].mean(), rel=1e-6)
     assert difference.value["2"] == 0
     assert value(made, 0, "success", 1) > 0

@@ -208,9 +208,9 @@ def test_damaged_sequences_of_benchmarks_are_read_or_refused(tmp_path):
 
 def test_damaged_checkpoints_and_settings_are_read_or_refused(tmp_path):
     store = Store(tmp_path / "tuned")
-    jaxpf.tune(made_sequence(), SCALE, settings=QUICK, folder=store.folder)
-    valid, asked = store.path("repeat-0").read_bytes(), store.settings()
-    read = functools.partial(checkpoint.read, store, asked)
+    result = jaxpf.tune(made_sequence(), SCALE, settings=QUICK, folder=store.folder)
+    valid = store.path("repeat-0").read_bytes()
+    read = functools.partial(checkpoint.read, store, result.descents[0])
     assert survives(store.path("repeat-0"), valid, lambda _: read(), 200, "repeat-0.npz") > 100
     scene = {"object_ids": [1], "parents": [-1], "target": "boxes", "name": "a"}
     settings = {"versions": {}, "asked": {}, "runs": 1, "float64": False, "scene": scene}

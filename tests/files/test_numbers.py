@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import message_of
 
 from jaxpf import InputError
 from jaxpf.boxes import read_boxes
@@ -97,3 +98,30 @@ def test_invisible_letters_show_in_refusals(tmp_path):
     (tmp_path / "b.csv").write_text("frame,id,x,y,w,h\n0,1,\u200b5,6,5,6\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"'\\u200b5', which is not a finite number"):
         read_boxes(tmp_path / "b.csv")
+
+
+#: Of a reader, the first line.
+HEADERS = {read_boxes: b"frame,id,x,y,w,h,occ\n", read_parts: b"part,parent,x,y,w,h,angle\n"}
+
+
+@pytest.mark.parametrize(
+    ("read", "line", "named"),
+    [
+        (read_boxes, b"0,9007199254740993,1,2,3,4,0", "id is '9007199254740993'"),
+        (read_boxes, b"0,1,1e300,2,3,4,0", "x is '1e300'"),
+        (read_boxes, b"0,1,1,2,3,4,7e99", "occ is '7e99'"),
+        (read_boxes, b"0,1," + b"9" * 2_000_000 + b",2,3,4,0", "CSV"),
+        (read_boxes, b"0,1," + b"x" * 100_000 + b",2,3,4,0", "x is 'xxxx"),
+        (read_parts, b"9" * 2_000_000 + b",,1,2,3,4,5", "CSV"),
+        (read_parts, b"b" * 2000 + b",,1,2,3,4,5", "200 letters"),
+        (read_parts, b"body,,1e99,2,3,4,5", "x (column 3) is '1e99'"),
+    ],
+)
+def test_a_line_that_nobody_meant_is_refused_by_its_number_in_a_short_sentence(
+    tmp_path, read, line, named
+):
+    (tmp_path / "table.csv").write_bytes(HEADERS[read] + line + b"\n")
+    message = message_of(read, tmp_path / "table.csv")
+    assert len(message) < 400
+    assert "line 2 of" in message
+    assert named in message

@@ -4,29 +4,20 @@
 """
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
+from models import partitioned
 from refusals import message_of
 
 import jaxpf
-from jaxpf import ordering
-from jaxpf.dynamics import RandomWalk
 from jaxpf.filters import SideBySide
-from jaxpf.likelihoods import Gaussian
 
 KEY = jax.random.key(1)
 FRAMES = np.zeros((3, 2, 1), np.float32)
 
 
 def one(num_particles=20, num_objects=2):
-    return jaxpf.Partitioned(
-        dynamics=RandomWalk(1.0),
-        likelihood=Gaussian(noise=jnp.ones((num_objects, 1, 1))),
-        ordering=ordering.ps(range(num_objects)),
-        initial=jnp.zeros((num_objects, 1)),
-        num_particles=num_particles,
-    )
+    return partitioned(number=num_objects, num_particles=num_particles)
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +29,7 @@ def saved(tmp_path_factory):
 
 def in_double_precision(saved):
     with jax.enable_x64(True):
-        jaxpf.load(saved, one())
+        jaxpf.load(saved, partitioned(num_particles=20, initial=np.zeros((2, 1))))
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,8 @@
 
 import jax.numpy as jnp
 import numpy as np
+from models import partitioned
 
-import jaxpf
 from jaxpf import ordering
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian
@@ -11,11 +11,10 @@ from jaxpf.tuning import Settings, TrainingSequence
 
 
 def tracker(scale=1.0, noise=1.0, **options):
-    return jaxpf.Partitioned(
+    return partitioned(
+        ordering.sir(1),
         dynamics=RandomWalk(scale=jnp.array([scale])),
         likelihood=Gaussian(noise=jnp.full((1, 1, 1), noise)),
-        ordering=ordering.sir(1),
-        initial=jnp.zeros((1, 1)),
         num_particles=50,
         **options,
     )

@@ -4,14 +4,15 @@ import functools
 
 import jax
 import jax.numpy as jnp
+import models
 import numpy as np
 import pytest
 from correlated import CorrelatedGaussian
 from records import everything
 
 import jaxpf
-from jaxpf import InputError, ordering, pytree_dataclass, smoothing, stream
-from jaxpf.dynamics import LinearGaussian, RandomWalk
+from jaxpf import InputError, ordering, pytree_dataclass
+from jaxpf.dynamics import LinearGaussian
 from jaxpf.filters import WithErrorBars
 from jaxpf.likelihoods import Gaussian
 
@@ -35,18 +36,9 @@ class Picky:
 
 
 def partitioned(order, likelihood=None, **changes):
-    return jaxpf.Partitioned(
-        dynamics=RandomWalk(scale=1.0),
-        likelihood=Gaussian(noise=jnp.ones((3, 1, 1))) if likelihood is None else likelihood,
-        ordering=order,
-        initial=jnp.zeros((3, 1)),
-        num_particles=60,
-        **changes,
-    )
-
-
-def others(kind):
-    return kind(RandomWalk(1.0), Gaussian(noise=jnp.ones((3, 1, 1))), initial=jnp.zeros((3, 1)))
+    if likelihood is not None:
+        changes["likelihood"] = likelihood
+    return models.partitioned(order, num_particles=60, **changes)
 
 
 TRACKERS = {
@@ -61,13 +53,8 @@ TRACKERS = {
         ordering.ps([0, 1, 2]), CorrelatedGaussian(jnp.eye(3) / 2 + 0.5), joint_weighting=True
     ),
     "error-bars": WithErrorBars(partitioned(ordering.ps([0, 1, 2]))),
-    "labelled": jaxpf.Labelled(
-        RandomWalk(1.0),
-        Gaussian(noise=jnp.ones((3, 1, 1))),
-        initial=jnp.zeros((3, 1)),
-        position=(0,),
-    ),
-    "pffl": others(jaxpf.PFFL),
+    "labelled": jaxpf.Labelled(**models.walks(3), position=(0,)),
+    "pffl": jaxpf.PFFL(**models.walks(3)),
 }
 
 
@@ -100,12 +87,6 @@ def test_a_missing_frame_changes_no_weight_and_no_evidence(name):
     assert np.isfinite(summary.estimate).all()
     # Particles have spread, by the noise of a random walk.
     assert (summary.spread[3] > summary.spread[1]).all()
-
-
-@pytest.mark.parametrize("name", ["sir", pytest.param("labelled", marks=pytest.mark.slow)])
-def test_what_is_said_of_a_frame_is_what_it_shows(name):
-    _, told = jaxpf.run(TRACKERS[name], KEY, FRAMES, everything, observed=SEEN)[1]
-    np.testing.assert_array_equal(told.estimate, over_gaps(name)[1].estimate)
 
 
 @pytest.mark.parametrize(
@@ -170,35 +151,12 @@ def test_a_forecast_has_the_moments_of_the_dynamics():
     assert np.abs(ahead.spread[..., 0] ** 2 / variance - 1).max() < 4.5 * np.sqrt(2 / 20_000)
 
 
-def test_what_has_no_forecast_is_refused():
-    its = partitioned(ordering.ps([0, 1, 2]))
-    with pytest.raises(TypeError, match="time"):  # the state says it
-        jaxpf.forecast(its, KEY, its.init(KEY), 4, time=0)
-
-
 @pytest.mark.slow
 def test_whole_numbers_are_missing_by_word_alone():
     frames = np.zeros((5, 3, 1), np.uint8)
     its = partitioned(ordering.ps([0, 1, 2]))
     summary = jaxpf.run(its, KEY, frames, observed=SEEN)[1]
     assert ((np.asarray(summary.log_evidence) == 0) == ~SEEN).all()
-
-
-@pytest.mark.slow
-def test_every_way_to_run_leaves_the_same_frames_out():
-    its = partitioned(ordering.ps([0, 1, 2]))
-    expected = jaxpf.run(its, KEY, GAPS)[1].estimate
-    many = jaxpf.monte_carlo(its, jnp.stack([KEY, KEY]), GAPS, frames_per_chunk=2)
-    np.testing.assert_allclose(many.estimate[1], expected, atol=1e-5)
-    one_by_one = jaxpf.monte_carlo(its, KEY[None], iter(FRAMES), observed=SEEN)
-    np.testing.assert_allclose(one_by_one.estimate[0], expected, atol=1e-5)
-    as_they_are = jaxpf.monte_carlo(its, KEY[None], iter(GAPS), frames_per_chunk=2)
-    np.testing.assert_allclose(as_they_are.estimate[0], expected, atol=1e-5)
-    for streamed in (stream(its, KEY, GAPS), stream(its, KEY, FRAMES, SEEN)):
-        found = [frame.summary.estimate for frame in streamed]
-        np.testing.assert_allclose(found, expected, atol=1e-5)
-    inside = jax.jit(lambda frames: jaxpf.run(its, KEY, frames)[1].estimate)(GAPS)
-    np.testing.assert_allclose(inside, expected, atol=1e-5)
 
 
 def test_without_gaps_nothing_changes():
@@ -221,15 +179,6 @@ def test_nothing_of_a_missing_frame_gets_into_a_derivative():
     assert np.isfinite(value)
     assert np.isfinite(slope)
     assert slope != 0
-
-
-@pytest.mark.slow
-def test_smoothing_with_a_lag_goes_through_a_gap():
-    its = partitioned(ordering.ps([0, 1, 2]))
-    lagged = list(smoothing.smooth_stream(its, KEY, iter(GAPS), 2))
-    summaries = np.array([frame.summary.estimate for frame in lagged])
-    expected = jaxpf.run(its, KEY, GAPS)[1].estimate
-    np.testing.assert_allclose(summaries, expected, atol=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -7,24 +7,21 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import LIMIT
+from models import walks
 from records import everything
 
 import jaxpf
 from jaxpf import InputError
-from jaxpf.dynamics import RandomWalk
 from jaxpf.filters import SideBySide, WithErrorBars
-from jaxpf.likelihoods import Gaussian, kalman
+from jaxpf.likelihoods import kalman
 
 KEY = jax.random.key(3)
 FRAMES = np.random.default_rng(0).normal(size=(4, 2, 1)).astype(np.float32)
-MODEL = (RandomWalk(1.0), Gaussian(noise=np.ones((2, 1, 1), np.float32)))
-START = np.array([[0.0], [1.0]], np.float32)
+MODEL = walks() | {"initial": np.array([[0.0], [1.0]], np.float32), "num_particles": 6}
 
 
 def partitioned():
-    return jaxpf.Partitioned(
-        *MODEL, jaxpf.ordering.ps([0, 1]), START, num_particles=6, resampling="multinomial"
-    )
+    return jaxpf.Partitioned(**MODEL, ordering=jaxpf.ordering.ps([0, 1]), resampling="multinomial")
 
 
 def walk(num_particles):
@@ -38,10 +35,10 @@ def walk(num_particles):
 
 TRACKERS = {
     "partitioned": partitioned,
-    "pffl": lambda: jaxpf.PFFL(*MODEL, START, num_particles=6),
-    "eskil": lambda: jaxpf.Eskil(*MODEL, START, num_particles=6),
-    "labelled": lambda: jaxpf.Labelled(*MODEL, START, num_particles=6),
-    "open": lambda: jaxpf.Labelled(*MODEL, START, num_particles=6, population="open"),
+    "pffl": lambda: jaxpf.PFFL(**MODEL),
+    "eskil": lambda: jaxpf.Eskil(**MODEL),
+    "labelled": lambda: jaxpf.Labelled(**MODEL),
+    "open": lambda: jaxpf.Labelled(**MODEL, population="open"),
     "error bars": lambda: WithErrorBars(partitioned(), lag=2),
     "side by side": lambda: SideBySide(WithErrorBars(partitioned()), 2),
 }

@@ -4,6 +4,7 @@ import dataclasses
 
 import jax
 import jax.numpy as jnp
+import models
 import numpy as np
 import pytest
 
@@ -11,7 +12,6 @@ import jaxpf
 from jaxpf import ordering, smoothing, tuning
 from jaxpf.dynamics import RandomWalk
 from jaxpf.filters import SideBySide, WithErrorBars
-from jaxpf.likelihoods import Gaussian
 from jaxpf.running import streaming
 
 KEY = jax.random.key(1)
@@ -21,27 +21,18 @@ GAPS[1] = np.nan
 
 
 def partitioned(scale, **changes):
-    return jaxpf.Partitioned(
-        dynamics=RandomWalk(scale),
-        likelihood=Gaussian(noise=np.ones((2, 1, 1), np.float32)),
-        ordering=ordering.ps([0, 1]),
-        initial=np.zeros((2, 1), np.float32),
-        num_particles=4,
-        resampling="multinomial",
-        **changes,
-    )
+    settings = {"dynamics": RandomWalk(scale), "num_particles": 4, "resampling": "multinomial"}
+    return models.partitioned(ordering.ps([0, 1]), **settings | changes)
 
 
-def other(kind, scale):
-    start = np.array([[0.0], [1.0]], np.float32)
-    return kind(RandomWalk(scale), Gaussian(noise=np.ones((2, 1, 1), np.float32)), start)
+def other(kind, scale, start=(0.0, 1.0)):
+    changes = {"dynamics": RandomWalk(scale), "initial": np.float32(start)[:, None]}
+    return kind(**models.walks() | changes)
 
 
 TRACKERS = {
     "partitioned": partitioned,
-    "labelled": lambda scale: jaxpf.Labelled(
-        RandomWalk(scale), Gaussian(noise=np.ones((2, 1, 1), np.float32)), np.zeros((2, 1))
-    ),
+    "labelled": lambda scale: other(jaxpf.Labelled, scale, (0.0, 0.0)),
     "eskil": lambda scale: other(jaxpf.Eskil, scale),
     "pffl": lambda scale: other(jaxpf.PFFL, scale),
     "error-bars": lambda scale: WithErrorBars(partitioned(scale)),

@@ -21,6 +21,7 @@ from jaxpf.files.writing import SUMMARY, write_text
 from jaxpf.measures import metrics, scores
 from jaxpf.media import plotting
 from jaxpf.sequences.tables import BoxTable, dense
+from jaxpf.shapes.rectangles import is_proper
 
 #: Below this effective sample size the filter relies on about a single particle.
 _NEAR_ONE = 2.0
@@ -259,7 +260,7 @@ def _scores_of_boxes(results: Results, boxes: BoxTable, truth: BoxTable) -> pd.D
     measures = metrics.summarise(estimate[None], target)
     columns = {
         "id": shared,
-        "frames": np.asarray(metrics.has_truth(target)).sum(axis=0),
+        "frames": np.asarray(is_proper(target)).sum(axis=0),
         "success_rate_50": np.asarray(scores.success_rate_50(estimate, target)),
         "success_auc": np.asarray(scores.success_auc(estimate, target)),
     }

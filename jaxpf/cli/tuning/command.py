@@ -86,7 +86,7 @@ class Tuned:
         Option(
             "Gradient through resampling: stop_gradient (a bias of order 1/N), none (less noise, "
             "but a bias that more particles do not remove), soft or transport (both biased).",
-            choices=GRADIENTS,
+            choices=tuple(GRADIENTS),
         ),
     ] = "stop_gradient"
 

@@ -305,14 +305,22 @@ def _measures(
     # [R, T, O, L, ...] to [O, L, R, T, ...]
     estimate, uniqueness, spread = (jnp.moveaxis(x, (0, 1), (2, 3)) for x in recorded)
     boxes = boxes_from_substates(estimate, sizes)
-    leader, others = boxes[..., :1, :], boxes[..., 1:, :]
-    quality = (metrics.mean_precision, metrics.mean_recall)
+    found = metrics.measure_boxes(boxes, truth)
+    leader, others = (
+        {name: x[..., part] for name, x in found.items()} for part in (np.s_[:1], np.s_[1:])
+    )
     dynamics = particle_sets.effective_dynamics(spread, noise)
     return (
-        metrics.recovery(leader, truth[:, :1])[..., 0],
-        metrics.success(others, truth[:, 1:]).mean(axis=(-2, -1)),
-        *(each(others, truth[:, 1:], over="all").mean(axis=(-2, -1)) for each in quality),
-        *(each(leader, truth[:, :1], over="tracked", axis=(-3, -2))[..., 0] for each in quality),
+        metrics.in_the_end(leader["tracked"], leader["present"])[..., 0],
+        metrics.throughout(others["tracked"], others["present"]).mean(axis=(-2, -1)),
+        *(
+            metrics.masked_mean(others[name], others["present"], -2).mean(axis=(-2, -1))
+            for name in ("precision", "recall")
+        ),
+        *(
+            metrics.masked_mean(leader[name], leader["tracked"], (-3, -2))[..., 0]
+            for name in ("precision", "recall")
+        ),
         uniqueness.mean(axis=(2, 3)),
         dynamics[..., :2].mean(axis=(2, 3)),
     )

@@ -35,7 +35,7 @@ from jaxpf.gradients import NoGradient, StopGradient, check_motion_gradient
 def test_gradients_are_finite_whatever_becomes_impossible(gradient, methods):
     for name, fences in FENCES.items():
         for method in methods:
-            made = tracker(METHODS[method], gradient=gradients.named(gradient))
+            made = tracker(METHODS[method], gradient=gradients.GRADIENTS[gradient])
             value, slope = value_and_gradient(made, KEYS, frames(fences))
             assert np.isfinite(slope).all(), name
             assert np.isneginf(value).all() == (name in ("all particles", "one partition")), name
@@ -53,7 +53,7 @@ def test_gradients_are_finite_with_one_partition_and_few_particles(gradient, num
         pytest.importorskip("ott", reason="needs jaxpf[transport]")
     for fences in FENCES.values():
         made = tracker(
-            ordering.ps([0]), gradient=gradients.named(gradient), num_particles=num_particles
+            ordering.ps([0]), gradient=gradients.GRADIENTS[gradient], num_particles=num_particles
         )
         _, slope = value_and_gradient(made, KEYS[:2], frames(fences[:, :1], 1))
         assert np.isfinite(slope).all()

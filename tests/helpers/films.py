@@ -1,5 +1,6 @@
 """Films of few small frames in any codec, written by PyAV."""
 
+import itertools
 import os
 from fractions import Fraction
 
@@ -29,15 +30,16 @@ def write_film(
     container_options=None,
 ):
     """Encode RGB frames, shown after ``stamps`` milliseconds; ``prepare`` sets the stream."""
-    frames = list(frames)
+    frames = iter(frames)
+    first = next(frames)
     with av.open(os.path.abspath(path), "w", format=form, options=container_options or {}) as file:
         stream = file.add_stream(codec, rate=rate)
-        stream.height, stream.width = frames[0].shape[:2]
+        stream.height, stream.width = first.shape[:2]
         stream.pix_fmt, stream.options = pixels, options or {}
         if stamps is not None:
             stream.codec_context.time_base = Fraction(1, 1000)
         prepare(stream)
-        for number, frame in enumerate(frames):
+        for number, frame in enumerate(itertools.chain([first], frames)):
             picture = av.VideoFrame.from_ndarray(frame, "rgb24")
             if stamps is not None:
                 picture.pts, picture.time_base = stamps[number], Fraction(1, 1000)

@@ -53,21 +53,13 @@ def test_grey_alpha_and_16_bits_become_rgb(tmp_path):
     assert pixels == [[77, 77, 77], [30, 20, 10], [255, 128, 0], [100, 100, 100]]
 
 
-def test_numbers_may_have_any_size(tmp_path):
-    write_images(tmp_path, *(f"{10**30 + time}.png" for time in range(3)))
-    assert "on; they count as 0, 1, 2, ..." in open_frames(tmp_path).note
-
-
-def test_an_image_without_a_number_among_numbered_ones_is_remarked(tmp_path):
-    write_images(tmp_path, "1.png", "2.png", "cover.png")
-    assert "'cover.png' in folder" in open_frames(tmp_path).note
-
-
 @pytest.mark.parametrize(
     ("numbers", "remark"),
     [
         ((0, 5, 10), "in steps of 5; they count as 0, 1, 2, ..."),
         ((7, 8, 9), "numbered from 7 on; they count as 0, 1, 2, ..."),
+        (range(10**30, 10**30 + 3), "on; they count as 0, 1, 2, ..."),
+        ((1, 2, "cover"), "'cover.png' in folder"),
         ((0, 1, 2), None),
         ((1, 2, 3), None),
     ],
@@ -81,10 +73,12 @@ def test_frames_that_count_from_elsewhere_or_in_steps_are_taken_with_a_remark(
 
 
 def test_12_bits_in_images_of_16_are_scaled_by_their_range(tmp_path):
-    write_images(tmp_path, "0.png", "1.png", value=2048, dtype=np.uint16)
+    image = np.full((12, 16, 4), 2048, np.uint16)
+    image[..., 3] = 65535  # full alpha does not hide that there are 12 bits
+    cv2.imwrite(str(tmp_path / "0.png"), image)
     source = open_frames(tmp_path)
     assert "count as 12" in source.note
-    assert {int(frame[0, 0, 0]) for frame in source} == {128}
+    assert next(iter(source))[0, 0].tolist() == [128, 128, 128]
 
 
 def test_one_dark_image_does_not_make_a_folder_12_bit(tmp_path):
@@ -133,10 +127,3 @@ def test_images_that_fill_little_of_16_bits_are_scaled_by_their_content(
     assert source.note is not None
     exact = list(open_frames(tmp_path, range=(black, white)))[1][30:, :, 0]
     np.testing.assert_allclose(exact, (values[30:] - black) / (white - black) * 255, atol=0.51)
-
-
-def test_full_alpha_does_not_hide_that_an_image_has_12_bits(tmp_path):
-    image = np.full((12, 16, 4), 2048, np.uint16)
-    image[..., 3] = 65535
-    cv2.imwrite(str(tmp_path / "0.png"), image)
-    assert next(iter(open_frames(tmp_path)))[0, 0].tolist() == [128, 128, 128]

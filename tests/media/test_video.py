@@ -60,14 +60,6 @@ def test_a_video_gives_its_frames_in_order_as_rgb(tmp_path):
     assert [number_of(frame) for frame in source.frames(start=37)] == [37, 38, 39]
 
 
-def test_a_given_rate_replaces_that_of_the_container(tmp_path):
-    path = write_video(tmp_path / "walk.mp4", 3)
-    assert open_frames(path, fps=7).fps == 7
-    assert "fps=0.0 must be a finite number above 0" in message_of(
-        lambda: open_frames(path, fps=0.0)
-    )
-
-
 def test_start_frames_outside_the_video_are_refused(tmp_path):
     source = open_frames(write_video(tmp_path / "walk.mp4", 5))
     for start in (5, 99, 10**20):
@@ -99,6 +91,7 @@ def test_frames_are_shown_at_their_timestamps(tmp_path):
     np.testing.assert_allclose(shown, seconds)
     given_times = [given.shown_at(number) for number, _ in enumerate(given)]
     np.testing.assert_allclose(given_times, [0, 0.2, 0.4, 0.6])
+    assert "fps=0 must be a finite number above 0" in message_of(lambda: open_frames(path, fps=0))
 
 
 # The linear part of a display matrix by rows, and what it does to a picture.
@@ -160,14 +153,6 @@ def test_a_film_without_some_of_its_frames_or_with_other_sound_is_whole(tmp_path
         assert (source.truncated, source.note) == (False, None)
 
 
-def test_a_cut_mp4_without_its_index_is_refused(tmp_path):
-    path = cut(write_video(tmp_path / "walk.mp4", frame=noisy_frame), 0.6)
-    message = message_of(open_frames, path)
-    assert str(path) in message
-    assert "cannot be decoded" in message
-    assert "copy it again" in message
-
-
 def test_a_size_that_changes_on_the_way_is_refused_where_it_does(tmp_path):
     both = tmp_path / "both.ts"
     with both.open("wb") as file:
@@ -180,12 +165,15 @@ def test_a_size_that_changes_on_the_way_is_refused_where_it_does(tmp_path):
     assert f"'{both}' changes its size at frame 20, from 64x48 to 96x64; convert it" in message
 
 
-def test_a_codec_that_is_missing_is_named_as_a_cause(tmp_path):
+def test_what_cannot_be_decoded_is_refused_with_its_cause(tmp_path):
     path = tmp_path / "walk.mp4"
     with VideoWriter(path, 64, 48, 25) as video:
         video.write(numbered_frame(0))
-    path.write_bytes(path.read_bytes().replace(b"avc1", b"none").replace(b"avcC", b"nonC"))
-    assert "its codec is unknown" in message_of(open_frames, path)
+    data = path.read_bytes()
+    path.write_bytes(data.replace(b"avc1", b"none").replace(b"avcC", b"nonC"))
+    assert "cannot be decoded (its codec is unknown)" in message_of(open_frames, path)
+    cut(write_video(path, frame=noisy_frame), 0.6)  # without its index
+    assert f"'{path}' cannot be decoded (invalid data" in message_of(open_frames, path)
 
 
 def test_memory_does_not_grow_with_the_length(tmp_path):
@@ -230,10 +218,7 @@ def test_nothing_is_printed_and_standard_error_is_put_back(tmp_path):
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "said")
 
 
-@pytest.mark.parametrize("suffix", ["avi", "webm"])
-def test_a_colon_in_a_relative_name_is_no_protocol(tmp_path, monkeypatch, suffix):
+def test_a_colon_in_a_relative_name_is_no_protocol(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    write_video(
-        Path(f"part:one.{suffix}") if suffix == "webm" else tmp_path / f"part:one.{suffix}", 4
-    )
-    assert len(list(open_frames(f"part:one.{suffix}"))) == 4
+    write_video(Path("part:one.webm"), 4)
+    assert len(list(open_frames("part:one.webm"))) == 4

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -120,14 +120,6 @@ class Work:
 class Options(Work, Compared, SceneOptions):
     """Options of ``jaxpf evaluate`` for any target and filter."""
 
-    def __post_init__(self) -> None:
-        if self.dask and self.workers > 1:
-            raise InputError(
-                f"--dask brings workers of its own; leave it or --workers {self.workers} out."
-            )
-        if not all(map(names_in, self.baseline)):
-            raise InputError("--baseline names none; leave it out, or name one, such as still.")
-
 
 @dataclasses.dataclass(frozen=True)
 class Request:
@@ -180,36 +172,33 @@ def parse(values: Mapping[str, Any]) -> Request:
         InputError: a value is out of range, or a name occurs twice.
     """
     options = Options(**flags.parse(values, Options))
-    tracks = (pair("--tracks", text, os.path.realpath) for text in options.tracks)
+    if options.dask and options.workers > 1:
+        raise InputError(
+            f"--dask brings workers of its own; leave it or --workers {options.workers} out."
+        )
+    if not all(map(names_in, options.baseline)):
+        raise InputError("--baseline names none; leave it out, or name one, such as still.")
+    tracks = _by_name(
+        "--tracks", [pair("--tracks", text, os.path.realpath) for text in options.tracks]
+    )
+    places = _by_name("--tracker", [_own(text) for text in options.tracker])
     named = [name for text in options.baseline for name in names_in(text)]
+    named = list(dict.fromkeys(available() if _ALL in named else named))
+    rivals = baselines(named)
+    for name in rivals.keys() & places.keys():
+        raise InputError(f"--tracker {name!r} is the name of a baseline; give it another one.")
     options = dataclasses.replace(
         options,
-        tracks=tuple(f"{name}={path}" for name, path in tracks),
-        tracker=tuple(f"{name}={place}" for name, place in map(_own, options.tracker)),
-        baseline=tuple(dict.fromkeys(available() if _ALL in named else named)),
+        tracks=tuple(f"{name}={path}" for name, path in tracks.items()),
+        tracker=tuple(f"{name}={place}" for name, place in places.items()),
+        baseline=tuple(named),
     )
     owners: list[Any] = [target.tracker for target in all_targets().values()]
     declared = options_of(*owners, *(each.build for each in all_filters().values()))
     given = given_in(values)
     grid = {name: given[name] for name in declared if name in given and name not in VARIED}
     scene = resolved_scene(values["scene"])
-    return Request(scene, options, grid, _plan(scene, options, grid))
-
-
-def _plan(scene: str, options: Options, grid: Mapping[str, Any]) -> Plan:
-    """The library's plan of a request."""
-    tracks = dict(pair("--tracks", text, str) for text in options.tracks)
-    trackers = dict(pair("--tracker", text, OwnTracker.read) for text in options.tracker)
-    for flag, named, typed in (
-        ("--tracks", tracks, options.tracks),
-        ("--tracker", trackers, options.tracker),
-    ):
-        if len(named) < len(typed):
-            raise InputError(f"{flag} gives a name twice; give each file a name of its own.")
-    rivals = baselines(options.baseline)
-    for name in rivals.keys() & trackers.keys():
-        raise InputError(f"--tracker {name!r} is the name of a baseline; give it another one.")
-    return Plan(
+    plan = Plan(
         scene=functools.partial(
             load_scene,
             source=scene,
@@ -227,8 +216,15 @@ def _plan(scene: str, options: Options, grid: Mapping[str, Any]) -> Plan:
         runs=options.runs,
         seed=options.seed,
         tracks=tracks,
-        trackers=trackers | rivals,
+        trackers={**{name: OwnTracker.read(each) for name, each in places.items()}, **rivals},
     )
+    return Request(scene, options, grid, plan)
+
+
+def _by_name(flag: str, pairs: Sequence[tuple[str, str]]) -> dict[str, str]:
+    if len(named := dict(pairs)) < len(pairs):
+        raise InputError(f"{flag} gives a name twice; give each file a name of its own.")
+    return named
 
 
 def _values(typed: Any) -> list[Any]:

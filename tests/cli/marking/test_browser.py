@@ -220,20 +220,6 @@ def test_corrections_keep_the_options_and_the_objects_of_a_run(
     assert float(corrected["x"]) == pytest.approx(124, abs=1)
 
 
-def test_objects_of_a_detector_are_not_corrected(opened, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert jaxpf("example", "detections", "crossing").code == 0
-    given = ("crossing/clip.mp4", "--detections", "crossing/det.txt", "--frames", 5, "-o", "run")
-    assert jaxpf("track", *given).code == 0
-    page = opened("view", "run")
-    page.mouse((60, 60), (90, 120))
-    page.until(lambda: "a run with --detections cannot be corrected here" in page.status)
-    refused = page.browser.get_log("browser")  # and forget it
-    assert refused
-    assert all("400" in entry["message"] for entry in refused)
-    assert not list(tmp_path.rglob("corrections*"))
-
-
 def test_of_two_tabs_neither_overwrites_the_other_unasked(opened, browser, street, tmp_path):
     starts = tmp_path / "starts.csv"
     page = opened("mark", street / "clip.mp4", "-o", starts)
@@ -352,17 +338,13 @@ def test_a_page_is_used_at_any_width_and_by_keys(opened, street, tmp_path):
 
 
 def test_a_thousand_frames_scroll_fast(opened, tmp_path):
-    import av
+    still = np.random.default_rng(0).integers(0, 255, (480, 640, 3), np.uint8) // 4
 
-    with av.open(str(tmp_path / "long.mp4"), "w") as film:
-        stream = film.add_stream("libx264", rate=25)
-        stream.width, stream.height, stream.pix_fmt = 640, 480, "yuv420p"
-        rng = np.random.default_rng(0)
-        still = rng.integers(0, 255, (480, 640, 3), np.uint8) // 4
-        for number in range(1000):
-            still[200:240, number % 600 : number % 600 + 40] = number % 255
-            film.mux(stream.encode(av.VideoFrame.from_ndarray(still, "rgb24")))
-        film.mux(stream.encode())
+    def frame(number):
+        still[200:240, number % 600 : number % 600 + 40] = number % 255
+        return still.copy()
+
+    write_film(tmp_path / "long.mp4", map(frame, range(1000)))
     page = opened("mark", tmp_path / "long.mp4")
     milliseconds = page.browser.execute_async_script(
         """

@@ -154,6 +154,14 @@ def test_corrections_are_kept_in_the_results_and_found_again(clip):
     assert len(refusal.value.content["items"]) == 2
 
 
+def test_objects_of_a_detector_are_not_corrected(clip):
+    _, marking = viewed(clip, "boxes", FOREIGN["whole tracks"][1])
+    marking.reviewed.table["detections"] = "det.txt"
+    with pytest.raises(InputError, match="a run with --detections cannot be corrected here"):
+        marking.save({"kind": "boxes", "items": [box("1")], "digest": ""})
+    assert not marking.file("boxes").exists()
+
+
 @pytest.mark.parametrize("kind", SHAPES)
 def test_a_file_that_changed_is_neither_lost_nor_overwritten_unasked(clip, kind):
     one, other = (Marking(str(clip), kind, None) for _ in range(2))

@@ -1,4 +1,4 @@
-"""What was measured: one tidy table, from which tables, claims and figures are made.
+"""What was measured: values of scenes, from which tables, claims and figures are made.
 
 Tables of published and measured figures are declared in ``paper.toml``.
 
@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.judging.estimates import KINDS, Measured, Quantity
@@ -29,25 +28,31 @@ _TEXTS: Mapping[str, Callable[[np.ndarray], str]] = {
 }
 
 
+#: (measure, variant, case) -> values ``[S]`` by scene; a case is such as a sharpness.
+Values = dict[tuple[str, str, str], Any]
+
+
 class Study(NamedTuple):
     """The measurements of a paper.
 
     Attributes:
-        rows: a row for each ``measure``, ``variant``, ``case`` (such as a sharpness) and ``scene``,
-            with its ``value``; shares are between 0 and 1.
+        values: by measure, variant and case; shares are between 0 and 1.  A variant may have the
+            first scenes only.
         shown: what the figures show beside.
         words: what the texts of tables quote.
     """
 
-    rows: pd.DataFrame
+    values: Values
     shown: Any = None
     words: Mapping[str, str] = {}
 
-    def values(self, measure: str, variant: str) -> dict[str, pd.Series]:
+    def by_case(self, measure: str, variant: str) -> dict[str, np.ndarray]:
         """Case -> values by scene; empty if it was not measured."""
-        chosen = self.rows[(self.rows["measure"] == measure) & (self.rows["variant"] == variant)]
-        groups = chosen.groupby("case", sort=False)
-        return {str(case): group.set_index("scene")["value"] for case, group in groups}
+        return {
+            case: np.asarray(values, float)
+            for (*key, case), values in self.values.items()
+            if key == [measure, variant]
+        }
 
     def figures(self, kind: str, measure: str, variant: str, against: str = "") -> list[Quantity]:
         """Of each case, the estimate over scenes, or two variants' on their common scenes.
@@ -63,28 +68,18 @@ class Study(NamedTuple):
         Returns:
             An empty list if a variant was not measured.
         """
-        estimate, first = KINDS[kind], self.values(measure, variant)
+        estimate, first = KINDS[kind], self.by_case(measure, variant)
         if not against:
             return [estimate(values, what=case) for case, values in first.items()]
-        second = self.values(measure, against)
-        common = {case: first[case].align(second[case], "inner") for case in first if second}
-        return [estimate(*pair, case) for case, pair in common.items()]
+        second, figures = self.by_case(measure, against), []
+        for case, ours in first.items() if second else ():
+            common = min(len(ours), len(second[case]))
+            figures.append(estimate(ours[:common], second[case][:common], case))
+        return figures
 
     def variants(self, measure: str) -> list[str]:
         """All variants of which a measure was taken."""
-        return list(self.rows.loc[self.rows["measure"] == measure, "variant"].unique())
-
-
-def tidy(values: Mapping[tuple[str, str, str], Any]) -> pd.DataFrame:
-    """The ``rows`` of a study from ``[S]`` values for each measure, variant and case.
-
-    Scenes are counted; a variant may have the first ones only.
-    """
-    rows = pd.DataFrame(list(values), columns=["measure", "variant", "case"])
-    rows["value"] = list(values.values())
-    rows = rows.explode("value")
-    rows["scene"] = rows.groupby(level=0).cumcount()
-    return rows.reset_index(drop=True).astype({"value": float})
+        return list(dict.fromkeys(variant for each, variant, _ in self.values if each == measure))
 
 
 class Table(NamedTuple):
@@ -159,7 +154,7 @@ def _table(declared: Mapping[str, Any], measures: Mapping[str, Any], study: Stud
         known = declared.get("published", {}).get(heading)
         for label, *of_row in _labels(declared, measure, study, variants):
             if kind in _TEXTS:
-                values = np.array(list(study.values(measure, *of_row).values()))
+                values = np.array(list(study.by_case(measure, *of_row).values()))
                 rows.setdefault(label, []).append(_TEXTS[kind](values))
                 continue
             for figure in study.figures(kind, measure, *of_row):

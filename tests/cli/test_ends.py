@@ -1,23 +1,7 @@
-"""How the command line ends where its output cannot be written, or where it is interrupted."""
+"""How the command line ends where it is interrupted."""
 
-import os
 import subprocess
 import sys
-
-import pytest
-
-COMMAND = [sys.executable, "-m", "jaxpf.cli"]
-
-
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="a device of Linux")
-@pytest.mark.parametrize("arguments", [["--help"], ["verdicts"]])
-def test_a_full_disk_under_standard_output_is_one_sentence(arguments):
-    with open("/dev/full", "w") as full:
-        ended = subprocess.run([*COMMAND, *arguments], stdout=full, stderr=subprocess.PIPE)
-    assert ended.returncode == 2
-    assert ended.stderr.decode().startswith("Error: cannot write the output: no space left")
-    assert ended.stderr.count(b"\n") == 1
-
 
 INTERRUPT = """
 import importlib.abc, signal, sys

@@ -10,6 +10,7 @@ from command_line import jaxpf
 from jaxpf.cli.shared.console import print_table, visible
 
 COMMAND = f"{sys.executable} -m jaxpf.cli"
+FULL = "Error: cannot write the output: no space left"
 #: Escape codes, a bell, one control byte that begins a code, and marks that reverse the text.
 HOSTILE = "a\x1b[31mred\x07\x9b2J\u202egnp.exe\r"
 
@@ -48,7 +49,7 @@ def test_names_on_the_command_line_reach_no_terminal_and_are_one_line(
     assert outcome.err.partition("Error: ")[2].count("\n") == 1
 
 
-@pytest.mark.skipif(os.name == "nt", reason="a shell of POSIX")
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="devices and a shell of Linux")
 @pytest.mark.parametrize(
     ("line", "code", "sentence"),
     [
@@ -56,10 +57,11 @@ def test_names_on_the_command_line_reach_no_terminal_and_are_one_line(
         pytest.param("--help | true", 0, "", marks=pytest.mark.slow),
         ("verdicts >&-", 2, "Error: standard output "),
         ("verdicts 1</dev/null", 2, "Error: cannot write the output"),
+        *((f"{words} > /dev/full", 2, FULL) for words in ("--help", "verdicts")),
         ("export . coco x.json 2>&-", 2, ""),
     ],
 )
-def test_an_output_that_is_closed_is_no_traceback(line, code, sentence, tmp_path):
+def test_an_output_that_is_closed_or_full_is_no_traceback(line, code, sentence, tmp_path):
     command = f"set -o pipefail; {COMMAND} {line}"
     ended = subprocess.run(["bash", "-c", command], capture_output=True, text=True, cwd=tmp_path)
     assert ended.returncode == code

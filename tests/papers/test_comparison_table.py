@@ -7,7 +7,7 @@ from jaxpf.media.plotting import new_figure
 from jaxpf.papers.judging.claims import Claim, judge
 from jaxpf.papers.judging.estimates import Measured, mean_of
 from jaxpf.papers.paper import Comparison
-from jaxpf.papers.study import Cell, Study, Table, tables, tidy
+from jaxpf.papers.study import Cell, Study, Table, tables
 
 CLAIM = Claim("a_b", "paper", "a is b", "1", "a | b.", "table 1", 0.0, float("inf"), 0.0, 0, "runs")
 
@@ -36,7 +36,7 @@ def test_cells_show_published_and_measured_side_by_side():
 
 
 def test_a_declared_table_has_the_rows_that_were_measured():
-    rows = tidy({("hits", name, ""): [0.0, 1.0] for name in "ab"})
+    rows = {("hits", name, ""): [0.0, 1.0] for name in "ab"}
     declared = {
         "measures": {"hits": {"kind": "percent"}, "shots": {}},
         "tables": [
@@ -63,7 +63,7 @@ def test_a_declared_table_has_the_rows_that_were_measured():
 
 
 def test_variants_are_compared_on_their_common_scenes():
-    rows = tidy({("m", "a", "x"): [1.0, 2.0, 9.0], ("m", "b", "x"): [3.0, 5.0]})
+    rows = {("m", "a", "x"): [1.0, 2.0, 9.0], ("m", "b", "x"): [3.0, 5.0]}
     (figure,) = Study(rows).figures("mean", "m", "b", "a")
     assert (figure.value, figure.units, figure.what) == (2.5, 2, "x")
     assert Study(rows).figures("mean", "m", "c", "a") == []

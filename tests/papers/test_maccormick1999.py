@@ -11,7 +11,7 @@ from jaxpf.papers.checkpoints import UNSTORED
 from jaxpf.papers.judging.claims import NOT_SEEN, PREVIEW, SUPPORTED
 from jaxpf.papers.maccormick1999 import scenes as cases, study, toy
 from jaxpf.papers.maccormick1999.study import PAPER
-from jaxpf.papers.study import Study, tidy
+from jaxpf.papers.study import Study
 
 
 def study_of(**kinds):
@@ -23,7 +23,7 @@ def study_of(**kinds):
                 of_run = study.measures(case, outcome) | {"N": 9}
                 for what, value in of_run.items():
                     values.setdefault((f"{kind}: {what}", name, ""), []).append(value)
-    return Study(tidy(values))
+    return Study(values)
 
 
 def test_one_target_peaks_at_every_feature_and_two_do_not_share_one():
@@ -266,4 +266,4 @@ def test_the_steps_of_the_toy_are_the_filters_own(method):
 @pytest.mark.slow
 def test_the_toy_shows_that_partitioned_sets_are_finer():
     values = {("toy: ess", name, ""): steps[-1].ess for name, steps in toy.steps(0).items()}
-    assert verdicts(PAPER, Study(tidy(values))) == {"toy": SUPPORTED}
+    assert verdicts(PAPER, Study(values)) == {"toy": SUPPORTED}

@@ -18,7 +18,7 @@ from jaxpf.papers.checkpoints import can_resume, keeping
 from jaxpf.papers.judging.claims import claims_of
 from jaxpf.papers.judging.estimates import computed
 from jaxpf.papers.paper import Paper, paper_of
-from jaxpf.papers.study import Study, named, tidy
+from jaxpf.papers.study import Study, named
 
 
 class Measured:
@@ -87,7 +87,7 @@ def test_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
         if stops:
             raise stops.pop()
         measured.part(parts, "b")
-        return Study(tidy({}))
+        return Study({})
 
     stopping = Paper(
         "eskil2014", measure, lambda study: {}, lambda: {"fish_kept": [computed(95.0)]}

@@ -27,7 +27,7 @@ from jaxpf.papers.eskil2014.scenes import (
 )
 from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.paper import Paper
-from jaxpf.papers.study import Study, tidy
+from jaxpf.papers.study import Study, Values
 
 _QUICK_FRAMES = 60
 #: A point counts as kept or recovered within this distance, relative to the body's length.
@@ -77,7 +77,7 @@ def measure_all(seeds: range, quick: bool, measurements: Measurements) -> Study:
 
 def study_of(found: Mapping[str, Mapping[str, np.ndarray]]) -> Study:
     """Rows of all measures, from the arrays ``[S, ...]`` of ``on_scene`` by kind of scene."""
-    values: dict[tuple[str, str, str], list[float]] = {}
+    values: Values = {}
     words: dict[str, str] = {}
     for scene, arrays in found.items():
         names = [str(name) for name in arrays["names"][0]]
@@ -88,7 +88,7 @@ def study_of(found: Mapping[str, Mapping[str, np.ndarray]]) -> Study:
             for of_scene, visible in zip(of_method, arrays["visible"], strict=False):
                 for name, value in measures(scene, names, of_scene, visible).items():
                     values.setdefault((name, method, ""), []).append(value)
-    return Study(tidy(values), found, words)
+    return Study(values, found, words)
 
 
 def measures(

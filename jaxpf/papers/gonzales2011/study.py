@@ -21,7 +21,7 @@ from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, VARIANTS, Curves
 from jaxpf.papers.judging.claims import counted
 from jaxpf.papers.judging.estimates import Quantity, computed
 from jaxpf.papers.paper import Paper
-from jaxpf.papers.study import Study, tidy
+from jaxpf.papers.study import Study, Values
 
 FRAMES = 300
 #: Measure of a claim -> field, motion, and numbers of parts and of particles of a figure's cells.
@@ -49,7 +49,7 @@ def measure_all(seeds: range, quick: bool, measurements: Measurements) -> Study:
 
 def study_of(curves: Curves) -> Study:
     """Rows of the means over frames: of every cell, and again by the paper's figures."""
-    values: dict[tuple[str, str, str], np.ndarray] = {}
+    values: Values = {}
     for (motion, parts, number), curve in curves.items():
         for (field, variant), each in curve.items():
             case = f"{motion}, {parts} parts, N = {number}"
@@ -60,7 +60,7 @@ def study_of(curves: Curves) -> Study:
                 shown = cell[field, variant][:, START.get(name, slice(None))]
                 several = f"N = {number}, " if len(particles) > 1 else ""
                 values[name, variant, f"{several}{parts} parts"] = np.nanmean(shown, axis=1)
-    return Study(tidy(values), shown=curves)
+    return Study(values, shown=curves)
 
 
 def computed_quantities() -> dict[str, list[Quantity]]:

@@ -27,10 +27,8 @@ from jaxpf.papers.maccormick1999.scenes import (
     tracker_of,
 )
 from jaxpf.papers.paper import Paper
-from jaxpf.papers.study import Study, tidy
+from jaxpf.papers.study import Study, Values
 from jaxpf.targets.presets import MACCORMICK1999
-
-Values = dict[tuple[str, str, str], Any]
 
 
 def _as_preset(preset: Mapping[str, Any]) -> Method:
@@ -108,7 +106,7 @@ def measure_all(seeds: range, quick: bool, measurements: Measurements) -> Study:
         measurements.report(f"{title}: {counted(len(seeds), 'sequences')}, one run of each method")
         measured, shown[kind] = measure(kind, make, methods, seeds, measurements)
         values |= measured
-    return Study(tidy(values), shown)
+    return Study(values, shown)
 
 
 def measure(

@@ -15,7 +15,7 @@ from jaxpf.media import plotting
 from jaxpf.papers.checkpoints import Measurements
 from jaxpf.papers.paper import Paper
 from jaxpf.papers.rowe2005.scenes import RUNS_PER_SCENE, VARIANTS, measure, stability
-from jaxpf.papers.study import Study, tidy
+from jaxpf.papers.study import Study, Values
 
 #: Range of the mean number of samples per target over runs in per cent, figure 2 (b).
 SHARE_BAND = (49.5, 50.5)
@@ -39,7 +39,7 @@ def study_of(apart: Mapping[str, Any], crossing: Mapping[str, Any], stability: n
 
     ``stability`` ``[S]`` is that of ``modes``.
     """
-    values: dict[tuple[str, str, str], np.ndarray] = {}
+    values: Values = {}
     values["between over within", "Condensation", "two modes"] = stability
     for variant, runs in apart.items():
         values |= {(name, variant, ""): each for name, each in measures(runs).items()}
@@ -47,7 +47,7 @@ def study_of(apart: Mapping[str, Any], crossing: Mapping[str, Any], stability: n
             values["share of a run", variant, f"{run + 1}"] = 100 * shares
     for variant, runs in crossing.items():
         values["lost where crossing", variant, ""] = measures(runs)["lost"]
-    return Study(tidy(values), shown=apart)
+    return Study(values, shown=apart)
 
 
 def measures(runs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -6,7 +6,6 @@ for each sharpness.
 """
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -26,7 +25,7 @@ from jaxpf.papers.smith2004.scenes import (
     order_name,
     shifted,
 )
-from jaxpf.papers.study import Study, tidy
+from jaxpf.papers.study import Study, Values
 
 _BEST, _WORST = "PS best", "PS worst"
 #: Measure -> field of the outcome, and factor: the first two are shares of successes.
@@ -40,7 +39,6 @@ _FIELDS = {
 }
 #: Place of the only sharpness, 30, at which section 3.3 gives the best order's recovery.
 _BEST_GIVEN_AT = slice(1, 2)
-Values = dict[tuple[str, str, str], Any]
 
 
 def measure_all(seeds: range, quick: bool, measurements: Measurements) -> Study:
@@ -71,7 +69,7 @@ def study_of(outcome: Outcome, conditions: Mapping[str, Outcome]) -> Study:
         for stage in range(1, NUM_OBJECTS + 1):
             rates = by_stage(found, stage)
             values["conditions: stage of object 1", f"{stage}", condition] = rates
-    return Study(tidy(values), outcome, {"extremes": _extremes(outcome)})
+    return Study(values, outcome, {"extremes": _extremes(outcome)})
 
 
 def _by_sharpness(outcome: Outcome) -> Values:

@@ -74,16 +74,6 @@ def read_detections(path: str | os.PathLike[str]) -> BoxTable:
     return table_of(sorted(rows, key=lambda row: row[0]), path)
 
 
-def check_frames(table: BoxTable, num_frames: int) -> None:
-    """Refuse detections in frames beyond the end of the video."""
-    beyond = table.frame[table.frame >= num_frames]
-    if len(beyond):
-        raise InputError(
-            f"{table.source} has a detection in frame {beyond[0]}, and the video ends with frame "
-            f"{num_frames - 1} (both counting from 0); give the detections of this video"
-        )
-
-
 def write_detections(path: str | os.PathLike[str], detections: Sequence[np.ndarray]) -> None:
     """Write the boxes ``[M, 4]`` of every frame as a ``det.txt``."""
     numbers = [len(boxes) for boxes in detections]

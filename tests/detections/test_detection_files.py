@@ -6,7 +6,7 @@ from hypothesis import given, strategies as st
 from properties import EVERY, boxes
 
 import jaxpf
-from jaxpf.detections.files import DETECTED, check_frames, read_detections, write_detections
+from jaxpf.detections.files import DETECTED, read_detections, write_detections
 
 
 @EVERY
@@ -47,11 +47,3 @@ def test_detections_come_by_frame_without_those_of_zero_size(tmp_path):
     table = read_detections(tmp_path / "det.txt")
     assert table.frame.tolist() == [0, 1, 1]
     assert table.confidence.tolist() == [1, 0.5, 0]
-
-
-def test_a_frame_that_the_video_does_not_have_is_refused(tmp_path):
-    (tmp_path / "det.txt").write_text("1,-1,1,1,9,9,1\n6,-1,1,1,9,9,1\n")
-    table = read_detections(tmp_path / "det.txt")
-    check_frames(table, 6)
-    with pytest.raises(jaxpf.InputError, match="in frame 5, and the video ends with frame 4"):
-        check_frames(table, 5)

@@ -11,7 +11,6 @@ import pandas as pd
 
 from jaxpf.boxes.tracks import read_tracks
 from jaxpf.cli.shared.console import print_table, say
-from jaxpf.cli.tracking.detector import why_none_started
 from jaxpf.cli.tracking.results import Results
 from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
@@ -35,18 +34,18 @@ _HEADINGS = {
 }
 
 
-def report(results: Results, truth: BoxTable | None) -> None:
+def report(results: Results) -> None:
     """Write summary and plots, print the verdicts, and raise the error that ended the run early."""
     if results.is_kept:
         # The tracks so far are kept; an error here must not hide the first one.
         with contextlib.suppress(*([] if results.stopped is None else [InputError])):
-            _report(results, truth)
+            _report(results)
     if results.stopped is not None:
         raise results.stopped
 
 
-def _report(results: Results, truth: BoxTable | None) -> None:
-    request, output = results.request, results.output
+def _report(results: Results) -> None:
+    request, output, truth = results.request, results.output, results.request.truth
     table = pd.DataFrame(read_tracks(output / "tracks.csv"))
     verdicts = object_verdicts(table, results.names)
     sizes = np.array(results.ess)
@@ -333,7 +332,7 @@ def _warnings(results: Results) -> list[str]:
         number = results.invalid
         lines.append(f"Warning: {number} likelihood(s) were not a number and counted as zero.")
     if detector is not None and not changes["started"] and not changes["refused"]:
-        lines.append(f"Note: {why_none_started(detector, results.request.run.start)}")
+        lines.append(f"Note: {detector.why_none_started(results.request.run.start)}")
     if changes["refused"]:
         refusal = changes["refused"][0]
         lines.append(

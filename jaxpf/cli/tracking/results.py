@@ -2,6 +2,7 @@
 
 import contextlib
 import time
+import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -232,7 +233,10 @@ def writing_results(results: Results) -> Iterator[None]:
             announced_stop("Finishing: what was tracked is being written."),
             contextlib.ExitStack() as files,
             console.progress_bar("frames") as progress,
+            warnings.catch_warnings(),
         ):
+            # At the end, the report says how many there were.
+            warnings.filterwarnings("ignore", "the log-likelihood of frame", UserWarning)
             results.open(files, progress)
             try:
                 yield

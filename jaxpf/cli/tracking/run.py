@@ -3,7 +3,6 @@
 import contextlib
 import functools
 import itertools
-import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,15 +13,9 @@ import scenes
 from jaxpf import filters
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.startup import use_compile_cache
-from jaxpf.cli.tracking.detector import check_detector
 from jaxpf.cli.tracking.report import report
 from jaxpf.cli.tracking.request import Request, check_together
-from jaxpf.cli.tracking.results import (
-    Results,
-    locked_folder,
-    nothing_follows,
-    writing_results,
-)
+from jaxpf.cli.tracking.results import Results, locked_folder, nothing_follows, writing_results
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import options_of
 from jaxpf.contract.types import TrackerLike
@@ -32,8 +25,6 @@ from jaxpf.evaluation.trackers import OwnTracker, own_tracker
 from jaxpf.filters import SideBySide
 from jaxpf.media.film import FrameSource
 from jaxpf.media.read import open_frames
-from jaxpf.sequences.layouts import read_truth
-from jaxpf.sequences.tables import BoxTable
 from jaxpf.targets.building import build, looks_of
 from jaxpf.targets.target import Start
 
@@ -51,7 +42,7 @@ def track(request: Request) -> None:
     with contextlib.closing(source.frames(run.start)) as frames:
         picture = next(frames)
         start, later = read_starts(request, source)
-        truth = _read_truth(request, [start, *later.values()])
+        _check_truth(request, [start, *later.values()])
         if (second := next(frames, None)) is None:  # fails before compilation
             raise nothing_follows(source, run.start)
         use_compile_cache()
@@ -60,9 +51,7 @@ def track(request: Request) -> None:
         results = Results(request, source, {run.start: start} | later, tracker)
         state = results.resume()
         with locked_folder(results):
-            with writing_results(results), warnings.catch_warnings():
-                # At the end, the report says how many there were.
-                warnings.filterwarnings("ignore", "the log-likelihood of frame", UserWarning)
+            with writing_results(results):
                 for record in follow(
                     tracker,
                     jax.random.key(run.seed),
@@ -77,7 +66,7 @@ def track(request: Request) -> None:
                     first=run.start,
                 ):
                     results.add(record)
-            report(results, truth)
+            report(results)
 
 
 def read_starts(request: Request, source: FrameSource) -> tuple[Start, dict[int, Start]]:
@@ -95,7 +84,7 @@ def read_starts(request: Request, source: FrameSource) -> tuple[Start, dict[int,
         say(f"Note: {remark}", err=True)
     if detector is None:
         return start, later
-    check_detector(detector, start, run.start, source)
+    detector.check(start, run.start, source)
     named, of_detector = detector.starts(start, run.start)
     return named, later | of_detector
 
@@ -133,12 +122,11 @@ def _own_tracker(place: str, source: FrameSource, frame: np.ndarray, boxes: np.n
     raise InputError(f"the tracker {place!r} returned boxes; for a video return a tracker.")
 
 
-def _read_truth(request: Request, starts: Sequence[Start]) -> BoxTable | None:
-    """Read the boxes of --truth, which must cover some object and frame of this run."""
-    if request.run.truth is None:
-        return None
-    first, count = request.run.start, request.run.frames
-    truth = read_truth(request.run.truth)
+def _check_truth(request: Request, starts: Sequence[Start]) -> None:
+    """Refuse truth that covers no object and frame of this run."""
+    truth, first, count = request.truth, request.run.start, request.run.frames
+    if truth is None:
+        return
     names = dict.fromkeys(name for start in starts for name in start.ids.tolist())
     ids = list(names) if request.detector is None else np.unique(truth.id)
     last = np.inf if count is None else first + count
@@ -149,4 +137,3 @@ def _read_truth(request: Request, starts: Sequence[Start]) -> BoxTable | None:
             f"run tracks, in the frames from {first + 1} {until} (counting from 0); give another "
             "start or the truth of these objects, or leave it out."
         )
-    return truth

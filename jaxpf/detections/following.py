@@ -121,7 +121,7 @@ def _group(
     for tracked in stream(tracker, key, frames, state=state):
         summary = tracked.summary
         if tracked.time == 0 and isinstance(own, Labelled):
-            check_started(summary, start.ids)
+            check_started(np.asarray(summary.without_likelihood), start.ids)
         shapes = np.asarray(shapes_of(own, target, start, summary.estimate), float)
         given = since, own, start, shapes, slots, summary, tracked.state
         yield group_of(target, tracked.frame, *given)

@@ -131,8 +131,7 @@ def come_and_go(
             boxes, without = _boxes(tracker, summary.estimate), summary.without_likelihood
         if number == first + 1:
             named_first = np.isin(living.ids, named[first].ids if first in named else [])
-            seen = dataclasses.replace(summary, without_likelihood=without & named_first)
-            check_started(seen, living.ids)
+            check_started(without & named_first, living.ids)
         asked = named.get(number)
         starting = [] if asked is None else list(zip(asked.ids.tolist(), asked.shapes, strict=True))
         living, changes = lifetimes.advance(

@@ -1,14 +1,12 @@
 """What ``follow`` yields: a frame, and the objects of each tracker in it."""
 
 import dataclasses
-from collections.abc import Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.lost import judge
-from jaxpf.contract.state import Summary
 from jaxpf.detections.lifetimes import Changes
 from jaxpf.targets.target import Start, Target
 
@@ -143,15 +141,10 @@ class Record(NamedTuple):
         return dataclasses.replace(first, parents=(-1,) * len(self.ids), **rows)
 
 
-def check_started(summary: Summary, ids: Sequence[object] | np.ndarray | None = None) -> None:
-    """Refuse the summary of a first frame in which a target has no weight.
-
-    ``ids`` are the targets' names; default their numbers.
-    """
-    lost = np.flatnonzero(np.asarray(summary.without_likelihood)).tolist()
-    if lost:
-        names = ", ".join(str(number if ids is None else ids[number]) for number in lost)
+def check_started(without_likelihood: np.ndarray, ids: np.ndarray) -> None:
+    """Refuse a first frame in which an object, bool ``[P]``, has no likelihood."""
+    if names := [str(ids[number]) for number in np.flatnonzero(without_likelihood)]:
         raise InputError(
-            f"in the first frame every particle of target {names} has likelihood zero; check its "
-            "box, or widen the noise of position and size."
+            f"in the first frame every particle of target {', '.join(names)} has likelihood zero; "
+            "check its box, or widen the noise of position and size."
         )

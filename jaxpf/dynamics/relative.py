@@ -29,9 +29,6 @@ class PixelMotion(AR2):
     by_partition: ClassVar[tuple[str, ...]] = ("scale", "sizes")
     sizes: ArrayLike | None = None
 
-    def __post_init__(self):
-        super().__post_init__()
-
 
 @pytree_dataclass
 class RelativeMotion(DynamicsWithDensity, DynamicsWithPrediction):

@@ -13,6 +13,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import check_tree
+from jaxpf.contract.numbers import check_number
 from jaxpf.files.reading import check_name, parse_number, read_below
 
 HEADER = "part,parent,x,y,w,h,angle"
@@ -33,6 +34,10 @@ class Parts:
     parents: tuple[int, ...]
     poses: np.ndarray
     sizes: np.ndarray
+
+    def __post_init__(self) -> None:
+        check_number("poses", self.poses)
+        check_number("sizes", self.sizes, above=0)
 
 
 def read_parts(path: str | os.PathLike[str]) -> Parts:

@@ -12,9 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf import contract
-from jaxpf.contract.errors import check_known
 from jaxpf.contract.model import Model, check_tree
-from jaxpf.contract.numbers import check_number
 from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import as_array, pytree_dataclass
 from jaxpf.contract.types import LikelihoodLike
@@ -27,15 +25,6 @@ from jaxpf.dynamics.joints import (
 )
 from jaxpf.likelihoods.histogram import HistogramLikelihood
 from jaxpf.lowering.programs import compiled
-
-#: How parts move: with their parents, or each on its own.
-DYNAMICS = ("relative", "absolute")
-
-#: Noise of x, y (pixels) and theta (radians) per frame, for roots and absolute parts.
-DEFAULT_SCALE = (3.0, 3.0, 0.06)
-#: Noise of a joint's offset (pixels) and angle (radians) per frame.
-DEFAULT_JOINT_SCALE = (0.5, 0.5, 0.08)
-
 
 #: Of the log odds of histograms: constant, and factors of log(d / e) and log(s + .05).
 _ODDS = -5.8, -1.3, -1.6
@@ -173,8 +162,8 @@ def parts_model(
     parents: Sequence[int],
     *,
     dynamics: str = "relative",
-    scale: ArrayLike = DEFAULT_SCALE,
-    joint_scale: ArrayLike = DEFAULT_JOINT_SCALE,
+    scale: ArrayLike = (3.0, 3.0, 0.06),
+    joint_scale: ArrayLike = (0.5, 0.5, 0.08),
     anchors: tuple[ArrayLike, ArrayLike] | None = None,
     reach: ArrayLike = 0.0,
 ) -> Model:
@@ -200,12 +189,7 @@ def parts_model(
     """
     tree = check_tree(parents)
     poses, sizes = np.asarray(poses, np.float32), np.asarray(sizes, np.float32)
-    check_number("poses", poses)
-    check_number("sizes", sizes, above=0)
-    for name, noise in (("scale", scale), ("joint_scale", joint_scale), ("reach", reach)):
-        check_number(name, noise, least=0)
     scale, joint_scale = np.asarray(scale, np.float32), np.asarray(joint_scale, np.float32)
-    check_known("dynamics ", dynamics, DYNAMICS)
     reach = np.broadcast_to(np.asarray(reach, np.float32), (len(tree), 3))
     moves: Any = RandomWalk(scale=scale)
     start: Any = poses

@@ -1,6 +1,7 @@
 """A kind of target of one's own is one file, which registers it."""
 
 import importlib
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import cv2
@@ -60,3 +61,12 @@ def test_its_factory_checks_its_options(entered):
     assert (made.dynamics.step, made.num_particles) == (2.0, 9)
     with pytest.raises(InputError, match="step = -1 must be a finite number above 0"):
         entered.tracker(frame, [[10, 12]], step=-1)
+
+
+def test_a_package_registers_it_by_an_entry_point(entered, monkeypatch):
+    named = EntryPoint("spots", "own_target:SPOTS", "jaxpf.targets")
+    monkeypatch.setattr(registry, "_REGISTERED", {})
+    monkeypatch.setattr(registry, "entry_points", lambda group: [named][: group == named.group])
+    registry._installed.cache_clear()
+    assert registry.find_target("spots") is entered.SPOTS
+    registry._installed.cache_clear()

@@ -152,8 +152,8 @@ def build(likelihood=None, poses=POSES, sizes=SIZES, tree=TREE, ordering=None, *
         (lambda: named("dps", TREE), "'dps'"),
         (lambda: named("ps", (-1, 2, 1)), "1 on 2 on 1"),
         (lambda: named("ps", (-1, 7)), "parents[1]=7"),
-        (lambda: build(sizes=SIZES * [1, 0]), "sizes"),
-        (lambda: build(poses=POSES + np.nan), "poses"),
+        (lambda: jaxpf.parts.Parts("abcde", TREE, POSES, SIZES * [1, 0]), "sizes"),
+        (lambda: jaxpf.parts.Parts("abcde", TREE, POSES + np.nan, SIZES), "poses"),
         (lambda: build(joint_scale=(1, 1, -1)), "joint_scale"),
         (lambda: build(reach=np.inf), "reach"),
     ]

@@ -143,7 +143,7 @@ def test_a_grid_of_points_starts_on_a_mask(mask):
         ({}, "--point"),
         ({"point": ("200,3,nose",)}, "'nose' is at (200, 3)"),
         ({"point": ("1,2",), "mask_step": 5.0}, "--mask-step"),
-        ({"mask": "0.png", "mask_step": 0.0}, "0 pixels"),
+        ({"mask": "0.png", "mask_step": 0.0}, "step=0.0"),
         ({"mask": "1.png"}, "156 x 50"),
         ({"mask": "2.png"}, "0 everywhere"),
         ({"mask": "none.png"}, "none.png"),

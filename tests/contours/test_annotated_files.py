@@ -134,17 +134,6 @@ def test_photographs_are_no_masks(tmp_path):
     assert "is a photograph, whose grey levels" in message
 
 
-@pytest.mark.parametrize(("mode", "step"), [("L", 1), ("P", 10)])
-def test_many_objects_in_a_mask_stay_apart(tmp_path, mode, step):
-    levels = np.arange(0, 19 * step, step, dtype=np.uint8)
-    mask = Image.fromarray(np.kron(levels[:, None], np.ones((2, 4), np.uint8)), mode=mode)
-    if mode == "P":
-        mask.putpalette([level for level in range(256) for _ in range(3)])
-    mask.save(tmp_path / "0.png")
-    assert "hold the objects" in message_of(read_annotated, tmp_path)
-    assert read_annotated(tmp_path, value=5 * step).lines[0, "1"].sum() == 8
-
-
 @pytest.mark.parametrize("suffix", ["png", "jpg", "jpeg"])
 def test_soft_edges_end_at_half_the_maximum(tmp_path, suffix):
     scale = 5 if suffix == "png" else 1

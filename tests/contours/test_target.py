@@ -174,16 +174,6 @@ def test_what_cannot_be_tracked_is_refused(wires, options, named):
     assert named in message_of(jaxpf.contours.tracker, scene.frames[0], start, **given)
 
 
-@pytest.mark.slow
-def test_scenes_tell_how_well_contours_are_found(wires, tracked):
-    scene, _ = wires
-    start, truth = CONTOURS.scene_start(scene), CONTOURS.scene_shapes(scene)
-    found = CONTOURS.shapes(start, tracked[1], tracked[0])
-    measured = CONTOURS.measures(start, found, truth[1:])
-    assert np.asarray(measured["iou"])[-1].min() > 0.5
-    assert np.asarray(measured["corner_error"])[-1].max() < 5
-
-
 def test_scenes_tell_where_contours_start_and_shapes_are_written(tmp_path, wires):
     scene, contours = wires
     start, truth = CONTOURS.scene_start(scene), CONTOURS.scene_shapes(scene)

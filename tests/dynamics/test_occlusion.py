@@ -10,7 +10,6 @@ from refusals import message_of
 
 from jaxpf import pytree_dataclass
 from jaxpf.dynamics import RandomWalk, WithOcclusion
-from jaxpf.dynamics.occlusion import FLIP
 from jaxpf.shapes import in_front
 from jaxpf.shapes.depth import depth_orders
 
@@ -34,55 +33,20 @@ def drawn(dynamics, keys, label, places):
     return jax.vmap(lambda key: dynamics.propagate_label(key, label, places[:, None]))(keys)
 
 
-def flips(distance, label):
-    """Share of the draws that end with the other label."""
-    keys = jax.random.split(jax.random.key(label), RUNS)
-    moved = drawn(DYNAMICS, keys, label, jnp.array([0.0, distance]))
-    return float(jnp.mean(moved != label))
-
-
-def test_the_label_is_kept_while_shapes_overlap():
-    assert flips(1.0, 0) == flips(1.5, 1) == 0
-
-
-def test_the_label_flips_with_a_small_probability_while_they_are_apart():
-    error = np.sqrt(FLIP * (1 - FLIP) / RUNS)
-    for label in (0, 1):
-        assert abs(flips(3.0, label) - FLIP) < 4.5 * error
-
-
 def test_substates_move_as_without_occlusion():
-    arguments = jax.random.key(3), jnp.zeros(4, int), *[jnp.ones((2, 4))] * 3
-    np.testing.assert_array_equal(
-        DYNAMICS.propagate_all(*arguments), DYNAMICS.dynamics.propagate_all(*arguments)
-    )
-
-
-def test_the_density_of_a_move_and_of_a_flip():
-    arguments = jnp.zeros(4, int), *[jnp.ones((2, 4))] * 4
-    np.testing.assert_array_equal(
-        DYNAMICS.log_density_all(*arguments), DYNAMICS.dynamics.log_density_all(*arguments)
-    )
-    near, far = jnp.array([[0.0], [1.0]]), jnp.array([[0.0], [3.0]])
-    for substates, flip in ((near, 0.0), (far, FLIP)):
-        for label in (0, 1):
-            same = DYNAMICS.log_label(label, label, substates)
-            other = DYNAMICS.log_label(1 - label, label, substates)
-            np.testing.assert_allclose(jnp.exp(jnp.array([same, other])), [1 - flip, flip])
-
-
-def test_two_targets_flip_by_the_number_and_the_probability_they_are_given():
-    """With the keys of old: a tracker of two is what it was."""
-    keys = jax.random.split(jax.random.key(7), 2000)
-    flipped = jax.vmap(jax.random.uniform)(keys) < FLIP
-    for label in (0, 1):
-        moved = drawn(DYNAMICS, keys, label, jnp.array([0.0, 3.0]))
-        np.testing.assert_array_equal(moved, np.where(flipped, 1 - label, label))
-    assert 0 < flipped.sum() < 100
+    arguments = jnp.zeros(4, int), *[jnp.ones((2, 4))] * 3
+    for name, given in (
+        ("propagate_all", (jax.random.key(3), *arguments)),
+        ("log_density_all", (*arguments, jnp.ones((2, 4)))),
+    ):
+        found, expected = (getattr(each, name)(*given) for each in (DYNAMICS, DYNAMICS.dynamics))
+        np.testing.assert_array_equal(found, expected)
 
 
 #: Places of discs, of which those overlap that are less than 2 apart.
 SETTINGS = {
+    "two apart": (0.0, 3.0),
+    "two over": (0.0, 1.0),
     "all apart": (0.0, 3.0, 6.0),
     "one pair": (0.0, 1.0, 6.0),
     "a chain": (0.0, 1.5, 3.0),
@@ -145,23 +109,18 @@ def _are_over(places, one, other):
     return abs(places[one] - places[other]) < 2
 
 
-@pytest.mark.parametrize("name", ["one pair", "a star"])
-def test_labels_are_drawn_with_the_probabilities_that_are_told(name):
-    places, flip = SETTINGS[name], 0.7
+@pytest.mark.parametrize("flip", [0.0, 0.7])
+@pytest.mark.parametrize("name", ["two apart", "one pair", "a star"])
+def test_labels_are_drawn_with_the_probabilities_that_are_told(name, flip):
+    places = SETTINGS[name]
     dynamics = WithOcclusion(RandomWalk(scale=0.5), Discs(), flip)
-    for label in (0, 3):
+    table = moves(places, flip)
+    for label in (0, len(table) - 1):
         keys = jax.random.split(jax.random.key(label), RUNS)
-        expected = moves(places, flip)[label]
         moved = np.asarray(drawn(dynamics, keys, label, jnp.array(places)))
-        shares = np.bincount(moved, minlength=len(expected)) / RUNS
+        shares, expected = np.bincount(moved, minlength=len(table)) / RUNS, table[label]
         error = np.sqrt(expected * (1 - expected) / RUNS)
         assert (np.abs(shares - expected) <= 4.5 * error + 1e-6).all()
-
-
-def test_a_flip_of_none_keeps_every_label():
-    dynamics = WithOcclusion(RandomWalk(scale=0.5), Discs(), 0.0)
-    keys = jax.random.split(jax.random.key(0), RUNS)
-    assert (drawn(dynamics, keys, 3, jnp.array(SETTINGS["one pair"])) == 3).all()
 
 
 def test_who_is_in_front_of_whom_is_read_from_labels():

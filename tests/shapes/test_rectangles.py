@@ -4,7 +4,7 @@ import pytest
 
 from jaxpf import shapes
 from jaxpf.shapes import rectangles
-from jaxpf.shapes.rectangles import corners_from_poses, cos_sin, is_proper, rotate
+from jaxpf.shapes.rectangles import corners_from_poses, cos_sin, is_proper
 
 boxes_from_substates = jax.jit(shapes.boxes_from_substates)
 intersection_area, area = jax.jit(rectangles.intersection_area), jax.jit(rectangles.area)
@@ -25,15 +25,9 @@ DEGENERATE = [
 
 def test_box_is_centred_and_scaled():
     # Scale 1: 100 - 32/2 = 84, 80 - 42/2 = 59.  Scale 2 of 10 x 20: 20 x 40 at 50 - 10, 60 - 20.
-    substates = np.array([[100.0, 80.0, 1.0], [50.0, 60.0, 2.0]])
+    substates = np.array([[100.0, 80.0, 1.0, 7.0], [50.0, 60.0, 2.0, 9.0]])
     boxes = boxes_from_substates(substates, SIZES)
     np.testing.assert_allclose(boxes, [[84, 59, 32, 42], [40, 40, 20, 40]])
-
-
-def test_further_coordinates_of_a_substate_are_not_used():
-    substates = np.array([[100.0, 80.0, 1.0, 7.0, 8.0], [50.0, 60.0, 2.0, 9.0, 10.0]])
-    boxes = boxes_from_substates(substates, SIZES)
-    np.testing.assert_array_equal(boxes, boxes_from_substates(substates[:, :3], SIZES))
 
 
 def test_intersection_by_hand():
@@ -124,8 +118,3 @@ def test_corners_of_rectangles_by_hand():
     assert corners.shape == (2, 4, 2)
     np.testing.assert_allclose(corners[0], [[8, 19], [12, 19], [12, 21], [8, 21]], atol=1e-5)
     np.testing.assert_allclose(corners[1], [[11, 18], [11, 22], [9, 22], [9, 18]], atol=1e-5)
-
-
-def test_turning_a_vector_clockwise_in_the_image():
-    x, y = jax.jit(rotate)(np.array([1.0, 0.0]), np.pi / 2)
-    np.testing.assert_allclose([x, y], [0, 1], atol=1e-6)

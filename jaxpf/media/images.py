@@ -24,7 +24,6 @@ _SAMPLED = 9
 _WHITES = {8: 255, 12: 4095, 16: 65535}
 #: Share of the range below which fewer than 64 of 256 grey levels would be left.
 _LEAST_FILLED = 0.25
-VIDEO_SUFFIXES = (".avi", ".mkv", ".mov", ".mp4", ".webm", ".wmv")
 
 
 def frame_numbers(names: Sequence[str]) -> list[int | None]:
@@ -157,14 +156,6 @@ def pictures_in(folder: Path) -> list[Path]:
         if entry.suffix.lower() in IMAGE_SUFFIXES and not entry.name.startswith(".")
     )
     return sorted(images, key=lambda entry: natural_order(entry.name))
-
-
-def frames_inside(folder: Path) -> Path | None:
-    """Return a video or a folder of images inside ``folder``, or None."""
-    for entry in sorted(folder.iterdir()):
-        if pictures_in(entry) if entry.is_dir() else entry.suffix.lower() in VIDEO_SUFFIXES:
-            return entry
-    return None
 
 
 class Levels(NamedTuple):

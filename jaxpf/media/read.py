@@ -22,7 +22,6 @@ from jaxpf.media.images import (
     check_consecutive,
     check_name,
     check_single,
-    frames_inside,
     levels_of,
     pictures_in,
     quiet_opencv,
@@ -131,14 +130,11 @@ class _ImageFolder(FrameSource):
         super().__init__(path, path.resolve().name, fps)
         self._files = list(files or pictures_in(path))
         names = self.pictures = [file.name for file in self._files]
-        content = f"one image only, '{names[0]}'" if names else "no images"
-        # A single picture beside a video or a folder of frames is a preview, not the sequence.
-        meant = frames_inside(path) if len(names) < 2 and not files else None
-        if meant is not None:
-            raise InputError(f"folder '{path}' holds {content}; did you mean '{meant}'?")
         if not names:
             suffixes = ", ".join(suffix.lstrip(".") for suffix in IMAGE_SUFFIXES)
-            raise InputError(f"folder '{path}' holds {content} ({suffixes}); give one that does")
+            raise InputError(
+                f"folder '{path}' holds no images ({suffixes}); give one that does, or a video"
+            )
         notes = [check_consecutive(path, names)]
         for entry in self._files:
             check_name(entry)
@@ -148,7 +144,7 @@ class _ImageFolder(FrameSource):
         self.height, self.width = read_image(self._files[0], self._levels).shape[:2]
         notes += [self._levels.note]
         if len(names) == 1:
-            notes += [f"folder '{path}' holds {content}"]
+            notes += [f"folder '{path}' holds one image only, '{names[0]}'"]
         self.note = "; ".join(filter(None, notes)) or None
 
     def _pictures(self, start: int) -> Generator[np.ndarray | None]:

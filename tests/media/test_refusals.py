@@ -60,9 +60,6 @@ def image(dtype=np.uint8, size=(12, 16), value=0, channels=3):
 #: themselves.
 FOLDERS = [
     ({}, {}, "no images"),
-    ({"video.mp4": b""}, {}, "video.mp4"),
-    ({"frames/0.png": b""}, {}, "frames'"),
-    ({"frames/0.png": b"", "preview.png": image()}, {}, "frames'"),
     ({"0.tif": image(np.float32)}, {}, "float32"),
     ({"0.tif": image(np.float32, channels=1)}, {}, "32 bits"),
     (

@@ -96,22 +96,15 @@ def _of_one_kind(
 
 
 def _evaluate(request: Request) -> None:
-    """Evaluate one scene, and write and print its tables; only the plan with ``--dry-run``."""
-    prepared, pool = _prepare(request)
-    if not request.options.dry_run:
-        _finish(request, _run(request, prepared, pool))
-
-
-def _prepare(request: Request) -> tuple[Prepared, Pool | None]:
-    """Start JAX, connect to workers, open the scene and print the plan of what is missing.
+    """Evaluate one scene, and write and print its tables; only the plan with ``--dry-run``.
 
     Raises:
         InputError: no scheduler answers, or the scene cannot be opened.
     """
-    options, pool = request.options, None
-    check_output_folder(request.output)
-    if (request.output / LOCK).exists():  # fail early: planning takes minutes
-        with locked(request.output, "evaluating"):
+    options, output, pool = request.options, request.output, None
+    check_output_folder(output)
+    if (output / LOCK).exists():  # fail early: planning takes minutes
+        with locked(output, "evaluating"):
             pass
     devices = start_jax(options.devices, options.workers)
     if options.dask:
@@ -122,12 +115,22 @@ def _prepare(request: Request) -> tuple[Prepared, Pool | None]:
     say(f"Reading {request.scene}", err=True)
     if options.baseline:
         say(f"Baselines come first: {', '.join(options.baseline)}", err=True)
-    prepared = prepare(request.plan, request.output, workers)
+    prepared = prepare(request.plan, output, workers)
     if prepared.missing_runs:
         _show_plan(prepared, workers, devices)
     elif options.dry_run:
-        say(f"{request.output}/: finished, nothing left to do")
-    return prepared, pool
+        say(f"{output}/: finished, nothing left to do")
+    if options.dry_run:
+        return
+    results = _run(request, prepared, pool)
+    write_config(output / "run.toml", "evaluate", request.table())
+    overview = tables.write_tables(results)
+    report.write_report(overview)
+    _print_tables(tables.printed_tables(overview))
+    for remark in overview.remarks:
+        say(remark)
+    say(f"{output}/: {', '.join(_WRITTEN)}")
+    say(overview.conclusion)
 
 
 def _run(request: Request, prepared: Prepared, pool: Pool | None) -> Results:
@@ -154,18 +157,6 @@ def _run(request: Request, prepared: Prepared, pool: Pool | None) -> Results:
 
         measure_speeds(results, request.plan.trackers, announce)
     return results
-
-
-def _finish(request: Request, results: Results) -> None:
-    """Write tables, report and the file that repeats the evaluation; then print the results."""
-    write_config(results.folder / "run.toml", "evaluate", request.table())
-    overview = tables.write_tables(results)
-    report.write_report(overview)
-    _print_tables(tables.printed_tables(overview))
-    for remark in overview.remarks:
-        say(remark)
-    say(f"{results.folder}/: {', '.join(_WRITTEN)}")
-    say(overview.conclusion)
 
 
 def _print_tables(printed: dict[str, pd.DataFrame]) -> None:

@@ -92,7 +92,6 @@ class _Truth:
             "outlines": "",
             "at": {"file": 0, "tracks": 1, "outlines": 0},
             "is_new": False,
-            "closed": False,
             "running": False,
         }
 

@@ -211,7 +211,7 @@ function drawRow(pen, result, row) {
   pen.globalAlpha = row.lost ? 0.5 : 1;
   pen.setLineDash(row.lost ? [6 / view.scale, 6 / view.scale] : []);
   const line = result.outlines.get(`${frame}/${row.id}`);
-  if (line) path(pen, line, result.closed);
+  if (line) path(pen, line, false);
   else if ("angle" in row) path(pen, rectangle(x, y, row.w, row.h, row.angle * Math.PI / 180), true);
   else if ("w" in row) path(pen, rectangle(x + row.w / 2, y + row.h / 2, row.w, row.h, 0), true);
   else { pen.beginPath(); pen.arc(x, y, HANDLE / view.scale, 0, 7); }
@@ -466,7 +466,7 @@ function parse(text) {
 }
 
 function emptyResult(name) {
-  return { name, rows: new Map(), objects: new Map(), outlines: new Map(), at: { file: 0, tracks: 0, outlines: 0 }, header: null, closed: false, left: new Map() };
+  return { name, rows: new Map(), objects: new Map(), outlines: new Map(), at: { file: 0, tracks: 0, outlines: 0 }, header: null, left: new Map() };
 }
 
 async function read(index) {
@@ -474,7 +474,6 @@ async function read(index) {
   if (answer.is_new) results[index] = emptyResult(results[index].name);
   const result = results[index];
   result.at = answer.at;
-  result.closed = answer.closed;
   for (const fields of parse(answer.tracks)) {
     if (!result.header) { result.header = fields; continue; }
     const row = {};
@@ -487,7 +486,7 @@ async function read(index) {
     result.rows.get(row.frame).push(row);
     result.objects.get(row.id).push(row);
   }
-  for (const [number, name, kind, , x, y] of parse(answer.outlines)) {
+  for (const [number, name, , x, y, kind] of parse(answer.outlines)) {
     if (kind !== "outline") continue;
     const key = `${Number(number)}/${name}`;
     if (!result.outlines.has(key)) result.outlines.set(key, []);

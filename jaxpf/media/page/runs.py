@@ -1,6 +1,5 @@
 """Results of ``jaxpf track`` for the page, as they are written."""
 
-import json
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -48,7 +47,6 @@ class Run:
                 "outlines": begin["outlines"] + len(outlines),
             },
             "is_new": is_new,
-            "closed": self._is_closed(),
             "running": bool(tracks) or not (self.folder / "summary.json").exists(),
         }
 
@@ -60,11 +58,3 @@ class Run:
         except FileNotFoundError:
             return b""
         return text[: text.rfind(b"\n") + 1]
-
-    def _is_closed(self) -> bool:
-        if self.kind != "contours" or self.start_file is None:
-            return False
-        try:
-            return bool(json.loads(self.start_file.read_text()).get("closed"))
-        except (OSError, ValueError):
-            return False

@@ -7,12 +7,16 @@ import subprocess
 import sys
 import time
 import tomllib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from command_line import jaxpf
 from csv_rows import rows_of
 from films import moving_square, write_film
+
+from jaxpf.cli.shared.flags import write_config
+from jaxpf.contours.target import PIECES, OutlineFile
 
 Keys = pytest.importorskip("selenium.webdriver.common.keys").Keys
 
@@ -316,6 +320,21 @@ def test_part_trees_and_contours(opened, street, tmp_path):
     assert content["closed"] is True
     points = np.array(content["contours"]["1"])
     np.testing.assert_allclose(points.mean(axis=0), (300, 150), atol=2)
+
+
+def test_outlines_of_a_run_are_shown(opened, street, tmp_path):
+    write_config(
+        tmp_path / "run.toml", "track", {"video": street / "clip.mp4", "target": "contours"}
+    )
+    (tmp_path / "summary.json").write_text("{}")
+    (tmp_path / "tracks.csv").write_text("frame,time,id,x,y,lost\n0,0,wire,50,60,0\n")
+    line = np.random.default_rng(0).uniform(20, 90, (1, 2 * (PIECES + 1)))
+    with OutlineFile(tmp_path / "outlines.csv", SimpleNamespace(ids=["wire"])) as file:
+        file(0, line)
+    page = opened("view", tmp_path)
+    page.until(lambda: page.browser.execute_script("return results[0].outlines.size") == 1)
+    shown = page.browser.execute_script("return results[0].outlines.get('0/wire')")
+    np.testing.assert_allclose(shown, line.reshape(-1, 2), atol=1e-3)
 
 
 def test_a_page_is_used_at_any_width_and_by_keys(opened, street, tmp_path):

@@ -3,25 +3,15 @@
 import csv
 import math
 
-import click
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
+from properties import EVERY, boxes, coordinates, extents
 
 from jaxpf import InputError, ordering
-from jaxpf.boxes import read_boxes
-from jaxpf.boxes.tracks import parse_box, write_mot
-from jaxpf.cli.shared import flags
-from jaxpf.cli.shared.flags import NumberList
+from jaxpf.boxes.tracks import parse_box
 from jaxpf.contract import Option
 from jaxpf.parts.files import HEADER, read_parts
-
-#: The same cases every time, and no more than a glance takes.
-EVERY = settings(max_examples=60, deadline=None, derandomize=True, database=None)
-
-coordinates = st.floats(-1e6, 1e6)
-extents = st.floats(0.01, 1e6)
-boxes = st.tuples(coordinates, coordinates, extents, extents)
 
 
 @pytest.fixture(scope="module")
@@ -45,18 +35,6 @@ def test_any_text_is_a_box_or_refused(text):
     else:
         assert np.isfinite(box).all()
         assert (box[2:] > 0).all()
-
-
-@EVERY
-@given(rows=st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 2**52), boxes), min_size=1,
-                     unique_by=lambda row: row[:2]))  # fmt: skip
-def test_tracks_are_read_as_they_were_written(file, rows):
-    frames, ids, places = zip(*rows, strict=True)
-    write_mot(file, frames, ids, places)
-    table = read_boxes(file)
-    assert table.frame.tolist() == list(frames)
-    assert table.id.tolist() == list(ids)
-    np.testing.assert_allclose(table.box, places, atol=0.00051, rtol=1e-12)
 
 
 @st.composite
@@ -140,25 +118,3 @@ def test_an_option_has_its_type_and_bounds_or_is_refused(value, kind, length):
     if kind in (int, float):
         assert all(-5 <= entry <= 100 and math.isfinite(entry) for entry in values)
     assert length <= 0 or len(values) == length
-
-
-@click.command("a", params=[flags.config_flag()])
-@click.option("--runs", type=int)
-@click.option("--share", type=float)
-@click.option("--name", type=str)
-@click.option("--scale", type=NumberList(float))
-def command(**options):
-    return options
-
-
-@EVERY
-@given(
-    runs=st.integers(-(2**53) + 1, 2**53 - 1),
-    share=st.floats(allow_nan=False, allow_infinity=False),
-    name=st.text(st.characters(codec="utf-8", exclude_characters="\0\r"), max_size=20),
-    scale=st.lists(st.floats(allow_nan=False, allow_infinity=False), max_size=4),
-)
-def test_a_written_configuration_repeats_the_options(file, runs, share, name, scale):
-    written = {"runs": runs, "share": share, "name": name, "scale": scale}
-    flags.write_config(file, "a", written)
-    assert command.main(["--config", str(file)], standalone_mode=False) == written

@@ -124,7 +124,7 @@ def test_a_name_that_is_not_utf_8_is_refused(tmp_path):
 
 
 def test_what_is_written_reads_back_as_the_same_options(tmp_path):
-    """``test_properties.py`` writes values of every kind; paths become text, None is left out."""
+    """``test_round_trips.py`` writes values of every kind; paths become text, None is left out."""
     options = {"video": tmp_path / "a.mp4", "box": ("1,2,3,4",), "overlay": False, "ids": None}
     flags.write_config(tmp_path / "run.toml", "track", options)
     table = tomllib.loads((tmp_path / "run.toml").read_text())["track"]

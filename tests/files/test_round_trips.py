@@ -1,6 +1,6 @@
 """What is written is read again, whatever the names and numbers of any machine.
 
-For files of MOT see ``tests/boxes/test_tracks.py``.
+Files of MOT, of detections and of contours have such a test in their own rooms.
 """
 
 import contextlib
@@ -20,9 +20,6 @@ from jaxpf.boxes import read_boxes, read_tracks
 from jaxpf.cli.marking.starts import write_start
 from jaxpf.cli.shared.flags import write_config
 from jaxpf.cli.tracking.columns import TrackTable
-from jaxpf.contours import Contours
-from jaxpf.contours.files import contours_text, read_contours
-from jaxpf.detections.files import read_detections, write_detections
 from jaxpf.files.reading import check_name, read_rows
 from jaxpf.files.states import load_like
 from jaxpf.files.store import Store, differences
@@ -115,18 +112,6 @@ def test_gt_csv(folder, rows):
     same_bits(table.box, [box for _, _, box, _ in rows])
 
 
-@EVERY
-@given(frames=st.lists(st.lists(boxes, max_size=3), min_size=1, max_size=5))
-def test_detections(folder, frames):
-    placed = [(frame, box) for frame, found in enumerate(frames) for box in found]
-    if not placed or not in_pixels([box for _, box in placed]):
-        return
-    write_detections(folder / "det.txt", [np.reshape(found, (-1, 4)) for found in frames])
-    table = read_detections(folder / "det.txt")
-    assert table.frame.tolist() == [frame for frame, _ in placed]
-    np.testing.assert_allclose(table.box, [box for _, box in placed], atol=0.00051, rtol=1e-12)
-
-
 #: Columns of tracks.csv beside the place: values, of which some are missing.
 MEASURED = ("x_2.5", "speed")
 missing = st.just(math.nan)
@@ -179,19 +164,6 @@ def test_start_points(folder, shapes):
     read, shapes = read_points(folder / "p.csv"), sorted(shapes, key=lambda row: row[0])
     assert [*zip(read.frames, read.names, strict=True)] == [row[:2] for row in shapes]
     np.testing.assert_allclose(read.places, [row[2:] for row in shapes], rtol=1e-9, atol=1e-300)
-
-
-@settings(EVERY, max_examples=20)
-@given(data=st.data(), closed=st.booleans(), width=st.none() | st.floats(0.5, 50))
-def test_contours(folder, data, closed, width):
-    known = data.draw(st.lists(names, min_size=1, max_size=3, unique=True))
-    points = data.draw(hnp.arrays(float, (len(known), 5, 2), elements=pixels, unique=True))
-    contours = Contours(tuple(known), points, closed, 3, None if closed else width)
-    (folder / "contours.json").write_text(contours_text(contours), "utf-8")
-    read = read_contours(folder / "contours.json")
-    assert (read.names, read.closed, read.degree) == (contours.names, closed, 3)
-    assert read.width == contours.width
-    np.testing.assert_allclose(read.points, points, atol=0.00051, rtol=1e-12)
 
 
 plain = st.booleans() | st.integers(-(2**63), 2**63 - 1) | finite | texts

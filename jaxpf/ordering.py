@@ -250,7 +250,6 @@ def named(
     *,
     order: Sequence[int] | None = None,
     swap: str = "combinatorial",
-    reassembly: str = "evidence",
 ) -> Ordering:
     """Build the ordering of a named method.
 
@@ -260,7 +259,6 @@ def named(
         order: for "ps", all partitions, each after its parent.  Default: level by level, which for
             independent objects is 0, 1, ..., P-1.
         swap: for "sps"; roots are exchanged only if no root has parts.
-        reassembly: for "dps".
     """
     tree = check_tree(parents)
     check_known("method ", method, METHODS)
@@ -280,7 +278,7 @@ def named(
                 "method 'dps' goes through circular shifts, which put parts before their parents; "
                 "choose one of sir, ps, sps, or give orders of your own to ordering.dps."
             )
-        return dps(len(tree), reassembly=reassembly)
+        return dps(len(tree))
     depth = tree_levels(tree)
     downwards = sorted(range(len(tree)), key=lambda part: (depth[part], part))
     if method == "sir":

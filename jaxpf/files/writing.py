@@ -1,11 +1,9 @@
 """Writes output folders and files that are either complete or absent."""
 
 import csv
-import glob
 import io
 import os
 import secrets
-import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -64,9 +62,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def atomic_write(
-    path: str | os.PathLike[str], mode: str = "w", encoding: str | None = "utf-8"
-) -> Iterator[IO[Any]]:
+def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[Any]]:
     """Open a file that appears under its name only once it is complete.
 
     The content goes to a temporary file in the same folder, which is flushed to disk and
@@ -76,7 +72,7 @@ def atomic_write(
     path = Path(path)
     text = mode == "w"
     # newline="" keeps "\n" on every platform: the same run writes the same bytes.
-    options: dict[str, Any] = {"encoding": encoding, "newline": ""} if text else {}
+    options: dict[str, Any] = {"encoding": "utf-8", "newline": ""} if text else {}
     with atomic_path(path) as temporary, open(temporary, mode, **options) as file:
         yield file
         file.flush()
@@ -170,15 +166,11 @@ def _probe(path: Path) -> None:
     probe.unlink()
 
 
-def remove_leavings(folder: Path, stem: str = "", older: float = 0.0) -> None:
-    """Remove the incomplete files of killed processes, of any stem or of one.
-
-    Another process may still be writing one that was written to less than ``older`` seconds ago.
-    """
-    for path in folder.glob(f".{glob.escape(stem)}*{PARTIAL}*"):
+def remove_leavings(folder: Path) -> None:
+    """Remove the incomplete files of killed processes."""
+    for path in folder.glob(f".*{PARTIAL}*"):
         with suppress(OSError):
-            if time.time() - path.stat().st_mtime >= older:
-                path.unlink()
+            path.unlink()
 
 
 def is_left_over(path: Path) -> bool:

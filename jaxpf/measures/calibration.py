@@ -6,8 +6,6 @@ result: for boxes on seven filmed clips (6 runs of PS), their regions of 50, 80 
 truth in 49, 75 and 90.5% of the frames, and the normal regions in 52, 78 and 90.0%.
 """
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -84,10 +82,6 @@ def confidence_counts(confidence: ArrayLike, on_object: ArrayLike) -> np.ndarray
         np.asarray(confidence, float),
         np.asarray(on_object, float),
     )
-    if ((confidence < 0) | (confidence > 1)).any() or not np.isin(
-        on_object[~np.isnan(on_object)], (0, 1)
-    ).all():
-        raise InputError("confidence must be from 0 to 1, and on_object 0 or 1, or NaN.")
     counts = np.zeros((len(confidence), 2, CONFIDENCE_BINS), np.int64)
     run = np.indices(confidence.shape)[0]
     is_given = np.isfinite(confidence) & np.isfinite(on_object)
@@ -102,17 +96,16 @@ class Reliability:
     """Reliability of confidence over runs, from a few counts of each.
 
     Attributes:
-        bins: number B of equal bins of confidence.
+        bins: number B of equal bins of confidence, which divides 100.
         counts: ``[2, 100]``, pooled frames off and on their object, see ``confidence_counts``.
     """
 
-    def __init__(self, bins: int = 5):
-        if CONFIDENCE_BINS % bins:
-            raise InputError(f"bins={bins} must divide {CONFIDENCE_BINS}, such as 5 or 10.")
-        self.bins = bins
+    bins = 5
+
+    def __init__(self) -> None:
         self.counts = np.zeros((2, CONFIDENCE_BINS), np.int64)
         # Of each run: frames off and on their object in each bin, and in all of them.
-        self._by_run = np.zeros((0, 2, bins + 1), np.int64)
+        self._by_run = np.zeros((0, 2, self.bins + 1), np.int64)
 
     def add(self, counts: np.ndarray) -> None:
         """Add the ``counts [R, 2, 100]`` of R runs."""
@@ -153,10 +146,10 @@ class Reliability:
         below = np.cumsum(off) - off
         return float(np.sum(on * (below + off / 2)) / pairs)
 
-    def silent(self, lost_below: float = LOST_BELOW) -> float:
-        """Share of all frames off their object without a word: with at least this confidence."""
+    def silent(self) -> float:
+        """Share of all frames off their object without a word: confidence of ``LOST_BELOW`` on."""
         off, frames = self.counts[0], self.counts.sum()
-        first = math.ceil(round(lost_below * CONFIDENCE_BINS, 9))  # .55 * 100 is above 55
+        first = round(LOST_BELOW * CONFIDENCE_BINS)
         return float(off[first:].sum() / frames) if frames else float("nan")
 
 

@@ -65,7 +65,6 @@ class Interval(NamedTuple):
 def mean_interval(
     values: ArrayLike,
     weights: ArrayLike | None = None,
-    axis: int = 0,
     level: float = 0.95,
     bounds: Bounds | None = None,
 ) -> Interval:
@@ -77,30 +76,29 @@ def mean_interval(
     mean over pooled frames, and the error accounts for the correlation of frames within a run.
 
     Args:
-        values: ``[..., U, ...]``; values that are not finite are left out.
+        values: ``[U, ...]``, the units along the first axis; what is not finite is left out.
         weights: w >= 0, broadcasting with ``values``; equal by default.
-        axis: the axis of the units.
         level: confidence, in (0, 1).
         bounds: smallest and largest possible value; None if unknown.
 
     Returns:
-        The shape of ``values`` without the axis.  The mean of no units is NaN, the error NaN with
+        ``[...]`` each.  The mean of no units is NaN, the error NaN with
         fewer than two; the ends are NaN with fewer than three, without bounds fewer than 25.
     """
     check_level(level)
     weights = 1.0 if weights is None else weights
-    sample = _sample(values, weights, axis)
+    sample = _sample(values, weights)
     lower, upper = _ends(sample, _checked(bounds), (1 - level) / 2)
     return Interval(sample.mean[()], sample.error[()], lower[()], upper[()])
 
 
-def median_interval(values: ArrayLike, axis: int = 0, level: float = 0.95) -> Interval:
+def median_interval(values: ArrayLike, level: float = 0.95) -> Interval:
     """The median over independent units with the narrowest order statistics of at least ``level``.
 
     Arguments and result as for ``mean_interval``; at 95% the ends are NaN below six units.
     """
     check_level(level)
-    values, mass, units = _counted(values, 1.0, axis)
+    values, mass, units = _counted(values, 1.0)
     ordered = np.sort(np.where(mass > 0, values, np.inf), axis=0)
     picked = np.full((3, *units.shape), np.nan)
     for count in np.unique(units[units > 0]):
@@ -187,8 +185,8 @@ class _Sample(NamedTuple):
     error: np.ndarray
 
 
-def _sample(values: ArrayLike, weights: ArrayLike, axis: int) -> _Sample:
-    values, mass, units = _counted(values, weights, axis)
+def _sample(values: ArrayLike, weights: ArrayLike) -> _Sample:
+    values, mass, units = _counted(values, weights)
     total = np.where(units > 0, mass.sum(axis=0), 1.0)
     mean = np.where(units > 0, np.sum(mass * values, axis=0) / total, np.nan)
     squares = np.sum((mass * (values - mean)) ** 2, axis=0) / total**2
@@ -241,7 +239,7 @@ def _paired(
     first: ArrayLike, second: ArrayLike, bounds: Bounds | None
 ) -> tuple[_Sample, Callable[[ArrayLike], tuple[np.ndarray, np.ndarray]]]:
     """The differences, and tail -> ends of their mean's interval."""
-    sample = _sample(np.subtract(first, second, dtype=float), 1.0, 0)
+    sample = _sample(np.subtract(first, second, dtype=float), 1.0)
     limits = _checked(bounds)
     if limits is None:
         return sample, lambda tail: _ends(sample, None, tail)
@@ -296,12 +294,9 @@ def _clopper_pearson(
     return least(hits, misses), 1 - least(misses, hits)
 
 
-def _counted(
-    values: ArrayLike, weights: ArrayLike, axis: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _counted(values: ArrayLike, weights: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Values and weights ``[U, ...]``, 0 where a unit does not count, and the number that do."""
     values, mass = np.broadcast_arrays(np.asarray(values, float), np.asarray(weights, float))
-    values, mass = np.moveaxis(values, axis, 0), np.moveaxis(mass, axis, 0)
     counts = np.isfinite(values) & (mass > 0)
     return np.where(counts, values, 0.0), np.where(counts, mass, 0.0), counts.sum(axis=0)
 

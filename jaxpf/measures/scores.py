@@ -25,7 +25,6 @@ from jaxpf.shapes.rectangles import is_proper
 IOU_THRESHOLDS = np.arange(21) / 20
 #: Centre errors of the precision curve (wu2013), in pixels: 0, 1, ..., 50.
 CENTRE_THRESHOLDS = np.arange(51)
-_REPORTED_DISTANCE = 20
 
 _SHARES = ("HOTA", "DetA", "AssA", "LocA", "MOTA", "MOTP", "IDF1", "IDR", "IDP")
 _COUNTS = {
@@ -115,11 +114,6 @@ def precision_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
     errors = measure_boxes(estimate, truth)["centre_error"]
     within = errors[..., None] <= jnp.asarray(CENTRE_THRESHOLDS, errors.dtype)
     return _share_of_frames(within.astype(errors.dtype), truth)
-
-
-def distance_precision(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """``[..., P]``: ``precision_curve`` at 20 pixels, OTB's ranking criterion."""
-    return precision_curve(estimate, truth)[..., _REPORTED_DISTANCE]
 
 
 def import_trackeval() -> ModuleType:

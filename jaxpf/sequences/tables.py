@@ -14,6 +14,8 @@ import numpy as np
 from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import FARTHEST, LARGEST_WHOLE, check_pixels, parse_number, read_rows
 
+#: Most numbers, or runs of them, in a message.
+_LISTED = 12
 _BOX = ("frame", "id", "x", "y", "w", "h")
 _TRACKS = ("frame", "time", *_BOX[1:])
 #: Names of the columns of files without a header.
@@ -193,7 +195,7 @@ def dense(table: BoxTable, ids: Sequence[int], num_frames: int) -> np.ndarray:
     return boxes
 
 
-def listed(values: Iterable[int], most: int = 12) -> str:
+def listed(values: Iterable[int]) -> str:
     """Format ``1, 2, 3``, with runs of integers as ``0-70``; shortened if there are many."""
     runs: list[list[int]] = []
     for number in map(int, values):
@@ -204,7 +206,7 @@ def listed(values: Iterable[int], most: int = 12) -> str:
     parts: list[str] = []
     for first, last in runs:
         parts += [f"{first}-{last}"] if last - first > 1 else map(str, range(first, last + 1))
-    return ", ".join(parts[:most]) + (", ..." if len(parts) > most else "")
+    return ", ".join(parts[:_LISTED]) + (", ..." if len(parts) > _LISTED else "")
 
 
 def _is_visdrone(rows: list[tuple[int, list[str]]]) -> bool:

@@ -293,7 +293,7 @@ def test_columns_are_those_of_their_own_units():
     values[5:, 1] = np.nan
     weights = np.ones((40, 3))
     weights[2:, 2] = 0
-    together = mean_interval(values.T, weights.T, axis=1, bounds=UNIT)
+    together = mean_interval(values, weights, bounds=UNIT)
     for column, units in enumerate((40, 5, 2)):
         alone = mean_interval(values[:units, column], bounds=UNIT)
         for ours, theirs in zip(together, alone, strict=True):
@@ -338,6 +338,6 @@ def test_the_interval_of_a_median_by_hand():
     """Of nine values 2 P(at most one below) = .04, and 2 P(at most two) = .18."""
     found = median_interval([5, 1, 9, 2, 8, 3, 7, 4, 6])
     assert (found.value, found.lower, found.upper) == (5, 2, 8)
-    found = median_interval(np.array([[1.0, 2, 3, np.nan]]), axis=1)
+    found = median_interval(np.array([[1.0, 2, 3, np.nan]]).T)
     assert found.value.tolist() == [2]
     assert median_interval([1.0, 2.0]).value == 1.5

@@ -9,7 +9,7 @@ import pytest
 
 from jaxpf import InputError
 from jaxpf.measures import precision_curve, success_curve, tracking_scores
-from jaxpf.measures.scores import CENTRE_THRESHOLDS, IOU_THRESHOLDS, distance_precision, success_auc
+from jaxpf.measures.scores import CENTRE_THRESHOLDS, IOU_THRESHOLDS, success_auc
 
 SHARES = ("HOTA", "DetA", "AssA", "LocA", "MOTA", "MOTP", "IDF1", "IDR", "IDP")
 
@@ -175,13 +175,12 @@ def test_curves_are_worked_out_by_hand():
     np.testing.assert_allclose(success_auc(estimate, truth), [(5 + 2.5) / 21], rtol=1e-6)
     errors = np.asarray(precision_curve(estimate, truth))[0]
     np.testing.assert_array_equal(errors, [0.25] * 3 + [0.5] * 17 + [0.75] * 31)
-    np.testing.assert_array_equal(distance_precision(estimate, truth), [0.75])
 
 
 def test_an_object_without_truth_has_no_curve(truth):
     truth[:, 1] = np.nan
     assert np.isnan(success_curve(truth, truth)[1]).all()
-    assert np.isnan(distance_precision(truth, truth)[1])
+    assert np.isnan(precision_curve(truth, truth)[1]).all()
     assert np.isfinite(success_curve(truth, truth)[0]).all()
 
 
@@ -195,11 +194,10 @@ def test_curves_agree_with_counting_frame_by_frame(use_x64):
         estimate[random.uniform(size=(4, 30, 3)) < 0.1] = np.nan
         # Whole pixels: overlaps that equal a threshold occur.
         truth, estimate = np.round(truth), np.round(estimate)
-        measures = (success_curve, success_auc, precision_curve, distance_precision)
+        measures = (success_curve, success_auc, precision_curve)
         together = jax.jit(lambda *boxes: [measure(*boxes) for measure in measures])
-        found, area, errors, at_20 = map(np.asarray, together(estimate, truth))
+        found, area, errors = map(np.asarray, together(estimate, truth))
     assert found.shape == (4, 3, 21)
-    np.testing.assert_array_equal(at_20, errors[..., 20])
     assert found.dtype == (np.float64 if use_x64 else np.float32)
     for run in range(4):
         for column in range(3):

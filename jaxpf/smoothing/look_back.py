@@ -62,10 +62,10 @@ def smooth_stream(
         InputError: as for ``smooth``.
     """
     check_whole("lag", lag)
-    check_smoothing(tracker)
     frames = frames_of(frames)
     if inputs is not None:
         tracker = with_rows(tracker, inputs, num_frames(frames.stacked()))
+    check_smoothing(tracker)
     number = passes.checked_number(tracker, num_trajectories)
     record = passes.keep_both_lags if looks_back(tracker) else passes.keep_substates
     back_key = passes.backward_key(as_key(key))

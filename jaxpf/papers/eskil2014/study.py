@@ -94,10 +94,7 @@ def study_of(found: Mapping[str, Mapping[str, np.ndarray]]) -> Study:
 def measures(
     scene: str, names: Sequence[str], errors: np.ndarray, visible: np.ndarray
 ) -> dict[str, float]:
-    """Measure -> mean over runs, of one kind of scene.
-
-    Measures of certain frames are left out if there are too few.
-    """
+    """Measure -> mean over runs, of one kind of scene."""
     values = {**_of_every_scene(errors, visible), **_OF_SCENE[scene](names, errors)}
     return {f"{scene}: {name}": float(np.mean(each)) for name, each in values.items()}
 
@@ -113,37 +110,37 @@ def _of_every_scene(errors: np.ndarray, visible: np.ndarray) -> dict[str, np.nda
 
 
 def _of_fish(names: Sequence[str], errors: np.ndarray) -> dict[str, np.ndarray]:
-    kept = points_kept(errors, NEAR) / errors.shape[-1]
-    values = {"kept": kept, "final error": _error(errors, _LAST)}
-    if errors.shape[1] > FISH_PARTED.stop:
-        values |= {"together": _error(errors, FISH_TOGETHER), "parted": _error(errors, FISH_PARTED)}
-    return values
+    return {
+        "kept": points_kept(errors, NEAR) / errors.shape[-1],
+        "final error": _error(errors, _LAST),
+        "together": _error(errors, FISH_TOGETHER),
+        "parted": _error(errors, FISH_PARTED),
+    }
 
 
 def _of_skydivers(names: Sequence[str], errors: np.ndarray) -> dict[str, np.ndarray]:
     checked = _of_points(names, errors, ("head", "left hand", "right hand").__contains__)
-    values = {
+    return {
         # The peak of each run, since the mean over runs would hide a lost run.
         "peak": errors.mean(axis=2).max(axis=1),
         "near": (checked <= SKYDIVER_MOSTLY).all(axis=-1).mean(axis=-1),
-        **_around(errors, PARTING["skydivers"]),
+        "before": _error(errors, slice(PARTING["skydivers"])),
+        "after": _error(errors, slice(PARTING["skydivers"], None)),
+        "late": _error(errors, slice(SPOT_LOST, None)),
     }
-    if errors.shape[1] > SPOT_LOST:
-        values["late"] = _error(errors, slice(SPOT_LOST, None))
-    return values
 
 
 def _of_face(names: Sequence[str], errors: np.ndarray) -> dict[str, np.ndarray]:
-    values = _around(errors, PARTING["face"])
-    if errors.shape[1] > SMILE[1]:
-        lip = _of_points(names, errors, "right lip corner".__eq__)
-        smiling = lip[:, SMILE[0] + 6 : SMILE[1] - 6].mean(axis=(1, 2))
-        values["smile"] = 100 * (smiling - lip[:, _LAST].mean(axis=(1, 2)))
-    if errors.shape[1] > BLINKS[-1] + _OPEN.stop:
-        eyes = _of_points(names, errors, lambda name: "eye" in name)
-        after_blinks = [blink + after for blink in BLINKS for after in _OPEN]
-        values["after blinks"] = (eyes[:, after_blinks] <= NEAR).mean(axis=(1, 2))
-    return values
+    lip = _of_points(names, errors, "right lip corner".__eq__)
+    smiling = lip[:, SMILE[0] + 6 : SMILE[1] - 6].mean(axis=(1, 2))
+    eyes = _of_points(names, errors, lambda name: "eye" in name)
+    after_blinks = [blink + after for blink in BLINKS for after in _OPEN]
+    return {
+        "before": _error(errors, slice(PARTING["face"])),
+        "after": _error(errors, slice(PARTING["face"], None)),
+        "smile": 100 * (smiling - lip[:, _LAST].mean(axis=(1, 2))),
+        "after blinks": (eyes[:, after_blinks] <= NEAR).mean(axis=(1, 2)),
+    }
 
 
 _OF_SCENE: Mapping[str, Callable[..., dict[str, np.ndarray]]]
@@ -153,16 +150,6 @@ _OF_SCENE = {"fish": _of_fish, "skydivers": _of_skydivers, "face": _of_face}
 def _error(errors: np.ndarray, frames: slice = slice(None)) -> np.ndarray:
     """Mean error over a range of frames, in % of the length."""
     return 100 * mean_error(errors[:, frames])
-
-
-def _around(errors: np.ndarray, parting: int) -> dict[str, np.ndarray]:
-    """Errors before and after the curves part."""
-    if errors.shape[1] <= parting:
-        return {}
-    return {
-        "before": _error(errors, slice(0, parting)),
-        "after": _error(errors, slice(parting, None)),
-    }
 
 
 def _of_points(

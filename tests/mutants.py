@@ -95,7 +95,7 @@ MUTANTS = (
         ("metropolis-begins-elsewhere", "origin = sources[parts[0], index]", "origin = index"),
     ),
     *of(
-        "smoothing/genealogy.py", _SMOOTHING.format("genealogy"),
+        "smoothing/backward.py", _SMOOTHING.format("genealogy"),
         ("genealogy-counts-all", "max(weights > 0)", "max(weights >= 0)"),
         ("genealogy-weights", "jnp.exp(log_weights)", "jax.nn.softmax(0.95 * log_weights)"),
         ("genealogy-frame-late", "jnp.take_along_axis(sources, index, axis=-1), of", "index, of"),
@@ -105,7 +105,7 @@ MUTANTS = (
         ("gibbs-frame-late", "frames_left, time - 1", "frames_left, time"),
         ("gibbs-moves-early", "at_frame(model, time)", "at_frame(model, time - 1)"),
         ("gibbs-weights", "moves = state.log_weights +", "moves = 0 * state.log_weights +"),
-        ("gibbs-end-by-chance", "(end_key, state", "(end_key, 0.95 * state"),
+        ("gibbs-end-by-chance", "*history, state", "*history, 0.95 * state"),
     ),
     *of(
         "tuning/objectives.py", "tests/tuning/test_objectives.py -k losses_are",

@@ -1,9 +1,10 @@
 """A particle filter from plain functions: a state-space model with a single state, no classes."""
 
 import dataclasses
+import inspect
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -23,9 +24,9 @@ from jaxpf.contract.pytree import (
 )
 from jaxpf.contract.recognised import recognised
 from jaxpf.contract.types import ProposalLike
-from jaxpf.filters.layout import Layout
+from jaxpf.filters.initial import checked_initial
+from jaxpf.filters.layout import Layout, at_least_single
 from jaxpf.filters.partitioned.tracker import Partitioned
-from jaxpf.filters.user_functions import asks_for, call, extras_of, layout_of
 from jaxpf.gradients import Gradient, NoGradient
 from jaxpf.ordering import sir
 from jaxpf.proposals import WrappedProposal
@@ -110,13 +111,25 @@ def state_space(
         The tracker, a ``Partitioned`` with one partition.
     """
     parameters = with_static_functions(parameters)
-    initial, transition, log_likelihood, transition_log_density, observation, first_stage = map(
-        recognised,
-        (initial, transition, log_likelihood, transition_log_density, observation, first_stage),
+    functions = Functions(
+        *map(
+            recognised,
+            (
+                initial if callable(initial) else None,
+                transition,
+                log_likelihood,
+                transition_log_density,
+                observation,
+                first_stage,
+            ),
+        )
     )
-    layout = layout_of(initial, transition, parameters, num_values)
-    copies = 2 if any(asks_for(f, "previous") for f in (log_likelihood, observation)) else 1
-    if copies == 2 and proposal is not None:
+    if isinstance(initial, list) or type(initial) is tuple:  # one array
+        initial = (np if is_concrete(initial) else jnp).asarray(initial, float)
+    layout = _layout_of(functions, initial, parameters, num_values)
+    if functions.ask("previous", "log_likelihood", "observation"):
+        layout = layout._replace(copies=2)
+    if layout.copies == 2 and proposal is not None:
         proposal = FunctionProposal(proposal)
     has_integers = any(leaf.dtype is not None for leaf in layout.leaves)
     if has_integers and gradient.blends:
@@ -131,20 +144,20 @@ def state_space(
             "motion_gradient='score'.",
             stacklevel=2,
         )
-    if callable(initial):
-        start: Any = FunctionSampler(parameters, initial, layout, copies)
-    else:
-        start = Given(layout.arrays(initial), layout, copies)
-        if is_concrete(initial) and layout.is_outside(jax.tree.map(np.asarray, start.state)):
+    state = None
+    if not callable(initial):
+        state = layout.arrays(initial)
+        if is_concrete(state) and layout.is_outside(jax.tree.map(np.asarray, state)):
             raise InputError(
                 f"initial={initial!r:.60} holds an integer that is not from 0 to num_values - 1; "
                 "count the values from 0."
             )
+    model = parameters, functions, layout
     return StateSpace(
-        dynamics=FunctionDynamics(parameters, transition, transition_log_density, layout, copies),
-        likelihood=FunctionLikelihood(parameters, log_likelihood, layout, observation, first_stage),
+        dynamics=FunctionDynamics(*model),
+        likelihood=FunctionLikelihood(*model),
         ordering=_ORDERING,
-        initial=start,
+        initial=FunctionSampler(*model, state=state),
         num_particles=num_particles,
         resampling=resampling,
         ess_threshold=ess_threshold,
@@ -153,6 +166,88 @@ def state_space(
         motion_gradient=motion_gradient,
         keep_ancestors=keep_ancestors,
     )
+
+
+class Functions(NamedTuple):
+    """The user's functions; hashable.  None for what was not given."""
+
+    initial: Callable | None
+    transition: Callable
+    log_likelihood: Callable
+    transition_log_density: Callable | None
+    observation: Callable | None
+    first_stage: Callable | None
+
+    def ask(self, argument: str, *names: str) -> bool:
+        """Whether one of the functions ``names`` has an argument of this name."""
+        return any(argument in _arguments_of(getattr(self, name)) for name in names)
+
+    def call(self, name: str, *arguments: Any, **extras: Any) -> Any:
+        """Call a function, its parameters last; a note on its exception says which it is."""
+        function: Any = getattr(self, name)
+        try:
+            return function(*arguments, **extras)
+        except Exception as error:
+            error.add_note(
+                f"In {name} ({getattr(function, '__name__', function)}) of jaxpf.state_space, "
+                f"which is given {_GIVEN[name]}.  Only jaxpf.run and its like know the time, and u "
+                "if they are given inputs=."
+            )
+            raise
+
+
+#: Arguments of each function; an exception of a function says what it is given.
+_GIVEN = {
+    "initial": "(key, parameters)",
+    "transition": "(key, x, parameters), and may take previous, time or u",
+    "log_likelihood": "(y, x, parameters), and may take previous, time or u",
+    "observation": "(key, x, parameters), and may take previous, time or u",
+    "first_stage": "(y, x, parameters), and may take time or u",
+    "transition_log_density": "(new, x, parameters), and may take previous, time or u",
+}
+
+
+def _arguments_of(function: Callable | None) -> Iterable[str]:
+    try:
+        return inspect.signature(function).parameters if function is not None else ()
+    except (TypeError, ValueError):  # some C functions have no signature
+        return ()
+
+
+def _layout_of(functions: Functions, initial: Any, parameters: Any, num_values: Any) -> Layout:
+    """Return the layout of a state.  Only traces the functions."""
+    key = jax.eval_shape(lambda: jax.random.key(0))
+
+    def traced(name: str, *arguments: Any, **extras: Any) -> Any:
+        def call(*arguments, **extras):
+            return jax.tree.map(jnp.asarray, functions.call(name, *arguments, **extras))
+
+        return jax.eval_shape(call, *arguments, parameters, **extras)
+
+    def shaped(leaf: Any) -> jax.ShapeDtypeStruct:
+        shape = jnp.shape(checked_initial(leaf))
+        return jax.ShapeDtypeStruct(shape, at_least_single(jnp.result_type(leaf)))
+
+    if callable(initial):
+        x = jax.tree.map(
+            lambda leaf: leaf.update(dtype=at_least_single(leaf.dtype)), traced("initial", key)
+        )
+    else:
+        x = jax.tree.map(shaped, initial)
+
+    def moved(old: Any, new: Any) -> Any:
+        """Whole numbers that move by floats are floats, as those of an initial 0."""
+        is_float = jnp.issubdtype(new.dtype, jnp.floating)
+        return old.update(dtype=at_least_single(new.dtype)) if is_float else old
+
+    # The kind of an input is not known yet; such functions are tried with the frames.
+    while not functions.ask("u", "transition"):
+        offered = {"previous": x, "time": jax.ShapeDtypeStruct((), jnp.int32)}
+        extras = {name: offered[name] for name in offered if functions.ask(name, "transition")}
+        before, x = x, jax.tree.map(moved, x, traced("transition", key, x, **extras))
+        if Layout.of(before) == Layout.of(x):
+            break
+    return Layout.of(x, num_values)
 
 
 class StateSpace(Partitioned):
@@ -164,6 +259,11 @@ class StateSpace(Partitioned):
 
     dynamics: Any  # ``FunctionDynamics``
 
+    @property
+    def sees_previous(self) -> bool:
+        """See ``Partitioned``."""
+        return self.dynamics.layout.copies == 2
+
     def step_observed(self, key, state, observation):
         """See ``Partitioned``."""
         state, summary = super().step_observed(key, state, observation)
@@ -172,12 +272,12 @@ class StateSpace(Partitioned):
 
     def moments(self, values: jax.Array) -> Any:
         """Means or standard deviations of substates, ``[..., 1, D]``; a pytree's by its leaves."""
-        layout, copies = self.dynamics.layout, self.dynamics.copies
+        layout = self.dynamics.layout
         if not layout.is_array:
             return layout.split(values[..., 0, :])
         if layout.size == layout.num_values:
             return values
-        values = values.reshape(*values.shape[:-1], copies, -1)[..., : layout.num_values]
+        values = values.reshape(*values.shape[:-1], layout.copies, -1)[..., : layout.num_values]
         return values.reshape(*values.shape[:-2], -1)
 
     @property
@@ -233,85 +333,109 @@ jax.tree_util.register_pytree_with_keys(StateSpace, _flatten, _unflatten)
 
 
 @pytree_dataclass
-class FunctionSampler:
-    """Draws initial states ``[1, D]`` with a plain function."""
+class _OfFunctions:
+    """A part of the model that calls some of the user's functions, ``_calls``.
+
+    Attributes:
+        parameters: of the functions.
+        functions: static, all of them.
+        layout: static, of the state in a substate.
+        inputs: of known frames, and the number of the first; or None.
+        frame: ``time`` and ``u`` of one frame, as far as known.
+    """
 
     parameters: Any
-    function: Callable = static_field()
+    functions: Functions = static_field()
     layout: Layout = static_field()
-    copies: int = static_field()
+    inputs: Any = None
+    frame: Any = None
+
+    _calls: ClassVar[tuple[str, ...]] = ()
+
+    def _called(self, name: str, *arguments: Any, previous: Any = None) -> Any:
+        """Call a function with what it asks for; ``previous`` is the substate before the last.
+
+        It is not touched unless the function asks for it: smoothing must not see it in use.
+        """
+        known = (self.frame or {}).items()
+        extras = {
+            argument: value for argument, value in known if self.functions.ask(argument, name)
+        }
+        if self.functions.ask("previous", name):
+            extras["previous"] = self.layout.unpack(previous)
+        return self.functions.call(name, *arguments, self.parameters, **extras)
+
+    @property
+    def at_frame(self) -> Callable:
+        """Return this part for a frame; exists only if a function asks for time or input."""
+        if not any(self.functions.ask(argument, *self._calls) for argument in ("time", "u")):
+            raise AttributeError("at_frame")
+        return self._at_frame
+
+    def _at_frame(self, time: ArrayLike) -> Any:
+        frame = {"time": time}
+        if self.inputs is not None:
+            values, first = self.inputs
+            frame["u"] = jax.tree.map(
+                lambda x: lax.dynamic_index_in_dim(jnp.asarray(x), time - first, keepdims=False),
+                values,
+            )
+        return dataclasses.replace(self, frame=frame)
+
+    @property
+    def with_inputs(self) -> Callable:
+        """Return this part with known inputs; exists only if a function asks for an input."""
+        if not self.functions.ask("u", *self._calls):
+            raise AttributeError("with_inputs")
+        return lambda inputs, first: dataclasses.replace(self, inputs=(inputs, first))
+
+
+@pytree_dataclass
+class FunctionSampler(_OfFunctions):
+    """Draws initial states ``[1, D]`` with a plain function, or returns the known ``state``.
+
+    The numbers of a known state are as precise as those of the run.
+    """
+
+    state: Any = None
 
     independent = True
 
     def __call__(self, key: jax.Array) -> jax.Array:
         """Draw an initial state."""
-        x = self.layout.pack(call("initial", self.function, key, self.parameters))
-        return jnp.tile(x, self.copies)[None]
+        x = self._called("initial", key) if self.state is None else self.state
+        return jnp.tile(self.layout.pack(x), self.layout.copies)[None]
 
 
 @pytree_dataclass
-class Given:
-    """An initial state that is known; its numbers are as precise as those of the run."""
-
-    state: Any
-    layout: Layout = static_field()
-    copies: int = static_field()
-
-    independent = True
-
-    def __call__(self, key: jax.Array) -> jax.Array:
-        """Return the state, ``[1, D]``."""
-        return jnp.tile(self.layout.pack(self.state), self.copies)[None]
-
-
-@pytree_dataclass
-class FunctionDynamics(contract.Dynamics):
+class FunctionDynamics(_OfFunctions, contract.Dynamics):
     """Dynamics from plain functions; a substate is the flattened state, or state and predecessor.
 
-    The methods ``log_density``, ``at_frame`` and ``with_inputs`` exist only if the functions need
-    them.
+    The method ``log_density`` exists only if its function was given.
     """
 
-    parameters: Any
-    transition: Callable = static_field()
-    density: Callable | None = static_field()
-    layout: Layout = static_field()
-    copies: int = static_field()
-    inputs: Any = None
-    frame: Any = None
+    _calls = ("transition", "transition_log_density")
 
     def propagate(self, key, partition, current, previous, parent):
         """Draw the new substate ``[D]``."""
         x = self.layout.unpack(current)
-        extras = extras_of(self.transition, self.frame, lambda: self.layout.unpack(previous))
-        new = call("transition", self.transition, key, x, self.parameters, **extras)
-        new = self.layout.pack(new)
-        return new if self.copies == 1 else jnp.concatenate([new, current[: self.layout.size]])
+        new = self.layout.pack(self._called("transition", key, x, previous=previous))
+        if self.layout.copies == 1:
+            return new
+        return jnp.concatenate([new, current[: self.layout.size]])
 
     @property
     def log_density(self):
         """Log of the density ``[]`` from which ``propagate`` draws."""
-        density = self.density
-        if density is None:
+        if self.functions.transition_log_density is None:
             raise AttributeError("log_density")
 
         def log_density(partition, new, current, previous, parent):
             states = (self.layout.unpack(x) for x in (new, current))
-            extras = extras_of(density, self.frame, lambda: self.layout.unpack(previous))
-            name = "transition_log_density"
-            return jnp.reshape(call(name, density, *states, self.parameters, **extras), ())
+            value = self._called("transition_log_density", *states, previous=previous)
+            return jnp.reshape(value, ())
 
         return log_density
-
-    @property
-    def at_frame(self):
-        """Return the dynamics that lead to a frame."""
-        return _at_frame(self, self.transition, self.density)
-
-    @property
-    def with_inputs(self):
-        """Return the dynamics with known inputs."""
-        return _with_inputs(self, self.transition, self.density)
 
 
 @pytree_dataclass
@@ -322,7 +446,7 @@ class FunctionProposal(WrappedProposal):
 
     def of_model(self, dynamics, likelihood):
         """See ``jaxpf.contract.Proposal``."""
-        of_state = dataclasses.replace(dynamics, copies=1)
+        of_state = dataclasses.replace(dynamics, layout=dynamics.layout._replace(copies=1))
         return FunctionProposal(calls.proposal_of(self.proposal, of_state, likelihood))
 
     def propose_all(self, key, observation, partition, *past):
@@ -338,85 +462,40 @@ class FunctionProposal(WrappedProposal):
 
 
 @pytree_dataclass
-class FunctionLikelihood(contract.Likelihood):
+class FunctionLikelihood(_OfFunctions, contract.Likelihood):
     """A likelihood from a plain function."""
 
-    parameters: Any
-    function: Callable = static_field()
-    layout: Layout = static_field()
-    observation: Callable | None = static_field(default=None)
-    first_stage: Callable | None = static_field(default=None)
-    inputs: Any = None
-    frame: Any = None
+    _calls = ("log_likelihood", "observation", "first_stage")
 
     @property
     def handles_nan(self):
         """Whether the function declares that it understands NaN."""
-        return optional(self.function, "handles_nan")
-
-    @property
-    def at_frame(self):
-        """Return the likelihood of a frame."""
-        return _at_frame(self, self.function, self.observation, self.first_stage)
-
-    @property
-    def with_inputs(self):
-        """Return the likelihood with known inputs."""
-        return _with_inputs(self, self.function, self.observation, self.first_stage)
+        return optional(self.functions.log_likelihood, "handles_nan")
 
     def log_prob(self, observation, partition, substate):
         """Log-likelihood ``[]`` of a substate ``[D]``."""
-        name = "log_likelihood"
-        value = jnp.reshape(self._called(name, self.function, observation, substate), ())
+        value = jnp.reshape(self._of_substate("log_likelihood", observation, substate), ())
         outside = self.layout.is_outside(self.layout.unpack(substate))
         return value if outside is False else jnp.where(outside, jnp.nan, value)
 
     @property
     def log_first_stage(self):
         """Log of a first-stage weight; exists only with ``first_stage``."""
-        if self.first_stage is None:
+        if self.functions.first_stage is None:
             raise AttributeError("log_first_stage")
         return lambda observation, substates: jnp.reshape(
-            self._called("first_stage", self.first_stage, observation, substates[0]), ()
+            self._of_substate("first_stage", observation, substates[0]), ()
         )
 
     @property
     def sample(self):
         """Draw a frame, given substates ``[1, D]``; exists only with an ``observation``."""
-        if self.observation is None:
+        if self.functions.observation is None:
             raise AttributeError("sample")
         return lambda key, substates: jax.tree.map(
-            jnp.asarray, self._called("observation", self.observation, key, substates[0])
+            jnp.asarray, self._of_substate("observation", key, substates[0])
         )
 
-    def _called(self, name: str, function: Callable, first: Any, substate: jax.Array) -> Any:
-        """Call a function with the state of a substate ``[D]``, and what it asks for."""
-        previous = substate[self.layout.size :]
-        extras = extras_of(function, self.frame, lambda: self.layout.unpack(previous))
-        x = self.layout.unpack(substate)
-        return call(name, function, first, x, self.parameters, **extras)
-
-
-def _at_frame(part: Any, *functions: Callable | None) -> Callable:
-    """``part.at_frame``, which exists only if a function asks for the time or for an input."""
-    if not any(asks_for(f, name) for f in functions for name in ("time", "u")):
-        raise AttributeError("at_frame")
-
-    def at_frame(time: ArrayLike) -> Any:
-        frame = {"time": time}
-        if part.inputs is not None:
-            values, first = part.inputs
-            frame["u"] = jax.tree.map(
-                lambda x: lax.dynamic_index_in_dim(jnp.asarray(x), time - first, keepdims=False),
-                values,
-            )
-        return dataclasses.replace(part, frame=frame)
-
-    return at_frame
-
-
-def _with_inputs(part: Any, *functions: Callable | None) -> Callable:
-    """``part.with_inputs``, which exists only if a function asks for an input."""
-    if not any(asks_for(function, "u") for function in functions):
-        raise AttributeError("with_inputs")
-    return lambda inputs, first: dataclasses.replace(part, inputs=(inputs, first))
+    def _of_substate(self, name: str, first: Any, substate: jax.Array) -> Any:
+        x, previous = self.layout.unpack(substate), substate[self.layout.size :]
+        return self._called(name, first, x, previous=previous)

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -41,6 +42,15 @@ def initial_rows(initial: Any, count: int | None = None, may_be_empty: bool = Fa
                 "partition, or a sampler key -> [P, D]."
             )
     return initial
+
+
+def draw_initial(initial: Any, key: jax.Array, num_particles: int) -> jax.Array:
+    """Particles ``[D, P, N]`` of an initial state."""
+    if not callable(initial):
+        return jnp.repeat(initial.T[..., None], num_particles, axis=-1)
+    drawn = jax.vmap(initial)(jax.random.split(key, num_particles))
+    chex.assert_rank(drawn, 3)
+    return jnp.moveaxis(as_floats(drawn), (0, 1, 2), (2, 1, 0))
 
 
 def check_rows(dynamics: Any, num_partitions: int) -> None:

@@ -48,12 +48,13 @@ class Leaf(NamedTuple):
 class Layout(NamedTuple):
     """Structure of the state, and its leaves; hashable.
 
-    A substate holds the values of all leaves, then the remainders of integers.  Substates may hold
-    more behind the state, such as the state before.
+    A substate holds the values of all leaves, then the remainders of integers; with two ``copies``
+    the state before follows.
     """
 
     structure: jax.tree_util.PyTreeDef
     leaves: tuple[Leaf, ...]
+    copies: int = 1
 
     @staticmethod
     def of(state: Any, num_values: Any = None) -> "Layout":
@@ -83,7 +84,7 @@ class Layout(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Number of floats."""
+        """Number of floats of one state."""
         remainders = sum(math.prod(leaf.shape) for leaf in self.leaves if leaf.remainder)
         return self.num_values + remainders
 
@@ -168,3 +169,9 @@ class Layout(NamedTuple):
             ((x < 0) | (x >= leaf.num_values)).any() for leaf, x in leaves if leaf.num_values
         ]
         return sum(outside, start=False)
+
+
+def at_least_single(dtype: Any) -> Any:
+    """The dtype of a number; half precision cannot separate particles."""
+    is_float = jnp.issubdtype(dtype, jnp.floating)
+    return jnp.promote_types(dtype, jnp.float32) if is_float else dtype

@@ -1,7 +1,6 @@
 """Coordinates whose moves have no noise, so that the transition density leaves them out."""
 
 import contextlib
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -13,27 +12,20 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.types import HoldsModel
+from jaxpf.filters.layout import Layout
 
 
-class Noiseless(NamedTuple):
-    """Coordinates that a transition density ignores; traced if the dynamics are.
-
-    Attributes:
-        ignored: bool ``[P, D]``, changing the new value changes no density.
-        moved: bool ``[P, D]``, those that move all the same.
-    """
-
-    ignored: jax.Array | np.ndarray
-    moved: jax.Array | np.ndarray
-
-
-def noiseless(tracker: HoldsModel) -> Noiseless:
-    """Find them by one move of every partition from a place near the initial one.
+def noiseless(tracker: HoldsModel) -> tuple[jax.Array | np.ndarray, jax.Array | np.ndarray]:
+    """Find coordinates that a transition density ignores, by one move from near the initial state.
 
     Where a density is not finite there, nothing is known of it, and nothing found.
 
     Args:
         tracker: with ``initial``, and ``dynamics`` that have a density.
+
+    Returns:
+        Bool ``[P, D]``, traced if the dynamics are: coordinates of which a new value changes no
+        density, and those among them that move all the same.
 
     Raises:
         InputError: the dynamics ask for inputs, which are not given yet.
@@ -65,23 +57,30 @@ def noiseless(tracker: HoldsModel) -> Noiseless:
         # Compiled differently, equal densities differ in their last bits.
         same = jnp.all(jnp.abs(others - base) <= 1e-4 * (1 + jnp.abs(base)), axis=0)
         ignored = (slope == 0) & same & jnp.isfinite(base)
-        if hasattr(dynamics, "layout"):
-            # Integers have no slope; a model of functions may hold the state before, too.
-            is_float = dynamics.layout.is_float
-            ignored, new = ignored[: len(is_float)] & is_float[:, None], new[: len(is_float)]
-        found = Noiseless(ignored.T, (ignored & (new != past[0][: len(new)])).T)
+        found = ignored.T, (ignored & (new != past[0])).T
         return jax.tree.map(np.asarray, found) if known else found
 
 
 def without_noise(
-    what: str, tracker: HoldsModel, wrong: jax.Array | np.ndarray
+    what: str, tracker: HoldsModel, moved: bool = False, dimension: int | None = None
 ) -> tuple[jax.Array | np.bool_, tuple[str, ...]]:
-    """The case that coordinates ``wrong``, bool ``[P, D]``, have no noise, for ``refused``."""
+    """The case that a coordinate has no noise, for ``refused``.
+
+    Args:
+        what: the setting that needs noise.
+        tracker: as for ``noiseless``.
+        moved: whether only coordinates that move matter.
+        dimension: number of leading coordinates that matter; default all.
+    """
+    dynamics = tracker.dynamics
+    wrong = noiseless(tracker)[int(moved)][:, :dimension]
+    if isinstance(layout := getattr(dynamics, "layout", None), Layout):
+        # Integers have no slope; a model of functions may hold the state before, too.
+        wrong = wrong[:, : layout.size] & layout.is_float
     where = "a coordinate"
     if is_concrete(wrong) and wrong.any():
         where = "coordinate {1} of partition {0}".format(*np.argwhere(wrong)[0])
-    name = type(tracker.dynamics).__name__
     return wrong.any(), (
-        f"{what} needs noise in the motion of every coordinate, and the density of {name} leaves "
-        f"out {where}; give it some noise, or leave {what} out.",
+        f"{what} needs noise in the motion of every coordinate, and the density of "
+        f"{type(dynamics).__name__} leaves out {where}; give it some noise, or leave {what} out.",
     )

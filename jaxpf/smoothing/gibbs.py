@@ -41,8 +41,8 @@ from jaxpf.lowering.programs import compiled
 from jaxpf.resampling.schemes import BuiltIn
 from jaxpf.running import missing_frames, runs
 from jaxpf.running.frames import num_frames
-from jaxpf.smoothing.backward import Drawn, History, log_densities
-from jaxpf.smoothing.groups import check_smoothing, looks_back
+from jaxpf.smoothing.backward import Drawn, History, draw_paths, log_densities
+from jaxpf.smoothing.checks import check_smoothing, looks_back
 
 
 @pytree_dataclass
@@ -209,7 +209,7 @@ def sweep(
         frame, time, key = item
         if reference is None:
             state, _ = at_frame(tracker, time).step(key, state, frame)
-            return state, (state.lagged[0], state.sources[0])
+            return state, (state.lagged[0], state.sources)
         key, ancestor_key = jax.random.split(key)
         following = reference[time + 1]
         after = reference[jnp.minimum(time + 2, length)]
@@ -238,18 +238,14 @@ def sweep(
         if tracker is not model:
             holding = dataclasses.replace(tracker, tracker=holding)
         state, _ = holding.step(key, state, frame)
-        return state, (state.lagged[0], places[state.sources[0]])
+        return state, (state.lagged[0], places[state.sources])
 
     items = frames, jnp.arange(length), jax.random.split(frames_key, length)
-    state, history = lax.scan(one_frame, start, items)
-    last = jax.random.categorical(end_key, state.log_weights).astype(jnp.int32)
-
-    def trace_back(slot, item):
-        substates, sources = item
-        return sources[slot], substates[..., slot].T
-
-    slot, drawn = lax.scan(trace_back, last, history, reverse=True)
-    return jnp.concatenate([start.lagged[0, ..., slot].T[None], drawn])
+    state, later = lax.scan(one_frame, start, items)
+    history = jax.tree.map(
+        lambda x, y: jnp.concatenate([x[None], y]), (start.lagged[0], start.sources), later
+    )
+    return draw_paths(end_key, *history, state.log_weights, 1)[0]
 
 
 _sweep_compiled = compiled(sweep, static_argnums=4)

@@ -1,7 +1,8 @@
 """Smooth a clip, whole or with a fixed lag: run the filter forward, then go back over it."""
 
 import dataclasses
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -14,19 +15,10 @@ from jaxpf.contract.pytree import is_concrete, pytree_dataclass
 from jaxpf.contract.refusals import poisoned
 from jaxpf.contract.state import Summary
 from jaxpf.filters.partitioned.tracker import Partitioned
-from jaxpf.running import missing_frames, runs
+from jaxpf.running import missing_frames, runs, streaming
 from jaxpf.running.frames import frames_of, num_frames
-from jaxpf.smoothing import passes
-from jaxpf.smoothing.backward import SeenMoves
-from jaxpf.smoothing.genealogy import draw_paths, trace_back
-from jaxpf.smoothing.groups import (
-    check_genealogy,
-    check_smoothing,
-    looks_back,
-    sees_previous,
-    together,
-)
-from jaxpf.smoothing.look_back import smooth_stream
+from jaxpf.smoothing import backward
+from jaxpf.smoothing.checks import check_genealogy, check_smoothing, looks_back
 
 #: How trajectories are found: drawn backward exactly or by Metropolis steps, or traced back.
 METHODS = ("backward", "metropolis", "genealogy")
@@ -55,6 +47,24 @@ class Smoothed:
     broken: jax.Array
     paths: jax.Array | None = None
     num_ancestors: jax.Array | None = None
+
+
+class SmoothedFrame(NamedTuple):
+    """One smoothed frame, in NumPy arrays.
+
+    Attributes:
+        time: number of the frame, from 0.
+        estimate: ``[P, D]``.
+        spread: ``[P, D]``.
+        summary: the filter's summary.
+        broken: number of moves in all passes so far with zero density from every particle.
+    """
+
+    time: int
+    estimate: np.ndarray
+    spread: np.ndarray
+    summary: Any
+    broken: int
 
 
 def smooth(
@@ -111,9 +121,6 @@ def smooth(
     """
     check_known("method=", method, METHODS)
     check_whole("paths", paths, 0)
-    frames = frames_of(frames)
-    if inputs is not None:
-        tracker = runs.with_rows(tracker, inputs, num_frames(frames.stacked()))
     if lag is not None:
         if paths or method != "backward":
             asked = f"paths={paths}" if paths else f"method={method!r}"
@@ -121,71 +128,130 @@ def smooth(
                 f"{asked} asks for whole trajectories, which a fixed lag does not draw; leave out "
                 "one of the two."
             )
-        found = list(smooth_stream(tracker, key, frames, lag, num_trajectories, observed))
+        found = list(smooth_stream(tracker, key, frames, lag, num_trajectories, observed, inputs))
         values = [(frame.estimate, frame.spread, frame.summary) for frame in found]
         estimate, spread, summaries = jax.tree.map(lambda *x: jnp.stack(x), *values)
         return Smoothed(estimate, spread, summaries, jnp.asarray(found[-1].broken))
-    if method == "genealogy":
-        refuse = check_genealogy(tracker)
-    else:
-        refuse = check_smoothing(tracker, whole=True)
-    frames = frames.stacked()
-    if method != "backward":
-        tracker = dataclasses.replace(tracker, keep_ancestors=True)
+    frames = frames_of(frames).stacked()
+    tracker = runs.with_rows(tracker, inputs, num_frames(frames))
     if method == "genealogy":
         if num_trajectories is not None:
             raise InputError(
                 f"the genealogy traces all particles, not num_trajectories={num_trajectories}; "
                 "leave it out, or give paths."
             )
+        refuse = check_genealogy(tracker)
         smoothed = _traced(tracker, key, frames, paths, observed)
     else:
-        drawn = passes.checked_number(tracker, num_trajectories, paths)
-        steps = 0
+        refuse = check_smoothing(tracker, whole=True)
+        number, steps = _checked_number(tracker, num_trajectories, paths), 0
         if method == "metropolis":
             check_whole("num_steps", num_steps)
             _check_one_ancestor(tracker)
             steps = num_steps
-        smoothed = _drawn(tracker, key, frames, drawn, paths, steps, observed)
-    if sees_previous(tracker):
-        half = smoothed.estimate.shape[-1] // 2
-        estimate, spread, kept = jax.tree.map(
-            lambda x: x[..., :half], (smoothed.estimate, smoothed.spread, smoothed.paths)
+        smoothed = _drawn(tracker, key, frames, number, paths, steps, observed)
+    means, deviations, drawn = smoothed.estimate, smoothed.spread, smoothed.paths
+    if tracker.sees_previous:
+        means, deviations, drawn = jax.tree.map(
+            lambda x: x[..., : x.shape[-1] // 2], (means, deviations, drawn)
         )
-        smoothed = dataclasses.replace(smoothed, estimate=estimate, spread=spread, paths=kept)
     smoothed = dataclasses.replace(
         smoothed,
-        estimate=calls.moments(tracker, smoothed.estimate),
-        spread=calls.moments(tracker, smoothed.spread),
-        paths=calls.states(tracker, smoothed.paths) if paths else None,
+        estimate=calls.moments(tracker, means),
+        spread=calls.moments(tracker, deviations),
+        paths=calls.states(tracker, drawn) if paths else None,
     )
     return poisoned(refuse, smoothed)
 
 
+def smooth_stream(
+    tracker: Partitioned,
+    key: jax.Array,
+    frames: Any,
+    lag: int,
+    num_trajectories: int | None = None,
+    observed: Any = None,
+    inputs: Any = None,
+) -> Iterator[SmoothedFrame]:
+    """Smooth frames as they arrive, each given the ``lag`` to ``2 * lag`` frames after it.
+
+    After every ``lag`` frames, a backward pass over the last ``2 * lag`` smooths the first half of
+    them.  The states of ``2 * lag`` frames are kept.
+
+    Args:
+        tracker: as for ``smooth``.
+        key: as for ``smooth``.
+        frames: as for ``jaxpf.stream``.
+        lag: minimum number of later frames to use.
+        num_trajectories: as for ``smooth``.
+        observed: as for ``jaxpf.run``.
+        inputs: as for ``jaxpf.run``; needs frames in arrays.
+
+    Raises:
+        InputError: as for ``smooth``.
+    """
+    check_whole("lag", lag)
+    check_smoothing(tracker)
+    frames = frames_of(frames)
+    if inputs is not None:
+        tracker = runs.with_rows(tracker, inputs, num_frames(frames.stacked()))
+    number = _checked_number(tracker, num_trajectories)
+    record = backward.keep_both_lags if looks_back(tracker) else backward.keep_substates
+    back_key = backward.key_of(runs.as_key(key))
+    kept: list[Any] = []  # the weighted set and the summary of each frame that is not smoothed yet
+    done = broken = 0
+
+    def smoothed() -> Iterator[SmoothedFrame]:
+        """Smooth all kept frames; yield the first ``lag`` of them, and drop them."""
+        nonlocal done, broken
+        history = jax.tree.map(lambda *x: np.stack(x), *(frame for frame, _ in kept))
+        pass_key = jax.random.fold_in(back_key, done // lag)
+        passed = backward.back_over(tracker, pass_key, history, number, 0, done)
+        broken += int(passed.broken)
+        estimate, spread = np.asarray(passed.estimate), np.asarray(passed.spread)
+        for place, (_, summary) in enumerate(kept[:lag]):
+            means, deviations = (calls.moments(tracker, x[place]) for x in (estimate, spread))
+            yield SmoothedFrame(done + place, means, deviations, summary, broken)
+        done += lag
+        del kept[:lag]
+
+    for tracked in streaming.stream(tracker, key, frames, observed):
+        # Copied, so that the device need not keep every state.
+        frame, summary = record(tracked.state, tracked.summary)
+        kept.append((jax.tree.map(np.array, frame._replace(sources=None)), summary))
+        if len(kept) == 2 * lag:
+            yield from smoothed()
+    if not kept:
+        raise InputError("frames has no frame; give at least one.")
+    while kept:
+        yield from smoothed()
+
+
 def _drawn(tracker, key, frames, num_trajectories, num_paths, num_steps, observed) -> Smoothed:
     """Smooth by backward simulation."""
-    second_order = looks_back(tracker)
-    record = passes.keep_both_lags if second_order else passes.keep_substates
+    record = backward.keep_both_lags if looks_back(tracker) else backward.keep_substates
+    if num_steps:
+        tracker = dataclasses.replace(tracker, keep_ancestors=True)
     _, (history, summaries) = runs.run(tracker, key, frames, record, observed)
     moved_by = tracker
-    if sees_previous(tracker):
-        moves = SeenMoves.of(*missing_frames.marked(tracker, frames, observed))
+    if tracker.sees_previous:
+        moves = backward.SeenMoves.of(*missing_frames.marked(tracker, frames, observed))
         moved_by = calls.changed_inside(tracker, "dynamics", lambda _: moves)
-    back_key = passes.backward_key(runs.as_key(key))
+    back_key = backward.key_of(runs.as_key(key))
     sizes = num_trajectories, num_paths, 0, num_steps
-    passed = passes.back_over(moved_by, back_key, history, *sizes)
+    passed = backward.back_over(moved_by, back_key, history, *sizes)
     return Smoothed(passed.estimate, passed.spread, summaries, passed.broken, passed.paths)
 
 
 def _traced(tracker, key, frames, num_paths, observed) -> Smoothed:
     """Smooth by the genealogy."""
-    record = passes.keep_substates
-    state, (history, summaries) = runs.run(tracker, key, frames, record, observed)
+    tracker = dataclasses.replace(tracker, keep_ancestors=True)
+    state, (history, summaries) = runs.run(tracker, key, frames, backward.keep_substates, observed)
     ancestry = history.current, history.sources, state.log_weights
-    estimate, spread, num_ancestors = trace_back(*ancestry)
+    estimate, spread, num_ancestors = backward.trace_back(*ancestry)
     paths = None
     if num_paths:
-        paths = draw_paths(passes.backward_key(runs.as_key(key)), *ancestry, num_paths)
+        paths = backward.draw_paths(backward.key_of(runs.as_key(key)), *ancestry, num_paths)
     none = jnp.zeros((), jnp.int32)
     return Smoothed(estimate, spread, summaries, none, paths, num_ancestors)
 
@@ -197,8 +263,20 @@ def _check_one_ancestor(tracker: Partitioned) -> None:
         InputError: the ordering exchanges parts of a tree.
     """
     exchanges = is_concrete(tracker.ordering) and np.asarray(tracker.ordering.exchanged).any()
-    if exchanges and any(parts.shape[1] > 1 for parts, _ in together(tracker)):
+    if exchanges and any(parts.shape[1] > 1 for parts, _ in backward.groups_of(tracker)):
         raise InputError(
             "method='metropolis' starts from the one ancestor of a particle, and an exchange of "
             "parts gives each part its own; use method='backward'."
         )
+
+
+def _checked_number(tracker: Partitioned, num_trajectories: int | None, num_paths: int = 0) -> int:
+    """Return the number of trajectories; refuse fewer than one, and fewer than paths."""
+    if num_trajectories is None:
+        return max(tracker.num_particles, num_paths)
+    check_whole("num_trajectories", num_trajectories)
+    if num_paths > num_trajectories:
+        raise InputError(
+            f"paths={num_paths} are more than num_trajectories={num_trajectories}; draw as many."
+        )
+    return num_trajectories

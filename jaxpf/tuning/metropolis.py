@@ -36,9 +36,8 @@ from jaxpf.lowering import platform
 from jaxpf.lowering.programs import compiled
 from jaxpf.running import gaps, runs
 from jaxpf.running.frames import as_arrays, num_frames
-from jaxpf.smoothing.genealogy import draw_paths
-from jaxpf.smoothing.groups import check_genealogy, sees_previous
-from jaxpf.smoothing.passes import backward_key
+from jaxpf.smoothing.backward import draw_paths, key_of
+from jaxpf.smoothing.checks import check_genealogy
 from jaxpf.tuning.checkpoint import LongScans, Progress
 from jaxpf.tuning.objectives import keep_log_evidence
 from jaxpf.tuning.posterior import Posterior
@@ -181,8 +180,8 @@ def pmmh(
         )
     parameters = jax.vmap(jax.vmap(unravel))(places)
     observations = None
-    if paths and optional(tracker.likelihood, "sample") and not sees_previous(tracker):
-        sample_key = backward_key(runs.as_key(key))
+    if paths and optional(tracker.likelihood, "sample") and not tracker.sees_previous:
+        sample_key = key_of(runs.as_key(key))
         observations = _observed(build, sample_key, parameters, path, inputs)
     path = calls.states(tracker, path) if paths else None
     drawn = Posterior(parameters, evidences, priors, accepted, number, path, observations)
@@ -229,8 +228,8 @@ class Filters(NamedTuple):
         if not self.has_paths:
             return kept, None
         increments, *ancestry = kept
-        path = draw_paths(backward_key(keys[0]), *ancestry, state.log_weights, 1)[0]
-        halves = 2 if sees_previous(self.build(parameters)) else 1
+        path = draw_paths(key_of(keys[0]), *ancestry, state.log_weights, 1)[0]
+        halves = 2 if self.build(parameters).sees_previous else 1
         return increments, path[..., : path.shape[-1] // halves]
 
 

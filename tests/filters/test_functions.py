@@ -178,7 +178,8 @@ def test_a_likelihood_that_sees_the_state_before_has_the_exact_evidence(
 def test_a_likelihood_that_sees_the_state_before_is_smoothed_exactly(is_right, monkeypatch):
     """Four frames, one missing, against Rauch-Tung-Striebel; then without its factor."""
     if not is_right:
-        monkeypatch.setattr("jaxpf.smoothing.smoother.sees_previous", lambda tracker: False)
+        moves = sees_both().dynamics
+        monkeypatch.setattr("jaxpf.smoothing.backward.SeenMoves.of", lambda *marked: moves)
     frames = np.array([1.5, np.nan, -1.0, 2.0])
     with jax.enable_x64(True):
         tracker = sees_both(num_particles=400)

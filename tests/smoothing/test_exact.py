@@ -13,7 +13,7 @@ import jaxpf
 from jaxpf import ordering, pytree_dataclass
 from jaxpf.dynamics import RandomWalk
 from jaxpf.smoothing import gibbs
-from jaxpf.smoothing.groups import check_smoothing
+from jaxpf.smoothing.checks import check_smoothing
 
 LIMIT, KEY = 4.5, jax.random.key(0)
 RNG = np.random.default_rng(2)

@@ -12,7 +12,7 @@ import jaxpf
 from jaxpf import ordering, smoothing
 from jaxpf.dynamics import AR2
 from jaxpf.gradients import Transport
-from jaxpf.smoothing.groups import check_smoothing
+from jaxpf.smoothing.checks import check_smoothing
 
 KEY = jax.random.key(0)
 FRAMES = np.zeros((5, 2, 1), np.float32)

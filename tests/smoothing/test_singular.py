@@ -10,7 +10,7 @@ from refusals import message_of
 
 import jaxpf
 from jaxpf.dynamics import RandomWalk
-from jaxpf.smoothing.groups import check_smoothing
+from jaxpf.smoothing.checks import check_smoothing
 
 draw = jax.random.normal
 

@@ -12,7 +12,7 @@ from models import partitioned
 import jaxpf
 from jaxpf import ordering, pytree_dataclass, smoothing
 from jaxpf.dynamics import AR2, IndependentGaussian, LinearGaussian, RandomWalk
-from jaxpf.smoothing import groups
+from jaxpf.smoothing import backward, checks
 
 KEY = jax.random.key(1)
 FRAMES = np.random.default_rng(0).normal(size=(5, 2, 1)).astype(np.float32)
@@ -137,11 +137,11 @@ def test_a_motion_written_for_one_particle_is_smoothed_alike():
     ],
 )
 def test_it_is_known_who_looks_two_frames_back(dynamics, expected):
-    assert groups.looks_back(tracker(dynamics=dynamics)) is expected
+    assert checks.looks_back(tracker(dynamics=dynamics)) is expected
 
 
 def partitions(its):
-    return [parts.tolist() for parts, _ in groups.together(its)]
+    return [parts.tolist() for parts, _ in backward.groups_of(its)]
 
 
 def test_independent_objects_go_apart_and_trees_together():
@@ -149,7 +149,8 @@ def test_independent_objects_go_apart_and_trees_together():
     forest = (-1, 0, -1, 2, -1)
     its = tracker(ordering.ps(range(5)), parents=forest)
     assert partitions(its) == [[[0, 1], [2, 3]], [[4]]]
-    assert [parents.tolist() for _, parents in groups.together(its)] == [[[-1, 0], [-1, 0]], [[-1]]]
+    parents = [[[-1, 0], [-1, 0]], [[-1]]]
+    assert [of_parts.tolist() for _, of_parts in backward.groups_of(its)] == parents
 
 
 def test_whatever_is_not_known_to_be_independent_goes_together():

@@ -14,7 +14,7 @@ from jax.scipy.stats import norm
 import jaxpf
 from jaxpf import ordering
 from jaxpf.likelihoods import kalman
-from jaxpf.smoothing import backward, passes, smoother
+from jaxpf.smoothing import backward
 
 pytestmark = pytest.mark.statistical
 
@@ -61,13 +61,13 @@ def test_the_genealogy_of_a_singular_motion_is_unbiased(monkeypatch):
         num_particles=16,
         resampling="multinomial",
     )
-    right = smoother.trace_back
+    right = backward.trace_back
 
     def both(current, sources, log_weights):
         variants = jnp.stack([sources, one_late(sources)])
         return jax.vmap(right, in_axes=(None, 0, None))(current, variants, log_weights)
 
-    monkeypatch.setattr(smoother, "trace_back", both)
+    monkeypatch.setattr(backward, "trace_back", both)
     as_it_is, late = scores(tracker, SEEN, expected, method="genealogy")
     assert as_it_is < LIMIT
     assert late > WRONG
@@ -80,13 +80,13 @@ def test_a_metropolis_step_keeps_the_law_of_an_ancestor(is_late, monkeypatch):
     """Second-order motion; one step does not repair a start from another frame's ancestor."""
     exact = problem((-1,), transition=1.4, lag=-0.8, initial_scale=1.0, num_frames=4)
     tracker = exact.tracker(ordering.sir(1), num_particles=16, resampling="multinomial")
-    right = passes._backward_groups
+    right = backward._backward_groups
 
     def late(tracker, keys, history, *rest):
         return right(tracker, keys, history._replace(sources=one_late(history.sources)), *rest)
 
     if is_late:
-        monkeypatch.setattr(passes, "_backward_groups", late)
+        monkeypatch.setattr(backward, "_backward_groups", late)
     of_state = exact.smoothed_mean[..., None], exact.smoothed_variance[..., None]
     expected = exact.log_evidence.sum(), *of_state
     (worst,) = scores(tracker, exact.frames, expected, method="metropolis", num_steps=1)

@@ -1,11 +1,11 @@
-"""Weighted sets of particles, one per partition, and the operations of both factored filters.
+"""Weighted sets of particles, one per partition: what both factored filters share.
 
 Values are ``[D, P, K]`` and weights ``[P, K]``, with particles on the last axis.  Each partition
 has its own random keys, so partitions do not affect each other.
 """
 
 import math
-from typing import Any, Protocol
+from typing import Any
 
 import chex
 import jax
@@ -13,8 +13,9 @@ import jax.numpy as jnp
 
 from jaxpf import contract
 from jaxpf.contract import logs
-from jaxpf.contract.calls import look_near
-from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.contract.calls import check_factors, look_near
+from jaxpf.contract.options import check_fields
+from jaxpf.contract.pytree import compiled_alone, pytree_dataclass, static_field
 from jaxpf.contract.state import (
     STATUS_IMPOSSIBLE,
     STATUS_INVALID_LIKELIHOOD,
@@ -24,26 +25,11 @@ from jaxpf.contract.state import (
     moments,
     sanitised,
 )
-from jaxpf.contract.types import HoldsModel, Initial
-from jaxpf.filters import confidence
-from jaxpf.filters.initial import as_floats
+from jaxpf.filters import confidence, options as of
+from jaxpf.filters.initial import check_rows, draw_initial, initial_rows
+from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling import weighted as resampling
-
-
-class Factored(HoldsModel, Protocol):
-    """What these operations read of a factored filter."""
-
-    @property
-    def num_particles(self) -> int:
-        """Of each partition, before upsampling."""
-
-    @property
-    def upsampling(self) -> int:
-        """Number of moves per particle."""
-
-    @property
-    def resampling(self) -> Any:
-        """The scheme."""
+from jaxpf.resampling.schemes import scheme_of
 
 
 @pytree_dataclass
@@ -80,29 +66,128 @@ class FactoredState:
         return jnp.moveaxis(self.lagged[..., 1, :, :, :], (-1, -2, -3), (-3, -2, -1))
 
 
-def count_partitions(initial: Initial) -> int:
-    """Number of partitions, P, of an initial state."""
-    if not callable(initial):
-        return initial.shape[0]
-    return jax.eval_shape(initial, jax.random.key(0)).shape[0]
+@pytree_dataclass
+class Factored(contract.Tracker):
+    """What the factored filters share: their model and the operations on their weighted sets.
 
+    Attributes:
+        dynamics: see ``jaxpf.contract.Dynamics``; there are no parents.
+        likelihood: see ``jaxpf.contract.Likelihood``; must factor over partitions.
+        initial: ``[P, D]``, or a sampler ``key -> [P, D]``, just before the first frame.
+        resampling: a name in ``jaxpf.resampling.SCHEMES``, or a custom scheme, see there.
+        num_particles: static, M per partition.
+        upsampling: static, number of moves per particle; the next frame thins the set to M.
+    """
 
-def start(key: jax.Array, tracker: Factored) -> FactoredState:
-    """Draw a tracker's particles from its initial state, with equal weights."""
-    initial, num = tracker.initial, tracker.num_particles * tracker.upsampling
-    if callable(initial):
-        drawn = jax.vmap(initial)(jax.random.split(key, num))
-        chex.assert_rank(drawn, 3)
-        values = jnp.moveaxis(as_floats(drawn), (0, 1, 2), (2, 1, 0))
-    else:
-        values = jnp.repeat(initial.T[..., None], num, axis=-1)
-    return FactoredState(
-        lagged=jnp.stack([values, values]),
-        log_weights=jnp.full(values.shape[1:], -math.log(num), values.dtype),
-        weighted=jnp.zeros((), bool),
-        presence=confidence.at_start(tracker.likelihood, values.shape[1], values.dtype),
-        time=jnp.zeros((), jnp.int32),
-    )
+    dynamics: Any
+    likelihood: Any
+    initial: Any
+    resampling: Any = "systematic"
+    num_particles: of.NumParticles = static_field(default=50)
+    upsampling: of.Upsampling = static_field(default=1)
+
+    def __post_init__(self):
+        object.__setattr__(self, "initial", initial_rows(self.initial))
+        object.__setattr__(self, "resampling", scheme_of(self.resampling))
+        check_fields(self)
+        check_factors(self.dynamics, self.likelihood, "factored particles")
+        check_rows(self.dynamics, self.num_partitions)
+
+    @property
+    def num_partitions(self) -> int:
+        """Number of partitions, P."""
+        if not callable(self.initial):
+            return self.initial.shape[0]
+        return jax.eval_shape(self.initial, jax.random.key(0)).shape[0]
+
+    @compiled_alone
+    @with_written_out_key
+    def init(self, key: jax.Array) -> FactoredState:
+        """Draw the state just before the first frame, with equal weights."""
+        values = draw_initial(self.initial, key, self.num_particles * self.upsampling)
+        return FactoredState(
+            lagged=jnp.stack([values, values]),
+            log_weights=jnp.full(values.shape[1:], -math.log(values.shape[2]), values.dtype),
+            weighted=jnp.zeros((), bool),
+            presence=confidence.at_start(self.likelihood, values.shape[1], values.dtype),
+            time=jnp.zeros((), jnp.int32),
+        )
+
+    def observe(self, frame: Any) -> Any:
+        """Do the work that depends on the frame alone."""
+        return self.likelihood.observe(frame)
+
+    def looking_near(self, state: FactoredState, observation: Any) -> Any:
+        """The observation near a state's estimates, see ``jaxpf.contract.calls.look_near``."""
+        chex.assert_shape(state.log_weights, (None, self.num_particles * self.upsampling))
+        return look_near(
+            self.likelihood, observation, lambda: means(state.log_weights, state.lagged[0]).T
+        )
+
+    def survivors(self, key, state: FactoredState) -> tuple[jax.Array, jax.Array]:
+        """Resample M of the K = M * upsampling particles of each partition by their weights.
+
+        Returns:
+            Lagged substates ``[2, D, P, M]`` and equal log-weights ``[P, M]``.
+        """
+        num, factor = self.num_particles, self.upsampling
+        resample_key, offset_key = jax.random.split(key)
+        chosen, log_weights = self.choose(resample_key, state.log_weights, state.log_weights)
+        # Every factor-th of the K slots from a random start, which keeps every scheme unbiased.
+        keys = keys_of(offset_key, chosen.shape[0])
+        begin = jax.vmap(lambda k: jax.random.randint(k, (), 0, factor))(keys)
+        slots = begin[:, None] + factor * jnp.arange(num)
+        # The initial set has equal weights: resampling it would only lose particles.
+        ancestors = jnp.where(state.weighted, jnp.take_along_axis(chosen, slots, axis=1), slots)
+        log_weights = jnp.take_along_axis(log_weights, slots, axis=1) + math.log(factor)
+        uniform = jnp.full_like(log_weights, -math.log(num))
+        return of_ancestors(state.lagged, ancestors), jnp.where(
+            state.weighted, log_weights, uniform
+        )
+
+    def choose(self, key, log_weights, log_selection) -> tuple[jax.Array, jax.Array]:
+        """Weighted resampling within each partition: ancestors and log-weights ``[P, N]``."""
+        weights = (log_weights,) if log_weights is log_selection else (log_weights, log_selection)
+
+        def choose_in_one(key, *weights):
+            return resampling.weighted_resample(key, weights[0], weights[-1], self.resampling)
+
+        return jax.vmap(choose_in_one)(keys_of(key, log_weights.shape[0]), *weights)
+
+    def upsampled(self, lagged, log_weights) -> tuple[jax.Array, jax.Array]:
+        """Repeat every particle ``upsampling`` times and divide its weight evenly."""
+        factor = self.upsampling
+        if factor == 1:
+            return lagged, log_weights
+        return (
+            jnp.repeat(lagged, factor, axis=-1),
+            jnp.repeat(log_weights - math.log(factor), factor, axis=-1),
+        )
+
+    def moved(self, key, lagged: jax.Array) -> jax.Array:
+        """Move every particle by the dynamics: ``[2, D, P, N]`` to ``[D, P, N]``."""
+        num_partitions, num = lagged.shape[-2:]
+        parent = jnp.zeros((lagged.shape[1], num), lagged.dtype)
+
+        def move(key, partition, current, previous):
+            numbers = jnp.full((num,), partition, jnp.int32)
+            return contract.propagate_all(self.dynamics, key, numbers, current, previous, parent)
+
+        keys = keys_of(key, num_partitions)
+        everyone = jnp.arange(num_partitions, dtype=jnp.int32)
+        new = jax.vmap(move, in_axes=(0, 0, 1, 1), out_axes=1)(keys, everyone, lagged[0], lagged[1])
+        return new.astype(lagged.dtype)
+
+    def weighed(self, observation, values: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """Log-likelihoods ``[P, N]`` of ``[D, P, N]``; NaN and +inf are set to -inf and counted."""
+        dimension, num_partitions, num = values.shape
+        partition = jnp.repeat(jnp.arange(num_partitions, dtype=jnp.int32), num)
+        log_prob = contract.log_prob_all(
+            self.likelihood, observation, partition, values.reshape(dimension, -1)
+        ).astype(values.dtype)
+        chex.assert_shape(log_prob, (num_partitions * num,))
+        log_prob, num_invalid = sanitised(log_prob)
+        return log_prob.reshape(num_partitions, num), num_invalid
 
 
 def keys_of(key: jax.Array, num_partitions: int) -> jax.Array:
@@ -110,77 +195,10 @@ def keys_of(key: jax.Array, num_partitions: int) -> jax.Array:
     return jax.vmap(lambda p: jax.random.fold_in(key, p))(jnp.arange(num_partitions))
 
 
-def survivors(tracker: Factored, key, state: FactoredState) -> tuple[jax.Array, jax.Array]:
-    """Resample M of the K = M * upsampling particles of each partition by their weights.
-
-    Returns:
-        Lagged substates ``[2, D, P, M]`` and equal log-weights ``[P, M]``.
-    """
-    num, factor = tracker.num_particles, tracker.upsampling
-    resample_key, offset_key = jax.random.split(key)
-    chosen, log_weights = choose(tracker, resample_key, state.log_weights, state.log_weights)
-    # Every factor-th of the K slots from a random start, which keeps every scheme unbiased.
-    keys = keys_of(offset_key, chosen.shape[0])
-    begin = jax.vmap(lambda k: jax.random.randint(k, (), 0, factor))(keys)
-    slots = begin[:, None] + factor * jnp.arange(num)
-    # The initial set has equal weights: resampling it would only lose particles.
-    ancestors = jnp.where(state.weighted, jnp.take_along_axis(chosen, slots, axis=1), slots)
-    log_weights = jnp.take_along_axis(log_weights, slots, axis=1) + math.log(factor)
-    uniform = jnp.full_like(log_weights, -math.log(num))
-    return taken(state.lagged, ancestors), jnp.where(state.weighted, log_weights, uniform)
-
-
-def choose(tracker: Factored, key, log_weights, log_selection) -> tuple[jax.Array, jax.Array]:
-    """Weighted resampling within each partition: ancestors and log-weights ``[P, N]``."""
-    weights = (log_weights,) if log_weights is log_selection else (log_weights, log_selection)
-
-    def choose_in_one(key, *weights):
-        return resampling.weighted_resample(key, weights[0], weights[-1], tracker.resampling)
-
-    return jax.vmap(choose_in_one)(keys_of(key, log_weights.shape[0]), *weights)
-
-
-def taken(lagged: jax.Array, ancestors: jax.Array) -> jax.Array:
+def of_ancestors(lagged: jax.Array, ancestors: jax.Array) -> jax.Array:
     """Gather particles ``[..., P, M]`` from ``[..., P, N]`` by ancestors ``[P, M]``."""
     rows = jnp.arange(ancestors.shape[0])[:, None]
     return lagged[..., rows, ancestors]
-
-
-def upsampled(lagged, log_weights, factor: int) -> tuple[jax.Array, jax.Array]:
-    """Repeat every particle ``factor`` times and divide its weight evenly."""
-    if factor == 1:
-        return lagged, log_weights
-    return (
-        jnp.repeat(lagged, factor, axis=-1),
-        jnp.repeat(log_weights - math.log(factor), factor, axis=-1),
-    )
-
-
-def moved(tracker: Factored, key, lagged: jax.Array) -> jax.Array:
-    """Move every particle by the dynamics: ``[2, D, P, N]`` to ``[D, P, N]``."""
-    num_partitions, num = lagged.shape[-2:]
-    parent = jnp.zeros((lagged.shape[1], num), lagged.dtype)
-
-    def move(key, partition, current, previous):
-        numbers = jnp.full((num,), partition, jnp.int32)
-        return contract.propagate_all(tracker.dynamics, key, numbers, current, previous, parent)
-
-    keys = keys_of(key, num_partitions)
-    everyone = jnp.arange(num_partitions, dtype=jnp.int32)
-    new = jax.vmap(move, in_axes=(0, 0, 1, 1), out_axes=1)(keys, everyone, lagged[0], lagged[1])
-    return new.astype(lagged.dtype)
-
-
-def weighed(tracker: Factored, observation, values: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Log-likelihoods ``[P, N]`` of ``[D, P, N]``; NaN and +inf are set to -inf and counted."""
-    dimension, num_partitions, num = values.shape
-    partition = jnp.repeat(jnp.arange(num_partitions, dtype=jnp.int32), num)
-    log_prob = contract.log_prob_all(
-        tracker.likelihood, observation, partition, values.reshape(dimension, -1)
-    ).astype(values.dtype)
-    chex.assert_shape(log_prob, (num_partitions * num,))
-    log_prob, num_invalid = sanitised(log_prob)
-    return log_prob.reshape(num_partitions, num), num_invalid
 
 
 def multiplied(log_weights: jax.Array, log_factor: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -191,13 +209,6 @@ def multiplied(log_weights: jax.Array, log_factor: jax.Array) -> tuple[jax.Array
     weighted, totals = logs.multiplied(log_weights, log_factor)
     possible = ~jnp.isneginf(totals)[:, None]
     return jnp.where(possible, weighted, logs.normalised(log_weights)[0]), totals
-
-
-def seen_near(tracker: Factored, state: FactoredState, observation: Any) -> Any:
-    """The observation near the estimates of a state, see ``jaxpf.contract.calls.look_near``."""
-    return look_near(
-        tracker.likelihood, observation, lambda: means(state.log_weights, state.lagged[0]).T
-    )
 
 
 def means(log_weights: jax.Array, values: jax.Array) -> jax.Array:

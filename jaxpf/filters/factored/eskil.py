@@ -8,16 +8,13 @@ partitions move together (``drift``) and keep their distances (``shape``).
 import dataclasses
 from typing import Any
 
-import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
-from jaxpf.contract.calls import check_factors
 from jaxpf.contract.errors import InputError, choice
 from jaxpf.contract.numbers import check_number
-from jaxpf.contract.options import check_fields
 from jaxpf.contract.pytree import (
     as_array,
     compiled_alone,
@@ -29,15 +26,13 @@ from jaxpf.contract.refusals import Bias, refused
 from jaxpf.contract.state import Summary
 from jaxpf.filters import confidence, options as of
 from jaxpf.filters.factored import cloud, drift
-from jaxpf.filters.factored.cloud import FactoredState
-from jaxpf.filters.initial import check_rows, initial_rows
-from jaxpf.filters.noiseless import noiseless, without_noise
+from jaxpf.filters.factored.cloud import Factored, FactoredState
+from jaxpf.filters.noiseless import without_noise
 from jaxpf.lowering.threefry import with_written_out_key
-from jaxpf.resampling.schemes import scheme_of
 
 
 @pytree_dataclass
-class Eskil(contract.Tracker):
+class Eskil(Factored):
     """Factored particles that drift together and keep a shape (eskil2014, section 3.4).
 
     The first two dimensions of a substate (or its only one) are its position; drift and shape act
@@ -61,26 +56,19 @@ class Eskil(contract.Tracker):
     ``drift="none"`` or ``proper=True``; otherwise it is NaN.
 
     Attributes:
-        dynamics: diffusion, see ``jaxpf.contract.Dynamics``; a random walk in eskil2014, with
-            sigma_t 10, 5 and 5 pixels.
-        likelihood: see ``jaxpf.contract.Likelihood``; must factor over partitions.
-        initial: ``[P, D]``, or a sampler ``key -> [P, D]``, just before the first frame.
         reference: ``[P, 2]``, positions whose distances define the shape; default
             ``initial``.
         shape_scale: sigma_p, for ``shape="relative"`` a share of each distance, for ``"pixels"`` in
             pixels.
-        num_particles: static, M per partition.
-        upsampling: static, number of moves per particle; not published.
         memory: static, tau, number of frames over which velocities are compared; not published.
         drift: static, ``"clip"``, ``"signed"``, ``"literal"``, ``"ridge"`` or ``"none"``.
         shape: static, ``"relative"``, ``"pixels"`` or ``"none"``.
         proper: static, whether the drift is a proposal, see above.
-        resampling: a name in ``jaxpf.resampling.SCHEMES``, or a custom scheme, see there.
+
+    The other fields are those of ``Factored``: the dynamics of eskil2014 are a random walk with
+    sigma_t 10, 5 and 5 pixels, and its upsampling is not published.
     """
 
-    dynamics: Any
-    likelihood: Any
-    initial: Any
     reference: Any = None
     shape_scale: of.ShapeScale = 0.1
     num_particles: of.NumParticles = static_field(default=10)
@@ -89,23 +77,15 @@ class Eskil(contract.Tracker):
     drift: of.Drift = static_field(default="clip")
     shape: of.Shape = static_field(default="relative")
     proper: bool = static_field(default=False)
-    resampling: Any = "systematic"
 
     def __post_init__(self):
-        initial = initial_rows(self.initial)
-        object.__setattr__(self, "initial", initial)
-        object.__setattr__(self, "resampling", scheme_of(self.resampling))
+        super().__post_init__()
         if self.reference is not None:
             check_number("reference", self.reference)
             object.__setattr__(self, "reference", as_array(self.reference, float))
-        elif not callable(initial):
-            object.__setattr__(self, "reference", initial[:, :2])
+        elif not callable(self.initial):
+            object.__setattr__(self, "reference", self.initial[:, :2])
         _check(self)
-
-    @property
-    def num_partitions(self) -> int:
-        """Number of partitions, P."""
-        return cloud.count_partitions(self.initial)
 
     @property
     def evidence_biases(self) -> tuple[Bias, ...]:
@@ -117,40 +97,34 @@ class Eskil(contract.Tracker):
         )
 
     @compiled_alone
-    @with_written_out_key
     def init(self, key: jax.Array) -> FactoredState:
         """Draw the state just before the first frame, with equal weights."""
-        state = cloud.start(key, self)
+        state = super().init(key)
         place = cloud.means(state.log_weights, state.lagged[0])[:2].T
         return dataclasses.replace(state, history=drift.at_rest(place, self.memory))
-
-    def observe(self, frame: Any) -> Any:
-        """Do the work that depends on the frame alone."""
-        return self.likelihood.observe(frame)
 
     @with_written_out_key
     def step_observed(
         self, key: jax.Array, state: FactoredState, observation: Any
     ) -> tuple[FactoredState, Summary]:
         """Advance by one observed frame; see the class."""
-        chex.assert_shape(state.log_weights, (None, self.num_particles * self.upsampling))
-        observation = cloud.seen_near(self, state, observation)
+        observation = self.looking_near(state, observation)
         motion = state.history
         sample_key, simulate_key, move_key = jax.random.split(key, 3)
-        lagged, log_weights = cloud.survivors(self, sample_key, state)
+        lagged, log_weights = self.survivors(sample_key, state)
 
         carried, invalid_before = jnp.zeros_like(motion.place), jnp.zeros((), jnp.int32)
         if self.drift != "none":
-            simulated = cloud.moved(self, simulate_key, lagged)
-            promise, invalid_before = cloud.weighed(self, observation, simulated)
+            simulated = self.moved(simulate_key, lagged)
+            promise, invalid_before = self.weighed(observation, simulated)
             posterior, _ = cloud.multiplied(log_weights, promise)
             seen = cloud.means(posterior, simulated)[:2].T - motion.place
             carried = drift.drift(motion, seen, self.drift)
 
-        lagged, log_weights = cloud.upsampled(lagged, log_weights, self.upsampling)
-        diffused = cloud.moved(self, move_key, lagged)
+        lagged, log_weights = self.upsampled(lagged, log_weights)
+        diffused = self.moved(move_key, lagged)
         new = diffused.at[:2].add(carried.T[..., None])
-        log_prob, invalid = cloud.weighed(self, observation, new)
+        log_prob, invalid = self.weighed(observation, new)
         if self.proper:
             ratio = _log_ratio(self.dynamics, new, diffused, lagged)
             log_prob = jnp.where(jnp.isneginf(log_prob), -jnp.inf, log_prob + ratio)
@@ -158,9 +132,10 @@ class Eskil(contract.Tracker):
         if self.shape != "none":
             centres = cloud.means(posterior, new)[:2]
             reference = _reference_distances(self.reference).astype(new.dtype)
-            held = _log_shape(new[:2], centres, reference, self.shape_scale, self.shape)
-            held = jnp.where(jnp.isneginf(posterior), 0.0, held)  # may be NaN at zero weight
-            posterior, _ = cloud.multiplied(posterior, held)
+            log_shape = _log_shape(new[:2], centres, reference, self.shape_scale, self.shape)
+            # May be NaN at zero weight.
+            log_shape = jnp.where(jnp.isneginf(posterior), 0.0, log_shape)
+            posterior, _ = cloud.multiplied(posterior, log_shape)
 
         exact = not any(bias.applies for bias in self.evidence_biases)
         after = FactoredState(
@@ -190,9 +165,6 @@ def _log_ratio(dynamics, new, diffused, lagged):
 
 
 def _check(tracker: Eskil) -> None:
-    check_fields(tracker)
-    check_factors(tracker.dynamics, tracker.likelihood, "factored particles")
-    check_rows(tracker.dynamics, tracker.num_partitions)
     if tracker.drift != "none" and tracker.num_partitions < 2:
         raise InputError(
             choice("drift", tracker.drift),
@@ -202,7 +174,7 @@ def _check(tracker: Eskil) -> None:
             ".",
         )
     if tracker.proper and tracker.drift != "none":  # which moves the places
-        refused(without_noise("proper=True", tracker, noiseless(tracker).ignored[:, :2]))
+        refused(without_noise("proper=True", tracker, dimension=2))
     if tracker.shape == "none":
         return
     if tracker.reference is None:

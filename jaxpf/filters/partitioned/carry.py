@@ -1,17 +1,62 @@
-"""Data that the stages of a frame share, draw, and carry from one to the next."""
+"""Settings, data and draws that the stages of a frame share, and what one hands to the next."""
 
-from typing import Any, NamedTuple, Protocol
+import dataclasses
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxpf.contract.calls import first_motion
 from jaxpf.contract.logs import add_exactly, counted, finite
+from jaxpf.contract.optional import optional
+from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.state import ParticleState
+from jaxpf.contract.types import DynamicsLike, LikelihoodLike, ProposalLike
+from jaxpf.filters import options as of
 from jaxpf.filters.partitioned.exchange import Groups, Offer
-from jaxpf.filters.partitioned.settings import Settings
+from jaxpf.gradients import Gradient, NoGradient
 from jaxpf.lowering.columns import pick_in_rows
+from jaxpf.ordering import Ordering
 from jaxpf.resampling.components import Components, component_max
+
+
+@pytree_dataclass
+class Settings:
+    """The fields of ``jaxpf.Partitioned``, which documents them."""
+
+    dynamics: DynamicsLike
+    likelihood: LikelihoodLike
+    ordering: Ordering
+    initial: Any
+    initial_label: Any = None
+    tempering: of.MaybeShare = None
+    ess_threshold: of.EssThreshold = None
+    proposal: ProposalLike | None = None
+    resampling: Any = "systematic"
+    gradient: Gradient = NoGradient()
+    joint_weighting: bool = static_field(default=False)
+    parents: Any = static_field(default=None)
+    num_particles: of.NumParticles = static_field(default=300)
+    keep_ancestors: bool = static_field(default=False)
+    motion_gradient: of.MotionGradient = static_field(default="pathwise")
+    refused: Any = dataclasses.field(default=None, init=False)
+
+    @property
+    def num_partitions(self) -> int:
+        """Number of partitions, P."""
+        return self.ordering.num_partitions
+
+    @property
+    def moves_labels(self) -> bool:
+        """Whether particles carry labels that change from frame to frame."""
+        moves = optional(first_motion(self.dynamics), "propagate_label")
+        return self.initial_label is not None and moves is not None
+
+    @property
+    def sees_previous(self) -> bool:
+        """Whether the likelihood depends on the previous state, which a substate then holds too."""
+        return False
 
 
 class Shared(NamedTuple):
@@ -22,54 +67,21 @@ class Shared(NamedTuple):
         state: the weighted set of the previous frame.
         observation: from the likelihood's ``observe``.
         components: the division of the particles into components in this frame.
-        motion: the strategy that draws substates.
     """
 
     tracker: Settings
     state: ParticleState
     observation: Any
     components: Components
-    motion: "Draws"
-
-
-class Draws(Protocol):
-    """What draws a stage's substates, see ``jaxpf.filters.partitioned.motion``."""
-
-    def draw(self, shared: Shared, key: jax.Array, turn: "Turn") -> "Drawn":
-        """Draw one substate for every particle."""
-
-
-class Keys(NamedTuple):
-    """Random keys of a stage, one per operation."""
-
-    move: jax.Array
-    select: jax.Array
-    exchange: jax.Array
-    weigh: jax.Array
-
-
-class Turn(NamedTuple):
-    """Conditions for a stage's draws.
-
-    Attributes:
-        partition: ``[N]`` int32, the partition that each particle processes.
-        source: ``[N]`` int32, its index among the P * N substates of the previous frame.
-        conditions: three arrays ``[D, N]``: the substates of the two previous frames, and the
-            parent's substate of this frame.
-        others: for coupled dynamics, all substates of the previous frame, ``[P, D, N]``; else
-            empty.
-    """
-
-    partition: jax.Array
-    source: jax.Array
-    conditions: tuple[jax.Array, jax.Array, jax.Array]
-    others: tuple[jax.Array, ...] = ()
 
 
 class Drawn(NamedTuple):
-    """A stage's draws; ``partition``, ``source`` and ``conditions`` as in ``Turn``.
+    """A stage's draws.
 
     Attributes:
+        partition: ``[N]`` int32, the partition that each particle draws.
+        source: ``[N]`` int32, its index among the P * N substates of the previous frame.
+        previous: ``[D, N]``, the partition's substate in the previous frame.
         substates: ``[D, N]``.
         log_weight: ``[N]``, log of the transition density over the sampled density; None if these
             are the same.
@@ -78,7 +90,7 @@ class Drawn(NamedTuple):
 
     partition: jax.Array
     source: jax.Array
-    conditions: tuple[jax.Array, jax.Array, jax.Array]
+    previous: jax.Array
     substates: jax.Array
     log_weight: jax.Array | None = None
     score: jax.Array | None = None
@@ -91,8 +103,8 @@ class Carry(NamedTuple):
         stages: ``[2, D, P, N]``, substates drawn at each stage, and their predecessors.
         log_probs: ``[P, N]``, log-likelihood of each draw, indexed by the slot that drew it.
         lineage: ``[P, N]`` int32, see ``jaxpf.filters.partitioned.kernel``.
-        log_weights: ``[N]``, unnormalised: their sum and ``taken`` carry the evidence.
-        taken: ``[2, C]``, log of the factors taken out of each component's weights, see
+        log_weights: ``[N]``, unnormalised: their sum and ``log_scale`` carry the evidence.
+        log_scale: ``[2, C]``, log of what each component's weights were divided by, see
             ``jaxpf.contract.logs.add_exactly``.
         seen: ``[P, C]`` bool, whether at that stage some particle of the component had nonzero
             weight and nonzero likelihood.
@@ -115,7 +127,7 @@ class Carry(NamedTuple):
     log_probs: jax.Array
     lineage: jax.Array
     log_weights: jax.Array
-    taken: jax.Array
+    log_scale: jax.Array
     seen: jax.Array
     largest: jax.Array
     impossible: jax.Array
@@ -144,25 +156,25 @@ class Carry(NamedTuple):
 
         return self._replace(**{name: written(name, row) for name, row in rows.items()})
 
-    def take_out(
+    def relative(
         self, log_factor: jax.Array, components: Components
     ) -> tuple[jax.Array, jax.Array]:
         """Divide a factor ``[N]`` by its largest value in each component, ``[C]``; return both."""
         largest = finite(component_max(counted(log_factor, self.log_weights), components))
         return log_factor - components.spread(largest), largest
 
-    def absorb(
+    def multiplied(
         self,
         log_factor: jax.Array,
-        taken: jax.Array,
+        log_scale: jax.Array,
         components: Components,
         stage: jax.Array | None = None,
     ) -> "Carry":
         """Multiply the weights by a factor, unless it is zero for a whole component.
 
         A component whose factors are all zero is marked impossible and keeps its weights.  If all
-        components end up impossible, the frame is skipped and the weights survive.  ``taken``,
-        ``[C]``, is what has been taken out of the factor.
+        components end up impossible, the frame is skipped and the weights survive.  ``log_scale``,
+        ``[C]``, is the log of what the factor was divided by.
         """
         if self.path_scores is not None:
             log_factor = lax.stop_gradient(log_factor)  # the scores hold its derivative
@@ -172,7 +184,7 @@ class Carry(NamedTuple):
         carry = self if stage is None else self.write(stage, seen=seen)
         return carry._replace(
             log_weights=jnp.where(components.spread(seen), log_weights, self.log_weights),
-            taken=add_exactly(self.taken, jnp.where(seen, taken, 0.0)),
+            log_scale=add_exactly(self.log_scale, jnp.where(seen, log_scale, 0.0)),
             largest=jnp.where(seen, largest, self.largest),
             impossible=self.impossible | ~seen,
         )

@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxpf.contract import calls
 from jaxpf.contract.logs import counted, finite, normalised
 from jaxpf.contract.state import (
     STATUS_IMPOSSIBLE,
@@ -20,9 +19,8 @@ from jaxpf.contract.state import (
     summarise,
 )
 from jaxpf.filters.partitioned import labels
-from jaxpf.filters.partitioned.carry import Carry
-from jaxpf.filters.partitioned.settings import Settings
-from jaxpf.filters.partitioned.weighing import weighing_of
+from jaxpf.filters.partitioned.carry import Carry, Settings
+from jaxpf.filters.partitioned.weighing import is_complete, log_joint
 from jaxpf.lowering.branches import choose, computed_before
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.resampling import weighted
@@ -61,7 +59,7 @@ def finish(
         label, label_score = labels.move(tracker, label_key, carry.label, lagged[0])
         carry = labels.weigh(tracker, label, carry, components)
     log_quotient = None
-    if not weighing_of(tracker).is_complete(tracker):
+    if not is_complete(tracker):
         factors = carry.log_probs.reshape(-1)[drawn]
         carry, log_quotient = _corrected(
             tracker, observation, components, carry, lagged[0], factors, label
@@ -161,14 +159,16 @@ def _corrected(
 
     Also returns the log of the quotient, ``[N]``.
     """
-    log_probs = weighing_of(tracker).log_probs(tracker, observation, substates, factors)
-    log_joint = calls.log_joint_all(tracker.likelihood, observation, substates, log_probs, label)
-    log_joint, num_invalid = sanitised(log_joint.astype(factors.dtype))
+    # With joint weighting, the stages have other factors than the likelihoods of partitions.
+    log_probs = None if tracker.joint_weighting else factors
+    joint = log_joint(tracker, observation, substates, label, log_probs)
+    joint, num_invalid = sanitised(joint.astype(factors.dtype))
     carry = carry._replace(num_invalid=carry.num_invalid + num_invalid)
-    log_joint, taken = carry.take_out(log_joint, components)
+    joint, log_scale = carry.relative(joint, components)
     largest = finite(lax.stop_gradient(jnp.max(factors, axis=1)))
-    log_quotient = log_joint - jnp.sum(finite(factors - largest[:, None]), axis=0)
-    return carry.absorb(log_quotient, taken - jnp.sum(largest), components), log_quotient
+    log_quotient = joint - jnp.sum(finite(factors - largest[:, None]), axis=0)
+    carry = carry.multiplied(log_quotient, log_scale - jnp.sum(largest), components)
+    return carry, log_quotient
 
 
 def _normalised(
@@ -178,16 +178,16 @@ def _normalised(
 
     Impossible components get no weight, unless all are impossible.
     """
-    taken = carry.taken
-    if taken.shape[1] == 1:
+    log_scale = carry.log_scale
+    if log_scale.shape[1] == 1:
         # Nothing has changed the weights since the last stage found the largest.
         known = carry.largest[0] if carry.lineage.shape[0] == 1 else None
         log_weights, log_total = normalised(carry.log_weights, largest=known)
-        return log_weights, taken[0, 0] + (taken[1, 0] + log_total)
+        return log_weights, log_scale[0, 0] + (log_scale[1, 0] + log_total)
     ignored = components.spread(carry.impossible & ~all_impossible)
     log_weights = jnp.where(ignored, -jnp.inf, carry.log_weights)
-    first = jnp.argmax(counted(components.spread(taken[0]), log_weights))
+    first = jnp.argmax(counted(components.spread(log_scale[0]), log_weights))
     first = components.index[first]
-    apart = jnp.sum(taken - taken[:, first, None], axis=0)
+    apart = jnp.sum(log_scale - log_scale[:, first, None], axis=0)
     log_weights, log_total = normalised(log_weights + components.spread(apart))
-    return log_weights, taken[0, first] + (taken[1, first] + log_total)
+    return log_weights, log_scale[0, first] + (log_scale[1, first] + log_total)

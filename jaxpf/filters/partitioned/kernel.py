@@ -3,9 +3,8 @@
 A frame has P stages, and a stage has four operations, one function each: *move* the partition that
 the ordering assigns to the particle's component, *weigh* it, *exchange* parts if the ordering does,
 and *select* within components.  After the last stage, *finish* reassembles the particles and
-reports.  Strategies (``motion_of``, ``weighing_of``, and the tracker's ``resampling`` and
-``gradient``) define how a stage draws, weights and selects.  Two ideas keep the kernel short and
-fast:
+reports.  The files ``motion`` and ``weighing``, and the tracker's ``resampling`` and ``gradient``,
+define how a stage draws, weights and selects.  Two ideas keep the kernel short and fast:
 
 - *Stage rows.*  Inside a frame, row j of every array belongs to stage j, whichever partition a
   component processes there, so a stage writes one row in place.
@@ -28,11 +27,15 @@ from jax import lax
 from jaxpf.contract import calls
 from jaxpf.contract.state import ParticleState, Summary, sanitised
 from jaxpf.filters import confidence
-from jaxpf.filters.partitioned import ending, exchange as rules, levels, selection
-from jaxpf.filters.partitioned.carry import Carry, Drawn, Keys, Shared, Turn
-from jaxpf.filters.partitioned.motion import motion_of
-from jaxpf.filters.partitioned.settings import Settings
-from jaxpf.filters.partitioned.weighing import weighing_of
+from jaxpf.filters.partitioned import (
+    ending,
+    exchange as rules,
+    levels,
+    motion,
+    selection,
+    weighing,
+)
+from jaxpf.filters.partitioned.carry import Carry, Drawn, Settings, Shared
 from jaxpf.lowering.branches import choose, computed_before, repeated
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.lowering.integers import order_by_group
@@ -45,23 +48,23 @@ def step(
 ) -> tuple[ParticleState, Summary]:
     """Advance the weighted set by one frame."""
     begin_key, stages_key = jax.random.split(key)
-    motion = motion_of(tracker).begin(tracker, stages_key, state, observation)
     log_first_stage = calls.log_first_stage_all(tracker.likelihood, observation, state.lagged[0])
     state, components, carry = begin(tracker, begin_key, state, log_first_stage)
-    shared = Shared(tracker, state, observation, components, motion)
+    shared = Shared(tracker, state, observation, components)
     # All stages' keys before the loop: on a CPU a key costs as much as a gather per particle.
     keys = jax.vmap(lambda stage: jax.random.split(jax.random.fold_in(stages_key, stage), 4))(
         jnp.arange(tracker.num_partitions)
     )
 
-    def take_turn(stage: jax.Array, carry: Carry) -> Carry:
-        key, before = Keys(*key_at(keys, stage)), carry.log_weights
-        drawn = move(shared, key.move, stage, carry)
-        carry = weigh(shared, key.weigh, stage, carry, drawn)
-        chosen = partial(select, shared, key.select, stage, before)
-        return exchange(shared, key.exchange, stage, carry, chosen)
+    def one_stage(stage: jax.Array, carry: Carry) -> Carry:
+        move_key, select_key, exchange_key, weigh_key = key_at(keys, stage)
+        before = carry.log_weights
+        drawn = move(shared, move_key, stage, carry)
+        carry = weigh(shared, weigh_key, stage, carry, drawn)
+        chosen = partial(select, shared, select_key, stage, before)
+        return exchange(shared, exchange_key, stage, carry, chosen)
 
-    carry = repeated(tracker.num_partitions, take_turn, carry)
+    carry = repeated(tracker.num_partitions, one_stage, carry)
     label_key = jax.random.fold_in(stages_key, tracker.num_partitions)
     after = ending.finish(tracker, label_key, observation, components, carry)
     return confidence.reported(tracker.likelihood, state, *after, observation)
@@ -115,7 +118,7 @@ def begin(
         log_probs=jnp.zeros(shape, log_weights.dtype),
         lineage=lineage,
         log_weights=log_weights,
-        taken=jnp.zeros((2, ordering.order.shape[0]), log_weights.dtype),
+        log_scale=jnp.zeros((2, ordering.order.shape[0]), log_weights.dtype),
         seen=jnp.zeros((tracker.num_partitions, ordering.order.shape[0]), bool),
         largest=jnp.where(
             selected.equal,
@@ -142,24 +145,25 @@ def move(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry) -> Draw
     partition = ordering.order[shared.components.index, stage]
     source = partition * num_particles + carry.lineage[stage]
     if tracker.gradient.blends:
-        left = tuple(carry.stages[:, :, stage])
+        current, previous = carry.stages[:, :, stage]
     else:
-        past = lagged.reshape(2, -1, tracker.num_partitions * num_particles)
-        left = past[0][:, source], past[1][:, source]  # apart: motion may use the first alone
-    conditions = left[0], left[1], _parent_substates(shared, partition, carry)
+        lagged = lagged.reshape(2, -1, tracker.num_partitions * num_particles)
+        # Apart: motion may use the first alone.
+        current, previous = lagged[0][:, source], lagged[1][:, source]
+    past = current, previous, _parent_substates(shared, partition, carry)
     others = (_whole_past(shared, stage, carry),) if calls.is_coupled(tracker.dynamics) else ()
-    return shared.motion.draw(shared, key, Turn(partition, source, conditions, others))
+    return Drawn(partition, source, current, *motion.draw(shared, key, partition, past, others))
 
 
 def weigh(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry, drawn: Drawn) -> Carry:
     """Multiply the weights by the likelihood of the draws, and prepare their exchange."""
     tracker = shared.tracker
-    log_prob = weighing_of(tracker).log_factor(shared, stage, carry, drawn)
+    log_prob = weighing.log_factor(shared, stage, carry, drawn)
     log_prob = log_prob.astype(drawn.substates.dtype)
     chex.assert_shape(log_prob, (tracker.num_particles,))
     log_prob, num_invalid = sanitised(log_prob)
     log_prob = computed_before(log_prob)
-    log_factor, taken = carry.take_out(log_prob, shared.components)
+    log_factor, log_scale = carry.relative(log_prob, shared.components)
     if drawn.log_weight is not None:
         log_weight, more = sanitised(drawn.log_weight)
         log_factor, num_invalid = computed_before(log_factor + log_weight), num_invalid + more
@@ -169,7 +173,7 @@ def weigh(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry, drawn:
         carry = carry.write(stage, sources=carry.lineage[stage])
     carry = carry.write(
         stage,
-        stages=jnp.stack([drawn.substates, drawn.conditions[0]]),
+        stages=jnp.stack([drawn.substates, drawn.previous]),
         log_probs=log_prob,
         lineage=jnp.arange(tracker.num_particles, dtype=jnp.int32),
     )
@@ -178,7 +182,8 @@ def weigh(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry, drawn:
         carry = carry.write(stage, path_scores=score)
     carry = carry._replace(num_invalid=carry.num_invalid + num_invalid)
     log_factor, offers = levels.weigh_part(tracker, key, stage, carry, log_factor)
-    return carry.absorb(log_factor, taken, shared.components, stage)._replace(offers=offers)
+    carry = carry.multiplied(log_factor, log_scale, shared.components, stage)
+    return carry._replace(offers=offers)
 
 
 def select(

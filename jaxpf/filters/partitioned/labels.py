@@ -15,8 +15,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.state import sanitised
-from jaxpf.filters.partitioned.carry import Carry
-from jaxpf.filters.partitioned.settings import Settings
+from jaxpf.filters.partitioned.carry import Carry, Settings
 from jaxpf.resampling.components import Components
 
 
@@ -53,7 +52,7 @@ def weigh(tracker: Settings, label: jax.Array, carry: Carry, components: Compone
     log_factor = jnp.where(outside, jnp.nan, jnp.zeros_like(carry.log_weights))
     log_factor, num_invalid = sanitised(log_factor)
     carry = carry._replace(num_invalid=carry.num_invalid + num_invalid)
-    return carry.absorb(log_factor, jnp.zeros_like(carry.largest), components)
+    return carry.multiplied(log_factor, jnp.zeros_like(carry.largest), components)
 
 
 def probabilities(tracker: Settings, label: jax.Array, log_weights: jax.Array) -> jax.Array:
@@ -62,13 +61,7 @@ def probabilities(tracker: Settings, label: jax.Array, log_weights: jax.Array) -
     return is_label.astype(log_weights.dtype) @ jnp.exp(log_weights)
 
 
-def moves_labels(tracker: Settings) -> bool:
-    """Whether particles carry labels that change from frame to frame."""
-    moves = optional(calls.first_motion(tracker.dynamics), "propagate_label")
-    return tracker.initial_label is not None and moves is not None
-
-
-def check_labels(tracker: Settings) -> None:
+def check(tracker: Settings) -> None:
     """Refuse labels that are malformed, or are missing although required."""
     likelihood, given = tracker.likelihood, tracker.initial_label
     if given is None:

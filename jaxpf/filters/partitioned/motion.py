@@ -1,8 +1,4 @@
-"""Strategies that draw a stage's substates; the kernel calls them once per frame and per stage.
-
-``motion_of`` chooses one from a tracker's settings.  If draws do not follow the transition density,
-the strategy corrects for it by a weight per draw, ``Drawn.log_weight``.
-"""
+"""A stage's draws: by the dynamics or a proposal, with one of two gradients."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -18,140 +14,109 @@ from jaxpf import contract
 from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.optional import optional
-from jaxpf.contract.state import ParticleState
-from jaxpf.contract.types import ProposalLike
-from jaxpf.filters.noiseless import noiseless, without_noise
-from jaxpf.filters.partitioned import labels
-from jaxpf.filters.partitioned.carry import Drawn, Shared, Turn
-from jaxpf.filters.partitioned.settings import Settings
+from jaxpf.filters.noiseless import without_noise
+from jaxpf.filters.partitioned.carry import Settings, Shared
 from jaxpf.lowering.branches import computed_once
 
-
-class FromDynamics:
-    """Draws from the dynamics, without weights."""
-
-    def check(self, tracker: Settings) -> None:
-        """Refuse a tracker that is incompatible with the strategy."""
-
-    def cases(self, tracker: Settings) -> Iterator[Any]:
-        """Cases to refuse that depend on values, for ``contract.refusals.refused``."""
-        return iter(())
-
-    def begin(
-        self, tracker: Settings, key: jax.Array, state: ParticleState, observation: Any
-    ) -> "FromDynamics":
-        """Prepare the strategy for one frame, given the weighted set of the previous frame."""
-        return self
-
-    def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
-        """Draw one substate for every particle."""
-        dynamics, like = shared.tracker.dynamics, turn.conditions[0]
-
-        def move() -> jax.Array:
-            moved = contract.propagate_all(
-                dynamics, key, turn.partition, *turn.conditions, *turn.others
-            )
-            return moved.astype(like.dtype)
-
-        return Drawn(turn.partition, turn.source, turn.conditions, _once(shared, move, like))
+Past = tuple[jax.Array, jax.Array, jax.Array]
 
 
-class Proposed(FromDynamics):
-    """Draws from a ``jaxpf.contract.Proposal``, or from the dynamics for missing partitions."""
+def draw(
+    shared: Shared, key: jax.Array, partition: jax.Array, past: Past, others: tuple[jax.Array, ...]
+) -> tuple[jax.Array, jax.Array | None, jax.Array | None]:
+    """Draw one substate for every particle.
 
-    def __init__(self, proposal: ProposalLike):
-        self.proposal = proposal
+    ``motion_gradient="score"`` stops the gradient of the draws and adds their density's to the
+    weights.  Only the transition density in the weights then depends on the dynamics' parameters:
+    a proposal's density is stopped like its draws.
 
-    def check(self, tracker: Settings) -> None:
-        """See ``FromDynamics``."""
-        calls.check_uncoupled(tracker.dynamics, "a proposal")
+    Args:
+        shared: data of the frame.
+        key: a random key.
+        partition: ``[N]`` int32, the partition that each particle draws.
+        past: three arrays ``[D, N]``: its substates of the two previous frames, and its parent's of
+            this frame.
+        others: for coupled dynamics, all substates of the previous frame, ``[P, D, N]``; else
+            empty.
 
-    def cases(self, tracker: Settings) -> Iterator[Any]:
-        """See ``FromDynamics``."""
-        if optional(self.proposal, "needs_noise"):
-            what = f"proposal {type(self.proposal).__name__}"
-            yield without_noise(what, tracker, noiseless(tracker).ignored)
-
-    def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
-        """See ``FromDynamics``: the weight is the transition density over the proposal density."""
-        dynamics, partition, conditions = shared.tracker.dynamics, turn.partition, turn.conditions
-        likelihood, observation, seen = calls.as_seen(shared.tracker.likelihood, shared.observation)
-        proposal = calls.proposal_of(self.proposal, dynamics, likelihood)
-        like = conditions[0], jnp.zeros(partition.shape, conditions[0].dtype)
-
-        def move() -> tuple[jax.Array, jax.Array]:
-            substates = contract.propagate_all(dynamics, key, partition, *conditions)
-            return substates.astype(like[0].dtype), like[1]
-
-        def propose() -> tuple[jax.Array, jax.Array]:
-            substates = calls.propose_all(proposal, key, observation, partition, *conditions)
-            substates = substates.astype(like[0].dtype)
-            move = partition, substates, *conditions
-            log_weight = contract.log_density_all(dynamics, *move)
-            log_weight -= calls.proposal_log_density_all(proposal, observation, *move)
-            return substates, log_weight.astype(like[1].dtype)
-
-        def either() -> tuple[jax.Array, jax.Array]:
-            if seen is None:
-                return propose()
-            if seen is np.False_:
-                return move()
-            if not seen.ndim:
-                return lax.cond(seen, propose, move)
-            return jax.tree.map(partial(jnp.where, seen[partition]), propose(), move())
-
-        substates, log_weight = _once(shared, either, like)
-        chex.assert_equal_shape((substates, like[0]))
-        return Drawn(partition, turn.source, conditions, substates, log_weight)
-
-
-class Scored(FromDynamics):
-    """Stops the gradient of another strategy's draws and adds their density's to the weights.
-
-    Only the transition density in the weights depends on the dynamics' parameters: a proposal's
-    density is stopped like its draws.
+    Returns:
+        ``substates``, ``log_weight`` and ``score``, see ``Drawn``.
     """
-
-    def __init__(self, inner: FromDynamics):
-        self.inner = inner
-
-    def check(self, tracker: Settings) -> None:
-        """See ``FromDynamics``."""
-        self.inner.check(tracker)
-        if labels.moves_labels(tracker) and not calls.has_log_label(tracker.dynamics):
-            raise InputError(
-                "motion_gradient='score' needs the method log_label(new, label, substates) -> [] "
-                f"of the dynamics, and {type(tracker.dynamics).__name__} has none; write it."
-            )
-
-    def cases(self, tracker: Settings) -> Iterator[Any]:
-        """See ``FromDynamics``."""
-        yield from self.inner.cases(tracker)
-        yield without_noise("motion_gradient='score'", tracker, noiseless(tracker).moved)
-
-    def begin(self, tracker, key, state, observation) -> "Scored":
-        """See ``FromDynamics``."""
-        return Scored(self.inner.begin(tracker, key, state, observation))
-
-    def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
-        """See ``FromDynamics``."""
-        drawn = self.inner.draw(shared, key, turn)
-        substates, log_weight = lax.stop_gradient((drawn.substates, drawn.log_weight))
-        score = contract.log_density_all(
-            shared.tracker.dynamics, drawn.partition, substates, *drawn.conditions
-        ).astype(substates.dtype)
-        return drawn._replace(substates=substates, log_weight=log_weight, score=score)
+    tracker = shared.tracker
+    substates, log_weight = (
+        _moved(shared, key, partition, past, others)
+        if tracker.proposal is None
+        else _proposed(shared, key, partition, past)
+    )
+    if tracker.motion_gradient != "score":
+        return substates, log_weight, None
+    substates, log_weight = lax.stop_gradient((substates, log_weight))
+    score = contract.log_density_all(tracker.dynamics, partition, substates, *past)
+    return substates, log_weight, score.astype(substates.dtype)
 
 
-def motion_of(tracker: Settings) -> FromDynamics:
-    """Choose the strategy for a tracker's settings."""
-    motion = FromDynamics()
-    if tracker.proposal is not None:
-        motion = Proposed(tracker.proposal)
-    return Scored(motion) if tracker.motion_gradient == "score" else motion
+def _moved(shared, key, partition, past, others) -> tuple[jax.Array, None]:
+    """Draw from the dynamics, without weights."""
+
+    def move() -> jax.Array:
+        dynamics = shared.tracker.dynamics
+        moved = contract.propagate_all(dynamics, key, partition, *past, *others)
+        return moved.astype(past[0].dtype)
+
+    return _once(shared, move, past[0]), None
+
+
+def _proposed(shared, key, partition, past) -> tuple[jax.Array, jax.Array]:
+    """Draw from the proposal; the weight is the transition density over the proposal density.
+
+    Partitions that were not seen move by the dynamics.
+    """
+    dynamics, dtype = shared.tracker.dynamics, past[0].dtype
+    likelihood, observation, seen = calls.as_seen(shared.tracker.likelihood, shared.observation)
+    proposal = calls.proposal_of(shared.tracker.proposal, dynamics, likelihood)
+    like = past[0], jnp.zeros(partition.shape, dtype)
+
+    def move() -> tuple[jax.Array, jax.Array]:
+        return contract.propagate_all(dynamics, key, partition, *past).astype(dtype), like[1]
+
+    def propose() -> tuple[jax.Array, jax.Array]:
+        substates = calls.propose_all(proposal, key, observation, partition, *past).astype(dtype)
+        log_weight = contract.log_density_all(dynamics, partition, substates, *past)
+        log_weight -= calls.proposal_log_density_all(
+            proposal, observation, partition, substates, *past
+        )
+        return substates, log_weight.astype(dtype)
+
+    def either() -> tuple[jax.Array, jax.Array]:
+        if seen is None:
+            return propose()
+        if seen is np.False_:
+            return move()
+        if not seen.ndim:
+            return lax.cond(seen, propose, move)
+        return jax.tree.map(partial(jnp.where, seen[partition]), propose(), move())
+
+    substates, log_weight = _once(shared, either, like)
+    chex.assert_equal_shape((substates, like[0]))
+    return substates, log_weight
 
 
 def _once(shared: Shared, function: Callable[[], Any], like: Any) -> Any:
     """``function()``, computed once for all its uses."""
     unforeseen = shared.tracker.ordering.order[0, 0] >= 0
     return computed_once(function, like, unforeseen)
+
+
+def cases(tracker: Settings) -> Iterator[Any]:
+    """Models that do not work with a proposal or a score, for ``contract.refusals.refused``."""
+    if tracker.proposal is not None:
+        calls.check_uncoupled(tracker.dynamics, "a proposal")
+        if optional(tracker.proposal, "needs_noise"):
+            yield without_noise(f"proposal {type(tracker.proposal).__name__}", tracker)
+    if tracker.motion_gradient == "score":
+        if tracker.moves_labels and not calls.has_log_label(tracker.dynamics):
+            raise InputError(
+                "motion_gradient='score' needs the method log_label(new, label, substates) -> [] "
+                f"of the dynamics, and {type(tracker.dynamics).__name__} has none; write it."
+            )
+        yield without_noise("motion_gradient='score'", tracker, moved=True)

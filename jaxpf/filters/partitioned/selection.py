@@ -13,8 +13,7 @@ from jax import lax
 from jax.ad_checkpoint import checkpoint_name
 
 from jaxpf.contract.state import ParticleState
-from jaxpf.filters.partitioned.carry import Carry
-from jaxpf.filters.partitioned.settings import Settings
+from jaxpf.filters.partitioned.carry import Carry, Settings
 from jaxpf.resampling import weighted
 from jaxpf.resampling.components import Components, few_effective, one_component
 

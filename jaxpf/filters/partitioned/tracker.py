@@ -18,12 +18,9 @@ from jaxpf.contract.pytree import compiled_alone, is_concrete, pytree_dataclass
 from jaxpf.contract.refusals import Bias, poisoned, refused
 from jaxpf.contract.state import ParticleState, Summary, moments
 from jaxpf.filters import confidence
-from jaxpf.filters.initial import as_floats, check_rows, initial_rows
-from jaxpf.filters.partitioned import kernel, labels, levels
-from jaxpf.filters.partitioned.labels import check_labels, moves_labels
-from jaxpf.filters.partitioned.motion import motion_of
-from jaxpf.filters.partitioned.settings import Settings
-from jaxpf.filters.partitioned.weighing import weighing_of
+from jaxpf.filters.initial import check_rows, draw_initial, initial_rows
+from jaxpf.filters.partitioned import kernel, labels, levels, motion
+from jaxpf.filters.partitioned.carry import Settings
 from jaxpf.gradients import check_gradients
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.lowering.threefry import with_written_out_key
@@ -62,7 +59,7 @@ class Partitioned(Settings, Tracker):
             particles; ``None`` always resamples.
         joint_weighting: static, whether each stage weights by the joint likelihood instead of
             ``log_prob``, with later partitions at the substates that ``dynamics.predict`` gives;
-            see ``jaxpf.filters.partitioned.weighing.JointWeighting``.
+            see ``jaxpf.filters.partitioned.weighing``.
         proposal: a ``jaxpf.contract.Proposal`` that draws substates in place of the dynamics, such
             as those in ``jaxpf.proposals``.  A stage's weight is then likelihood times transition
             density over proposal density.  None draws from the dynamics.
@@ -120,13 +117,7 @@ class Partitioned(Settings, Tracker):
     @with_written_out_key
     def init(self, key: jax.Array) -> ParticleState:
         """Draw the state just before the first frame, with equal weights."""
-        if callable(self.initial):
-            drawn = jax.vmap(self.initial)(jax.random.split(key, self.num_particles))
-            chex.assert_rank(drawn, 3)
-            values = jnp.moveaxis(as_floats(drawn), (0, 1, 2), (2, 1, 0))
-        else:
-            values = jnp.broadcast_to(self.initial.T[..., None], (*self.initial.T.shape, 1))
-            values = jnp.repeat(values, self.num_particles, axis=-1)
+        values = draw_initial(self.initial, key, self.num_particles)
         chex.assert_axis_dimension(values, 1, self.num_partitions)
         shape = (self.num_partitions, self.num_particles)
         path_scores = jnp.zeros(shape, values.dtype) if self.gradient.keeps_scores else None
@@ -192,10 +183,13 @@ def _check(tracker: Settings) -> jax.Array | None:
     blends = tracker.keep_ancestors and tracker.gradient.blends
     check_separate("keep_ancestors=True", (blends, "gradient Transport, which blends particles"))
     check_rows(tracker.dynamics, ordering.num_partitions)
-    check_labels(tracker)
-    motion = motion_of(tracker)
-    motion.check(tracker)
-    weighing_of(tracker).check(tracker)
+    labels.check(tracker)
+    if tracker.joint_weighting:
+        check_separate(
+            "joint_weighting",
+            (any(parent >= 0 for parent in parents), "a part tree"),
+            (tracker.motion_gradient != "pathwise", f"motion_gradient={tracker.motion_gradient!r}"),
+        )
     return refused(*_of_ordering(tracker), *_of_exchange(tracker), *motion.cases(tracker))
 
 
@@ -249,7 +243,7 @@ def _of_exchange(tracker: Settings) -> Iterator[tuple[Any, tuple[Any, ...]]]:
             f"needs equal weights, and tempering={tracker.tempering} leaves them unequal",
         ),
         (
-            moves_labels(tracker),
+            tracker.moves_labels,
             "separates a particle's parts, on which its label depends by propagate_label",
         ),
     ):

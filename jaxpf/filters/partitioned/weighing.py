@@ -1,6 +1,15 @@
-"""Strategies for a stage's weight factors.
+"""A stage's weight factors: by each partition's likelihood, or by the joint likelihood.
 
-``weighing_of`` chooses one from a tracker's settings.
+Without joint weighting each stage weights by ``log_prob`` of its partition, and a joint likelihood
+corrects the product at the frame's end.
+
+With it, partitions are weighted jointly with the predicted substates of later ones.  Consider two
+look-alikes A and B that exclude one another.  A particle whose A sits on B's image has low joint
+likelihood, but ``log_prob`` of A alone reveals this one stage too late.  Here stage j weights by
+``L_j / L_{j-1}``, where ``L_j`` is the joint likelihood of the draws of the first j stages and of
+the noise-free predictions of the others (the idea of the coordinate particle filter, Wuethrich et
+al. 2015).  The product telescopes to the joint likelihood, so the evidence is unbiased if
+``L_j > 0`` wherever ``L_P > 0``.
 """
 
 from typing import Any
@@ -10,90 +19,54 @@ import jax.numpy as jnp
 
 from jaxpf import contract
 from jaxpf.contract import calls
-from jaxpf.contract.errors import check_separate
-from jaxpf.filters.partitioned.carry import Carry, Drawn, Shared
-from jaxpf.filters.partitioned.settings import Settings
+from jaxpf.filters.partitioned.carry import Carry, Drawn, Settings, Shared
 
 
-class Weighing:
-    """Weights each partition by ``log_prob``; a joint likelihood corrects at the frame's end."""
-
-    def check(self, tracker: Settings) -> None:
-        """Refuse a tracker that is incompatible with the strategy."""
-
-    def log_factor(self, shared: Shared, stage: jax.Array, carry: Carry, drawn: Drawn) -> jax.Array:
-        """Log of a stage's weight factors, ``[N]``."""
+def log_factor(shared: Shared, stage: jax.Array, carry: Carry, drawn: Drawn) -> jax.Array:
+    """Log of a stage's weight factors, ``[N]``."""
+    tracker, observation = shared.tracker, shared.observation
+    if not tracker.joint_weighting:
         return contract.log_prob_all(
-            shared.tracker.likelihood, shared.observation, drawn.partition, drawn.substates
+            tracker.likelihood, observation, drawn.partition, drawn.substates
         )
-
-    def is_complete(self, tracker: Settings) -> bool:
-        """Whether the product of the stages' factors is the full likelihood."""
-        return not calls.has_log_joint(tracker.likelihood)
-
-    def log_probs(
-        self, tracker: Settings, observation: Any, substates: jax.Array, factors: jax.Array
-    ) -> jax.Array:
-        """Log-likelihoods ``[P, N]`` of single partitions, given the stages' ``factors``."""
-        return factors
+    of_one = jax.vmap(lambda p: _expected(shared, stage, carry, drawn, p), out_axes=1)
+    substates = of_one(jnp.arange(tracker.num_partitions))  # [D, P, N]
+    label = None if tracker.initial_label is None else carry.label
+    joint = log_joint(tracker, observation, substates, label)
+    return joint.astype(carry.log_probs.dtype) - _log_joint_before(stage, carry)
 
 
-class JointWeighting(Weighing):
-    """Weights each partition jointly with the predicted substates of later partitions.
+def is_complete(tracker: Settings) -> bool:
+    """Whether the product of the stages' factors is the full likelihood.
 
-    Consider two look-alikes A and B that exclude one another.  A particle whose A sits on B's image
-    has low joint likelihood, but ``log_prob`` of A alone reveals this one stage too late.  Here
-    stage j weights by ``L_j / L_{j-1}``, where ``L_j`` is the joint likelihood of the draws of the
-    first j stages and of the noise-free predictions of the others (the idea of the coordinate
-    particle filter, Wuethrich et al. 2015).  The product telescopes to the joint likelihood, so the
-    evidence is unbiased if ``L_j > 0`` wherever ``L_P > 0``.
+    With joint weighting it is unless a label moves after the last stage.
     """
-
-    def check(self, tracker: Settings) -> None:
-        """See ``Weighing``."""
-        check_separate(
-            "joint_weighting",
-            (any(parent >= 0 for parent in tracker.parents), "a part tree"),
-            (tracker.motion_gradient != "pathwise", f"motion_gradient={tracker.motion_gradient!r}"),
-        )
-
-    def log_factor(self, shared: Shared, stage: jax.Array, carry: Carry, drawn: Drawn) -> jax.Array:
-        """See ``Weighing``: ``log L_j - log L_{j-1}``."""
-        tracker = shared.tracker
-        partitions = jnp.arange(tracker.num_partitions)
-        of_one = jax.vmap(lambda p: _expected(shared, stage, carry, drawn, p), out_axes=1)
-        substates = of_one(partitions)  # [D, P, N]
-        log_probs = _of_single_partitions(tracker, shared.observation, substates)
-        label = None if tracker.initial_label is None else carry.label
-        joint = calls.log_joint_all(
-            tracker.likelihood, shared.observation, substates, log_probs, label
-        )
-        return joint.astype(carry.log_probs.dtype) - _log_joint_before(stage, carry)
-
-    def is_complete(self, tracker: Settings) -> bool:
-        """See ``Weighing``: true unless a label moves after the last stage."""
+    if tracker.joint_weighting:
         return tracker.initial_label is None
-
-    def log_probs(
-        self, tracker: Settings, observation: Any, substates: jax.Array, factors: jax.Array
-    ) -> jax.Array:
-        """See ``Weighing``: recomputed, because the stages use other factors."""
-        return _of_single_partitions(tracker, observation, substates)
+    return not calls.has_log_joint(tracker.likelihood)
 
 
-def weighing_of(tracker: Settings) -> Weighing:
-    """Choose the strategy for a tracker's settings."""
-    return JointWeighting() if tracker.joint_weighting else Weighing()
+def log_joint(
+    tracker: Settings,
+    observation: Any,
+    substates: jax.Array,
+    label: jax.Array | None,
+    log_probs: jax.Array | None = None,
+) -> jax.Array:
+    """Joint log-likelihoods ``[N]`` of substates ``[D, P, N]``.
 
-
-def _of_single_partitions(tracker: Settings, observation: Any, substates: jax.Array) -> jax.Array:
-    """Log-likelihoods ``[P, N]`` of substates ``[D, P, N]``; XLA drops them if unused."""
+    Those of single partitions, ``log_probs`` ``[P, N]``, are computed unless they are known; XLA
+    drops them if unused.
+    """
 
     def of_one(partition, substates):
         everywhere = jnp.full(substates.shape[-1], partition)
         return contract.log_prob_all(tracker.likelihood, observation, everywhere, substates)
 
-    return jax.vmap(of_one, in_axes=(0, 1))(jnp.arange(substates.shape[1]), substates)
+    if log_probs is None:
+        partitions = jnp.arange(substates.shape[1])
+        log_probs = jax.vmap(of_one, in_axes=(0, 1))(partitions, substates)
+    return calls.log_joint_all(tracker.likelihood, observation, substates, log_probs, label)
 
 
 def _log_joint_before(stage: jax.Array, carry: Carry) -> jax.Array:

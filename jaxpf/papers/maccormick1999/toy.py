@@ -15,7 +15,6 @@ from jaxpf import ordering as orderings
 from jaxpf.dynamics.gaussian import RandomWalk
 from jaxpf.filters.partitioned import ending, kernel
 from jaxpf.filters.partitioned.carry import Shared
-from jaxpf.filters.partitioned.motion import motion_of
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods import Gaussian
 from jaxpf.likelihoods.contours import (
@@ -131,7 +130,7 @@ def frame(tracker: Partitioned, key: jax.Array) -> list[tuple[jax.Array, ...]]:
     observation = tracker.observe(jnp.asarray(TARGET).reshape(2, 1))
     begin_key, stages_key = jax.random.split(step_key)
     state, components, carry = kernel.begin(tracker, begin_key, prior)
-    shared = Shared(tracker, state, observation, components, motion_of(tracker))
+    shared = Shared(tracker, state, observation, components)
 
     def shown(state) -> tuple[jax.Array, ...]:
         labels = jnp.zeros(PARTICLES, jnp.int32) if state.label is None else state.label

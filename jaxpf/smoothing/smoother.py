@@ -104,7 +104,7 @@ def smooth(
         num_trajectories: M; default the number of particles.
         method: "backward" draws particles exactly, in a time proportional to M N; "metropolis" by
             a few steps from their own ancestors, proportional to M; "genealogy" traces the
-            ancestors of the last particles, without densities, see ``jaxpf.smoothing.genealogy``.
+            ancestors of the last particles, without densities, see ``jaxpf.smoothing.backward``.
         num_steps: number of Metropolis steps per frame.
         lag: L, use the next L to 2 L frames instead of all later frames.  Memory then does not grow
             with the length of the clip.

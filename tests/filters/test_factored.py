@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import stream
 from jaxpf.dynamics import RandomWalk
 
 run, monte_carlo = jax.jit(jaxpf.run), jax.jit(jaxpf.monte_carlo)
@@ -85,17 +84,6 @@ def test_a_particle_that_is_nowhere_harms_nobody(shape):
     _, summary = run(tracker, jax.random.key(0), moving())
     assert (np.asarray(summary.num_invalid) > 0).all()
     assert np.abs(summary.estimate - moving()).max() < 3
-
-
-@pytest.mark.slow
-def test_streaming_and_many_runs_repeat_a_run():
-    frames, tracker = moving(), trackers()["eskil"]
-    keys = jax.random.split(jax.random.key(1), 3)
-    _, once = run(tracker, keys[1], frames)
-    many = monte_carlo(tracker, keys, frames)
-    streamed = [frame.summary.estimate for frame in stream(tracker, keys[1], frames)]
-    np.testing.assert_allclose(many.estimate[1], once.estimate, atol=1e-3)
-    np.testing.assert_allclose(streamed, once.estimate, atol=1e-3)
 
 
 def _hidden_error(**options):

@@ -3,7 +3,6 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pandas
 import pytest
 from exact import LIMIT, WRONG, rauch_tung_striebel
 from jax.scipy.stats import norm
@@ -203,29 +202,6 @@ def test_a_likelihood_that_sees_the_state_before_is_smoothed_exactly(is_right, m
     assert scores.max() < LIMIT if is_right else scores.max() > WRONG
 
 
-@pytest.mark.slow
-@pytest.mark.always
-def test_a_proposal_goes_through():
-    """It lowers the variance of the log evidence, not its mean."""
-    keys = jax.random.split(KEY, 200)
-    plain, better = (
-        np.asarray(
-            jaxpf.monte_carlo(
-                space(
-                    transition_log_density=log_density,
-                    proposal=Mixture(Optimal(), share),
-                ),
-                keys,
-                FRAMES,
-            ).log_evidence
-        ).sum(1)
-        for share in (0.01, 0.99)  # one program
-    )
-    assert better.var() < plain.var() / 3
-    bound = 4.5 * (plain.var() / len(keys)) ** 0.5 + plain.var() / 2
-    assert abs(better.mean() - plain.mean()) < bound
-
-
 def test_a_state_of_whole_numbers_is_one_of_floats():
     """Counts, such as of animals, are drawn whole."""
     its = space(
@@ -327,15 +303,6 @@ def log_evidence(values, **options):
 
 
 @pytest.mark.slow
-def test_a_sweep_is_a_vmap():
-    def of(a):
-        return log_evidence(VALUES | {"a": a})
-
-    swept = jax.vmap(of)(jnp.array([0.2, 0.9]))
-    np.testing.assert_allclose(swept, [of(0.2), of(0.9)], rtol=1e-5)
-
-
-@pytest.mark.slow
 def test_a_gradient_goes_through_all_functions():
     """With one particle there is no resampling: finite differences are exact but for rounding."""
     with jax.enable_x64(True):
@@ -354,26 +321,6 @@ def test_tuning_names_a_parameter_once_and_changes_it_everywhere():
     changed = jaxpf.tuning.replace(tracker, {"parameters.s": 2.0})
     parts = changed.dynamics, changed.likelihood, changed.initial
     assert [part.parameters["s"] for part in parts] == [2.0, 2.0, 2.0]
-
-
-@pytest.mark.slow
-def test_a_parameter_is_tuned_and_told_in_a_few_lines():
-    sequence = jaxpf.tuning.TrainingSequence(space(), FRAMES)
-    settings = jaxpf.tuning.Settings(steps=2, repeats=1)
-    result = jaxpf.tune(sequence, ["parameters.s=0:9"], settings=settings)
-    assert result.values["parameters.s"] != VALUES["s"]
-    text = repr(result)
-    assert "parameters.s = " in text
-    assert len(text) < 600
-
-
-def test_a_column_of_a_table_is_a_series_of_frames():
-    its = space()
-    alike = jaxpf.run(its, KEY, FRAMES)[1].estimate
-    table = pandas.DataFrame({"y": FRAMES})
-    np.testing.assert_array_equal(jaxpf.run(its, KEY, table["y"])[1].estimate, alike)
-    many = jaxpf.monte_carlo(its, KEY[None], table["y"]).estimate[0]
-    np.testing.assert_allclose(many, alike, rtol=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,8 @@ import scipy.stats
 from models import start, step
 
 import jaxpf
-from jaxpf import stream
 from jaxpf.contract import state as states
 from jaxpf.dynamics import AR2, FirstOrder, IndependentGaussian
-from jaxpf.gradients import StopGradient
 from jaxpf.likelihoods import Gaussian
 
 FRAMES = np.random.default_rng(0).normal(size=(6, 3, 2)).astype(np.float32).cumsum(axis=0)
@@ -220,29 +218,3 @@ def test_many_targets_are_weighed_as_few_are(monkeypatch):
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-5)
     assert np.isneginf(np.asarray(found[2])[4:]).all()
-
-
-@pytest.mark.slow
-def test_runs_streams_and_monte_carlo_agree():
-    chosen, key = tracker(feedback="estimate", regularise=(0.8, 0.5)), jax.random.key(5)
-    alone = run(chosen, key, FRAMES)[1]
-    many = monte_carlo(chosen, jnp.stack([key, jax.random.key(6)]), FRAMES)
-    np.testing.assert_allclose(many.estimate[0], alone.estimate, rtol=1e-3, atol=1e-4)
-    streamed = [tracked.summary.estimate for tracked in stream(chosen, key, FRAMES)]
-    np.testing.assert_allclose(streamed, alone.estimate, rtol=1e-3, atol=1e-4)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("motion", ["pathwise", "score"])
-def test_the_evidence_has_a_gradient(motion):
-    chosen = tracker(gradient=StopGradient(), motion_gradient=motion)
-
-    def loss(scale):
-        dynamics = dataclasses.replace(chosen.dynamics, scale=scale)
-        changed = dataclasses.replace(chosen, dynamics=dynamics)
-        keys = jax.random.split(jax.random.key(0), 4)
-        return jnp.mean(jaxpf.tuning.log_evidence(changed, keys, FRAMES))
-
-    slope = jax.jit(jax.grad(loss))(jnp.array([1.0, 1.0]))
-    assert np.all(np.isfinite(slope))
-    assert np.all(np.abs(slope) > 1e-3)

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.scipy.stats import norm
-from models import partitioned, space
+from models import partitioned
 from refusals import message_of
 
 import jaxpf
@@ -115,8 +115,3 @@ def test_a_drift_would_move_places_that_cannot():
     assert "coordinate 0 of partition 0" in message_of(proper, 0.0)
     proper(0.0, drift="none")
     proper(0.5)
-
-
-def test_blended_particles_have_no_integers():
-    integers = {"initial": jnp.int32(0), "transition": lambda key, x, p: 1 - x}
-    assert "integers" in message_of(space, **integers, gradient=jaxpf.gradients.Transport())

@@ -8,6 +8,7 @@ from correlated import CorrelatedGaussian
 from jax.scipy.stats import norm
 from models import space, walks
 from refusals import assert_names, every, message_of, outside
+from unsuited_dynamics import Coupled
 
 import jaxpf
 from jaxpf import ordering
@@ -15,6 +16,7 @@ from jaxpf.contract.options import options_of
 from jaxpf.dynamics import IndependentGaussian
 from jaxpf.filters import SideBySide, WithErrorBars, quantiles
 from jaxpf.gradients import Soft, Transport
+from jaxpf.proposals import LocallyOptimal
 
 KEY, P = jax.random.key(0), 3
 START = np.array([[0.0, 0.0], [20.0, 0.0], [0.0, 20.0]])
@@ -119,6 +121,7 @@ def tree(**changes):
     (lambda: partitioned(gradient=Soft(share=1.5)), "share=1.5"),
     (lambda: partitioned(motion_gradient="both"), "motion_gradient='both'"),
     (lambda: partitioned(EXCHANGE, gradient=Transport()), "gradient Transport"),
+    (lambda: partitioned(dynamics=Coupled(), proposal=LocallyOptimal()), "Coupled"),
     (lambda: partitioned(gradient=Transport(), tempering=0.5), "tempering"),
     (lambda: partitioned(gradient=Transport(), likelihood=CORRELATED), "log_joint"),
     (lambda: partitioned(ordering.branched([[0, 1, 2]]), gradient=Transport()), "components"),
@@ -173,6 +176,7 @@ def test_what_labelled_and_factored_filters_cannot_do_is_refused(call, named):
     (lambda: jaxpf.smooth(space(), KEY, np.zeros(4)), "transition_log_density"),
     (lambda: tree(num_values={"level": 3}), "num_values={'level': 3}"),
     (lambda: tree(num_values=0), "num_values = 0"),
+    (lambda: tree(gradient=Transport()), "integers"),
 ])  # fmt: skip
 def test_wrong_functions_are_refused(call, named):
     assert named in message_of(call)

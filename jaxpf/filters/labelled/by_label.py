@@ -13,7 +13,7 @@ from jax import lax
 FEW = 4
 
 
-def spread(values: jax.Array, labels: jax.Array) -> jax.Array:
+def broadcast(values: jax.Array, labels: jax.Array) -> jax.Array:
     """Each particle's entry of ``values`` ``[..., L]``: ``[..., N]``."""
     if values.shape[-1] == 1:
         return jnp.broadcast_to(values, (*values.shape[:-1], labels.shape[0]))
@@ -49,7 +49,7 @@ def log_sums(values: jax.Array, labels: jax.Array, num_labels: int) -> jax.Array
     """``[L]``: log of the sum of ``exp(values)`` ``[N]``; -inf for an empty sum."""
     largest = maxima(values, labels, num_labels)
     alive = ~jnp.isneginf(largest)
-    reference = spread(jnp.where(alive, largest, 0.0), labels)
+    reference = broadcast(jnp.where(alive, largest, 0.0), labels)
     possible = ~jnp.isneginf(values)
     # Both branches must stay finite: NaN would reach the derivative.
     relative = jnp.where(possible, values - reference, 0.0)

@@ -74,7 +74,7 @@ def select(tracker: Settings, key: jax.Array, state: LabelledState) -> LabelledS
     selection = incoming
     if tracker.weights == "corrected":
         mass = jnp.where(jnp.isneginf(state.log_mass), 0.0, state.log_mass)
-        selection = incoming - by_label.spread(mass, state.labels)
+        selection = incoming - by_label.broadcast(mass, state.labels)
     chosen, log_weights = weighted.weighted_resample(
         key, incoming, selection, tracker.resampling, one_component(num_particles)
     )
@@ -126,7 +126,7 @@ def weigh(
         log_prob = with_gradient_of(log_prob, log_density.astype(moved.dtype))
     alive, num_targets = counted(log_prob, state.log_weights), tracker.num_targets
     largest = finite(by_label.maxima(alive, state.labels, num_targets))
-    return log_prob - by_label.spread(largest, state.labels), largest, num_invalid
+    return log_prob - by_label.broadcast(largest, state.labels), largest, num_invalid
 
 
 def share_out(
@@ -152,14 +152,14 @@ def share_out(
     most = finite(jnp.max(jnp.where(seen, largest, -jnp.inf)))
     apart = largest - most
     if tracker.weights == "equal_share":
-        held = by_label.log_sums(lax.stop_gradient(entering), labels, num_targets)
-        factor = jnp.where(seen, total - jnp.where(seen, held, 0.0), -jnp.inf)
-        present = ~jnp.isneginf(held)
+        before = by_label.log_sums(lax.stop_gradient(entering), labels, num_targets)
+        factor = jnp.where(seen, total - jnp.where(seen, before, 0.0), -jnp.inf)
+        present = ~jnp.isneginf(before)
         # A label with zero likelihood keeps its weights: the frame is skipped for it.
-        kept = by_label.spread(seen, labels)
-        norm = jnp.where(seen, total, jnp.where(present, held, 0.0))
+        kept = by_label.broadcast(seen, labels)
+        norm = jnp.where(seen, total, jnp.where(present, before, 0.0))
         num_present = jnp.maximum(jnp.sum(present), 1).astype(norm.dtype)
-        log_weights = jnp.where(kept, weighed, entering) - by_label.spread(norm, labels)
+        log_weights = jnp.where(kept, weighed, entering) - by_label.broadcast(norm, labels)
         log_weights = log_weights - jnp.log(num_present)
         mass, log_total = normalised(state.log_mass + (factor + apart))
         log_mass = jnp.where(jnp.isneginf(log_total), state.log_mass, mass)
@@ -176,7 +176,7 @@ def share_out(
         # Skip an observation that is impossible for all labels.
         possible = jnp.any(seen)
         log_weights, log_total = normalised(
-            jnp.where(possible, weighed + by_label.spread(apart, labels), entering)
+            jnp.where(possible, weighed + by_label.broadcast(apart, labels), entering)
         )
         log_mass = by_label.log_sums(log_weights, labels, num_targets)
         log_total = jnp.where(possible, log_total, -jnp.inf)
@@ -200,17 +200,17 @@ def report(
     """Report the labels' estimates, spreads and effective sample sizes."""
     labels, num_targets = state.labels, tracker.num_targets
     log_weights = state.log_weights
-    held = by_label.log_sums(log_weights, labels, num_targets)
-    present = ~jnp.isneginf(held)
+    log_share = by_label.log_sums(log_weights, labels, num_targets)
+    present = ~jnp.isneginf(log_share)
     alive = ~jnp.isneginf(log_weights)
-    reference = by_label.spread(jnp.where(present, held, 0.0), labels)
+    reference = by_label.broadcast(jnp.where(present, log_share, 0.0), labels)
     share = jnp.where(alive, jnp.exp(jnp.where(alive, log_weights - reference, 0.0)), 0.0)
     # The weighted mean of the weights is the sum of their squares.
     mean, spread = moments(
         jnp.concatenate([state.lagged[0], share[None]]),
         share,
         lambda values, weights: by_label.sums(values * weights, labels, num_targets),
-        lambda mean: by_label.spread(mean, labels),
+        lambda mean: by_label.broadcast(mean, labels),
     )
     mean, spread, squares = mean[:-1], spread[:-1], mean[-1]
     if tracker.feedback == "none" and tracker.regularise is None:
@@ -310,7 +310,7 @@ def _before_moving(
     Feeds speed back to dynamics that take it from ``current - previous``.
     """
     rows = jnp.asarray(position)
-    return lagged.at[1, rows].set(lagged[0, rows] - by_label.spread(velocity, labels))
+    return lagged.at[1, rows].set(lagged[0, rows] - by_label.broadcast(velocity, labels))
 
 
 def _after_moving(
@@ -326,4 +326,4 @@ def _after_moving(
     already moved its position.
     """
     rows = jnp.asarray(speed)
-    return moved.at[rows].add(by_label.spread(velocity, labels) - current[rows])
+    return moved.at[rows].add(by_label.broadcast(velocity, labels) - current[rows])

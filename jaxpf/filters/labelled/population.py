@@ -74,14 +74,14 @@ def first_state(tracker: Settings) -> LabelledState:
     labels = jnp.sort(assign_slots(alive, num_particles))
     sizes = by_label.counts(labels, tracker.num_targets).astype(place.dtype)
     mass = jnp.where(alive, -jnp.log(jnp.maximum(jnp.sum(alive), 1).astype(place.dtype)), -jnp.inf)
-    values = by_label.spread(place, labels)
+    values = by_label.broadcast(place, labels)
     velocity = jnp.zeros((len(tracker.position), tracker.num_targets), place.dtype)
     if tracker.speed is not None:
         velocity = place[jnp.array(tracker.speed)]
     return LabelledState(
         lagged=jnp.stack([values, values]),
         labels=labels,
-        log_weights=by_label.spread(mass - jnp.log(jnp.maximum(sizes, 1)), labels),
+        log_weights=by_label.broadcast(mass - jnp.log(jnp.maximum(sizes, 1)), labels),
         log_mass=mass,
         estimate=place,
         velocity=velocity,
@@ -104,13 +104,13 @@ def with_newborn(tracker: Settings, state: LabelledState) -> LabelledState:
         given = state.estimate[jnp.array(tracker.speed)]
         velocity = jnp.where(state.newborn, given, velocity)
     label = assign_slots(state.alive, tracker.num_particles)
-    taken = by_label.spread(state.newborn, label)
+    is_newborn = by_label.broadcast(state.newborn, label)
     uniform = jnp.full_like(state.log_weights, -np.log(tracker.num_particles))
     return dataclasses.replace(
         state,
-        lagged=jnp.where(taken, by_label.spread(state.estimate, label), state.lagged),
-        labels=jnp.where(taken, label, state.labels),
-        log_weights=jnp.where(taken, uniform, state.log_weights),
+        lagged=jnp.where(is_newborn, by_label.broadcast(state.estimate, label), state.lagged),
+        labels=jnp.where(is_newborn, label, state.labels),
+        log_weights=jnp.where(is_newborn, uniform, state.log_weights),
         velocity=velocity,
         newborn=jnp.zeros_like(state.newborn),
     )

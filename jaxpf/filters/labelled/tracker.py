@@ -145,30 +145,13 @@ class Labelled(Settings, Tracker):
 def _check(tracker: Settings) -> None:
     """Refuse settings that cannot work or would be silently wrong."""
     check_fields(tracker)
-    gradient = tracker.gradient
+    gradient, num_targets = tracker.gradient, tracker.num_targets
     if gradient.blends or not gradient.equalises:
         raise InputError(
             f"gradient {type(gradient).__name__} needs particles that hold all targets; "
             "use NoGradient() or StopGradient() of jaxpf.gradients."
         )
     check_gradients(tracker)
-    _check_targets(tracker)
-    if tracker.population == "open":
-        _check_open(tracker)
-    _check_coordinates(tracker)
-    check_rows(tracker.dynamics, tracker.num_targets)
-    check_factors(tracker.dynamics, tracker.likelihood, "labelled particles")
-    if tracker.motion_gradient == "score" and tracker.feedback != "none":
-        raise InputError(
-            "motion_gradient='score' needs the density of a move, and feedback='estimate' changes "
-            "the move; use feedback='none' or motion_gradient='pathwise'."
-        )
-    if tracker.motion_gradient == "score":
-        refused(without_noise("motion_gradient='score'", tracker, moved=True))
-
-
-def _check_targets(tracker: Settings) -> None:
-    num_targets = tracker.num_targets
     if num_targets is None or num_targets < 1:
         raise InputError(
             f"num_targets={num_targets} must be the number of targets that the initial sampler "
@@ -180,35 +163,38 @@ def _check_targets(tracker: Settings) -> None:
             f" is fewer than the {num_targets} targets that share them; use at least one particle "
             "per target, better some fifty.",
         )
-
-
-def _check_open(tracker: Settings) -> None:
-    if callable(tracker.initial):
-        raise InputError(
-            "population='open' starts from an array [L, D] whose rows of NaN are empty slots, not "
-            "from a sampler; give initial as an array."
-        )
-    if tracker.weights != "equal_share":
-        raise InputError(
-            f"population='open' gives every new target an equal share, which "
-            f"weights={tracker.weights!r} does not; use weights='equal_share'."
-        )
+    if tracker.population == "open":
+        if callable(tracker.initial):
+            raise InputError(
+                "population='open' starts from an array [L, D] whose rows of NaN are empty slots, "
+                "not from a sampler; give initial as an array."
+            )
+        if tracker.weights != "equal_share":
+            raise InputError(
+                f"population='open' gives every new target an equal share, which "
+                f"weights={tracker.weights!r} does not; use weights='equal_share'."
+            )
+    if tracker.feedback != "none" or tracker.regularise is not None or tracker.speed is not None:
+        _check_coordinates(tracker)
+    check_rows(tracker.dynamics, num_targets)
+    check_factors(tracker.dynamics, tracker.likelihood, "labelled particles")
+    if tracker.motion_gradient == "score":
+        if tracker.feedback != "none":
+            raise InputError(
+                "motion_gradient='score' needs the density of a move, and feedback='estimate' "
+                "changes the move; use feedback='none' or motion_gradient='pathwise'."
+            )
+        refused(without_noise("motion_gradient='score'", tracker, moved=True))
 
 
 def _check_coordinates(tracker: Settings) -> None:
+    """Position and speed must be different coordinates, one speed for each position."""
     position, speed = tracker.position, tracker.speed
-    if tracker.feedback == "none" and tracker.regularise is None and speed is None:
-        return  # unused
-    if speed is not None and len(speed) != len(position):
-        raise InputError(
-            f"speed={list(speed)} has {len(speed)} coordinates and position={list(position)} has "
-            f"{len(position)}; name one speed for each position."
-        )
     used = [*position, *(speed or ())]
     dimension = np.inf if callable(tracker.initial) else np.shape(tracker.initial)[1]
-    if len(set(used)) != len(used) or min(used, default=0) < 0 or max(used, default=0) >= dimension:
-        last = "" if np.isinf(dimension) else f" to {dimension - 1}"
+    fit = len(set(used)) == len(used) and all(0 <= place < dimension for place in used)
+    if not fit or (speed is not None and len(speed) != len(position)):
         raise InputError(
             f"position={list(position)} and speed={speed and list(speed)} must name different "
-            f"coordinates of a substate, counted from 0{last}."
+            "coordinates of a substate, counted from 0, and one speed for each position."
         )

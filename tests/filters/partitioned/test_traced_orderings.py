@@ -13,7 +13,7 @@ from jaxpf.contract.state import STATUS_UNSUPPORTED
 from jaxpf.dynamics import LinearGaussian
 from jaxpf.likelihoods import Gaussian
 from jaxpf.smoothing import gibbs
-from jaxpf.smoothing.groups import check_smoothing
+from jaxpf.smoothing.checks import check_smoothing
 
 FRAMES = np.random.default_rng(0).normal(size=(2, 3, 1)).astype(np.float32)
 KEY = jax.random.key(1)

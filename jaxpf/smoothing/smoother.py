@@ -191,10 +191,10 @@ def smooth_stream(
         InputError: as for ``smooth``.
     """
     check_whole("lag", lag)
-    check_smoothing(tracker)
     frames = frames_of(frames)
     if inputs is not None:
         tracker = runs.with_rows(tracker, inputs, num_frames(frames.stacked()))
+    check_smoothing(tracker)
     number = _checked_number(tracker, num_trajectories)
     record = backward.keep_both_lags if looks_back(tracker) else backward.keep_substates
     back_key = backward.key_of(runs.as_key(key))

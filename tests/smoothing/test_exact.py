@@ -11,7 +11,6 @@ from refusals import message_of
 
 import jaxpf
 from jaxpf import ordering, pytree_dataclass
-from jaxpf.dynamics import RandomWalk
 from jaxpf.smoothing import gibbs
 from jaxpf.smoothing.checks import check_smoothing
 
@@ -105,56 +104,9 @@ def test_smoothing_knows_that_labels_move(method):
     assert z_scores(estimates, expected).max() < LIMIT
 
 
-# --- Motion that changes with time ----------------------------------------------------------
-
-DRIFT = np.float32([3.0, -40.0, 25.0, 60.0, -10.0, 7.0])
-PATH = np.cumsum(DRIFT)[:, None, None]
-OBSERVED = RNG.normal(size=(6, 2, 1)).astype(np.float32)
-
-
 @pytree_dataclass
-class Shifted:
-    """A random walk whose substates are shifted by a number of its own."""
-
-    shift: jax.Array
-
-    def propagate_all(self, key, partition, current, previous, parent):
-        walk = RandomWalk(np.float32(1))
-        return walk.propagate_all(key, partition, current, previous, parent) + self.shift
-
-    def log_density_all(self, partition, new, current, previous, parent):
-        walk = RandomWalk(np.float32(1))
-        return walk.log_density_all(partition, new - self.shift, current, previous, parent)
-
-
-@pytree_dataclass
-class Drifting:
-    """Shifted by another number in every frame; all that it can do stands behind ``at_frame``."""
-
-    drift: jax.Array
-
-    def at_frame(self, time):
-        return Shifted(jnp.asarray(self.drift)[time])
-
-
-def walking(dynamics, **changes):
-    return partitioned(dynamics=dynamics, **changes)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("lag", [pytest.param(None, marks=pytest.mark.always), 2])
-def test_smoothing_follows_a_motion_that_changes_with_time(lag):
-    """The same draws as of a plain walk, beside a path that is known."""
-    key, drifting = jax.random.key(1), walking(Drifting(DRIFT))
-    found = jaxpf.smooth(drifting, key, OBSERVED + PATH, lag=lag)
-    plain = jaxpf.smooth(walking(Drifting(0 * DRIFT)), key, OBSERVED, lag=lag)
-    np.testing.assert_allclose(found.estimate - PATH, plain.estimate, atol=1e-3)
-    np.testing.assert_allclose(found.spread, plain.spread, atol=1e-3)
-
-
-@pytree_dataclass
-class Together(Drifting):
-    """Coupled, in every frame."""
+class Together:
+    """Coupled in every frame; all that it can do stands behind ``at_frame``."""
 
     def at_frame(self, time):
         return _Coupled()
@@ -167,9 +119,10 @@ class _Coupled(jaxpf.contract.CoupledDynamics):
 
 
 def test_what_stands_behind_at_frame_is_refused_alike():
-    exchanging = {"ordering": ordering.sps([-1, -1])}
-    assert "Together" in message_of(walking, Together(DRIFT), **exchanging)
-    assert "Together" in message_of(jaxpf.smooth, walking(Together(DRIFT)), KEY, OBSERVED)
+    exchanging = ordering.sps([-1, -1])
+    assert "Together" in message_of(partitioned, exchanging, dynamics=Together())
+    its = partitioned(dynamics=Together())
+    assert "Together" in message_of(jaxpf.smooth, its, KEY, np.zeros((6, 2, 1)))
 
 
 # --- Conditional sweeps ---------------------------------------------------------------------

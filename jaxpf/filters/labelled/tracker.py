@@ -14,7 +14,7 @@ from jaxpf.contract.options import check_fields
 from jaxpf.contract.pytree import compiled_alone, pytree_dataclass
 from jaxpf.contract.refusals import Bias, refused
 from jaxpf.filters import confidence
-from jaxpf.filters.initial import as_floats, check_rows, initial_rows
+from jaxpf.filters.initial import check_rows, draw_initial, initial_rows
 from jaxpf.filters.labelled import by_label, kernel, population
 from jaxpf.filters.labelled.state import LabelledState, LabelledSummary, Settings
 from jaxpf.filters.noiseless import without_noise
@@ -89,12 +89,9 @@ class Labelled(Settings, Tracker):
         if self.population == "open":
             return population.first_state(self)
         labels = kernel.first_labels(self.num_particles, self.num_targets)
-        if callable(self.initial):
-            drawn = jax.vmap(self.initial)(jax.random.split(key, self.num_particles))
-            chex.assert_shape(drawn, (self.num_particles, self.num_targets, None))
-            values = as_floats(drawn[np.arange(self.num_particles), labels].T)
-        else:
-            values = self.initial.T[:, labels]
+        drawn = draw_initial(self.initial, key, self.num_particles)
+        chex.assert_axis_dimension(drawn, 1, self.num_targets)
+        values = drawn[:, labels, np.arange(self.num_particles)]
         sizes = np.bincount(labels, minlength=self.num_targets)
         log_weights = jnp.asarray(-np.log(self.num_targets * sizes[labels]), values.dtype)
         estimate = by_label.sums(values, jnp.asarray(labels), self.num_targets)

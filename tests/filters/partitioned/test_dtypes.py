@@ -6,7 +6,6 @@ import pytest
 from tagged_walk import METHODS, D, P, frames, tracker
 
 from jaxpf import ordering
-from jaxpf.dynamics import IndependentGaussian
 
 
 def dtypes(made, observed):
@@ -44,9 +43,3 @@ def test_whole_numbers_as_initial_state_become_floats():
     assert made.initial.dtype == np.float32
     state = made.init(jax.random.key(0))
     np.testing.assert_array_equal(state.substates[7], [[1, 2], [3, 4], [5, 6]])
-
-
-def test_a_sampler_of_another_shape_is_noticed():
-    made = tracker(ordering.sir(P), initial=IndependentGaussian(np.zeros((2, D)), 1.0))
-    with pytest.raises(AssertionError):
-        made.init(jax.random.key(0))

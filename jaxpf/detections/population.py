@@ -112,11 +112,11 @@ def come_and_go(
     ids = [int(name) for start in named.values() for name in start.ids]
     if len(set(ids)) < len(ids) or min(ids, default=0) < 0:
         raise InputError(f"objects are named {ids}; give each a number of its own, from 0 on.")
-    living = lifetimes.start_empty(tracker.num_targets, max(ids, default=0))
+    living = lifetimes.start_empty(tracker.num_partitions, max(ids, default=0))
     state: Any = init_compiled(tracker, key)
     summary: Any = None
-    boxes = np.full((tracker.num_targets, 4), np.nan)
-    without = np.zeros(tracker.num_targets, bool)
+    boxes = np.full((tracker.num_partitions, 4), np.nan)
+    without = np.zeros(tracker.num_partitions, bool)
     if detections is not None and rules.detection_noise > 0:
         nothing = np.full(tracker.initial.shape, np.nan, np.float32)
         tracker = dataclasses.replace(

@@ -44,6 +44,13 @@ def initial_rows(initial: Any, count: int | None = None, may_be_empty: bool = Fa
     return initial
 
 
+def count_partitions(initial: Any) -> int:
+    """Number of partitions, P, of an initial state."""
+    if not callable(initial):
+        return initial.shape[0]
+    return jax.eval_shape(initial, jax.random.key(0)).shape[0]
+
+
 def draw_initial(initial: Any, key: jax.Array, num_particles: int) -> jax.Array:
     """Particles ``[D, P, N]`` of an initial state."""
     if not callable(initial):

@@ -266,7 +266,6 @@ def _labelled(
         dynamics=model.dynamics,
         likelihood=model.likelihood,
         initial=model.initial,
-        num_targets=model.num_partitions,
         num_particles=num_particles,
         resampling=resampling,
         weights=weights,

@@ -23,7 +23,6 @@ def tracker(num_targets=3, num_particles=60, **settings):
         "dynamics": AR2(scale=(1.0, 1.0)),
         "likelihood": Gaussian(noise=0.5 * eye),
         "initial": np.zeros((num_targets or 3, 2), np.float32),
-        "num_targets": num_targets,
     }
     return jaxpf.Labelled(**(defaults | {"num_particles": num_particles} | settings))
 

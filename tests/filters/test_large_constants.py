@@ -71,7 +71,7 @@ def partitioned(order, likelihood=None, **options):
 
 def labelled(weights="equal_share", likelihood=None, **options):
     likelihood = Whole() if likelihood is None else likelihood
-    options = {"initial": START, "num_targets": P, "num_particles": N} | options
+    options = {"initial": START, "num_particles": N} | options
     return jaxpf.Labelled(RandomWalk(1.0), likelihood, weights=weights, **options)
 
 

@@ -39,12 +39,12 @@ def partitioned(order=DPS, **changes):
 
 
 def labelled(**changes):
-    return jaxpf.Labelled(**MODEL | {"num_targets": P} | changes)
+    return jaxpf.Labelled(**MODEL | changes)
 
 
 def population(**changes):
     empty = np.full((P, 2), np.nan, np.float32)
-    return labelled(initial=empty, population="open", num_targets=None, **changes)
+    return labelled(initial=empty, population="open", **changes)
 
 
 def eskil(**changes):
@@ -149,7 +149,6 @@ def test_what_is_refused_with_an_exchange_is_fine_without():
     (lambda: labelled(gradient=Soft()), "StopGradient"),
     (lambda: labelled(gradient=Transport()), "StopGradient"),
     (lambda: labelled(initial=np.zeros(3)), "initial has shape [3]"),
-    (lambda: labelled(initial=sampler, num_targets=None), "num_targets=None"),
     (lambda: labelled(regularise=(0.0, 1.0)), "regularise=(0.0, 1.0)"),
     (lambda: labelled(speed=(2, 3), **SPEED), "speed=[2, 3]"),
     (lambda: labelled(speed=(1,), **SPEED), "speed"),

@@ -209,9 +209,7 @@ def tracker_of(config, num_particles=N):
         "branched": lambda: ordering.branched([[0, 1, 2], [0, 2, 1]]),
     }
     others = {
-        "labelled": lambda: jaxpf.Labelled(
-            **model, **settings | {"weights": "corrected", "num_targets": P}
-        ),
+        "labelled": lambda: jaxpf.Labelled(**model, **settings | {"weights": "corrected"}),
         "pffl": lambda: jaxpf.PFFL(**model, **settings),
         "eskil": lambda: jaxpf.Eskil(**model, shape="none", drift="clip", proper=True, **settings),
     }

@@ -26,7 +26,7 @@ class Targets(NamedTuple):
     second: np.ndarray
 
     def tracker(self, **settings):
-        settings = {"num_particles": PARTICLES, "num_targets": TARGETS} | settings
+        settings = {"num_particles": PARTICLES} | settings
         return jaxpf.Labelled(
             dynamics=self.problem.dynamics,
             likelihood=self.problem.likelihood,

@@ -27,5 +27,5 @@ START, ORDER = np.zeros((2, 1)), jaxpf.ordering.sir(2)
 jaxpf.Partitioned(dynamics=MOVES, likelihood=SEEN, ordering=ORDER, initial=START)
 jaxpf.Partitioned(dynamics=3, likelihood=SEEN, ordering=ORDER, initial=START)  # mistake
 jaxpf.Partitioned(dynamics=MOVES, likelihood=MOVES, ordering=ORDER, initial=START)  # mistake
-jaxpf.Labelled(dynamics=MOVES, likelihood=SEEN, initial=START, num_targets=2, waits="")  # mistake
+jaxpf.Labelled(dynamics=MOVES, likelihood=SEEN, initial=START, waits="")  # mistake
 jaxpf.state_space(initial=0.0, transition=max, log_likelihood=max, gradiant=3)  # mistake

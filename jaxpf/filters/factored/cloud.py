@@ -26,7 +26,7 @@ from jaxpf.contract.state import (
     sanitised,
 )
 from jaxpf.filters import confidence, options as of
-from jaxpf.filters.initial import check_rows, draw_initial, initial_rows
+from jaxpf.filters.initial import check_rows, count_partitions, draw_initial, initial_rows
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling import weighted as resampling
 from jaxpf.resampling.schemes import scheme_of
@@ -96,9 +96,7 @@ class Factored(contract.Tracker):
     @property
     def num_partitions(self) -> int:
         """Number of partitions, P."""
-        if not callable(self.initial):
-            return self.initial.shape[0]
-        return jax.eval_shape(self.initial, jax.random.key(0)).shape[0]
+        return count_partitions(self.initial)
 
     @compiled_alone
     @with_written_out_key

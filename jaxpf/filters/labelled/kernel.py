@@ -83,7 +83,7 @@ def select(tracker: Settings, key: jax.Array, state: LabelledState) -> LabelledS
     log_weights = jnp.where(state.weighted, log_weights, incoming)
     if tracker.gradient.keeps_scores:
         log_weights = with_gradient_of(lax.stop_gradient(log_weights), incoming[chosen])
-    labels = state.labels if tracker.num_targets == 1 else state.labels[chosen]
+    labels = state.labels if tracker.num_partitions == 1 else state.labels[chosen]
     return dataclasses.replace(
         state, lagged=state.lagged[:, :, chosen], labels=labels, log_weights=log_weights
     )
@@ -124,7 +124,7 @@ def weigh(
             tracker.dynamics, state.labels, moved, left[0], left[1], jnp.zeros_like(moved)
         )
         log_prob = with_gradient_of(log_prob, log_density.astype(moved.dtype))
-    alive, num_targets = counted(log_prob, state.log_weights), tracker.num_targets
+    alive, num_targets = counted(log_prob, state.log_weights), tracker.num_partitions
     largest = finite(by_label.maxima(alive, state.labels, num_targets))
     return log_prob - by_label.broadcast(largest, state.labels), largest, num_invalid
 
@@ -144,7 +144,7 @@ def share_out(
         The state with new weights and masses, and the log of the frame's evidence factors: of the
         mixture ``[]`` and of each label ``[L]``.
     """
-    labels, num_targets = state.labels, tracker.num_targets
+    labels, num_targets = state.labels, tracker.num_partitions
     entering = state.log_weights
     weighed = entering + log_factor
     total = by_label.log_sums(weighed, labels, num_targets)
@@ -198,7 +198,7 @@ def report(
     num_invalid: jax.Array,
 ) -> tuple[LabelledState, LabelledSummary]:
     """Report the labels' estimates, spreads and effective sample sizes."""
-    labels, num_targets = state.labels, tracker.num_targets
+    labels, num_targets = state.labels, tracker.num_partitions
     log_weights = state.log_weights
     log_share = by_label.log_sums(log_weights, labels, num_targets)
     present = ~jnp.isneginf(log_share)

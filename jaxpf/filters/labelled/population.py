@@ -72,10 +72,10 @@ def first_state(tracker: Settings) -> LabelledState:
     alive = jnp.all(jnp.isfinite(initial), axis=0)
     place = jnp.where(alive, initial, 0.0)
     labels = jnp.sort(assign_slots(alive, num_particles))
-    sizes = by_label.counts(labels, tracker.num_targets).astype(place.dtype)
+    sizes = by_label.counts(labels, tracker.num_partitions).astype(place.dtype)
     mass = jnp.where(alive, -jnp.log(jnp.maximum(jnp.sum(alive), 1).astype(place.dtype)), -jnp.inf)
     values = by_label.broadcast(place, labels)
-    velocity = jnp.zeros((len(tracker.position), tracker.num_targets), place.dtype)
+    velocity = jnp.zeros((len(tracker.position), tracker.num_partitions), place.dtype)
     if tracker.speed is not None:
         velocity = place[jnp.array(tracker.speed)]
     return LabelledState(

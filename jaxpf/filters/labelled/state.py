@@ -10,6 +10,7 @@ from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.state import Presence, Summary
 from jaxpf.contract.types import DynamicsLike, LikelihoodLike
 from jaxpf.filters import options as of
+from jaxpf.filters.initial import count_partitions
 from jaxpf.gradients import Gradient, NoGradient
 
 
@@ -23,7 +24,6 @@ class Settings:
     regularise: of.MaybeShare = None
     resampling: Any = "systematic"
     gradient: Gradient = NoGradient()
-    num_targets: Any = static_field(default=None)
     num_particles: of.NumParticles = static_field(default=300)
     weights: of.Weights = static_field(default="equal_share")
     feedback: of.Feedback = static_field(default="none")
@@ -31,6 +31,11 @@ class Settings:
     position: Sequence[int] = static_field(default=(0, 1))
     speed: Sequence[int] | None = static_field(default=None)
     motion_gradient: of.MotionGradient = static_field(default="pathwise")
+
+    @property
+    def num_partitions(self) -> int:
+        """Number of targets, L, which are the rows of a summary."""
+        return count_partitions(self.initial)
 
 
 @pytree_dataclass

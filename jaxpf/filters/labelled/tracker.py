@@ -41,15 +41,14 @@ class Labelled(Settings, Tracker):
             motion.
         resampling: a name in ``jaxpf.resampling.SCHEMES``, or a custom scheme, see there.
         gradient: ``NoGradient()`` or ``StopGradient()`` of ``jaxpf.gradients``.
-        num_targets: static, L; required only if ``initial`` is a sampler.
         num_particles: static, N, for all targets together.
         weights: static: ``"equal_share"`` (eq. 4), ``"plain"``, or ``"corrected"``, which selects
             by eq. 4 and keeps the weights.
         feedback: static: ``"estimate"`` moves particles at the speed of the regularised estimate
             (eq. 5), ``"none"`` at their own speed.
         population: static: in an ``"open"`` population, ``jaxpf.filters.add_target`` and
-            ``remove_target`` change the targets between frames; ``num_targets`` is then the maximum
-            number at once.  ``"fixed"`` otherwise.
+            ``remove_target`` change the targets between frames; ``initial`` has a row for each that
+            there may be at once.  ``"fixed"`` otherwise.
         position: static, indices of the position coordinates.
         speed: static, indices of the coordinates that hold the speed per frame, one for each of
             ``position``; None for dynamics that take it from ``current - previous``.
@@ -58,20 +57,13 @@ class Labelled(Settings, Tracker):
 
     def __post_init__(self):
         is_open = self.population != "fixed"
-        initial = initial_rows(self.initial, self.num_targets, may_be_empty=is_open)
+        initial = initial_rows(self.initial, may_be_empty=is_open)
         object.__setattr__(self, "initial", initial)
-        if self.num_targets is None and not callable(initial):
-            object.__setattr__(self, "num_targets", initial.shape[0])
         for name in ("position", "speed"):
             value = getattr(self, name)
             object.__setattr__(self, name, None if value is None else tuple(value))
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
         _check(self)
-
-    @property
-    def num_partitions(self) -> int:
-        """Number of targets, L, which are the rows of a summary."""
-        return self.num_targets
 
     @property
     def evidence_biases(self) -> tuple[Bias, ...]:
@@ -88,27 +80,27 @@ class Labelled(Settings, Tracker):
         """Draw the state just before the first frame; each target has 1/L of the weight."""
         if self.population == "open":
             return population.first_state(self)
-        labels = kernel.first_labels(self.num_particles, self.num_targets)
+        num_targets = self.num_partitions
+        labels = kernel.first_labels(self.num_particles, num_targets)
         drawn = draw_initial(self.initial, key, self.num_particles)
-        chex.assert_axis_dimension(drawn, 1, self.num_targets)
         values = drawn[:, labels, np.arange(self.num_particles)]
-        sizes = np.bincount(labels, minlength=self.num_targets)
-        log_weights = jnp.asarray(-np.log(self.num_targets * sizes[labels]), values.dtype)
-        estimate = by_label.sums(values, jnp.asarray(labels), self.num_targets)
+        sizes = np.bincount(labels, minlength=num_targets)
+        log_weights = jnp.asarray(-np.log(num_targets * sizes[labels]), values.dtype)
+        estimate = by_label.sums(values, jnp.asarray(labels), num_targets)
         estimate = estimate / jnp.asarray(sizes, values.dtype)
-        velocity = jnp.zeros((len(self.position), self.num_targets), values.dtype)
+        velocity = jnp.zeros((len(self.position), num_targets), values.dtype)
         if self.speed is not None:
             velocity = estimate[np.array(self.speed)]
         return LabelledState(
             lagged=jnp.stack([values, values]),
             labels=jnp.asarray(labels),
             log_weights=log_weights,
-            log_mass=jnp.full((self.num_targets,), -np.log(self.num_targets), values.dtype),
+            log_mass=jnp.full((num_targets,), -np.log(num_targets), values.dtype),
             estimate=estimate,
             velocity=velocity,
-            lost=jnp.zeros((self.num_targets,), bool),
+            lost=jnp.zeros((num_targets,), bool),
             weighted=jnp.zeros((), bool),
-            presence=confidence.at_start(self.likelihood, self.num_targets, values.dtype),
+            presence=confidence.at_start(self.likelihood, num_targets, values.dtype),
             time=jnp.zeros((), jnp.int32),
         )
 
@@ -142,18 +134,13 @@ class Labelled(Settings, Tracker):
 def _check(tracker: Settings) -> None:
     """Refuse settings that cannot work or would be silently wrong."""
     check_fields(tracker)
-    gradient, num_targets = tracker.gradient, tracker.num_targets
+    gradient, num_targets = tracker.gradient, tracker.num_partitions
     if gradient.blends or not gradient.equalises:
         raise InputError(
             f"gradient {type(gradient).__name__} needs particles that hold all targets; "
             "use NoGradient() or StopGradient() of jaxpf.gradients."
         )
     check_gradients(tracker)
-    if num_targets is None or num_targets < 1:
-        raise InputError(
-            f"num_targets={num_targets} must be the number of targets that the initial sampler "
-            "draws, at least 1."
-        )
     if tracker.num_particles < num_targets:
         raise InputError(
             Argument("num_particles", tracker.num_particles),

@@ -7,7 +7,6 @@ import dataclasses
 import functools
 import math
 import os
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,19 +18,11 @@ import numpy as np
 from jaxpf.contract.calls import model_error
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.state import Summary
-from jaxpf.evaluation.plan import Plan
-from jaxpf.evaluation.results import BUILT_IN, Batch, Configuration, Results, batch_name
-from jaxpf.evaluation.scene import (
-    check_scene,
-    object_ids,
-    open_scene,
-    remember_scene,
-    same_scene,
-    scene_digest,
-    start_frame,
-)
-from jaxpf.evaluation.settings import new_settings, stored_settings, write_settings
-from jaxpf.evaluation.trackers import own_tracker, read_boxes_like, tracker_of
+from jaxpf.evaluation.plan import Plan, complete
+from jaxpf.evaluation.results import BUILT_IN, OWN, Batch, Configuration, Results, batch_name
+from jaxpf.evaluation.scene import Opened, check_scene, object_ids, open_scene, start_frame
+from jaxpf.evaluation.settings import new_settings, resumed, stored_settings
+from jaxpf.evaluation.trackers import read_boxes_like, tracker_of
 from jaxpf.files.executors import Pool as Pool, local_pool as local_pool
 from jaxpf.files.store import locked
 from jaxpf.files.writing import remove_leavings, report_os_errors
@@ -127,55 +118,55 @@ def prepare(
 ) -> Prepared:
     """Determine the missing work without writing; arguments and errors as for ``evaluate``."""
     folder = Path(folder)
-    settings = stored_settings(plan, folder)
-    scene = open_scene(plan.scene)
+    old = stored_settings(folder)
+    opened = open_scene(plan.scene)
+    scene = opened.scene
     check_scene(scene)
     target = target_of_scene(scene, plan.target)
     start = target.scene_start(scene)
-    digest = scene_digest(scene)
-
-    @functools.cache
-    def own(name: str) -> tuple[Any, float]:
-        """A user's tracker, or its tracks, and the seconds that they took."""
-        began = time.perf_counter()
-        made = own_tracker(name, plan.trackers[name], scene)
-        return made, time.perf_counter() - began
-
-    if settings is None:
-        settings = new_settings(plan, scene, digest, target, start, lambda name: own(name)[0])
-    if settings["scene"]["digest"] != digest:
+    plan = complete(plan, target.name, start.parents)
+    settings = resumed(folder, old, plan) if old else new_settings(plan, opened, start)
+    if settings["scene"]["digest"] != opened.digest:
         raise InputError(
             f"scene {scene.name!r} has other pictures or boxes than when the evaluation in "
             f"'{folder}' was begun; choose another output folder, or restore the scene."
         )
-    remember_scene(scene, digest)
-    reopen = functools.partial(same_scene, plan.scene, digest)
-    results = Results(folder, settings, target.scene_shapes(scene)[1:], start, reopen)
+    results = Results(folder, settings, target.scene_shapes(scene)[1:], start)
     done, damaged = results.survey()
     work, imports = {}, {}
     share = math.ceil(sum(np.sum(~runs) for runs in done) / workers)
     for index, configuration in enumerate(results.configurations):
-        name = configuration.method
         if done[index].all():
             continue
         if configuration.is_imported:
-            tracks, seconds = own(name) if name in plan.trackers else (None, None)
-            if tracks is None and target.has_boxes:
-                ids = object_ids(scene)
-                tracks = read_boxes_like(plan.tracks[name], scene.boxes, ids, start_frame(scene))
-            given = "points" if tracks is not None and tracks.shape[-1] == 2 else "boxes"
-            if tracks is None or given != ("boxes" if target.has_boxes else target.name):
-                raise InputError(
-                    f"{name!r} gives {given}, but the objects of {scene.name!r} are "
-                    f"{target.name}; leave it out."
-                )
-            moves = (tracks != tracks[0]).any()
-            imports[index] = imported_batch(tracks[1:], plan.seed), seconds if moves else None
+            imports[index] = _import(plan, opened, target, configuration.method)
             continue
         most = runs_per_batch or min(share, _most_runs(configuration, scene, start.num_partitions))
         for first, count, blocks in divide(done[index], most):
             work[batch_name(index, first)] = Work(configuration, first, count, blocks)
     return Prepared(plan, results, done, damaged, work, imports)
+
+
+def _import(plan: Plan, opened: Opened, target: Target, name: str) -> tuple[Batch, float | None]:
+    """The one run of a file's tracks, or of computed ones with the seconds that they took.
+
+    Raises:
+        InputError: the tracks are of another kind than the objects.
+    """
+    scene, seconds, given = opened.scene, None, "boxes"
+    if name in plan.trackers:
+        tracks, seconds = opened.made(name, plan.trackers[name])
+        given = "points" if tracks.shape[-1] == 2 else "boxes"
+    if given != ("boxes" if target.has_boxes else target.name):
+        raise InputError(
+            f"{name!r} gives {given}, but the objects of {scene.name!r} are {target.name}; leave "
+            "it out."
+        )
+    if name in plan.tracks:
+        ids, path = object_ids(scene), plan.tracks[name]
+        tracks = read_boxes_like(path, scene.boxes, ids, start_frame(scene))
+    moves = (tracks != tracks[0]).any()
+    return imported_batch(tracks[1:], plan.seed), seconds if moves else None
 
 
 def carry_out(
@@ -189,14 +180,14 @@ def carry_out(
     The speeds of tracks that were computed here are stored, too.
     """
     results, store = prepared.results, prepared.results.store
-    scene, float64 = results.settings["scene"], results.settings["float64"]
-    run = functools.partial(run_batch, prepared.plan, scene["digest"], scene["target"], float64)
+    digest, float64 = results.settings["scene"]["digest"], results.settings["float64"]
+    run = functools.partial(run_batch, prepared.plan, digest, float64)
     with locked(results.folder, "evaluating"):
         remove_leavings(store.folder)
         for path in prepared.damaged:
             with report_os_errors("replace", path):
                 path.unlink(missing_ok=True)
-        write_settings(results)
+        results.begin()
         speeds = results.speeds
         for index, (batch, seconds) in prepared.imports.items():
             results.write(index, batch)
@@ -248,13 +239,12 @@ def divide(done: np.ndarray, largest: int) -> Iterator[tuple[int, int, Blocks]]:
             start = end
 
 
-def run_batch(plan: Plan, digest: str, of: str, float64: bool, work: Work) -> dict[str, np.ndarray]:
+def run_batch(plan: Plan, digest: str, float64: bool, work: Work) -> dict[str, np.ndarray]:
     """Run one batch; returns the fields of a ``Batch``.
 
     Args:
-        plan: of the evaluation.
+        plan: complete.
         digest: of the scene, the same in every process.
-        of: name of the target, the type of the scene's objects.
         float64: whether JAX computes in double precision.
         work: the batch.
 
@@ -263,12 +253,13 @@ def run_batch(plan: Plan, digest: str, of: str, float64: bool, work: Work) -> di
     """
     configuration, first_run, num_runs, blocks = work
     with jax.enable_x64(float64):
-        scene, target = same_scene(plan.scene, digest), find_target(of)
-        start = target.scene_start(scene)
-        tracker = _tracker(plan, scene, target, configuration)
+        opened, target = open_scene(plan.scene, digest), find_target(plan.target or "")
+        start = target.scene_start(opened.scene)
+        tracker = tracker_for(plan, opened, target, configuration)
         error = model_error(tracker, start.num_partitions).astype(np.float32)
         keys = run_keys(plan.seed, first_run, num_runs)
-        recorded = run_blocks(tracker, keys, scene.frames[1:], blocks, record=keep_measures)
+        frames = opened.scene.frames[1:]
+        recorded = run_blocks(tracker, keys, frames, blocks, record=keep_measures)
     kept = {
         name: np.asarray(value, bool if name == "without_likelihood" else np.float32)
         for name, value in recorded.items()
@@ -282,18 +273,12 @@ def run_batch(plan: Plan, digest: str, of: str, float64: bool, work: Work) -> di
     }
 
 
-def _tracker(plan: Plan, scene: Scene, target: Target, configuration: Configuration) -> Any:
-    """Make the tracker; a user's function is called once per scene and its tracker reused."""
-    if configuration.kind == BUILT_IN:
-        return tracker_of(scene, target, configuration)
+def tracker_for(plan: Plan, opened: Opened, target: Target, configuration: Configuration) -> Any:
+    """The tracker of a configuration, built in or a user's."""
     name = configuration.method
-    if _own_tracker[:2] != [scene, name]:
-        _own_tracker[:] = scene, name, own_tracker(name, plan.trackers[name], scene)
-    return _own_tracker[2]
-
-
-#: This process's last user-defined tracker, as scene, name and tracker.
-_own_tracker: list[Any] = []
+    if configuration.kind == OWN:
+        return opened.made(name, plan.trackers[name])[0]
+    return tracker_of(opened.scene, target, configuration)
 
 
 def keep_measures(state: object, summary: Summary) -> dict[str, jax.Array]:
@@ -326,20 +311,18 @@ def run_keys(seed: int, first_run: int, num_runs: int) -> jax.Array:
 
 def imported_batch(shapes: np.ndarray, seed: int) -> Batch:
     """Another tracker's shapes ``[T, P, S]`` as a batch of one run; other measures are NaN."""
-    times, objects = shapes.shape[:2]
-
-    def unknown(*shape: int) -> np.ndarray:
-        return np.full((1, *shape), np.nan, np.float32)
-
+    by_object, by_frame = (
+        np.full((1, *size), np.nan, np.float32) for size in (shapes.shape[:2], shapes.shape[:1])
+    )
     return Batch(
         seeds=np.array([seed], np.int64),
         runs=np.array([0], np.int64),
         shapes=shapes[None].astype(np.float32),
-        distinct_share=unknown(times, objects),
-        spread=unknown(times, objects, 3),
-        model_error=np.zeros((1, objects, 3), np.float32),
-        confidence=unknown(times, objects),
-        ess=unknown(times),
-        log_evidence=unknown(times),
+        distinct_share=by_object,
+        spread=np.stack(3 * [by_object], axis=-1),
+        model_error=np.zeros((1, shapes.shape[1], 3), np.float32),
+        confidence=by_object,
+        ess=by_frame,
+        log_evidence=by_frame,
         without_likelihood=~np.isfinite(shapes[None]).all(axis=-1),
     )

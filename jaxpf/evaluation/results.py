@@ -5,21 +5,18 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import plain
 from jaxpf.files.store import SETTINGS, Damaged, Store
-from jaxpf.files.writing import write_text
+from jaxpf.files.writing import report_os_errors, write_text
 from jaxpf.targets.registry import find_target
 from jaxpf.targets.target import Start, Target
-
-if TYPE_CHECKING:
-    from scenes import Scene
 
 #: Name of the stored file with the ground truth.
 TRUTH = "truth"
@@ -144,24 +141,16 @@ class Results:
         settings: dict[str, Any],
         truth: np.ndarray,
         start: Start,
-        load_scene: "Callable[[], Scene] | None" = None,
     ):
         self.folder = folder
         self.settings = settings
         self.truth = truth
         self.start = start
-        self._load_scene = load_scene
         self.store = Store(folder / FOLDER, "evaluate again, which repeats its runs alone")
 
     @classmethod
-    def open(
-        cls, folder: str | os.PathLike[str], load_scene: "Callable[[], Scene] | None" = None
-    ) -> "Results":
+    def open(cls, folder: str | os.PathLike[str]) -> "Results":
         """Open the folder of an evaluation.
-
-        Args:
-            folder: of the evaluation.
-            load_scene: function that opens the evaluation's scene, for ``scene()``.
 
         Raises:
             InputError: the folder holds no evaluation, or it cannot be read.
@@ -176,7 +165,7 @@ class Results:
             raise InputError(
                 f"'{folder / SETTINGS}' describes no evaluation; evaluate into another folder."
             ) from None
-        return cls(folder, settings, truth, start, load_scene)
+        return cls(folder, settings, truth, start)
 
     @property
     def target(self) -> Target:
@@ -269,6 +258,21 @@ class Results:
         """Store a batch of the configuration with an index."""
         self.store.write(batch_name(configuration, int(batch.runs[0])), vars(batch))
 
+    def begin(self) -> None:
+        """Start or resume the evaluation; settings are written last, because they mark the folder.
+
+        Raises:
+            InputError: the folder or the files cannot be written.
+        """
+        with report_os_errors("create the folder", self.folder):
+            self.store.folder.mkdir(parents=True, exist_ok=True)
+        store, start = Store(self.folder), self.start
+        if not store.path(TRUTH).exists():
+            store.write(
+                TRUTH, dict(zip(_ARRAYS, (self.truth, start.shapes, start.sizes), strict=True))
+            )
+        store.begin(self.settings)
+
     def survey(self) -> tuple[list[np.ndarray], list[Path]]:
         """Read every batch to its end to find the finished runs.
 
@@ -292,19 +296,6 @@ class Results:
     def _names(self, configuration: int) -> list[str]:
         """Names of a configuration's batches, in the order of their runs."""
         return self.store.names(f"{configuration:04d}-{8 * '[0-9]'}")
-
-    def scene(self) -> "Scene":
-        """Open the scene again.
-
-        Raises:
-            InputError: these results were opened without ``load_scene``.
-        """
-        if self._load_scene is None:
-            raise InputError(
-                f"the results '{self.folder}' were opened without a way to open their scene; use "
-                "Results.open(folder, load_scene=...)."
-            )
-        return self._load_scene()
 
 
 def read_settings(folder: Path) -> dict[str, Any]:

@@ -1,6 +1,8 @@
 """Opens scenes, drawn ones and recordings: once per process, identified by a digest."""
 
+import dataclasses
 import hashlib
+import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +12,7 @@ import numpy as np
 import scenes
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.numbers import plain
+from jaxpf.evaluation.trackers import own_tracker
 from jaxpf.sequences import open_sequence
 from scenes import Scene
 
@@ -67,48 +70,62 @@ def _is_folder(source: Any) -> bool:
     return Path(source).exists() or ("/" in source and not scenes.names_function(source))
 
 
-def open_scene(scene: SceneSource) -> Scene:
-    """The plan's scene, which a function may open."""
-    return scene() if callable(scene) else scene
+@dataclasses.dataclass(frozen=True)
+class Opened:
+    """A scene that this process has open.
+
+    Attributes:
+        scene: with pictures and truth.
+        digest: of its frames, boxes and patches.
+    """
+
+    scene: Scene
+    digest: str
+    _made: dict[Any, tuple[Any, float]] = dataclasses.field(default_factory=dict)
+
+    def made(self, name: str, function: Callable[[Scene], Any]) -> tuple[Any, float]:
+        """A user's tracker of this scene, or its tracks, and the seconds that making it took.
+
+        The function is called once.
+        """
+        if function not in self._made:
+            began = time.perf_counter()
+            tracker = own_tracker(name, function, self.scene)
+            self._made[function] = tracker, time.perf_counter() - began
+        return self._made[function]
 
 
-def scene_digest(scene: Scene) -> str:
-    """Digest of a scene's frames, boxes and patches."""
+#: The scene that this process opened last.
+_last: list[Opened] = []
+
+
+def open_scene(source: SceneSource, digest: str | None = None) -> Opened:
+    """Open the scene of a plan; with a digest, the one that this process has open.
+
+    Raises:
+        InputError: it cannot be opened, or has another digest.
+    """
+    if digest is not None and _last and _last[0].digest == digest:
+        return _last[0]
+    scene = source() if callable(source) else source
+    made = Opened(scene, _digest_of(scene))
+    if digest not in (None, made.digest):
+        raise InputError(
+            f"scene {scene.name!r} is not the same in every process: its pictures or boxes "
+            "differ from those the evaluation began with; give all workers the same files and "
+            "the same versions of the libraries that decode them."
+        )
+    _last[:] = [made]
+    return made
+
+
+def _digest_of(scene: Scene) -> str:
     digest = hashlib.sha256()
     for array in (scene.frames, scene.boxes, *scene.patches):
         digest.update(f"{array.shape}{array.dtype}".encode())
         for row in array:  # one at a time, because lazy frames are not all in memory
             digest.update(np.ascontiguousarray(row).data)
     return digest.hexdigest()
-
-
-def remember_scene(scene: Scene, digest: str) -> None:
-    """Cache an open scene so that ``same_scene`` in this process does not open it again."""
-    _last_scene.clear()
-    _last_scene[digest] = scene
-
-
-def same_scene(scene: SceneSource, digest: str) -> Scene:
-    """This process's open scene with a digest; without one, the plan's scene is opened.
-
-    Raises:
-        InputError: it cannot be opened, or has another digest.
-    """
-    if (remembered := _last_scene.get(digest)) is not None:
-        return remembered
-    opened = open_scene(scene)
-    if scene_digest(opened) != digest:
-        raise InputError(
-            f"scene {opened.name!r} is not the same in every process: its pictures or boxes "
-            "differ from those the evaluation began with; give all workers the same files and "
-            "the same versions of the libraries that decode them."
-        )
-    remember_scene(opened, digest)
-    return opened
-
-
-#: The scene that this process used last, by its digest.
-_last_scene: dict[str, Scene] = {}
 
 
 def check_scene(scene: Scene) -> None:

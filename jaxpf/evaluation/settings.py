@@ -15,42 +15,48 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, applying
-from jaxpf.evaluation.plan import Plan, complete, configurations
-from jaxpf.evaluation.results import (
-    FOLDER,
-    IMPORTED,
-    OWN,
-    TRUTH,
-    Configuration,
-    Results,
-    read_settings,
-)
-from jaxpf.evaluation.scene import object_ids, start_frame
+from jaxpf.evaluation.plan import Plan, configurations
+from jaxpf.evaluation.results import IMPORTED, OWN, TRUTH, Configuration, read_settings
+from jaxpf.evaluation.scene import Opened, object_ids, start_frame
 from jaxpf.evaluation.trackers import looks_of
 from jaxpf.files.store import SETTINGS, Store, versions
 from jaxpf.files.writing import is_left_over, report_os_errors
 from jaxpf.targets.target import Start, Target
-from scenes import Scene
 
 
-def stored_settings(plan: Plan, folder: Path) -> dict[str, Any] | None:
-    """The settings of the evaluation that ``plan`` resumes; None if the evaluation is new.
+def stored_settings(folder: Path) -> dict[str, Any] | None:
+    """The settings of the evaluation in a folder; None if it is new or empty.
+
+    Remains of an interrupted start are allowed.
 
     Raises:
-        InputError: the folder holds something else, or an evaluation of another version or with
-            other settings.
+        InputError: the folder holds something else.
     """
     if folder.exists() and not folder.is_dir():
         raise InputError(f"'{folder}' is a file; choose another output folder.")
-    if not (folder / SETTINGS).exists():
-        _check_empty(folder)
-        return None
-    settings = read_settings(folder)
-    plan = complete(plan, settings["scene"]["target"], settings["scene"]["parents"])
-    runs = min(plan.runs, settings["runs"])  # may grow
-    now = {"versions": versions(), "asked": describe_plan(plan), "float64": double_precision()}
-    Store(folder).check_same(_compared(settings), _compared({**now, "runs": runs}))
-    return {**settings, "runs": plan.runs}
+    if (folder / SETTINGS).exists():
+        return read_settings(folder)
+    if folder.exists():
+        with report_os_errors("read the folder", folder):
+            names = sorted(os.listdir(folder))
+        for name in names:
+            if not (name == f"{TRUTH}.npz" or is_left_over(folder / name)):
+                raise InputError(
+                    f"'{folder}' holds '{name}' but no evaluation ('{SETTINGS}' is missing); "
+                    "choose another output folder."
+                )
+    return None
+
+
+def resumed(folder: Path, old: dict[str, Any], plan: Plan) -> dict[str, Any]:
+    """The settings of an evaluation that a complete plan goes on with, perhaps with more runs.
+
+    Raises:
+        InputError: the evaluation is of another version or has other settings.
+    """
+    now = _of_plan(plan) | {"runs": min(plan.runs, old["runs"])}
+    Store(folder).check_same(_compared(old), _compared(now))
+    return old | {"runs": plan.runs}
 
 
 def _compared(settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -60,28 +66,13 @@ def _compared(settings: Mapping[str, Any]) -> dict[str, Any]:
     return {**own, **settings["asked"], "runs": settings["runs"]}
 
 
-def new_settings(
-    plan: Plan,
-    scene: Scene,
-    digest: str,
-    of: Target,
-    start: Start,
-    own: Callable[[str], Any],
-) -> dict[str, Any]:
-    """Make the content of ``settings.json``.
-
-    Args:
-        plan: of the evaluation.
-        scene: of the plan.
-        digest: of the scene.
-        of: the target.
-        start: of the scene.
-        own: name of a user-defined tracker -> what its function made of the scene.
+def new_settings(plan: Plan, opened: Opened, start: Start) -> dict[str, Any]:
+    """The settings of an evaluation that begins with a complete plan.
 
     Raises:
         InputError: see ``configurations``; a user-defined tracker cannot be made.
     """
-    plan = complete(plan, of.name, start.parents)
+    scene = opened.scene
 
     def settle(of: Target, values: dict[str, Any], num_particles: int) -> dict[str, Any]:
         # Independent of the number of runs, because these options determine the results.
@@ -93,18 +84,14 @@ def new_settings(
         return values
 
     listed = configurations(plan, start, settle)
-    for name in plan.trackers:
-        fixed = isinstance(own(name), np.ndarray)
+    for name, function in plan.trackers.items():
+        fixed = isinstance(opened.made(name, function)[0], np.ndarray)
         listed.append(Configuration(name, kind=IMPORTED if fixed else OWN))
     listed += [Configuration(name, kind=IMPORTED) for name in plan.tracks]
-    return {
-        "versions": versions(),
-        "asked": describe_plan(plan),
-        "runs": plan.runs,
-        "float64": double_precision(),
+    return _of_plan(plan) | {
         "scene": {
             "name": scene.name,
-            "target": of.name,
+            "target": plan.target,
             "parents": list(start.parents),
             "object_ids": object_ids(scene),
             "start_frame": start_frame(scene),
@@ -112,43 +99,20 @@ def new_settings(
             "num_frames": len(scene.frames),
             "width": scene.frames.shape[2],
             "height": scene.frames.shape[1],
-            "digest": digest,
+            "digest": opened.digest,
         },
         "configurations": [dataclasses.asdict(each) for each in listed],
     }
 
 
-def write_settings(results: Results) -> None:
-    """Start or resume an evaluation; settings are written last, because they mark the folder.
-
-    Raises:
-        InputError: the folder or the files cannot be written.
-    """
-    with report_os_errors("create the folder", results.folder):
-        (results.folder / FOLDER).mkdir(parents=True, exist_ok=True)
-    store, start = Store(results.folder), results.start
-    if not store.path(TRUTH).exists():
-        store.write(TRUTH, {"truth": results.truth, "start": start.shapes, "sizes": start.sizes})
-    store.begin(results.settings)
-
-
-def double_precision() -> bool:
-    """Whether JAX computes in double precision."""
-    return jnp.zeros(()).dtype == jnp.float64
-
-
-def _check_empty(folder: Path) -> None:
-    """Reject a folder with foreign files; remains of an interrupted start are allowed."""
-    if not folder.is_dir():
-        return
-    with report_os_errors("read the folder", folder):
-        names = sorted(os.listdir(folder))
-    for name in names:
-        if not (name == f"{TRUTH}.npz" or is_left_over(folder / name)):
-            raise InputError(
-                f"'{folder}' holds '{name}' but no evaluation ('{SETTINGS}' is missing); choose "
-                "another output folder."
-            )
+def _of_plan(plan: Plan) -> dict[str, Any]:
+    """What the plan, the program and JAX determine."""
+    return {
+        "versions": versions(),
+        "asked": describe_plan(plan),
+        "runs": plan.runs,
+        "float64": jnp.zeros(()).dtype == jnp.float64,
+    }
 
 
 def describe_plan(plan: Plan) -> dict[str, Any]:

@@ -4,8 +4,7 @@ Speeds are stored apart from the results, because only the results are reproduci
 """
 
 import time
-from collections.abc import Callable, Hashable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Hashable, Sequence
 
 import jax
 import numpy as np
@@ -13,11 +12,12 @@ import numpy as np
 from jaxpf import filters
 from jaxpf.contract.options import options_of
 from jaxpf.contract.types import TrackerLike
+from jaxpf.evaluation.engine import tracker_for
+from jaxpf.evaluation.plan import Plan
 from jaxpf.evaluation.results import BUILT_IN, Configuration, Results
-from jaxpf.evaluation.trackers import tracker_of
+from jaxpf.evaluation.scene import open_scene
 from jaxpf.running.streaming import stream
 from jaxpf.targets.target import Target
-from scenes import Scene
 
 #: Timing of a run stops after this many frames or about this many seconds.
 _FRAMES, _SECONDS = 60, 3.0
@@ -25,7 +25,7 @@ _FRAMES, _SECONDS = 60, 3.0
 
 def measure_speeds(
     results: Results,
-    trackers: Mapping[str, Callable[[Scene], Any]],
+    plan: Plan,
     on_begin: Callable[[str], None] = lambda label: None,
 ) -> None:
     """Time a single run of each method, as in ``jaxpf track``, and store the speeds.
@@ -36,7 +36,7 @@ def measure_speeds(
 
     Args:
         results: of the evaluation.
-        trackers: user-defined trackers, as in the ``Plan``.
+        plan: of the evaluation.
         on_begin: called with the label of the next configuration before it is timed.
     """
     configurations = results.configurations
@@ -48,9 +48,9 @@ def measure_speeds(
         kind = configuration.method, _kernel(configuration, results.target)
         if kind not in measured:
             on_begin(configuration.label)
-            scene, function = results.scene(), trackers.get(configuration.method)
-            tracker = tracker_of(scene, results.target, configuration, function)
-            frames = scene.frames[1 : 2 + _FRAMES]
+            opened = open_scene(plan.scene, results.settings["scene"]["digest"])
+            tracker = tracker_for(plan, opened, results.target, configuration)
+            frames = opened.scene.frames[1 : 2 + _FRAMES]
             measured[kind] = _frames_per_second(tracker, jax.random.key(results.seed), frames)
         speeds[index] = measured[kind]
     results.write_speeds(speeds)

@@ -11,7 +11,7 @@ import dataclasses
 import hashlib
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ import numpy as np
 
 import scenes
 from jaxpf.contract.errors import InputError
-from jaxpf.evaluation.results import BUILT_IN, Configuration
+from jaxpf.evaluation.results import Configuration
 from jaxpf.files.reading import read_text
 from jaxpf.measures.association import pairwise_iou
 from jaxpf.sequences.tables import BoxTable, dense, read_boxes
@@ -34,15 +34,8 @@ _EVERY = 8
 _MATCH = 0.5
 
 
-def tracker_of(
-    scene: Scene,
-    target: Target,
-    configuration: Configuration,
-    function: Callable[[Any], Any] | None = None,
-) -> Any:
-    """Make the tracker of a configuration: a filter on the scene's target, or a user's."""
-    if configuration.kind != BUILT_IN:
-        return own_tracker(configuration.method, function, scene)
+def tracker_of(scene: Scene, target: Target, configuration: Configuration) -> Any:
+    """Make the tracker of a built-in configuration: a filter on the scene's target."""
     values = configuration.parameters | configuration.variant
     looks = looks_of(scene, values.get("num_particles"))
     return building.build(target, values, target.scene_start(scene), looks)

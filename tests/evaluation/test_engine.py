@@ -51,7 +51,6 @@ def test_results_tell_everything_about_the_evaluation(whole):
         }
         assert first.shapes.dtype == np.float32
         assert first.without_likelihood.dtype == bool
-    np.testing.assert_array_equal(whole.scene().frames, scene.frames)
 
 
 def test_a_batch_holds_what_the_tracker_reported(whole):
@@ -94,7 +93,6 @@ def test_a_scene_object_is_evaluated_too(tmp_path, whole):
     results = evaluate(small_plan(small_scene(), runs=RUNS), tmp_path)
     first = {name: value[:RUNS] for name, value in content(whole).items()}
     assert_equal_bits(content(results), first)
-    assert results.scene().name == "distracter"
 
 
 def test_imported_tracks_enter_as_one_run(tmp_path):

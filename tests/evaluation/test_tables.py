@@ -13,13 +13,12 @@ from small_evaluation import small_scene
 from two_objects import BOXES, FAR, NAN, TRUE, TRUTH, found, numbers
 
 from jaxpf import InputError, measures as metrics
-from jaxpf.evaluation import Plan, Results, tables
+from jaxpf.evaluation import Plan, tables
+from jaxpf.evaluation.engine import prepare
 from jaxpf.evaluation.results import Configuration
-from jaxpf.evaluation.settings import new_settings
 from jaxpf.evaluation.tables import write_tables
 from jaxpf.measures import mean_interval
 from jaxpf.measures.metrics import measure_boxes
-from jaxpf.targets.registry import find_target
 
 
 @pytest.fixture(scope="module")
@@ -169,10 +168,8 @@ def test_methods_are_compared_on_common_runs_at_equal_parameters(tmp_path):
 
 
 def test_labels_leave_out_what_follows_from_an_appearance(tmp_path):
-    scene, target = small_scene(), find_target("boxes")
     plan = Plan(small_scene, methods=("sir",), grid={"appearance": ("colour", "discriminative")})
-    settings = new_settings(plan, scene, "", target, target.scene_start(scene), {}.get)
-    results = Results(tmp_path, settings, scene.boxes[1:], target.scene_start(scene))
+    results = prepare(plan, tmp_path).results
     names = [results.name_of(one) for one in results.configurations]
     assert names == ["SIR, appearance colour", "SIR, appearance discriminative"]
     motions = [one.parameters["motion"] for one in results.configurations]

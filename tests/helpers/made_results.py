@@ -1,7 +1,6 @@
 """Evaluations whose every box is known: written like real ones, without running a tracker."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -53,7 +52,7 @@ def imported(boxes):
     )
 
 
-def make(folder, batches, truth, runs=None, ids=None, frames=None, start_frame=0, grid=None):
+def make(folder, batches, truth, runs=None, ids=None, start_frame=0, grid=None):
     """Write an evaluation and open it.
 
     Args:
@@ -62,7 +61,6 @@ def make(folder, batches, truth, runs=None, ids=None, frames=None, start_frame=0
         truth: ``[T, P, 4]``.
         runs: that were asked for; by default as many as there are.
         ids: of the objects; 1, 2, ... by default.
-        frames: of the scene, ``[T + 1, H, W, 3]``; without them the scene is not there.
         start_frame: of the scene.
         grid: values that were asked for, by parameter.
     """
@@ -84,12 +82,11 @@ def make(folder, batches, truth, runs=None, ids=None, frames=None, start_frame=0
         },
         "configurations": [dataclasses.asdict(configuration) for configuration, _ in batches],
     }
-    scene = None if frames is None else lambda: SimpleNamespace(frames=frames)
     truth = np.asarray(truth, np.float64)
     first = np.broadcast_to([10.0, 10.0, 20.0, 30.0], truth.shape[1:])
     ids = np.array(settings["scene"]["object_ids"])
     start = Start(ids, first, first[:, 2:], (-1,) * len(ids))
-    return Results(folder, settings, truth, start, scene)
+    return Results(folder, settings, truth, start)
 
 
 def value(overview, configuration, measure, of="all"):

@@ -155,7 +155,7 @@ def _run(request: Request, prepared: Prepared, pool: Pool | None) -> Results:
         def announce(label: str) -> None:
             say(f"Timing one run alone: {label}", err=True)
 
-        measure_speeds(results, request.plan.trackers, announce)
+        measure_speeds(results, request.plan, announce)
     return results
 
 

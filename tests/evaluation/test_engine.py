@@ -1,14 +1,11 @@
 """Evaluations: what they hold, what enters them, and what is refused."""
 
 import dataclasses
-import subprocess
-import sys
 
 import jax
 import numpy as np
 import pytest
 from small_evaluation import (
-    HERE,
     PARTICLES,
     RUNS,
     TWICE,
@@ -16,7 +13,6 @@ from small_evaluation import (
     content,
     small_plan,
     small_scene,
-    stamps,
 )
 
 import jaxpf
@@ -81,12 +77,6 @@ def test_runs_and_configurations_differ_but_numbers_are_common(whole):
         assert len(np.unique(found[index, "shapes"].reshape(TWICE, -1), axis=0)) == TWICE
         np.testing.assert_array_equal(found[index, "seeds"], 0)
     assert not np.array_equal(found[0, "shapes"], found[1, "shapes"])
-
-
-def test_a_finished_evaluation_is_not_done_again(whole):
-    before = stamps(whole.folder)
-    evaluate(small_plan(runs=TWICE), whole.folder)
-    assert stamps(whole.folder) == before
 
 
 def test_a_scene_object_is_evaluated_too(tmp_path, whole):
@@ -175,32 +165,3 @@ def test_a_run_has_a_block_of_one_width_however_its_work_is_divided():
                 done[first : first + count] = rng.random() < 0.5
             left = widths(done, int(rng.integers(1, 100)))
             assert left == {run: whole[run] for run in np.flatnonzero(~done)}
-
-
-@pytest.mark.slow
-def test_memory_does_not_grow_with_the_runs(tmp_path):
-    """Peak memory of 4000 runs and of 40 000 in batches of one size."""
-
-    def peak(runs):
-        code = f"""
-import resource
-from jaxpf.cli.shared.startup import use_compile_cache
-use_compile_cache()
-from jaxpf.evaluation import evaluate
-from small_evaluation import small_plan
-evaluate(small_plan(runs={runs}, methods=["sir"], num_particles=[4]), {str(tmp_path / str(runs))!r},
-         runs_per_batch=2000)
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
-"""
-        ran = subprocess.run(
-            [sys.executable, "-c", code], cwd=HERE, check=True, stdout=subprocess.PIPE, text=True
-        )
-        return int(ran.stdout) * 1024
-
-    peak(2000)  # compiles, which takes more memory than anything after it
-    few, many = peak(4000), peak(40_000)
-    results = Results.open(tmp_path / "40000")
-    kept = sum(path.stat().st_size for path in (results.folder / "batches").iterdir())
-    assert kept > 25e6
-    print(few, many, kept)
-    assert many - few < 0.3 * kept

@@ -1,14 +1,12 @@
 """Curves over measured times."""
 
-import json
-
 import numpy as np
 import pytest
 from made_results import PARAMETERS, batch, make, walks
 
 from jaxpf.evaluation import figures
 from jaxpf.evaluation.measures import by_name
-from jaxpf.evaluation.results import SPEEDS, Configuration
+from jaxpf.evaluation.results import Configuration
 from jaxpf.evaluation.summaries import measure_results
 
 #: Particles and frames per second: PS takes 10 and 40 ms, SPS 20 and 100.
@@ -23,8 +21,7 @@ TIMED = [
 pytestmark = pytest.mark.usefixtures("without_scores")
 
 
-@pytest.fixture
-def evaluated(tmp_path):
+def test_curves_join_numbers_of_particles(tmp_path):
     truth, boxes = walks(seed=3, runs=6, frames=8, objects=2)
     rng = np.random.default_rng(4)
     configurations = [
@@ -35,12 +32,9 @@ def evaluated(tmp_path):
         for method, order, number, _ in TIMED
     ]
     results = make(tmp_path / "results", configurations, truth)
-    (results.folder / SPEEDS).write_text(json.dumps([speed for *_, speed in TIMED]))
-    return results
-
-
-def test_curves_join_numbers_of_particles(evaluated):
-    overview = measure_results(evaluated)
+    overview = measure_results(results)
+    assert figures.lines_over_particles(overview) == {}  # nothing is timed
+    results.write_speeds([speed for *_, speed in TIMED])
     lines = figures.lines_over_particles(overview)
     assert list(lines) == ["PS 21", "SPS"]
     figure = figures.against_time(overview, lines)
@@ -49,8 +43,3 @@ def test_curves_join_numbers_of_particles(evaluated):
         assert len(axis.containers) == 2
         line, *_ = axis.containers[0].lines
         np.testing.assert_allclose(np.asarray(line.get_xdata(), float), [10, 40])
-
-
-def test_without_speeds_there_are_no_curves(evaluated):
-    (evaluated.folder / SPEEDS).unlink()
-    assert figures.lines_over_particles(measure_results(evaluated)) == {}

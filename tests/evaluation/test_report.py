@@ -8,12 +8,11 @@ from html.parser import HTMLParser
 import cv2
 import numpy as np
 import pytest
-from made_results import DPS, OTHER, PARAMETERS, PS, SIR, batch, imported, make, walks
+from made_results import DPS, OTHER, PS, SIR, batch, imported, make, walks
 
 from jaxpf.evaluation import Results, figures
 from jaxpf.evaluation.figures import write_figures
 from jaxpf.evaluation.report import write_report
-from jaxpf.evaluation.results import Configuration
 from jaxpf.evaluation.tables import printed_tables, write_tables
 
 VOID = {"meta", "img", "br"}
@@ -147,26 +146,3 @@ def test_figures_are_the_same_bytes_every_time(written, tmp_path, monkeypatch):
     for name in names:
         found, expected = (folder / "figures" / name for folder in (tmp_path, results.folder))
         assert found.read_bytes() == expected.read_bytes()
-
-
-@pytest.mark.slow
-def test_forty_configurations(tmp_path, monkeypatch):
-    """Figures stay of a size that can be looked at."""
-    sizes = {}
-
-    def draw(figure, path):
-        figure.draw_without_rendering()
-        sizes[path.stem] = figure.get_size_inches()
-
-    monkeypatch.setattr(figures, "save", draw)
-    truth, boxes = walks(seed=13, runs=3, frames=6, objects=2)
-    methods = [("SIR", ""), *(("PS", f"{i}") for i in range(6)), ("DPS", "shifts")]
-    batches = [
-        (Configuration(method, order, {**PARAMETERS, "sharpness": sharpness}), [batch(boxes)])
-        for sharpness in (10.0, 20.0, 30.0, 40.0, 50.0)
-        for method, order in methods
-    ]
-    results = make(tmp_path / "results", batches, truth)
-    write_figures(write_tables(results))
-    assert len(sizes) == 4
-    assert all(width < 16 and height < 18 for width, height in sizes.values()), sizes

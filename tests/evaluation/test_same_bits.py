@@ -17,18 +17,11 @@ from small_evaluation import (
 )
 
 from jaxpf.evaluation import Plan, Results, evaluate
-from jaxpf.evaluation.engine import Pool, local_pool
+from jaxpf.evaluation.engine import Pool
 from jaxpf.evaluation.trackers import OwnTracker
 
 #: A user's own files.
 HOUSE = Path(__file__).parents[1] / "house"
-
-
-@pytest.mark.slow
-def test_the_size_of_batches_does_not_matter(whole, tmp_path):
-    together = evaluate(small_plan(runs=TWICE), tmp_path, runs_per_batch=1000)
-    assert len(names(tmp_path)) == 2
-    assert_equal_bits(content(together), content(whole))
 
 
 @pytest.mark.slow
@@ -41,22 +34,6 @@ def test_blocks_of_two_widths_are_the_same_together_and_apart(tmp_path, runs):
     )
     assert len(names(together.folder)) < len(names(apart.folder))
     assert_equal_bits(content(together), content(apart))
-
-
-@pytest.mark.slow
-def test_two_processes_give_the_same_bits(whole, tmp_path):
-    from jaxpf.cli.shared.startup import use_compile_cache
-
-    done = []
-    results = evaluate(
-        small_plan(runs=TWICE),
-        tmp_path,
-        runs_per_batch=RUNS,
-        pool=local_pool(2, 1, use_compile_cache),
-        progress=done.append,
-    )
-    assert done == [RUNS] * 4
-    assert_equal_bits(content(results), content(whole))
 
 
 @pytest.mark.slow

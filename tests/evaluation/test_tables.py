@@ -1,8 +1,6 @@
 """Tables of an evaluation, by hand and against the library's measures."""
 
-import errno
 import math
-import os
 
 import jax
 import numpy as np
@@ -12,7 +10,7 @@ from made_results import DPS, OTHER, PARAMETERS, PS, SIR, batch, imported, make,
 from small_evaluation import small_scene
 from two_objects import BOXES, FAR, NAN, TRUE, TRUTH, found, numbers
 
-from jaxpf import InputError, measures as metrics
+from jaxpf import measures as metrics
 from jaxpf.evaluation import Plan, tables
 from jaxpf.evaluation.engine import prepare
 from jaxpf.evaluation.results import Configuration
@@ -241,25 +239,3 @@ def test_without_trackeval_the_scores_are_left_out(tmp_path):
     made = write_tables(results)
     assert any("--no-deps trackeval" in remark for remark in made.remarks)
     assert "HOTA" not in (results.folder / "summary.csv").read_text()
-
-
-@pytest.mark.usefixtures("without_scores")
-def test_the_same_results_give_the_same_bytes_and_a_full_disk_loses_nothing(tmp_path, monkeypatch):
-    truth, boxes = walks(seed=9, runs=5, frames=6, objects=2)
-    results = make(tmp_path / "results", [(SIR, [batch(boxes)]), (PS, [batch(boxes[::-1])])], truth)
-    written = []
-    for _ in range(2):
-        write_tables(results)
-        files = [path for path in results.folder.rglob("*") if path.suffix == ".csv"]
-        written.append({path.name: path.read_bytes() for path in files})
-    assert written[0] == written[1]
-    assert len(written[0]) == 4
-
-    def full(file):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(InputError, match=r"results\.csv.*no space left"):
-        write_tables(results)
-    assert (results.folder / "results.csv").read_bytes() == written[0]["results.csv"]
-    assert not list(results.folder.glob(".*"))

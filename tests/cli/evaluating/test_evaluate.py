@@ -77,17 +77,6 @@ def test_run_toml_repeats_the_evaluation(whole, tmp_path, short_report):
     assert (output / "run.toml").read_text() == (tmp_path / "again" / "run.toml").read_text()
 
 
-def test_more_runs_continue_and_the_report_follows(whole, short_report):
-    _, output = whole
-    # As many as before: blocks of one width, one compiled kernel.
-    more = evaluated(*SCENE, *COMMON, "--runs", "8", "-o", output)
-    assert "12 runs to do" in more.out
-    results = Results.open(output)
-    for one in results.configurations:
-        assert sum(map(len, results.batches(one))) == 8
-    assert len(rows_of(output / "results.csv")) == 3 * 8 * 2
-
-
 @pytest.mark.slow
 def test_a_recorded_sequence_with_another_trackers_results(
     place, tmp_path, monkeypatch, short_report

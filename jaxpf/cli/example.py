@@ -1,12 +1,13 @@
 """``jaxpf example``: a short clip for trying the tracker, with its start and ground truth."""
 
 import shlex
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
+import pandas as pd
 
 import scenes
 from jaxpf.cli.shared.console import say
@@ -14,7 +15,7 @@ from jaxpf.cli.shared.flags import Command, GivenPath, overwrite
 from jaxpf.contours.files import contours_text
 from jaxpf.detections.files import write_detections
 from jaxpf.evaluation.baselines.simulated_detections import simulated_detections
-from jaxpf.files.writing import csv_text, prepare_output_folder, write_text
+from jaxpf.files.writing import prepare_output_folder, write_text
 from jaxpf.media.video_writer import VideoWriter
 from jaxpf.parts.files import HEADER
 from jaxpf.targets.registry import all_targets
@@ -52,59 +53,43 @@ def command(kind: str, folder: Path, overwrite: bool) -> None:
 
 
 def _write_boxes(folder: Path, scene: Scene) -> None:
-    _table(folder / "start.csv", "frame,id,x,y,w,h", _box_rows(scene.boxes[:1]))
-    _table(folder / "truth.csv", "frame,id,x,y,w,h", _box_rows(scene.boxes))
+    truth = _rows("frame,id,x,y,w,h", scene.boxes)
+    _save(folder / "start.csv", truth[truth["frame"] == 0])
+    _save(folder / "truth.csv", truth)
 
 
 def _write_detections_of(folder: Path, scene: Scene) -> None:
     detections = simulated_detections(scene.boxes, scene.frames.shape[1:3], seed=_SEED)
     write_detections(folder / "det.txt", detections)
-    _table(folder / "truth.csv", "frame,id,x,y,w,h", _box_rows(scene.boxes))
+    _save(folder / "truth.csv", _rows("frame,id,x,y,w,h", scene.boxes))
 
 
 def _write_parts(folder: Path, scene: Scene) -> None:
     names = ["body", *(f"{side} {at}" for at in (1, 2, 3) for side in ("left", "right"))]
     poses, parents = scene.extras["poses"], scene.extras["parents"]
-    places = [
-        [
-            _rounded(x, y, *size, np.rad2deg(angle))
-            for (x, y, angle), size in zip(each, scene.sizes, strict=True)
-        ]
-        for each in poses
-    ]
-    above = [names[parent] if parent >= 0 else "" for parent in parents]
-    start = ([*part, *place] for *part, place in zip(names, above, places[0], strict=True))
-    _table(folder / "parts.csv", HEADER, start)
-    rows = (
-        [frame, name, *place]
-        for frame, each in enumerate(places)
-        for name, place in zip(names, each, strict=True)
+    sizes = np.broadcast_to(scene.sizes, (len(poses), *scene.sizes.shape))
+    places = np.concatenate([poses[..., :2], sizes, np.rad2deg(poses[..., 2:])], axis=-1)
+    truth = _rows("frame,part,x,y,w,h,angle", places, names)
+    start = truth[truth["frame"] == 0].assign(
+        parent=[names[parent] if parent >= 0 else "" for parent in parents]
     )
-    _table(folder / "truth.csv", "frame,part,x,y,w,h,angle", rows)
+    _save(folder / "parts.csv", start[HEADER.split(",")])
+    _save(folder / "truth.csv", truth)
 
 
 def _write_points(folder: Path, scene: Scene) -> None:
-    names, points = scene.extras["point_names"], scene.extras["points"]
-    start = ([*_rounded(*place), name] for name, place in zip(names, points[0], strict=True))
-    _table(folder / "points.csv", None, start)
-    rows = (
-        [frame, names[point], *_rounded(*places[point]), int(not seen[point])]
-        for frame, (places, seen) in enumerate(zip(points, scene.extras["visible"], strict=True))
-        for point in np.flatnonzero(np.isfinite(places).all(axis=-1))
-    )
-    _table(folder / "truth.csv", "frame,point,x,y,hidden", rows)
+    names, seen = np.array(scene.extras["point_names"]), scene.extras["visible"]
+    truth = _rows("frame,point,x,y", scene.extras["points"], names)
+    start = truth[truth["frame"] == 0]
+    _save(folder / "points.csv", start[["x", "y", "point"]], header=False)
+    hidden = ~seen[np.isfinite(scene.extras["points"]).all(axis=-1)]
+    _save(folder / "truth.csv", truth.assign(hidden=hidden.astype(int)))
 
 
 def _write_contours(folder: Path, scene: Scene) -> None:
     start: Any = all_targets()["contours"].scene_start(scene)
     write_text(folder / "wires.json", contours_text(start.contours))
-    rows = (
-        [frame, wire, number, *_rounded(*point)]
-        for frame, wires in enumerate(scene.extras["outlines"])
-        for wire, line in enumerate(wires, start=1)
-        for number, point in enumerate(line)
-    )
-    _table(folder / "centrelines.csv", "frame,id,k,x,y", rows)
+    _save(folder / "centrelines.csv", _rows("frame,id,k,x,y", scene.extras["outlines"]))
 
 
 #: Kind -> how its scene is drawn, how its files are written, and how it is tracked.
@@ -137,14 +122,19 @@ _EXAMPLES: "dict[str, tuple[Callable[[], Scene], Callable[[Path, Scene], None], 
 }
 
 
-def _box_rows(boxes: np.ndarray) -> Iterable[list[object]]:
-    for frame, person in np.argwhere(np.isfinite(boxes).all(axis=-1)):
-        yield [frame, person + 1, *_rounded(*boxes[frame, person])]
+def _rows(
+    columns: str, places: np.ndarray, names: Sequence[str] | np.ndarray | None = None
+) -> pd.DataFrame:
+    """Rows of the finite places ``[T, P, ..., C]``: frame, object's name, further indices, place.
+
+    Objects are named by their numbers, from 1, unless ``names`` gives their names.
+    """
+    index = np.nonzero(np.isfinite(places).all(axis=-1))
+    called = np.arange(1, places.shape[1] + 1) if names is None else np.asarray(names)
+    values = [index[0], called[index[1]], *index[2:], *np.asarray(places)[index].T]
+    return pd.DataFrame(dict(zip(columns.split(","), values, strict=True)))
 
 
-def _rounded(*numbers: float) -> list[str]:
-    return [f"{number:.3f}" for number in numbers]
-
-
-def _table(path: Path, header: str | None, rows: Iterable[Iterable[object]]) -> None:
-    write_text(path, (f"{header}\n" if header else "") + csv_text(rows))
+def _save(path: Path, table: pd.DataFrame, header: bool = True) -> None:
+    text = table.to_csv(index=False, header=header, float_format="%.3f", lineterminator="\n")
+    write_text(path, text)

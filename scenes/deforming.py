@@ -8,7 +8,7 @@ below 1.
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -178,20 +178,9 @@ class Film:
         self.frames.append(np.clip(noisy + 0.5, 0, 255).astype(np.uint8))
 
 
-class Shot(NamedTuple):
-    """A frame of a scene of points.
-
-    Attributes:
-        picture: float32 [H, W, 3], without camera noise.
-        points: [P, 2], pixels.
-        visible: [P] bool.
-        length: of the body, pixels.
-    """
-
-    picture: np.ndarray
-    points: np.ndarray
-    visible: np.ndarray
-    length: float
+#: A picture without camera noise, float32 [H, W, 3]; points [P, 2] in pixels; whether they are
+#: visible, bool [P]; length of the body in pixels.
+Shot = tuple[np.ndarray, np.ndarray, np.ndarray, float]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -180,13 +180,9 @@ class Distracter(Drawn):
         """Place the objects one by one, each clear of the previous ones; ``None`` if one fails."""
         for _ in range(_TRIES_PER_LEADER if self.departure > 0 else _TRIES_PER_OBJECT):
             leader = self._draw_trajectory(start[0], rng)
-            distracter, travel = self._lead_away(leader)
-            if (
-                travel >= self.leader_travel
-                and self._departs(leader, distracter)
-                and self._is_in_view(leader)
-                and self._is_in_view(distracter)
-            ):
+            distracter, travel, departure = self._lead_away(leader)
+            moves = travel >= self.leader_travel and departure >= self.departure
+            if moves and self._is_in_view(leader) and self._is_in_view(distracter):
                 break
         else:
             return None
@@ -217,33 +213,29 @@ class Distracter(Drawn):
             coordinates.append(positions)
         return np.stack(coordinates, axis=-1)
 
-    def _lead_away(self, trajectory: np.ndarray) -> tuple[np.ndarray, float]:
-        """The distracter's centres ``[T, 2]``, NaN while it is absent; object 1's displacement.
+    def _lead_away(self, trajectory: np.ndarray) -> tuple[np.ndarray, float, float]:
+        """The distracter's centres ``[T, 2]``, NaN while it is absent; where object 1 goes.
 
         The path is straight, back where object 1 came from, and ends at a given distance from it,
         so that every seed has the same gap between the correct and the wrong answer.
+
+        Returns:
+            The path, object 1's displacement meanwhile, and how far it ends from the path's end.
         """
         first = self.appear_frame - 1
         last = min(self.vanish_frame - 1, self.num_frames) - 1
         frames = np.arange(self.num_frames)
         is_shown = (frames >= first) & (frames <= last)
         if not is_shown.any():  # the sequence ends before the distracter appears
-            return np.full_like(trajectory, np.nan), np.inf
+            return np.full_like(trajectory, np.nan), np.inf, np.inf
         moved = trajectory[last] - trajectory[first]
         travel = float(np.hypot(*moved))
         heading = -moved / travel if travel > 0 else np.array([1.0, 0.0])
         end = trajectory[last] + self.lead_distance * heading
         progress = (frames - first) / max(last - first, 1)
         path = trajectory[first] + progress[:, None] * (end - trajectory[first])
-        return np.where(is_shown[:, None], path, np.nan), travel
-
-    def _departs(self, trajectory: np.ndarray, distracter: np.ndarray) -> bool:
-        """Whether object 1 ends far enough from where the distracter vanished."""
-        shown = np.flatnonzero(~np.isnan(distracter[:, 0]))
-        if len(shown) == 0:
-            return True
-        offset = trajectory[-1] - distracter[shown[-1]]
-        return float(np.hypot(*offset)) >= self.departure
+        departure = float(np.hypot(*(trajectory[-1] - path[last])))
+        return np.where(is_shown[:, None], path, np.nan), travel, departure
 
     def _is_in_view(self, centres: np.ndarray) -> bool:
         """Whether the box stays in the frame; NaN frames are ignored."""

@@ -97,7 +97,7 @@ class Face(Points):
                 draw(frame, Body(picture, opened.alpha), pose)
                 where.append(pose.to_image(np.array(list(points.values()), float)))
             places = np.concatenate(where)
-            yield Shot(frame, places, np.ones(len(places), bool), WIDTH)
+            yield frame, places, np.ones(len(places), bool), WIDTH
 
 
 _SHAPE = (300, 240)

@@ -92,7 +92,7 @@ class Fish(Points):
                 draw(frame, body, at)
             where = pose.to_image(places)
             hidden = np.any([covers(*each, where) for each in front], axis=0)
-            yield Shot(frame, where, self.in_view(where) & ~hidden, LENGTH)
+            yield frame, where, self.in_view(where) & ~hidden, LENGTH
 
 
 def _fish(markings: np.ndarray) -> Body:

@@ -80,7 +80,7 @@ class Skydivers(Points):
             draw(frame, divers[4], before)
             where = pose.to_image(places)
             visible = self.in_view(where) & ~covers(divers[4], before, where)
-            yield Shot(frame, where, visible, LENGTH * scale)
+            yield frame, where, visible, LENGTH * scale
 
     def _pose(self, x: float, y: float, scale: float, t: int, phases: np.ndarray) -> Pose:
         """A diver's pose, slightly rotating, with swaying hands and feet."""

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from command_line import jaxpf as program
 from judged import verdicts
-from smith2004_outcomes import outcome_of
 
 import jaxpf
 import scenes as drawn
@@ -22,7 +21,13 @@ from jaxpf.likelihoods import Gaussian
 from jaxpf.papers.checkpoints import UNSTORED, keeping
 from jaxpf.papers.judging.claims import NOT_SEEN, OPEN, SUPPORTED
 from jaxpf.papers.smith2004 import scenes
-from jaxpf.papers.smith2004.scenes import OtherEnding, Outcome, scene_tracker
+from jaxpf.papers.smith2004.scenes import (
+    NUM_OBJECTS,
+    SHARPNESS,
+    OtherEnding,
+    Outcome,
+    scene_tracker,
+)
 from jaxpf.papers.smith2004.study import PAPER, best_and_worst, figure_4, study_of
 from jaxpf.shapes import boxes_from_substates
 
@@ -76,6 +81,28 @@ def test_other_figures_follow_from_the_tables():
 
 
 # Verdicts
+
+
+def outcome_of(recovery, runs=1, scenes_=10, seed=0):
+    """An outcome in which the methods recover with given rates, all else alike."""
+    names = tuple(scenes.all_orderings())
+    rng = np.random.default_rng(seed)
+    shape = (scenes_, len(names), len(SHARPNESS))
+    rates = np.array([recovery[name if name in recovery else name.split()[0]] for name in names])
+    recovered = rng.uniform(size=(*shape, runs)) < rates[:, None, None]
+    share = np.clip(0.9 + 0.01 * rng.normal(size=shape), 0, 1)
+    return Outcome(
+        names,
+        recovered=recovered,
+        success=np.ones(shape),
+        precision=share,
+        recall=share,
+        leader_precision=share,
+        leader_recall=share,
+        uniqueness=np.full((*shape, NUM_OBJECTS), 0.5) + 0.01 * rng.normal(size=(*shape, 7)),
+        dynamics=np.ones((*shape, NUM_OBJECTS, 2)),
+    )
+
 
 RATES = {"Non-PS": 0.0, "PS": 0.3, "DPS": 0.4, "SPS": 0.7}
 ORDERS = [name for name in scenes.all_orderings() if name.startswith("PS ")]

@@ -6,6 +6,7 @@ verdict; and ``earlier.csv``, figures that were measured once and are no longer 
 date, the commit and the reason.  Their keys once stood in ``verdicts.csv``.
 """
 
+import collections
 import itertools
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
@@ -104,13 +105,10 @@ def summary(paper: str, judged: Sequence[Judged]) -> str:
     own = [each.verdict for each in of_group(judged, "paper")]
     if PREVIEW in own:
         return f"{paper}: a preview, too few scenes to judge its claims"
-    words = {CONTRADICTED: 0, NOT_SEEN: 0, WEAKER: 0, OPEN: 0}
-    for verdict in own:
-        word = WEAKER if verdict.startswith(EQUAL) else verdict
-        if word in words:
-            words[word] += 1
-    others = "".join(f", {count} {word}" for word, count in words.items() if count)
-    return f"{paper}: {own.count(SUPPORTED)} of {len(own)} supported{others}"
+    counts = collections.Counter(WEAKER if each.startswith(EQUAL) else each for each in own)
+    words = (CONTRADICTED, NOT_SEEN, WEAKER, OPEN)
+    others = "".join(f", {counts[word]} {word}" for word in words if counts[word])
+    return f"{paper}: {counts[SUPPORTED]} of {len(own)} supported{others}"
 
 
 def origin(judged: Sequence[Judged]) -> str:

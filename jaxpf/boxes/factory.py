@@ -204,18 +204,12 @@ def tracker(
 
 def start(given: Any, names: Sequence[object] | np.ndarray | None = None) -> Start:
     """Where boxes ``[P, 4]`` start; default names are numbers from 1."""
-    boxes = np.asarray(given, float)
+    boxes = np.asarray(given, np.float64)
     for number, box in enumerate(boxes):
         if not (np.isfinite(box).all() and (box[2:] > 0).all()):
             raise InputError(
                 f"boxes[{number}] is {box.tolist()}: give x, y, and a positive width and height."
             )
-    return unchecked_start(boxes, names)
-
-
-def unchecked_start(boxes: np.ndarray, names: Any = None) -> Start:
-    """The same of checked boxes, of which there may be none."""
-    boxes = np.asarray(boxes, np.float64)
     ids = np.arange(1, len(boxes) + 1) if names is None else np.asarray(names)
     return Start(ids, boxes, boxes[:, 2:], (-1,) * len(boxes))
 

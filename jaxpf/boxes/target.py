@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from jaxpf.boxes.factory import settle, start, tracker, unchecked_start
+from jaxpf.boxes.factory import settle, start, tracker
 from jaxpf.boxes.models import boxes_at
 from jaxpf.boxes.rowe2005 import rowe2005_tracker
 from jaxpf.boxes.tracks import check_boxes, parse_box
@@ -20,16 +20,15 @@ from jaxpf.media.overlay import draw_boxes
 from jaxpf.sequences.layouts import read_truth
 from jaxpf.sequences.tables import BoxTable, listed
 from jaxpf.targets.target import Marks, Start, Target
-from scenes import Scene
 
 
-def _outlines(start: Start, shapes: ArrayLike) -> jax.Array:
+def _outlines(shapes: ArrayLike, sizes: ArrayLike) -> jax.Array:
     x, y, w, h = jnp.moveaxis(jnp.asarray(shapes), -1, 0)
     corners = [(x, y), (x + w, y), (x + w, y + h), (x, y + h)]
     return jnp.stack([jnp.stack(corner, axis=-1) for corner in corners], axis=-2)
 
 
-def _measures(start: Start, shapes: ArrayLike, truth: ArrayLike) -> dict[str, Any]:
+def _measures(shapes: ArrayLike, truth: ArrayLike) -> dict[str, Any]:
     """Exact measures for boxes."""
     corner_error = jnp.full(jnp.shape(shapes)[:-1], jnp.nan)
     return {**metrics.measure_boxes(shapes, truth), "corner_error": corner_error}
@@ -44,12 +43,12 @@ def _read_start(given: Mapping[str, Any], number: int, source: FrameSource) -> S
         return start_boxes(read_truth(given["boxes"]), number, source, given["ids"])
     if not given["box"]:
         if given.get("detections"):
-            return unchecked_start(np.zeros((0, 4)))
+            return start(np.zeros((0, 4)))
         raise InputError(
             "no start box: give --box x,y,w,h for every object, or --boxes FILE.csv.  Draw the "
             f"start boxes with `jaxpf mark {source.path}`."
         )
-    begun = unchecked_start(np.stack([parse_box(text) for text in given["box"]]))
+    begun = start(np.stack([parse_box(text) for text in given["box"]]))
     check_boxes(begun.shapes, source.width, source.height, [f"object {i}" for i in begun.ids])
     return begun
 
@@ -82,7 +81,7 @@ def start_boxes(
             rows = rows[np.argsort(order)]
         names = [f"object {i} in frame {frame}" for i in table.id[rows]]
         check_boxes(table.box[rows], source.width, source.height, names)
-        return unchecked_start(table.box[rows], table.id[rows])
+        return start(table.box[rows], table.id[rows])
 
     begun = Start.from_rows(table.frame[asked], table.id[asked], first, start_at)
     known = {i for each in (begun, *begun.later.values()) for i in each.ids.tolist()}
@@ -94,19 +93,6 @@ def start_boxes(
                 f"twice; the ids there are {listed(there)}{'; '.join(('', *begun.remarks))}"
             )
     return begun
-
-
-def _scene_shapes(scene: Scene) -> np.ndarray:
-    return np.asarray(scene.boxes, np.float64)
-
-
-def _scene_start(scene: Scene) -> Start:
-    return unchecked_start(scene.boxes[0], scene.extras.get("ids"))
-
-
-def _column_values(start: Start, shapes: np.ndarray) -> np.ndarray:
-    """The top left corner and the size."""
-    return shapes
 
 
 def _draw(frame: np.ndarray, start: Start, shapes: np.ndarray, marks: Marks) -> np.ndarray:
@@ -122,10 +108,10 @@ BOXES = Target(
     outlines=_outlines,
     measure=_measures,
     read_start=_read_start,
-    scene_shapes=_scene_shapes,
-    scene_start=_scene_start,
+    scene_shapes=lambda scene: np.asarray(scene.boxes, np.float64),
+    scene_start=lambda scene: start(scene.boxes[0], scene.extras.get("ids")),
     columns=("x", "y", "w", "h"),
-    column_values=_column_values,
+    column_values=lambda start, shapes: shapes,
     draw=_draw,
     can_be_tuned=True,
     systems={"rowe2005": rowe2005_tracker},

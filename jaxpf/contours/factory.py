@@ -25,7 +25,7 @@ from jaxpf.dynamics.occlusion import WithOcclusion
 from jaxpf.likelihoods.contours import EdgeDetector, contours as contours_likelihood
 from jaxpf.shapes.depth import depth_orders
 from jaxpf.shapes.spaces import ShapeSpace, space_of
-from jaxpf.shapes.splines import basis, even_places, points_on
+from jaxpf.shapes.splines import basis, even_places
 from jaxpf.targets.building import TrackerOptions, factory, looks_of
 from jaxpf.targets.target import Looks, Start
 
@@ -285,23 +285,26 @@ def _space(start: ContourStart, name: str | None) -> ShapeSpace:
     return space
 
 
-def start(given: Contours, names: Any = None) -> ContourStart:
+def start(given: Contours) -> ContourStart:
     """Where contours start."""
-    if names is not None:
-        given = dataclasses.replace(given, names=tuple(names))
-    kind: dict[str, Any] = {"closed": given.closed, "degree": given.degree}
-    lines = points_on(given.points, PIECES + (not given.closed), **kind)
-    if given.closed:
-        lines = np.concatenate([lines, lines[:, :1]], axis=1)
-    count = len(lines)
+    lines = polylines(given.points, given.closed, given.degree)
     return ContourStart(
         ids=np.asarray(given.names),
-        shapes=lines.reshape(count, -1),
-        sizes=lines.max(axis=1) - lines.min(axis=1),
-        parents=(-1,) * count,
+        shapes=lines.reshape(len(lines), -1),
+        sizes=np.ptp(lines, axis=1),
+        parents=(-1,) * len(lines),
         contours=given,
         remarks=given.remarks,
     )
+
+
+def polylines(control: np.ndarray, closed: bool, degree: int) -> np.ndarray:
+    """Points ``[..., V, 2]`` along splines; a closed contour's last point equals its first."""
+    places = even_places(PIECES + 1, closed=False)
+    lines = basis(places, control.shape[-2], closed=closed, degree=degree) @ control
+    if closed:
+        lines[..., -1, :] = lines[..., 0, :]
+    return lines
 
 
 def to_contours(tracker: TrackerLike, estimate: ArrayLike) -> np.ndarray:
@@ -322,9 +325,5 @@ def to_contours(tracker: TrackerLike, estimate: ArrayLike) -> np.ndarray:
             "this tracker's likelihood does not define the shape space; give it an attribute "
             "`space`, such as jaxpf.shapes.space_of makes."
         )
-    kind: dict[str, Any] = {"closed": space.closed, "degree": space.degree}
-    matrix = basis(even_places(PIECES + 1, closed=False), space.num_points, **kind)
-    lines = matrix @ np.asarray(space.control_points(np.asarray(estimate)), float)
-    if space.closed:
-        lines[..., -1, :] = lines[..., 0, :]
-    return lines
+    control = np.asarray(space.control_points(np.asarray(estimate)), float)
+    return polylines(control, space.closed, space.degree)

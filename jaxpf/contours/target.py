@@ -17,7 +17,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contours.drawing import draw_contour_particles
-from jaxpf.contours.factory import PIECES, start, to_contours, tracker
+from jaxpf.contours.factory import PIECES, polylines, start, to_contours, tracker
 from jaxpf.contours.files import Contours, read_contours, read_learned
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.optional import optional
@@ -25,7 +25,7 @@ from jaxpf.files.writing import LineWriter
 from jaxpf.measures.polylines import measure_polylines
 from jaxpf.media.film import FrameSource
 from jaxpf.media.overlay import draw_outlines
-from jaxpf.shapes.splines import basis, even_places, fit_spline, resample_polyline
+from jaxpf.shapes.splines import fit_spline, resample_polyline
 from jaxpf.targets.target import Marks, Start, Target
 from scenes import Scene
 
@@ -42,7 +42,7 @@ def _shapes(start: Start, estimate: ArrayLike, tracker: Any) -> np.ndarray:
     return lines.reshape(*lines.shape[:-2], -1)
 
 
-def _outlines(start: Start, shapes: ArrayLike) -> jax.Array:
+def _outlines(shapes: ArrayLike, sizes: ArrayLike) -> jax.Array:
     """Polylines there and back, so that closing the polygon adds no line.
 
     These outlines are not convex; ``measures`` accounts for that.
@@ -51,7 +51,7 @@ def _outlines(start: Start, shapes: ArrayLike) -> jax.Array:
     return jnp.concatenate([lines, jnp.flip(lines, axis=-2)], axis=-2)
 
 
-def _measures(start: Start, shapes: ArrayLike, truth: ArrayLike) -> dict[str, Any]:
+def _measures(shapes: ArrayLike, truth: ArrayLike) -> dict[str, Any]:
     return measure_polylines(_lines(jnp.asarray(shapes)), _lines(jnp.asarray(truth)))
 
 
@@ -111,10 +111,9 @@ class OutlineFile(LineWriter):
         super().__init__(path)
         self._names, self._inverse = start.ids, np.zeros((0, PIECES + 1))
         if (contours := getattr(start, "contours", None)) is not None:
-            kind: dict[str, Any] = {"closed": contours.closed, "degree": contours.degree}
-            places = even_places(PIECES + 1, closed=False)
             # The control points follow from the points on the spline, which are more.
-            self._inverse = np.linalg.pinv(basis(places, contours.points.shape[1], **kind))
+            each = np.eye(contours.points.shape[1])
+            self._inverse = np.linalg.pinv(polylines(each, contours.closed, contours.degree))
 
     def __call__(self, frame: int, shapes: np.ndarray) -> None:
         """Write the shapes of one frame; a target with a non-finite point is omitted."""

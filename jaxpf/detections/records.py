@@ -78,7 +78,7 @@ def group_of(
         values = getattr(summary, name, None)
         return None if values is None else np.where(is_new, of_new, np.asarray(values)[slots])
 
-    corners = np.asarray(target.outlines(start, shapes), float)[slots]
+    corners = np.asarray(target.outlines(shapes, start.sizes), float)[slots]
     lowest, highest = corners.min(axis=1), corners.max(axis=1)
     outside = ~np.all((lowest < np.array(frame.shape[1::-1])) & (highest > 0), axis=1)
     without = reported("without_likelihood", False)  # new objects have their start boxes

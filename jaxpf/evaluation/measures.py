@@ -257,22 +257,20 @@ def _measure_frames(
     """
     padding = np.repeat(shapes[:1], width - len(shapes), axis=0)
     padded = np.concatenate([shapes, padding])
-    frames = _compiled_measures(target, start.parents, padded, truth, start.sizes)
+    frames = _compiled_measures(target, padded, truth, start.sizes)
     return {name: np.asarray(values)[: len(shapes)] for name, values in frames.items()}
 
 
-@functools.partial(compiled, static_argnums=(0, 1))
+@functools.partial(compiled, static_argnums=0)
 def _compiled_measures(
-    target: Target, parents: tuple[int, ...], shapes: Array, truth: Array, sizes: Array
+    target: Target, shapes: Array, truth: Array, sizes: Array
 ) -> dict[str, Array]:
-    names = np.arange(len(parents))
-    start: Start = Start(names, np.zeros(0), sizes, parents)  # type: ignore[arg-type]
-    measures = target.measures(start, shapes, truth)
+    measures = target.measures(shapes, truth, sizes)
     shape = shapes.shape[:-1]
     offset = jnp.full((*shape, 2), jnp.nan)
     if target.has_places:
-        middle = target.outlines(start, shapes).mean(axis=-2)
-        offset = middle - target.outlines(start, truth).mean(axis=-2)
+        middle = target.outlines(shapes, sizes).mean(axis=-2)
+        offset = middle - target.outlines(truth, sizes).mean(axis=-2)
     measures |= {"offset_x": offset[..., 0], "offset_y": offset[..., 1]}
     measures |= {name: jnp.full(shape, jnp.nan) for name in ("size", "size_offset")}
     if target.has_boxes:  # a size is the square root of the area, relative to the start

@@ -168,11 +168,10 @@ def tracker(
     return filters.build(model, **options)
 
 
-def start(given: Parts, names: Sequence[object] | None = None) -> Start:
+def start(given: Parts) -> Start:
     """Where parts start."""
     poses, sizes = np.asarray(given.poses, float), np.asarray(given.sizes, float)
-    ids = np.array(given.names if names is None else names)
-    return Start(ids, poses, sizes, check_tree(given.parents))
+    return Start(np.array(given.names), poses, sizes, check_tree(given.parents))
 
 
 def to_parts(tracker: TrackerLike, estimate: ArrayLike) -> np.ndarray:

@@ -22,9 +22,9 @@ from scenes import Scene
 _MASK_STEP = 20.0
 
 
-def _outlines(start: Start, shapes: ArrayLike) -> jax.Array:
+def _outlines(shapes: ArrayLike, sizes: ArrayLike) -> jax.Array:
     """Squares around the points, where polygons are needed."""
-    half = jnp.asarray(start.sizes, jnp.asarray(shapes).dtype)[:, None] / 2
+    half = jnp.asarray(sizes, jnp.asarray(shapes).dtype)[:, None] / 2
     corners = jnp.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], half.dtype)
     return jnp.asarray(shapes)[..., None, :] + corners * half
 

@@ -160,12 +160,12 @@ class Target:
         tracker: function of a frame (or ``Looks``), what ``start`` takes (or a ``Start``), and
             annotated options (``jaxpf.contract.options``), which returns a tracker.  It hands
             ``**options`` on to ``jaxpf.filters.build``.
-        start: function of the tracker's second argument, and of names or None, that returns a
-            ``Start``.
+        start: function of the tracker's second argument that returns a ``Start``.
         read_start: function of the values of ``start_flags``, the index of the start frame and the
             video (``width``, ``height``, ``path``) that returns the ``Start``.
-        outlines: function of start and shapes ``[..., P, S]`` that returns corners
-            ``[..., P, V, 2]`` of convex polygons, in order, in pixels.
+        outlines: function of shapes ``[..., P, S]`` and sizes at the start ``[P, 2]`` that returns
+            corners ``[..., P, V, 2]`` of convex polygons, in order, in pixels; differentiable, and
+            of estimates, too, if ``can_be_tuned`` and shapes are no boxes.
         draw: function of a frame, start, shapes ``[P, S]`` and ``Marks`` that returns the picture.
         shapes: function of start, estimates ``[..., P, D]`` and tracker that returns their shapes
             ``[..., P, S]``.
@@ -174,16 +174,14 @@ class Target:
         scene_shapes: function of a scene that returns its truth ``[T, P, S]``, NaN where an object
             is absent; None if its truth is of another kind.
         scene_start: function of such a scene that returns where objects are in its first frame.
-        measure: function of start, shapes and truth that returns error measures per frame; by
-            default those of the outlines, ``jaxpf.measures.outlines``.
+        measure: function of shapes and truth that returns error measures per frame; by default
+            those of the outlines, ``jaxpf.measures.outlines``.
         columns: of tracks.csv that hold an object's position; angles in degrees, others in pixels.
         fixed_columns: those that never change, and so have no interval.
         column_values: function of start and shapes that returns their values ``[..., P, C]``.
         outline_file: function of a path and start that opens a new outlines.csv, as a context that
             is a function of a frame's number and shapes, or None.
         draw_particles: function of a frame, start, tracker, state and colours.
-        outlines_of_estimates: function of estimates ``[..., P, D]`` and sizes ``[P, 2]`` that
-            returns outlines, differentiable; None if shapes are boxes.
         can_be_tuned: whether ``tracker`` takes note of ``Looks.background``.
         has_boxes: whether shapes are boxes x, y, w, h, as in MOT files and standard scores.
         has_places: whether a substate begins with x and y, a position or its shift in pixels.
@@ -201,19 +199,18 @@ class Target:
     tracker: Callable[..., Any]
     start: Callable[..., Start]
     read_start: Callable[[Mapping[str, Any], int, FrameSource], Start]
-    outlines: Callable[[Start, Any], Any]
+    outlines: Callable[[Any, Any], Any]
     draw: Callable[[np.ndarray, Start, np.ndarray, Marks], np.ndarray]
     shapes: Callable[[Start, Any, Any], np.ndarray] = _as_estimated
     settle: Callable[..., dict[str, Any]] = lambda values, settings, num_objects=None: {**values}
     scene_shapes: Callable[[Scene], Any] = lambda scene: None
     scene_start: Callable[[Scene], Start] = _no_start
-    measure: Callable[[Start, Any, Any], dict[str, Any]] | None = None
+    measure: Callable[[Any, Any], dict[str, Any]] | None = None
     columns: tuple[str, ...] = ("x", "y")
     fixed_columns: tuple[str, ...] = ()
     column_values: Callable[[Start, np.ndarray], np.ndarray] = _first_two
     outline_file: Callable[[Path, Start], Any] = lambda path, start: contextlib.nullcontext()
     draw_particles: Callable[..., np.ndarray] = _dots
-    outlines_of_estimates: Callable[[Any, Any], Any] | None = None
     can_be_tuned: bool = False
     has_boxes: bool = False
     has_places: bool = True
@@ -233,8 +230,8 @@ class Target:
         """Whether a tracker of somebody else converts its estimates to boxes itself."""
         return self.has_boxes and hasattr(tracker, "boxes")
 
-    def measures(self, start: Start, shapes: Any, truth: Any) -> dict[str, Any]:
+    def measures(self, shapes: Any, truth: Any, sizes: Any) -> dict[str, Any]:
         """Error measures per frame of shapes ``[..., P, S]``."""
         if self.measure is not None:
-            return self.measure(start, shapes, truth)
-        return measure_outlines(self.outlines(start, shapes), self.outlines(start, truth))
+            return self.measure(shapes, truth)
+        return measure_outlines(self.outlines(shapes, sizes), self.outlines(truth, sizes))

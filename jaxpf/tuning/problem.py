@@ -45,7 +45,7 @@ class TrainingSequence:
         sizes: ``[P, 2]``, width and height at scale 1, for "iou".
         name: name in messages.
         outlines: for "iou" of shapes other than boxes: a function of shapes ``[..., P, S]``,
-            such as ``truth``, and of ``sizes``; see ``Target.outlines_of_estimates``.
+            such as ``truth``, and of ``sizes``; see ``Target.outlines``.
         observed: which frames or parts of them were seen, as for ``jaxpf.run``.
         inputs: known inputs of the frames, as for ``jaxpf.run``.
     """

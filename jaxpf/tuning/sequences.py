@@ -96,14 +96,14 @@ def training_sequence(
         kept = len(shapes) - 1 - _spread(len(shapes), labels)
         shapes[np.setdiff1d(np.arange(len(shapes)), kept)] = np.nan
     of_places = objective in ("position", "crps")
-    truth = np.asarray(of.outlines(start, shapes)).mean(axis=-2) if of_places else shapes
+    truth = np.asarray(of.outlines(shapes, start.sizes)).mean(axis=-2) if of_places else shapes
     return TrainingSequence(
         tracker=tracker,
         frames=_at_hand(scene.frames[1:]),
         truth=None if objective == "evidence" else truth,
         sizes=start.sizes.astype(np.float32),
         name=scene.name,
-        outlines=of.outlines_of_estimates,
+        outlines=None if of.has_boxes else of.outlines,
     )
 
 

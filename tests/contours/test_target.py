@@ -180,7 +180,7 @@ def test_scenes_tell_where_contours_start_and_shapes_are_written(tmp_path, wires
     assert start.contours.width == scene.parameters["wire_width"]
     tracker = jaxpf.contours.tracker(scene.frames[0], contours, clutter=0.5)
     found = CONTOURS.shapes(start, tracker.likelihood.space.project(contours.points), tracker)
-    measured = CONTOURS.measures(start, found, truth[0])
+    measured = CONTOURS.measures(found, truth[0], start.sizes)
     assert np.asarray(measured["iou"]).min() > 0.5
     assert np.asarray(measured["corner_error"]).max() < 5
     # A stored evaluation knows of shapes, and of no splines.
@@ -197,7 +197,10 @@ def test_a_closed_contour_ends_where_it_begins():
     np.testing.assert_array_equal(shapes[..., :2], shapes[..., -2:])
     start = CONTOURS.scene_start(scene)
     np.testing.assert_array_equal(start.shapes[:, :2], start.shapes[:, -2:])
-    assert np.asarray(CONTOURS.measures(start, start.shapes, shapes[0])["corner_error"]).max() < 1
+    assert (
+        np.asarray(CONTOURS.measures(start.shapes, shapes[0], start.sizes)["corner_error"]).max()
+        < 1
+    )
     given = {"exclusion": "opaque", "clutter": 1.0, "num_particles": 9}
     tracker = jaxpf.contours.tracker(scene.frames[0], start, **given)
     assert tracker.ordering.keeps_components

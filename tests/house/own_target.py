@@ -52,7 +52,7 @@ def start(spots, names=None):
     return Start(ids, places, np.ones_like(places), (-1,) * len(places))
 
 
-def outlines(start, shapes):
+def outlines(shapes, sizes):
     corners = jnp.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     return jnp.asarray(shapes)[..., None, :] + corners
 

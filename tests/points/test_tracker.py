@@ -116,7 +116,7 @@ def test_the_target_says_where_points_start():
     start = start_of(point=("40.5,40.5,nose", "70.5,45.5"))
     assert start.ids.tolist() == ["nose", "1"]
     np.testing.assert_array_equal(start.shapes, PLACES[:2])
-    assert POINTS.outlines(start, start.shapes).shape == (2, 4, 2)
+    assert POINTS.outlines(start.shapes, start.sizes).shape == (2, 4, 2)
     values = {"likelihood.sigma": 0.2, "dynamics.scale": 3.0}
     tuned = with_tuned(POINTS, defaults_of(POINTS.tracker), values)
     assert (tuned["sigma"], tuned["noise_points"]) == (0.2, 3.0)

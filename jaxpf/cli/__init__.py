@@ -1,7 +1,6 @@
 """The command line.  The module of a command is imported only when it runs."""
 
 import contextlib
-import difflib
 import errno
 import importlib
 import os
@@ -54,16 +53,6 @@ class _LazyGroup(click.Group):
         module, _, attribute = _COMMANDS[name][0].partition(":")
         return getattr(importlib.import_module(module), attribute or "command")
 
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command; a misspelt name is refused with one that resembles it."""
-        if args[0] not in _COMMANDS and not args[0].startswith("-"):
-            near = difflib.get_close_matches(args[0], _COMMANDS, n=1)
-            remedy = f"; did you mean {near[0]!r}?" if near else "."
-            ctx.fail(f"there is no command {_cut(args[0])!r}{remedy}")
-        return super().resolve_command(ctx, args)
-
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
             formatter.write_dl([(name, help_) for name, (_, help_) in _COMMANDS.items()])
@@ -71,6 +60,7 @@ class _LazyGroup(click.Group):
 
 @click.group(
     cls=_LazyGroup,
+    commands=dict.fromkeys(_COMMANDS, click.Command(None)),  # names, for suggestions
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Particle filters for visual tracking and state-space models, in JAX.",
     epilog="`jaxpf COMMAND --help` explains a command.  A first look: `jaxpf demo`.",
@@ -97,14 +87,15 @@ def main(arguments: list[str] | None = None) -> Any:
         sys.stdout.flush()
         return outcome
     except InputError as error:
-        _refuse(_cut(str(error), _LONGEST_MESSAGE))
+        _refuse(_cut(str(error)))
     except click.ClickException as error:
         if type(error).__name__ == "NoArgsIsHelpError":  # in newer versions of click
             error.show()
             sys.exit(error.exit_code)
         context = getattr(error, "ctx", None)
         more = f"  See `{context.command_path} --help`." if context else ""
-        _refuse(" ".join(error.format_message().split()) + more, error.exit_code)
+        message = _cut(" ".join(error.format_message().split()))
+        _refuse(message + more, error.exit_code)
     except (KeyboardInterrupt, click.Abort) as stop:
         # click wraps KeyboardInterrupt.
         terminated = "Terminated" in (type(stop).__name__, type(stop.__cause__).__name__)
@@ -119,7 +110,7 @@ def main(arguments: list[str] | None = None) -> Any:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         if error.filename is not None:
-            _refuse(f"cannot use {_cut(str(error.filename))!r}: {reason}.")
+            _refuse(f"cannot use {_cut(str(error.filename), 120)!r}: {reason}.")
         if error.errno not in _NOT_WRITTEN:
             raise
         _discard_output()
@@ -151,10 +142,6 @@ def _discard_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-#: Maximum number of characters of a printed message.
-_LONGEST_MESSAGE = 2000
-
-
-def _cut(text: str, most: int = 120) -> str:
+def _cut(text: str, most: int = 2000) -> str:
     """Shorten a text of arbitrary length for a message."""
     return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 2 :]}"

@@ -11,6 +11,8 @@ from jaxpf.contract.errors import Argument, InputError
 
 #: Largest count: indices are int32.
 MOST = 2**31 - 1
+#: Largest number in single precision.
+LARGEST = float(np.finfo(np.float32).max)
 #: Smallest number above 0 in single precision.
 TINY = float(np.finfo(np.float32).tiny)
 

@@ -9,7 +9,6 @@ import dataclasses
 import functools
 import inspect
 import math
-import sys
 import types
 import typing
 from collections.abc import Callable, Mapping, Sequence
@@ -17,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxpf.contract.errors import Argument, InputError, check_known, choice
-from jaxpf.contract.numbers import MOST, bounds_in_words, check_number, check_whole, plain
+from jaxpf.contract.numbers import LARGEST, MOST, bounds_in_words, check_number, check_whole, plain
 
 #: The value of an option that is settled automatically.
 OPEN = "auto"
@@ -127,7 +126,7 @@ class Option:
             return isinstance(value, self.kind)
         if isinstance(value, bool) or not isinstance(value, int | float):
             return False
-        if not abs(value) <= sys.float_info.max or (self.kind is int and value != int(value)):
+        if not abs(value) <= LARGEST or (self.kind is int and value != int(value)):
             return False
         return value > self.above and self.least <= value <= self.most
 

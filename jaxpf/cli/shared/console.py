@@ -9,7 +9,6 @@ import click
 
 if TYPE_CHECKING:
     from rich.progress import Progress, Task
-    from rich.text import Text
 
 #: Controls, overrides of the direction, and halves of characters, which cannot be encoded.
 _CONTROLS = re.compile(
@@ -101,17 +100,13 @@ def _terms(names: Iterable[str]) -> str:
     used: dict[str, str] = {}
     for name in names:
         word = name.partition(",")[0].partition(" (")[0]
-        terms = (
-            term for term in _TERMS if word.lower().removeprefix("smith2004 ").startswith(term)
-        )
-        term = next(terms, None)
-        if term and term not in used:
-            used[term] = f"{word}: {_TERMS[term]}"
-    if not used:
-        return ""
-    needs = [f"tracked: {_TRACKED}"] if {"success", "recover", "tracked"} & used.keys() else []
-    used.pop("tracked", None)
-    return "; ".join([*used.values(), *needs]) + "."
+        term = next(filter(word.lower().removeprefix("smith2004 ").startswith, _TERMS), None)
+        if term is not None:
+            used.setdefault(term, f"{word}: {_TERMS[term]}")
+    if {"success", "recover", "tracked"} & used.keys():  # the others need it, so it comes last
+        used.pop("tracked", None)
+        used["tracked"] = f"tracked: {_TRACKED}"
+    return "; ".join(used.values()) + "." if used else ""
 
 
 def progress_bar(unit: str) -> "Progress":
@@ -124,11 +119,10 @@ def progress_bar(unit: str) -> "Progress":
         TextColumn,
         TimeRemainingColumn,
     )
+    from rich.text import Text
 
     class Rate(TextColumn):
-        def render(self, task: "Task") -> "Text":
-            from rich.text import Text
-
+        def render(self, task: "Task") -> Text:
             return Text("" if task.speed is None else f"{task.speed:.1f} {unit}/s")
 
     return Progress(

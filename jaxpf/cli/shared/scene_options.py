@@ -103,12 +103,10 @@ class SceneCommand(Command):
         of_filters = {n: each for n, each in filter_options().items() if n not in without}
         every = sorted(all_targets().values(), key=lambda target: target.name != DEFAULT)
         of = {target.name: options_of(target.tracker) for target in every}
-        of_targets: dict[str, Option] = {}
-        for declared in of.values():
-            for each, option in declared.items():
-                kinds = ", ".join(name for name in of if each in of[name])
-                help_ = f"{option.help}  ({kinds})"
-                of_targets.setdefault(each, dataclasses.replace(option, help=help_))
+        of_targets = options_of(*(target.tracker for target in every))
+        for each, option in of_targets.items():
+            kinds = ", ".join(name for name in of if each in of[name])
+            of_targets[each] = dataclasses.replace(option, help=f"{option.help}  ({kinds})")
         for section, some in (("Model", of_targets), ("Filter", of_filters)):
             params += declared_flags(some, section, defaults=defaults, grid=grid)
         where = "jaxpf.boxes.tracker and the other factories"

@@ -47,13 +47,15 @@ def report(results: Results) -> None:
 def _report(results: Results) -> None:
     request, output, truth = results.request, results.output, results.request.truth
     table = pd.DataFrame(read_tracks(output / "tracks.csv"))
+    diagnostics = pd.read_csv(output / "diagnostics.csv")
     verdicts = object_verdicts(table, results.names)
-    sizes = np.array(results.ess)
+    sizes = diagnostics["ess"].to_numpy()
     num_particles = getattr(results.tracker, "num_particles", 0)
     num_particles = int(num_particles or np.nanmax(sizes, initial=1))
     sizes = sizes[sizes > 0]  # 0 while there is no object, or where no particle explains the frame
     ess = float(np.median(sizes)) if len(sizes) else None
-    content = _summary(results, table, verdicts, ess)
+    impossible = int(np.isneginf(diagnostics["log_evidence"]).sum())
+    content = _summary(results, table, verdicts, ess, impossible)
     write_text(output / SUMMARY, json.dumps(content, indent=2) + "\n")
     lost = {name: about["lost"] for name, about in verdicts.items()}
     target = request.target
@@ -62,7 +64,7 @@ def _report(results: Results) -> None:
     plotting.save_figure(figure, output / "trajectories.png")
     for line in _lines(results, content, sentences(verdicts, ess, num_particles, target.place)):
         say(line)
-    for warning in _warnings(results):
+    for warning in _warnings(results, impossible):
         say(warning, err=True)
     if truth is not None:
         compare = _scores_of_boxes if request.detector is None else _scores_of_identities
@@ -187,6 +189,7 @@ def _summary(
     table: pd.DataFrame,
     verdicts: dict[str, dict[str, Any]],
     ess: float | None,
+    impossible: int,
 ) -> dict[str, Any]:
     request, source, stopped = results.request, results.source, results.stopped
     first, rest = results.seconds
@@ -221,7 +224,7 @@ def _summary(
         "frames_outside": results.outside,
         "frames_without_likelihood": results.without_likelihood,
         "mean_mc_error": _mean_mc_errors(table, names),
-        "impossible_frames": results.impossible,
+        "impossible_frames": impossible,
         "invalid_likelihoods": results.invalid,
         "seconds_first_frame": round(first, 3),
         "seconds_other_frames": round(rest, 3),
@@ -310,7 +313,7 @@ def _lines(results: Results, content: dict[str, Any], verdicts: list[str]) -> li
     return lines
 
 
-def _warnings(results: Results) -> list[str]:
+def _warnings(results: Results, impossible: int) -> list[str]:
     """What is printed of a run on standard error."""
     detector, changes = results.request.detector, results.changes
     lines = [f"Note: {results.source.note}"] if results.source.note else []
@@ -323,9 +326,9 @@ def _warnings(results: Results) -> list[str]:
             for name, frames in frames_of.items()
             if frames
         ]
-    if results.impossible:
+    if impossible:
         lines.append(
-            f"Warning: {counted(results.impossible)} had likelihood zero for all particles and "
+            f"Warning: {counted(impossible)} had likelihood zero for all particles and "
             "counted as missing."
         )
     if results.invalid:

@@ -338,36 +338,22 @@ def _filter_of(method: str | None, target: Target, opens: bool) -> Filter:
     return chosen
 
 
-_LEAVE = "leave one of them out."
-_ONE_FILTER = "works only with the built-in filters; leave it"
 #: Options with which no object starts, or is corrected, in a later frame.
 NOT_WITH_LATER = ("runs", "save_state", "resume", "tracker")
-#: (option, what it excludes): why; the other is an option, or known once the video is open.
-_EXCLUSIONS = {
-    ("detections", "tracker"): f"{_ONE_FILTER} or --tracker out.",
-    ("runs", "detections"): (
-        f"needs a fixed set of objects, and --detections changes it; {_LEAVE}"
-    ),
-    **dict.fromkeys(
-        [("save_state", "detections"), ("resume", "detections")],
-        f"keeps a filter's state, which does not hold the objects of --detections; {_LEAVE}",
-    ),
-    ("runs", "tracker"): (f"{_ONE_FILTER} out, or wrap your tracker in jaxpf.filters.SideBySide."),
-    **dict.fromkeys(
-        [(name, "later") for name in NOT_WITH_LATER],
-        "works with objects that all start in the start frame, and the start file names later "
-        "frames; leave it out, or their rows.",
-    ),
-    ("resume", "live"): (
-        "goes on in a video that begins as it did, and '{video}' is live; leave it out, or record "
-        "a video first."
-    ),
+#: What excludes options: another option, or what is known once the video is open, as shown.
+_EXCLUDES = {
+    ("detections", "--detections"): ("tracker", "runs", "save_state", "resume"),
+    ("tracker", "--tracker"): ("runs",),
+    ("later", "objects that start in a later frame"): NOT_WITH_LATER,
+    ("live", "a live video"): ("resume",),
 }
 
 
-def check_together(request: Request, video: object = None, **known: object) -> None:
-    """Refuse options that exclude each other, or what is ``known`` of the opened ``video``."""
+def check_together(request: Request, **known: object) -> None:
+    """Refuse options that exclude each other, or what is ``known`` of the opened video."""
     values = vars(request.run) | {"detections": request.detector} | known
-    for (name, other), why in _EXCLUSIONS.items():
-        if all(values.get(each) not in (None, False, {}) for each in (name, other)):
-            raise InputError(f"--{name.replace('_', '-')} {why.format(video=video)}")
+    for (other, shown), names in _EXCLUDES.items():
+        for name in names:
+            if all(values.get(each) not in (None, False, {}) for each in (name, other)):
+                flag = f"--{name.replace('_', '-')}"
+                raise InputError(f"{flag} does not work with {shown}; leave one of them out.")

@@ -53,11 +53,9 @@ class Results:
         tracked: number of tracked frames.
         last: number of the last frame.
         invalid: number of likelihoods that were not a number.
-        impossible: number of frames in which no particle had any likelihood.
         outside: name -> frames in which the object was outside the picture.
         without_likelihood: name -> frames in which no particle of it had any likelihood.
         changes: detected objects that started, ended or were refused, by kind.
-        ess: effective sample sizes of the tracked frames, rounded as in diagnostics.csv.
         seconds: time of the first frame, which includes compilation, and of all others.
         stopped: the exception that ended the run early, or None.
         has_begun: whether files of an earlier run have been replaced.
@@ -72,11 +70,10 @@ class Results:
         self.names: list[Any] = []
         if request.detector is None:
             self.names += dict.fromkeys(n for each in starts.values() for n in each.ids.tolist())
-        self.resumed = self.tracked = self.last = self.invalid = self.impossible = 0
+        self.resumed = self.tracked = self.last = self.invalid = 0
         self.outside: dict[str, list[int]] = {str(name): [] for name in self.names}
         self.without_likelihood: dict[str, list[int]] = {str(name): [] for name in self.names}
-        self.changes: dict[str, list[dict]] = {"started": [], "ended": [], "refused": []}
-        self.ess: list[float] = []
+        self.changes: dict[str, list[dict]] = {kind: [] for kind in Changes._fields}
         self.seconds = 0.0, 0.0
         self.stopped: KeyboardInterrupt | InputError | None = None
         self.has_begun = False
@@ -181,11 +178,9 @@ class Results:
             self._count(number, record.changes)
         if not filtered:
             return
-        ess, log_evidence = self._diagnostics.write(record)
-        self.ess.append(ess)
+        self._diagnostics.write(record)
         self.tracked += 1
         self.invalid += int(sum(_reported(filtered, "num_invalid", 0)))
-        self.impossible += bool(np.isneginf(log_evidence))
         for group in filtered:
             for where, frames in (
                 (group.outside, self.outside),
@@ -196,16 +191,13 @@ class Results:
 
     def _count(self, number: int, changes: Changes) -> None:
         """Count detected objects that started, ended or were refused."""
-        at = {"frame": number}
-        for new in changes.started:
-            self.names.append(new.id)
-            self.changes["started"].append({"id": new.id, **at, "box": new.box.tolist()})
-        for gone in changes.ended:
-            self.changes["ended"].append({"id": gone.id, **at, "reason": gone.reason})
-        for refusal in changes.refused:
-            name = None if refusal.id == EMPTY else refusal.id
-            box = refusal.box.tolist()
-            self.changes["refused"].append({"id": name, **at, "box": box, "reason": refusal.reason})
+        self.names += [new.id for new in changes.started]
+        for kind, each in changes._asdict().items():
+            for change in each:
+                about = {"id": None if change.id == EMPTY else change.id, "frame": number}
+                about |= {} if change.box is None else {"box": change.box.tolist()}
+                about |= {"reason": change.reason} if change.reason else {}
+                self.changes[kind].append(about)
 
 
 @contextlib.contextmanager
@@ -261,11 +253,8 @@ class Diagnostics(LineWriter):
         super().__init__(path)
         self._names, self._by_slot, self._columns = names, by_slot, list[str]()
 
-    def write(self, record: Record) -> tuple[float, float]:
-        """Write a row, and return its effective sample size and log evidence.
-
-        A user-defined tracker may report less than the built-in ones.
-        """
+    def write(self, record: Record) -> None:
+        """Write a row; a user-defined tracker may report less than the built-in ones."""
         groups = record.filtered
         if not self._columns:
             is_sure = any(group.confidence is not None for group in groups)
@@ -274,9 +263,7 @@ class Diagnostics(LineWriter):
             self.write_rows([["frame", "ess", "log_evidence", *names]])
         scalars = min(_reported(groups, "ess")), sum(_reported(groups, "log_evidence"))
         values = np.concatenate([scalars, *(self._row(groups, name) for name in self._columns)])
-        cells = [f"{value:.6g}" for value in values]
-        self.write_rows([[record.number, *cells]])
-        return float(cells[0]), float(cells[1])
+        self.write_rows([[record.number, *(f"{value:.6g}" for value in values)]])
 
     def _row(self, groups: list[Group], name: str) -> np.ndarray:
         """A column of the summaries; NaN where a group does not report it."""

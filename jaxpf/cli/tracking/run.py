@@ -79,7 +79,7 @@ def read_starts(request: Request, source: FrameSource) -> tuple[Start, dict[int,
         if beyond := [at for at in later if at > end]:
             remarks.append(f"what the start file names in frame {beyond[0]} comes after --frames")
         later = {at: each for at, each in later.items() if at <= end}
-    check_together(request, source.path, live=source.is_live, later=later)
+    check_together(request, live=source.is_live, later=later)
     for remark in remarks:
         say(f"Note: {remark}", err=True)
     if detector is None:

@@ -68,7 +68,9 @@ def test_a_file_of_whole_tracks_starts_objects_once(track, tmp_path, place):
 def test_options_of_one_tracker_are_refused_with_later_starts(refuse, tmp_path):
     rows = ((0, 1, true_boxes(0)[0]), (4, 2, true_boxes(4)[1]))
     starts = write_starts(tmp_path / "starts.csv", *rows)
-    assert "--runs works with objects that all start" in refuse("--boxes", starts, "--runs", 2)
+    assert "--runs does not work with objects that start in a later frame" in refuse(
+        "--boxes", starts, "--runs", 2
+    )
 
 
 QUICKLY = ("--method", "sir", "-n", 20, "--no-overlay")

@@ -41,7 +41,7 @@ BOTH = " ".join(BOXES)
                 ("--set bands=17", "box of object 1"),
                 ("--noise-pixels 1,2", "noise"),
                 (f"--noise-relative {NINE}", "3 objects"),
-                ("--runs 4 --tracker x.py:f", "SideBySide"),
+                ("--runs 4 --tracker x.py:f", "--tracker"),
                 ("--range 5,9", "--range 5,9"),
                 ("more", "argument"),
             )

@@ -46,11 +46,8 @@ _TERMS = {
     "error of repeats": "standard error, from the scatter of the descents",
     "error of frames": "standard error, from the curvature of the evidence",
     "compared with": "differences are paired by run",
-    "ns": "nanoseconds, without compilation",
-    "ratio": "median of interleaved pairs",
     "ordering": "the order in which objects are sampled",
     "done": "finished runs on disk",
-    "goal": "this project's own limit",
     "frames/s": "of a single run, without compilation",
     "ms a frame": "of a single run, without compilation",
 }

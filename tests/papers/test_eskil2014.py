@@ -16,10 +16,9 @@ DIVERS = ("head", "left hand", "right hand")
 
 
 def measured(scene, names, errors, visible=None):
-    """A study of one kind of scene; errors by method, ``[S, R, T, P]``."""
-    shape = errors[methods.PROPOSED].shape
+    """A study of one kind of scene; errors by method, ``[S, T, P]``."""
     if visible is None:
-        visible = np.ones((shape[0], *shape[2:]), bool)
+        visible = np.ones(errors[methods.PROPOSED].shape, bool)
     return study_of({scene: {"names": np.array([names]), "visible": visible, **errors}})
 
 
@@ -29,7 +28,7 @@ def fish(proposed: float, pffl: float):
     growth = np.linspace(0, 1, 40)[:, None]
 
     def errors(last):
-        return last * growth * rng.uniform(0.9, 1.1, (50, 1, 40, 4))
+        return last * growth * rng.uniform(0.9, 1.1, (50, 40, 4))
 
     visible = np.ones((50, 40, 4), bool)
     visible[:, 2:8, 0] = False  # back for thirty frames
@@ -52,7 +51,7 @@ def test_spot_is_compared_on_the_scenes_that_it_has():
     def spot_rows(scene, error):
         rng = np.random.default_rng(1)
         names = {"skydivers": DIVERS, "face": FACE}.get(scene, FISH)
-        noise = rng.uniform(0.9, 1.1, (2, 50, 1, 127, len(names)))
+        noise = rng.uniform(0.9, 1.1, (2, 50, 127, len(names)))
         found = {methods.PROPOSED: 0.02 * noise[0], methods.SPOT: error * noise[1, :25]}
         found[methods.PFFL] = found[methods.PROPOSED]
         return verdicts(PAPER, measured(scene, names, found))[f"{scene}_spot"]
@@ -62,28 +61,26 @@ def test_spot_is_compared_on_the_scenes_that_it_has():
     assert [spot_rows("face", error) for error in (0.01, 0.2)] == [NOT_SEEN, SUPPORTED]
 
 
-def test_a_lost_run_does_not_hide_among_the_others():
-    shape = 30, 5, 100, 3
-    errors = np.full(shape, 0.1) + 1e-3 * np.random.default_rng(0).random(shape)
-    errors[:, 0, -5:] = 1.5  # its mean with the other four is .38, above .25
-    errors[:, 1, :5] = 0.6  # but this one's would be .2
+def test_a_lost_scene_does_not_hide_among_the_others():
+    errors = np.full((150, 100, 3), 0.1) + 1e-3 * np.random.default_rng(0).random((150, 100, 3))
+    errors[:30, -5:] = 1.5  # the mean curve of all is below .4 there
+    errors[30:60, :5] = 0.6  # but this one's would be .2
     found = measured("skydivers", DIVERS, {methods.PROPOSED: errors})
     figures = PAPER.quantities(found)
     (peak,), (near,) = figures["skydivers_peak"], figures["skydivers_near"]
     assert peak.value == pytest.approx((1.5 + 0.6 + 3 * 0.1) / 5, abs=0.02)
     assert verdicts(PAPER, found)["skydivers_peak"] == NOT_SEEN
-    # Frames count in which all three are near: 490 of 500.
+    # Frames count in which all three are near: all but five of a hundred, in two scenes of five.
     assert near.value == pytest.approx(98)
 
 
 def test_a_point_that_passes_by_is_not_found_again():
     visible = np.ones((45, 1), bool)
     visible[5:10] = False
-    errors = np.full((2, 45, 1), 0.5)
-    errors[0, 30:] = 0.02  # the first run's stays, the second's passes
-    errors[1, 35:38] = 0.02
-    np.testing.assert_array_equal(found_again(errors, visible), [1, 0])
-    assert np.isnan(found_again(errors[:, :35], visible[:35])).all()
+    stays, passes = np.full((2, 45, 1), 0.5)
+    stays[30:] = passes[35:38] = 0.02
+    assert [found_again(errors, visible) for errors in (stays, passes)] == [1, 0]
+    assert np.isnan(found_again(stays[:35], visible[:35]))
 
 
 def test_the_printed_drift_divides_by_the_plain_sum():
@@ -116,16 +113,16 @@ def test_the_printed_scale_is_read_in_three_units(name, shape, scale):
 
 def test_blinks_are_judged_by_the_eyes_alone():
     rng = np.random.default_rng(0)
-    errors = 0.02 + 0.001 * rng.random((40, 5, 127, 3))
+    errors = 0.02 + 0.001 * rng.random((40, 127, 3))
     errors[..., 1] = 0.5
 
     def verdict(errors):
         return verdicts(PAPER, measured("face", FACE, {methods.PROPOSED: errors}))["face_blinks"]
 
-    errors[0, 0, 28, 0] = 0.3
+    errors[0, 28, 0] = 0.3
     assert verdict(errors) == SUPPORTED
-    errors[:, :, 70:, 0] = rng.uniform(0.2, 0.4, errors[:, :, 70:, 0].shape)
-    errors[0, 0, 73:79, 0] = 0.02
+    errors[:, 70:, 0] = rng.uniform(0.2, 0.4, errors[:, 70:, 0].shape)
+    errors[0, 73:79, 0] = 0.02
     assert verdict(errors) == NOT_SEEN
 
 

@@ -18,8 +18,6 @@ from jaxpf.measures.points import point_distances
 from jaxpf.running.blocks import monte_carlo
 from jaxpf.targets.presets import ESKIL2014
 
-#: Runs per scene; the paper has one film of each kind.
-RUNS_PER_SCENE = 1
 #: The paper's sequence -> our synthetic substitute, and sigma_t in pixels of our film: as printed,
 #: but halved for the fish, whose film is half as wide.
 SEQUENCES = {"platty": ("fish", 5.0), "skydiving": ("skydivers", 5.0), "face": ("face", 5.0)}
@@ -91,20 +89,23 @@ def on_scene(
     parameters: Mapping[str, Any],
     seed: int,
 ) -> dict[str, Any]:
-    """Of P points in T frames of one scene: ``names`` ``[P]``, ``visible`` ``[T, P]`` bool, and by
-    method the errors ``[R, T, P]``, distances divided by the body's length.
+    """One run of every method on a scene of P points in T frames; the paper has one of each film.
+
+    Returns:
+        ``names`` ``[P]``, ``visible`` ``[T, P]`` bool, and by method the errors ``[T, P]``,
+        distances divided by the body's length.
     """
     drawn = scenes.make(scene, seed=seed, **parameters)
     frames, truth = drawn.frames, drawn.extras["points"]
-    keys, later = jax.random.split(jax.random.key(seed), RUNS_PER_SCENE), jnp.asarray(frames[1:])
+    keys, later = jax.random.split(jax.random.key(seed), 1), jnp.asarray(frames[1:])
     places = {}
     for name in filters:
         tracker = tracker_of(name, frames[0], truth[0], scale)
-        places[name] = monte_carlo(tracker, keys, later, _estimate, batch_size=RUNS_PER_SCENE)
-    places[FLOW] = follow_points(frames, truth[0])[0][None]
+        places[name] = monte_carlo(tracker, keys, later, _estimate, batch_size=1)[0]
+    places[FLOW] = follow_points(frames, truth[0])[0]
     if seed in with_spot:
-        places[SPOT] = spot(frames, truth[0])[None]
-    places["not moving"] = np.broadcast_to(truth[0], (1, *truth[1:].shape))
+        places[SPOT] = spot(frames, truth[0])
+    places["not moving"] = np.broadcast_to(truth[0], truth[1:].shape)
     lengths = drawn.extras["body_length"][1:]
     return {
         "names": drawn.extras["point_names"],

@@ -2,11 +2,13 @@
 dynamics for tracking deformable objects".
 
 The three sequences on synthetic scenes modelled on them, with ablations and common baselines:
-figures 3 to 10.  Errors are ``[R, T, P]``, visibility is ``[T, P]``.
+figures 3 to 10.  Errors and visibility are ``[T, P]``.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -94,22 +96,19 @@ def study_of(found: Mapping[str, Mapping[str, np.ndarray]]) -> Study:
 def measures(
     scene: str, names: Sequence[str], errors: np.ndarray, visible: np.ndarray
 ) -> dict[str, float]:
-    """Measure -> mean over runs, of one kind of scene."""
-    values = {**_of_every_scene(errors, visible), **_OF_SCENE[scene](names, errors)}
-    return {f"{scene}: {name}": float(np.mean(each)) for name, each in values.items()}
-
-
-def _of_every_scene(errors: np.ndarray, visible: np.ndarray) -> dict[str, np.ndarray]:
-    return {
+    """Name of a measure -> its value of a method on one scene."""
+    of_kind = _OF_SCENE[scene](names, errors)
+    every = {
         "all frames": _error(errors),
         "while hidden": 100 * mean_error(errors, ~visible),
         "last 10 frames": _error(errors, _LAST),
         "points kept": points_kept(errors, NEAR),
         "recovered (%)": found_again(errors, visible),
     }
+    return {f"{scene}: {name}": float(value) for name, value in {**every, **of_kind}.items()}
 
 
-def _of_fish(names: Sequence[str], errors: np.ndarray) -> dict[str, np.ndarray]:
+def _of_fish(names: Sequence[str], errors: np.ndarray) -> dict[str, Any]:
     return {
         "kept": points_kept(errors, NEAR) / errors.shape[-1],
         "final error": _error(errors, _LAST),
@@ -118,38 +117,36 @@ def _of_fish(names: Sequence[str], errors: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def _of_skydivers(names: Sequence[str], errors: np.ndarray) -> dict[str, np.ndarray]:
+def _of_skydivers(names: Sequence[str], errors: np.ndarray) -> dict[str, Any]:
     checked = _of_points(names, errors, ("head", "left hand", "right hand").__contains__)
     return {
-        # The peak of each run, since the mean over runs would hide a lost run.
-        "peak": errors.mean(axis=2).max(axis=1),
-        "near": (checked <= SKYDIVER_MOSTLY).all(axis=-1).mean(axis=-1),
+        "peak": errors.mean(axis=1).max(),
+        "near": (checked <= SKYDIVER_MOSTLY).all(axis=-1).mean(),
         "before": _error(errors, slice(PARTING["skydivers"])),
         "after": _error(errors, slice(PARTING["skydivers"], None)),
         "late": _error(errors, slice(SPOT_LOST, None)),
     }
 
 
-def _of_face(names: Sequence[str], errors: np.ndarray) -> dict[str, np.ndarray]:
+def _of_face(names: Sequence[str], errors: np.ndarray) -> dict[str, Any]:
     lip = _of_points(names, errors, "right lip corner".__eq__)
-    smiling = lip[:, SMILE[0] + 6 : SMILE[1] - 6].mean(axis=(1, 2))
     eyes = _of_points(names, errors, lambda name: "eye" in name)
     after_blinks = [blink + after for blink in BLINKS for after in _OPEN]
     return {
         "before": _error(errors, slice(PARTING["face"])),
         "after": _error(errors, slice(PARTING["face"], None)),
-        "smile": 100 * (smiling - lip[:, _LAST].mean(axis=(1, 2))),
-        "after blinks": (eyes[:, after_blinks] <= NEAR).mean(axis=(1, 2)),
+        "smile": 100 * (lip[SMILE[0] + 6 : SMILE[1] - 6].mean() - lip[_LAST].mean()),
+        "after blinks": (eyes[after_blinks] <= NEAR).mean(),
     }
 
 
-_OF_SCENE: Mapping[str, Callable[..., dict[str, np.ndarray]]]
+_OF_SCENE: Mapping[str, Callable[..., dict[str, Any]]]
 _OF_SCENE = {"fish": _of_fish, "skydivers": _of_skydivers, "face": _of_face}
 
 
 def _error(errors: np.ndarray, frames: slice = slice(None)) -> np.ndarray:
     """Mean error over a range of frames, in % of the length."""
-    return 100 * mean_error(errors[:, frames])
+    return 100 * mean_error(errors[frames])
 
 
 def _of_points(
@@ -158,18 +155,18 @@ def _of_points(
     return errors[..., [place for place, name in enumerate(names) if is_chosen(name)]]
 
 
-def found_again(errors: np.ndarray, visible: np.ndarray) -> np.ndarray:
-    """``[R]``: share of the occlusions after which a point was recovered; NaN without any.
+def found_again(errors: np.ndarray, visible: np.ndarray) -> float:
+    """Share of the occlusions after which a point was recovered; NaN without any.
 
     Points count that reappear and stay visible for ``WITHIN`` frames.  A point is recovered if its
     median distance in the last ten of them is small; being near in a single frame is not enough.
     """
     again = [
-        np.median(errors[:, back + WITHIN - _STAYS : back + WITHIN, point], axis=1) <= NEAR
+        np.median(errors[back + WITHIN - _STAYS : back + WITHIN, point]) <= NEAR
         for point, _, back in recoveries(visible)
         if back + WITHIN <= len(visible) and visible[back : back + WITHIN, point].all()
     ]
-    return np.mean(again, axis=0) if again else np.full(len(errors), np.nan)
+    return float(np.mean(again)) if again else math.nan
 
 
 def figures(study: Study) -> dict[str, Figure]:
@@ -177,14 +174,14 @@ def figures(study: Study) -> dict[str, Figure]:
     drawn = {}
     for scene, arrays in study.shown.items():
         single, mean = _NUMBERS[scene]
-        names, proposed = list(arrays["names"][0]), arrays[PROPOSED].mean(axis=(0, 1))
+        names, proposed = list(arrays["names"][0]), arrays[PROPOSED].mean(axis=0)
         drawn[f"figure_{single}"] = _curves(
             {name: proposed[:, names.index(name)] for name in _SHOWN[scene]},
             arrays["visible"],
             f"{scene}: {PROPOSED}, single points (the paper's figure {single})",
         )
         drawn[f"figure_{mean}"] = _curves(
-            {name: arrays[name].mean(axis=(0, 1, 3)) for name in _COMPARED if name in arrays},
+            {name: arrays[name].mean(axis=(0, 2)) for name in _COMPARED if name in arrays},
             arrays["visible"],
             f"{scene}: mean over all points (the paper's figure {mean})",
             yscale="log",

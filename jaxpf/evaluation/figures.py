@@ -5,7 +5,6 @@ import os
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -45,27 +44,18 @@ class Figure(NamedTuple):
     """A saved figure.
 
     Attributes:
-        name: of the files, without suffix.
-        title: of the figure.
-        caption: how to read it and how its intervals are computed.
-        png: path of the PNG file.
-        size: width and height in inches.
+        data: the PNG file as text, for a page that needs no other file.
+        width: in CSS pixels.
+        height: in CSS pixels.
     """
 
-    name: str
-    title: str
-    caption: str
-    png: Path
-    size: tuple[float, float]
-
-    @property
-    def data(self) -> str:
-        """The PNG file as text, for a page that needs no other file."""
-        return base64.b64encode(self.png.read_bytes()).decode("ascii")
+    data: str
+    width: int
+    height: int
 
 
-def write_figures(overview: Overview) -> list[Figure]:
-    """Write all figures into the folder ``figures`` of the evaluation.
+def write_figures(overview: Overview) -> dict[str, Figure]:
+    """Write all figures, ``NAME.png``, into the folder ``figures`` of the evaluation.
 
     Raises:
         InputError: a file cannot be written.
@@ -74,12 +64,13 @@ def write_figures(overview: Overview) -> list[Figure]:
     with report_os_errors("create the folder", folder):
         folder.mkdir(exist_ok=True)
     remove_leavings(folder)
-    written = []
+    written = {}
     with in_style():
-        for name, title, caption, drawn in _drawn(overview):
+        for name, drawn in _drawn(overview):
             path = folder / f"{name}.png"
             save(drawn, path)
-            written.append(Figure(name, title, caption, path, tuple(drawn.get_size_inches())))
+            data = base64.b64encode(path.read_bytes()).decode("ascii")
+            written[name] = Figure(data, *(round(96 * x) for x in drawn.get_size_inches()))
     return written
 
 
@@ -96,17 +87,10 @@ def save(figure: "Drawing", png: str | os.PathLike[str]) -> None:
         figure.savefig(file, dpi=130, format="png", metadata={"Software": None})
 
 
-def _drawn(overview: Overview) -> "Iterator[tuple[str, str, str, Drawing]]":
-    """Yield name, title, caption and drawing of each figure of the best configurations."""
-    summaries = overview.summaries
-    best = overview.ranked[:MOST_LINES]
-    names = {index: overview.names[index] for index in best}
-    calibrated = {name: summaries[i].pit_values for i, name in names.items()}
-    calibrated = {name: counts for name, counts in calibrated.items() if counts.any()}
-    confident = {name: summaries[i].confidence for i, name in names.items()}
-    confident = {name: each for name, each in confident.items() if each.frames[-1]}
-    shown = f" The best {len(best)} of {len(summaries)} configurations."
-    shown = shown if len(best) < len(summaries) else ""
+def _drawn(overview: Overview) -> "Iterator[tuple[str, Drawing]]":
+    """Yield name and drawing of each figure, of the best configurations."""
+    names = {index: overview.names[index] for index in overview.ranked[:MOST_LINES]}
+    best = {name: overview.summaries[index] for index, name in names.items()}
     if not best:
         return
     of_all = overview.curves[overview.curves.object == ALL]
@@ -115,52 +99,15 @@ def _drawn(overview: Overview) -> "Iterator[tuple[str, str, str, Drawing]]":
         for (index, curve), rows in of_all.groupby(["configuration", "curve"])
         if index in names
     }
-    yield (
-        "success-curves",
-        "Success and precision curves",
-        "Share of the frames whose IoU with the truth exceeds a threshold, and of those whose "
-        "centre error is at most a threshold (wu2013), without the start frame. Bands: 95% "
-        "intervals over runs. In brackets: the area under the success curve, and the "
-        "precision within 20 pixels." + shown,
-        accuracy_curves([*names.values()], curves),
-    )
-    yield (
-        "error-over-time",
-        "Centre error over time",
-        "Line: median over runs and objects. Dark band: the middle half. Pale band: from 5 to "
-        "95%. These are quantiles, not intervals; frames without truth or estimate do not count."
-        + shown,
-        error_over_time(
-            overview.results.start_frame + 1,
-            {name: summaries[index].quantiles for index, name in names.items()},
-        ),
-    )
-    if calibrated:
-        yield (
-            "calibration",
-            "Calibration",
-            "How often the central region of a given probability covers the truth: x and y of all "
-            "objects, in frames in which the object is tracked. On the dotted line intervals are "
-            "calibrated, below it they are too narrow." + shown,
-            calibration(calibrated),
-        )
-    if confident:
-        yield (
-            "confidence",
-            "Reliability of confidence",
-            "Share of the boxes on their object, in five bins of confidence. On the dotted line "
-            "confidence is calibrated, below it too high. Bars: 95% intervals over runs." + shown,
-            confidence(confident),
-        )
+    yield "success-curves", accuracy_curves([*best], curves)
+    quantiles = {name: summary.quantiles for name, summary in best.items()}
+    yield "error-over-time", error_over_time(overview.results.start_frame + 1, quantiles)
+    if counts := {n: each.pit_values for n, each in best.items() if each.pit_values.any()}:
+        yield "calibration", calibration(counts)
+    if found := {n: each.confidence for n, each in best.items() if each.confidence.frames[-1]}:
+        yield "confidence", confidence(found)
     if lines := lines_over_particles(overview):
-        yield (
-            "against-time",
-            "Accuracy against time",
-            "Lines join numbers of particles. Time: of one run alone on this machine, from a "
-            "frame in memory to its estimate. Bars: 95% intervals over runs. Of two methods, the "
-            "higher on the left, or the lower on the right, is better at equal time.",
-            against_time(overview, lines),
-        )
+        yield "against-time", against_time(overview, lines)
 
 
 def accuracy_curves(

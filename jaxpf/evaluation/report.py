@@ -7,7 +7,7 @@ from typing import Any
 
 import jinja2
 
-from jaxpf.evaluation.figures import write_figures
+from jaxpf.evaluation.figures import MOST_LINES, write_figures
 from jaxpf.evaluation.measures import ON_OBJECT
 from jaxpf.evaluation.summaries import Overview
 from jaxpf.evaluation.tables import (
@@ -43,18 +43,12 @@ def write_report(overview: Overview) -> Path:
 def _content(overview: Overview) -> dict[str, Any]:
     """The values of the template."""
     results, best = overview.results, overview.ranked[:MOST_PRINTED]
-    figures = {figure.name: figure for figure in write_figures(overview)}
-    titles = {"differences": "Paired differences"}
-    titles |= {name: figure.title for name, figure in figures.items()}
+    figures = write_figures(overview)
     tables = {
         "differences": difference_tables(overview),
         "calibration": calibration_tables(overview, best),
     }
-    sections = [
-        {"name": n, "title": title, "figure": figures.get(n), "tables": tables.get(n, {})}
-        for n, title in titles.items()
-        if n in figures or tables[n]
-    ]
+    names = [name for name in ("differences", *figures) if name in figures or tables[name]]
     settings = {name: results.settings.get(name) for name in ("asked", "versions")}
     return {
         "results": results,
@@ -63,9 +57,12 @@ def _content(overview: Overview) -> dict[str, Any]:
         "remarks": overview.remarks,
         "estimates": estimate_tables(overview, best),
         "num_shown": len(best),
+        "num_lines": min(len(overview.summaries), MOST_LINES),
         "num_configurations": len(overview.summaries),
         "scores": score_tables(overview, best),
-        "sections": sections,
+        "sections": names,
+        "figures": figures,
+        "tables_of": tables,
         "on_object": ON_OBJECT,
         "significant": SIGNIFICANT,
         "decisive": DECISIVE,

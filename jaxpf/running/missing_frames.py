@@ -65,9 +65,9 @@ def marked(
     return WithGaps(tracker), (frames, seen)
 
 
-def unmarked(tracker: TrackerLike, frames: Any) -> tuple[Any, Any]:
-    """Undo ``marked``: return the original tracker and frames."""
-    return (tracker.tracker, frames[0]) if isinstance(tracker, WithGaps) else (tracker, frames)
+def unmarked(tracker: TrackerLike) -> Any:
+    """The tracker that ``marked`` was given."""
+    return tracker.tracker if isinstance(tracker, WithGaps) else tracker
 
 
 def _nan_in(frames: Any) -> tuple[Any, Any]:

@@ -149,7 +149,7 @@ class SeenMoves(contract.DynamicsWithDensity):
     @classmethod
     def of(cls, tracker: TrackerLike, frames: Any) -> "SeenMoves":
         """Take dynamics and likelihood from what ``missing_frames.marked`` returns."""
-        model = missing_frames.unmarked(tracker, frames)[0]
+        model = missing_frames.unmarked(tracker)
         likelihood = model.likelihood
         if tracker is not model:
             likelihood = gaps.LikelihoodWithGaps(likelihood)

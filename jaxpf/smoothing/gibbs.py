@@ -110,7 +110,7 @@ def particle_gibbs(
             shape; fewer than one sweep; inputs that do not fit (``jaxpf.run``).
     """
     marked, frames = runs.ready(tracker, frames, observed, inputs)
-    tracker = missing_frames.unmarked(marked, frames)[0]
+    tracker = missing_frames.unmarked(marked)
     refuse = check_conditional(tracker)
     check_whole("num_sweeps", num_sweeps)
     length = num_frames(frames)
@@ -193,7 +193,7 @@ def sweep(
         reference: ``[T + 1, P, D]``.
         second_order: static, whether moves depend on the substate before the current one.
     """
-    model = missing_frames.unmarked(tracker, frames)[0]
+    model = missing_frames.unmarked(tracker)
     length = num_frames(frames)
     parts, parents = jnp.arange(model.num_partitions), jnp.asarray(model.parents, jnp.int32)
     slots = jnp.arange(model.num_particles, dtype=jnp.int32)

@@ -123,10 +123,10 @@ def tune(
                     progress(done)
         except _NotFinite as error:
             result = summarise(parsed, start, descents, settings)
-            where = f"{error} of step {descents[-1].num_steps + 1}, repeat {repeat + 1}"
+            where = f"step {descents[-1].num_steps + 1}, repeat {repeat + 1}"
             values = ", ".join(f"{name} = {_shown(x)}" for name, x in result.last_good.items())
             raise Diverged(
-                f"the loss became {error.value} on {where}; the last good values are {values}: "
+                f"the loss became {error} of {where}; the last good values are {values}: "
                 "start elsewhere, narrow the bounds or lower the learning rate.",
                 result,
             ) from None
@@ -142,9 +142,7 @@ def tune(
 
 
 class _NotFinite(Exception):
-    def __init__(self, name: str, value: str):
-        super().__init__(name)
-        self.value = value
+    """What the loss became, and on which sequence."""
 
 
 def _shown(value: ArrayLike) -> str:
@@ -228,7 +226,7 @@ def _descend(descent, sequences, value_and_gradient, settings):
                 value = "infinite" if np.isinf(float(loss)) else "no number"
                 if np.isfinite(float(loss)):
                     value = f"{float(loss):.4g} with a gradient that is not finite"
-                raise _NotFinite(sequence.name, value)
+                raise _NotFinite(f"{value} on {sequence.name}")
             losses.append(float(loss))
             gradients.append(gradient)
         if step == 0:

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+from refusals import message_of
 from scipy import stats
 from scipy.special import betaincinv, ndtr
 
@@ -341,3 +342,11 @@ def test_the_interval_of_a_median_by_hand():
     found = median_interval(np.array([[1.0, 2, 3, np.nan]]).T)
     assert found.value.tolist() == [2]
     assert median_interval([1.0, 2.0]).value == 1.5
+
+
+@pytest.mark.parametrize("level", [-1, 0, 1, 95, math.nan])
+def test_a_level_that_is_no_probability_is_refused(level):
+    named = "must be above 0 and below 1"
+    for interval in (mean_interval, median_interval):
+        assert named in message_of(interval, [1.0, 2.0, 3.0], level=level)
+    assert named in message_of(difference_interval, [0.5, 1.0], [0.2, 0.3], level)

@@ -1,6 +1,7 @@
 """Tuning: objectives, descent, checkpoints, refusals."""
 
 import dataclasses
+import importlib.util
 
 import jax
 import jax.numpy as jnp
@@ -10,12 +11,14 @@ from jax.scipy.stats import norm
 from refusals import message_of
 from small_tuning import QUICK, SCALE, made_sequence, tracker
 
-from jaxpf import state_space, tune
+from jaxpf import InputError, state_space, tune
 from jaxpf.dynamics import RandomWalk
-from jaxpf.gradients import StopGradient
+from jaxpf.gradients import StopGradient, Transport
 from jaxpf.likelihoods import Gaussian, histogram
 from jaxpf.tuning import Settings, TrainingSequence
 from jaxpf.tuning.loop import Diverged
+from jaxpf.tuning.parameters import Parameter
+from jaxpf.tuning.result import Descent, Result
 
 
 def test_objectives_need_what_they_are_about():
@@ -223,12 +226,49 @@ def test_an_interrupted_descent_goes_on_to_the_same_values(tmp_path):
     assert len(list(tmp_path.iterdir())) == 1 + QUICK.repeats
 
 
-def test_a_checkpoint_of_other_settings_is_refused(tmp_path):
-    settings = dataclasses.replace(QUICK, steps=2)
-    tune(made_sequence(), SCALE, settings=settings, folder=tmp_path)
-    more = dataclasses.replace(settings, learning_rate=0.2)
-    message = message_of(tune, made_sequence(), SCALE, settings=more, folder=tmp_path)
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("begun")
+    tune(made_sequence(), SCALE, settings=QUICK, folder=folder)
+    return folder
+
+
+def other_frames():
+    sequence = made_sequence()
+    sequence.frames[3] += 1
+    return sequence
+
+
+@pytest.mark.parametrize(
+    ("sequence", "named"),
+    [
+        (made_sequence(gradient=StopGradient()), "tracker"),
+        (made_sequence(resampling="multinomial"), "tracker"),
+        (dataclasses.replace(made_sequence(), tracker=tracker(noise=2.0)), "tracker"),
+        (other_frames(), "frames"),
+    ],
+)
+def test_what_differs_from_the_call_that_began_is_named(begun, sequence, named):
+    message = message_of(tune, sequence, SCALE, settings=QUICK, folder=begun)
+    assert f"another value of {named};" in message
+    faster = dataclasses.replace(QUICK, learning_rate=0.2)
+    message = message_of(tune, made_sequence(), SCALE, settings=faster, folder=begun)
     assert "was begun with learning_rate = 0.1, now 0.2" in message
+
+
+def test_a_missing_package_is_told_before_there_is_a_checkpoint(monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    message = message_of(tracker, gradient=Transport())
+    assert "needs the package ott-jax; pip install" in message
+
+
+def test_a_call_that_made_no_step_leaves_no_checkpoint(tmp_path):
+    def fails(tracker, keys, frames):
+        raise InputError("no package")
+
+    with pytest.raises(InputError, match="no package"):
+        tune(made_sequence(), SCALE, objective=fails, settings=QUICK, folder=tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow
@@ -244,3 +284,30 @@ def test_traces_are_drawn():
         "dynamics.scale[0]",
         "likelihood.noise[0][0][0]",
     ]
+
+
+@pytest.mark.parametrize(
+    ("repeats", "spread", "curvature", "reach"),
+    [
+        # Student's t of 2 degrees of freedom: 4.303; of none that count, the normal 1.960.
+        (3, 1.0, np.nan, 4.303),
+        (1, np.nan, 1.0, 1.960),
+        (3, 1e-6, 1.0, 1.960),
+        # Welch and Satterthwaite: 2 (1 + 1)^2 = 8 degrees of freedom: 2.306 times the root of 2.
+        (3, 1.0, 1.0, 2.306 * 2**0.5),
+        (2, 1.0, np.nan, np.nan),
+    ],
+)
+def test_intervals_are_students(repeats, spread, curvature, reach):
+    descent = Descent(0, {}, np.zeros(1), np.zeros(1), [], "settled")
+    result = Result(
+        parameters=(Parameter("x"),),
+        start={"x": np.zeros(1)},
+        free={"x": np.ones(1)},
+        spread_errors={"x": np.array([spread])},
+        curvature_errors={"x": np.array([curvature])},
+        descents=[descent] * repeats,
+    )
+    low, high = result.intervals()["x"]
+    assert (1 - low, high - 1) == pytest.approx((reach, reach), abs=1e-3, nan_ok=True)
+    assert "nan" not in repr(result)

@@ -6,12 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from models import partitioned
 from records import everything
 
 import jaxpf
 from jaxpf import InputError, ordering
-from jaxpf.dynamics import RandomWalk
-from jaxpf.likelihoods import Gaussian
 from jaxpf.running import chunks
 from jaxpf.running.chunks import chunk_length, in_chunks
 from jaxpf.running.frames import frames_of
@@ -22,12 +21,6 @@ T, P, D = 7, 3, 2
 START = np.array([[0.0, 0.0], [20.0, 0.0], [0.0, 20.0]], np.float32)
 FRAMES = START + np.random.default_rng(0).normal(size=(T, P, D)).astype(np.float32).cumsum(axis=0)
 KEYS = jax.random.split(jax.random.key(5), 4)
-WALK = RandomWalk(np.float32(1.0))
-SEEN = Gaussian(noise=0.5 * np.tile(np.eye(D, dtype=np.float32), (P, 1, 1)))
-
-
-def partitioned(order):
-    return jaxpf.Partitioned(WALK, SEEN, order, START, num_particles=40)
 
 
 @jaxpf.pytree_dataclass
@@ -48,27 +41,17 @@ class Estimated(NamedTuple):
     estimate: jax.Array
 
 
-TRACKERS = {
-    "walk": lambda: Walk(START),
-    "ps": lambda: partitioned(ordering.ps([2, 0, 1])),
-    "sps": lambda: partitioned(ordering.sps(num_partitions=P)),  # the same program
-    "labelled": lambda: jaxpf.Labelled(WALK, SEEN, START, num_particles=40),
-    "pffl": lambda: jaxpf.PFFL(WALK, SEEN, START, num_particles=40),
-    "eskil": lambda: jaxpf.Eskil(WALK, SEEN, START, num_particles=40),
-}
+WALK = Walk(START)
+PS = partitioned(ordering.ps([2, 0, 1]), dimension=D, initial=START)
 
 
 def track(tracker, frames, **given):
     return jaxpf.monte_carlo(tracker, KEYS, frames, everything, batch_size=2, **given)
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [pytest.param(one, marks=[pytest.mark.slow] * (one != "walk")) for one in TRACKERS],
-)
-def test_states_are_carried_from_chunk_to_chunk_bit_for_bit(kind):
+@pytest.mark.parametrize("tracker", [WALK, pytest.param(PS, marks=pytest.mark.slow)])
+def test_states_are_carried_from_chunk_to_chunk_bit_for_bit(tracker):
     """Chunks of 3, 3 and 1 frames: slices of an array, and what a generator gives."""
-    tracker = TRACKERS[kind]()
     whole = track(tracker, FRAMES)
     assert np.ptp(whole[1].estimate[..., 0, 0], axis=0).min() > 0
     for frames in (FRAMES, (frame for frame in FRAMES), jnp.asarray(FRAMES)):
@@ -151,9 +134,9 @@ def test_a_chunk_holds_as_much_as_it_may_and_all_hold_nearly_the_same(monkeypatc
 )
 def test_frames_that_make_no_sequence_are_refused(frames, given, sentence):
     with pytest.raises(InputError, match=sentence):
-        track(TRACKERS["ps"](), frames(), **given)
+        track(PS, frames(), **given)
 
 
 def test_one_run_needs_all_frames_at_once():
     with pytest.raises(InputError, match=r"frames come one by one.*jaxpf\.stream"):
-        jaxpf.run(TRACKERS["ps"](), KEYS[0], iter(FRAMES))
+        jaxpf.run(PS, KEYS[0], iter(FRAMES))

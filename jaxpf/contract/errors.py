@@ -57,15 +57,6 @@ def import_extra(module: str, need: str, install: str = "'jaxpf[cli]'") -> Modul
         raise InputError(f"{need}, which is missing; pip install {install}.") from None
 
 
-def check_names(names: object, count: int) -> None:
-    """Refuse names that are not one for each of ``count`` objects."""
-    given = 0 if isinstance(names, str) or not hasattr(names, "__len__") else len(names)
-    if given != count:
-        raise InputError(
-            f"names={names!r:.60} must be one name for each of the {count} objects, in a list."
-        )
-
-
 def check_separate(what: str, *others: tuple[object, str]) -> None:
     """Refuse the setting ``what`` together with another one that is used, given as (used, name)."""
     for used, other in others:

@@ -76,13 +76,3 @@ def effective_sample_size(log_weights: ArrayLike) -> Array:
     relative = log_weights - jnp.where(jnp.isfinite(largest), largest, 0)
     size = jnp.exp(2 * logsumexp(relative, axis=-1) - logsumexp(2 * relative, axis=-1))
     return jnp.where(jnp.isfinite(largest[..., 0]), size, 0)
-
-
-def distinct_share(lineage: ArrayLike) -> Array:
-    """U / N ``[..., P]``: share of distinct particles, which smith2004 calls uniqueness.
-
-    Copies share the lineage id of each particle's partition, ``[..., P, N]``.
-    """
-    ordered = jnp.sort(jnp.asarray(lineage), axis=-1)
-    changes = jnp.sum(ordered[..., 1:] != ordered[..., :-1], axis=-1)
-    return (1 + changes) / ordered.shape[-1]

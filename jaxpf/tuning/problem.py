@@ -13,7 +13,7 @@ from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract import calls
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.numbers import with_nan
 from jaxpf.contract.optional import likelihood_of, optional
 from jaxpf.contract.pytree import pytree_dataclass
@@ -75,29 +75,24 @@ def check_objective(objective: object, sequences: Sequence[TrainingSequence]) ->
         raise InputError("there is no sequence to tune on; give at least one.")
     if callable(objective):
         return
-    if objective not in OBJECTIVES:
-        raise InputError(
-            f"objective {objective!r} is unknown; choose one of {', '.join(OBJECTIVES)}, or give "
-            "a function of (tracker, keys, frames)."
-        )
+    check_known("objective ", objective, OBJECTIVES)
     for sequence in sequences:
-        if objective != "evidence" and sequence.truth is None:
+        if objective == "evidence":
+            otherwise = "an objective that reads the labels"
+            biased_evidence(sequence.tracker, "the objective 'evidence'", otherwise, tuning=True)
+            if optional(likelihood_of(sequence.tracker), "form") == "exponential":
+                raise InputError(
+                    "the evidence of exp(-sharpness d^2) always prefers sharpness 0, because it is "
+                    "not normalised; make the histogram with form='density' or 'ratio', or choose "
+                    "the objective 'position', 'crps' or 'iou'."
+                )
+        elif sequence.truth is None:
             raise InputError(
                 f"objective {objective!r} needs labels, but {sequence.name} has none; give its "
                 "truth, or use 'evidence'."
             )
-        if objective == "iou" and sequence.sizes is None:
+        elif objective == "iou" and sequence.sizes is None:
             raise InputError(f"objective 'iou' needs the sizes of {sequence.name}; give them.")
-        if objective == "evidence":
-            otherwise = "an objective that reads the labels"
-            biased_evidence(sequence.tracker, "the objective 'evidence'", otherwise, tuning=True)
-        form = optional(likelihood_of(sequence.tracker), "form")
-        if objective == "evidence" and form == "exponential":
-            raise InputError(
-                "the evidence of exp(-sharpness d^2) always prefers sharpness 0, because it is not "
-                "normalised; make the histogram with form='density' or 'ratio', or choose the "
-                "objective 'position', 'crps' or 'iou'."
-            )
 
 
 def loss_function(objective: str | Callable, outlines: Callable | None = None) -> Callable:

@@ -4,7 +4,6 @@ import pytest
 
 from jaxpf import measures
 from jaxpf.measures import metrics, particle_sets
-from jaxpf.measures.particle_sets import distinct_share
 
 NOWHERE = [np.nan] * 4
 TRUTH = [0.0, 0.0, 10.0, 10.0]
@@ -145,11 +144,6 @@ def test_effective_sample_size_by_hand(weights, expected):
 def test_effective_sample_size_needs_no_normalised_weights(shift):
     log_weights = np.log(np.array([1, 3], np.float32)) + np.float32(shift)
     np.testing.assert_allclose(effective_sample_size(log_weights), 1.6, rtol=2e-3)
-
-
-def test_distinct_share_counts_distinct_ids():
-    lineage = np.array([[[5, 5, 5, 5], [3, 1, 3, 1]], [[4, 2, 9, 2], [0, 1, 2, 3]]])
-    np.testing.assert_array_equal(jax.jit(distinct_share)(lineage), [[0.25, 0.5], [0.75, 1]])
 
 
 def test_summary_by_hand():

@@ -53,17 +53,6 @@ def smoothed(method):
     return jaxpf.smooth(tracker(), KEY, FRAMES, method=method, paths=20, **given)
 
 
-@pytest.mark.parametrize("method", ["backward", "genealogy"])
-def test_shapes(method):
-    def smooth(paths):
-        return jaxpf.smooth(tracker(), KEY, FRAMES, method=method, paths=paths)
-
-    found = jax.eval_shape(lambda: smooth(20))
-    assert found.estimate.shape == found.spread.shape == (5, 2, 1)
-    assert found.paths.shape == (20, 5, 2, 1)
-    assert jax.eval_shape(lambda: smooth(0)).paths is None
-
-
 @pytest.mark.slow
 @pytest.mark.always
 def test_moments_are_those_of_the_paths_and_the_filter_is_that_of_a_run(ran):

@@ -35,7 +35,6 @@ off by a factor 1 / (L N_l), and omits the division of the speed by the time ste
 """
 
 import dataclasses
-from collections.abc import Sequence
 from typing import Any
 
 import chex
@@ -43,7 +42,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract.logs import counted, finite, normalised
@@ -92,16 +90,25 @@ def select(tracker: Settings, key: jax.Array, state: LabelledState) -> LabelledS
 def move(
     tracker: Settings, key: jax.Array, state: LabelledState
 ) -> tuple[LabelledState, jax.Array]:
-    """Propagate all particles; return the new state and the previous lags ``[2, D, N]``."""
+    """Propagate all particles; return the new state and the previous lags ``[2, D, N]``.
+
+    With feedback, dynamics that take the speed from ``current - previous`` find the label's
+    estimated speed there.  Particles that hold a speed move by it, and their new speed starts from
+    the label's instead of their own (eq. 5), which has already moved their position: what the
+    dynamics change of it, mainly its noise, is kept.
+    """
     left, fed_back = state.lagged, tracker.feedback == "estimate"
+    velocity = by_label.broadcast(state.velocity, state.labels)
     if fed_back and tracker.speed is None:
-        left = _before_moving(left, state.velocity, state.labels, tracker.position)
+        rows = jnp.asarray(tracker.position)
+        left = left.at[1, rows].set(left[0, rows] - velocity)
     # Targets have no parents.
     moved = contract.propagate_all(
         tracker.dynamics, key, state.labels, left[0], left[1], jnp.zeros_like(left[0])
     ).astype(left.dtype)
     if fed_back and tracker.speed is not None:
-        moved = _after_moving(moved, left[0], state.velocity, state.labels, tracker.speed)
+        rows = jnp.asarray(tracker.speed)
+        moved = moved.at[rows].add(velocity - left[0, rows])
     if tracker.motion_gradient == "score":
         moved = lax.stop_gradient(moved)
     return dataclasses.replace(state, lagged=jnp.stack([moved, left[0]])), left
@@ -216,15 +223,7 @@ def report(
     if tracker.feedback == "none" and tracker.regularise is None:
         estimate, velocity = jnp.where(present, mean, state.estimate), state.velocity
     else:
-        estimate, velocity = _regularised(
-            mean,
-            state.estimate,
-            state.velocity,
-            present,
-            tracker.position,
-            tracker.speed,
-            tracker.regularise,
-        )
+        estimate, velocity = _regularised(tracker, state, mean, present)
     ess_parts = 1.0 / jnp.where(present & ~state.lost, squares, jnp.inf)
     lost = state.lost if state.alive is None else state.lost & state.alive
     empty = jnp.zeros_like(lost) if state.alive is None else ~state.alive
@@ -266,64 +265,25 @@ def _of_living(alive: jax.Array, summary: Any) -> LabelledSummary:
 
 
 def _regularised(
-    mean: jax.Array,
-    estimate: jax.Array,
-    velocity: jax.Array,
-    present: jax.Array,
-    position: Sequence[int],
-    speed: Sequence[int] | None,
-    rates: ArrayLike | None,
+    tracker: Settings, state: LabelledState, mean: jax.Array, present: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """Update the regularised estimates and speeds from the last frame's (rowe2005, eq. 6).
+    """Estimates ``[D, L]`` and speeds ``[E, L]``, from the last frame's (rowe2005, eq. 6).
 
     Args:
+        tracker: without ``regularise``, both rates are 1.
+        state: holds the last frame's estimates and speeds.
         mean: ``[D, L]``, this frame's weighted means.
-        estimate: ``[D, L]``, last frame's estimates.
-        velocity: ``[E, L]``, last frame's speeds, per frame.
         present: ``[L]`` bool; a label without weight coasts at its speed.
-        position: indices of the E position coordinates.
-        speed: indices of the E speed coordinates, which then report the estimated speed; or None.
-        rates: a_x and a_u, ``[2]``; None is 1 and 1.
-
-    Returns:
-        Estimates ``[D, L]`` and speeds ``[E, L]``.
     """
-    rows = jnp.asarray(position)
+    rows, rates = jnp.asarray(tracker.position), tracker.regularise
     along, change = (1.0, 1.0) if rates is None else jnp.asarray(rates, mean.dtype)
-    before = estimate[rows]
+    before, velocity = state.estimate[rows], state.velocity
     predicted = before + velocity
     moved = jnp.where(present, (1 - along) * predicted + along * mean[rows], predicted)
     velocity = jnp.where(
         present, (1 - change) * velocity + change * (moved - before), velocity
     ).astype(mean.dtype)
-    reported = jnp.where(present, mean, estimate).at[rows].set(moved)
-    if speed is not None:
-        reported = reported.at[jnp.asarray(speed)].set(velocity)
+    reported = jnp.where(present, mean, state.estimate).at[rows].set(moved)
+    if tracker.speed is not None:
+        reported = reported.at[jnp.asarray(tracker.speed)].set(velocity)
     return reported, velocity
-
-
-def _before_moving(
-    lagged: jax.Array, velocity: jax.Array, labels: jax.Array, position: Sequence[int]
-) -> jax.Array:
-    """Replace the last displacement in ``lagged`` ``[2, D, N]`` by the label's estimated speed.
-
-    Feeds speed back to dynamics that take it from ``current - previous``.
-    """
-    rows = jnp.asarray(position)
-    return lagged.at[1, rows].set(lagged[0, rows] - by_label.broadcast(velocity, labels))
-
-
-def _after_moving(
-    moved: jax.Array,
-    current: jax.Array,
-    velocity: jax.Array,
-    labels: jax.Array,
-    speed: Sequence[int],
-) -> jax.Array:
-    """Base the new speed of particles ``[D, N]`` on the label's speed, not their own (eq. 5).
-
-    Keeps the change of speed from the dynamics, mainly its noise.  A particle's own last speed has
-    already moved its position.
-    """
-    rows = jnp.asarray(speed)
-    return moved.at[rows].add(by_label.broadcast(velocity, labels) - current[rows])

@@ -28,12 +28,6 @@ def _outlines(shapes: ArrayLike, sizes: ArrayLike) -> jax.Array:
     return jnp.stack([jnp.stack(corner, axis=-1) for corner in corners], axis=-2)
 
 
-def _measures(shapes: ArrayLike, truth: ArrayLike) -> dict[str, Any]:
-    """Exact measures for boxes."""
-    corner_error = jnp.full(jnp.shape(shapes)[:-1], jnp.nan)
-    return {**metrics.measure_boxes(shapes, truth), "corner_error": corner_error}
-
-
 def _read_start(given: Mapping[str, Any], number: int, source: FrameSource) -> Start:
     if given["box"] and given["boxes"]:
         raise InputError("--box and --boxes were both given; use one of them.")
@@ -106,7 +100,7 @@ BOXES = Target(
     settle=settle,
     shapes=lambda start, estimate, tracker: boxes_at(estimate, start.sizes),
     outlines=_outlines,
-    measure=_measures,
+    measure=metrics.measure_boxes,
     read_start=_read_start,
     scene_shapes=lambda scene: np.asarray(scene.boxes, np.float64),
     scene_start=lambda scene: start(scene.boxes[0], scene.extras.get("ids")),

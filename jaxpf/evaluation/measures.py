@@ -265,8 +265,8 @@ def _measure_frames(
 def _compiled_measures(
     target: Target, shapes: Array, truth: Array, sizes: Array
 ) -> dict[str, Array]:
-    measures = target.measures(shapes, truth, sizes)
     shape = shapes.shape[:-1]
+    measures = {"corner_error": jnp.full(shape, jnp.nan), **target.measures(shapes, truth, sizes)}
     offset = jnp.full((*shape, 2), jnp.nan)
     if target.has_places:
         middle = target.outlines(shapes, sizes).mean(axis=-2)

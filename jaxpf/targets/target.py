@@ -174,8 +174,8 @@ class Target:
         scene_shapes: function of a scene that returns its truth ``[T, P, S]``, NaN where an object
             is absent; None if its truth is of another kind.
         scene_start: function of such a scene that returns where objects are in its first frame.
-        measure: function of shapes and truth that returns error measures per frame; by default
-            those of the outlines, ``jaxpf.measures.outlines``.
+        measure: function of shapes and truth that returns error measures per frame, with or without
+            ``corner_error``; by default those of the outlines, ``jaxpf.measures.outlines``.
         columns: of tracks.csv that hold an object's position; angles in degrees, others in pixels.
         fixed_columns: those that never change, and so have no interval.
         column_values: function of start and shapes that returns their values ``[..., P, C]``.

@@ -84,19 +84,6 @@ def test_noise_has_the_stated_deviations():
     assert not np.asarray(root)[3:].any()
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_one_particle_agrees_with_all(dtype):
-    with jax.enable_x64(dtype == np.float64):
-        rng = np.random.default_rng(0)
-        current, parent = (np.asarray(rng.normal(size=(6, 1)) * 10, dtype) for _ in range(2))
-        for part in range(5):
-            key = jax.random.key(part)
-            every = propagate_all(dynamics(), key, np.array([part]), current, current, parent)
-            one = propagate(dynamics(), key, part, current[:, 0], current[:, 0], parent[:, 0])
-            assert every.dtype == one.dtype == dtype
-            np.testing.assert_allclose(every[:, 0], one, rtol=1e-6)
-
-
 def test_particles_of_different_parts_move_by_their_own_joints():
     rng = np.random.default_rng(1)
     current, parent = rng.normal(size=(2, 6, 5)).astype(np.float32)

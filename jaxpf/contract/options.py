@@ -135,13 +135,12 @@ class Option:
 def _declared(owner: Callable[..., Any]) -> Mapping[str, Option]:
     found = {}
     for name, parameter in inspect.signature(owner).parameters.items():
-        if typing.get_origin(parameter.annotation) is typing.Annotated:
-            hint, *notes = typing.get_args(parameter.annotation)
-            about = next((note for note in notes if isinstance(note, Option)), None)
-            if about is not None:
-                default = None if parameter.default is parameter.empty else parameter.default
-                says = {**_type(hint), **({"length": about.length} if about.length else {})}
-                found[name] = dataclasses.replace(about, name=name, default=default, **says)
+        hint, *notes = typing.get_args(parameter.annotation) or (None,)
+        about = next((note for note in notes if isinstance(note, Option)), None)
+        if about is not None:
+            default = None if parameter.default is parameter.empty else parameter.default
+            says = {**_type(hint), **({"length": about.length} if about.length else {})}
+            found[name] = dataclasses.replace(about, name=name, default=default, **says)
     return found
 
 

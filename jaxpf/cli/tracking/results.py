@@ -145,23 +145,19 @@ class Results:
     def _begin(self, columns: list[str]) -> None:
         """Open the files; the overlay may fail, so it is opened while old results are there."""
         request, target, output = self.request, self.request.target, self.output
-        self._overlay = None
+        self._overlay, enter = None, self._files.enter_context
         if request.run.overlay:
             self._overlay = Overlay(output / "overlay.mp4", target, self.source)
-            self._files.enter_context(self._overlay.video)
+            enter(self._overlay.video)
         remove_outputs(output)
         self.has_begun = True
         write_config(output / "run.toml", "track", request.table(self.source.path))
         start, detector = self.starts[request.run.start], request.detector
         slots = detector and [f"slot_{number + 1}" for number in range(detector.rules.capacity)]
-        self._tracks, self._outlines, self._diagnostics = map(
-            self._files.enter_context,
-            (
-                TrackTable(output / "tracks.csv", target.columns, columns),
-                target.outline_file(output / "outlines.csv", start),
-                Diagnostics(output / "diagnostics.csv", slots or self.names, slots is not None),
-            ),
-        )
+        diagnostics = Diagnostics(output / "diagnostics.csv", slots or self.names, bool(slots))
+        self._diagnostics = enter(diagnostics)
+        self._tracks = enter(TrackTable(output / "tracks.csv", target.columns, columns))
+        self._outlines = enter(target.outline_file(output / "outlines.csv", start))
 
     def _write(self, record: Record, columns: list[dict[str, np.ndarray]]) -> None:
         """Write a frame, and count it."""

@@ -54,7 +54,7 @@ def read_detections(path: str | os.PathLike[str]) -> BoxTable:
     """
     rows: list[tuple[float, ...]] = []
     started: dict[int, int] = {}
-    for line, row, _ in box_rows(path):
+    for line, row in box_rows(path):
         identity, place = int(row[1]), f"line {line} of '{path}'"
         if identity < 1 and identity != DETECTED:
             raise InputError(

@@ -155,8 +155,8 @@ def advance(
     if detections is not None:
         here = np.concatenate([boxes[ids != EMPTY], *(box[None] for _, box in named)])
         is_tracked = pairwise_iou(detections, here).max(axis=1, initial=0) >= rules.detection_iou
-        settings = association.Rules(rules.detection_iou, rules.min_hits, _MOST_MISSED)
-        candidates = association.advance(candidates, detections[~is_tracked], settings)
+        limits = rules.detection_iou, _MOST_MISSED
+        candidates = association.advance(candidates, detections[~is_tracked], *limits)
         ready = (candidates.hits >= rules.min_hits) & (candidates.missed == 0)
         ready &= _inside(candidates.boxes, frame_shape)
         ready &= _first_of_each(candidates.boxes, ready)

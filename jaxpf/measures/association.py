@@ -10,21 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 
-class Rules(NamedTuple):
-    """Rules for continuing, reporting and ending tracks.
-
-    Attributes:
-        least_iou: smallest intersection over union at which a detection continues a track, in
-            (0, 1].
-        least_hits: number of detections from which a track is reported.
-        most_missed: consecutive frames without a detection that a track survives.
-    """
-
-    least_iou: float = 0.3
-    least_hits: int = 3
-    most_missed: int = 5
-
-
 class Tracks(NamedTuple):
     """The K open tracks after a frame.
 
@@ -65,15 +50,21 @@ def assigned(one: np.ndarray, other: np.ndarray, least_iou: float) -> np.ndarray
     return partner
 
 
-def advance(tracks: Tracks, detections: np.ndarray, rules: Rules) -> Tracks:
-    """Update the tracks with the next frame's detections ``[M, 4]``."""
+def advance(
+    tracks: Tracks, detections: np.ndarray, least_iou: float = 0.3, most_missed: int = 5
+) -> Tracks:
+    """Update the tracks with the next frame's detections ``[M, 4]``.
+
+    A detection continues a track at an IoU of ``least_iou``; a track survives ``most_missed``
+    consecutive frames without one.
+    """
     detections = np.asarray(detections, float).reshape(-1, 4)
-    mine = assigned(tracks.boxes, detections, rules.least_iou)
+    mine = assigned(tracks.boxes, detections, least_iou)
     seen = mine >= 0
     boxes = tracks.boxes.copy()
     boxes[seen] = detections[mine[seen]]
     missed = np.where(seen, 0, tracks.missed + 1)
-    kept = missed <= rules.most_missed
+    kept = missed <= most_missed
     fresh = detections[np.setdiff1d(np.arange(len(detections)), mine)]
     number = len(fresh)
     return Tracks(

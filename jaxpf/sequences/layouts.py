@@ -20,7 +20,7 @@ from jaxpf.files.reading import LARGEST_WHOLE, parse_number, read_below, read_te
 from jaxpf.media.images import frame_numbers, pictures_in, read_mask
 from jaxpf.sequences.frames import Frames
 from jaxpf.sequences.sequence import Sequence
-from jaxpf.sequences.tables import BoxTable, read_boxes, read_table, table_of
+from jaxpf.sequences.tables import BoxTable, read_boxes, table_of
 
 _FORMATS = (
     "meta.json with gt.csv or points.csv, seqinfo.ini with gt/gt.txt (MOTChallenge), "
@@ -125,8 +125,8 @@ def _read_own(folder: Path, truth: Path) -> Sequence:
     frames, fps = _described(path, meta, ("n_frames", "width", "height", "fps"), place)
     points = folder / "points.csv"
     if points.is_file() and not truth.exists():
-        return Sequence(folder, frames, _read_points(points), None, fps, name, of_points=True)
-    return Sequence(folder, frames, *read_table(truth, truth=True), fps, name)
+        return Sequence(folder, frames, _read_points(points), fps, name, of_points=True)
+    return Sequence(folder, frames, read_boxes(truth, truth=True), fps, name)
 
 
 def _read_mot(folder: Path, truth: Path) -> Sequence:
@@ -141,7 +141,7 @@ def _read_mot(folder: Path, truth: Path) -> Sequence:
     pictures = {int(file.stem): file for file in _pictures_of(place) if file.stem.isdecimal()}
     keys = ("seqLength", "imWidth", "imHeight", "frameRate")
     frames, fps = _described(path, about, keys, lambda t: pictures.get(t + 1, place / str(t + 1)))
-    return Sequence(folder, frames, *read_table(truth, truth=True), fps, about.get("name", ""))
+    return Sequence(folder, frames, read_boxes(truth, truth=True), fps, about.get("name", ""))
 
 
 def _read_lines(folder: Path, truth: Path) -> Sequence:
@@ -173,7 +173,7 @@ def _read_lines(folder: Path, truth: Path) -> Sequence:
 
 
 def _read_visdrone(folder: Path, truth: Path) -> Sequence:
-    return Sequence(folder, Frames(tuple(_pictures_of(folder))), *read_table(truth, truth=True))
+    return Sequence(folder, Frames(tuple(_pictures_of(folder))), read_boxes(truth, truth=True))
 
 
 def _read_masks(folder: Path, truth: Path) -> Sequence:

@@ -26,7 +26,6 @@ class Sequence:
         path: its folder.
         frames: ``[T, H, W, 3]`` uint8, RGB, decoded on demand.
         truth: the annotated boxes that count, by id and frame.
-        ignored: annotated boxes that a benchmark leaves out of its evaluation, or None.
         fps: frames per second.
         name: by default that of the folder.
         of_points: whether the boxes are windows around annotated points.
@@ -35,7 +34,6 @@ class Sequence:
     path: Path
     frames: Frames
     truth: BoxTable
-    ignored: BoxTable | None = None
     fps: float = DEFAULT_FPS
     name: str = ""
     of_points: bool = False

@@ -89,24 +89,17 @@ def read_boxes(path: str | os.PathLike[str], *, truth: bool = False) -> BoxTable
         InputError: a line has too few or too many columns, a value that is no number in its range,
             or repeats a frame and an id; the message names it.
     """
-    return read_table(path, truth)[0]
-
-
-def read_table(path: str | os.PathLike[str], truth: bool) -> tuple[BoxTable, BoxTable]:
-    """The rows of a file that count, and those that a benchmark ignores; see ``read_boxes``."""
-    counted, ignored = [], []
     line_of: dict[tuple[float, ...], int] = {}
-    for line, row, counts in box_rows(path, truth):
-        if not counts:
-            ignored.append(row)
-        elif (first := line_of.setdefault(row[:2], line)) != line:
+    rows = []
+    for line, row in box_rows(path, truth):
+        if (first := line_of.setdefault(row[:2], line)) != line:
             raise InputError(
                 f"line {line} of '{path}' repeats id {row[1]:.0f} in the frame of line {first}; "
                 "keep one of the two lines"
             )
-        elif min(row[4:6]) > 0:
-            counted.append(row)
-    return table_of(counted, path), table_of(ignored, path)
+        if min(row[4:6]) > 0:
+            rows.append(row)
+    return table_of(rows, path)
 
 
 def table_of(rows: Sequence[tuple[float, ...]], path: str | os.PathLike[str]) -> BoxTable:
@@ -130,8 +123,8 @@ def table_of(rows: Sequence[tuple[float, ...]], path: str | os.PathLike[str]) ->
 
 def box_rows(
     path: str | os.PathLike[str], truth: bool = False
-) -> Iterator[tuple[int, tuple[float, ...], bool]]:
-    """Yield line number, (frame, id, x, y, w, h, occlusion, confidence) and whether a row counts.
+) -> Iterator[tuple[int, tuple[float, ...]]]:
+    """Yield line number and (frame, id, x, y, w, h, occlusion, confidence) of rows that count.
 
     Frames and pixels count from 0; for ``truth`` see ``read_boxes``.
     """
@@ -172,9 +165,9 @@ def box_rows(
         kind = value("class") if classes else -1
         is_flagged = confidence == 0 and "time" not in row
         is_ignored = is_flagged or (classes is not None and kind not in classes)
-        counts = not (is_ignored and (truth or names is _VISDRONE))
         hidden = value("occ", _occlusion(value("visibility")) if classes else -1)
-        yield line, (frame - first, number, x - pixel, y - pixel, w, h, hidden, confidence), counts
+        if not (is_ignored and (truth or names is _VISDRONE)):
+            yield line, (frame - first, number, x - pixel, y - pixel, w, h, hidden, confidence)
 
 
 def dense(table: BoxTable, ids: Sequence[int], num_frames: int) -> np.ndarray:

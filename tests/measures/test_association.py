@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jaxpf.measures.association import Rules, advance, assigned, no_tracks
+from jaxpf.measures.association import advance, assigned, no_tracks
 
 NONE = np.zeros((0, 4))
 
@@ -20,11 +20,11 @@ def test_the_best_assignment_is_not_the_greedy_one():
 
 def test_tracks_by_hand():
     """Two objects pass through six frames; the first is missed in frame 2, the second from 3."""
-    tracks, rules = no_tracks(), Rules(most_missed=2)
+    tracks = no_tracks()
     frames = [at(0, 50), at(2, 52), at(54), at(6), at(8), at(10, 90)]
     seen = []
     for detections in frames:
-        tracks = advance(tracks, detections, rules)
+        tracks = advance(tracks, detections, most_missed=2)
         seen.append((tracks.ids.tolist(), tracks.boxes[:, 0].tolist(), tracks.hits.tolist()))
     assert seen == [
         ([1, 2], [0, 50], [1, 1]),
@@ -37,9 +37,9 @@ def test_tracks_by_hand():
 
 
 def test_an_id_is_never_used_again():
-    tracks, rules = no_tracks(), Rules(most_missed=0)
+    tracks = no_tracks()
     ids = []
     for detections in (at(0), NONE, at(0), NONE, at(0)):
-        tracks = advance(tracks, detections, rules)
+        tracks = advance(tracks, detections, most_missed=0)
         ids += tracks.ids.tolist()
     assert ids == [1, 2, 3]

@@ -15,20 +15,16 @@ from refusals import message_of
 
 from jaxpf.media import VideoWriter, open_frames
 
-CODECS = {"mp4": "mp4v", "avi": "MJPG"}
+CODECS = {
+    ".mp4": ("libx264", "yuv420p"),
+    ".avi": ("mjpeg", "yuvj420p"),
+    ".webm": ("libvpx-vp9", "yuv420p"),
+}
 
 
-def write_video(path, num_frames=40, fps=25.0, frame=numbered_frame, size=(64, 48)):
-    if path.suffix == ".webm":
-        frames = [frame(index % 40) for index in range(num_frames)]
-        return write_film(path, frames, "libvpx-vp9", rate=round(fps))
-    fourcc = cv2.VideoWriter.fourcc(*CODECS[path.suffix[1:]])
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, fourcc, fps, size)
-    assert writer.isOpened()
-    for index in range(num_frames):
-        writer.write(frame(index % 40)[..., ::-1])
-    writer.release()
-    return path
+def write_video(path, num_frames=40, frame=numbered_frame):
+    frames = (frame(index % 40) for index in range(num_frames))
+    return write_film(path, frames, *CODECS[path.suffix])
 
 
 def noisy_frame(index):
@@ -42,21 +38,12 @@ def cut(path, fraction):
     return path
 
 
-def test_a_video_gives_its_frames_in_order_as_rgb(tmp_path):
-    source = open_frames(write_video(tmp_path / "walk.mp4", fps=10))
-    assert (source.name, source.width, source.height, source.fps) == ("walk", 64, 48, 10.0)
-    assert source.frames_expected == 40
-    assert source.num_frames is None
-    frames = list(source)
-    assert [number_of(frame) for frame in frames] == list(range(40))
-    assert all(frame.dtype == np.uint8 and frame.shape == (48, 64, 3) for frame in frames)
-    red, green, _ = frames[0][24, 4]
-    assert red > 180
-    assert green < 80
-    assert source.num_frames == 40
-    assert not source.truncated
-    assert source.note is None
-    assert number_of(next(source.frames(17))) == 17
+def test_a_video_gives_its_frames_from_any_one_on(tmp_path):
+    source = open_frames(write_video(tmp_path / "walk.mp4"))
+    assert (source.name, source.width, source.height, source.fps) == ("walk", 64, 48, 25.0)
+    assert (source.frames_expected, source.num_frames) == (40, None)
+    assert [number_of(frame) for frame in source] == list(range(40))
+    assert (source.num_frames, source.truncated, source.note) == (40, False, None)
     assert [number_of(frame) for frame in source.frames(start=37)] == [37, 38, 39]
 
 

@@ -118,14 +118,12 @@ class Options(Outcome, Settings, Tuned, Scenes):
 
 
 def _command(**values: Any) -> None:
-    options, source = (
-        Options(**parse(values, Options, defaults=_DEFAULTS)),
-        resolved_scene(values["scene"]),
-    )
+    options = Options(**parse(values, Options, defaults=_DEFAULTS))
+    source = resolved_scene(values["scene"])
     folder = options.output or Path(f"jaxpf-tune-{scene_name(source)}")
     check_output_folder(folder)
     continues = Store(folder).settings() is not None
-    scenes = _scenes_to_tune_on(source, options)
+    scenes, unseen = _scenes_to_tune_on(source, options)
     start_jax()
     before, typed = _recipe(values, options, scenes[0])
     if options.parameters is None:
@@ -180,12 +178,8 @@ def _command(**values: Any) -> None:
     outputs.write_traces(folder / outputs.TRACES, result, options.objective)
     outputs.show(result)
     say(f"{folder}/: {outputs.TUNED}, {outputs.TRACES}, run.toml")
-    others = shlex.join([source, *_unseen(scenes, options)])
-    config = shlex.quote(str(folder / outputs.TUNED))
-    say(
-        "To compare on unseen frames, run this with and without --config: jaxpf evaluate "
-        f"{others} --config {config}"
-    )
+    others = shlex.join([source, *unseen, "--config", str(folder / outputs.TUNED)])
+    say(f"To compare on unseen frames, run this with and without --config: jaxpf evaluate {others}")
 
 
 command = SceneCommand(
@@ -212,14 +206,31 @@ command = SceneCommand(
 )
 
 
-def _scenes_to_tune_on(source: str, options: Options) -> list[Scene]:
-    """Synthetic scenes with consecutive seeds, or the first frames of a folder."""
+def _scenes_to_tune_on(source: str, options: Options) -> tuple[list[Scene], list[str]]:
+    """The scenes, and the flags of `jaxpf evaluate` for what they leave unseen.
+
+    Synthetic scenes have consecutive seeds, and the next seed is unseen; of a folder, the first
+    frames are taken, by default half.
+    """
     first, *others = range(options.scene_seed, options.scene_seed + options.train_scenes)
     parameters = scene_parameters(options.set)
     scene = load_scene(source, first, options.ids, options.start_frame, None, parameters)
     check_scene(scene)
     if "source" in scene.extras:
-        return [_cut(scene, options.frames)]
+        start, total = int(scene.extras["start_frame"]), len(scene.frames)
+        count = total // 2 if options.frames is None else options.frames
+        if not 2 <= count <= total - 2:
+            raise InputError(
+                f"--frames {count} must be 2 to {total - 2}: of the {total} frames of "
+                f"{scene.name!r} some must be left for a comparison."
+            )
+        kept = dataclasses.replace(
+            scene,
+            frames=scene.frames[:count],
+            boxes=scene.boxes[:count],
+            name=f"{scene.name}, frames {start} to {start + count - 1}",
+        )
+        return [kept], ["--start-frame", str(start + count)]
     if options.frames is not None:
         raise InputError(
             f"--frames {options.frames} divides a folder's frames, but {source!r} is drawn by a "
@@ -229,37 +240,11 @@ def _scenes_to_tune_on(source: str, options: Options) -> list[Scene]:
     for seed in others:
         drawn[seed] = load_scene(source, seed, parameters=parameters)
         check_scene(drawn[seed])
-    return [
-        dataclasses.replace(scene, name=f"{scene.name}, seed {seed}")
-        for seed, scene in drawn.items()
+    scenes = [
+        dataclasses.replace(each, name=f"{each.name}, seed {seed}") for seed, each in drawn.items()
     ]
-
-
-def _cut(scene: Scene, count: int | None) -> Scene:
-    """The first frames of a sequence, by default half."""
-    total = len(scene.frames)
-    count = total // 2 if count is None else count
-    if not 2 <= count <= total - 2:
-        raise InputError(
-            f"--frames {count} must be 2 to {total - 2}: of the {total} frames of {scene.name!r} "
-            "some must be left for a comparison."
-        )
-    start = int(scene.extras["start_frame"])
-    return dataclasses.replace(
-        scene,
-        frames=scene.frames[:count],
-        boxes=scene.boxes[:count],
-        name=f"{scene.name}, frames {start} to {start + count - 1}",
-    )
-
-
-def _unseen(scenes: list[Scene], options: Options) -> list[str]:
-    """Flags of `jaxpf evaluate` for frames after a folder's, or for the next seed."""
-    extras = scenes[0].extras
-    if "source" in extras:
-        return ["--start-frame", str(int(extras["start_frame"]) + len(scenes[0].frames))]
-    parameters = [word for text in options.set for word in ("--set", text)]
-    return ["--scene-seed", str(options.scene_seed + len(scenes)), *parameters]
+    typed = [word for text in options.set for word in ("--set", text)]
+    return scenes, ["--scene-seed", str(first + len(scenes)), *typed]
 
 
 def _recipe(

@@ -66,22 +66,21 @@ def write_traces(path: Path, result: Result, objective: str) -> None:
 
 def show(result: Result) -> None:
     """Print the table of values, and how the descents ended."""
-    values, intervals = result.values, result.intervals()
-    rows = []
+    intervals, rows = result.intervals(), []
     for parameter in result.parameters:
-        for index in np.ndindex(np.shape(values[parameter.path])):
+        path = parameter.path
+        each = (result.start, result.values, result.spread_errors, result.curvature_errors)
+        columns = [*(values[path] for values in each), *intervals[path]]
+        for index in np.ndindex(np.shape(columns[0])):
+            start, value, spread, curvature, low, high = (float(x[index]) for x in columns)
             suffix = "".join(f"[{i}]" for i in index)
-            low, high = (float(end[index]) for end in intervals[parameter.path])
-            spread = float(result.spread_errors[parameter.path][index])
-            curvature = float(result.curvature_errors[parameter.path][index])
             rows.append(
                 [
-                    f"{parameter.path}{suffix}",
-                    f"{float(result.start[parameter.path][index]):.4g}",
-                    f"{float(values[parameter.path][index]):.4g}",
+                    f"{path}{suffix}",
+                    f"{start:.4g}",
+                    f"{value:.4g}",
                     f"[{low:.4g}, {high:.4g}]" if high > low else "",
-                    "" if np.isnan(spread) else f"{100 * spread:.1f}%",
-                    "" if np.isnan(curvature) else f"{100 * curvature:.1f}%",
+                    *("" if np.isnan(x) else f"{100 * x:.1f}%" for x in (spread, curvature)),
                 ]
             )
     print_table(

@@ -49,8 +49,6 @@ SCENE: dict[str, Any] = {
     "leader_travel": 15.0,
     "departure": 55.0,
 }
-#: The paper has 50 runs on one scene.  We run once per scene: scenes differ more than runs.
-RUNS_PER_SCENE = 1
 METHODS = ("Non-PS", "PS", "DPS", "DPS evidence", "SPS")
 #: N as in the paper, and an N small enough that DPS loses its advantage.
 PARTICLES = (300, 50)
@@ -143,17 +141,19 @@ ENDINGS: Mapping[str, OtherEnding | None] = {
 
 
 class Outcome(NamedTuple):
-    """S scenes, O orderings, L sharpness values, R runs per scene, P objects.
+    """S scenes, O orderings, L sharpness values, P objects.
+
+    The paper has 50 runs on one scene.  We run once per scene: scenes differ more than runs.
 
     Attributes:
         names: names of the O orderings.
-        recovered: ``[S, O, L, R]`` bool, object 1 was tracked in the last frame.
-        success: ``[S, O, L]``, share of the runs and of objects 2 to P tracked throughout.
+        recovered: ``[S, O, L]`` bool, object 1 was tracked in the last frame.
+        success: ``[S, O, L]``, share of objects 2 to P tracked throughout.
         precision: ``[S, O, L]``, mean over objects 2 to P and all frames.
         recall: as ``precision``.
         leader_precision: ``[S, O, L]``, for object 1, over the frames with T = 1.
         leader_recall: as ``leader_precision``.
-        uniqueness: ``[S, O, L, P]``, mean over runs and frames.
+        uniqueness: ``[S, O, L, P]``, mean over frames.
         dynamics: ``[S, O, L, P, 2]``, effective dynamics in u and v: standard deviation of
             the particle set over the process noise.
     """
@@ -185,11 +185,10 @@ def measure(
     name: str = "distracter",
     ending: OtherEnding | None = None,
 ) -> Outcome:
-    """Run every ordering and sharpness ``RUNS_PER_SCENE`` times on the scene of each seed.
+    """Run every ordering and sharpness once on the scene of each seed.
 
     Args:
-        seeds: S seeds of the scenes; a scene's seed also determines its runs, whose random numbers
-            all orderings and sharpness values share.
+        seeds: S seeds of the scenes, and of the random numbers that all runs on a scene share.
         parameters: parameters of the distracter scene that differ from their defaults.
         orderings: name -> ordering; default ``all_orderings()``.
         sharpness: L values of lambda.
@@ -246,14 +245,13 @@ def _on_scene(
     tracker = scene_tracker(scene, num_particles=num_particles)
     recorded = jaxpf.monte_carlo(
         grid(tracker, orderings, sharpness, ending),
-        run_keys(seed, 0, RUNS_PER_SCENE),
+        run_keys(seed, 0, 1),
         scene.frames[1:],
         _record,
-        batch_size=RUNS_PER_SCENE,
+        batch_size=1,
     )
     dynamics: Any = tracker.dynamics
-    values = _measures(recorded, scene.boxes[1:], scene.sizes, dynamics.scale)
-    return dict(zip(Outcome._fields[1:], values, strict=True))
+    return _measures(recorded, scene.boxes[1:], scene.sizes, dynamics.scale)
 
 
 def scene_tracker(
@@ -300,27 +298,21 @@ def _record(state: object, summary: Summary) -> tuple[jax.Array, ...]:
 @compiled
 def _measures(
     recorded: tuple[jax.Array, ...], truth: jax.Array, sizes: jax.Array, noise: jax.Array
-) -> tuple[jax.Array, ...]:
+) -> dict[str, jax.Array]:
     """Compiled as a whole: a cold start would otherwise compile every operation separately."""
-    # [R, T, O, L, ...] to [O, L, R, T, ...]
-    estimate, uniqueness, spread = (jnp.moveaxis(x, (0, 1), (2, 3)) for x in recorded)
-    boxes = boxes_from_substates(estimate, sizes)
-    found = metrics.measure_boxes(boxes, truth)
-    leader, others = (
-        {name: x[..., part] for name, x in found.items()} for part in (np.s_[:1], np.s_[1:])
-    )
-    dynamics = particle_sets.effective_dynamics(spread, noise)
-    return (
-        metrics.in_the_end(leader["tracked"], leader["present"])[..., 0],
-        metrics.throughout(others["tracked"], others["present"]).mean(axis=(-2, -1)),
-        *(
-            metrics.masked_mean(others[name], others["present"], -2).mean(axis=(-2, -1))
-            for name in ("precision", "recall")
-        ),
-        *(
-            metrics.masked_mean(leader[name], leader["tracked"], (-3, -2))[..., 0]
-            for name in ("precision", "recall")
-        ),
-        uniqueness.mean(axis=(2, 3)),
-        dynamics[..., :2].mean(axis=(2, 3)),
-    )
+    # Of the only run, [T, O, L, ...] to [O, L, T, ...]
+    estimate, uniqueness, spread = (jnp.moveaxis(x[0], 0, 2) for x in recorded)
+    found = metrics.measure_boxes(boxes_from_substates(estimate, sizes), truth)
+    leader = {name: each[..., :1] for name, each in found.items()}
+    others = {name: each[..., 1:] for name, each in found.items()}
+    values = {
+        "recovered": metrics.in_the_end(leader["tracked"], leader["present"])[..., 0],
+        "success": metrics.throughout(others["tracked"], others["present"]).mean(axis=-1),
+        "uniqueness": uniqueness.mean(axis=2),
+        "dynamics": particle_sets.effective_dynamics(spread, noise)[..., :2].mean(axis=2),
+    }
+    for name in ("precision", "recall"):
+        by_object = metrics.masked_mean(others[name], others["present"], -2)
+        values[name] = by_object.mean(axis=-1)
+        values[f"leader_{name}"] = metrics.masked_mean(leader[name], leader["tracked"], -2)[..., 0]
+    return values

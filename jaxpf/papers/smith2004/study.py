@@ -132,9 +132,8 @@ def by_stage(outcome: Outcome, stage: int) -> np.ndarray:
 
 
 def _rates(outcome: Outcome, field: str = "recovered") -> np.ndarray:
-    """``[S, O, L]``, a field of the outcome; of recoveries the mean over runs."""
-    values = np.asarray(getattr(outcome, field), float)
-    return values.mean(axis=-1) if field == "recovered" else values
+    """``[S, O, L]``, a field of the outcome."""
+    return np.asarray(getattr(outcome, field), float)
 
 
 def _mean(values: np.ndarray) -> np.ndarray:
@@ -147,7 +146,7 @@ def _extremes(outcome: Outcome) -> str:
     pieces = []
     for column in range(len(SHARPNESS)):
         recovered = _rates(outcome)[:, outcome.of("PS"), column]
-        chance = 100 * shuffled_orders(recovered[..., None])
+        chance = 100 * shuffled_orders(recovered)
         worst, best = chance.min(axis=1).mean(), chance.max(axis=1).mean()
         pieces.append(f"{worst:.0f} and the best {best:.0f}")
     return ", ".join(pieces)
@@ -160,17 +159,16 @@ def shuffled_orders(recovered: np.ndarray, count: int = 2000, seed: int = 0) -> 
     """Rates per order if orders did not matter, ``[count, K]``, by permutation.
 
     Args:
-        recovered: ``[S, K, R]`` bool, by scene, order and run.  Within a run on a scene the
-            orders' outcomes are exchangeable if the order does not matter.
+        recovered: ``[S, K]``, by scene and order.  On a scene the orders' outcomes are
+            exchangeable if the order does not matter.
         count: number of permutations.
         seed: seed of the permutations.
     """
-    blocks = np.moveaxis(np.asarray(recovered, float), 1, -1).reshape(-1, recovered.shape[1])
     rng = np.random.default_rng(seed)
     rates = []
     for _ in range(0, count, _CHUNK):
-        shuffle = rng.random((_CHUNK, *blocks.shape)).argsort(axis=-1)
-        rates.append(np.take_along_axis(blocks[None], shuffle, axis=-1).mean(axis=1))
+        shuffle = rng.random((_CHUNK, *recovered.shape)).argsort(axis=-1)
+        rates.append(np.take_along_axis(recovered[None], shuffle, axis=-1).mean(axis=1))
     return np.concatenate(rates)[:count]
 
 

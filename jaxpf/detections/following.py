@@ -59,7 +59,8 @@ def follow(
             detector did not run.  Without them missing detections end no object.
         rules: of starts and ends, by default ``Rules()`` with detections; given without them, the
             objects of ``start`` and ``later`` end by the rules.
-        state: state of a run to resume; the frames that it has tracked are passed over.
+        state: state of a run to resume, of the objects of ``start`` alone; the frames that it has
+            tracked are passed over.
         first: number of the start frame, from which the others count on.
 
     Raises:

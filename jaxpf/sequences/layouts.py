@@ -5,7 +5,6 @@ folder in ``layout_of``.
 """
 
 import configparser
-import json
 import math
 import os
 import re
@@ -16,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.files.reading import LARGEST_WHOLE, parse_number, read_below, read_text
+from jaxpf.files.reading import LARGEST_WHOLE, parse_number, read_below, read_json, read_text
 from jaxpf.media.images import frame_numbers, pictures_in, read_mask
 from jaxpf.sequences.frames import Frames
 from jaxpf.sequences.sequence import Sequence
@@ -111,16 +110,14 @@ def layout_of(folder: Path) -> tuple[Callable[[Path, Path], Sequence] | None, Pa
 
 
 def _read_own(folder: Path, truth: Path) -> Sequence:
-    path = folder / "meta.json"
-    text = read_text(path, "a description", "the JSON of a sequence")
-    try:
-        meta = json.loads(text)
-        source, name = meta["frames"], str(meta["name"])
+    def named(meta: dict[str, Any]) -> tuple[dict[str, Any], str, str]:
+        source = meta["frames"]
         if len(source) > 200 or not re.fullmatch(r"[^%]+|[^%]*%(0?[1-9])?d[^%]*", source):
             raise ValueError(f"frames is {source[:40]!r}; name a video, or frames/%04d.png")
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        cause = f"{type(error).__name__}: {error}".partition("\n")[0][:150]
-        raise InputError(f"'{path}' describes no sequence ({cause}); correct it") from None
+        return meta, source, str(meta["name"])
+
+    path = folder / "meta.json"
+    meta, source, name = read_json(path, "a description", "the JSON of a sequence", named)
     place = (lambda t: folder / (source % t)) if "%" in source else folder / source
     frames, fps = _described(path, meta, ("n_frames", "width", "height", "fps"), place)
     points = folder / "points.csv"

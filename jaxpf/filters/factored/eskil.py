@@ -23,7 +23,7 @@ from jaxpf.contract.pytree import (
     static_field,
 )
 from jaxpf.contract.refusals import Bias, refused
-from jaxpf.contract.state import Summary
+from jaxpf.contract.state import Summary, root_or_zero
 from jaxpf.filters import confidence, options as of
 from jaxpf.filters.factored import cloud, drift
 from jaxpf.filters.factored.cloud import Factored, FactoredState
@@ -131,7 +131,8 @@ class Eskil(Factored):
         posterior, totals = cloud.multiplied(log_weights, log_prob)
         if self.shape != "none":
             centres = cloud.means(posterior, new)[:2]
-            reference = _reference_distances(self.reference).astype(new.dtype)
+            places = jnp.asarray(self.reference).T
+            reference = _distances(places, places).astype(new.dtype)
             log_shape = _log_shape(new[:2], centres, reference, self.shape_scale, self.shape)
             # May be NaN at zero weight.
             log_shape = jnp.where(jnp.isneginf(posterior), 0.0, log_shape)
@@ -182,15 +183,28 @@ def _check(tracker: Eskil) -> None:
             f"shape={tracker.shape!r} needs distances, and initial is a sampler; give reference, "
             "[P, 2]."
         )
-    _reference_distances(tracker.reference)
+    if not is_concrete(tracker.reference):
+        return
+    points = np.asarray(tracker.reference)
+    with np.errstate(over="ignore", invalid="ignore"):
+        apart = np.linalg.norm(points[:, None] - points[None], axis=-1) + np.eye(len(points))
+    if not np.isfinite(apart).all():
+        raise InputError(
+            "the positions of the partitions that define the shape are not finite, or too far "
+            "apart for 32 bits; give finite pixels, or use shape='none'."
+        )
+    if not apart.all():
+        first, second = np.argwhere(apart == 0)[0]
+        raise InputError(
+            f"partitions {first} and {second} start at the same place, {points[first].tolist()}: "
+            "a shape needs distances; move one of them, or use shape='none'."
+        )
 
 
 def _distances(first: jax.Array, second: jax.Array) -> jax.Array:
     """Distances ``[P, Q, ...]`` of ``[E, P, ...]`` from ``[E, Q]``; finite gradients at zero."""
     apart = first[:, :, None] - second.reshape(*second.shape, *(1,) * (first.ndim - 2))[:, None]
-    squares = jnp.sum(apart**2, axis=0)
-    positive = squares > 0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, squares, 1.0)), 0.0)
+    return root_or_zero(jnp.sum(apart**2, axis=0))
 
 
 def _log_shape(places, centres, reference, scale, shape: str) -> jax.Array:
@@ -215,25 +229,3 @@ def _log_shape(places, centres, reference, scale, shape: str) -> jax.Array:
         others = others * (reference > 0)
     strain = away / jnp.asarray(scale, places.dtype)
     return -jnp.sum(strain**2 * others[..., None], axis=1)
-
-
-def _reference_distances(places) -> jax.Array:
-    """``[P, P]`` distances between partitions at ``places`` ``[P, E]``, which must differ."""
-    if is_concrete(places):
-        points = np.asarray(places)
-        with np.errstate(over="ignore", invalid="ignore"):
-            apart = np.linalg.norm(points[:, None] - points[None], axis=-1) + np.eye(len(points))
-        first, second = np.unravel_index(np.argmin(apart), apart.shape)
-        if not np.isfinite(apart).all():
-            raise InputError(
-                "the positions of the partitions that define the shape are not finite, or too far "
-                "apart for 32 bits; give finite pixels, or use shape='none'."
-            )
-        if not apart[first, second] > 0:
-            raise InputError(
-                f"partitions {first} and {second} start at the same place, "
-                f"{points[first].tolist()}: a shape needs distances; move one of them, or use "
-                "shape='none'."
-            )
-    places = jnp.asarray(places)
-    return _distances(places.T, places.T)

@@ -15,21 +15,64 @@ import numpy as np
 from jaxpf import filters
 from jaxpf.boxes.models import box_model, boxes_at
 from jaxpf.boxes.target import BOXES
+from jaxpf.contract import WrappedLikelihood, log_prob_all
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.options import OPEN, complete
+from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.detections import lifetimes
 from jaxpf.detections.lifetimes import EMPTY, Change, Changes, Living, Rules
 from jaxpf.detections.records import Group, check_started, group_of
 from jaxpf.filters.labelled.population import add_target, remove_target
 from jaxpf.filters.labelled.tracker import Labelled
-from jaxpf.likelihoods.detected import Detected
-from jaxpf.likelihoods.open_histogram import open_histogram, with_object
+from jaxpf.likelihoods.histogram import open_histogram, with_object
 from jaxpf.measures import association
 from jaxpf.running import streaming
 from jaxpf.running.runs import init_compiled
 from jaxpf.targets.building import check_names
 from jaxpf.targets.target import Start
+
+#: c of ``Detected``: beyond three standard deviations a detection hardly counts.
+_OTHERS = 0.01
+
+
+@pytree_dataclass
+class Detected(WrappedLikelihood):
+    """The likelihood of an image, multiplied by that of detections, of which some may be false.
+
+    For a detected target the factor is::
+
+        (exp(-r^2 / 2) + c) / (1 + c),   r^2 = sum over coordinates of ((x - place) / scale)^2
+
+    where c accounts for a detection of another object, so that a wrong detection cannot drive a
+    target's particles away.  Targets without a detection are not affected.
+
+    Attributes:
+        likelihood: of the image.
+        places: ``[L, D]``, detected substates; NaN for a target without a detection.
+        scale: ``[L, D]``, standard deviations of the detections.
+    """
+
+    likelihood: Any
+    places: Any
+    scale: Any
+
+    def log_prob_all(self, observation, partition, substates):
+        """Log-likelihoods ``[N]`` of substates ``[D, N]``."""
+        of_picture = log_prob_all(self.likelihood, observation, partition, substates)
+        return of_picture + self._of_detection(partition, substates)
+
+    def _of_detection(self, partition: jax.Array, substates: jax.Array) -> jax.Array:
+        place, scale = (
+            jnp.asarray(values, substates.dtype)[partition].T
+            for values in (self.places, self.scale)
+        )
+        is_detected = jnp.all(jnp.isfinite(place), axis=0)
+        off = (substates - jnp.where(is_detected, place, substates)) / jnp.where(
+            is_detected, scale, 1.0
+        )
+        word = jnp.log((jnp.exp(-0.5 * jnp.sum(off**2, axis=0)) + _OTHERS) / (1 + _OTHERS))
+        return jnp.where(is_detected, word, 0.0)
 
 
 def open_model(

@@ -8,15 +8,12 @@ from jax.typing import ArrayLike
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
 
-#: Lower bound of the mean, of 255, by which a window is divided: noise on black must not look like
-#: contrast.
-DARKEST_MEAN = 1.0
 #: Largest number of columns or rows of a grid.
 _WIDEST = 1000
 
 
-def check_grid(name: str, sides: tuple[int, int]) -> None:
-    """Refuse a grid whose sides are not from 1 to 1000."""
+def check_window(name: str, sides: tuple[int, int]) -> None:
+    """Refuse a window or grid whose sides are not from 1 to 1000."""
     for side in sides:
         check_whole(name, side, most=_WIDEST)
 
@@ -36,16 +33,6 @@ def sizes_in(sizes: ArrayLike, names: Sequence[str], bands: int = 1) -> np.ndarr
                 f"of width and {bands} of height."
             )
     return sizes
-
-
-def check_not_black(windows: np.ndarray, names: Sequence[str]) -> None:
-    """Refuse windows ``[N, ...]`` that are too dark to be divided by their mean."""
-    for name, mean in zip(names, windows.mean(axis=(1, 2)), strict=True):
-        if mean < DARKEST_MEAN:
-            raise InputError(
-                f"{name} is black, its mean {mean:.2g} of 255, so nothing can be divided by it: "
-                "move or enlarge it."
-            )
 
 
 def points_in(points: ArrayLike, frame_shape: tuple[int, int]) -> np.ndarray:

@@ -1,25 +1,43 @@
-"""Histograms of upright boxes from an integral histogram (Porikli, CVPR 2005).
+"""Sums over upright boxes and their cells, from integral tables (Porikli, CVPR 2005).
 
-``table[i, j, b]`` counts the pixels of bin b above row i and left of column j, modulo 2^16 or
-2^32, so a box's count is a sum and difference of four corners.  It is exact as long as the true
-count is below the modulus.  Bins come last, so that a corner of a box is one contiguous row.
+An entry of a table is the sum of a channel over all pixels above its row and left of its column.
+So the sum over a box is a difference of four corners.  Channels are integers: differences are exact
+in any order of summation, even if the sums wrap around, as long as the difference fits.  Channels
+come last, so that a corner of a box is one contiguous row.
+
+Features are roots of histograms.  Of colours, a channel counts the pixels of a bin, and a count is
+divided by the area of a band of the box.  Of feature maps, a channel is a direction or a hue: with
+c a cell's mean of a channel and s that of all channels together, the cell's feature is
+``sqrt(c / (s + e))``, divided by the square root of the number of cells, so that it fades where
+there is little to see.
+
+Edges of boxes are rounded to lines between pixels; or with bilinear interpolation a pixel that an
+edge cuts counts by its share.  Then sums are continuous in the box, and their derivatives exact
+except where an edge of the box meets one of a pixel.
 """
 
-from typing import Any
+import math
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
-from jaxpf.contract.pytree import pytree_dataclass
-from jaxpf.likelihoods._places import line_before
+from jaxpf.contract.pytree import as_array, pytree_dataclass
 from jaxpf.lowering.columns import entries_at, sum_of_rows
 from jaxpf.lowering.tables import sums_above_and_left
 
 # Bins are processed in groups of this many: one or two vector registers on current CPUs.  The
 # number of bins is a multiple of it.
 LANES = 16
-# In pixels: a bin with a smaller count contributes linearly, not by its root.
-_ROUNDED = 0.1
+#: Interpolations of the edges of boxes.
+INTERPOLATIONS = ("nearest", "bilinear")
+#: Integer steps per unit of a map.
+_STEPS = 255
+#: e, in units of a map.
+_FAINT = 0.03
+#: For ``soft_root``: a tenth of a pixel of a bin, and a share of a cell.
+_ROUNDED_COUNT, _ROUNDED_SHARE = 0.1, 1e-3
 
 
 @pytree_dataclass
@@ -30,9 +48,9 @@ class IntegralTable:
     whole stack and the index of its frame.
 
     Attributes:
-        cells: of integers, ``[H + 1, W + 1, B]`` or ``[G, H + 1, W + 1, B]``.
+        cells: of integers, ``[H + 1, W + 1, C]`` or ``[G, H + 1, W + 1, C]``.
         place: int32 [], index of the frame in the stack; 0 for a single frame.
-        totals: the sum of ``cells`` over B, without the last axis; None where it is not needed.
+        totals: the sum of ``cells`` over C, without the last axis; None where it is not needed.
     """
 
     cells: jax.Array
@@ -44,6 +62,54 @@ class IntegralTable:
         return IntegralTable(self.cells, index, self.totals)
 
 
+class Boxes(NamedTuple):
+    """N upright boxes in a picture, or each in a part of it, to which it is clipped.
+
+    Attributes:
+        left: [N], counted from the part's first column, pixels like all others.
+        top: [N], counted from the part's first row.
+        width: [N].
+        height: [N].
+        first_row: int32 [N], first row of the part.
+        rows: int32 [N], the part's height.
+        columns: int32 [N], the part's width.
+        first_column: int32 [N], first column of the part.
+    """
+
+    left: jax.Array
+    top: jax.Array
+    width: jax.Array
+    height: jax.Array
+    first_row: jax.Array | int
+    rows: jax.Array
+    columns: jax.Array
+    first_column: jax.Array | int = 0
+
+
+def boxes_in(shape: tuple[int, int], left, top, width, height) -> Boxes:
+    """Boxes in a whole picture of a height and width."""
+    rows, columns = (jnp.full(left.shape, side, jnp.int32) for side in shape)
+    return Boxes(left, top, width, height, 0, rows, columns)
+
+
+def compacted(values: np.ndarray) -> tuple[jax.Array, np.ndarray]:
+    """Number the bins that occur in references, so that a table has no others.
+
+    Args:
+        values: [P, bands, bins].
+
+    Returns:
+        int32 [bins], each bin's new number, or B; and the values of these, [P, bands, B].
+    """
+    used = np.flatnonzero(values.any(axis=(0, 1)))
+    num_bins = -(-len(used) // LANES) * LANES
+    lookup = np.full(values.shape[-1], num_bins, np.int32)
+    lookup[used] = np.arange(len(used))
+    compact = np.zeros((*values.shape[:2], num_bins))
+    compact[..., : len(used)] = values[..., used]
+    return as_array(lookup), compact
+
+
 def integral_table(bins, num_bins: int, dtype) -> IntegralTable:
     """Integral histogram of a map of bins.
 
@@ -51,9 +117,6 @@ def integral_table(bins, num_bins: int, dtype) -> IntegralTable:
         bins: integer [H, W]; pixels whose bin is ``num_bins`` or more are not counted.
         num_bins: number of bins, B.
         dtype: ``uint16`` or ``uint32``; counts wrap around.
-
-    Returns:
-        The table, its cells ``dtype`` [H + 1, W + 1, B].
     """
     # Pad with uncounted pixels to get row 0 and column 0 of the table.
     bins = jnp.pad(bins.astype(dtype), ((1, 0), (1, 0)), constant_values=num_bins)
@@ -62,129 +125,207 @@ def integral_table(bins, num_bins: int, dtype) -> IntegralTable:
     return IntegralTable(cells, jnp.zeros((), jnp.int32))
 
 
-def integral_similarity(table, references, partition, left, top, width, height, region=None):
-    """Sum over bands of the Bhattacharyya coefficient, for many upright boxes.
+def sum_table(values: jax.Array) -> IntegralTable:
+    """The integral table of a map, float [h, w, C], 0 to 1."""
+    cells = jnp.pad(
+        sums_above_and_left(whole_values(values), lambda pixel: pixel), ((1, 0), (1, 0), (0, 0))
+    )
+    return IntegralTable(cells, jnp.zeros((), jnp.int32), cells.sum(axis=-1, dtype=cells.dtype))
+
+
+def whole_values(values: jax.Array) -> jax.Array:
+    """A map's values, 0 to 1, in integer steps of 1/255, int32."""
+    return jnp.round(jnp.clip(values, 0, 1) * _STEPS).astype(jnp.int32)
+
+
+def similarity(table, references, partition, boxes: Boxes, interpolation: str):
+    """Sum over bands of the Bhattacharyya coefficient of boxes, [N].
 
     Args:
-        table: see :class:`IntegralTable`.
+        table: from ``integral_table``.
         references: [P, bands, B], square roots of the reference histograms.
         partition: int [N].
-        left: [N], left edge, pixels.
-        top: [N], top edge, pixels.
-        width: [N], pixels, at least 1.
-        height: [N], pixels, at least 1 per band.
-        region: int32, four of [N]: first row, height, width and first column of the part of the
-            table that each box lies in, from which ``top`` and ``left`` count.  By default the
-            whole table.
-
-    Returns:
-        Similarity [N], and bool [N]: whether every band's count fits the table's dtype.
+        boxes: at least a pixel wide, and high for each band.
+        interpolation: one of ``INTERPOLATIONS``.
     """
-    num_columns, num_bins = table.cells.shape[-2:]
-    num_bands = references.shape[1]
-    dtype = left.dtype
-    groups = num_bins // LANES
-    cells = table.cells.reshape(-1, LANES)
-    origin, last_row, last_column = _bounds(table, region)
-    references = references.astype(dtype).reshape(-1, LANES)
-
-    # floor(x + 1/2), not round-half-to-even: a box at least a pixel wide keeps a column.
-    x0, x1 = jnp.floor(left + 0.5), jnp.floor(left + width + 0.5)
-    edges = [jnp.floor(top + height * (k / num_bands) + 0.5) for k in range(num_bands + 1)]
-    column0, column1 = (jnp.clip(x, 0, last_column).astype(jnp.int32) for x in (x0, x1))
-    rows = [jnp.clip(y, 0, last_row).astype(jnp.int32) for y in edges]
+    bands, dtype = references.shape[1], boxes.left.dtype
+    references = references.astype(dtype)
+    if interpolation == "bilinear":
+        area = jnp.maximum(boxes.width * boxes.height / bands, 1)[:, None, None]
+        share = jnp.maximum(_cut_sums(table, boxes, (bands, 1))[:, :, 0], 0) / area
+        roots = soft_root(share, _ROUNDED_COUNT / area)
+        return jnp.sum(roots * references[partition], axis=(1, 2))
+    groups = table.cells.shape[-1] // LANES
+    cells, references = table.cells.reshape(-1, LANES), references.reshape(-1, LANES)
+    origin, stride = _origin(table, boxes)
+    sides = [jnp.floor(x + 0.5) for x in (boxes.left, boxes.left + boxes.width)]
+    edges = [jnp.floor(y + 0.5) for y in parts(boxes.top, boxes.height, bands)]
+    columns = [jnp.clip(x, 0, boxes.columns).astype(jnp.int32) for x in sides]
+    rows = [jnp.clip(y, 0, boxes.rows).astype(jnp.int32) for y in edges]
 
     def above(row, group):
         """Counts of the box's columns above an edge, for one group of bins."""
-        start = origin + row * num_columns
-        left_, right = ((start + column) * groups for column in (column0, column1))
-        return entries_at(cells, right + group) - entries_at(cells, left_ + group)
+        left, right = ((origin + row * stride + column) * groups + group for column in columns)
+        return entries_at(cells, right) - entries_at(cells, left)
 
     # One fused loop: gather LANES bins of every corner, difference, square root, multiply,
     # accumulate.  Slicing a gathered row of B bins, or summing the lanes inside the loop, would
     # break the fusion (each 3 times slower), hence the groups.
-    total = jnp.zeros((*left.shape, LANES), dtype)
-    fits = jnp.ones(left.shape, bool)
-    largest_count = min(jnp.iinfo(cells.dtype).max, 2**31 - 1)  # pixels are int32
-    for k in range(num_bands):
+    total = jnp.zeros((*boxes.left.shape, LANES), dtype)
+    for k in range(bands):
         band = jnp.zeros_like(total)
         for group in range(groups):
             count = above(rows[k + 1], group) - above(rows[k], group)
             # Counts are integers, so no gradient passes through this square root.
             root = jnp.sqrt(count.astype(dtype))
-            reference = entries_at(references, (partition * num_bands + k) * groups + group)
-            band += root * reference
-        area = (x1 - x0) * (edges[k + 1] - edges[k])
+            band += root * entries_at(references, (partition * bands + k) * groups + group)
+        area = (sides[1] - sides[0]) * (edges[k + 1] - edges[k])
         total += band * jax.lax.rsqrt(jnp.maximum(area, 1))[:, None]
-        pixels = (column1 - column0) * (rows[k + 1] - rows[k])
-        fits &= pixels <= largest_count
-    return sum_of_rows(total), fits
+    return sum_of_rows(total)
 
 
-def interpolated_integral_similarity(
-    table, references, partition, left, top, width, height, region=None
-):
-    """As ``integral_similarity``, but smooth in the box: cut pixels count by their area inside.
+def counts_fit(table, boxes: Boxes, bands: int):
+    """Whether every band has so few pixels that their counts fit the table's dtype, bool [N]."""
+    left, right = (line_at(x, boxes.columns) for x in parts(boxes.left, boxes.width, 1))
+    rows = jnp.stack([line_at(y, boxes.rows) for y in parts(boxes.top, boxes.height, bands)])
+    largest = min(jnp.iinfo(table.cells.dtype).max, 2**31 - 1)  # pixels are int32
+    return jnp.all((right - left) * jnp.diff(rows, axis=0) <= largest, axis=0)
 
-    This equals bilinear interpolation of the integral histogram.  The count is continuous in the
-    box, and its derivative is exact except where an edge of the box meets one of a pixel.
-    ``sqrt(p)`` has an infinite slope at p = 0, where a bin appears, so it is replaced by
-    ``p / sqrt(p + e)``, with e the weight of a tenth of a pixel.
+
+def cell_features(
+    table: IntegralTable, boxes: Boxes, grid: tuple[int, ...], interpolation: str
+) -> jax.Array:
+    """Features of the cells of boxes, [N, rows, columns, C].
+
+    Args:
+        table: from ``sum_table``.
+        boxes: N of them.
+        grid: rows and columns of cells.
+        interpolation: one of ``INTERPOLATIONS``.
     """
-    num_columns, num_bins = table.cells.shape[-2:]
-    num_bands = references.shape[1]
-    dtype = left.dtype
-    references = jnp.asarray(references, dtype)[partition]
-    cells = table.cells.reshape(-1, num_bins)
-    origin, last_row, last_column = _bounds(table, region)
-
-    def place(x, last):
-        line, beyond = line_before(x, last)
-        return line, beyond[:, None]
-
-    (column0, beyond0), (column1, beyond1) = (place(x, last_column) for x in (left, left + width))
-    edges = [place(top + height * (k / num_bands), last_row) for k in range(num_bands + 1)]
-
-    def take(row, column):
-        return entries_at(cells, origin + row * num_columns + column)
-
-    def lines(row):
-        """Counts above a line of the table: between the columns, and in the two cut columns."""
-        at0, at1 = take(row, column0), take(row, column1)
-        return at1 - at0, take(row, column0 + 1) - at0, take(row, column1 + 1) - at1
-
-    def between(upper, lower):
-        """Count between two lines; integers are subtracted before conversion, so exactly."""
-        whole, cut0, cut1 = ((b - a).astype(dtype) for a, b in zip(upper, lower, strict=True))
-        return whole + beyond1 * cut1 - beyond0 * cut0
-
-    above = [lines(row) for row, _ in edges]
-    rest = [
-        beyond * between(at, lines(row + 1)) for at, (row, beyond) in zip(above, edges, strict=True)
-    ]
-    area = (width * height / num_bands)[:, None]
-    total = jnp.zeros_like(left)
-    fits = jnp.ones(left.shape, bool)
-    largest_count = min(jnp.iinfo(cells.dtype).max, 2**31 - 1)  # pixels are int32
-    for k in range(num_bands):
-        count = between(above[k], above[k + 1]) + rest[k + 1] - rest[k]
-        share = jnp.maximum(count, 0) / jnp.maximum(area, 1)
-        root = share * jax.lax.rsqrt(share + _ROUNDED / jnp.maximum(area, 1))
-        total += jnp.sum(root * references[:, k], axis=-1)
-        pixels = (column1 - column0) * (edges[k + 1][0] - edges[k][0])
-        fits &= pixels <= largest_count
-    return total, fits
+    bilinear = interpolation == "bilinear"
+    sums = (_cut_sums if bilinear else _whole_sums)(table, boxes, grid)
+    total = jnp.sum(sums, axis=-1, keepdims=True) + least_sum(boxes, grid)[:, None, None, None]
+    share = sums / total
+    root = soft_root(jnp.maximum(share, 0), _ROUNDED_SHARE) if bilinear else jnp.sqrt(share)
+    return root / math.sqrt(grid[0] * grid[1])
 
 
-#: The similarity of each interpolation.
-SIMILARITIES = {"nearest": integral_similarity, "bilinear": interpolated_integral_similarity}
+def cell_score(
+    table: IntegralTable, weights: jax.Array, partition: jax.Array, boxes: Boxes
+) -> jax.Array:
+    """``sum(cell_features * weights)`` [N] of whole pixels, in a tenth of the time.
+
+    Args:
+        table: from ``sum_table``.
+        weights: [P, rows, columns, C].
+        partition: int [N].
+        boxes: N of them.
+    """
+    grid = (weights.shape[1], weights.shape[2])
+    cells, totals = table.cells.reshape(-1, table.cells.shape[-1]), table.totals.reshape(-1)
+    origin, stride = _origin(table, boxes)
+    weights = (weights / math.sqrt(grid[0] * grid[1])).reshape(-1, cells.shape[-1])
+    dtype = boxes.left.dtype
+    columns = [line_at(x, boxes.columns) for x in parts(boxes.left, boxes.width, grid[1])]
+    rows = [line_at(y, boxes.rows) for y in parts(boxes.top, boxes.height, grid[0])]
+    # Barrier: compiled twice with different rounding, an edge half way between two lines could go
+    # to one line here and to the other there, and the sums of cells would be inconsistent.
+    starts = jnp.stack([origin + row * stride for row in rows])
+    starts, columns = jax.lax.optimization_barrier((starts, columns))
+    least = least_sum(boxes, grid)
+
+    def strip(table, start, j):
+        """Sums above a row's edge, in one column of cells."""
+        return entries_at(table, start + columns[j + 1]) - entries_at(table, start + columns[j])
+
+    def add_row(i, total):
+        # One fused loop over the particles' channels: gather, difference, root, multiply, add.
+        above, below = starts[i], starts[i + 1]
+        for j in range(grid[1]):
+            here, seen = (strip(t, below, j) - strip(t, above, j) for t in (cells, totals))
+            weight = entries_at(weights, (partition * grid[0] + i) * grid[1] + j)
+            faded = jax.lax.rsqrt(seen.astype(dtype) + least)
+            total += jnp.sqrt(here.astype(dtype)) * weight * faded[:, None]
+        return total
+
+    total = jnp.zeros((len(partition), cells.shape[-1]), dtype)
+    return sum_of_rows(jax.lax.fori_loop(0, grid[0], add_row, total))
 
 
-def _bounds(table, region):
-    """Flat index of the first corner, last row and last column, of the table or of a region."""
-    num_rows, num_columns = table.cells.shape[-3:-1]
-    first_row = table.place * num_rows
-    if region is None:
-        return first_row * num_columns, num_rows - 1, num_columns - 1
-    top, last_row, last_column, left = region
-    return (first_row + top) * num_columns + left, last_row, last_column
+def soft_root(share: jax.Array, rounded: jax.Array | float) -> jax.Array:
+    """The square root, but linear far below ``rounded``: its slope is infinite at 0.
+
+    There a bin or a channel appears.
+    """
+    return share * jax.lax.rsqrt(share + rounded)
+
+
+def parts(start: jax.Array, extent: jax.Array, count: int) -> list[jax.Array]:
+    """Edges of ``count`` equal parts of a side, from its start on."""
+    return [start + extent * (k / count) for k in range(count + 1)]
+
+
+def line_at(place: jax.Array, size: jax.Array) -> jax.Array:
+    """The line between pixels nearest to a position, int32, clipped to 0 and the size."""
+    # floor(x + 1/2), not round-half-to-even: a box at least a pixel wide keeps a column.
+    return jnp.floor(jnp.clip(place, 0, size.astype(place.dtype)) + 0.5).astype(jnp.int32)
+
+
+def line_before(place: jax.Array, last) -> tuple[jax.Array, jax.Array]:
+    """The line at or before a position clipped to 0 to ``last``, int32, and the share beyond it.
+
+    The line is at most ``last - 1``, so that a next one exists; the share has a derivative.
+    """
+    place = jnp.clip(place, 0, last)
+    line = jnp.clip(jnp.floor(jax.lax.stop_gradient(place)), 0, jnp.maximum(last - 1, 0))
+    return line.astype(jnp.int32), place - line
+
+
+def least_sum(boxes: Boxes, grid: tuple[int, ...]) -> jax.Array:
+    """e times the area of a cell, [N], in the table's units."""
+    area = boxes.width * boxes.height / (grid[0] * grid[1])
+    return (_STEPS * _FAINT) * jnp.maximum(area, 1e-3)
+
+
+def _origin(table: IntegralTable, boxes: Boxes) -> tuple[jax.Array, int]:
+    """Flat index of the first corner of each box's part in the stack, and the table's width."""
+    num_rows, stride = table.cells.shape[-3:-1]
+    return (table.place * num_rows + boxes.first_row) * stride + boxes.first_column, stride
+
+
+def _edges(boxes: Boxes, grid: tuple[int, ...]) -> tuple[jax.Array, jax.Array]:
+    """Edges of cells: rows [N, grid[0] + 1] and columns [N, grid[1] + 1]."""
+    rows, columns = parts(boxes.top, boxes.height, grid[0]), parts(boxes.left, boxes.width, grid[1])
+    return jnp.stack(rows, axis=-1), jnp.stack(columns, axis=-1)
+
+
+def _whole_sums(table, boxes, grid):
+    """Sums over cells, [N, rows, columns, C]."""
+    cells = table.cells.reshape(-1, table.cells.shape[-1])
+    (origin, stride), (rows, columns) = _origin(table, boxes), _edges(boxes, grid)
+    row, column = line_at(rows, boxes.rows[:, None]), line_at(columns, boxes.columns[:, None])
+    start = jnp.reshape(origin, (-1, 1)) + row * stride
+    corners = entries_at(cells, start[:, :, None] + column[:, None, :])
+    strips = corners[:, :, 1:] - corners[:, :, :-1]
+    return (strips[:, 1:] - strips[:, :-1]).astype(boxes.left.dtype)
+
+
+def _cut_sums(table, boxes, grid):
+    """The same with cut pixels by their share: bilinear interpolation of the table."""
+    cells, dtype = table.cells.reshape(-1, table.cells.shape[-1]), boxes.left.dtype
+    (origin, stride), (rows, columns) = _origin(table, boxes), _edges(boxes, grid)
+    row, below = line_before(rows, boxes.rows[:, None].astype(dtype))
+    column, beyond = line_before(columns, boxes.columns[:, None].astype(dtype))
+
+    def strips(row):
+        """Sums above lines, between columns' edges; integers are subtracted before conversion."""
+        start = (jnp.reshape(origin, (-1, 1)) + row * stride)[:, :, None] + column[:, None, :]
+        at = entries_at(cells, start)
+        cut = (entries_at(cells, start + 1) - at).astype(dtype) * beyond[:, None, :, None]
+        whole = (at[:, :, 1:] - at[:, :, :-1]).astype(dtype)
+        return whole + cut[:, :, 1:] - cut[:, :, :-1]
+
+    above, under = strips(row), strips(row + 1)
+    sums = above + below[:, :, None, None] * (under - above)
+    return sums[:, 1:] - sums[:, :-1]

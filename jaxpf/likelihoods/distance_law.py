@@ -4,38 +4,30 @@ A likelihood p(y | x) must integrate to 1 over observations y before its evidenc
 smith2004's ``exp(-S d^2)`` does not: for any observation, a smaller sharpness S gives every
 particle a larger value, so its evidence always prefers S = 0.  There are three forms, with
 s = d^2 in [0, m], m the number of bands.  They differ by a factor that depends only on S and the
-object, so weights and estimates are the same in all three: an S found with one form is good for
-the others.
+object, so weights and estimates are the same in all three.
 
 ``"exponential"``
     log p = -S s.  For tracking.  Its evidence compares orderings, numbers of particles and
     motion at one sharpness, never sharpnesses.
 
 ``"density"``
-    The density of s on [0, m], a truncated exponential distribution::
-
-        f(s) = exp(-S s) / Z(S),   Z(S) = int_0^m exp(-S s) ds = (1 - exp(-S m)) / S
-
-    log p = -S s - log Z(S).  If s does not depend on S, the evidence is largest near
-    S = 1 / mean(s).  It is a density of the *number* s, not of the picture: it measures how
-    large s is, not whether s is smaller here than elsewhere.  Use it to study an object's own
-    distances; as a criterion for tracking it prefers too small an S.
+    The density of s on [0, m], a truncated exponential distribution: log p = -S s - log Z(S) with
+    Z(S) = int_0^m exp(-S s) ds = (1 - exp(-S m)) / S.  It is a density of the *number* s, not of
+    the picture: it measures how large s is, not whether s is smaller here than elsewhere, and its
+    evidence is largest near S = 1 / mean(s).  Use it to study an object's own distances; as a
+    criterion for tracking it prefers too small an S.
 
 ``"ratio"``
-    Let b be the density of s at boxes anywhere in the frames.  The tilted density::
-
-        f(s) = b(s) exp(-S s) / M(S),   M(S) = int_0^m b(s) exp(-S s) ds
-
-    integrates to 1 over s in [0, m], and the likelihood ratio of "the object is at x" to "x is
-    anywhere" is f(s) / b(s) = exp(-S s) / M(S).  If the picture depends on x only through s, then
-    p(y | x) = p(y | anywhere) f(s) / b(s) is a density over *pictures*: what s leaves out cancels,
-    and all particles explain the same picture (Sidenbladh & Black, "Learning image statistics for
-    Bayesian tracking", ICCV 2001, learn both densities; maccormick1999 divides measurement lines
-    by their clutter for the same reason).  log p = -S s - log M(S), with M the mean over boxes of
-    some frames.  Its evidence measures how much better a place is than others, so it compares
-    sharpnesses, motion, templates and bands: the form for tuning.  It is meaningful as far as
-    those boxes represent what a wrong particle sees; learn it again if the background changes.
-    A large S distinguishes places a fraction of a pixel apart; M is then only as accurate as the
+    log p = -S s - log M(S) with M(S) = int_0^m b(s) exp(-S s) ds, b the density of s at boxes
+    anywhere in the frames.  The tilted density b(s) exp(-S s) / M(S) integrates to 1, so this is
+    the likelihood ratio of "the object is at x" to "x is anywhere".  If the picture depends on x
+    only through s, then p(y | anywhere) times this ratio is a density over *pictures*: what s
+    leaves out cancels, and all particles explain the same picture (Sidenbladh & Black, "Learning
+    image statistics for Bayesian tracking", ICCV 2001, learn both densities; maccormick1999 divides
+    measurement lines by their clutter for the same reason).  Its evidence measures how much better
+    a place is than others, so it compares sharpnesses, motion, templates and bands: the form for
+    tuning.  M is a mean over boxes of some frames: learn it again if the background changes.  A
+    large S distinguishes places a fraction of a pixel apart; M is then only as accurate as the
     spacing of the boxes allows.
 """
 
@@ -49,6 +41,7 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
+from jaxpf.contract.pytree import as_array
 from jaxpf.lowering.programs import compiled
 
 FORMS = ("exponential", "density", "ratio")
@@ -131,45 +124,28 @@ def learn_background(likelihood: Any, frames: ArrayLike, *, num_boxes: int = 100
         places = [np.arange(0, length + 1e-6, stride) for length in room]
         centres = np.stack(np.meshgrid(*places), axis=-1).reshape(-1, 2) + size / 2
         substates = np.concatenate([centres, np.ones((len(centres), 1))], axis=1).T
-        squared = []
-        for observation in observations:
-            pieces = [
-                _squared_distances(
-                    likelihood,
-                    observation,
-                    jnp.full(_AT_ONCE, partition, jnp.int32),
-                    jnp.asarray(piece, likelihood.references.dtype),
-                )[0]
-                for piece in _pieces(substates)
-            ]
-            squared.append(np.concatenate(pieces)[: len(centres)])
+        # In pieces of one width, the last one padded: one program for all objects and frames.
+        filled = np.pad(substates, ((0, 0), (0, -len(centres) % _AT_ONCE)), mode="edge")
+        filled = filled.astype(likelihood.references.dtype)
+        number = np.full(_AT_ONCE, partition, np.int32)
+        squared = [
+            np.concatenate([
+                _squared_distances(likelihood, observation, number, piece)
+                for piece in np.split(filled, filled.shape[1] // _AT_ONCE, axis=1)
+            ])[: len(centres)]
+            for observation in observations
+        ]  # fmt: skip
         learned.append(compressed(np.concatenate(squared)))
-    # In a small frame the number of boxes may be smaller, and differ between objects.
+    # In a small frame the number of boxes may be smaller, and differ between objects: a share of 0.
     longest = max(law.shape[1] for law in learned)
-    return jnp.asarray(np.stack([_filled_up(law, longest) for law in learned]), float)
+    fill = np.array([[0.0], [-np.inf]]) * np.ones(longest)
+    every = [np.append(law, fill[:, law.shape[1] :], axis=1) for law in learned]
+    return as_array(np.stack(every), float)
 
 
 @compiled
 def _squared_distances(likelihood, observation, partition, substates):
-    return likelihood.squared_distance_all(observation, partition, substates)
-
-
-def _pieces(substates: np.ndarray) -> list[np.ndarray]:
-    """``[3, n]`` split into pieces of one width, the last one padded."""
-    filled = np.pad(substates, ((0, 0), (0, -substates.shape[1] % _AT_ONCE)), mode="edge")
-    return np.split(filled, filled.shape[1] // _AT_ONCE, axis=1)
-
-
-def _filled_up(background: np.ndarray, count: int) -> np.ndarray:
-    """Pad to ``[2, count]`` with columns of share 0."""
-    values, logs = background
-    missing = count - len(values)
-    return np.stack(
-        [
-            np.pad(values, (0, missing), mode="edge"),
-            np.pad(logs, (0, missing), constant_values=-np.inf),
-        ]
-    )
+    return likelihood.squared_distance_all(observation, partition, substates)[0]
 
 
 def compressed(squared: np.ndarray) -> np.ndarray:

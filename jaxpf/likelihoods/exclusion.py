@@ -17,7 +17,6 @@ normalised densities wherever ``exp(l)`` is a ratio of densities; for more it is
 pairs.
 """
 
-import dataclasses
 import math
 from typing import Any
 
@@ -27,7 +26,7 @@ import numpy as np
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
 from jaxpf.likelihoods.pretrained.likelihood import PretrainedLikelihood
-from jaxpf.shapes.rectangles import area, intersection_area
+from jaxpf.shapes.rectangles import area, boxes_from_substates, intersection_area
 
 #: Covered share of a box up to which nothing is taken, and from which everything is.
 _TAKEN = 0.7, 0.95
@@ -48,7 +47,8 @@ class _Exclusive:
 
     def log_joint_all(self, observation, substates, log_probs):
         """The same for N particles, ``[N]``: ``substates [P, D, N]``, ``log_probs [P, N]``."""
-        boxes = self._frame_boxes(substates)
+        sizes = jnp.asarray(self.sizes, substates.dtype)
+        boxes = boxes_from_substates(jnp.moveaxis(substates, -1, 0), sizes).swapaxes(0, 1)
         shared = intersection_area(boxes[:, None], boxes[None])
         covered = shared / jnp.maximum(area(boxes), 1e-6)[None]  # [i, j, N]: of j, by i
         least, most = _TAKEN
@@ -60,12 +60,6 @@ class _Exclusive:
         is_pair = np.triu(np.ones(shared.shape[:2], bool), 1)
         pairs = jnp.sum(jnp.where(is_pair[..., None], either, 0.0), axis=(0, 1))
         return jnp.sum(log_probs, axis=0) + pairs
-
-    def _frame_boxes(self, substates):
-        """Boxes ``[P, N, 4]`` in the frame, pixels, of substates ``[P, D, N]``."""
-        centre, scale = substates[:, :2], substates[:, 2:3]
-        extent = scale * jnp.asarray(self.sizes, substates.dtype)[..., None]
-        return jnp.moveaxis(jnp.concatenate([centre - extent / 2, extent], axis=1), 1, -1)
 
 
 @pytree_dataclass
@@ -82,7 +76,5 @@ def excluding(
     likelihood: DiscriminativeLikelihood | PretrainedLikelihood,
 ) -> ExclusiveAppearance | ExclusivePretrained:
     """The same learned appearance, of objects that exclude each other."""
-    fields = {each.name: getattr(likelihood, each.name) for each in dataclasses.fields(likelihood)}
-    if isinstance(likelihood, PretrainedLikelihood):
-        return ExclusivePretrained(**fields)
-    return ExclusiveAppearance(**fields)
+    is_pretrained = isinstance(likelihood, PretrainedLikelihood)
+    return (ExclusivePretrained if is_pretrained else ExclusiveAppearance)(**vars(likelihood))

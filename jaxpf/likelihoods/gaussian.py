@@ -8,7 +8,6 @@ import numpy as np
 
 from jaxpf.contract import Likelihood
 from jaxpf.contract.calls import of_partition
-from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import with_nan
 from jaxpf.contract.pytree import pytree_dataclass
 
@@ -106,24 +105,11 @@ def kalman(
         Log evidence increments ``[T]``, filtered means ``[T, S]`` and covariances
         ``[T, S, S]``.
     """
+    model = transition, process_covariance, observation, noise_covariance, mean, covariance
     transition, process_covariance, observation, noise_covariance, mean, covariance = (
-        np.asarray(each, float)
-        for each in (
-            transition,
-            process_covariance,
-            observation,
-            noise_covariance,
-            mean,
-            covariance,
-        )
+        np.asarray(each, float) for each in model
     )
     frames = np.asarray(with_nan(frames), float)
-    size, count = len(mean), len(observation)
-    shapes = [np.shape(x) for x in (mean, covariance, transition, process_covariance)]
-    if shapes != [(size,), *[(size, size)] * 3] or noise_covariance.shape != (count, count):
-        raise InputError(
-            "mean is [S], covariances and transition are [S, S], and the noise [E, E]."
-        )
     log_evidence, means, covariances = [], [], []
     for frame in frames:
         mean = transition @ mean
@@ -153,31 +139,23 @@ def stacked_model(dynamics, parents: tuple[int, ...]) -> tuple[np.ndarray, np.nd
         Transition ``[2PD, 2PD]`` and process covariance ``[2PD, 2PD]`` for ``kalman``;
         the state is ordered partition by partition.
     """
-    transition = np.asarray(dynamics.transition, float)
-    num_partitions, dimension = transition.shape[:2]
-    size = num_partitions * dimension
+    count, dimension = np.shape(dynamics.transition)[:2]
+    size = count * dimension
 
-    def block_diagonal(blocks):
-        out = np.zeros((size, size))
-        if blocks is None:
-            return out
-        for p, block in enumerate(np.asarray(blocks, float)):
-            out[p * dimension : (p + 1) * dimension, p * dimension : (p + 1) * dimension] = block
-        return out
+    def in_columns(blocks, columns):
+        """Blocks ``[P, D, D]``, or None, each in the columns of a partition; -1 is none."""
+        whole = np.zeros((count, dimension, count, dimension))
+        for p, column in enumerate(columns):
+            if blocks is not None and column >= 0:
+                whole[p, :, column] = blocks[p]
+        return whole.reshape(size, size)
 
-    coupling = np.zeros((size, size))
-    if dynamics.coupling is not None:
-        for p, parent in enumerate(parents):
-            if parent >= 0:
-                rows = slice(p * dimension, (p + 1) * dimension)
-                columns = slice(parent * dimension, (parent + 1) * dimension)
-                coupling[rows, columns] = np.asarray(dynamics.coupling, float)[p]
-    solve = np.linalg.inv(np.eye(size) - coupling)
-    stacked = np.zeros((2 * size, 2 * size))
-    stacked[:size, :size] = solve @ block_diagonal(transition)
-    stacked[:size, size:] = solve @ block_diagonal(dynamics.lag)
+    own = range(count)
+    solve = np.linalg.inv(np.eye(size) - in_columns(dynamics.coupling, parents))
+    stacked, covariance = np.zeros((2, 2 * size, 2 * size))
+    stacked[:size, :size] = solve @ in_columns(dynamics.transition, own)
+    stacked[:size, size:] = solve @ in_columns(dynamics.lag, own)
     stacked[size:, :size] = np.eye(size)
-    root = solve @ block_diagonal(dynamics.noise)
-    covariance = np.zeros((2 * size, 2 * size))
+    root = solve @ in_columns(dynamics.noise, own)
     covariance[:size, :size] = root @ root.T
     return stacked, covariance

@@ -27,18 +27,25 @@ from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.numbers import check_number, check_whole
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.likelihoods._checks import shown_as, sizes_in
-from jaxpf.likelihoods._integral import LANES, SIMILARITIES, integral_table
+from jaxpf.likelihoods._integral import (
+    INTERPOLATIONS,
+    boxes_in,
+    compacted,
+    counts_fit,
+    integral_table,
+    similarity,
+)
 from jaxpf.likelihoods._sampled import (
     LEVEL_LANES,
     NEIGHBOURS,
+    Turned,
     group_distance,
-    interpolated_similarity,
     sample_table,
     sampled_similarity,
 )
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.distance_law import FORMS, learn_background, log_density
-from jaxpf.shapes.rectangles import cos_sin
+from jaxpf.lowering.programs import compiled
 
 #: Number of runs assumed to share an integral table when the method is chosen.  It is fixed, since
 #: the choice affects results, and results must not depend on the number of runs.
@@ -46,8 +53,9 @@ _SHARING_RUNS = 25
 #: Particles per run where the number is left open.
 _USUAL_PARTICLES = 300
 METHODS = ("integral", "sampled")
-#: Largest number of samples per side of a box that fits the counters of ``_sampled``.
-_MOST_SAMPLES = 500
+#: Largest number of samples per side of a box that fits the counters of ``_sampled``, and of
+#: objects that come and go.
+_MOST_SAMPLES, _MOST_OBJECTS = 500, 4096
 
 
 @pytree_dataclass
@@ -71,13 +79,12 @@ class HistogramLikelihood(Likelihood):
         table_dtype: ``"uint16"`` or ``"uint32"``.  Counts wrap around: a box with a band of
             2^16 (2^32) or more pixels in the frame gets log-probability -inf.
         levels: int32 [P, bands, K], for the sampled method: the bins that each reference uses,
-            padded with B; None compares samples with all B bins.
+            padded with B.
         distance: for the sampled method: pixels between the samples of a group of four.
         interpolation: ``"nearest"`` counts whole pixels: the value is piecewise constant, so
             its gradient with respect to the substate is 0.  ``"bilinear"`` counts fractions of
             pixels and has a correct gradient, at about 7 times the cost for the integral method
-            and 16 times for the sampled one (48 bins, two busy CPU cores); value and gradient
-            together cost another 1.3 and 2.7 times.
+            and 16 times for the sampled one.
         form: ``"exponential"``, ``"density"`` or ``"ratio"``, see
             ``distance_law``.
         background: [P, 2, n], for the form ``"ratio"``, see ``learn_background``.
@@ -162,28 +169,23 @@ class HistogramLikelihood(Likelihood):
         valid = (width >= 1) & (height >= num_bands)
         if self.method == "sampled":
             theta = substates[3] if substates.shape[0] > 3 else jnp.zeros_like(u)
-            cosine, sine = cos_sin(theta)
             levels, roots = self._compact_references()
-            boxes = (levels, roots, partition, u, v, width, height, cosine, sine)
-            if self.interpolation == "bilinear":
-                similarity = interpolated_similarity(observation, self.samples, *boxes)
-            else:
-                similarity = sampled_similarity(observation, self.distance, self.samples, *boxes)
-        else:
-            similarity, fits = SIMILARITIES[self.interpolation](
-                observation, self.references, partition,
-                u - width / 2, v - height / 2, width, height,
+            found = sampled_similarity(
+                observation, self.distance, self.samples, levels, roots, partition,
+                Turned(u, v, width, height, theta), self.interpolation,
             )  # fmt: skip
-            valid &= fits
-        return num_bands - similarity, valid
+        else:
+            rows, columns = observation.cells.shape[-3:-1]
+            corner = u - width / 2, v - height / 2
+            boxes = boxes_in((rows - 1, columns - 1), *corner, width, height)
+            references = jnp.asarray(self.references)
+            found = similarity(observation, references, partition, boxes, self.interpolation)
+            valid &= counts_fit(observation, boxes, num_bands)
+        return num_bands - found, valid
 
     def _compact_references(self):
         """The bins that each reference uses and its values in them, [P, bands, K] each."""
-        references = jnp.asarray(self.references)
-        if self.levels is None:
-            levels = jnp.arange(references.shape[-1])
-            return jnp.broadcast_to(levels, references.shape), references
-        padded = jnp.pad(references, ((0, 0), (0, 0), (0, 1)))
+        padded = jnp.pad(jnp.asarray(self.references), ((0, 0), (0, 0), (0, 1)))
         levels = jnp.asarray(self.levels)
         return levels, jnp.take_along_axis(padded, levels, axis=-1)
 
@@ -226,13 +228,12 @@ def histogram(
     check_whole("bands", bands)
     boxes = np.asarray(boxes, float)
     names = shown_as("boxes", len(boxes), names)
-    sizes_in(boxes[:, 2:], names, bands)
+    sizes = sizes_in(boxes[:, 2:], names, bands)
     bins = np.asarray(hsv_bins(frame))
-    shown = zip(boxes, names, strict=True)
-    learned = [box_histogram(bins, box, bands, name) for box, name in shown]
+    learned = [_histogram(bins, *each, bands) for each in zip(names, boxes, strict=True)]
     return _build(
-        np.array(learned), boxes[:, 2:], sharpness, method, num_particles, samples,
-        bins.shape, interpolation, form, frame,
+        learned, sizes, sharpness, method, num_particles, samples, bins.shape, interpolation, form,
+        frame,
     )  # fmt: skip
 
 
@@ -263,60 +264,121 @@ def histogram_from_patches(
         background_frames: uint8 RGB [H, W, 3], from which ``form="ratio"`` learns the background.
     """
     check_whole("bands", bands)
-    whole = [(patch.shape[1], patch.shape[0]) for patch in patches]
-    learned = []
-    for patch, size, name in zip(
-        patches, whole, shown_as("patches", len(patches), names), strict=True
-    ):
+    learned, whole = [], [(patch.shape[1], patch.shape[0]) for patch in patches]
+    shown = shown_as("patches", len(patches), names)
+    for patch, size, name in zip(patches, whole, shown, strict=True):
         check_frame(patch, name)
-        bins = np.asarray(hsv_bins(patch))
-        learned.append(box_histogram(bins, np.array([0, 0, *size], float), bands, name))
+        learned.append(_histogram(np.asarray(hsv_bins(patch)), name, [0, 0, *size], bands))
     sizes = whole if sizes is None else sizes
-    sizes = sizes_in(sizes, shown_as("sizes", len(patches), names), bands)
     return _build(
-        np.array(learned), sizes, sharpness, method, num_particles, samples, frame_shape,
-        interpolation, form, background_frames,
+        learned, sizes_in(sizes, shown_as("sizes", len(patches), names), bands), sharpness, method,
+        num_particles, samples, frame_shape, interpolation, form, background_frames,
     )  # fmt: skip
 
 
+def open_histogram(
+    capacity: int,
+    frame_shape: tuple[int, int],
+    *,
+    typical_size: tuple[float, float] = (32.0, 64.0),
+    sharpness: float = 20.0,
+    bands: int = 2,
+    method: str = "auto",
+    num_particles: int | None = None,
+) -> HistogramLikelihood:
+    """A likelihood with places for P objects that appear later, filled by ``with_object``.
+
+    All colour bins are counted, since a new object may have any.  The shapes of arrays depend only
+    on P, so objects come and go without recompilation.
+
+    Args:
+        capacity: P.
+        frame_shape: height and width of the frames.
+        typical_size: width and height of a typical object in pixels, which set the spacing of
+            samples.
+        sharpness, bands: as in ``histogram``.
+        method: ``"integral"``, ``"sampled"`` or ``"auto"``, which means sampled except for huge
+            particle sets, as all bins are counted.
+        num_particles: of all objects together, for ``"auto"``.
+    """
+    check_whole("capacity", capacity, most=_MOST_OBJECTS)
+    check_whole("bands", bands)
+    every = [np.full((bands, NUM_BINS), 1 / NUM_BINS)]
+    likelihood = _build(every, [typical_size], sharpness, method, num_particles, 16, frame_shape)
+    return dataclasses.replace(
+        likelihood,
+        references=jnp.zeros((capacity, *likelihood.references.shape[1:])),
+        sizes=jnp.ones((capacity, 2)),
+        table_dtype="uint32",
+        levels=None if likelihood.levels is None else jnp.tile(likelihood.levels, (capacity, 1, 1)),
+    )
+
+
+def with_object(
+    likelihood: HistogramLikelihood, place: int, frame: np.ndarray, box: ArrayLike
+) -> HistogramLikelihood:
+    """The likelihood with an object, learned from a box in a frame, in one place.
+
+    Args:
+        likelihood: from ``open_histogram``.
+        place: 0 to P - 1.
+        frame: uint8 RGB [H, W, 3].
+        box: x, y, w, h in pixels; pixels outside the frame are ignored.
+    """
+    check_frame(frame)
+    check_whole("place", place, 0, len(likelihood.references) - 1)
+    _, bands, num_bins = likelihood.references.shape
+    box = np.asarray(box, float)
+    sizes_in(box[None, 2:], ["the box"], bands)
+    learned = np.sqrt(_histogram(np.asarray(hsv_bins(frame)), "the box", box, bands))
+    learned = np.pad(learned, ((0, 0), (0, num_bins - NUM_BINS)))
+    return _replaced(likelihood, place, learned, box[2:])
+
+
+@compiled
+def _replaced(likelihood, place, reference, size):
+    references, sizes = likelihood.references, likelihood.sizes
+    return dataclasses.replace(
+        likelihood,
+        references=references.at[place].set(reference.astype(references.dtype)),
+        sizes=sizes.at[place].set(size.astype(sizes.dtype)),
+    )
+
+
 def _build(
-    learned, sizes, sharpness, method, num_particles, samples, frame_shape,
-    interpolation, form, background_frames,
+    histograms, sizes, sharpness, method, num_particles, samples, frame_shape,
+    interpolation="nearest", form="exponential", background_frames=None,
 ) -> HistogramLikelihood:  # fmt: skip
     """Keep the bins that references use, choose the method, and make the likelihood."""
+    learned, num_particles = np.array(histograms), num_particles or _USUAL_PARTICLES
     num_objects, num_bands, _ = learned.shape
     check_number("sharpness", sharpness, above=0)
     check_known("method=", method, ("auto", *METHODS))
-    check_known("interpolation=", interpolation, SIMILARITIES)
+    check_known("interpolation=", interpolation, INTERPOLATIONS)
     check_known("form=", form, FORMS)
-    check_whole("num_particles", num_particles or _USUAL_PARTICLES)
+    check_whole("num_particles", num_particles)
     check_whole("samples", samples, num_bands, _MOST_SAMPLES)
-    used = np.flatnonzero(learned.any(axis=(0, 1)))
-    num_bins = -(-len(used) // LANES) * LANES
-    bin_lookup = np.full(NUM_BINS, num_bins, np.int32)
-    bin_lookup[used] = np.arange(len(used))
-    compact = np.zeros((num_objects, num_bands, num_bins))
-    compact[..., : len(used)] = np.sqrt(learned[..., used])
-    levels = _used_levels(compact)
+    bin_lookup, compact = compacted(np.sqrt(learned))
+    is_bilinear = interpolation == "bilinear"
     if method == "auto":
-        queries = num_objects * (num_particles or _USUAL_PARTICLES) * _SHARING_RUNS
-        dense = 2 * queries > math.prod(frame_shape) or interpolation == "bilinear"
-        method = "integral" if dense else "sampled"
+        queries = num_objects * num_particles * _SHARING_RUNS
+        is_dense = 2 * queries > math.prod(frame_shape) or is_bilinear
+        method = "integral" if is_dense else "sampled"
+    is_sampled, distance = method == "sampled", NEIGHBOURS
+    if is_sampled and not is_bilinear:
+        distance = group_distance(samples, num_bands, sizes)
     # Leave room for twice the size: four times the pixels of a band must not wrap.
     largest_band = max(width * math.ceil(height / num_bands) for width, height in sizes)
-    distance = (
-        group_distance(samples, num_bands, sizes) if interpolation == "nearest" else NEIGHBOURS
-    )
     likelihood = HistogramLikelihood(
         sharpness=as_array(sharpness, float),
         references=as_array(compact, float),
         sizes=as_array(sizes, float),
-        bin_lookup=as_array(bin_lookup),
+        bin_lookup=bin_lookup,
         method=method,
         samples=samples,
         table_dtype="uint16" if 4 * largest_band < 2**16 else "uint32",
-        levels=as_array(levels, jnp.int32) if method == "sampled" else None,
-        distance=distance if method == "sampled" else 1,
+        levels=as_array(_used_levels(compact), jnp.int32) if is_sampled else None,
+        distance=distance,
         interpolation=interpolation,
         form="exponential" if form == "ratio" else form,
     )
@@ -334,7 +396,7 @@ def _used_levels(references):
     return np.sort(levels, axis=-1)[..., :num_levels]
 
 
-def box_histogram(bins, box, bands, place):
+def _histogram(bins, name, box, bands):
     """Reference [bands, 110] of a box, normalised over its pixels inside the frame."""
     x, y, width, height = box
     rows = np.floor(y + height * np.arange(bands + 1) / bands + 0.5)
@@ -346,9 +408,9 @@ def box_histogram(bins, box, bands, place):
         inside = bins[rows[k] : rows[k + 1], left:right]
         if inside.size == 0:
             raise InputError(
-                f"{place} is {box.tolist()}: its band {k} of {bands} has no pixel inside the "
-                f"frame of {bins.shape[1]} x {bins.shape[0]} pixels; move it inside or use fewer "
-                "bands."
+                f"{name} is {np.asarray(box, float).tolist()}: its band {k} of {bands} has no "
+                f"pixel inside the frame of {bins.shape[1]} x {bins.shape[0]} pixels; move it "
+                "inside or use fewer bands."
             )
         result[k] = np.bincount(inside.ravel(), minlength=NUM_BINS) / inside.size
     return result

@@ -20,9 +20,8 @@ difference of two points' displacements over their distance at the start, at lea
 
     log odds = -1.4 - 1.2 log(d / e) - 1.0 log(s + .05)
 
-or, for a single point, ``-1.1 - 1.4 log(d / e)``.  Fitted by logistic regression to "within 21
-pixels of the label" on two clips, a walking bear and a head with two hands, each with the same
-weight; points further off count 1.25 times.
+or, for a single point, ``-1.1 - 1.4 log(d / e)``: a logistic regression on two clips, see "Lost" in
+docs/development/defaults.md.
 """
 
 import dataclasses
@@ -39,15 +38,8 @@ from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
-from jaxpf.likelihoods._checks import (
-    DARKEST_MEAN,
-    check_grid,
-    check_not_black,
-    points_in,
-    shown_as,
-    sizes_in,
-)
-from jaxpf.likelihoods._places import window_colours, words_of
+from jaxpf.likelihoods._checks import check_window, points_in, shown_as, sizes_in
+from jaxpf.likelihoods._sampled import Turned, window_colours, words_of
 from jaxpf.likelihoods.color import check_frame
 
 #: How the squared differences of a window are combined.
@@ -59,6 +51,9 @@ _ODDS = -1.4, -1.2, -1.0
 _ODDS_ALONE = -1.1, -1.4
 #: Number of neighbours whose strain is measured, and strain that counts as none.
 _NEIGHBOURS, _STIFF = 3, 0.05
+#: Lower bound of the mean, of 255, by which a window is divided: noise on black must not look like
+#: contrast.
+_DARKEST_MEAN = 1.0
 #: Share of the other places that match better than e; smallest d; most places per side of the grid.
 _BEST, _CLOSEST, _PLACES = 0.05, 1e-4, 48
 
@@ -186,7 +181,7 @@ class PatchLikelihood(Likelihood):
             (u, v, scale), angles = substates[:3], substates[3:4]
             theta = angles[0] if len(angles) else jnp.zeros_like(u)
             width, height = (jnp.asarray(self.sizes, dtype)[partition] * scale[:, None]).T
-            seen = window_colours(observation, u, v, width, height, theta, self.window)
+            seen = window_colours(observation, Turned(u, v, width, height, theta), self.window)
             valid = (width >= 1) & (height >= 1)
         difference = jnp.asarray(self.references, dtype)[partition] - _normalised(seen)
         return difference**2, valid, finite
@@ -212,18 +207,10 @@ def patch(
         window: columns and rows of the sampling grid (eskil2014: 21 x 21).
         names: of the windows in messages; by default their numbers.
     """
-    check_frame(frame)
-    check_number("sigma", sigma, above=0)
-    check_grid("window", window)
-    sizes = sizes_in(sizes, shown_as("sizes", len(poses), names)).astype(np.float32)
-    u, v, theta = jnp.asarray(np.asarray(poses, np.float32)).T
-    width, height = jnp.asarray(sizes).T
-    words = words_of(jnp.asarray(frame))
-    seen = window_colours(words, u, v, width, height, theta, tuple(window))
+    sizes = sizes_in(sizes, shown_as("sizes", len(poses), names))
     if names is None:
         names = [f"the window of object {i}" for i in range(len(poses))]
-    check_not_black(np.asarray(seen), names)
-    return _of_boxes(_normalised(seen), sizes, sigma, window)
+    return _of_boxes(_seen(frame, poses, sizes, window, names), sizes, sigma, window)
 
 
 def patch_from_pictures(
@@ -241,14 +228,16 @@ def patch_from_pictures(
             of the pictures.
         sigma, window: as in :func:`patch`.
     """
-    extents = np.array([(len(picture[0]), len(picture)) for picture in pictures], np.float32)
-    sizes = sizes_in(extents if sizes is None else sizes, shown_as("sizes", len(pictures)))
-    references = []
-    for i, (picture, extent) in enumerate(zip(pictures, extents, strict=True)):
-        middle, name = [(*(extent / 2), 0.0)], f"pictures[{i}]"
-        whole = patch(picture, middle, [extent], sigma=sigma, window=window, names=[name])
-        references.append(whole.references[0])
-    return _of_boxes(jnp.stack(references), sizes, sigma, window)
+    extents = [(len(picture[0]), len(picture)) for picture in pictures]
+    wanted = np.array(extents if sizes is None else sizes)
+    sizes = sizes_in(wanted, shown_as("sizes", len(pictures)))
+    seen = [
+        _seen(
+            picture, [(width / 2, height / 2, 0.0)], [(width, height)], window, [f"pictures[{i}]"]
+        )
+        for i, (picture, (width, height)) in enumerate(zip(pictures, extents, strict=True))
+    ]
+    return _of_boxes(jnp.concatenate(seen), sizes, sigma, window)
 
 
 def windows(
@@ -271,18 +260,23 @@ def windows(
         slip: standard deviation in pixels of a point around the window that matches best.
     """
     check_frame(frame)
-    check_number("sigma", sigma, above=0)
     check_known("norm=", norm, NORMS)
-    check_grid("window", window)
+    check_number("slip", slip, least=0)
+    check_window("window", window)
     if not all(n % 2 for n in window):
         raise InputError(f"window is {window!r}: give two odd numbers of pixels, such as (21, 21).")
     _check_fits(frame, window)
-    points = points_in(points, frame.shape[:2])
+    points, size = points_in(points, frame.shape[:2]), (int(window[0]), int(window[1]))
     u, v = jnp.asarray(points).T
-    size = int(window[0]), int(window[1])
     seen = np.asarray(_blocks(jnp.asarray(frame), u, v, size), np.float32)
-    check_not_black(seen, [f"the window of point {i}" for i in range(len(points))])
-    learned = _of_points(seen, sigma, size, norm, slip)
+    _check_not_black(seen, [f"the window of point {i}" for i in range(len(points))])
+    learned = PatchLikelihood(
+        sigma=_checked(sigma),
+        references=as_array(seen / seen.mean(axis=(1, 2), keepdims=True), float),
+        window=size,
+        norm=norm,
+        slip=as_array(slip, float),
+    )
     elsewhere = _matches_elsewhere(np.asarray(frame), points, np.asarray(learned.references), size)
     if elsewhere is None:
         return learned
@@ -306,39 +300,55 @@ def windows_from_pictures(
         sigma, norm, slip: as in :func:`windows`.
     """
     rows, columns = pictures[0].shape[:2]
-    middle, size = [[columns // 2 + 0.5, rows // 2 + 0.5]], (columns, rows)
-    seen = [
-        windows(picture, middle, sigma=sigma, window=size, norm=norm).references[0]
+    middle = [[columns // 2 + 0.5, rows // 2 + 0.5]]
+    alone = [
+        windows(picture, middle, sigma=sigma, window=(columns, rows), norm=norm, slip=slip)
         for picture in pictures
     ]
-    return _of_points(np.stack(seen), sigma, size, norm, slip)
+    references = jnp.concatenate([each.references for each in alone])
+    return dataclasses.replace(alone[0], references=references)
 
 
-def _of_boxes(references, sizes, sigma, window) -> PatchLikelihood:
+def _seen(frame, poses, sizes, window, names):
+    """Windows of objects in a frame, [P, rows * columns, 3]."""
+    check_frame(frame)
+    check_window("window", window)
+    x, y, theta = jnp.asarray(np.asarray(poses, np.float32)).T
+    width, height = jnp.asarray(np.asarray(sizes, np.float32)).T
+    words = words_of(jnp.asarray(frame))
+    seen = window_colours(words, Turned(x, y, width, height, theta), tuple(window))
+    _check_not_black(np.asarray(seen), names)
+    return seen
+
+
+def _check_not_black(seen: np.ndarray, names: Sequence[str]) -> None:
+    """Refuse windows ``[N, ...]`` that are too dark to be divided by their mean."""
+    for name, mean in zip(names, seen.mean(axis=(1, 2)), strict=True):
+        if mean < _DARKEST_MEAN:
+            raise InputError(
+                f"{name} is black, its mean {mean:.2g} of 255, so nothing can be divided by it: "
+                "move or enlarge it."
+            )
+
+
+def _of_boxes(seen, sizes, sigma, window) -> PatchLikelihood:
     return PatchLikelihood(
-        sigma=as_array(sigma, float),
-        references=as_array(references, float),
-        sizes=as_array(sizes, float),
+        sigma=_checked(sigma),
+        references=as_array(_normalised(seen), float),
+        sizes=as_array(sizes.astype(np.float32), float),
         window=tuple(window),
     )
 
 
-def _of_points(seen, sigma, window, norm, slip) -> PatchLikelihood:
-    check_number("slip", slip, least=0)
-    means = seen.mean(axis=(1, 2), keepdims=True)
-    return PatchLikelihood(
-        sigma=as_array(sigma, float),
-        references=as_array(seen / means, float),
-        window=window,
-        norm=norm,
-        slip=as_array(slip, float),
-    )
+def _checked(sigma: float) -> jax.Array:
+    check_number("sigma", float(sigma), above=0)
+    return as_array(sigma, float)
 
 
 def _normalised(seen):
     """o / E[o] of windows [N, ...] of three axes."""
     mean = jnp.mean(seen, axis=(1, 2), keepdims=True)
-    return seen / jnp.maximum(mean, DARKEST_MEAN)
+    return seen / jnp.maximum(mean, _DARKEST_MEAN)
 
 
 def _matches_elsewhere(frame, points, references, window):
@@ -350,7 +360,7 @@ def _matches_elsewhere(frame, points, references, window):
         for size, side in zip(blocks.shape[:2], (rows, columns), strict=True)
     )
     seen = np.moveaxis(blocks[np.ix_(top, left)], 2, -1).reshape(len(top) * len(left), -1)
-    seen = seen / np.maximum(seen.mean(axis=1, keepdims=True), DARKEST_MEAN).astype(np.float32)
+    seen = seen / np.maximum(seen.mean(axis=1, keepdims=True), _DARKEST_MEAN).astype(np.float32)
     references = references.reshape(len(references), -1).astype(np.float32)
     squares = np.sum(references**2, 1)[:, None] + np.sum(seen**2, 1) - 2 * references @ seen.T
     middles = np.stack(np.meshgrid(left + columns // 2, top + rows // 2), axis=-1).reshape(-1, 2)

@@ -38,8 +38,8 @@ from jaxpf.contract.calls import of_partition
 from jaxpf.contract.errors import check_known
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
-from jaxpf.likelihoods._checks import check_grid
-from jaxpf.likelihoods._places import window_colours, words_of
+from jaxpf.likelihoods._checks import check_window
+from jaxpf.likelihoods._sampled import Turned, window_colours, words_of
 from jaxpf.likelihoods.color import check_frame
 
 POOLS = ("mean", "product")
@@ -163,7 +163,7 @@ def pixels(
     for name, value in (("min_slope", min_slope), ("size_term", size_term)):
         if value is not None:
             check_number(name, value, least=0)
-    check_grid("window", window)
+    check_window("window", window)
     check_known("pool=", pool, POOLS)
     check_known("colour=", colour, COLOURS)
     channels = 3 if colour == "colour" else 1
@@ -188,7 +188,7 @@ def pixels(
 def _colours_in(words, substates, window):
     """Colours at the grid places of boxes (u, v, w, h, ...), [N, rows * columns, 3]."""
     u, v, width, height = substates[:4]
-    return window_colours(words, u, v, width, height, jnp.zeros_like(u), window)
+    return window_colours(words, Turned(u, v, width, height, jnp.zeros_like(u)), window)
 
 
 def _words(frame, colour):

@@ -12,9 +12,9 @@ import jaxpf
 from jaxpf import contract, ordering, pytree_dataclass
 from jaxpf.contract import calls
 from jaxpf.contract.optional import DEFAULTS, likelihood_of, optional
+from jaxpf.detections.population import Detected
 from jaxpf.dynamics import RandomWalk, WithOcclusion
 from jaxpf.filters import SideBySide, WithErrorBars
-from jaxpf.likelihoods.detected import Detected
 from jaxpf.papers.smith2004.scenes import OtherEnding
 from jaxpf.parts.models import OfFixedSize
 from jaxpf.running.gaps import LikelihoodOfNoFrame, LikelihoodWithGaps, WithGaps, WithoutFrames

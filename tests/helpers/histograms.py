@@ -33,26 +33,6 @@ def values(likelihood, observation, partition, substates):
     return np.asarray(log_prob_all(likelihood, observation, partition, substates))[:count]
 
 
-def numpy_bins(frame):
-    """Perez et al.'s bins in exact integer arithmetic, pixel by pixel."""
-    result = np.zeros(frame.shape[:-1], int)
-    for place in np.ndindex(result.shape):
-        red, green, blue = (int(c) for c in frame[place])
-        top, chroma = max(red, green, blue), max(red, green, blue) - min(red, green, blue)
-        if 10 * chroma > top and 5 * top > 255:
-            if top == red:
-                sixths = (green - blue) % (6 * chroma)
-            elif top == green:
-                sixths = blue - red + 2 * chroma
-            else:
-                sixths = red - green + 4 * chroma
-            hue, saturation = 10 * sixths // (6 * chroma), 10 * chroma // top
-            result[place] = 10 * min(hue, 9) + min(saturation, 9)
-        else:
-            result[place] = 100 + min(10 * top // 255, 9)
-    return result
-
-
 def float_bins(frame):
     """Perez et al.'s bins by the formulas of HSV, float64."""
     color = frame.astype(np.float64) / 255

@@ -7,10 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from histograms import numpy_bins
+from histograms import float_bins
 
 import jaxpf
-from jaxpf import InputError
 from jaxpf.likelihoods import discriminative
 from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
 from jaxpf.likelihoods.discriminative.training import (
@@ -26,7 +25,6 @@ BOXES = np.array([[20.0, 12.0, 44.0, 40.0], [60.0, 40.0, 14.0, 22.0]])
 _OBSERVE = jax.jit(DiscriminativeLikelihood.observe)
 _LOG_PROBS = jax.jit(DiscriminativeLikelihood.log_prob_all)
 _LOG_ODDS = jax.jit(DiscriminativeLikelihood.log_odds_all)
-_FEATURES = jax.jit(DiscriminativeLikelihood.features_all)
 _SCORES = jax.jit(lambda *args: DiscriminativeLikelihood.scores_all(*args)[0])
 #: Places of a grid of shifts; fewer are filled up to as many, so that tests share a program.
 _NUM_PLACES = 625
@@ -50,7 +48,7 @@ FRAME = blocks(0)
 
 @pytest.fixture(scope="module")
 def learned():
-    return discriminative(FRAME, BOXES, features=["colour", "gradients", "hues"])
+    return discriminative(FRAME, BOXES)
 
 
 def substates_of(boxes):
@@ -88,7 +86,7 @@ def numpy_features(frame, box, factor, bins_kept, lookup):
     )
     size = (padded.shape[1] // factor, padded.shape[0] // factor)
     small = cv2.resize(padded.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    bins = numpy_bins(np.rint(small).astype(np.uint8))
+    bins = float_bins(np.rint(small).astype(np.uint8))
     grey = small / 255 @ np.float32([0.299, 0.587, 0.114])
     kernel = np.float32([[-0.5, 0, 0.5]])
     across, down = (
@@ -99,14 +97,6 @@ def numpy_features(frame, box, factor, bins_kept, lookup):
     for direction in range(8):
         away = np.abs((turns - direction + 4) % 8 - 4)
         votes[..., direction] = np.hypot(across, down) ** 0.5 * np.maximum(1 - away, 0)
-    # OpenCV's hue is in degrees; without chroma it is 0, and counts for nothing.
-    hue, saturation, value = cv2.split(cv2.cvtColor(small / 255, cv2.COLOR_RGB2HSV))
-    shares = np.zeros((*grey.shape, 8))
-    for k in range(4):
-        away = np.abs((hue / 90 - k + 2) % 4 - 2)
-        shares[..., k] = np.maximum(1 - away, 0) * saturation * value
-        near = np.maximum(1 - np.abs(3 * value - k), 0)
-        shares[..., 4 + k] = near * (1 - saturation * value)
     x, y, w, h = np.asarray(box) / factor
 
     def inside(picture, top, bottom, left, right):
@@ -120,12 +110,11 @@ def numpy_features(frame, box, factor, bins_kept, lookup):
         counts = np.bincount(inside(bins, top, bottom, x, x + w).ravel(), minlength=110)
         sides = np.floor(np.array([[x, x + w], [top, bottom]]) + 0.5)
         colours[band] = np.sqrt(counts / np.diff(sides).prod() / 2)
-    cells = np.zeros((2, 4, 4, 8))
-    for k, i, j in np.ndindex(2, 4, 4):
-        picture = (votes, shares)[k]
+    cells = np.zeros((4, 4, 8))
+    for i, j in np.ndindex(4, 4):
         sides = y + h * i / 4, y + h * (i + 1) / 4, x + w * j / 4, x + w * (j + 1) / 4
-        mean = inside(picture, *sides).sum(axis=(0, 1)) / (w * h / 16)
-        cells[k, i, j] = np.sqrt(mean / (mean.sum() + 0.03)) / 4
+        mean = inside(votes, *sides).sum(axis=(0, 1)) / (w * h / 16)
+        cells[i, j] = np.sqrt(mean / (mean.sum() + 0.03)) / 4
     return colours, cells
 
 
@@ -148,20 +137,13 @@ def test_scores_are_linear_in_features_of_opencv(learned, box):
     weights = np.asarray(learned.colour_weights)[number[0]]
     weights = np.append(weights, np.zeros((2, 1)), axis=1)[:, np.minimum(lookup, weights.shape[1])]
     expected = np.asarray(learned.offset)[number[0]] + (weights * colours).sum()
-    for weights, mean in zip(learned.map_weights, cells, strict=True):
-        expected += (np.asarray(weights)[number[0]] * mean).sum()
+    expected += (np.asarray(learned.gradient_weights)[number[0]] * cells).sum()
     seen = _OBSERVE(learned, FRAME)
     score = scores(learned, seen, number, substate)
     # Votes are rounded to 1 / 255, and weights are some tenths.
     np.testing.assert_allclose(score, expected, atol=0.01)
     smooth = dataclasses.replace(learned, interpolation="bilinear")
     np.testing.assert_allclose(_SCORES(smooth, seen, number, substate), expected, atol=0.15)
-
-
-def test_no_object_has_more_colours_than_its_36_most_frequent(learned):
-    used = (np.asarray(learned.colour_weights) != 0).any(axis=1).sum(axis=1)
-    assert (used <= 36).all()
-    assert (used > 5).all()
 
 
 def test_ridge_is_the_solution_of_the_normal_equations():
@@ -201,7 +183,7 @@ def test_the_score_peaks_where_the_object_went_over_another_background(learned):
         score = scores(learned, seen, number, np.column_stack([centres, np.ones(len(shifts))]).T)
         np.testing.assert_allclose(shifts[np.argmax(score)], 0, atol=2)
         far = np.abs(shifts).max(axis=1) > 20
-        assert score.max() > 0.6 > 0.5 > np.max(score[far])
+        assert score.max() > 0.55 > 0.5 > np.max(score[far])
 
 
 def composed_of(frame, box, shift):
@@ -212,16 +194,11 @@ def composed_of(frame, box, shift):
 
 def test_an_object_stays_before_another_background():
     box, shift = np.array([20.0, 12.0, 44.0, 40.0]), np.array([0.5, -0.25])
-    composed = composed_of(FRAME, box, shift)
-    behind = np.roll(FRAME, (-10, 22), axis=(0, 1))
+    composed, behind = composed_of(FRAME, box, shift), np.roll(FRAME, (-10, 22), axis=(0, 1))
     rows, columns = np.mgrid[:HEIGHT, :WIDTH] + 0.5
     away = np.hypot((columns - 42) / 22, (rows - 32) / 20)  # 1 on the ellipse
     np.testing.assert_array_equal(composed[away < 0.9], FRAME[away < 0.9])
     np.testing.assert_array_equal(composed[away > 1.1], behind[away > 1.1])
-    between = (away > 0.9) & (away < 1.1)
-    low, high = np.minimum(FRAME, behind), np.maximum(FRAME, behind)
-    assert ((low <= composed) & (composed <= high))[between].all()
-    np.testing.assert_array_equal(composed_of(FRAME, box, np.zeros(2)), FRAME)
     window = jax.jit(before_background, static_argnums=4)(
         FRAME, box, shift, np.array([7, 9]), (30, 40)
     )
@@ -334,71 +311,3 @@ def test_boxes_that_are_none_have_no_likelihood(learned):
     assert np.isneginf(log_probs[:2]).all()
     assert np.isnan(log_probs[2])
     assert np.isfinite(log_probs[3])
-
-
-def darkness(picture):
-    """A user's own map: how dark a pixel is, and how red."""
-    return jnp.stack([1 - picture.mean(axis=-1), picture[..., 0]], axis=-1)
-
-
-@pytest.mark.slow
-def test_features_of_ones_own_are_learned_like_others():
-    own = discriminative(FRAME, BOXES, features=["gradients", darkness])
-    assert own.colour_weights is None
-    assert [np.shape(weights) for weights in own.map_weights] == [(2, 4, 4, 8), (2, 4, 4, 2)]
-    seen = _OBSERVE(own, FRAME)
-    centres = np.column_stack([BOXES[:, :2] + BOXES[:, 2:] / 2, np.ones(2)]).T
-    score = _SCORES(own, seen, np.arange(2), centres.astype(np.float32))
-    assert np.min(score) > 0.4
-    features = _FEATURES(own, seen, np.arange(2), centres.astype(np.float32))
-    weights = [np.asarray(w).reshape(2, -1) for w in own.map_weights]
-    linear = (np.asarray(features) * np.concatenate(weights, axis=1)).sum(axis=1)
-    np.testing.assert_allclose(score, linear + np.asarray(own.offset), atol=1e-4)
-
-
-def only_estimate(state, summary):
-    return summary.estimate
-
-
-@pytest.mark.slow
-def test_a_seed_gives_the_same_track_whatever_runs_beside_it(learned):
-    tracker = jaxpf.boxes.tracker(
-        None, BOXES, likelihood=learned, num_particles=40, noise_pixels=(2, 2, 0.01)
-    )
-    frames = np.stack([blocks(seed) for seed in range(3)])
-    keys = jax.random.split(jax.random.key(0), 5)
-    every, some = (
-        np.asarray(jaxpf.monte_carlo(tracker, k, frames, only_estimate, batch_size=4))
-        for k in (keys, keys[3:])
-    )
-    np.testing.assert_array_equal(every[3:], some)
-    assert np.isfinite(every).all()
-
-
-@pytest.mark.parametrize(
-    "share", [0.75, *(pytest.param(x, marks=pytest.mark.slow) for x in (0.85, 0.95))]
-)
-def test_an_object_may_cover_most_of_the_frame(share):
-    """It is found where it moved, by its own looks and by what little there is around it."""
-    behind, own = blocks(1), blocks(2)
-    width, height = int(share * WIDTH), int(share * HEIGHT)
-    left, top = (WIDTH - width) // 2, (HEIGHT - height) // 2
-
-    def shown(x, y):
-        frame = np.pad(behind, ((20, 20), (20, 20), (0, 0)), mode="wrap")
-        frame[20 + y : 20 + y + height, 20 + x : 20 + x + width] = own[:height, :width]
-        return frame[20 : 20 + HEIGHT, 20 : 20 + WIDTH]
-
-    learned = discriminative(shown(left, top), [[left, top, width, height]])
-    at = np.stack(np.meshgrid(np.arange(-16, 17, 4), np.arange(-16, 17, 4)), axis=-1).reshape(-1, 2)
-    middle = np.array([left + width / 2, top + height / 2])
-    substates = np.concatenate([at + middle, np.ones((len(at), 1))], axis=1).T
-    for moved in ((0, 0), (8, -4), (-8, 8)):
-        seen = _OBSERVE(learned, shown(left + moved[0], top + moved[1]))
-        best = at[np.argmax(scores(learned, seen, 0, substates))]
-        assert np.abs(best - moved).max() <= 4
-
-
-def test_a_frame_of_another_size_is_refused(learned):
-    with pytest.raises(InputError, match="90 x 70 pixels does not match the start frame of 91"):
-        learned.observe(FRAME[:, :90])

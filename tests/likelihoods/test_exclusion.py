@@ -6,7 +6,6 @@ import pytest
 
 from jaxpf.likelihoods import discriminative
 from jaxpf.likelihoods.exclusion import excluding
-from jaxpf.measures.metrics import precision
 
 FRAME = np.kron(
     np.random.default_rng(0).integers(0, 256, (14, 19, 3)), np.ones((5, 5, 1), int)
@@ -32,8 +31,9 @@ def test_what_the_one_in_front_takes_counts_as_background(exclusive):
     boxes = OBJECTS + np.append(rng.uniform(-3, 3, (3, 2)), np.zeros((3, 2)), axis=1)
     expected = own.sum()
     for i, j in ((0, 1), (0, 2), (1, 2)):
-        of_i, of_j = np.asarray(jax.jit(precision)(boxes[[i, j]], boxes[[j, i]]), float)
-        hidden = [min(max((of - 0.7) / 0.25, 0), 1) for of in (of_i, of_j)]
+        first, last = boxes[[i, j], :2], boxes[[i, j], :2] + boxes[[i, j], 2:]
+        shared = np.maximum(last.min(axis=0) - first.max(axis=0), 0).prod()
+        hidden = np.clip((shared / boxes[[i, j], 2:].prod(axis=1) - 0.7) / 0.25, 0, 1)
         in_front = [own[i] + (1 - hidden[1]) * own[j], (1 - hidden[0]) * own[i] + own[j]]
         expected += np.log(np.mean(np.exp(in_front))) - own[i] - own[j]
     assert abs(expected - own.sum()) > 1

@@ -48,16 +48,6 @@ def test_gaussian_samples_have_its_mean_and_covariance():
         assert np.abs((found.mean(axis=0) - expected) / error).max() < 4.5
 
 
-def test_gaussian_of_all_particles_is_that_of_each():
-    likelihood = Gaussian(noise=lower(2, 3))
-    frame, substates = RNG.normal(size=(3, 2)), jnp.asarray(RNG.normal(size=(2, 7)))
-    partition = jnp.array([0, 1, 2, 2, 1, 0, 1])
-    together = likelihood.log_prob_all(frame, partition, substates)
-    one_by_one = jax.vmap(likelihood.log_prob, in_axes=(None, 0, 1))(frame, partition, substates)
-    assert together.shape == (7,)
-    np.testing.assert_allclose(together, one_by_one, rtol=1e-5)
-
-
 def test_correlated_gaussian_has_its_joint_density_and_its_margins():
     root = lower(3, 1)[0]
     covariance = root @ root.T
@@ -149,13 +139,6 @@ def test_stacked_model_moves_parts_as_the_dynamics_do():
     np.testing.assert_allclose(process[:8, :8], columns @ columns.T, atol=1e-12)
     assert not process[8:].any()
     assert not process[:, 8:].any()
-
-
-def test_stacked_model_without_lag_or_coupling_is_block_diagonal():
-    dynamics = LinearGaussian(transition=0.9 * np.ones((2, 1, 1)), noise=np.ones((2, 1, 1)))
-    transition, process = stacked_model(dynamics, (-1, -1))
-    np.testing.assert_allclose(transition[:2, :2], 0.9 * np.eye(2))
-    np.testing.assert_allclose(process[:2, :2], np.eye(2))
 
 
 def test_kalman_takes_lists():

@@ -7,12 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from correlated import CorrelatedGaussian
 from histograms import texture
 
 import scenes
 from jaxpf.likelihoods import (
-    Gaussian,
     histogram,
     histogram_from_patches,
     log_normaliser,
@@ -150,34 +148,6 @@ def test_boxes_without_a_pixel_and_numbers_that_are_none_keep_finite_gradients(m
     assert (gradient[:, 1:4] == 0).all()
 
 
-def test_every_likelihood_says_whether_it_is_differentiable_in_the_state():
-    assert made("integral").state_gradient
-    assert made("sampled").state_gradient
-    assert Gaussian(noise=np.ones((1, 1, 1))).state_gradient
-    assert CorrelatedGaussian(covariance=np.eye(2)).state_gradient
-    whole = histogram(PICTURE, BOXES)
-    assert not whole.state_gradient
-    observation = observe(whole, OTHER)
-    gradient = jax.jit(jax.grad(lambda x: whole.log_prob(observation, 0, x)))(
-        np.array([18.3, 24.2, 1.0], np.float32)
-    )
-    np.testing.assert_array_equal(gradient[:2], 0)
-
-
-def test_runs_side_by_side_are_the_runs_one_by_one():
-    with jax.enable_x64(True):
-        likelihood = made("sampled")
-        observation = observe(likelihood, OTHER)
-        partition, substates = poses(3 * MANY, 4)
-        partition = partition.reshape(3, MANY)
-        substates = substates.reshape(4, 3, MANY).swapaxes(0, 1)
-        side_by_side = jax.jit(jax.vmap(value_and_gradient, in_axes=(None, None, 0, 0)))
-        _, together = side_by_side(likelihood, observation, partition, substates)
-        for run in range(3):
-            _, one = value_and_gradient(likelihood, observation, partition[run], substates[run])
-            np.testing.assert_allclose(together[run], one, rtol=1e-8, atol=1e-8)
-
-
 # Forms
 
 
@@ -220,15 +190,6 @@ def test_the_ratio_times_the_background_integrates_to_one(sharpness):
         assert abs(np.trapezoid(np.exp(ratio) * background, grid) - 1) < 4 * error + 1e-6
         tilt = np.exp(jax.jit(log_tilt)(sharpness, samples[0]))
         assert abs(tilt / exact - 1) < 4 * error + 1e-6
-
-
-def test_forms_differ_in_a_constant_only():
-    squared = np.linspace(0, 2, 9)
-    background = np.log(np.random.default_rng(0).uniform(1, 2, (1, 2, 100)))
-    values = jax.device_get(of_all_forms(7.0, 2, background, squared))
-    for form in ("density", "ratio"):
-        difference = values[form] - values["exponential"]
-        np.testing.assert_allclose(difference, difference[0], rtol=1e-5)
 
 
 def evidence_of(scene, form, sharpness):

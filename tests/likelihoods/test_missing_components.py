@@ -1,14 +1,13 @@
 """Components of a frame that are missing: the others keep their marginal density."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import LIMIT
 from scipy.stats import multivariate_normal
 
 import jaxpf
-from jaxpf import InputError, ordering
+from jaxpf import ordering
 from jaxpf.dynamics import LinearGaussian
 from jaxpf.likelihoods import Gaussian, kalman
 
@@ -93,13 +92,3 @@ def test_nan_and_observed_say_the_same():
     parts = SEEN.any(axis=2)
     both = jaxpf.run(tracker(), key, np.where(SEEN, FRAMES, np.nan), observed=parts)[1]
     np.testing.assert_allclose(both.log_evidence, told.log_evidence, rtol=1e-5, atol=1e-5)
-
-
-def test_a_likelihood_that_cannot_tell_is_refused():
-    blind = jaxpf.state_space(
-        initial=np.zeros(2),
-        transition=lambda key, x, p: x + jax.random.normal(key, (2,)),
-        log_likelihood=lambda y, x, p: -jnp.sum((y - x) ** 2),
-    )
-    with pytest.raises(InputError, match="handles_nan = True"):
-        jaxpf.run(blind, jax.random.key(0), np.zeros((3, 2)), observed=np.ones((3, 2), bool))

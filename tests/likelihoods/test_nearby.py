@@ -30,7 +30,7 @@ FRAME = texture(0, HEIGHT, WIDTH)
 
 @pytest.fixture(scope="module")
 def learned():
-    likelihood = discriminative(FRAME, BOXES, features=["colour", "gradients", "hues"])
+    likelihood = discriminative(FRAME, BOXES)
     return dataclasses.replace(likelihood, windows=SHAPE)
 
 
@@ -86,7 +86,7 @@ def test_log_odds_compare_with_the_same_places_elsewhere(learned, scale):
             for seen in (_NEARBY(learned, frame, substates.T), _WHOLE(learned, frame))
         ]
         np.testing.assert_allclose(*odds, atol=1e-4)
-    assert np.isfinite(near.elsewhere[1][0]).all()
+    assert np.isfinite(near.elsewhere[1]).all()
 
 
 SIDE, HIDDEN, FRAMES = 12, 9, 16
@@ -115,43 +115,35 @@ def scene():
     return np.stack(frames), np.array([[60.0, 50, SIDE, SIDE], [200.0, 150, SIDE, SIDE]])
 
 
-def tracker_of(likelihood, stride):
-    steps = np.array(DEFAULT_STEPS) * [stride, stride, 1]
-    return jaxpf.Partitioned(
-        **box_model(likelihood, scene()[1], steps=steps)._asdict(),
-        ordering=jaxpf.ordering.dps(2),
-        num_particles=100,
-    )
-
-
-@functools.cache
-def trackers(stride=1):
-    """Of windows, of whole frames, and of windows alone, with steps ``stride`` times as long."""
-    frames, boxes = scene()
-    windowed = discriminative(frames[0], boxes, reach=1.2)
-    assert windowed.windows is not None
-    fields = {one.name: getattr(windowed, one.name) for one in dataclasses.fields(windowed)}
-    whole = dataclasses.replace(windowed, windows=None)
-    seeing, blind = (Sighted(**fields, sight=np.uint8(sight)) for sight in (1, 0))
-    return [tracker_of(one, stride) for one in (seeing, whole, blind)]
-
-
 @pytest.mark.slow
 def test_a_run_sees_whole_frames_only_where_particles_leave_the_windows():
-    frames = scene()[0][1:]
-    for stride in (1, 8):
-        windowed, whole, blind = (
-            jaxpf.run(tracker, jax.random.key(3), frames)[1] for tracker in trackers(stride)
+    frames, boxes = scene()
+    learned = discriminative(frames[0], boxes, reach=1.2)
+    assert learned.windows is not None
+    whole = dataclasses.replace(learned, windows=None)
+    seeing, blind = (Sighted(**vars(learned), sight=np.uint8(sight)) for sight in (1, 0))
+
+    def run(likelihood, stride):
+        """With steps ``stride`` times as long."""
+        steps = np.array(DEFAULT_STEPS) * [stride, stride, 1]
+        tracker = jaxpf.Partitioned(
+            **box_model(likelihood, boxes, steps=steps)._asdict(),
+            ordering=jaxpf.ordering.dps(2),
+            num_particles=100,
         )
+        return jaxpf.run(tracker, jax.random.key(3), frames[1:])[1]
+
+    for stride in (1, 8):
+        of_windows, of_frames, unseeing = (run(x, stride) for x in (seeing, whole, blind))
         followed = slice(HIDDEN - 1 if stride == 1 else 0)
         for name in ("estimate", "log_evidence", "spread", "ess", "confidence"):
-            expected, result = getattr(whole, name), getattr(windowed, name)
-            np.testing.assert_allclose(result, expected, rtol=1e-4, atol=1e-4)
-            result = getattr(blind, name)
-            np.testing.assert_allclose(result[followed], expected[followed], rtol=1e-4, atol=1e-4)
-        np.testing.assert_array_equal(windowed.num_invalid, 0)
-        assert (whole.confidence[followed] > 0.5).all()
-    assert np.abs(blind.estimate - whole.estimate).max() > 1
+            expected = getattr(of_frames, name)
+            for summary, part in ((of_windows, slice(None)), (unseeing, followed)):
+                found = getattr(summary, name)
+                np.testing.assert_allclose(found[part], expected[part], rtol=1e-4, atol=1e-4)
+        np.testing.assert_array_equal(of_windows.num_invalid, 0)
+        assert (of_frames.confidence[followed] > 0.5).all()
+    assert np.abs(unseeing.estimate - of_frames.estimate).max() > 1
 
 
 @pytest.mark.slow
@@ -160,18 +152,3 @@ def test_windows_that_save_little_are_not_used():
     frames, boxes = scene()
     assert discriminative(frames[0], boxes, reach=12.0).windows is None
     assert discriminative(frames[0], boxes).windows is None
-    mine = ["colour", lambda picture: picture]
-    assert discriminative(frames[0], boxes, features=mine, reach=1.2).windows is None
-
-
-@pytest.mark.slow
-def test_runs_under_vmap_equal_single_runs():
-    frames, windowed = scene()[0][1:4], trackers()[0]
-    keys = jax.random.split(jax.random.key(0), 2)
-
-    def estimates(key):
-        return jaxpf.run(windowed, key, frames)[1].estimate
-
-    together = jax.jit(jax.vmap(estimates))(keys)
-    alone = np.stack([estimates(key) for key in keys])
-    np.testing.assert_allclose(together, alone, rtol=1e-5)

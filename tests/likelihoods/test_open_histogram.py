@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from jaxpf.contract import log_prob_all
+from jaxpf.detections.population import Detected
 from jaxpf.likelihoods import histogram
-from jaxpf.likelihoods.detected import Detected
-from jaxpf.likelihoods.open_histogram import open_histogram, with_object
+from jaxpf.likelihoods.histogram import open_histogram, with_object
 
 FRAME = np.random.default_rng(0).integers(0, 256, (60, 80, 3), dtype=np.uint8)
 FRAME[10:40, 10:30] //= 4

@@ -81,16 +81,6 @@ def test_maps_of_two_strides_count_the_same(learned):
     np.testing.assert_allclose(seen, (alone[0] + larger) / 2, atol=1e-5)
 
 
-def test_a_point_fits_best_where_it_started(learned):
-    seen = _OBSERVE(learned, FRAME)
-    steps = np.stack(np.meshgrid(np.arange(-40, 41, 4), np.arange(-40, 41, 4)), -1).reshape(-1, 2)
-    for number, point in enumerate(POINTS):
-        places = (point + steps).astype(np.float32)
-        partition = jnp.full(len(places), number)
-        log_probs = np.asarray(_LOG_PROBS(learned, seen, partition, places.T))
-        assert np.abs(steps[np.argmax(log_probs)]).max() <= 4
-
-
 def test_places_outside_the_frame_and_no_numbers(learned):
     seen = _OBSERVE(learned, FRAME)
     places = np.array([[np.nan, 3.0], [1e30, -1e30], [-0.1, 40.0], [40.0, 90.0]], np.float32)
@@ -173,8 +163,3 @@ def test_what_cannot_be_learned_is_refused(arguments, message):
     points = arguments.pop("points", POINTS)
     with pytest.raises(InputError, match=message):
         pretrained_points(FRAME, points, **({"network": two_maps} | arguments))
-
-
-def test_a_frame_of_another_size_is_refused(learned):
-    with pytest.raises(InputError, match="does not match the start frame"):
-        learned.observe(FRAME[:-1])

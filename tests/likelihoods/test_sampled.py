@@ -37,16 +37,6 @@ def test_sampled_is_close_to_integral_but_for_a_known_bias():
         assert error.std() < bound
 
 
-def test_sampling_every_pixel_equals_the_integral_histogram():
-    frame = noise()
-    pair = [
-        histogram(frame, [[20, 20, 16, 16]], method=m, samples=16) for m in ("integral", "sampled")
-    ]
-    at = np.array([[20.0, 33, -2, 79], [30.0, 41, 3, 55], [1.0] * 4])
-    one, other = (log_prob_in_frame(x, frame, np.zeros(4, int), at) for x in pair)
-    np.testing.assert_allclose(one, other, atol=1e-4)
-
-
 def counted_one_by_one(likelihood, frame, partition, substate):
     """The sampled likelihood's definition, in float64 and loops."""
     bins, references = float_bins(frame), full_references(likelihood)[partition]
@@ -131,15 +121,3 @@ def test_sampled_is_close_to_counting_every_pixel_of_a_rotated_box(bounds):
         print(f"{samples} samples per side: bias {error.mean():.4f}, deviation {error.std():.4f}")
         assert abs(error.mean()) < bias
         assert error.std() < deviation
-
-
-def test_rotation_is_clockwise_in_the_image():
-    # A box of red over blue, turned clockwise by a right angle: red is then on the right.
-    patch = np.zeros((16, 16, 3), np.uint8)
-    patch[:8, :, 0], patch[8:, :, 2] = 255, 255
-    likelihood = histogram_from_patches([patch], method="sampled")
-    frame = np.zeros((40, 40, 3), np.uint8)
-    frame[:, 20:, 0], frame[:, :20, 2] = 255, 255
-    at = np.array([[20.0, 20.0, 1.0, np.pi / 2], [20.0, 20.0, 1.0, -np.pi / 2]]).T
-    found = log_prob_in_frame(likelihood, frame, np.zeros(2, int), at)
-    np.testing.assert_allclose(found, [0, -20 * 2], atol=1e-4)

@@ -1,7 +1,6 @@
 """Likelihoods of contours from edges on measurement lines, with exclusion (maccormick1999)."""
 
-from jaxpf.likelihoods.contours.build import contours
-from jaxpf.likelihoods.contours.clutter import learn_clutter, poisson_clutter
+from jaxpf.likelihoods.contours.build import contours, learn_clutter, poisson_clutter
 from jaxpf.likelihoods.contours.edges import EdgeDetector, Features
 from jaxpf.likelihoods.contours.line_model import detection_probabilities, line_weights, log_ratio
 

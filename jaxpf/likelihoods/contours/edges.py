@@ -24,7 +24,7 @@ _STEPS = 64.0
 _BRIGHTNESS = (0.299, 0.587, 0.114)
 #: A feature is packed into one integer: its response and, in the lowest bits, its place.
 _PLACE_BITS = 8
-LONGEST_LINE = 2**_PLACE_BITS - 3
+_LONGEST_LINE = 2**_PLACE_BITS - 3
 
 
 class Lines(NamedTuple):
@@ -72,21 +72,13 @@ class EdgeDetector:
     smoothing: float = static_field(default=1.0)
 
     def __post_init__(self):
-        check_whole("length", self.length, 3, 253)
+        check_whole("length", self.length, 3, _LONGEST_LINE)
         check_number("smoothing", self.smoothing, least=0, most=20)
         check_number("threshold", self.threshold, least=0)
-        check_whole("max_features", self.max_features)
         if self.length % 2 == 0:
-            raise InputError(
-                f"length {self.length} of the measurement lines must be an odd number of pixels, 3 "
-                f"to {LONGEST_LINE}."
-            )
-        if self.max_features > self.length // 2 + 1:
-            raise InputError(
-                f"max_features {self.max_features} must be 1 to {self.length // 2 + 1} on lines of "
-                f"{self.length} pixels, as two features are two pixels apart at least; give fewer, "
-                "or longer lines (line_length)."
-            )
+            raise InputError(f"length={self.length} of the lines must be an odd number of pixels.")
+        # Two features are at least two pixels apart.
+        check_whole("max_features", self.max_features, most=self.length // 2 + 1)
 
     @property
     def reach(self) -> float:

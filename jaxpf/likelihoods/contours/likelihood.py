@@ -7,6 +7,7 @@ legs; ``union`` explains how that edge is rewarded only once.
 """
 
 import dataclasses
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -123,8 +124,7 @@ class IndependentContours(Likelihood):
         """Log odds ``[N]`` that targets are where they are reported, at ``[D, N]``.
 
         ``30 (t / t_0 - .9)``, with t the share of a contour's edges that the frame shows and t_0
-        that at the start.  Look-alikes count as the target, hidden edges as missed ones.  Chosen on
-        tracks of filmed worms, a car and riders; see "Contours" in docs/development/defaults.md.
+        that at the start.  Look-alikes count as the target, hidden edges as missed ones.
         """
         at_start = jnp.asarray(self.at_start, substates.dtype)
         slope, level = _ODDS
@@ -175,11 +175,8 @@ class IndependentContours(Likelihood):
         closed, degree = self.space.closed, self.space.degree
         first = 0.0 if closed else 0.5  # avoids lines at the very ends of an open contour
         places = (np.arange(self.num_lines) + first) / self.num_lines
-        num_points = self.space.num_points
-        kwargs: dict[str, Any] = {"closed": closed, "degree": degree}
-        return basis(places, num_points, **kwargs), basis(
-            places, num_points, derivative=1, **kwargs
-        )
+        matrix = partial(basis, places, self.space.num_points, closed=closed, degree=degree)
+        return matrix(), matrix(derivative=1)
 
     def _offsets(self) -> list[Any]:
         half = 0.5 * jnp.asarray(self.width)

@@ -21,22 +21,18 @@ that counts further crossings of a line with its own contour is not one either, 
 as given.
 """
 
-from typing import TYPE_CHECKING
-
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.likelihoods.contours.edges import Features
 from jaxpf.likelihoods.contours.line_model import at_most_shown, line_weights, log_ratios
 
-if TYPE_CHECKING:
-    import jax
-
 #: Points of the integration over the places of features; distances of another boundary.
 _POINTS, _NODES = 512, 9
 
 
-def log_means(clutter, detection, sigma, share, offsets, length: float) -> "jax.Array":
+def log_means(clutter, detection, sigma, share, offsets, length: float) -> jax.Array:
     """``log m`` by the visible boundaries, ``[edges + 1, 1 + nodes]``; all 0 if the share is 1.
 
     Args:

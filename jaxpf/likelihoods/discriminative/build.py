@@ -1,33 +1,28 @@
 """Learn a discriminative appearance likelihood from one frame."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.numbers import check_number, check_whole
+from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import as_array
-from jaxpf.likelihoods._checks import check_grid, shown_as
-from jaxpf.likelihoods._integral import LANES, SIMILARITIES
+from jaxpf.likelihoods._checks import shown_as
+from jaxpf.likelihoods._integral import INTERPOLATIONS, compacted
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
-from jaxpf.likelihoods.discriminative.levels import factor_of, shrunk
 from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood, grid_places
-from jaxpf.likelihoods.discriminative.maps import gradients, hues
 from jaxpf.likelihoods.discriminative.nearby import window_shape
-from jaxpf.likelihoods.discriminative.training import RIDGE, trained, training_boxes
+from jaxpf.likelihoods.discriminative.pictures import ORIENTATIONS, factor_of, shrunk
+from jaxpf.likelihoods.discriminative.training import trained, training_boxes
 from jaxpf.lowering.programs import compiled
 
-#: Built-in features; users may add functions.
-FEATURES = ("colour", "gradients", "hues")
-#: The default features.
-USUAL_FEATURES = ("colour", "gradients")
-_MAPS: dict[str, Callable] = {"gradients": gradients, "hues": hues}
 #: Number of an object's most frequent colour bins that are used.
-NUM_COLOURS = 36
+_NUM_COLOURS = 36
+#: Horizontal bands of the colour histograms; rows and columns of cells of gradients.
+_BANDS, _GRID = 2, (4, 4)
 #: An object that covers more of the frame than this has no background to learn from.
 _MOST_OF_FRAME = 0.95
 #: Largest acceptable residual of the regression, as a share of the labels' standard deviation.
@@ -38,11 +33,7 @@ def discriminative(
     frame,
     boxes,
     *,
-    features: Sequence[str | Callable] = USUAL_FEATURES,
     sharpness: float = 1.0,
-    bands: int = 2,
-    grid: tuple[int, int] = (4, 4),
-    penalty: float = RIDGE,
     interpolation: str = "nearest",
     background_frames: np.ndarray | None = None,
     reach: float | None = None,
@@ -53,17 +44,9 @@ def discriminative(
     Args:
         frame: uint8 RGB [H, W, 3].
         boxes: [P, 4], (x, y, w, h) in pixels.
-        features: names from ``FEATURES``, and your own functions.  A function takes a picture,
-            float [h, w, 3] of red, green and blue from 0 to 1, and returns maps [h, w, C] from 0
-            to 1 that describe each pixel's neighbourhood; they are summed in cells like gradients.
-            ``"hues"`` adds where on the object its colours are: better if the object fills its
-            box, worse if the box shows much background.
         sharpness: trust in the scores.  Neighbouring cells see the same pixels, so if it is large,
             the particles' spread is too small; see "Sharpness of learned appearance" in
             docs/development/defaults.md.
-        bands: horizontal bands of the colour histograms.
-        grid: rows and columns of cells.
-        penalty: of the ridge regression, per background.
         interpolation: ``"nearest"``, or ``"bilinear"`` for gradients with respect to substates.
         background_frames: uint8 RGB [n, H, W, 3].  The likelihood is divided by its mean over
             boxes anywhere in these frames, so that its evidence can choose a sharpness.  By default
@@ -81,15 +64,8 @@ def discriminative(
         check_number("reach", reach, above=0)
     check_boxes(boxes, frame.shape, names)
     check_number("sharpness", sharpness, above=0)
-    check_number("penalty", penalty, above=0)
-    check_whole("bands", bands)
-    check_grid("grid", grid)
-    check_known("interpolation=", interpolation, SIMILARITIES)
-    for feature in features:
-        if isinstance(feature, str):
-            check_known("feature=", feature, FEATURES)
-    likelihood = untrained(frame, boxes, features, sharpness, bands, grid, interpolation)
-    likelihood = trained(likelihood, frame, boxes, penalty)
+    check_known("interpolation=", interpolation, INTERPOLATIONS)
+    likelihood = trained(untrained(frame, boxes, sharpness, interpolation), frame, boxes)
     check_learned(np.asarray(likelihood.residual), names)
     if reach is not None:
         likelihood = dataclasses.replace(likelihood, windows=window_shape(likelihood, reach))
@@ -99,67 +75,44 @@ def discriminative(
 
 
 def untrained(
-    frame: np.ndarray,
-    boxes: np.ndarray,
-    features: Sequence[str | Callable] = USUAL_FEATURES,
-    sharpness: float = 1.0,
-    bands: int = 2,
-    grid: tuple[int, int] = (4, 4),
-    interpolation: str = "nearest",
+    frame: jax.Array, boxes: np.ndarray, sharpness: float = 1.0, interpolation: str = "nearest"
 ) -> DiscriminativeLikelihood:
     """The likelihood before its coefficients are learned; arguments as above."""
     factors, level = np.unique(
         [factor_of(width, height) for width, height in boxes[:, 2:]], return_inverse=True
     )
-    maps: tuple[Any, ...] = tuple(
-        _MAPS[feature] if isinstance(feature, str) else feature
-        for feature in features
-        if feature != "colour"
-    )
-    lookup, own = None, None
-    if "colour" in features:
-        lookup, own = _own_bins(frame, boxes, factors[level], bands)
+    lookup, own = _own_bins(frame, boxes, factors[level])
     return DiscriminativeLikelihood(
         sharpness=as_array(sharpness, float),
         sizes=as_array(boxes[:, 2:], float),
         offset=as_array(np.zeros(len(boxes)), float),
         residual=as_array(np.ones(len(boxes)), float),
-        colour_weights=None if own is None else as_array(own, float),
-        map_weights=tuple(
-            as_array(np.ones((len(boxes), *grid, _channels(each))), float) for each in maps
-        ),
+        colour_weights=as_array(own, float),
+        gradient_weights=as_array(np.ones((len(boxes), *_GRID, ORIENTATIONS)), float),
         bin_lookup=lookup,
         level=as_array(level, jnp.int32),
         factors=tuple(int(factor) for factor in factors),
-        maps=maps,
         frame_shape=(int(frame.shape[0]), int(frame.shape[1])),
         interpolation=interpolation,
     )
 
 
-def _own_bins(frame, boxes, factors, bands) -> tuple[jax.Array, np.ndarray]:
+def _own_bins(frame, boxes, factors) -> tuple[jax.Array, np.ndarray]:
     """Lookup from colour bin to one of B bins that occur, and a mask of each object's own bins."""
-    kept = np.zeros((len(boxes), NUM_BINS), bool)
+    kept = np.zeros((len(boxes), _BANDS, NUM_BINS), bool)
     for factor in np.unique(factors):
         picture = jnp.round(shrunk(frame, int(factor))).astype(jnp.uint8)
         bins = np.asarray(hsv_bins(picture))
         for place in np.flatnonzero(factors == factor):
-            x, y, width, height = boxes[place] / factor
-            limits = np.array([x, y, x + width, y + height])
-            left, top, right, bottom = np.clip(
-                np.floor(limits + 0.5), 0, bins.shape[::-1] * 2
+            corners = (boxes[place].reshape(2, 2) / factor).cumsum(axis=0)
+            (left, top), (right, bottom) = np.clip(
+                np.floor(corners + 0.5), 0, bins.shape[::-1]
             ).astype(int)
             inside = bins[top : max(bottom, top + 1), left : max(right, left + 1)]
             counts = np.bincount(inside.ravel(), minlength=NUM_BINS)
-            most = np.argsort(-counts, kind="stable")[:NUM_COLOURS]
-            kept[place, most[counts[most] > 0]] = True
-    used = np.flatnonzero(kept.any(axis=0))
-    num_bins = -(-len(used) // LANES) * LANES
-    lookup = np.full(NUM_BINS, num_bins, np.int32)
-    lookup[used] = np.arange(len(used))
-    own = np.zeros((len(boxes), bands, num_bins))
-    own[:, :, : len(used)] = kept[:, None, used]
-    return as_array(lookup), own
+            most = np.argsort(-counts, kind="stable")[:_NUM_COLOURS]
+            kept[place, :, most[counts[most] > 0]] = True
+    return compacted(kept)
 
 
 @compiled
@@ -179,12 +132,6 @@ def _background(likelihood, frames):
 
     scores = jax.lax.map(of_frame, frames)
     return jnp.moveaxis(scores, 0, 1).reshape(len(likelihood.sizes), -1)
-
-
-def _channels(function: Callable) -> int:
-    """C of a feature function."""
-    picture = jax.ShapeDtypeStruct((40, 50, 3), jnp.float32)
-    return jax.eval_shape(function, picture).shape[2]
 
 
 def check_learned(residuals: np.ndarray, names: Sequence[str] | None) -> None:

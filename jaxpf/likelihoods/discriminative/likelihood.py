@@ -14,8 +14,7 @@ frame shrunk so that an object has about 18 to 36 pixels.
 """
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -25,11 +24,17 @@ from jaxpf.contract import Likelihood
 from jaxpf.contract.calls import of_partition
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass, static_field
-from jaxpf.likelihoods._integral import SIMILARITIES, integral_table
+from jaxpf.likelihoods._integral import (
+    Boxes,
+    cell_features,
+    cell_score,
+    integral_table,
+    similarity,
+    sum_table,
+)
 from jaxpf.likelihoods.color import check_frame, hsv_bins
 from jaxpf.likelihoods.discriminative import nearby
-from jaxpf.likelihoods.discriminative.cells import Boxes, cell_features, cell_score, sum_table
-from jaxpf.likelihoods.discriminative.levels import regions_of, shrunk, stacked
+from jaxpf.likelihoods.discriminative.pictures import gradients, regions_of, shrunk, stacked
 from jaxpf.shapes.rectangles import area, boxes_from_substates, intersection_area
 
 #: Scores are clipped to this range: labels are overlaps, 0 to 1.
@@ -38,20 +43,8 @@ _LOWEST, _HIGHEST = -0.2, 1.2
 _LEAST_RESIDUAL = 0.03
 #: IoU from which two boxes begin to be in one place, and from which they are.
 _SAME_PLACE = 0.4, 0.7
-#: Largest scale of a box whose pixels can still be counted, see ``levels.LARGEST_SIDE``.
+#: Largest scale of a box whose pixels can still be counted, see ``pictures.LARGEST_SIDE``.
 LARGEST = 8.0
-
-
-class Seen(NamedTuple):
-    """The observation of a frame.
-
-    Attributes:
-        colours: integral table of colour bins, of all levels; None if colours are not used.
-        maps: integral tables of the maps.
-    """
-
-    colours: Any
-    maps: tuple[Any, ...]
 
 
 def grid_places(frame_shape: tuple[int, int], dtype: DTypeLike) -> jax.Array:
@@ -129,13 +122,8 @@ class LearnedLikelihood(Likelihood):
         return jnp.where(jnp.all(jnp.isfinite(substates), axis=0), log_prob, jnp.nan)
 
     def scores_all(self, observation, partition, substates):
-        """Scores of N particles: estimates of the overlap between box and object.
-
-        Args:
-            observation, partition, substates: as for :meth:`log_prob_all`.
-
-        Returns:
-            [N], and bool [N]: whether the box is neither too small nor too large.
+        """Scores [N] of particles, estimates of the overlap between box and object; arguments as
+        for :meth:`log_prob_all`; and bool [N]: whether the box is neither too small nor too large.
         """
         raise NotImplementedError
 
@@ -196,13 +184,11 @@ class DiscriminativeLikelihood(LearnedLikelihood):
         sizes: [P, 2], width and height of the box at scale 1, pixels.
         offset: [P], of the score.
         residual: [P], root mean squared residual of the regression.
-        colour_weights: [P, bands, B], or None without colours.
-        map_weights: for each map, [P, rows, columns, C].
+        colour_weights: [P, bands, B].
+        gradient_weights: [P, rows, columns, 8].
         bin_lookup: int32 [110], colour bin -> one of B bins, or B.
         level: int32 [P], index of each object's level.
         factors: of the levels.
-        maps: functions of a picture, float [h, w, 3] from 0 to 1, that return [h, w, C] from 0
-            to 1.
         frame_shape: height and width of all frames.
         interpolation: ``"nearest"`` or ``"bilinear"``, as for histograms.
         background: [P, n], scores of boxes anywhere, by which the likelihood is normalised; or
@@ -214,32 +200,24 @@ class DiscriminativeLikelihood(LearnedLikelihood):
     sizes: jax.Array
     offset: jax.Array
     residual: jax.Array
-    colour_weights: Any
-    map_weights: tuple[Any, ...]
-    bin_lookup: Any
+    colour_weights: jax.Array
+    gradient_weights: jax.Array
+    bin_lookup: jax.Array
     level: jax.Array
     factors: tuple[int, ...] = static_field()
-    maps: tuple[Callable, ...] = static_field()
     frame_shape: tuple[int, int] = static_field()
     interpolation: str = static_field(default="nearest")
     background: jax.Array | None = None
     windows: Any = static_field(default=None)
 
-    #: The score hardly depends on the size.  Chosen on 17 annotated clips so that the 95% interval
-    #: holds the size in at least 90% of the frames.
+    #: The score hardly depends on the size.
     model_error = (0.0, 0.0, 0.3)
-    #: Fitted by logistic regression to "overlap with the truth at least .1" on four clips of
-    #: people, each with the same weight.
     odds = (11.5, 0.5, 0.12)
 
     @property
     def num_features(self) -> int:
         """F, the number of features that an object's score is linear in."""
-        weights = (
-            *self.map_weights,
-            *([] if self.colour_weights is None else [self.colour_weights]),
-        )
-        return sum(math.prod(each.shape[1:]) for each in weights)
+        return sum(math.prod(of.shape[1:]) for of in (self.colour_weights, self.gradient_weights))
 
     @property
     def state_gradient(self) -> bool:
@@ -247,7 +225,7 @@ class DiscriminativeLikelihood(LearnedLikelihood):
         return self.interpolation == "bilinear"
 
     def observe(self, frame):
-        """Tables of a frame, uint8 RGB [H, W, 3], shared by all particles and runs."""
+        """Tables of a frame, uint8 RGB [H, W, 3]: of colour bins and of gradients, all levels."""
         check_size(frame, self.frame_shape)
         return self.seen_in([shrunk(jnp.asarray(frame), factor) for factor in self.factors])
 
@@ -266,18 +244,13 @@ class DiscriminativeLikelihood(LearnedLikelihood):
 
     def seen_in(self, pictures):
         """Tables from the frame's shrunken copies, one per level, float [h, w, 3], 0 to 255."""
-        colours = None
-        if self.colour_weights is not None:
-            num_bins = self.colour_weights.shape[-1]
-            bins = [self.colour_bins(picture) for picture in pictures]
-            colours = integral_table(stacked(bins, num_bins), num_bins, "uint16")
-        maps = tuple(sum_table(stacked([of(p / 255) for p in pictures], 0)) for of in self.maps)
-        return Seen(colours, maps)
+        num_bins = self.colour_weights.shape[-1]
+        bins = stacked([self.colour_bins(picture) for picture in pictures], num_bins)
+        maps = stacked([gradients(picture / 255) for picture in pictures], 0)
+        return integral_table(bins, num_bins, "uint16"), sum_table(maps)
 
     def colour_bins(self, picture):
         """Each pixel's bin of B that are used, or B, of a picture, float [h, w, 3], 0 to 255."""
-        if self.colour_weights is None:
-            return None
         return self.bin_lookup[hsv_bins(jnp.round(picture).astype(jnp.uint8))]
 
     def scores_all(self, observation, partition, substates):
@@ -291,19 +264,14 @@ class DiscriminativeLikelihood(LearnedLikelihood):
 
     def score_of(self, observation, partition, boxes):
         """Scores [N] of boxes in the picture of all levels."""
-        dtype = boxes.left.dtype
-        score = jnp.asarray(self.offset, dtype)[partition]
-        if self.colour_weights is not None:
-            score += self._colour_score(observation.colours, self.colour_weights, partition, boxes)
-        for table, weights in zip(observation.maps, self.map_weights, strict=True):
-            weights = jnp.asarray(weights, dtype)
-            grid = (weights.shape[1], weights.shape[2])
-            if self.interpolation == "bilinear":
-                cells = cell_features(table, boxes, grid, self.interpolation)
-                score += jnp.sum(cells * of_partition(weights, partition), axis=(1, 2, 3))
-            else:
-                score += cell_score(table, weights, partition, boxes)
-        return score
+        colours, table = observation
+        score = jnp.asarray(self.offset, boxes.left.dtype)[partition]
+        score += self._colour_score(colours, self.colour_weights, partition, boxes)
+        weights = jnp.asarray(self.gradient_weights, score.dtype)
+        if self.interpolation == "nearest":
+            return score + cell_score(table, weights, partition, boxes)
+        cells = cell_features(table, boxes, weights.shape[1:3], self.interpolation)
+        return score + jnp.sum(cells * of_partition(weights, partition), axis=(1, 2, 3))
 
     def places_elsewhere(self, observation, partition, dtype):
         """A coarse grid over the frame, the same for all objects."""
@@ -320,35 +288,28 @@ class DiscriminativeLikelihood(LearnedLikelihood):
         others = nearby.scores_on_grid(self, observation.elsewhere, partition, boxes)
         return jnp.concatenate([score[:, None], others], axis=1)
 
-    def features_all(self, observation, partition, substates):
-        """The features that scores are linear in, [N, F]: colours first, then the maps' cells.
+    def features_of(self, observation, number, boxes):
+        """The features that the scores of one object's boxes are linear in, [N, F].
 
-        Args:
-            observation, partition, substates: as for :meth:`log_prob_all`.
+        Colours first, then the cells of gradients.
         """
-        boxes, _ = self._boxes(partition, substates)
-        columns = []
-        if self.colour_weights is not None:
-            # The score of each bin alone, with unit weight.
-            bands, bins = self.colour_weights.shape[1:]
-            units = jnp.eye(bands * bins, dtype=substates.dtype).reshape(-1, bands, bins)
-            none = jnp.zeros_like(partition)
-            of_bin = jax.lax.map(
-                lambda unit: self._colour_score(observation.colours, unit[None], none, boxes), units
-            )
-            wanted = jnp.asarray(self.colour_weights).reshape(len(self.sizes), -1)[partition]
-            columns.append(jnp.where(wanted != 0, of_bin.T, 0))
-        for table, weights in zip(observation.maps, self.map_weights, strict=True):
-            cells = cell_features(table, boxes, weights.shape[1:3], self.interpolation)
-            columns.append(cells.reshape(len(partition), -1))
-        return jnp.concatenate(columns, axis=1)
+        colours, table = observation
+        # The score of each bin alone, with unit weight.
+        bands, bins = self.colour_weights.shape[1:]
+        units = jnp.eye(bands * bins, dtype=boxes.left.dtype).reshape(-1, bands, bins)
+        none = jnp.zeros(boxes.left.shape, jnp.int32)
+        of_bin = jax.lax.map(
+            lambda unit: self._colour_score(colours, unit[None], none, boxes), units
+        )
+        is_own = jnp.asarray(self.colour_weights)[number].ravel() != 0
+        cells = cell_features(table, boxes, self.gradient_weights.shape[1:3], self.interpolation)
+        return jnp.concatenate(
+            [jnp.where(is_own, of_bin.T, 0), cells.reshape(len(cells), -1)], axis=1
+        )
 
     def _colour_score(self, table, weights, partition, boxes):
         scaled = jnp.asarray(weights) / math.sqrt(weights.shape[1])
-        score, _ = SIMILARITIES[self.interpolation](
-            table, scaled, partition, boxes.left, boxes.top, boxes.width, boxes.height, boxes[4:]
-        )
-        return score
+        return similarity(table, scaled, partition, boxes, self.interpolation)
 
     def _boxes(self, partition, substates):
         """Boxes in the picture of all levels, and whether their size is valid."""

@@ -22,17 +22,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.likelihoods.discriminative.cells import Boxes, least_sum, line_at, whole_values
-from jaxpf.likelihoods.discriminative.levels import shrunk_part, size_of
-from jaxpf.likelihoods.discriminative.maps import gradients, hues
+from jaxpf.likelihoods._integral import Boxes, least_sum, line_at, parts, whole_values
+from jaxpf.likelihoods.discriminative.pictures import gradients, shrunk_part, size_of
 
 #: Rows and columns of the grid of places elsewhere in the frame.
 PLACES = 12
 #: An object that grows by more than this needs whole frames.
 _GROWTH = 1.5
-#: Pixels next to a box on which its features depend, with the maps of which this is known.
+#: Pixels next to a box on which its features depend.
 _MARGIN = 1
-_MAPS = (gradients, hues)
 #: Windows must cost at most this share of the whole frame: they compile the step twice.
 _LARGEST_SHARE = 0.5
 #: Cost of a pixel of a tile, relative to one with a table.
@@ -63,24 +61,24 @@ class Nearby(NamedTuple):
     Attributes:
         objects: tables of the objects' windows, stacked vertically.
         elsewhere: pixels around the places of the grid, one picture for each of L levels, of 12 x
-            12 tiles, [L, 12 * h, 12 * w]: colour bins, int32, or None without colours; and for
-            each map integers in float32, with a last axis of C channels.
+            12 tiles, [L, 12 * h, 12 * w]: colour bins, int32; and gradients, integers in float32,
+            with a last axis of 8 channels.
         corners: int32 [P, 2], first row and column of each window in its level.
     """
 
     objects: Any
-    elsewhere: tuple[Any, tuple[Any, ...]]
+    elsewhere: tuple[jax.Array, jax.Array]
     corners: jax.Array
 
 
 def window_shape(likelihood: Any, reach: float) -> WindowShape | None:
-    """The shape of windows; None if they save little, or if the features may depend on more pixels.
+    """The shape of windows; None if they save little, or with interpolation.
 
     Args:
         likelihood: with all its levels.
         reach: distance from a box to its window's edge, in square roots of the object's area.
     """
-    if likelihood.interpolation != "nearest" or any(of not in _MAPS for of in likelihood.maps):
+    if likelihood.interpolation != "nearest":
         return None
     factors = np.array(likelihood.factors)[np.asarray(likelihood.level)]
     sizes = _GROWTH * np.asarray(likelihood.sizes) / factors[:, None]
@@ -116,8 +114,8 @@ def observe(likelihood: Any, frame: jax.Array, estimates: jax.Array) -> Nearby:
     tiles = []
     for factor, lines in zip(likelihood.factors, _tile_lines(likelihood), strict=True):
         picture = shrunk_part(frame, factor, *(of.ravel() for of in lines))
-        maps = tuple(whole_values(of(picture / 255)).astype(jnp.float32) for of in likelihood.maps)
-        tiles.append((likelihood.colour_bins(picture), maps))
+        values = whole_values(gradients(picture / 255)).astype(jnp.float32)
+        tiles.append((likelihood.colour_bins(picture), values))
     objects = likelihood.seen_in([windows.reshape(-1, columns, 3)])
     return Nearby(objects, jax.tree.map(lambda *of: jnp.stack(of), *tiles), corners)
 
@@ -143,7 +141,7 @@ def scores_on_grid(likelihood: Any, tiles: Any, partition: jax.Array, boxes: Box
 
     ``tiles`` is ``Nearby.elsewhere``.
     """
-    tiled_bins, tiled_maps = tiles
+    tiled_bins, tiled_values = tiles
     first_lines = [jnp.array([of[k][:, 0] for of in _tile_lines(likelihood)]) for k in (0, 1)]
     height, width = _tile_shape(likelihood.windows)
 
@@ -161,28 +159,23 @@ def scores_on_grid(likelihood: Any, tiles: Any, partition: jax.Array, boxes: Box
             return _parts(starts, boxes.width[0, 0], count, size, first_column, width)
 
         score = jnp.broadcast_to(likelihood.offset[number], (PLACES, PLACES))
-        if tiled_bins is not None:
-            weights = likelihood.colour_weights[number]
-            score += _colour_score(tiled_bins[level], weights, boxes, rows_of, columns_of(1))
-        for values, weights in zip(tiled_maps, likelihood.map_weights, strict=True):
-            rows, columns = weights.shape[1:3]
-            pixels = values[level].reshape(PLACES, height, PLACES, width, -1)
-            strips = jnp.einsum(
-                "igy,iyjxc->igjxc", rows_of(rows).astype(pixels.dtype), pixels, precision="highest"
-            )
-            sums = jnp.einsum(
-                "igjxc,jhx->ijghc",
-                strips,
-                columns_of(columns).astype(pixels.dtype),
-                precision="highest",
-            )
-            least = least_sum(boxes, (rows, columns))[:, :, None, None, None]
-            faded = jax.lax.rsqrt(jnp.sum(sums, axis=-1, keepdims=True) + least)
-            features = jnp.sqrt(sums) * faded / math.sqrt(rows * columns)
-            score += jnp.sum(features * weights[number], axis=(2, 3, 4))
+        weights = likelihood.colour_weights[number]
+        score += _colour_score(tiled_bins[level], weights, boxes, rows_of, columns_of(1))
+        weights = likelihood.gradient_weights[number]
+        rows, columns = weights.shape[:2]
+        pixels = tiled_values[level].reshape(PLACES, height, PLACES, width, -1)
+        for product, part in (
+            ("igy,iyjxc->igjxc", rows_of(rows)),
+            ("jhx,igjxc->ijghc", columns_of(columns)),
+        ):
+            pixels = jnp.einsum(product, part.astype(pixels.dtype), pixels, precision="highest")
+        least = least_sum(boxes, (rows, columns))[:, :, None, None, None]
+        faded = jax.lax.rsqrt(jnp.sum(pixels, axis=-1, keepdims=True) + least)
+        features = jnp.sqrt(pixels) * faded / math.sqrt(rows * columns)
+        score += jnp.sum(features * weights, axis=(2, 3, 4))
         return score.ravel().astype(boxes.left.dtype)
 
-    fields = tuple(x.reshape(-1, PLACES, PLACES) for x in boxes[:-1])
+    fields = tuple(jnp.reshape(x, (-1, PLACES, PLACES)) for x in boxes[:-1])
     return jax.lax.map(lambda item: of_object(item[0], Boxes(*item[1])), (partition, fields))
 
 
@@ -198,7 +191,7 @@ def _colour_score(bins, weights, boxes, rows_of, columns):
     index = place + jnp.where(inside, bins, num_bins)
     counts = counts.at[index].add(1, mode="promise_in_bounds")
     counts = counts.reshape(PLACES, num_bands, PLACES, -1)[..., :num_bins]
-    edges = boxes.top[..., None] + boxes.height[..., None] * (np.arange(num_bands + 1) / num_bands)
+    edges = jnp.stack(parts(boxes.top, boxes.height, num_bands), axis=-1)
     across = jnp.floor(boxes.left + boxes.width + 0.5) - jnp.floor(boxes.left + 0.5)
     area = across[..., None] * jnp.diff(jnp.floor(edges + 0.5), axis=-1)
     roots = jnp.einsum("ikjb,kb->ijk", jnp.sqrt(counts.astype(weights.dtype)), weights)
@@ -208,7 +201,7 @@ def _colour_score(bins, weights, boxes, rows_of, columns):
 
 def _parts(starts, extent, count, size, first, length):
     """Whether lines of tiles lie in each of ``count`` equal parts of boxes: [12, count, length]."""
-    edges = [line_at(starts + extent * (k / count), size) - first for k in range(count + 1)]
+    edges = [line_at(edge, size) - first for edge in parts(starts, extent, count)]
     limits, lines = jnp.stack(edges, axis=1)[..., None], np.arange(length)
     return (limits[:, :-1] <= lines) & (lines < limits[:, 1:])
 

@@ -16,8 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.pytree import as_array
-from jaxpf.likelihoods.discriminative.levels import shrunk
+from jaxpf.likelihoods._integral import Boxes, boxes_in
 from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
+from jaxpf.likelihoods.discriminative.pictures import shrunk, size_of
 from jaxpf.lowering.programs import compiled
 
 #: Weight of the penalty on the squared coefficients, per background.
@@ -49,35 +50,6 @@ def training_boxes() -> tuple[np.ndarray, np.ndarray]:
     low, high = boxes[:, :2] - boxes[:, 2:] / 2, boxes[:, :2] + boxes[:, 2:] / 2
     shared = np.maximum(np.minimum(high, 0.5) - np.maximum(low, -0.5), 0).prod(axis=1)
     return boxes, shared / (1 + boxes[:, 2:].prod(axis=1) - shared)
-
-
-def window_shape(frame_shape: tuple[int, int], sizes: np.ndarray) -> tuple[int, int]:
-    """Height and width of a window that holds all training boxes of any of several objects.
-
-    Rounded up to powers of two, so that few window shapes are compiled; at most the frame.
-
-    Args:
-        frame_shape: height and width, in shrunk pixels like everything here.
-        sizes: [P, 2], width and height of the objects.
-    """
-    reach = 4 * np.max(sizes, axis=0) + 2 * _MARGIN + 1
-    width, height = (2 ** math.ceil(math.log2(side)) for side in reach)
-    return min(height, frame_shape[0]), min(width, frame_shape[1])
-
-
-def window_corner(
-    frame_shape: tuple[int, int], box: np.ndarray, shape: tuple[int, int]
-) -> np.ndarray:
-    """Left and top of an object's window, int32 [2].
-
-    Args:
-        frame_shape: height and width, in shrunk pixels like everything here.
-        box: [4], x, y, width and height.
-        shape: height and width of the window.
-    """
-    first = np.floor(box[:2] - 1.5 * box[2:] - _MARGIN)
-    last = [frame_shape[1] - shape[1], frame_shape[0] - shape[0]]
-    return np.clip(first, 0, last).astype(np.int32)
 
 
 def before_background(
@@ -138,33 +110,32 @@ def ridge(
 
 
 def trained(
-    likelihood: DiscriminativeLikelihood, frame: jax.Array, boxes: np.ndarray, penalty: float
+    likelihood: DiscriminativeLikelihood, frame: jax.Array, boxes: np.ndarray
 ) -> DiscriminativeLikelihood:
     """The likelihood with learned coefficients, one object after the other.
 
     Each object is learned in a window of the shrunken frame that holds all its training boxes.
-    All objects share one window shape, so few programs are compiled.
+    All objects share one window shape, rounded up to powers of two, so few programs are compiled.
 
     Args:
         likelihood: complete except for coefficients, offsets and residuals.
         frame: uint8 [H, W, 3].
         boxes: [P, 4], x, y, width and height in pixels.
-        penalty: of ``ridge``, per background.
     """
     factors = np.array(likelihood.factors)[np.asarray(likelihood.level)]
     shrunk_boxes = boxes / factors[:, None]
+    sides = 4 * np.max(shrunk_boxes[:, 2:], axis=0) + 2 * _MARGIN + 1
+    columns, rows = (2 ** math.ceil(math.log2(side)) for side in sides)
     coefficients = []
-    for number, factor in enumerate(map(int, factors)):
-        rows, columns = (-(-side // factor) for side in frame.shape[:2])
-        shape = window_shape((rows, columns), shrunk_boxes[:, 2:])
-        corner = window_corner((rows, columns), shrunk_boxes[number], shape)
+    for number, (box, factor) in enumerate(zip(shrunk_boxes, map(int, factors), strict=True)):
+        height, width = size_of((frame.shape[0], frame.shape[1]), factor)
+        shape = min(rows, height), min(columns, width)
+        first = np.floor(box[:2] - 1.5 * box[2:] - _MARGIN)
+        corner = np.clip(first, 0, [width - shape[1], height - shape[0]]).astype(np.int32)
         pictures = _pictures(frame, as_array(boxes[number], float), corner, shape, factor)
-        place = shrunk_boxes[number] - [*corner, 0, 0]
-        alone = only(likelihood, number, place, shape)
-        coefficients.append(_coefficients(alone, pictures, as_array(place, float), penalty))
-    return with_coefficients(
-        likelihood, *(np.stack(each) for each in zip(*coefficients, strict=True))
-    )
+        place = as_array(box - [*corner, 0, 0], float)
+        coefficients.append(_coefficients(likelihood, number, pictures, place))
+    return with_coefficients(likelihood, *map(np.stack, zip(*coefficients, strict=True)))
 
 
 @functools.partial(compiled, static_argnames=("shape", "factor"))
@@ -180,70 +151,45 @@ def _pictures(frame, box, corner, shape, factor):
     return jax.lax.map(before, jnp.asarray(BACKGROUNDS, box.dtype))
 
 
-def only(
-    likelihood: DiscriminativeLikelihood, number: int, box: np.ndarray, shape: tuple[int, int]
-) -> DiscriminativeLikelihood:
-    """The likelihood of one object alone, for pictures of a given shape that show it in ``box``."""
-
-    def own(values):
-        return as_array(np.asarray(values)[number : number + 1])
-
-    colour_weights = likelihood.colour_weights
-    return dataclasses.replace(
-        likelihood,
-        sizes=as_array(box[None, 2:], float),
-        offset=own(likelihood.offset),
-        residual=own(likelihood.residual),
-        colour_weights=None if colour_weights is None else own(colour_weights),
-        map_weights=tuple(map(own, likelihood.map_weights)),
-        level=as_array(np.zeros(1, np.int32)),
-        factors=(1,),
-        frame_shape=shape,
-    )
-
-
 @compiled
-def _coefficients(likelihood, pictures, box, penalty):
+def _coefficients(likelihood, number, pictures, box):
     """Coefficients [F], offset and residual of one object, from pictures with its backgrounds."""
 
-    def features(picture, substates):
-        first = jnp.zeros(substates.shape[1], jnp.int32)
-        return likelihood.features_all(likelihood.seen_in([picture]), first, substates)
+    def features(picture, boxes):
+        return likelihood.features_of(likelihood.seen_in([picture]), number, boxes)
 
-    return fit(features, pictures, box, penalty)
+    return fit(features, pictures, pictures.shape[1:3], box)
 
 
-def fit(features: Callable, pictures: Any, box: jax.Array, penalty: float) -> tuple:
+def fit(
+    features: Callable[[Any, Boxes], jax.Array],
+    pictures: Any,
+    shape: tuple[int, int],
+    box: jax.Array,
+) -> tuple[jax.Array, jax.Array, jax.Array]:
     """``ridge`` of one object, from its training boxes before every background.
 
     Args:
-        features: function of a picture and substates [3, n] that returns features [n, F].
+        features: function of a picture and boxes in it that returns features [n, F].
         pictures: with each background, a pytree with a leading axis.
+        shape: height and width of the pictures.
         box: of the object in the pictures, [4].
-        penalty: per background.
     """
     shifts, overlaps = (jnp.asarray(x, box.dtype) for x in training_boxes())
-    centres = box[:2] + box[2:] * (0.5 + shifts[:, :2])
-    substates = jnp.concatenate([centres, shifts[:, 2:3]], axis=1).T
-    examples = jax.lax.map(lambda picture: features(picture, substates), pictures)
+    centres, extents = box[:2] + box[2:] * (0.5 + shifts[:, :2]), box[2:] * shifts[:, 2:3]
+    boxes = boxes_in(shape, *(centres - extents / 2).T, *extents.T)
+    examples = jax.lax.map(lambda picture: features(picture, boxes), pictures)
     count = len(examples)
-    return ridge(jnp.concatenate(examples), jnp.tile(overlaps, count), penalty * count)
+    return ridge(jnp.concatenate(examples), jnp.tile(overlaps, count), RIDGE * count)
 
 
 def with_coefficients(likelihood, weights, offset, residual):
     """The likelihood with coefficients [P, F], offsets [P] and residuals [P]."""
-    place, colour_weights, map_weights = 0, likelihood.colour_weights, []
-    if colour_weights is not None:
-        place = math.prod(colour_weights.shape[1:])
-        colour_weights = weights[:, :place].reshape(colour_weights.shape)
-    for old in likelihood.map_weights:
-        length = math.prod(old.shape[1:])
-        map_weights.append(weights[:, place : place + length].reshape(old.shape))
-        place += length
+    colours, cells = np.split(weights, [likelihood.colour_weights[0].size], axis=1)
     return dataclasses.replace(
         likelihood,
         offset=as_array(offset),
         residual=as_array(residual),
-        colour_weights=None if colour_weights is None else as_array(colour_weights),
-        map_weights=tuple(as_array(weights) for weights in map_weights),
+        colour_weights=as_array(colours.reshape(likelihood.colour_weights.shape)),
+        gradient_weights=as_array(cells.reshape(likelihood.gradient_weights.shape)),
     )

@@ -1,6 +1,7 @@
 """Learn an appearance likelihood by a pretrained network's features from one frame."""
 
 import functools
+import math
 from collections.abc import Callable, Sequence
 
 import jax
@@ -14,19 +15,24 @@ from jaxpf.contract.pytree import as_array
 from jaxpf.likelihoods._checks import shown_as
 from jaxpf.likelihoods.color import check_frame
 from jaxpf.likelihoods.discriminative.build import check_boxes, check_learned, untrained
-from jaxpf.likelihoods.discriminative.levels import shrunk
+from jaxpf.likelihoods.discriminative.pictures import shrunk
 from jaxpf.likelihoods.discriminative.training import (
     BACKGROUNDS,
-    RIDGE,
     before_background,
     fit,
-    only,
     with_coefficients,
 )
-from jaxpf.likelihoods.pretrained.cells import cell_features
-from jaxpf.likelihoods.pretrained.likelihood import PretrainedLikelihood, maps_of
+from jaxpf.likelihoods.pretrained.likelihood import (
+    SIDE,
+    PretrainedLikelihood,
+    cell_features,
+    factor_of,
+    halved,
+    maps_of,
+    window_around,
+    zoom_of,
+)
 from jaxpf.likelihoods.pretrained.network import efficientnet_lite0
-from jaxpf.likelihoods.pretrained.windows import SIDE, factor_of, halved, window_around, zoom_of
 from jaxpf.lowering.programs import compiled
 
 #: Least spread of a channel, so that one that does not vary is not divided by nothing.
@@ -39,9 +45,6 @@ def pretrained(
     *,
     network: Callable | None = None,
     sharpness: float = 1.0,
-    bands: int = 2,
-    grid: tuple[int, int] = (4, 4),
-    penalty: float = RIDGE,
     names: Sequence[str] | None = None,
 ) -> PretrainedLikelihood:
     """Learn to distinguish P objects from their surroundings by a network's features as well.
@@ -55,52 +58,44 @@ def pretrained(
             ``jax.tree_util.Partial(apply, weights)``, so that the weights are not compiled in.
             By default EfficientNet-lite0, with the weights of ``jaxpf[pretrained]``.
         sharpness: trust in the scores; large values make the particles' spread too small.
-        bands, grid: of colours and gradients: bands of the histograms, rows and columns of cells.
-        penalty: of the ridge regression, per background.
         names: of the objects, in messages; by default their numbers.
     """
     check_frame(frame)
     boxes = np.asarray(boxes, float)
     check_boxes(boxes, frame.shape[:2], names)
     check_number("sharpness", sharpness, above=0)
-    check_number("penalty", penalty, above=0)
     network = as_network(efficientnet_lite0() if network is None else network)
     window = jax.ShapeDtypeStruct((SIDE, SIDE, 3), jnp.float32)
     cells = tuple(_grid(each.shape) for each in jax.eval_shape(maps_of, network, window))
-    known = untrained(frame, boxes, bands=bands, grid=grid)
+    known = untrained(jnp.asarray(frame), boxes)
     zooms = [zoom_of(*box[2:]) for box in boxes]
     factors = tuple(map(factor_of, zooms))
-    learned, half = [], SIDE // 2
+    learned = []
     for number, (box, zoom, factor) in enumerate(zip(boxes, zooms, factors, strict=True)):
-        where = as_array(box, float), as_array(zoom, float)
-        pictures = _pictures(jnp.asarray(frame), *where, factor)
-        place = np.append(half / 2 - box[2:] * zoom / 4, box[2:] * zoom / 2)
-        alone = only(known, number, place, (half, half))
-        learned.append(
-            _coefficients(alone, network, pictures, as_array(place, float), penalty, cells)
+        pictures = _pictures(
+            jnp.asarray(frame), as_array(box, float), as_array(zoom, float), factor
         )
+        size = box[2:] * zoom / 2  # in the middle of a window at half its resolution
+        place = as_array(np.append(SIDE / 4 - size / 2, size), float)
+        learned.append(_coefficients(known, number, network, pictures, place, cells))
     weights, offset, residual, middles, spreads = jax.tree.map(lambda *of: np.stack(of), *learned)
     for number, own in enumerate(zip(*jax.tree.leaves((middles, spreads)), strict=True)):
         if not all(np.isfinite(each).all() for each in own):
             shown = shown_as("boxes", len(boxes), names)[number]
             raise InputError(f"the network makes NaN or infinite maps of {shown}.")
     check_learned(residual, names)
-    length = known.num_features
-    known = with_coefficients(known, weights[:, :length], np.zeros(len(boxes)), residual)
-    deep = []
-    for (rows, columns), middle in zip(cells, middles, strict=True):
-        count = rows * columns * middle.shape[1]
-        deep.append(weights[:, length : length + count].reshape(len(boxes), rows, columns, -1))
-        length += count
+    shapes = [(len(boxes), *of, middle.shape[1]) for of, middle in zip(cells, middles, strict=True)]
+    ends = np.cumsum([known.num_features, *(math.prod(shape[1:]) for shape in shapes)])
+    usual, *deep = np.split(weights, ends[:-1], axis=1)
     return PretrainedLikelihood(
         sharpness=as_array(sharpness, float),
         sizes=as_array(boxes[:, 2:], float),
         zooms=as_array(zooms, float),
         offset=as_array(offset),
         residual=as_array(residual),
-        known=known,
+        known=with_coefficients(known, usual, np.zeros(len(boxes)), residual),
         network=network,
-        weights=tuple(map(jnp.asarray, deep)),
+        weights=tuple(as_array(w.reshape(of)) for w, of in zip(deep, shapes, strict=True)),
         middles=tuple(map(jnp.asarray, middles)),
         spreads=tuple(map(jnp.asarray, spreads)),
         factors=factors,
@@ -145,7 +140,7 @@ def _pictures(frame, box, zoom, factor):
 
 
 @functools.partial(compiled, static_argnames="cells")
-def _coefficients(known, network, pictures, box, penalty, cells):
+def _coefficients(known, number, network, pictures, box, cells):
     """Coefficients [F], offset and residual of one object, and each map's mean and spread."""
     maps = jax.lax.map(lambda picture: maps_of(network, picture / 255), pictures)
     middles = [jnp.mean(each, axis=(0, 1, 2)) for each in maps]
@@ -153,16 +148,14 @@ def _coefficients(known, network, pictures, box, penalty, cells):
         jnp.sqrt(jnp.mean(jnp.var(each, axis=(1, 2)), axis=0)) + LEAST_SPREAD for each in maps
     ]
 
-    def features(seen, substates):
+    def features(seen, boxes):
         picture, maps = seen
-        first = jnp.zeros(substates.shape[1], jnp.int32)
-        columns = [known.features_all(known.seen_in([halved(picture)]), first, substates)]
-        extent = box[2:] * substates[2:].T
-        places = jnp.concatenate([substates[:2].T - extent / 2, extent], 1)
+        columns = [known.features_of(known.seen_in([halved(picture)]), number, boxes)]
         for each, middle, spread, grid in zip(maps, middles, spreads, cells, strict=True):
-            scaled = places * (2 * each.shape[0] / SIDE)
+            scaled = jnp.stack(boxes[:4]) * (2 * each.shape[0] / SIDE)
             of_cells = cell_features((each - middle) / spread, scaled, grid)
-            columns.append(of_cells.reshape(len(places), -1))
+            columns.append(of_cells.reshape(len(boxes.left), -1))
         return jnp.concatenate(columns, axis=1)
 
-    return *fit(features, (pictures, tuple(maps)), box, penalty), middles, spreads
+    half = SIDE // 2, SIDE // 2
+    return *fit(features, (pictures, tuple(maps)), half, box), middles, spreads

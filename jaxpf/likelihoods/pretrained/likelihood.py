@@ -1,10 +1,10 @@
 """Appearance by the features of a pretrained network, beside colours and gradients.
 
 A network that was trained to classify pictures turns a window around each object into maps.  A
-box's score is linear in the maps' means over the cells of the box (``cells``) and in the usual
-features of the same window at half its resolution (``jaxpf.likelihoods.discriminative``), and is
-learned from the start frame in the same way: ridge regression on overlaps, in front of that frame's
-and other backgrounds.  With y the score and r the residual of the regression::
+box's score is linear in the maps' means over the cells of the box and in the usual features of the
+same window at half its resolution (``jaxpf.likelihoods.discriminative``), and is learned from the
+start frame in the same way: ridge regression on overlaps, in front of that frame's and other
+backgrounds.  With y the score and r the residual of the regression::
 
     log p(y | x) = sharpness * clip(y, -.2, 1.2) / max(r, .03)
 
@@ -14,6 +14,7 @@ size.  Particles outside the window score as if nothing were there.  Because win
 estimate, the likelihood of a frame depends on the frames before; it is no density of the frame.
 """
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
@@ -25,8 +26,7 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass, static_field
-from jaxpf.likelihoods.discriminative.cells import Boxes
-from jaxpf.likelihoods.discriminative.levels import shrunk
+from jaxpf.likelihoods._integral import Boxes, line_before, parts
 from jaxpf.likelihoods.discriminative.likelihood import (
     LARGEST,
     DiscriminativeLikelihood,
@@ -34,10 +34,16 @@ from jaxpf.likelihoods.discriminative.likelihood import (
     check_size,
     grid_places,
 )
-from jaxpf.likelihoods.pretrained.cells import score_in_boxes, score_table
-from jaxpf.likelihoods.pretrained.windows import SIDE, halved, window_around
+from jaxpf.likelihoods.discriminative.pictures import shrunk
 from jaxpf.lowering.branches import one_by_one
+from jaxpf.lowering.columns import entries_at
 
+#: Height and width of a window, pixels of the window.
+SIDE = 256
+#: The object's size, the square root of its area, in a window; and its longest side at most.
+OBJECT_SIZE, LONGEST = 64.0, 118.0
+#: Places per pixel of a window and direction that are averaged.
+_PLACES = 2
 #: Error of the place, in sizes of the object.
 _SLIP = 0.1
 
@@ -110,17 +116,11 @@ class PretrainedLikelihood(LearnedLikelihood):
 
     #: Scores of colours and gradients count whole pixels.
     state_gradient = False
-    #: Fitted by logistic regression to "overlap with the truth at least .1" on 15 annotated clips,
-    #: each with the same weight; frames off the object count twice.
     odds = (19.0, 0.25, 0.22)
 
     @property
     def model_error(self):
-        """Of the place a tenth of the size, and of the size a factor of 1.3.
-
-        Chosen on 15 annotated clips, so that the 95% intervals hold x and y in at least 90% of the
-        frames in which the object is tracked.
-        """
+        """Of the place a tenth of the size, and of the size a factor of 1.3."""
         side = jnp.sqrt(jnp.prod(jnp.asarray(self.sizes), axis=1))
         of_size = jnp.full_like(side, DiscriminativeLikelihood.model_error[2])
         return jnp.stack([_SLIP * side, _SLIP * side, of_size], axis=1)
@@ -197,3 +197,126 @@ class PretrainedLikelihood(LearnedLikelihood):
         steps = (grid_places((SIDE, SIDE), dtype) - SIDE / 2)[:, None]
         zoom = observation.zooms.astype(dtype)[partition]
         return observation.centres.astype(dtype)[partition].T[..., None] + steps / zoom[:, None]
+
+
+def zoom_of(width: float, height: float) -> float:
+    """Pixels of a window per pixel of the frame, for an object of this size."""
+    return min(OBJECT_SIZE / math.sqrt(width * height), LONGEST / max(width, height))
+
+
+def factor_of(zoom: float) -> int:
+    """How often the frame is shrunk before a window is cut: no pixel is skipped up to scale 2."""
+    return max(int(1 / zoom), 1)
+
+
+def window_around(picture: jax.Array, factor: int, centre: jax.Array, zoom: jax.Array) -> jax.Array:
+    """A window of a frame, float32 [SIDE, SIDE, 3], 0 to 255; edge pixels go on outside.
+
+    Args:
+        picture: the frame shrunk by ``factor``, float32 [h, w, 3].
+        factor: pixels of the frame per pixel of the picture.
+        centre: [2], x and y in the frame.
+        zoom: [], pixels of the window per pixel of the frame.
+    """
+    offsets = (jnp.arange(SIDE * _PLACES, dtype=jnp.float32) + 0.5) / _PLACES - SIDE / 2
+
+    def along(picture: jax.Array, middle: jax.Array) -> jax.Array:
+        """Linear interpolation between rows."""
+        places = (middle + offsets / zoom) / factor - 0.5
+        places = jnp.clip(places.astype(jnp.float32), 0, len(picture) - 1)
+        first = jnp.minimum(places.astype(jnp.int32), max(len(picture) - 2, 0))
+        share = (places - first)[:, None, None]
+        second = jnp.minimum(first + 1, len(picture) - 1)
+        rows = (1 - share) * entries_at(picture, first) + share * entries_at(picture, second)
+        return rows.reshape(SIDE, _PLACES, *picture.shape[1:]).mean(axis=1)
+
+    rows = along(picture, centre[1])
+    return along(rows.swapaxes(0, 1), centre[0]).swapaxes(0, 1)
+
+
+def halved(window: jax.Array) -> jax.Array:
+    """A window at half the resolution, [SIDE / 2, SIDE / 2, 3]."""
+    return window.reshape(SIDE // 2, 2, SIDE // 2, 2, 3).mean(axis=(1, 3))
+
+
+def cell_features(maps: jax.Array, boxes: jax.Array, grid: tuple[int, int]) -> jax.Array:
+    """Features of boxes, [N, rows, columns, C].
+
+    A feature is a channel's mean over a cell, divided by the square root of the number of cells and
+    channels.  Maps keep their sign, unlike histograms: no root is taken.  A cell edge between two
+    places of a map counts the place by its share; outside the window maps are zero, the mean.
+
+    Args:
+        maps: [h, w, C].
+        boxes: [4, N], left, top, width and height, in places of the map.
+        grid: rows and columns of cells.
+    """
+    height, width, channels = maps.shape
+    left, top, across, down = boxes
+    sums = jnp.einsum(
+        "ngh,hwc,nkw->ngkc", _shares(top, down, grid[0], height), maps,
+        _shares(left, across, grid[1], width), precision="highest",
+    )  # fmt: skip
+    return sums / math.sqrt(grid[0] * grid[1] * channels)
+
+
+def _shares(first: jax.Array, extent: jax.Array, count: int, length: int) -> jax.Array:
+    """The weight of each of ``length`` lines in the mean of each of ``count`` cells of a box."""
+    edges = jnp.stack(parts(first, extent, count), axis=-1)
+    lines = jnp.arange(length)
+    last = jnp.minimum(edges[:, 1:, None], lines + 1)
+    shared = jnp.maximum(last - jnp.maximum(edges[:, :-1, None], lines), 0)
+    return shared / (extent[:, None, None] / count)
+
+
+def score_table(maps: jax.Array, weights: jax.Array) -> jax.Array:
+    """Integral table of each cell's part of the score, [h + 1, w + 1, rows * columns].
+
+    ``score_in_boxes`` of it is ``sum(cell_features * weights)``.
+
+    Args:
+        maps: [h, w, C].
+        weights: [rows, columns, C].
+    """
+    scaled = weights.reshape(-1, weights.shape[-1]) / math.sqrt(weights.size)
+    parts = jnp.matmul(maps, scaled.T, precision="highest")
+    return jnp.pad(parts.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0), (0, 0)))
+
+
+def score_in_boxes(
+    tables: jax.Array, partition: jax.Array, boxes: jax.Array, grid: tuple[int, int]
+) -> jax.Array:
+    """Scores [N] of boxes.
+
+    Args:
+        tables: of P objects, [P, h + 1, w + 1, rows * columns].
+        partition: int [N], each box's object.
+        boxes: [4, N], left, top, width and height, in places of the maps.
+        grid: rows and columns of cells.
+    """
+    height, width, cells = tables.shape[1] - 1, tables.shape[2] - 1, tables.shape[3]
+    flat = tables.reshape(-1)
+    cell = jnp.arange(cells).reshape(*grid, 1)
+    left, top, across, down = boxes
+
+    def lines(first, extent, count, length):
+        """Cell edges within the map."""
+        edges = first + extent * (jnp.arange(count + 1)[:, None] / count).astype(first.dtype)
+        return line_before(edges, length)
+
+    rows, below = lines(top, down, grid[0], height)
+    columns, beyond = lines(left, across, grid[1], width)
+
+    def corners(lower, right):
+        """The tables at one corner of every cell, by linear interpolation: [rows, columns, N]."""
+        own_rows, own_columns = slice(lower, lower + grid[0]), slice(right, right + grid[1])
+        row, column = rows[own_rows, None], columns[None, own_columns]
+        place = ((partition * (height + 1) + row) * (width + 1) + column) * cells + cell
+        at = [entries_at(flat, place + k * cells) for k in (0, 1, width + 1, width + 2)]
+        share = beyond[None, own_columns]
+        above, under = (at[k] + share * (at[k + 1] - at[k]) for k in (0, 2))
+        return above + below[own_rows, None] * (under - above)
+
+    sums = corners(1, 1) - corners(1, 0) - corners(0, 1) + corners(0, 0)
+    area = jnp.maximum(across * down, 1e-6) / cells
+    return jnp.sum(sums, axis=(0, 1)) / area

@@ -16,8 +16,8 @@ the start frame::
 
     log odds = -2.5 + 9.6 (y - e)
 
-Fitted by logistic regression to "within 21 pixels of the label" on two clips, a walking bear and a
-head with two hands, each with the same weight; points further off count 1.25 times.
+This is a logistic regression on two clips, see "A network's features" in
+docs/development/defaults.md.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,10 +32,10 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_number
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.likelihoods._checks import points_in
-from jaxpf.likelihoods._places import line_before
+from jaxpf.likelihoods._integral import line_before
 from jaxpf.likelihoods.color import check_frame
-from jaxpf.likelihoods.discriminative.levels import shrunk, size_of
 from jaxpf.likelihoods.discriminative.likelihood import check_size
+from jaxpf.likelihoods.discriminative.pictures import shrunk, size_of
 from jaxpf.likelihoods.pretrained.build import LEAST_SPREAD, as_network
 from jaxpf.likelihoods.pretrained.likelihood import maps_of
 from jaxpf.likelihoods.pretrained.network import efficientnet_lite0
@@ -172,23 +172,19 @@ def pretrained_points(
     )
 
 
-def _factor(frame_shape: tuple[int, int]) -> int:
-    """By how much a frame is shrunk for the network."""
-    return -(-max(frame_shape) // _LONGEST)
-
-
-def _padded(frame_shape: tuple[int, int]) -> tuple[int, int]:
-    """Height and width of what the network sees."""
-    height, width = size_of(frame_shape, _factor(frame_shape))
-    return height + -height % _MULTIPLE, width + -width % _MULTIPLE
+def _network_size(frame_shape: tuple[int, int]) -> tuple[int, int, int]:
+    """By how much a frame is shrunk for the network; height and width of what the network sees."""
+    factor = -(-max(frame_shape) // _LONGEST)
+    rows, columns = (-(-side // _MULTIPLE) * _MULTIPLE for side in size_of(frame_shape, factor))
+    return factor, rows, columns
 
 
 def _maps(network: Callable, frame: jax.Array) -> tuple[jax.Array, ...]:
     """The network's maps of a frame, which is filled up by its last row and column."""
-    shape = frame.shape[0], frame.shape[1]
-    seen = shrunk(frame, _factor(shape)) / 255
-    missing = [full - own for full, own in zip(_padded(shape), seen.shape, strict=False)]
-    return maps_of(network, jnp.pad(seen, [*((0, each) for each in missing), (0, 0)], mode="edge"))
+    factor, rows, columns = _network_size((frame.shape[0], frame.shape[1]))
+    seen = shrunk(frame, factor) / 255
+    padding = ((0, rows - seen.shape[0]), (0, columns - seen.shape[1]), (0, 0))
+    return maps_of(network, jnp.pad(seen, padding, mode="edge"))
 
 
 def _scores(
@@ -214,17 +210,10 @@ def _unit(vectors: jax.Array) -> jax.Array:
 
 def _places(u, v, size, frame_shape):
     """Indices and shares [4, N] of the places of a map [h, w] around points of the frame."""
-    height, width = size
-    rows, columns = _padded(frame_shape)
-    factor = _factor(frame_shape)
-
+    (height, width), (factor, rows, columns) = size, _network_size(frame_shape)
     row, below = line_before(v * (height / (rows * factor)) - 0.5, height - 1)
     column, beyond = line_before(u * (width / (columns * factor)) - 0.5, width - 1)
     right, down = jnp.minimum(column + 1, width - 1), jnp.minimum(row + 1, height - 1)
-    index = jnp.stack(
-        [row * width + column, row * width + right, down * width + column, down * width + right]
-    )
-    shares = jnp.stack(
-        [(1 - below) * (1 - beyond), (1 - below) * beyond, below * (1 - beyond), below * beyond]
-    )
+    index = jnp.stack([line * width + at for line in (row, down) for at in (column, right)])
+    shares = jnp.stack([y * x for y in (1 - below, below) for x in (1 - beyond, beyond)])
     return index, shares

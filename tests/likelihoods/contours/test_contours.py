@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxpf.likelihoods import EdgeDetector, contours, poisson_clutter
-from jaxpf.likelihoods.contours.clutter import learn_clutter
+from jaxpf.likelihoods.contours.build import learn_clutter
 from jaxpf.likelihoods.contours.crossings import Polyline, first, is_inside, nearest_crossings
 from jaxpf.likelihoods.contours.edges import Lines
 from jaxpf.shapes import space_of
@@ -141,19 +141,6 @@ def test_a_contour_is_likeliest_on_its_edges():
     values = np.asarray(alone(WIRES, BOTH, shifts(*[(s, s) for s in steps])))
     assert (values.argmax(axis=1) == 3).all()
     assert (values[:, 3] - values[:, [0, -1]].max(axis=1) > 5).all()
-
-
-def test_one_particle_is_judged_as_all_are():
-    substates = shifts((REST, REST), ((4.0, -3.0), (1.0, 7.0)))
-    batched = np.asarray(alone(WIRES, BOTH, substates))
-
-    @jax.jit
-    def one(frame, target, substate):
-        return WIRES.log_prob(WIRES.observe(frame), target, substate)
-
-    for target in range(2):
-        value = one(BOTH, target, substates[target, 1])
-        assert float(value) == pytest.approx(float(batched[target, 1]), rel=1e-4)
 
 
 def test_targets_that_are_apart_are_independent():
@@ -290,7 +277,6 @@ def test_without_labels_both_count_alike():
 
 def test_a_hidden_crossing_takes_no_place_from_a_visible_one():
     """The line's nearest crossing of the farther outline is hidden, the next one is not."""
-    lines = Lines(*(np.full((1, 2, 1), v, np.float32) for v in (50.0, 80.0, 1.0, 0.0)))
     places = np.array([-3.0, 9.0, 15.0, 0.0]).reshape(4, 1, 1, 1) * np.ones((1, 1, 2, 1))
     there = np.array([True, True, True, False]).reshape(4, 1, 1, 1) & np.ones((1, 1, 2, 1), bool)
     kept, seen = map(np.asarray, first(places, there & (places != -3.0), 2))
@@ -298,22 +284,6 @@ def test_a_hidden_crossing_takes_no_place_from_a_visible_one():
     assert seen.all()
     kept, seen = map(np.asarray, first(places, there & (places > 10.0), 2))
     assert (kept[:, 0, 0, 0].tolist(), seen[:, 0, 0, 0].tolist()) == ([15.0, 0.0], [True, False])
-
-    # B's outline crosses A's upper lines twice; with A in front its nearer side is hidden.
-    substates = jnp.asarray([[REST, (-62.0, 3.0)]], jnp.float32)[0][..., None]
-    observation = jax.jit(OPAQUE.observe)(BOTH)
-    lines = jax.jit(OPAQUE.lines_of_all)(substates)
-    crossings = jax.jit(lambda made, *given: made.all_crossings(*given)[1])
-    wires = crossings(WIRES, observation, lines)
-    for label in (0, 1):
-        there = crossings(OPAQUE, observation, lines, jnp.asarray([label]))
-        assert np.asarray(there).sum() < np.asarray(wires).sum()
-
-
-def test_shapes_overlap_or_do_not():
-    overlap = jax.jit(OPAQUE.overlap)
-    assert not bool(overlap(np.array([REST, REST])))
-    assert bool(overlap(np.array([(50.0, 7.0), REST])))
 
 
 def test_only_what_is_seen_counts():

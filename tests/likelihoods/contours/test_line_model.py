@@ -133,13 +133,6 @@ def test_no_feature_serves_two_boundaries():
     assert both < 0.5 * (both + shared)
 
 
-def test_two_features_support_two_boundaries_better_than_one_twice():
-    apart, together = ratio([-8, 8], [-8, 8]), ratio([-8, 8], [8, 8])
-    assert apart > 2 * together
-    alone = ratio([-8, 8], [-8]) * ratio([-8, 8], [8]), ratio([-8, 8], [8]) ** 2
-    assert alone[0] == pytest.approx(alone[1], rel=1e-4)  # the control sees no difference
-
-
 def test_a_boundary_that_is_not_there_changes_nothing():
     places, present = np.zeros(MOST_FEATURES, np.float32), np.arange(MOST_FEATURES) < 2
 
@@ -161,19 +154,6 @@ def test_poisson_clutter_gives_powers_of_the_density_of_features():
         np.testing.assert_allclose(weights[k, 2, k:-1], scale, rtol=1e-4)
         np.testing.assert_array_equal(weights[k, 2, :k], 0)
     assert 1 - clutter.sum() == pytest.approx(1.2e-5, rel=0.3)
-
-
-def test_the_top_bin_means_so_many_or_more():
-    """A law that was learned, its tail in the top bin, and one that lacks it: the same weights."""
-    law = np.asarray(poisson_clutter(3.0, 20), float)
-    lacking = law[:7]
-    learned = np.append(law[:6], law[6:].sum())
-    weights = [
-        np.asarray(line_weights(b, detection_probabilities(2), LENGTH)) for b in (lacking, learned)
-    ]
-    np.testing.assert_allclose(*weights, rtol=1e-4)
-    at_top = LENGTH / 6 * law[5:].sum() / law[6:].sum()
-    assert weights[1][1, 1, 6] == pytest.approx(0.9 * at_top, rel=1e-4)  # 8.2 if six were six
 
 
 @pytest.mark.parametrize(

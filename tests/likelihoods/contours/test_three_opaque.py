@@ -135,24 +135,9 @@ def test_one_edge_pays_once_also_of_three():
     assert (paid_twice - of_two > 10).all()
 
 
-@pytest.mark.slow
-def test_a_filter_without_labels_counts_all_orders_alike():
-    over = bodies_at((76, 80, 20.0), (106, 84, 20.0), (130, 78, 20.0))
-    each = np.asarray(by_label(THREE, over), float)
-    mean = jax.jit(THREE.log_joint_all)(THREE.observe(FRAME), over, None)
-    np.testing.assert_allclose(mean, np.log(np.mean(np.exp(each))), rtol=1e-5)
-
-
 def test_overlap_is_asked_of_any_two():
     substates = bodies_at((60, 80, 20.0), (90, 80, 20.0), (150, 80, 20.0))[..., 0]
     overlap = jax.jit(OpaqueContours.overlap)
     found = [bool(overlap(THREE, substates, *pair)) for pair in ((0, 1), (1, 0), (0, 2), (1, 2))]
     assert found == [True, True, False, False]
     assert bool(THREE.overlap(substates)) == found[0]
-
-
-def test_orders_of_labels_are_those_of_depth():
-    assert THREE.orders_of_labels == tuple(permutations(range(3)))
-    assert likelihood(num_targets=2).orders_of_labels == ((0, 1), (1, 0))
-    four = space_of("translation", np.stack([square(60, 80, 20.0)] * 4), degree=1)
-    assert len(contours(four, 4, exclusion="opaque", clutter=0.5).orders_of_labels) == 24

@@ -1,4 +1,4 @@
-"""Shrunken copies of a frame in one picture, one for each range of object sizes.
+"""Shrunken copies of a frame, and their brightness gradients, to be summed in the cells of a box.
 
 Appearance features are computed where an object has about 18 to 36 pixels: finer detail does not
 persist from frame to frame, and tables of small pictures are small.  The levels that P objects need
@@ -16,6 +16,9 @@ from jaxpf.lowering.columns import entries_at
 
 #: An object is shrunk by 1, 2, 4, ... until the square root of its area is at most this, pixels.
 LARGEST_SIDE = 36.0
+#: Number of directions of the brightness gradient, over the full circle.
+ORIENTATIONS = 8
+_LUMA = (0.299, 0.587, 0.114)
 
 
 def factor_of(width: float, height: float) -> int:
@@ -91,3 +94,26 @@ def stacked(pictures: Sequence[jax.Array], fill: int) -> jax.Array:
         return jnp.pad(picture, padding, constant_values=fill)
 
     return jnp.concatenate([widened(picture) for picture in pictures])
+
+
+def gradients(picture: jax.Array) -> jax.Array:
+    """Strength of the brightness gradient in each of eight directions (Dalal and Triggs 2005).
+
+    A pixel's vote is the square root of the gradient's length, shared between the two nearest
+    directions.
+
+    Args:
+        picture: float [h, w, 3], red, green, blue, 0 to 1.
+
+    Returns:
+        [h, w, 8], 0 to 1.
+    """
+    grey = picture @ jnp.asarray(_LUMA, picture.dtype)
+    padded = jnp.pad(grey, 1, mode="edge")
+    across = (padded[1:-1, 2:] - padded[1:-1, :-2]) / 2
+    down = (padded[2:, 1:-1] - padded[:-2, 1:-1]) / 2
+    length = jnp.sqrt(across**2 + down**2)
+    turn = jnp.arctan2(down, across) * (ORIENTATIONS / (2 * jnp.pi))
+    away = (turn[..., None] - jnp.arange(ORIENTATIONS) + ORIENTATIONS / 2) % ORIENTATIONS
+    share = jnp.maximum(1 - jnp.abs(away - ORIENTATIONS / 2), 0)
+    return jnp.sqrt(length)[..., None] * share

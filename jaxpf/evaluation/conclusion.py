@@ -93,7 +93,7 @@ def _agree(ours: Configuration, other: Configuration, names: Sequence[str]) -> b
 def _difference(
     values: Mapping[int, pd.DataFrame], ours: int, theirs: int, imported: set[int], level: float
 ) -> tuple[float, float, float]:
-    """One configuration minus another, with the ends of an interval."""
+    """One configuration minus another, with the ends of an interval; NaN with too few runs."""
     first, second = (values[index][[RANKED_BY]] for index in (ours, theirs))
     # An imported track is the same in every run.
     if ours in imported:
@@ -103,8 +103,7 @@ def _difference(
     found = difference(first, second, level).iloc[0]
     if {ours, theirs} <= imported:
         return found.value, found.value, found.value
-    known = np.isfinite(found.lower)
-    return found.value, found.lower if known else -np.inf, found.upper if known else np.inf
+    return found.value, found.lower, found.upper
 
 
 def _listed(all_names: Sequence[str], indices: Sequence[int]) -> str:

@@ -1,6 +1,5 @@
 """Measures of single runs; every table and figure is computed from them."""
 
-import dataclasses
 import functools
 import math
 from typing import NamedTuple
@@ -161,15 +160,13 @@ def measure_batch(
             and of boxes the third that of the size relative to the start.
     """
     width = max(1, min(_RUNS_AT_ONCE, _BOXES_AT_ONCE // math.prod(truth.shape[:2])))
-    arrays = {field.name: getattr(batch, field.name) for field in dataclasses.fields(batch)}
-    pieces = [
-        Batch(**{name: array[start : start + width] for name, array in arrays.items()})
-        for start in range(0, len(batch), width)
-    ]
-    measure = functools.partial(_measure_frames, truth=truth, width=width)
-    measure = functools.partial(measure, target=target, start=start)
-    measured = [_measure_piece(piece, measure(piece.shapes), has_places) for piece in pieces]
-    return Measured(*(np.concatenate(parts) for parts in zip(*measured, strict=True)))
+    measured = []
+    for first in range(0, len(batch), width):
+        runs = slice(first, first + width)
+        piece = Batch(**{name: array[runs] for name, array in vars(batch).items()})
+        frames = _measure_frames(piece.shapes, truth, width, target, start)
+        measured.append(_measure_piece(piece, frames, has_places))
+    return Measured(*map(np.concatenate, zip(*measured, strict=True)))
 
 
 def _measure_piece(batch: Batch, frames: dict[str, np.ndarray], has_places: bool) -> Measured:

@@ -135,24 +135,13 @@ class Plan:
         for name, values in self.grid.items():
             having = [options[name] for options in every if name in options]
             if not having:
-                raise _unknown(name, dict.fromkeys(n for options in every for n in options))
+                known = ", ".join(dict.fromkeys(n for options in every for n in options))
+                raise InputError(
+                    f"{name} is not an option of this target and these methods, which are {known}; "
+                    "leave it out."
+                )
             grid[name] = _distinct(name, [_allowed(having, value) for value in values])
         return grid
-
-
-def _unknown(name: str, known: Iterable[str]) -> InputError:
-    """The error for an option that does not exist, or belongs to other targets or methods."""
-    owners = [kind for kind, of in all_targets().items() if name in options_of(of.tracker)]
-    owners += [
-        method
-        for filter_ in all_filters().values()
-        for method in filter_.methods
-        if name in applicable(filter_, method) - {*filter_.varied}
-    ]
-    rest = f"but of {', '.join(owners)}" if owners else f"which are {', '.join(known)}"
-    return InputError(
-        f"{name} is not an option of this target and these methods, {rest}; leave it out."
-    )
 
 
 def _methods_with(option: str) -> set[str]:

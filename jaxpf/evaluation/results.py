@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import functools
 import json
 import math
 import os
@@ -20,7 +21,6 @@ from jaxpf.targets.target import Start, Target
 
 #: Name of the stored file with the ground truth.
 TRUTH = "truth"
-_ARRAYS = ("truth", "start", "sizes")
 #: Folder of the batches, the pieces of the evaluation's store.
 FOLDER = "batches"
 #: Name of the file with speeds, apart from the results because only those are reproducible.
@@ -157,7 +157,9 @@ class Results:
         """
         folder = Path(folder)
         settings = read_settings(folder)
-        truth, shapes, sizes = Store(folder, _REMEDY).read(TRUTH, *_ARRAYS).values()
+        truth, shapes, sizes = (
+            Store(folder, _REMEDY).read(TRUTH, "truth", "start", "sizes").values()
+        )
         scene = settings["scene"]
         try:
             start = Start(np.array(scene["object_ids"]), shapes, sizes, tuple(scene["parents"]))
@@ -202,12 +204,12 @@ class Results:
         """The seed of all runs."""
         return self.settings["asked"]["seed"]
 
-    @property
+    @functools.cached_property
     def configurations(self) -> list[Configuration]:
         """All configurations, grouped by parameter values."""
         return [Configuration.from_json(entry) for entry in self.settings["configurations"]]
 
-    @property
+    @functools.cached_property
     def varied(self) -> tuple[str, ...]:
         """Names of the parameters that differ between configurations.
 
@@ -268,9 +270,8 @@ class Results:
             self.store.folder.mkdir(parents=True, exist_ok=True)
         store, start = Store(self.folder), self.start
         if not store.path(TRUTH).exists():
-            store.write(
-                TRUTH, dict(zip(_ARRAYS, (self.truth, start.shapes, start.sizes), strict=True))
-            )
+            arrays = {"truth": self.truth, "start": start.shapes, "sizes": start.sizes}
+            store.write(TRUTH, arrays)
         store.begin(self.settings)
 
     def survey(self) -> tuple[list[np.ndarray], list[Path]]:

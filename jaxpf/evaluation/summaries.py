@@ -133,8 +133,18 @@ def measure_results(results: Results) -> Overview:
     areas = areas_of(estimates)
     ranking, conclusion = areas.index.tolist(), conclude(results, values, areas)
     remarks = [*_remarks(results, names, summaries)]
-    every = names, summaries, runs, curves, estimates, differences
-    made = Overview(results, *every, ranking, conclusion, remarks)
+    made = Overview(
+        results,
+        names,
+        summaries,
+        runs,
+        curves,
+        estimates,
+        differences,
+        ranking,
+        conclusion,
+        remarks,
+    )
     confident = [index for index in made.ranked if summaries[index].confidence.frames[-1]]
     remarks += [_reliability(names[index], summaries[index].confidence) for index in confident[:1]]
     return made

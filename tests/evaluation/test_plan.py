@@ -15,7 +15,6 @@ from jaxpf.evaluation.plan import complete, configurations
 from jaxpf.evaluation.settings import describe_plan
 from jaxpf.files.store import differences
 from jaxpf.filters import filter_of
-from jaxpf.filters.registry import order_label
 from jaxpf.targets import Start
 
 
@@ -84,16 +83,16 @@ def test_part_trees_leave_out_dps_and_take_orders_level_by_level():
     assert labels == ["SIR", "PS 132", "SPS combinatorial"]
 
 
-def test_orders_count_from_0_and_none_is_twice():
-    plan = Plan(SCENE, methods=["ps"], orders=[(2, 0, 1), "shifts"])
-    assert [c.ordering for c in found(plan)] == ["312", "123", "231"]
-
-
-def test_ps_runs_in_one_order_by_default():
-    labels = [c.label for c in found(Plan(SCENE))]
-    assert labels == ["SIR", "PS 123", "DPS shifts", "SPS combinatorial"]
-    assert order_label([2, 0, 1]) == "312"
-    assert order_label(range(10)) == "1-2-3-4-5-6-7-8-9-10"
+@pytest.mark.parametrize(
+    ("given", "labels"),
+    [
+        ({}, ["SIR", "PS 123", "DPS shifts", "SPS combinatorial"]),
+        # Orders count from 0, and none is listed twice.
+        ({"methods": ["ps"], "orders": [(2, 0, 1), "shifts"]}, ["PS 312", "PS 123", "PS 231"]),
+    ],
+)
+def test_orders_of_the_methods(given, labels):
+    assert [c.label for c in found(Plan(SCENE, **given))] == labels
 
 
 def test_auto_is_decided_once_and_merges_with_what_it_stands_for():

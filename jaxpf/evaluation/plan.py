@@ -59,7 +59,7 @@ class Plan:
         tracks: results of other trackers, name -> MOT file or CSV with the header
             ``frame,id,x,y,w,h``; each enters the tables as one run.
         trackers: user-defined trackers, name -> function of the scene, see
-            ``jaxpf.evaluation.trackers``; picklable if there are worker processes.
+            ``jaxpf.evaluation.trackers``; hashable, and picklable if there are worker processes.
 
     Raises:
         InputError: a value is out of range or occurs twice.

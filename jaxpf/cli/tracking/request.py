@@ -272,8 +272,8 @@ def request_of(ctx: click.Context, target: Target) -> Request:
     own = options_of(target.tracker, filter_.build)
     chosen = {name: values[name] for name in typed if values[name] != OPEN}
     for name in written & (own.keys() | filter_options().keys()):
-        if not own[name].applies(chosen) if name in own else "method" in typed:
-            values[name] = None
+        fits = own[name].applies(chosen) if name in own else "method" not in typed
+        values[name] = values[name] if fits else None
     refuse_others(values, target, filter_)
     defaults, settings = {**defaults_for(target, filter_)}, {}
     if detector is not None:

@@ -67,6 +67,21 @@ def test_trackers_follow_objects_that_move_and_survive_those_that_leave(scene, n
     assert np.isfinite(boxes).all()
 
 
+def test_still_boxes_stay(scene):
+    still = baselines(["still"])["still"]
+    boxes = still(scene)
+    np.testing.assert_array_equal(boxes, np.tile(scene.boxes[:1], (LENGTH, 1, 1)))
+
+
+def test_the_truth_after_the_first_frame_is_not_looked_at(scene):
+    blind = scene.boxes.copy()
+    blind[1:] = np.nan
+    hidden = scenes.Scene("hidden", scene.frames, blind, scene.patches, 25.0, {})
+    for name in NAMES:
+        follow = baselines([name])[name]
+        np.testing.assert_array_equal(follow(hidden), follow(scene))
+
+
 def test_unknown_and_missing_baselines_are_one_sentence(scene, monkeypatch):
     assert "'best'" in message_of(baselines, ["mil", "best"])
     for place in (cv2, getattr(cv2, "legacy", cv2)):

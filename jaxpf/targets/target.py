@@ -131,14 +131,6 @@ class Marks(NamedTuple):
     doubtful: np.ndarray | None = None
 
 
-def _as_estimated(start: Start, estimate: Any, tracker: Any) -> np.ndarray:
-    return np.asarray(estimate)
-
-
-def _first_two(start: Start, shapes: np.ndarray) -> np.ndarray:
-    return shapes[..., :2]
-
-
 def _no_start(scene: Scene) -> Start:
     raise InputError(f"the objects of scene {scene.name!r} cannot be started from its truth.")
 
@@ -201,14 +193,16 @@ class Target:
     read_start: Callable[[Mapping[str, Any], int, FrameSource], Start]
     outlines: Callable[[Any, Any], Any]
     draw: Callable[[np.ndarray, Start, np.ndarray, Marks], np.ndarray]
-    shapes: Callable[[Start, Any, Any], np.ndarray] = _as_estimated
+    shapes: Callable[[Start, Any, Any], np.ndarray] = lambda start, estimate, tracker: np.asarray(
+        estimate
+    )
     settle: Callable[..., dict[str, Any]] = lambda values, settings, num_objects=None: {**values}
     scene_shapes: Callable[[Scene], Any] = lambda scene: None
     scene_start: Callable[[Scene], Start] = _no_start
     measure: Callable[[Any, Any], dict[str, Any]] | None = None
     columns: tuple[str, ...] = ("x", "y")
     fixed_columns: tuple[str, ...] = ()
-    column_values: Callable[[Start, np.ndarray], np.ndarray] = _first_two
+    column_values: Callable[[Start, np.ndarray], np.ndarray] = lambda start, shapes: shapes[..., :2]
     outline_file: Callable[[Path, Start], Any] = lambda path, start: contextlib.nullcontext()
     draw_particles: Callable[..., np.ndarray] = _dots
     can_be_tuned: bool = False

@@ -3,19 +3,15 @@
 Imports no JAX.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike
 
 #: Objects with confidence (``jaxpf.Summary``) below this level are lost.
 LOST_BELOW = 0.5
 
 
 def judge(
-    outside: "ArrayLike", without_likelihood: "ArrayLike", confidence: "ArrayLike | None" = None
+    outside: ArrayLike, without_likelihood: ArrayLike, confidence: ArrayLike | None = None
 ) -> tuple[np.ndarray | None, np.ndarray]:
     """Confidence in the reported positions of P objects in one frame, and whether they are lost.
 

@@ -20,17 +20,15 @@ import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import plain
 from jaxpf.files.executors import Pool, in_turn
 from jaxpf.files.writing import LOCK, atomic_write, remove_leavings, report_os_errors, write_text
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 SETTINGS = "settings.json"
 #: Packages that results depend on.
@@ -121,7 +119,7 @@ class Store:
         found = (path.stem for path in self.folder.glob(f"{pattern}.npz"))
         return sorted(name for name in found if not name.startswith("."))
 
-    def write(self, name: str, arrays: "Mapping[str, ArrayLike]") -> Path:
+    def write(self, name: str, arrays: Mapping[str, ArrayLike]) -> Path:
         """Write a piece, whose name is valid as a file name, and return its path."""
         write_arrays(self.path(name), arrays)
         return self.path(name)
@@ -140,7 +138,7 @@ class Store:
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-def write_arrays(path: Path, arrays: "Mapping[str, ArrayLike]") -> None:
+def write_arrays(path: Path, arrays: Mapping[str, ArrayLike]) -> None:
     """Write arrays by name into a file, which appears only once it is complete."""
     with atomic_write(path, "wb") as file:
         np.savez(file, allow_pickle=False, **arrays)

@@ -4,16 +4,14 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.media.film import FrameSource
 from jaxpf.media.read import open_frames, open_pictures
-
-if TYPE_CHECKING:
-    from jax.typing import DTypeLike
 
 
 class Frames:
@@ -77,7 +75,7 @@ class Frames:
                 position = number + 1
                 yield picture
 
-    def __array__(self, dtype: "DTypeLike | None" = None, copy: bool | None = None) -> np.ndarray:
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> np.ndarray:
         frames = np.empty(self.shape, self.dtype)
         for place, picture in enumerate(self):
             frames[place] = picture

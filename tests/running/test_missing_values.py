@@ -12,6 +12,7 @@ from jax.scipy.stats import norm
 
 import jaxpf
 from jaxpf import likelihoods, tuning
+from jaxpf.contract.numbers import with_nan
 
 KEY = jax.random.key(0)
 GONE = np.array([0, 0, 1, 0, 1], bool)
@@ -35,37 +36,33 @@ ITS = jaxpf.state_space(
     log_likelihood=lambda y, x, p: norm.logpdf(y, x),
     num_particles=8,
 )
-DOORS = {
-    "run": lambda frames: jaxpf.run(ITS, KEY, frames)[1],
-    "monte_carlo": lambda frames: jaxpf.monte_carlo(ITS, KEY[None], frames),
-    "stream": lambda frames: [each.summary for each in jaxpf.stream(ITS, KEY, frames)],
-    "labels": lambda frames: tuning.TrainingSequence(ITS, frames, frames).truth,
-    "kalman": lambda frames: likelihoods.kalman(
-        *np.ones((4, 1, 1)), [0], [[0]], frames if frames.ndim == 2 else frames[:, None]
-    ),
-}
 
 
 def assert_alike(found, expected):
     jax.tree.map(np.testing.assert_array_equal, found, expected)
 
 
-@pytest.mark.parametrize("door", DOORS)
-def test_a_missing_value_is_nan(door):
-    kinds = KINDS
-    if door == "kalman":  # takes a matrix
-        kinds = {name: pandas.DataFrame(x) for name, x in FLOATS.items() if name != "masked"}
-        kinds["masked"] = FLOATS["masked"][:, None]
-    expected = DOORS[door](FRAMES)
-    for frames in kinds.values():
-        assert_alike(DOORS[door](frames), expected)
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_missing_value_is_nan(kind):
+    np.testing.assert_array_equal(np.asarray(with_nan(KINDS[kind]), np.float32), FRAMES)
+    expected = jaxpf.run(ITS, KEY, FRAMES)[1]
+    assert_alike(jaxpf.run(ITS, KEY, KINDS[kind])[1], expected)
+    assert_alike(tuning.TrainingSequence(ITS, FRAMES, KINDS[kind]).truth, np.float32(FRAMES))
 
 
-@pytest.mark.parametrize("door", ["monte_carlo", "stream"])
-def test_a_missing_value_that_comes_alone_is_nan(door):
-    expected = DOORS[door](FRAMES)
-    for frames in FLOATS.values():
-        assert_alike(DOORS[door](iter(frames)), expected)
+@pytest.mark.parametrize("kind", FLOATS)
+def test_a_missing_value_that_comes_alone_is_nan(kind):
+    expected = jaxpf.run(ITS, KEY, FRAMES)[1].log_evidence
+    many = jaxpf.monte_carlo(ITS, KEY[None], iter(FLOATS[kind])).log_evidence[0]
+    streamed = [each.summary.log_evidence for each in jaxpf.stream(ITS, KEY, iter(FLOATS[kind]))]
+    for found in (many, streamed):
+        np.testing.assert_allclose(found, expected, rtol=1e-5)
+
+
+def test_the_kalman_filter_takes_tables():
+    expected = likelihoods.kalman(*np.ones((4, 1, 1)), [0], [[0]], FRAMES[:, None])
+    for frames in (pandas.DataFrame(FLOATS["Float32"]), FLOATS["masked"][:, None]):
+        assert_alike(likelihoods.kalman(*np.ones((4, 1, 1)), [0], [[0]], frames), expected)
 
 
 def of_components(y, x, p):

@@ -114,7 +114,7 @@ MUTANTS = (
         ("iou-loss", "1 - iou, 0.0", "1 - 0.95 * iou, 0.0"),
     ),
     *of(
-        "running/gaps.py", "tests/running/test_missing_frames.py -k however_small",
+        "running/missing_frames.py", "tests/running/test_missing_frames.py -k however_small",
         ("gap-rounding", "_ROUNDING = 1000", "_ROUNDING = 1_000_000"),
     ),
     *of(

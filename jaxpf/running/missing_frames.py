@@ -1,21 +1,42 @@
-"""Which frames and partitions are missing: what a user says, or frames of NaN.
+"""Missing frames: particles move by their dynamics and are not weighted.
 
-``jaxpf.running.gaps`` wraps a tracker so that it takes the marked frames.
+Which frames and partitions are missing is what a user says, or frames of NaN.
+
+Filters need no code for missing frames.  A wrapper around the likelihood returns log-likelihood 0
+in a missing frame, so weights do not change, with any ordering and weighting rule.  The wrapper
+does not call the inner likelihood, so a missing frame's values do not reach its ``observe`` or any
+derivative.  If single partitions are missing, such as a landmark out of view, only their
+log-likelihoods are 0.
+
+The evidence of a missing frame is the filter's total weight.  It is 1 for most filters.  It is
+random with mean 1 if selections do not preserve it (``Soft`` gradients, ``Labelled`` with corrected
+weights), and has a derivative if the weights have one (``StopGradient``,
+``motion_gradient="score"``).  Dropping these terms would bias the evidence and its gradient.
 """
 
+import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
+from jaxpf import contract
 from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.optional import likelihood_of, optional, unwrapped
-from jaxpf.contract.pytree import is_concrete
+from jaxpf.contract.pytree import is_concrete, pytree_dataclass
 from jaxpf.contract.types import TrackerLike
+from jaxpf.contract.wrapped import SUBSTATES
 from jaxpf.running.frames import num_frames
-from jaxpf.running.gaps import WithGaps
+
+#: Tolerated rounding of a sum of weights, in units in the last place: enough for several stages of
+#: a million particles.
+_ROUNDING = 1000
+#: Optional methods of a likelihood that take substates and no observation.
+_OF_STATES = frozenset({"reaches_border", "same_place", "sample"})
 
 
 def marked(
@@ -101,3 +122,155 @@ def _check_nan(tracker: TrackerLike, frames: Any, partly: Any, first: int) -> No
                 "say which frames or partitions are missing, or set handles_nan = True on a "
                 "likelihood (or log_likelihood) that understands NaN."
             )
+
+
+@pytree_dataclass
+class LikelihoodWithGaps(contract.WrappedLikelihood):
+    """A likelihood of frames ``(frame, seen)``; ``seen`` is bool ``[]``, or ``[P]`` by partition.
+
+    With ``[P]``, the inner ``log_joint`` gets ``observed=seen``.
+
+    Attributes:
+        likelihood: the inner likelihood.
+    """
+
+    likelihood: Any
+
+    def passed_on(self, name, method, *arguments):
+        """Call an optional method if the frame was seen; else return zeros."""
+        if name in _OF_STATES:
+            return method(*arguments)
+        first, *rest = arguments
+        if name == "observe_nearby":
+            return self._observed(first, lambda frame: method(frame, *rest))
+        observation, seen = first
+        if name == "look_near":
+            return _if_seen(seen.any(), lambda: method(observation, *rest)), seen
+        if not seen.ndim:
+            return _if_seen(seen, lambda: method(observation, *rest))
+        if name.startswith("log_joint"):
+            return method(observation, *rest, observed=seen)
+        counts = seen.all() if name == "log_first_stage" else seen[rest[0]]
+        return jnp.where(counts, method(observation, *rest), 0)
+
+    def as_seen(self, observation):
+        """See ``jaxpf.contract.calls.as_seen``."""
+        return self.likelihood, *observation
+
+    def observe(self, frame):
+        """The inner observation of a frame, zeros if it was not seen."""
+        return self._observed(frame, self.likelihood.observe)
+
+    def _observed(self, frame, observe):
+        frame, seen = frame
+        seen = jnp.asarray(seen)
+        can_be_nan = optional(self.likelihood, "handles_nan")
+
+        def without_nan(x):
+            # The compiler may compute both branches, so the unused one must not see NaN.
+            x = jnp.where(seen.any(), x, jnp.zeros_like(x))
+            is_part = seen.ndim and not can_be_nan and jnp.issubdtype(x.dtype, jnp.floating)
+            return jnp.where(jnp.isnan(x), 0, x) if is_part else x
+
+        frame = jax.tree.map(without_nan, frame)
+        return _if_seen(seen.any(), lambda: observe(frame)), seen
+
+    def log_prob_all(self, observation, partition, substates):
+        """The inner log-likelihoods ``[N]``, 0 for frames or partitions that were not seen."""
+        observation, seen = observation
+
+        def inner():
+            return contract.log_prob_all(self.likelihood, observation, partition, substates)
+
+        if seen.ndim:
+            return jnp.where(calls.of_partition(seen, partition), inner(), 0)
+        return _if_seen(seen, inner)
+
+
+@pytree_dataclass
+class LikelihoodOfNoFrame(LikelihoodWithGaps):
+    """A likelihood for runs in which all frames are missing."""
+
+    def passed_on(self, name, method, *arguments):
+        """Call an optional method of states alone; the others see nothing, and return zeros."""
+        if name in _OF_STATES:
+            return method(*arguments)
+        if name in ("look_near", "observe_nearby"):
+            return ()
+        substates = arguments[SUBSTATES[name][0]]
+        every = name.endswith("_all")
+        return jnp.zeros(substates.shape[-1:] if every else (), substates.dtype)
+
+    def as_seen(self, observation):
+        """See ``jaxpf.contract.calls.as_seen``: nothing was seen."""
+        return self.likelihood, None, np.False_
+
+    def observe(self, frame):
+        """Ignore the frame."""
+        return ()
+
+    def log_prob_all(self, observation, partition, substates):
+        """0 for every particle, ``[N]``."""
+        return jnp.zeros(substates.shape[-1:], substates.dtype)
+
+
+@pytree_dataclass
+class WithGaps(contract.WrappedTracker):
+    """A tracker of frames ``(frame, seen)``; ``seen`` is bool ``[]`` or ``[P]``.
+
+    In a missing frame, ``log_evidence`` is the filter's log total weight, exactly 0 if it is 0 by
+    construction, and confidence does not change.
+
+    Attributes:
+        tracker: has a ``likelihood``, or a ``tracker`` that has one.
+    """
+
+    tracker: Any
+
+    is_marked = True
+    _wraps = LikelihoodWithGaps
+
+    def observe(self, frame):
+        """Return the tracker's observation of a frame, and whether it was seen."""
+        inner = calls.changed_inside(self.tracker, "likelihood", self._wraps)
+        return calls.observed_apart(inner)[0](frame), jnp.asarray(frame[1])
+
+    def step_observed(self, key, state, observation):
+        """Return the tracker's next state and summary."""
+        observation, seen = observation
+        step = calls.observed_apart(calls.changed_inside(self.tracker, "likelihood", self._wraps))[
+            1
+        ]
+        state, summary = step(key, state, observation)
+        totals = {
+            name: _without_rounding(getattr(summary, name), seen.any())
+            for name in ("log_evidence", "label_log_evidence")
+            if getattr(summary, name, None) is not None
+        }
+        return state, dataclasses.replace(summary, **totals) if totals else summary
+
+
+@pytree_dataclass
+class WithoutFrames(WithGaps):
+    """A tracker of missing frames ``(anything, False)``."""
+
+    _wraps = LikelihoodOfNoFrame
+
+
+def _without_rounding(log_total: jax.Array, seen: jax.Array) -> jax.Array:
+    """Round log total weights of missing frames to 0 if they are 0 up to rounding.
+
+    Keeps the derivative, which may be random even if the value is not.
+    """
+    is_one = ~seen & (jnp.abs(log_total) < _ROUNDING * jnp.finfo(log_total.dtype).eps)
+    zero = jnp.where(is_one, log_total, 0.0)
+    return jnp.where(is_one, zero - lax.stop_gradient(zero), log_total)
+
+
+def _if_seen(seen: jax.Array, compute: Callable[[], Any]) -> Any:
+    """``compute()`` if seen, else zeros of the same shapes."""
+
+    def zeros() -> Any:
+        return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(compute))
+
+    return lax.cond(seen, compute, zeros)

@@ -18,7 +18,7 @@ from jaxpf.contract.pytree import T
 from jaxpf.contract.recognised import recognised
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
-from jaxpf.running import gaps, missing_frames
+from jaxpf.running import missing_frames
 from jaxpf.running.frames import as_arrays, frames_of, noted, num_frames, warn_of_frames
 
 
@@ -62,8 +62,8 @@ def run(
             alone; or ``[T, P]``, false for a missing partition, such as a landmark out of view; or
             of the shape of ``frames``, false for a missing component, with a likelihood that
             handles NaN, such as ``jaxpf.likelihoods.Gaussian``.  By default, float frames that are
-            entirely NaN are missing.  The log-evidence increment of
-            a missing frame is 0, unless it is random (``jaxpf.running.gaps``).
+            entirely NaN are missing.  The log-evidence increment of a missing frame is 0, unless it
+            is random (``jaxpf.running.missing_frames``).
         state: state after the previous frames, to resume; None starts with ``tracker.init``.
             It must have a field ``time``, see ``jaxpf.contract.Tracker``.
         inputs: known inputs of these frames, a pytree of arrays ``[T, ...]``; functions of
@@ -122,7 +122,7 @@ def forecast(
     check_whole("steps", steps)
     nothing = np.zeros(steps, bool)
     tracker = with_rows(tracker, inputs, steps, calls.time_of(state))
-    blind = gaps.WithoutFrames(tracker)
+    blind = missing_frames.WithoutFrames(tracker)
     with noted(tracker):
         return run_compiled(blind, as_key(key), (nothing, nothing), recognised(record), state)
 

@@ -18,7 +18,7 @@ from jaxpf.contract.state import ParticleState
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.running.frames import noted
-from jaxpf.running.gaps import WithoutFrames
+from jaxpf.running.missing_frames import WithoutFrames
 from jaxpf.running.runs import as_key, init, one_run, with_rows
 
 

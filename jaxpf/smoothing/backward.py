@@ -53,7 +53,7 @@ from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.lowering import platform
 from jaxpf.lowering.prefix import running_sum
 from jaxpf.lowering.programs import compiled
-from jaxpf.running import gaps, missing_frames
+from jaxpf.running import missing_frames
 
 #: Array size in a pass over particles and trajectories: fits into a core's cache, or a small part
 #: of an accelerator's memory.
@@ -152,7 +152,7 @@ class SeenMoves(contract.DynamicsWithDensity):
         model = missing_frames.unmarked(tracker)
         likelihood = model.likelihood
         if tracker is not model:
-            likelihood = gaps.LikelihoodWithGaps(likelihood)
+            likelihood = missing_frames.LikelihoodWithGaps(likelihood)
         return cls(model.dynamics, likelihood, lax.map(likelihood.observe, frames))
 
     def at_frame(self, time):

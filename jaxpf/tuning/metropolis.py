@@ -34,7 +34,7 @@ from jaxpf.contract.state import Summary
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering import platform
 from jaxpf.lowering.programs import compiled
-from jaxpf.running import gaps, runs
+from jaxpf.running import missing_frames, runs
 from jaxpf.running.frames import as_arrays, num_frames
 from jaxpf.smoothing.backward import draw_paths, key_of
 from jaxpf.smoothing.checks import check_genealogy
@@ -142,7 +142,7 @@ def pmmh(
     if is_known and not np.isfinite(prior):
         raise InputError(f"the prior excludes the start {initial!r:.200}; start inside of it.")
     number = num_particles or tracker.num_particles
-    model = Filters(build, log_prior, isinstance(marked, gaps.WithGaps), number, paths)
+    model = Filters(build, log_prior, isinstance(marked, missing_frames.WithGaps), number, paths)
     choice_key, start_key, *keys = jax.random.split(runs.as_key(key), 4)
     start, unravel = ravel_pytree(initial)
     spread = _FIRST_STEP * jnp.maximum(jnp.abs(start), _FIRST_STEP)
@@ -206,7 +206,7 @@ class Filters(NamedTuple):
         if changes:  # else it may be any class
             tracker = dataclasses.replace(tracker, **changes)
         tracker = with_inputs(tracker, inputs)
-        return gaps.WithGaps(tracker) if self.has_gaps else tracker
+        return missing_frames.WithGaps(tracker) if self.has_gaps else tracker
 
     def increments(self, parameters: Any, keys: jax.Array, frames: Any) -> jax.Array:
         """Estimate the frames' log evidence ``[T]``, with a random key for each block of them."""

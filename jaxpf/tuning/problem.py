@@ -22,7 +22,7 @@ from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled
 from jaxpf.running import runs
 from jaxpf.running.frames import as_arrays, num_frames
-from jaxpf.running.gaps import WithGaps
+from jaxpf.running.missing_frames import WithGaps
 from jaxpf.tuning import objectives
 from jaxpf.tuning.parameters import Parameter, replace
 

@@ -24,7 +24,7 @@ from jaxpf.contract.refusals import biased_evidence, poisoned
 from jaxpf.contract.state import moments
 from jaxpf.lowering.programs import compiled
 from jaxpf.resampling.weighted import ancestors
-from jaxpf.running import gaps, runs
+from jaxpf.running import missing_frames, runs
 from jaxpf.running.frames import as_arrays, num_frames
 from jaxpf.tuning.checkpoint import LongScans, Progress
 from jaxpf.tuning.metropolis import Filters
@@ -111,7 +111,7 @@ def smc2(
     refuse = biased_evidence(tracker, "smc2", "another filter")
     inputs = as_arrays(inputs)
     marked, frames = runs.ready(tracker, frames, observed, inputs)
-    filters = Filters(build, log_prior, isinstance(marked, gaps.WithGaps), num_particles)
+    filters = Filters(build, log_prior, isinstance(marked, missing_frames.WithGaps), num_particles)
     settings = num_draws, num_moves, float(ess_threshold)
     asked: dict[str, Any] = {"num_draws": num_draws, "num_moves": num_moves, "key": key}
     asked |= {"num_particles": num_particles, "ess_threshold": ess_threshold, "start": start}

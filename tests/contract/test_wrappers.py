@@ -17,7 +17,12 @@ from jaxpf.dynamics import RandomWalk, WithOcclusion
 from jaxpf.filters import SideBySide, WithErrorBars
 from jaxpf.papers.smith2004.scenes import OtherEnding
 from jaxpf.parts.models import OfFixedSize
-from jaxpf.running.gaps import LikelihoodOfNoFrame, LikelihoodWithGaps, WithGaps, WithoutFrames
+from jaxpf.running.missing_frames import (
+    LikelihoodOfNoFrame,
+    LikelihoodWithGaps,
+    WithGaps,
+    WithoutFrames,
+)
 from jaxpf.tuning.problem import Observed
 
 P = 2

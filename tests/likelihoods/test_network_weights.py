@@ -85,19 +85,15 @@ def test_the_network_is_efficientnet_lite0(tmp_path):
         np.testing.assert_allclose(one, other, rtol=1e-3, atol=1e-3 * np.abs(other).max())
 
 
-def test_weights_that_lack_an_array_are_refused(tmp_path):
-    np.savez(tmp_path / "weights.npz", other=np.zeros(3))
+def test_weights_that_lack_an_array_or_have_other_sizes_are_refused(tmp_path):
+    path, weights = tmp_path / "weights.npz", random_weights()
+    np.savez(path, other=np.zeros(3))
     with pytest.raises(InputError, match=r"lack '_blocks\.0\._bn1\.running_mean'"):
-        efficientnet_lite0(tmp_path / "weights.npz")
-
-
-def test_weights_of_other_sizes_are_refused(tmp_path):
-    weights = random_weights()
+        efficientnet_lite0(path)
     name = "_blocks.3._project_conv.weight"
-    weights[name] = weights[name][:, :7]
-    np.savez(tmp_path / "weights.npz", **weights)
+    np.savez(path, **weights | {name: weights[name][:, :7]})
     with pytest.raises(InputError, match="other sizes than EfficientNet-lite0's"):
-        efficientnet_lite0(tmp_path / "weights.npz")
+        efficientnet_lite0(path)
 
 
 @pytest.fixture

@@ -215,11 +215,6 @@ class DiscriminativeLikelihood(LearnedLikelihood):
     odds = (11.5, 0.5, 0.12)
 
     @property
-    def num_features(self) -> int:
-        """F, the number of features that an object's score is linear in."""
-        return sum(math.prod(of.shape[1:]) for of in (self.colour_weights, self.gradient_weights))
-
-    @property
     def state_gradient(self) -> bool:
         """Whether ``log_prob`` is differentiable in the substate."""
         return self.interpolation == "bilinear"

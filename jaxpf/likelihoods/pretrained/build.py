@@ -85,15 +85,16 @@ def pretrained(
             raise InputError(f"the network makes NaN or infinite maps of {shown}.")
     check_learned(residual, names)
     shapes = [(len(boxes), *of, middle.shape[1]) for of, middle in zip(cells, middles, strict=True)]
-    ends = np.cumsum([known.num_features, *(math.prod(shape[1:]) for shape in shapes)])
-    usual, *deep = np.split(weights, ends[:-1], axis=1)
+    usual = known.colour_weights[0].size + known.gradient_weights[0].size
+    ends = np.cumsum([usual, *(math.prod(shape[1:]) for shape in shapes)])
+    first, *deep = np.split(weights, ends[:-1], axis=1)
     return PretrainedLikelihood(
         sharpness=as_array(sharpness, float),
         sizes=as_array(boxes[:, 2:], float),
         zooms=as_array(zooms, float),
         offset=as_array(offset),
         residual=as_array(residual),
-        known=with_coefficients(known, usual, np.zeros(len(boxes)), residual),
+        known=with_coefficients(known, first, np.zeros(len(boxes)), residual),
         network=network,
         weights=tuple(as_array(w.reshape(of)) for w, of in zip(deep, shapes, strict=True)),
         middles=tuple(map(jnp.asarray, middles)),

@@ -109,17 +109,6 @@ def test_kills_what_is_hidden_by_the_wrong_target(monkeypatch, mutation):
 
 
 @pytest.mark.slow
-def test_all_labels_are_equal_while_nothing_is_hidden():
-    """Each square lies on the others' lines, and none inside another."""
-    beside = bodies_at((76, 80, 20.0), (120, 84, 20.0), (164, 78, 20.0))
-    for made in (THREE, likelihood("opaque-literal")):
-        found = np.asarray(by_label(made, beside))
-        assert (found == found[0]).all()
-    over = np.asarray(by_label(THREE, bodies_at((76, 80, 20.0), (106, 84, 20.0), (130, 78, 20.0))))
-    assert len(set(over.round(3))) > 3
-
-
-@pytest.mark.slow
 def test_one_edge_pays_once_also_of_three():
     """What is hidden behind the first earns nothing of its edge, and takes nothing."""
     truth, hidden = (*MIDDLES[2], 20.0), (*MIDDLES[0], 14.0)

@@ -1,4 +1,4 @@
-"""Draws tracked points, their trails and their particles."""
+"""Draws tracked points and their trails."""
 
 from collections.abc import Sequence
 
@@ -16,11 +16,9 @@ def draw_points(
     places: ArrayLike,
     *,
     trails: ArrayLike | None = None,
-    particles: ArrayLike | None = None,
     hidden: ArrayLike | None = None,
     colours: ArrayLike | None = None,
     names: Sequence[str] | None = None,
-    radius: float | None = None,
 ) -> np.ndarray:
     """Draw points on a copy of a frame.
 
@@ -28,35 +26,31 @@ def draw_points(
         frame: uint8 RGB [H, W, 3].
         places: [P, 2], x and y in pixels; non-finite ones are skipped.
         trails: [L, P, 2], positions in the previous frames, the latest last.
-        particles: [K, P, 2].
         hidden: bool [P]: these are drawn hollow.
         colours: uint8 RGB [P, 3]; by default ``jaxpf.media.object_colours``.
         names: [P], written beside the points, or in a corner where points are too dense.
-        radius: of a point, pixels; by default larger in larger frames.
     """
     picture = np.ascontiguousarray(frame).copy()
     places = np.asarray(places, float)
     count = len(places)
     shades = shades_of(count, colours)
     hollow = np.zeros(count, bool) if hidden is None else np.asarray(hidden)
-    radius = max(4.0, min(picture.shape[:2]) / 120) if radius is None else radius
+    radius = max(4.0, min(picture.shape[:2]) / 120)
     line = max(1, round(radius / 4))
-    # Trails and particles first, so that they hide no point.
-    for point, colour in enumerate(shades):
-        if trails is not None:
+    # Trails first, so that they hide no point.
+    if trails is not None:
+        for point, colour in enumerate(shades):
             trail = np.asarray(trails, float)[:, point]
             trail = np.round(trail[np.isfinite(trail).all(axis=1)] * 2**_SHIFT - 2 ** (_SHIFT - 1))
             whole = [trail.astype(np.int32)]
             cv2.polylines(picture, whole, False, colour, line, cv2.LINE_AA, _SHIFT)
-        if particles is not None:
-            for x, y in np.asarray(particles, float)[:, point]:
-                if np.isfinite(x + y):
-                    cv2.circle(picture, _centre(x, y), 2**_SHIFT, colour, -1, cv2.LINE_AA, _SHIFT)
     for point, colour in enumerate(shades):
         x, y = places[point]
         if not np.isfinite(x + y):
             continue
-        size, at = round(radius * 2**_SHIFT), _centre(x, y)
+        # OpenCV counts from a pixel's centre.
+        at = tuple(np.round((np.clip([x, y], -1e4, 1e5) - 0.5) * 2**_SHIFT).astype(int).tolist())
+        size = round(radius * 2**_SHIFT)
         # A dark rim keeps every colour visible on every background and on its own particles.
         cv2.circle(picture, at, size, DARK, 3 * line, cv2.LINE_AA, _SHIFT)
         cv2.circle(picture, at, size, colour, line if hollow[point] else -1, cv2.LINE_AA, _SHIFT)
@@ -69,9 +63,3 @@ def draw_points(
         ]
         draw_labels(picture, labels, beside=True)
     return picture
-
-
-def _centre(x: float, y: float) -> tuple[int, int]:
-    # OpenCV counts from a pixel's centre.
-    x, y = np.clip([x, y], -1e4, 1e5)
-    return round((x - 0.5) * 2**_SHIFT), round((y - 0.5) * 2**_SHIFT)

@@ -79,11 +79,10 @@ def test_hidden_points_are_drawn_hollow():
         black,
         [[15.5, 15.5], [45.5, 15.5], [np.nan, 3]],
         trails=np.full((3, 3, 2), 30.0),
-        particles=np.full((2, 3, 2), 50.0),
         hidden=[False, True, False],
     ).any(axis=-1)
     assert not black.any()
-    assert drawn[[15, 15, 50], [15, 41, 50]].all()
+    assert drawn[[15, 15], [15, 41]].all()
     assert not drawn[15, 45]
 
 

@@ -6,16 +6,46 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from three_steps import STEPS, ThreeSteps, opaque, square
 
 from jaxpf import Partitioned, monte_carlo, pytree_dataclass
 from jaxpf.dynamics import WithOcclusion
+from jaxpf.likelihoods import EdgeDetector, contours
 from jaxpf.ordering import branched
 from jaxpf.shapes import space_of
 from jaxpf.shapes.depth import depth_orders
 
 FLIP, RUNS, PARTICLES, LIMIT = 0.3, 600, 120, 4.5
 ORDERS = list(permutations(range(3)))
+#: Squares move by one of three steps, so that everything about them can be enumerated.
+STEPS = (-6.0, 0.0, 6.0)
+
+
+@pytree_dataclass
+class ThreeSteps:
+    """A step left, none, or one right, as likely each."""
+
+    def propagate(self, key, partition, current, previous, parent):
+        return current.at[0].add(jax.random.choice(key, jnp.array(STEPS)))
+
+
+def square(x, y, half=20.0):
+    """Control points of a square, pixels."""
+    corners = np.array([(-1, -1), (0, -1), (1, -1), (1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0)])
+    return half * corners + np.array([x, y])
+
+
+def opaque(space, num_targets, num_lines):
+    """The likelihood of opaque squares."""
+    return contours(
+        space,
+        num_targets,
+        exclusion="opaque",
+        clutter=0.5,
+        detector=EdgeDetector(length=21),
+        sigma=3.0,
+        num_lines=num_lines,
+        independence=0.15,
+    )
 
 
 def frames():

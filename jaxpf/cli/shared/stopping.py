@@ -28,8 +28,8 @@ _ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(si
 def heed_ctrl_c() -> None:
     """Make Ctrl-C end this program at any time; call it in the main thread.
 
-    Python drops an interrupt that arrives inside a callback, such as JAX's on garbage collection;
-    this raises it again.  Python handles no signals while JAX compiles: a second Ctrl-C then ends
+    Python drops an interrupt, or a request to end, that arrives inside a callback, such as JAX's on
+    garbage collection; this raises it again.  Python handles no signals while JAX compiles: a second Ctrl-C then ends
     the program at once, and the next run removes its leftovers.  JAX crashes on an interrupt while
     it is imported, when nothing needs to be written: the program ends at once.
     """
@@ -39,7 +39,9 @@ def heed_ctrl_c() -> None:
 
     def lost(unraisable: "sys.UnraisableHookArgs") -> None:
         if issubclass(unraisable.exc_type, KeyboardInterrupt):
-            threading.Timer(0.01, _thread.interrupt_main).start()
+            ending = issubclass(unraisable.exc_type, Terminated)
+            again = signal.SIGTERM if ending else signal.SIGINT
+            threading.Timer(0.01, _thread.interrupt_main, [again]).start()
         else:
             usual(unraisable)
 

@@ -21,7 +21,7 @@ PROGRAM = """
 import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)
 from jaxpf.cli import main
-main(sys.argv[1:])
+main()
 """
 posix = pytest.mark.skipif(os.name == "nt", reason="signals, locks and limits of POSIX")
 

@@ -29,9 +29,10 @@ def heed_ctrl_c() -> None:
     """Make Ctrl-C end this program at any time; call it in the main thread.
 
     Python drops an interrupt, or a request to end, that arrives inside a callback, such as JAX's on
-    garbage collection; this raises it again.  Python handles no signals while JAX compiles: a second Ctrl-C then ends
-    the program at once, and the next run removes its leftovers.  JAX crashes on an interrupt while
-    it is imported, when nothing needs to be written: the program ends at once.
+    garbage collection; this raises it again.  Python handles no signals while JAX compiles: a
+    second Ctrl-C then ends the program at once, and the next run removes its leftovers.  JAX
+    crashes on an interrupt while it is imported, when nothing needs to be written: the program
+    ends at once.
     """
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         return  # SIGINT is ignored, or another program handles it

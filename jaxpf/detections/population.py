@@ -17,8 +17,7 @@ from jaxpf.boxes.models import box_model, boxes_at
 from jaxpf.boxes.target import BOXES
 from jaxpf.contract import WrappedLikelihood, log_prob_all
 from jaxpf.contract.errors import Argument, InputError
-from jaxpf.contract.model import Model
-from jaxpf.contract.options import OPEN, complete
+from jaxpf.contract.options import OPEN, complete, options_of
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.detections import lifetimes
 from jaxpf.detections.lifetimes import EMPTY, Change, Changes, Living, Rules
@@ -75,25 +74,31 @@ class Detected(WrappedLikelihood):
         return jnp.where(is_detected, word, 0.0)
 
 
-def open_model(
-    values: Mapping[str, Any],
+def open_box_tracker(
     frame_shape: Sequence[int],
-    capacity: int,
-    typical_size: tuple[float, float],
-    num_particles: int | None = None,
-) -> Model:
-    """Build a model with empty slots for boxes that move by pixels and are known by colour.
+    *,
+    capacity: int = 16,
+    num_particles: int = 1600,
+    typical_size: tuple[float, float] = (32.0, 64.0),
+    **settings: Any,
+) -> Labelled:
+    """Build a labelled tracker with ``capacity`` empty slots; ``follow`` fills them.
 
     Args:
-        values: of the options of ``jaxpf.boxes.tracker``, all.
         frame_shape: of a frame, (height, width, ...).
         capacity: C, number of slots.
+        num_particles: N, shared by all tracked objects.
         typical_size: see ``open_histogram``.
-        num_particles: chooses the method of the histograms if ``values`` leave it open.
+        settings: options of boxes and of the labelled filter, such as ``noise_pixels`` and
+            ``weights``.
 
     Raises:
         InputError: options that require a start frame, which a tracker without objects lacks.
     """
+    labelled = filters.filter_of(settings.setdefault("method", "labelled"))
+    settings["num_particles"] = num_particles
+    check_names(settings, BOXES, labelled)
+    values = complete(settings, labelled.build, BOXES.tracker)
     if values["appearance"] not in (OPEN, "colour") or values["motion"] == "relative":
         raise InputError(
             "objects that come and go are known by colour and move by pixels, because there is "
@@ -115,31 +120,8 @@ def open_model(
         num_particles=num_particles,
     )
     model = box_model(histograms, np.full((capacity, 4), np.nan), values["noise_pixels"])
-    return model._replace(initial=np.full((capacity, 3), np.nan, np.float32))
-
-
-def open_box_tracker(
-    frame_shape: Sequence[int],
-    *,
-    capacity: int = 16,
-    num_particles: int = 1600,
-    typical_size: tuple[float, float] = (32.0, 64.0),
-    **settings: Any,
-) -> Labelled:
-    """Build a labelled tracker with ``capacity`` empty slots; ``follow`` fills them.
-
-    Args:
-        frame_shape, capacity, typical_size: as in ``open_model``.
-        num_particles: N, shared by all tracked objects.
-        settings: options of boxes and of the labelled filter, such as ``noise_pixels`` and
-            ``weights``.
-    """
-    labelled = filters.filter_of("labelled")
-    settings["num_particles"] = num_particles
-    check_names(settings, BOXES, labelled)
-    values = complete(settings, BOXES.tracker)
-    model = open_model(values, frame_shape, capacity, typical_size, num_particles)
-    return filters.build(model, **complete(settings, labelled.build))
+    model = model._replace(initial=np.full((capacity, 3), np.nan, np.float32))
+    return filters.build(model, **{name: values[name] for name in options_of(labelled.build)})
 
 
 def come_and_go(

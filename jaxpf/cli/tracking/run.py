@@ -10,17 +10,15 @@ import jax
 import numpy as np
 
 import scenes
-from jaxpf import filters
 from jaxpf.cli.shared.console import say
 from jaxpf.cli.shared.startup import use_compile_cache
 from jaxpf.cli.tracking.report import report
 from jaxpf.cli.tracking.request import Request, check_together
 from jaxpf.cli.tracking.results import Results, locked_folder, nothing_follows, writing_results
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.options import options_of
+from jaxpf.contract.options import applying
 from jaxpf.contract.types import TrackerLike
-from jaxpf.detections import follow
-from jaxpf.detections.population import open_model
+from jaxpf.detections import follow, open_box_tracker
 from jaxpf.evaluation.trackers import OwnTracker, own_tracker
 from jaxpf.filters import SideBySide
 from jaxpf.media.film import FrameSource
@@ -96,12 +94,12 @@ def tracker_of(
     run, options, detector = request.run, request.options, request.detector
     if run.tracker:
         return _own_tracker(run.tracker, source, frame, start.shapes)
-    count = options["num_particles"]
     if detector is not None:
-        size, capacity = detector.typical_size, detector.rules.capacity
-        model = open_model(options, frame.shape[:2], capacity, size, count)
-        return filters.build(model, **{n: options[n] for n in options_of(request.filter.build)})
-    tracker = build(request.target, {**options}, start, looks_of(frame, count))
+        about: dict[str, Any] = applying(options, request.target.tracker, request.filter.build)
+        about |= {"capacity": detector.rules.capacity, "typical_size": detector.typical_size}
+        return open_box_tracker(frame.shape, **about)
+    looks = looks_of(frame, options["num_particles"])
+    tracker = build(request.target, {**options}, start, looks)
     return tracker if run.runs is None else SideBySide(tracker, run.runs)
 
 

@@ -294,19 +294,14 @@ def _origin(table: IntegralTable, boxes: Boxes) -> tuple[jax.Array, int]:
     return (table.place * num_rows + boxes.first_row) * stride + boxes.first_column, stride
 
 
-def _edges(boxes: Boxes, grid: tuple[int, ...]) -> tuple[jax.Array, jax.Array]:
-    """Edges of cells: rows [N, grid[0] + 1] and columns [N, grid[1] + 1]."""
-    rows, columns = parts(boxes.top, boxes.height, grid[0]), parts(boxes.left, boxes.width, grid[1])
-    return jnp.stack(rows, axis=-1), jnp.stack(columns, axis=-1)
-
-
 def _whole_sums(table, boxes, grid):
     """Sums over cells, [N, rows, columns, C]."""
     cells = table.cells.reshape(-1, table.cells.shape[-1])
-    (origin, stride), (rows, columns) = _origin(table, boxes), _edges(boxes, grid)
-    row, column = line_at(rows, boxes.rows[:, None]), line_at(columns, boxes.columns[:, None])
-    start = jnp.reshape(origin, (-1, 1)) + row * stride
-    corners = entries_at(cells, start[:, :, None] + column[:, None, :])
+    origin, stride = _origin(table, boxes)
+    rows = [line_at(y, boxes.rows) for y in parts(boxes.top, boxes.height, grid[0])]
+    columns = [line_at(x, boxes.columns) for x in parts(boxes.left, boxes.width, grid[1])]
+    start = jnp.stack([origin + row * stride for row in rows], axis=-1)
+    corners = entries_at(cells, start[:, :, None] + jnp.stack(columns, axis=-1)[:, None, :])
     strips = corners[:, :, 1:] - corners[:, :, :-1]
     return (strips[:, 1:] - strips[:, :-1]).astype(boxes.left.dtype)
 
@@ -314,18 +309,41 @@ def _whole_sums(table, boxes, grid):
 def _cut_sums(table, boxes, grid):
     """The same with cut pixels by their share: bilinear interpolation of the table."""
     cells, dtype = table.cells.reshape(-1, table.cells.shape[-1]), boxes.left.dtype
-    (origin, stride), (rows, columns) = _origin(table, boxes), _edges(boxes, grid)
-    row, below = line_before(rows, boxes.rows[:, None].astype(dtype))
-    column, beyond = line_before(columns, boxes.columns[:, None].astype(dtype))
+    origin, stride = _origin(table, boxes)
+    rows, columns = (
+        [line_before(edge, size.astype(dtype)) for edge in parts(start, extent, count)]
+        for start, extent, count, size in (
+            (boxes.top, boxes.height, grid[0], boxes.rows),
+            (boxes.left, boxes.width, grid[1], boxes.columns),
+        )
+    )
 
-    def strips(row):
-        """Sums above lines, between columns' edges; integers are subtracted before conversion."""
-        start = (jnp.reshape(origin, (-1, 1)) + row * stride)[:, :, None] + column[:, None, :]
-        at = entries_at(cells, start)
-        cut = (entries_at(cells, start + 1) - at).astype(dtype) * beyond[:, None, :, None]
-        whole = (at[:, :, 1:] - at[:, :, :-1]).astype(dtype)
-        return whole + cut[:, :, 1:] - cut[:, :, :-1]
+    def line(row):
+        """Sums above a line: left of the columns' edges, and in the pixels that these cut."""
+        start = origin + row * stride
+        at = [entries_at(cells, start + column) for column, _ in columns]
+        after = [entries_at(cells, start + column + 1) for column, _ in columns]
+        return at, [b - a for a, b in zip(at, after, strict=True)]
 
-    above, under = strips(row), strips(row + 1)
-    sums = above + below[:, :, None, None] * (under - above)
-    return sums[:, 1:] - sums[:, :-1]
+    def between(upper, lower):
+        """Sums between two lines; integers are subtracted before conversion, so exactly."""
+        (at0, cut0), (at1, cut1) = upper, lower
+        cut = [
+            beyond[:, None] * (b - a).astype(dtype)
+            for a, b, (_, beyond) in zip(cut0, cut1, columns, strict=True)
+        ]
+        whole = [b - a for a, b in zip(at0, at1, strict=True)]
+        return [
+            (whole[j + 1] - whole[j]).astype(dtype) + cut[j + 1] - cut[j] for j in range(grid[1])
+        ]
+
+    above = [line(row) for row, _ in rows]
+    rest = [
+        [below[:, None] * x for x in between(at, line(row + 1))]
+        for at, (row, below) in zip(above, rows, strict=True)
+    ]
+    sums = []
+    for k in range(grid[0]):
+        cells_of_row = zip(between(above[k], above[k + 1]), rest[k], rest[k + 1], strict=True)
+        sums.append(jnp.stack([whole + after - before for whole, before, after in cells_of_row], 1))
+    return jnp.stack(sums, axis=1)

@@ -38,9 +38,10 @@ def measure_boxes(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]:
         and, not in smith2004, ``iou`` (area(E and G) / area(E or G)) and ``centre_error`` (distance
         of the centres, pixels).
     """
-    estimate, truth = jnp.broadcast_arrays(jnp.asarray(estimate), jnp.asarray(truth))
+    estimate, truth = jnp.asarray(estimate), jnp.asarray(truth)
     common, ours, theirs = intersection_area(estimate, truth), area(estimate), area(truth)
-    present, offset = is_proper(truth), centres(estimate) - centres(truth)
+    present = jnp.broadcast_to(is_proper(truth), common.shape)
+    offset = centres(estimate) - centres(truth)
     return {
         "present": present,
         "tracked": common > 0,

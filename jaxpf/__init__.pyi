@@ -33,9 +33,8 @@ from .filters.labelled.tracker import Labelled as Labelled
 from .filters.partitioned.tracker import Partitioned as Partitioned
 from .running.blocks import monte_carlo as monte_carlo
 from .running.cores import use_cores as use_cores
-from .running.runs import forecast as forecast, run as run
+from .running.runs import forecast as forecast, run as run, stream as stream
 from .running.simulation import simulate as simulate
-from .running.streaming import stream as stream
 from .smoothing.smoother import smooth as smooth
 from .tuning.loop import tune as tune
 from .tuning.metropolis import pmmh as pmmh

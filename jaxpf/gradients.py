@@ -46,10 +46,9 @@ import jax
 from jax.typing import ArrayLike
 
 from jaxpf.contract import calls
-from jaxpf.contract.calls import check_uncoupled
+from jaxpf.contract.calls import check_uncoupled, optional
 from jaxpf.contract.errors import InputError, check_separate
 from jaxpf.contract.numbers import check_number
-from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import ParticleState
 from jaxpf.contract.types import Differentiable

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import jaxpf
-from jaxpf.contract.optional import DEFAULTS
+from jaxpf.contract.calls import DEFAULTS
 
 ROOT = Path(jaxpf.__file__).parent
 #: Rows of the map, the uppermost first: each the rooms that stand on one line.

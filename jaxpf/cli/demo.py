@@ -25,7 +25,7 @@ from jaxpf.media import overlay
 from jaxpf.media.video_writer import VideoWriter
 from jaxpf.papers.smith2004.scenes import scene_tracker
 from jaxpf.running.blocks import monte_carlo
-from jaxpf.running.streaming import stream
+from jaxpf.running.runs import stream
 from jaxpf.shapes.rectangles import boxes_from_substates
 from scenes import Scene
 

@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike
 
 from jaxpf import filters
 from jaxpf.contours.files import Contours, Learned
+from jaxpf.contract.calls import optional
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.numbers import plain
-from jaxpf.contract.optional import optional
 from jaxpf.contract.options import Option
 from jaxpf.contract.pytree import as_array
 from jaxpf.contract.types import LikelihoodLike, TrackerLike

@@ -19,8 +19,8 @@ from jax.typing import ArrayLike
 from jaxpf.contours.drawing import draw_contour_particles
 from jaxpf.contours.factory import PIECES, polylines, start, to_contours, tracker
 from jaxpf.contours.files import Contours, read_contours, read_learned
+from jaxpf.contract.calls import optional
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.optional import optional
 from jaxpf.files.writing import LineWriter
 from jaxpf.measures.polylines import measure_polylines
 from jaxpf.media.film import FrameSource

@@ -1,4 +1,4 @@
-"""How the library calls what users write."""
+"""How the library calls what users write; the one place that looks up what is optional there."""
 
 import copy
 from collections.abc import Callable
@@ -20,12 +20,40 @@ from jaxpf.contract.interface import (
     Likelihood,
     Proposal,
 )
-from jaxpf.contract.optional import likelihood_of, optional, unwrapped
 from jaxpf.contract.pytree import T
 from jaxpf.contract.types import DynamicsLike, LikelihoodLike, ProposalLike, TrackerLike
 
 #: Least log of a first-stage weight, relative to the largest.
 _LEAST_FIRST_STAGE = -30.0
+#: What a part without one counts as having, see ``jaxpf.contract.interface``; None for the others.
+DEFAULTS: dict[str, Any] = {
+    "by_partition": (),
+    "coupled": False,
+    "evidence_biases": (),
+    "fixed_observation": False,
+    "handles_nan": False,
+    "independent": False,
+    "model_error": (0.0, 0.0, 0.0),
+    "needs_noise": False,
+    "state_gradient": True,
+}
+
+
+def optional(part: object, name: str) -> Any:
+    """An optional method or attribute of a part; if it has none, the one in ``DEFAULTS``."""
+    return getattr(part, name, DEFAULTS.get(name))
+
+
+def unwrapped(tracker: Any, having: str = "likelihood") -> Any:
+    """The outermost of a tracker and those that it wraps with an attribute, else the innermost."""
+    while not hasattr(tracker, having) and hasattr(tracker, "tracker"):
+        tracker = tracker.tracker
+    return tracker
+
+
+def likelihood_of(tracker: Any) -> Any:
+    """The likelihood of a tracker or of the filter that it wraps; None if there is none."""
+    return getattr(unwrapped(tracker), "likelihood", None)
 
 
 def observed_apart(tracker: Any) -> tuple[Callable, Callable]:

@@ -17,7 +17,7 @@ sampler      ``__call__(key) -> [P, D]``
 ===========  ===========================================================
 
 What is optional has no default here, so that a wrapper can pass on what is inside.  It is described
-with each class below, and looked up by ``jaxpf.contract.optional`` alone.  An initial sampler that
+with each class below, and looked up by ``jaxpf.contract.calls`` alone.  An initial sampler that
 draws partitions independently may say so by ``independent = True``.
 """
 

@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf.contract.calls import likelihood_of, optional, unwrapped
 from jaxpf.contract.errors import Argument, InputError
-from jaxpf.contract.optional import likelihood_of, optional, unwrapped
 from jaxpf.contract.pytree import T, is_concrete
 from jaxpf.contract.state import STATUS_OK, STATUS_UNSUPPORTED, Summary
 from jaxpf.contract.types import TrackerLike

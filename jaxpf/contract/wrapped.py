@@ -79,7 +79,7 @@ class WrappedLikelihood(Likelihood):
 
 
 class WrappedTracker(Tracker):
-    """Another tracker, whose model ``jaxpf.contract.optional.unwrapped`` finds inside.
+    """Another tracker, whose model ``jaxpf.contract.calls.unwrapped`` finds inside.
 
     A wrapper is a pytree dataclass with a field ``tracker``; it defines ``step_observed``.
     """

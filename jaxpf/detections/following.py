@@ -16,7 +16,7 @@ from jaxpf.detections.population import come_and_go
 from jaxpf.detections.records import Group, Record, check_started, group_of
 from jaxpf.filters import SideBySide
 from jaxpf.filters.labelled.tracker import Labelled
-from jaxpf.running.streaming import stream
+from jaxpf.running.runs import stream
 from jaxpf.targets.building import shapes_of
 from jaxpf.targets.target import Start, Target
 

@@ -26,7 +26,7 @@ from jaxpf.filters.labelled.population import add_target, remove_target
 from jaxpf.filters.labelled.tracker import Labelled
 from jaxpf.likelihoods.histogram import open_histogram, with_object
 from jaxpf.measures import association
-from jaxpf.running import streaming
+from jaxpf.running import runs
 from jaxpf.running.runs import init_compiled
 from jaxpf.targets.building import check_names
 from jaxpf.targets.target import Start
@@ -151,7 +151,7 @@ def come_and_go(
         detected = None if detections is None else detections[number]
         if number > first:
             tracker = _with_detections(tracker, boxes, detected, rules)
-            state, summary = streaming.step(tracker, key, number - first - 1, state, frame)
+            state, summary = runs.step(tracker, key, number - first - 1, state, frame)
             summary = jax.tree.map(np.asarray, summary)
             boxes, without = _boxes(tracker, summary.estimate), summary.without_likelihood
         if number == first + 1:

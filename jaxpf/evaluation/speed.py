@@ -16,7 +16,7 @@ from jaxpf.evaluation.engine import tracker_for
 from jaxpf.evaluation.plan import Plan
 from jaxpf.evaluation.results import BUILT_IN, Configuration, Results
 from jaxpf.evaluation.scene import open_scene
-from jaxpf.running.streaming import stream
+from jaxpf.running.runs import stream
 from jaxpf.targets.target import Target
 
 #: Timing of a run stops after this many frames or about this many seconds.

@@ -22,7 +22,7 @@ from jax import lax
 from jax.typing import DTypeLike
 
 from jaxpf.contract import calls
-from jaxpf.contract.optional import optional
+from jaxpf.contract.calls import optional
 from jaxpf.contract.state import Presence, Summary
 from jaxpf.contract.types import LikelihoodLike
 

@@ -14,8 +14,8 @@ from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract import calls
+from jaxpf.contract.calls import optional
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import (
     is_concrete,
     pytree_dataclass,

@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf.contract.calls import optional
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import as_array, is_concrete
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract import calls
+from jaxpf.contract.calls import optional
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.types import HoldsModel
 from jaxpf.filters.layout import Layout

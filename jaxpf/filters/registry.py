@@ -12,9 +12,9 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
+from jaxpf.contract.calls import optional
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
-from jaxpf.contract.optional import optional
 from jaxpf.contract.options import Option, options_of
 from jaxpf.dynamics.gaussian import AR2
 from jaxpf.filters import options as of

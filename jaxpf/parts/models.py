@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf import contract
+from jaxpf.contract.calls import optional
 from jaxpf.contract.model import Model, check_tree
-from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import as_array, pytree_dataclass
 from jaxpf.contract.types import LikelihoodLike
 from jaxpf.dynamics.gaussian import RandomWalk

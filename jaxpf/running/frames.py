@@ -9,9 +9,9 @@ import jax
 import numpy as np
 
 from jaxpf import contract
+from jaxpf.contract.calls import optional, unwrapped
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import with_nan
-from jaxpf.contract.optional import optional, unwrapped
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.state import Summary
 from jaxpf.contract.types import TrackerLike

@@ -25,8 +25,8 @@ from jax import lax
 
 from jaxpf import contract
 from jaxpf.contract import calls
+from jaxpf.contract.calls import likelihood_of, optional, unwrapped
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.optional import likelihood_of, optional, unwrapped
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass
 from jaxpf.contract.types import TrackerLike
 from jaxpf.contract.wrapped import SUBSTATES

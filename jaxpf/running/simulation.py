@@ -10,10 +10,9 @@ import numpy as np
 from jax import lax
 
 from jaxpf.contract import calls
-from jaxpf.contract.calls import at_frame
+from jaxpf.contract.calls import at_frame, likelihood_of, optional
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_number, check_whole
-from jaxpf.contract.optional import likelihood_of, optional
 from jaxpf.contract.state import ParticleState
 from jaxpf.contract.types import TrackerLike
 from jaxpf.lowering.programs import compiled

@@ -44,8 +44,8 @@ from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract import calls
+from jaxpf.contract.calls import optional
 from jaxpf.contract.logs import finite
-from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import ParticleState, Summary, moments, sanitised
 from jaxpf.contract.types import TrackerLike

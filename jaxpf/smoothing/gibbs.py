@@ -28,10 +28,9 @@ from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract import calls
-from jaxpf.contract.calls import at_frame
+from jaxpf.contract.calls import at_frame, optional
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import check_whole
-from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.refusals import poisoned, refused
 from jaxpf.contract.wrapped import offered

@@ -11,11 +11,11 @@ import numpy as np
 from jaxpf.contract import calls
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.numbers import check_whole
-from jaxpf.contract.pytree import is_concrete, pytree_dataclass
-from jaxpf.contract.refusals import poisoned
+from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.contract.refusals import poisoned, refused
 from jaxpf.contract.state import Summary
 from jaxpf.filters.partitioned.tracker import Partitioned
-from jaxpf.running import missing_frames, runs, streaming
+from jaxpf.running import missing_frames, runs
 from jaxpf.running.frames import frames_of, num_frames
 from jaxpf.smoothing import backward
 from jaxpf.smoothing.checks import check_genealogy, check_smoothing, looks_back
@@ -143,12 +143,11 @@ def smooth(
         refuse = check_genealogy(tracker)
         smoothed = _traced(tracker, key, frames, paths, observed)
     else:
-        refuse = check_smoothing(tracker, whole=True)
-        number, steps = _checked_number(tracker, num_trajectories, paths), 0
+        refuse, steps = check_smoothing(tracker, whole=True), 0
         if method == "metropolis":
             check_whole("num_steps", num_steps)
-            _check_one_ancestor(tracker)
-            steps = num_steps
+            refuse, steps = _check_one_ancestor(tracker, refuse), num_steps
+        number = _checked_number(tracker, num_trajectories, paths)
         smoothed = _drawn(tracker, key, frames, number, paths, steps, observed)
     means, deviations, drawn = smoothed.estimate, smoothed.spread, smoothed.paths
     if tracker.sees_previous:
@@ -215,7 +214,7 @@ def smooth_stream(
         done += lag
         del kept[:lag]
 
-    for tracked in streaming.stream(tracker, key, frames, observed):
+    for tracked in runs.stream(tracker, key, frames, observed):
         # Copied, so that the device need not keep every state.
         frame, summary = record(tracked.state, tracked.summary)
         kept.append((jax.tree.map(np.array, frame._replace(sources=None)), summary))
@@ -256,18 +255,28 @@ def _traced(tracker, key, frames, num_paths, observed) -> Smoothed:
     return Smoothed(estimate, spread, summaries, none, paths, num_ancestors)
 
 
-def _check_one_ancestor(tracker: Partitioned) -> None:
+def _check_one_ancestor(tracker: Partitioned, refuse: jax.Array | None) -> jax.Array | None:
     """Refuse Metropolis steps of parts smoothed together that each have an ancestor of their own.
+
+    Args:
+        tracker: any tracker.
+        refuse: what ``check_smoothing`` returned.
+
+    Returns:
+        The same, with the refusals of this function.
 
     Raises:
         InputError: the ordering exchanges parts of a tree.
     """
-    exchanges = is_concrete(tracker.ordering) and np.asarray(tracker.ordering.exchanged).any()
-    if exchanges and any(parts.shape[1] > 1 for parts, _ in backward.groups_of(tracker)):
-        raise InputError(
-            "method='metropolis' starts from the one ancestor of a particle, and an exchange of "
-            "parts gives each part its own; use method='backward'."
-        )
+    of_trees = any(parts.shape[1] > 1 for parts, _ in backward.groups_of(tracker))
+    exchanging = (
+        "method='metropolis' starts from the one ancestor of a particle, and an exchange of parts "
+        "gives each part its own; use method='backward'.",
+    )
+    return refused(
+        (refuse, ()),
+        (tracker.ordering.exchanges & of_trees, exchanging),
+    )
 
 
 def _checked_number(tracker: Partitioned, num_trajectories: int | None, num_paths: int = 0) -> int:

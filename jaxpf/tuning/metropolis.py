@@ -23,11 +23,10 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from jaxpf.contract import calls
-from jaxpf.contract.calls import at_frame, with_inputs
+from jaxpf.contract.calls import at_frame, optional, with_inputs
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.logs import sum_evenly
 from jaxpf.contract.numbers import check_whole
-from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.refusals import biased_evidence, poisoned
 from jaxpf.contract.state import Summary

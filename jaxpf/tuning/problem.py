@@ -13,9 +13,9 @@ from jax.typing import ArrayLike
 
 from jaxpf import contract
 from jaxpf.contract import calls
+from jaxpf.contract.calls import likelihood_of, optional
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.numbers import with_nan
-from jaxpf.contract.optional import likelihood_of, optional
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.refusals import biased_evidence
 from jaxpf.contract.types import TrackerLike

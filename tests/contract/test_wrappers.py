@@ -11,7 +11,7 @@ import pytest
 import jaxpf
 from jaxpf import contract, ordering, pytree_dataclass
 from jaxpf.contract import calls
-from jaxpf.contract.optional import DEFAULTS, likelihood_of, optional
+from jaxpf.contract.calls import DEFAULTS, likelihood_of, optional
 from jaxpf.detections.population import Detected
 from jaxpf.dynamics import RandomWalk, WithOcclusion
 from jaxpf.filters import SideBySide, WithErrorBars

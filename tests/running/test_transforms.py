@@ -12,7 +12,7 @@ import jaxpf
 from jaxpf import ordering, smoothing, tuning
 from jaxpf.dynamics import RandomWalk
 from jaxpf.filters import SideBySide, WithErrorBars
-from jaxpf.running import streaming
+from jaxpf.running import runs
 
 KEY = jax.random.key(1)
 FRAMES = np.random.default_rng(0).normal(size=(3, 2, 1)).astype(np.float32)
@@ -50,7 +50,7 @@ FUNCTIONS = {
     "forecast": lambda its, key, frames: jaxpf.forecast(
         its, key, jaxpf.run(its, key, frames)[0], 2, final
     )[1],
-    "step": lambda its, key, frames: streaming.step(its, key, 0, its.init(key), frames[0])[1],
+    "step": lambda its, key, frames: runs.step(its, key, 0, its.init(key), frames[0])[1],
     "log_evidence": lambda its, key, frames: tuning.log_evidence(its, key[None], frames),
     "log_mean_evidence": lambda its, key, frames: tuning.log_mean_evidence(
         its, key[None], frames, checkpoint=False

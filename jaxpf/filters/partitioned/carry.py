@@ -7,9 +7,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxpf.contract.calls import first_motion
+from jaxpf.contract.calls import first_motion, optional
 from jaxpf.contract.logs import add_exactly, counted, finite
-from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.state import ParticleState
 from jaxpf.contract.types import DynamicsLike, LikelihoodLike, ProposalLike

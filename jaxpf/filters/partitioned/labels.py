@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import calls
+from jaxpf.contract.calls import optional
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.contract.state import sanitised
 from jaxpf.filters.partitioned.carry import Carry, Settings

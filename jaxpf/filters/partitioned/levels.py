@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxpf.contract.optional import optional
+from jaxpf.contract.calls import optional
 from jaxpf.filters.partitioned import exchange
 from jaxpf.filters.partitioned.carry import Carry
 from jaxpf.lowering.threefry import key_at

@@ -12,8 +12,8 @@ from jax import lax
 
 from jaxpf import contract
 from jaxpf.contract import calls
+from jaxpf.contract.calls import optional
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.optional import optional
 from jaxpf.filters.noiseless import without_noise
 from jaxpf.filters.partitioned.carry import Settings, Shared
 from jaxpf.lowering.branches import computed_once

@@ -9,10 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Tracker, calls
-from jaxpf.contract.calls import coupled_with, look_near, observe_nearby
+from jaxpf.contract.calls import coupled_with, look_near, observe_nearby, optional
 from jaxpf.contract.errors import Argument, InputError, check_separate, choice
 from jaxpf.contract.model import check_tree
-from jaxpf.contract.optional import optional
 from jaxpf.contract.options import check_fields
 from jaxpf.contract.pytree import compiled_alone, is_concrete, pytree_dataclass
 from jaxpf.contract.refusals import Bias, poisoned, refused

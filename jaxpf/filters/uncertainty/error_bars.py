@@ -35,9 +35,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
+from jaxpf.contract.calls import optional
 from jaxpf.contract.errors import InputError, check_separate
 from jaxpf.contract.numbers import check_whole
-from jaxpf.contract.optional import optional
 from jaxpf.contract.pytree import compiled_alone, is_concrete, pytree_dataclass, static_field
 from jaxpf.contract.state import ParticleState, Summary
 from jaxpf.filters.partitioned.tracker import Partitioned

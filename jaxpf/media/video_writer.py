@@ -155,6 +155,8 @@ class VideoWriter:
             raise self._error from error
 
     def _open(self) -> None:
+        self.path.unlink(missing_ok=True)  # whoever reads an earlier video can go on
+        self.path.touch()
         self._container = self._av.open(str(self.path.absolute()), "w", options=_CONTAINER)
         self._stream = self._container.add_stream(_ENCODER, rate=self._rate)
         self._set_up(self._stream.codec_context)

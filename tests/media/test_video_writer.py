@@ -73,9 +73,11 @@ def test_an_earlier_video_is_replaced_by_the_first_frame(tmp_path):
     with VideoWriter(tmp_path / "out.mp4", 64, 48, 25):
         pass
     assert (tmp_path / "out.mp4").read_bytes() == b"earlier"
-    with VideoWriter(tmp_path / "out.mp4", 64, 48, 25) as writer:
-        writer.write(numbered_frame(0))
-        assert os.listdir(tmp_path) == ["out.mp4"]
+    with open(tmp_path / "out.mp4", "rb") as reader:
+        with VideoWriter(tmp_path / "out.mp4", 64, 48, 25) as writer:
+            writer.write(numbered_frame(0))
+            assert os.listdir(tmp_path) == ["out.mp4"]
+        assert reader.read() == b"earlier", "whoever reads it, as to rewrite it, can go on"
     assert len(list(open_frames(tmp_path / "out.mp4"))) == 1
 
 

@@ -1,6 +1,7 @@
 """Writes output folders and files that are either complete or absent."""
 
 import csv
+import glob
 import io
 import os
 import secrets
@@ -166,9 +167,9 @@ def _probe(path: Path) -> None:
     probe.unlink()
 
 
-def remove_leavings(folder: Path) -> None:
-    """Remove the incomplete files of killed processes."""
-    for path in folder.glob(f".*{PARTIAL}*"):
+def remove_leavings(folder: Path, stem: str = "") -> None:
+    """Remove the incomplete files of killed processes, of names that begin with ``stem``."""
+    for path in folder.glob(f".{glob.escape(stem)}*{PARTIAL}*"):
         with suppress(OSError):
             path.unlink()
 

@@ -14,14 +14,14 @@ from jaxpf.cli.marking.starts import (
     Shapes,
     check_start,
     read_start,
+    save_start,
     typed_start,
-    write_start,
 )
 from jaxpf.cli.shared.flags import write_config
 from jaxpf.cli.tracking.request import NOT_WITH_LATER
 from jaxpf.contract.errors import InputError
 from jaxpf.files.store import is_locked
-from jaxpf.files.writing import is_left_over, report_os_errors
+from jaxpf.files.writing import is_left_over, remove_leavings, report_os_errors
 from jaxpf.media.page.runs import Run
 from jaxpf.media.page.server import Conflict
 from jaxpf.media.read import open_frames
@@ -66,6 +66,7 @@ class Marking:
         if not reviewed and is_locked(self.folder):
             self.shown = [Run(self.folder, None if self.configuration.is_file() else {})]
         own, self.given = self.file(self.kind), reviewed.start_file if reviewed else None
+        remove_leavings(own.parent, f"{own.stem}.")
         if self.given and not self.given.is_file() and self.given.name == own.name:
             self.given = own  # the folder was moved
         # Corrections of an earlier run that was tracked into the same folder.
@@ -153,7 +154,10 @@ class Marking:
                 with report_os_errors("remove", path):
                     path.unlink(missing_ok=True)
                 return {"file": "", "command": "", "digest": ""}
-            write_start(path, kind, shapes)
+            try:
+                save_start(path, kind, shapes)
+            except InputError as error:
+                raise Conflict(str(error), 400, digest=_digest(path)) from None
             command = shlex.join(["jaxpf", *self.command(kind, shapes)])
             return {"file": str(path), "command": command, "digest": _digest(path)}
 

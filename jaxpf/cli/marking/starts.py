@@ -7,6 +7,7 @@ w, h``; for points ``x, y``; for parts the ends of a limb ``x1, y1, x2, y2``, it
 
 import itertools
 import re
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -45,7 +46,7 @@ def write_start(path: Path, kind: str, shapes: Shapes) -> None:
             "start again in a later one, use another --output."
         )
     shapes = sorted(shapes, key=lambda shape: shape["frame"])
-    places = [f"'{shape['name']}' in frame {shape['frame']}" for shape in shapes]
+    places = [_place(shape) for shape in shapes]
     with atomic_write(path) as file:
         file.write(_text(kind, shapes))
         file.flush()
@@ -61,6 +62,37 @@ def write_start(path: Path, kind: str, shapes: Shapes) -> None:
                     f"{place} would not be read again; give it a plain name, and a width and "
                     "height above 0"
                 )
+
+
+def save_start(path: Path, kind: str, shapes: Shapes) -> None:
+    """Write the shapes; if some cannot be read again, only the others, and raise.
+
+    Raises:
+        InputError: see ``write_start``.  Nothing that was in the file is lost.
+    """
+    try:
+        write_start(path, kind, shapes)
+    except InputError:
+        sound = [shape for shape in shapes if _is_sound(path, kind, shape)]
+        if 0 < len(sound) < len(shapes):
+            drawn = {_place(shape) for shape in sound}
+            before = read_start(path, kind, sound[0]["frame"]) if path.is_file() else []
+            write_start(path, kind, sound + [one for one in before if _place(one) not in drawn])
+        raise
+
+
+def _is_sound(path: Path, kind: str, shape: dict[str, Any]) -> bool:
+    """Whether a shape can be stored by itself."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            write_start(Path(folder) / path.name, kind, [shape | {"parent": ""}])
+        except InputError:
+            return False
+    return True
+
+
+def _place(shape: dict[str, Any]) -> str:
+    return f"'{shape['name']}' in frame {shape['frame']}"
 
 
 def read_start(path: Path, kind: str, frame: int) -> Shapes:

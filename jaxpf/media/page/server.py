@@ -40,11 +40,17 @@ _POLICY = (
 
 
 class Conflict(Exception):
-    """What an answer raises if the page must choose; ``content`` is what it needs for that."""
+    """What an answer raises if the page must choose; ``content`` is what it needs for that.
 
-    def __init__(self, error: str, **content: Any):
+    Args:
+        error: the sentence that the page shows.
+        status: 400 if the page has nothing to choose, but what it knows has changed.
+        content: what the page needs to go on.
+    """
+
+    def __init__(self, error: str, status: int = 409, **content: Any):
         super().__init__(error)
-        self.content = {"error": error, **content}
+        self.status, self.content = status, {"error": error, **content}
 
 
 class Server(http.server.ThreadingHTTPServer):
@@ -174,7 +180,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         try:
             act()
         except Conflict as conflict:
-            self._send_json(409, conflict.content)
+            self._send_json(conflict.status, conflict.content)
         except InputError as error:
             self._send_json(400, {"error": str(error)})
         except Exception as error:

@@ -197,14 +197,29 @@ WRONG = {
 @pytest.mark.parametrize(
     ("kind", "wrong"), [(kind, wrong) for kind, every in WRONG.items() for wrong in every]
 )
-def test_a_shape_that_could_not_be_read_again_is_refused_and_the_file_stays(clip, kind, wrong):
+def test_a_shape_that_could_not_be_read_again_is_refused_and_others_are_kept(clip, kind, wrong):
     marking = Marking(str(clip), kind, None)
     first = marking.save({"kind": kind, "items": [shape(kind, "1")], "digest": ""})
-    drawn = [shape(kind, "1"), shape(kind, "2") | wrong]
-    with pytest.raises(InputError) as refused:
+    drawn = [shape(kind, "2") | wrong, shape(kind, "3")]
+    with pytest.raises(Conflict) as refused:
         marking.save({"kind": kind, "items": drawn, "digest": first["digest"]})
-    assert f"'{drawn[1]['name']}'" in f"{refused.value}" or kind != "boxes"
-    assert marking.about()["digests"] == {kind: first["digest"]}
+    assert refused.value.status == 400
+    assert f"'{drawn[0]['name']}'" in f"{refused.value}" or kind != "boxes"
+    kept = marking.about()
+    right_alone = kind == "parts" and "width" not in wrong  # and wrong beside the other
+    what_is_right = {"1"} if right_alone else {"1", "3"}
+    assert {one["name"] for one in kept["items"]} == what_is_right
+    assert kept["digests"][kind] == refused.value.content["digest"]
+
+
+def test_incomplete_files_of_killed_saves_are_removed(clip):
+    left, of_others = (
+        clip.parent / f".{name}.1a2b.partial.csv" for name in ("clip-boxes", "other")
+    )
+    for path in (left, of_others):
+        path.touch()
+    Marking(str(clip), "boxes", None)
+    assert [path.exists() for path in (left, of_others)] == [False, True]
 
 
 def test_saves_that_meet_lose_nothing(tmp_path):
@@ -263,5 +278,5 @@ def test_a_folder_that_cannot_be_written_is_told_in_a_sentence(clip, started, mo
     content = {"kind": "boxes", "items": [box("1")]}
     Marking(str(clip), "boxes", None).track(content)
     assert len(started) == 1  # it says itself that it cannot write its results
-    with pytest.raises(InputError, match="cannot write 'starts"):
+    with pytest.raises(Conflict, match="cannot write 'starts"):
         Marking(str(clip), "boxes", Path("starts.csv")).save(content)

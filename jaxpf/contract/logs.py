@@ -16,21 +16,21 @@ from jaxpf.contract.pytree import is_concrete
 
 
 def normalised(
-    log_values: jax.Array, axis: int = -1, largest: jax.Array | None = None
+    log_values: jax.Array, largest: jax.Array | None = None
 ) -> tuple[jax.Array, jax.Array]:
-    """Shift the values so that their exponentials sum to one; also return the log of their sum.
+    """Shift values ``[..., N]`` so that their exponentials sum to one; also return the sum's log.
 
     Values that are all -inf stay so, with a finite derivative.  ``largest`` is the largest value,
     if already known.
     """
     if largest is None:
-        largest = jnp.max(log_values, axis=axis)
-    largest = jnp.expand_dims(lax.stop_gradient(largest), axis)
+        largest = jnp.max(log_values, axis=-1)
+    largest = lax.stop_gradient(largest)[..., None]
     possible = ~jnp.isneginf(largest)
     relative = log_values - finite(largest)
-    total = jnp.log(jnp.sum(jnp.exp(jnp.where(possible, relative, 0.0)), axis, keepdims=True))
+    total = jnp.log(jnp.sum(jnp.exp(jnp.where(possible, relative, 0.0)), -1, keepdims=True))
     shifted = jnp.where(possible, relative - total, log_values)
-    return shifted, jnp.squeeze(jnp.where(possible, largest + total, -jnp.inf), axis)
+    return shifted, jnp.where(possible, largest + total, -jnp.inf)[..., 0]
 
 
 def multiplied(log_weights: jax.Array, log_factor: jax.Array) -> tuple[jax.Array, jax.Array]:

@@ -127,8 +127,9 @@ class Measured(NamedTuple):
     Attributes:
         columns: ``[R, P, K]``, one for each of ``COLUMNS``; NaN where a measure does not exist.
         centre_error: ``[R, T, P]`` in pixels, NaN where there is no truth or no estimate.
-        success: ``[R, P, 21]``, see ``jaxpf.measures.success_curve``.
-        precision: ``[R, P, 51]``, see ``jaxpf.measures.precision_curve``.
+        success: ``[R, P, 21]``, see ``jaxpf.measures.scores.success_curve``.
+        precision: ``[R, P, 51]``, the share of frames whose centre error is at most each of
+            ``CENTRE_THRESHOLDS`` (wu2013).
         pit_values: ``[R, T, P, 2]`` of x and y, see ``jaxpf.measures.pit_values``; NaN where an
             object is not tracked or has no known position.
         confidence: ``[R, 2, 100]``, see ``jaxpf.measures.calibration.confidence_counts``.

@@ -39,10 +39,7 @@ class Pool(NamedTuple):
 
 
 def in_turn(
-    function: Callable[[Any], Any],
-    pieces: Mapping[str, Any],
-    pool: Pool | None = None,
-    retries: int = RETRIES,
+    function: Callable[[Any], Any], pieces: Mapping[str, Any], pool: Pool | None = None
 ) -> Iterator[tuple[str, Any]]:
     """Yield (name, ``function(piece)``) as pieces finish, in any order.
 
@@ -53,10 +50,9 @@ def in_turn(
         function: a module's function, so that it can be pickled; its errors reach the caller.
         pieces: by name, for messages; picklable.
         pool: the workers; by default this process, in order.
-        retries: times that a piece may be repeated because a worker died.
 
     Raises:
-        InputError: a piece exceeded its retries.
+        InputError: a piece was repeated ``RETRIES`` times because a worker died.
     """
     if pool is None:
         for name, piece in pieces.items():
@@ -94,7 +90,7 @@ def in_turn(
                 future.cancel()
             executor.shutdown(wait=False)
         for name, attempt, cause in lost:
-            if attempt >= retries:
+            if attempt >= RETRIES:
                 raise InputError(
                     f"workers died {attempt + 1} times while {name} was in progress "
                     f"({type(cause).__name__}), so it was given up; what is finished is kept.  "

@@ -40,7 +40,6 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.numbers import check_whole
 from jaxpf.contract.pytree import as_array
 from jaxpf.lowering.programs import compiled
 
@@ -48,6 +47,9 @@ FORMS = ("exponential", "density", "ratio")
 
 # Boxes measured at once; values kept individually; groups of the remaining values.
 _AT_ONCE, _ALONE, _GROUPS = 4096, 1024, 512
+# Maximum number of boxes per object and frame: they should lie closer together than the likelihood
+# is wide.
+_MOST_BOXES = 100_000
 
 
 def log_normaliser(sharpness: ArrayLike, bands: int) -> jax.Array:
@@ -89,7 +91,7 @@ def log_density(form, sharpness, bands, background, partition, squared_distance)
     return value - log_tilt(sharpness, jnp.asarray(background, value.dtype))[partition]
 
 
-def learn_background(likelihood: Any, frames: ArrayLike, *, num_boxes: int = 100_000) -> jax.Array:
+def learn_background(likelihood: Any, frames: ArrayLike) -> jax.Array:
     """Each object's distribution of d^2 over whole frames, for ``form="ratio"``.
 
     Boxes have the object's size and lie inside the frame on a grid with a spacing of 1, 2, 3
@@ -100,14 +102,11 @@ def learn_background(likelihood: Any, frames: ArrayLike, *, num_boxes: int = 100
         frames: uint8 RGB [H, W, 3] or [T, H, W, 3].  Use several: an object's smallest d^2
             differs between frames, and if M is learned from a frame in which it is large, any S
             looks too small for the others.
-        num_boxes: maximum per object and frame.  Boxes should lie closer together than the
-            likelihood is wide.
 
     Returns:
         [P, 2, n]: values of d^2 and the logs of their shares.  The smallest values are kept
         individually; the others, which weigh little, as means of groups.
     """
-    check_whole("num_boxes", num_boxes)
     frames = np.asarray(frames)
     frames = frames[None] if frames.ndim == 3 else frames
     observations = [likelihood.observe(jnp.asarray(frame)) for frame in frames]
@@ -120,7 +119,7 @@ def learn_background(likelihood: Any, frames: ArrayLike, *, num_boxes: int = 100
                 f"{extent[0]:g} x {extent[1]:g}: no random box of its size fits."
             )
         room = extent - size
-        stride = max(1.0, np.ceil(np.sqrt(math.prod(room + 1) / num_boxes)))
+        stride = max(1.0, np.ceil(np.sqrt(math.prod(room + 1) / _MOST_BOXES)))
         places = [np.arange(0, length + 1e-6, stride) for length in room]
         centres = np.stack(np.meshgrid(*places), axis=-1).reshape(-1, 2) + size / 2
         substates = np.concatenate([centres, np.ones((len(centres), 1))], axis=1).T

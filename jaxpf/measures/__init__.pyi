@@ -8,8 +8,4 @@ from .intervals import (
 from .metrics import iou as iou, success as success, summarise as summarise
 from .particle_sets import effective_sample_size as effective_sample_size
 from .points import point_distances as point_distances
-from .scores import (
-    precision_curve as precision_curve,
-    success_curve as success_curve,
-    tracking_scores as tracking_scores,
-)
+from .scores import tracking_scores as tracking_scores

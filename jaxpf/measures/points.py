@@ -52,18 +52,17 @@ def recoveries(visible: ArrayLike) -> list[tuple[int, int, int]]:
     return occlusions
 
 
-def points_kept(distance: ArrayLike, threshold: float, last: int = 10) -> np.ndarray:
+def points_kept(distance: ArrayLike, threshold: float) -> np.ndarray:
     """Number of points near their true position at the end of each run: ``[...]``.
 
-    A point counts if its median distance over the last frames is at most ``threshold`` (eskil2014
-    counts points "near their true coordinates at the end").
+    A point counts if its median distance over the last ten frames is at most ``threshold``
+    (eskil2014 counts points "near their true coordinates at the end").
 
     Args:
         distance: ``[..., T, P]``; frames with unknown truth are left out.
         threshold: in the units of ``distance``.
-        last: number of frames.
     """
-    distance = np.asarray(distance, float)[..., -last:, :]
+    distance = np.asarray(distance, float)[..., -10:, :]
     has_distance = ~np.isnan(distance)
     median = np.nanmedian(
         np.where(has_distance.any(axis=-2, keepdims=True), distance, np.inf), axis=-2

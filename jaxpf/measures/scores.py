@@ -18,7 +18,7 @@ from jax.typing import ArrayLike
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.numbers import with_nan
 from jaxpf.measures.association import pairwise_iou
-from jaxpf.measures.metrics import iou, masked_mean, measure_boxes
+from jaxpf.measures.metrics import iou, masked_mean
 from jaxpf.shapes.rectangles import is_proper
 
 #: IoU thresholds of the success curve (wu2013): 0, .05, ..., 1.
@@ -90,7 +90,8 @@ def success_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """
     ious = iou(estimate, truth)
     exceeds = ious[..., None] > jnp.asarray(IOU_THRESHOLDS, ious.dtype)
-    return _share_of_frames(exceeds.astype(ious.dtype), truth)
+    counts = jnp.broadcast_to(is_proper(truth)[..., None], exceeds.shape)
+    return masked_mean(exceeds.astype(ious.dtype), counts, -3)
 
 
 def success_auc(estimate: ArrayLike, truth: ArrayLike) -> Array:
@@ -101,19 +102,6 @@ def success_auc(estimate: ArrayLike, truth: ArrayLike) -> Array:
 def success_rate_50(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """``[..., P]``: success rate at IoU 0.5, the share of frames whose IoU exceeds 0.5."""
     return success_curve(estimate, truth)[..., len(IOU_THRESHOLDS) // 2]
-
-
-def precision_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """Share of frames whose centre error is at most each of ``CENTRE_THRESHOLDS`` (wu2013).
-
-    Arguments and frames that count as for ``success_curve``.
-
-    Returns:
-        ``[..., P, 51]``.
-    """
-    errors = measure_boxes(estimate, truth)["centre_error"]
-    within = errors[..., None] <= jnp.asarray(CENTRE_THRESHOLDS, errors.dtype)
-    return _share_of_frames(within.astype(errors.dtype), truth)
 
 
 def import_trackeval() -> ModuleType:
@@ -134,12 +122,6 @@ def import_trackeval() -> ModuleType:
 
 
 # Helpers
-
-
-def _share_of_frames(hits: Array, truth: ArrayLike) -> Array:
-    """Mean of ``hits [..., T, P, K]`` over frames with truth: ``[..., P, K]``."""
-    counts = jnp.broadcast_to(is_proper(truth)[..., None], hits.shape)
-    return masked_mean(hits, counts, -3)
 
 
 def _trackeval_data(estimate: np.ndarray, truth: np.ndarray) -> dict:

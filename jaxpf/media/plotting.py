@@ -33,10 +33,10 @@ def new_figure(
     return figure, figure.subplots(rows, columns, squeeze=False, sharex=share_x)
 
 
-def save_figure(figure: "Figure", path: str | os.PathLike[str], dpi: int = 120) -> None:
+def save_figure(figure: "Figure", path: str | os.PathLike[str]) -> None:
     """Write a figure as a PNG file, completely or not at all."""
     with atomic_write(path, "wb") as file, _names_as_they_are(figure):
-        figure.savefig(file, dpi=dpi, format="png")
+        figure.savefig(file, dpi=120, format="png")
 
 
 @contextlib.contextmanager

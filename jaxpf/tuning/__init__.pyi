@@ -2,7 +2,6 @@ from .objectives import (
     crps_loss as crps_loss,
     iou_loss as iou_loss,
     log_evidence as log_evidence,
-    log_mean_evidence as log_mean_evidence,
     outline_loss as outline_loss,
     position_error as position_error,
 )

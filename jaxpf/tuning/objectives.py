@@ -70,21 +70,6 @@ def log_evidence(
     return logs.sum_evenly(increments, axis=0)
 
 
-def log_mean_evidence(
-    tracker: TrackerLike, keys: jax.Array, frames: Any, **options: Unpack[Options]
-) -> jax.Array:
-    """Log of the mean over runs of the estimates of ``p(y_1:T)``, ``[]``.
-
-    Unlike the mean of the logs it approaches the log evidence as R grows, even with few particles.
-    So does its gradient with ``jaxpf.gradients.StopGradient``.
-    """
-    increments = _record(keep_log_evidence, tracker, keys, frames, **options)
-    # Runs are compared by their differences: sums of large numbers would be rounded.
-    common = logs.finite(lax.stop_gradient(jnp.max(increments, axis=1)))
-    every = logs.sum_evenly(increments - common[:, None], axis=0)
-    return logs.normalised(every)[1] + logs.sum_evenly(common) - math.log(every.shape[0])
-
-
 def position_error(
     tracker: TrackerLike, keys: jax.Array, frames: Any, truth: ArrayLike, **options: Unpack[Options]
 ) -> jax.Array:

@@ -2,14 +2,12 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from jax.typing import ArrayLike
 from scipy.special import stdtrit
 
-from jaxpf.contract.types import TrackerLike
-from jaxpf.tuning.parameters import Parameter, replace
+from jaxpf.tuning.parameters import Parameter
 from jaxpf.tuning.settings import Settings
 
 #: Maximum number of array entries that are printed.
@@ -151,10 +149,6 @@ class Result:
                 end[name] = self.free[name] + side * reach
         low, high = map(self._values, ends)
         return {name: (low[name], high[name]) for name in self.free}
-
-    def apply(self, tracker: TrackerLike) -> Any:
-        """The tracker with the tuned values."""
-        return replace(tracker, self.values)
 
 
 def summarise(

@@ -39,7 +39,7 @@ def test_recoveries_are_listed():
 
 def test_points_are_kept_if_they_end_where_they_should():
     distance = points.point_distances(FOUND, TRUTH)
-    np.testing.assert_array_equal(points.points_kept(distance, 4, last=3), [1, 2])
+    np.testing.assert_array_equal(points.points_kept(distance, 2), [1, 2])
     nowhere = np.full((6, 2, 2), np.nan)
     np.testing.assert_array_equal(
         points.points_kept(points.point_distances(FOUND, nowhere), 9), [0, 0]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from jaxpf import InputError
-from jaxpf.measures import precision_curve, success_curve, tracking_scores
-from jaxpf.measures.scores import CENTRE_THRESHOLDS, IOU_THRESHOLDS, success_auc
+from jaxpf.measures import tracking_scores
+from jaxpf.measures.scores import CENTRE_THRESHOLDS, IOU_THRESHOLDS, success_auc, success_curve
 
 SHARES = ("HOTA", "DetA", "AssA", "LocA", "MOTA", "MOTP", "IDF1", "IDR", "IDP")
 
@@ -159,7 +159,6 @@ def test_a_perfect_tracker_exceeds_all_overlaps_but_1(truth):
     assert curve.shape == (2, 21)
     np.testing.assert_array_equal(curve, [[1] * 20 + [0]] * 2)
     np.testing.assert_allclose(success_auc(truth, truth), 20 / 21, rtol=1e-6)
-    np.testing.assert_array_equal(precision_curve(truth, truth), np.ones((2, 51)))
 
 
 def test_curves_are_worked_out_by_hand():
@@ -173,14 +172,11 @@ def test_curves_are_worked_out_by_hand():
     # Overlaps 1, .5, 0 and a miss.  .5 does not exceed .5, and 0 does not exceed 0.
     np.testing.assert_array_equal(curve, [0.5] * 10 + [0.25] * 10 + [0])
     np.testing.assert_allclose(success_auc(estimate, truth), [(5 + 2.5) / 21], rtol=1e-6)
-    errors = np.asarray(precision_curve(estimate, truth))[0]
-    np.testing.assert_array_equal(errors, [0.25] * 3 + [0.5] * 17 + [0.75] * 31)
 
 
 def test_an_object_without_truth_has_no_curve(truth):
     truth[:, 1] = np.nan
     assert np.isnan(success_curve(truth, truth)[1]).all()
-    assert np.isnan(precision_curve(truth, truth)[1]).all()
     assert np.isfinite(success_curve(truth, truth)[0]).all()
 
 
@@ -194,14 +190,14 @@ def test_curves_agree_with_counting_frame_by_frame(use_x64):
         estimate[random.uniform(size=(4, 30, 3)) < 0.1] = np.nan
         # Whole pixels: overlaps that equal a threshold occur.
         truth, estimate = np.round(truth), np.round(estimate)
-        measures = (success_curve, success_auc, precision_curve)
+        measures = (success_curve, success_auc)
         together = jax.jit(lambda *boxes: [measure(*boxes) for measure in measures])
-        found, area, errors = map(np.asarray, together(estimate, truth))
+        found, area = map(np.asarray, together(estimate, truth))
     assert found.shape == (4, 3, 21)
     assert found.dtype == (np.float64 if use_x64 else np.float32)
     for run in range(4):
         for column in range(3):
-            overlaps, distances = [], []
+            overlaps = []
             for t in range(30):
                 gx, gy, gw, gh = truth[t, column]
                 ex, ey, ew, eh = estimate[run, t, column]
@@ -212,11 +208,7 @@ def test_curves_agree_with_counting_frame_by_frame(use_x64):
                 )
                 is_box = np.isfinite(ex) and ew > 0 and eh > 0
                 overlaps.append(common / (gw * gh + ew * eh - common) if is_box else 0)
-                offset = np.hypot(gx + gw / 2 - ex - ew / 2, gy + gh / 2 - ey - eh / 2)
-                distances.append(offset)
             if jax.default_backend() == "cpu":  # a GPU's quotient may round across a threshold
                 expected = [np.mean([o > k / 20 for o in overlaps]) for k in range(21)]
                 np.testing.assert_allclose(found[run, column], expected, atol=1e-6)
                 np.testing.assert_allclose(area[run, column], np.mean(expected), atol=1e-6)
-            expected = [np.mean([d <= k for d in distances]) for k in range(51)]
-            np.testing.assert_allclose(errors[run, column], expected, atol=1e-6)

@@ -176,7 +176,6 @@ DOORS = {
     "tune by an objective of one's own": (tuned(own_objective, 1.0), total),
     "tune by positions": (tuned("position", 1.0), lambda seen: 5.0),
     "log_evidence": (objective(tuning.log_evidence), total),
-    "log_mean_evidence": (objective(tuning.log_mean_evidence), total),
     "position_error": (
         objective(tuning.position_error, STATES[:, None] + np.float32([3, 4])), lambda seen: 5.0,
     ),

@@ -52,9 +52,6 @@ FUNCTIONS = {
     )[1],
     "step": lambda its, key, frames: runs.step(its, key, 0, its.init(key), frames[0])[1],
     "log_evidence": lambda its, key, frames: tuning.log_evidence(its, key[None], frames),
-    "log_mean_evidence": lambda its, key, frames: tuning.log_mean_evidence(
-        its, key[None], frames, checkpoint=False
-    ),
     "smooth": lambda its, key, frames: jaxpf.smooth(its, key, frames).estimate,
     "particle_gibbs": lambda its, key, frames: smoothing.particle_gibbs(its, key, frames, 2),
 }

@@ -96,7 +96,6 @@ def test_the_evidence_is_raised_and_traced():
     assert np.isfinite(wrong.spread_errors["dynamics.scale"]).all()
     low, high = result.intervals()["dynamics.scale"]
     assert low < result.values["dynamics.scale"] < high
-    assert result.apply(tracker()).dynamics.scale == result.values["dynamics.scale"]
 
 
 def test_supervised_and_own_objectives_are_lowered():

@@ -178,9 +178,9 @@ def sentences(
     return lines
 
 
-def _frames(stretches: list[list[int]], most: int = 4) -> str:
+def _frames(stretches: list[list[int]]) -> str:
     texts = [f"{first} to {last}" if last > first else f"{first}" for first, last in stretches]
-    shown = texts[:most] + ([f"{len(texts) - most} more stretches"] if len(texts) > most else [])
+    shown = texts[:4] + ([f"{len(texts) - 4} more stretches"] if len(texts) > 4 else [])
     return " and ".join([", ".join(shown[:-1]), shown[-1]]) if len(shown) > 1 else shown[0]
 
 

@@ -8,8 +8,6 @@ ones.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.errors import Argument, InputError
-
 
 def simulated_detections(
     truth: ArrayLike,
@@ -34,18 +32,9 @@ def simulated_detections(
 
     Returns:
         T arrays ``[M, 4]`` in random order; M varies.  Boxes outside the frame are dropped.
-
-    Raises:
-        InputError: a number is out of range, or the truth holds no box.
     """
     truth = np.asarray(truth, float)
-    given = {"misses": (misses, 1), "false_alarms": (false_alarms, 1000), "jitter": (jitter, 1)}
-    for name, (value, most) in given.items():
-        if not 0 <= value <= most:
-            raise InputError(Argument(name, value), f" must be from 0 to {most}.")
     there = np.isfinite(truth).all(axis=-1)
-    if not there.any():
-        raise InputError("the truth holds no box; detections are simulated from it.")
     rng = np.random.default_rng(seed)
     sizes = truth[there][:, 2:]
     detections = []

@@ -38,6 +38,8 @@ _KINDS: dict[str, type[IndependentContours]] = {
 _MOST_CROSSINGS = 8
 #: Weight of the geometric distribution, in lines, added to the counts of clutter.
 _SMOOTHING = 5.0
+#: Lines, divided among the frames, from which clutter is learned.
+_LINES = 4000
 
 
 def contours(
@@ -160,13 +162,12 @@ def poisson_clutter(mean: float, max_features: int) -> jax.Array:
     return as_array(law, float)
 
 
-def learn_clutter(frames: ArrayLike, detector: EdgeDetector, *, num_lines: int = 4000) -> jax.Array:
+def learn_clutter(frames: ArrayLike, detector: EdgeDetector) -> jax.Array:
     """b(n) for n = 0 .. max_features from random lines of frames, ``[max_features + 1]``.
 
     Args:
         frames: uint8 RGB ``[T, H, W, 3]``.
         detector: the likelihood's detector.
-        num_lines: total number of lines, divided among the frames.
     """
     frames = np.asarray(frames)
     height, width = frames.shape[1:3]
@@ -178,7 +179,7 @@ def learn_clutter(frames: ArrayLike, detector: EdgeDetector, *, num_lines: int =
     rng = np.random.default_rng(0)
     counts = np.zeros(detector.max_features + 1)
     find = compiled(lambda frame, lines: detector.find(detector.observe(frame), lines).present)
-    each = -(-num_lines // len(frames))
+    each = -(-_LINES // len(frames))
     for frame in frames:
         angle = rng.uniform(0, np.pi, each)
         reach = detector.reach * np.abs([np.cos(angle), np.sin(angle)])

@@ -156,7 +156,7 @@ def _built(tracker: Partitioned, ordering: Ordering, dynamics: DynamicsLike) -> 
     return dataclasses.replace(tracker, ordering=ordering, dynamics=dynamics, initial=initial)
 
 
-def learn(scene: Scene, samples: int = SAMPLES) -> HistogramLikelihood:
+def learn(scene: Scene) -> HistogramLikelihood:
     """Learn the likelihood of the scene's parts: one histogram per part, as in the paper."""
     likelihood = histogram_from_patches(
         scene.patches,
@@ -164,7 +164,7 @@ def learn(scene: Scene, samples: int = SAMPLES) -> HistogramLikelihood:
         sharpness=GONZALES2011_SHARPNESS,
         bands=1,
         method="sampled",
-        samples=samples,
+        samples=SAMPLES,
     )
     # Scenes have different textures, and so different numbers of occupied bins.
     return _padded(likelihood, num_bins=112, num_levels=16)

@@ -152,24 +152,19 @@ def _extremes(outcome: Outcome) -> str:
     return ", ".join(pieces)
 
 
-_CHUNK = 100  # permutations at a time, to limit memory
-
-
-def shuffled_orders(recovered: np.ndarray, count: int = 2000, seed: int = 0) -> np.ndarray:
-    """Rates per order if orders did not matter, ``[count, K]``, by permutation.
+def shuffled_orders(recovered: np.ndarray) -> np.ndarray:
+    """Rates per order if orders did not matter, ``[2000, K]``, by permutation.
 
     Args:
         recovered: ``[S, K]``, by scene and order.  On a scene the orders' outcomes are
             exchangeable if the order does not matter.
-        count: number of permutations.
-        seed: seed of the permutations.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     rates = []
-    for _ in range(0, count, _CHUNK):
-        shuffle = rng.random((_CHUNK, *recovered.shape)).argsort(axis=-1)
+    for _ in range(20):  # a hundred at a time, to limit memory
+        shuffle = rng.random((100, *recovered.shape)).argsort(axis=-1)
         rates.append(np.take_along_axis(recovered[None], shuffle, axis=-1).mean(axis=1))
-    return np.concatenate(rates)[:count]
+    return np.concatenate(rates)
 
 
 def best_and_worst(rates: np.ndarray) -> list[np.ndarray]:

@@ -346,9 +346,9 @@ def test_inside_is_told_from_outside_of_a_concave_outline():
 def test_clutter_is_learned_and_what_was_not_seen_is_smoothed():
     rng = np.random.default_rng(0)
     noise = np.repeat(rng.integers(0, 255, (2, HEIGHT, WIDTH, 1), dtype=np.uint8), 3, axis=-1)
-    busy = np.asarray(learn_clutter(noise, DETECTOR, num_lines=400))
+    busy = np.asarray(learn_clutter(noise, DETECTOR))
     assert busy.sum() == pytest.approx(1, abs=1e-5)
-    calm = np.asarray(learn_clutter(BOTH[None], DETECTOR, num_lines=400))
+    calm = np.asarray(learn_clutter(BOTH[None], DETECTOR))
     assert (calm > 0).all()
     assert calm @ np.arange(7) < busy @ np.arange(7)
     assert poisson_clutter(0.5, 3).shape == (4,)

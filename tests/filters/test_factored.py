@@ -30,16 +30,16 @@ class Seen:
         return jnp.where(hidden, self.when_hidden, -0.5 * apart @ apart)
 
 
-def trackers(likelihood=None, initial=START, scale=2.0, **settings):
+def trackers(likelihood=None, scale=2.0, **settings):
     """One of each; used with 12 frames of three points, so that tests share compiled kernels."""
     likelihood = Seen() if likelihood is None else likelihood
     walk = RandomWalk(scale)
     return {
-        "auxiliary": jaxpf.PFFL(walk, likelihood, initial, **settings),
-        "literal": jaxpf.PFFL(walk, likelihood, initial, form="literal", **settings),
-        "eskil": jaxpf.Eskil(walk, likelihood, initial, **settings),
+        "auxiliary": jaxpf.PFFL(walk, likelihood, START, **settings),
+        "literal": jaxpf.PFFL(walk, likelihood, START, form="literal", **settings),
+        "eskil": jaxpf.Eskil(walk, likelihood, START, **settings),
         "proper": jaxpf.Eskil(
-            walk, likelihood, initial, drift="ridge", proper=True, shape="none", **settings
+            walk, likelihood, START, drift="ridge", proper=True, shape="none", **settings
         ),
     }
 

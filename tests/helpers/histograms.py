@@ -90,9 +90,9 @@ def full_references(likelihood):
     return padded[..., np.asarray(likelihood.bin_lookup)] ** 2
 
 
-def dyadic(values, step=1 / 8):
-    """Multiples of a power of two: box edges are then exact in float32 and never disagree."""
-    return np.round(np.asarray(values) / step) * step
+def dyadic(values):
+    """Multiples of an eighth: box edges are then exact in float32 and never disagree."""
+    return np.round(np.asarray(values) * 8) / 8
 
 
 def smooth_frame():

@@ -94,12 +94,12 @@ def value(overview, configuration, measure, of="all"):
     return intervals(overview.estimates, measure, str(of), [configuration])[0, 0]
 
 
-def walks(seed, runs, frames, objects, noise=6.0):
+def walks(seed, runs, frames, objects):
     """Truth ``[T, P, 4]`` of boxes 20 x 30 that walk, and noisy estimates ``[R, T, P, 4]``."""
     random = np.random.default_rng(seed)
     path = np.cumsum(random.normal(0, 2, (frames, objects, 2)), axis=0) + 40
     truth = np.concatenate([path, np.broadcast_to([20.0, 30.0], path.shape)], axis=-1)
-    error = np.cumsum(random.normal(0, noise, (runs, frames, objects, 2)), axis=1)
+    error = np.cumsum(random.normal(0, 6, (runs, frames, objects, 2)), axis=1)
     boxes = np.broadcast_to(truth, (runs, *truth.shape)).copy()
     boxes[..., :2] += error
     return truth, boxes

@@ -1,5 +1,6 @@
 """What runs record, and how far answers lie from the truth."""
 
+import jax
 import numpy as np
 
 
@@ -11,3 +12,9 @@ def everything(state, summary):
 def z_score(values, truth):
     """Distance of the mean of values ``[R, ...]`` from the truth, in standard errors."""
     return np.abs(values.mean(axis=0) - truth) / (values.std(axis=0) / len(values) ** 0.5)
+
+
+def assert_equal(one, other):
+    """The same trees, to the bit."""
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        np.testing.assert_array_equal(a, b)

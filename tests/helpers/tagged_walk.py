@@ -88,11 +88,6 @@ def track(order, observed=None, seed=0, **settings):
     return jax.device_get(_run(made, jax.random.key(seed), observed))
 
 
-def assert_equal(one, other):
-    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
-        np.testing.assert_array_equal(a, b)
-
-
 METHODS = {
     "sir": lambda: ordering.sir(P),
     "ps": lambda: ordering.ps([2, 0, 1]),

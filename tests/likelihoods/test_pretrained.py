@@ -36,12 +36,12 @@ def edges(window):
     return jnp.stack([red.mean((1, 3)), halves], axis=-1)
 
 
-def film(count=12, step=3):
+def film():
     """An object that moves to the right over a textured background."""
     background, object_ = texture(0, HEIGHT, WIDTH), texture(1, 24, 24)
-    frames = np.repeat(background[None], count, axis=0)
+    frames = np.repeat(background[None], 12, axis=0)
     for time, frame in enumerate(frames):
-        left = 50 + step * time
+        left = 50 + 3 * time
         frame[30:54, left : left + 24] = object_
     return frames
 

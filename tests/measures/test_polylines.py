@@ -14,8 +14,8 @@ def circle(x, y, radius=40.0, count=64):
     return line
 
 
-def upright(x, first=0.0, last=100.0, count=65):
-    return np.stack([np.full(count, float(x)), np.linspace(first, last, count)], axis=1)
+def upright(x, first=0.0, last=100.0):
+    return np.stack([np.full(65, float(x)), np.linspace(first, last, 65)], axis=1)
 
 
 @pytest.fixture(scope="module")

@@ -63,13 +63,13 @@ def test_absolute_parts_walk_alone_and_relative_ones_follow_their_parents():
     np.testing.assert_array_equal(grid.columns.walks_alone, alone)
 
 
-def made(gains, variance_gains=None, num_scenes=25):
+def made(gains, variance_gains=None):
     """Curves in which a method has so many per cent less error than PS, give or take."""
     rng = np.random.default_rng(0)
     gains = {"error": gains, "variance": variance_gains or gains}
     return {
         (field, variant): (
-            100 - of.get(variant.split(",")[0], 0.0) + 0.5 * rng.normal(size=(num_scenes, 1))
+            100 - of.get(variant.split(",")[0], 0.0) + 0.5 * rng.normal(size=(25, 1))
         )
         * np.ones(9)
         for field, of in gains.items()

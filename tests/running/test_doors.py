@@ -119,8 +119,8 @@ def own_objective(tracker, keys, frames):
     return jaxpf.monte_carlo(tracker, keys, frames).log_evidence.sum(axis=1)
 
 
-def objective(function, *labels, factor=1.0):
-    return lambda y, **options: factor * function(MODEL, KEYS, y, *labels, **options)
+def objective(function, *labels):
+    return lambda y, **options: function(MODEL, KEYS, y, *labels, **options)
 
 
 def one_by_one(y, observed=None, **options):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from exact import LIMIT
 from models import walks
-from records import everything
+from records import assert_equal, everything
 
 import jaxpf
 from jaxpf import InputError
@@ -53,11 +53,6 @@ def at(time, tree):
     return jax.tree.map(lambda x: x[time], tree)
 
 
-def same(one, other):
-    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
-        np.testing.assert_array_equal(a, b)
-
-
 @pytest.mark.parametrize(
     "kind",
     [pytest.param(x, marks=[pytest.mark.slow] * (x != "partitioned")) for x in TRACKERS],
@@ -70,8 +65,8 @@ def test_a_resumed_run_is_the_uninterrupted_one_bit_for_bit(kind, tmp_path):
     jaxpf.save(tmp_path / "half.npz", at(1, states))
     loaded = jaxpf.load(tmp_path / "half.npz", its)
     end, rest = jaxpf.run(its, KEY, FRAMES[2:], state=loaded)
-    same(end, at(-1, states))
-    same(rest, at(slice(2, None), summaries))
+    assert_equal(end, at(-1, states))
+    assert_equal(rest, at(slice(2, None), summaries))
 
 
 @pytest.mark.slow
@@ -148,9 +143,9 @@ def test_a_users_state_resumes_if_it_says_its_time_and_is_refused_otherwise():
     its = Own(says_time=True)
     _, whole = jaxpf.run(its, KEY, FRAMES)
     half, first = jaxpf.run(its, KEY, FRAMES[:2])
-    same(jnp.append(first, jaxpf.run(its, KEY, FRAMES[2:], state=half)[1]), whole)
+    assert_equal(jnp.append(first, jaxpf.run(its, KEY, FRAMES[2:], state=half)[1]), whole)
     state, untimed = jaxpf.run(Own(), KEY, FRAMES)
-    same(untimed, whole)
+    assert_equal(untimed, whole)
     for go_on in (
         lambda: jaxpf.run(Own(), KEY, FRAMES, state=state),
         lambda: next(jaxpf.stream(Own(), KEY, FRAMES, state=state)),

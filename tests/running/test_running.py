@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from records import assert_equal
 
 import jaxpf
 from jaxpf import ordering, pytree_dataclass
@@ -48,17 +49,12 @@ def twice_the_state(state, summary):
     return {"state": 2 * state}
 
 
-def trees_equal(one, other):
-    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
-        np.testing.assert_array_equal(a, b)
-
-
 def test_same_key_gives_the_same_bits_and_another_key_does_not():
     """A key of the old kind is the same key."""
     made = tracker()
     one = jaxpf.run(made, KEY, FRAMES)
-    trees_equal(one, jaxpf.run(made, KEY, FRAMES))
-    trees_equal(one, jaxpf.run(made, jax.random.PRNGKey(3), FRAMES))
+    assert_equal(one, jaxpf.run(made, KEY, FRAMES))
+    assert_equal(one, jaxpf.run(made, jax.random.PRNGKey(3), FRAMES))
     other = jaxpf.run(made, jax.random.key(1), FRAMES)
     assert not np.array_equal(one[0].substates, other[0].substates)
 
@@ -74,15 +70,15 @@ def test_a_run_does_not_depend_on_how_many_runs_share_its_batch(float64):
         assert all_runs.estimate.dtype == (np.float64 if float64 else np.float32)
         for count in (1, 7):
             fewer = jaxpf.monte_carlo(made, keys[:count], FRAMES)
-            trees_equal(fewer, jax.tree.map(lambda x, n=count: x[:n], all_runs))
+            assert_equal(fewer, jax.tree.map(lambda x, n=count: x[:n], all_runs))
         shuffled = jaxpf.monte_carlo(made, keys[::-1], FRAMES)
-        trees_equal(shuffled, jax.tree.map(lambda x: x[::-1], all_runs))
+        assert_equal(shuffled, jax.tree.map(lambda x: x[::-1], all_runs))
 
 
 def test_monte_carlo_agrees_with_single_runs_and_puts_runs_before_frames():
     made = tracker()
     together = jax.device_get(jaxpf.monte_carlo(made, KEYS, FRAMES))
-    trees_equal(together, jaxpf.monte_carlo(made, jax.random.key_data(KEYS), FRAMES))
+    assert_equal(together, jaxpf.monte_carlo(made, jax.random.key_data(KEYS), FRAMES))
     for number, key in enumerate(KEYS):
         alone = jaxpf.run(made, key, FRAMES)[1]
         np.testing.assert_allclose(together.estimate[number], alone.estimate, atol=1e-4)
@@ -116,14 +112,14 @@ def test_a_run_is_a_fold_of_steps_with_the_documented_keys_which_compile_once():
         counts.append(len(traced))
     assert counts[0] == counts[-1]
     for one, other in zip(summaries, jaxpf.stream(made, KEY, FRAMES), strict=True):
-        trees_equal(one, other.summary)
+        assert_equal(one, other.summary)
     last, whole = jaxpf.run(made, KEY, FRAMES)
     np.testing.assert_allclose(last.substates, state.substates, rtol=1e-5, atol=1e-6)
     evidence = [summary.log_evidence for summary in summaries]
     np.testing.assert_allclose(whole.log_evidence, evidence, rtol=1e-5)
     before = len(traced)
     other = tracker(dynamics=TracedWalk(np.float64(2.0)))
-    trees_equal(other.init(KEY), made.init(KEY))
+    assert_equal(other.init(KEY), made.init(KEY))
     moved = other.step(KEY, state, FRAMES[0])[0]
     assert len(traced) == before
     assert not np.array_equal(moved.substates, made.step(KEY, state, FRAMES[0])[0].substates)

@@ -33,9 +33,9 @@ class Chain(contract.CoupledDynamics):
         return mean + jax.random.normal(key, mean.shape, mean.dtype)
 
 
-def chain_of(size, coupling=0.25):
+def chain_of(size):
     """Matrix ``[S, S]``: a coordinate keeps half, and takes a quarter of each neighbour."""
-    return 0.5 * np.eye(size) + coupling * (np.eye(size, k=1) + np.eye(size, k=-1))
+    return 0.5 * np.eye(size) + 0.25 * (np.eye(size, k=1) + np.eye(size, k=-1))
 
 
 def frames_of(size):
@@ -71,15 +71,15 @@ def tracker(size, width, ordering=jaxpf.ordering.blocks, **settings):
     )
 
 
-def last_means(size, width, num_particles=1000, num_runs=50):
+def last_means(size, width):
     """Estimates of the last frame, ``[R, S]``."""
-    its = tracker(size, width, num_particles=num_particles)
+    its = tracker(size, width, num_particles=1000)
     frames = frames_of(size).reshape(NUM_FRAMES, -1, width)
 
     def last(key):
         return jaxpf.run(its, key, frames)[1].estimate[-1].reshape(size)
 
-    keys = jax.random.split(KEY, num_runs)
+    keys = jax.random.split(KEY, 50)
     return np.asarray(jax.jit(lambda keys: jax.lax.map(last, keys))(keys), float)
 
 

@@ -4,6 +4,7 @@ import jax
 import numpy as np
 import pytest
 from models import partitioned
+from records import assert_equal
 from tagged_walk import (
     CHAIN,
     METHODS,
@@ -12,7 +13,6 @@ from tagged_walk import (
     N,
     P,
     T,
-    assert_equal,
     every_method,
     frames,
     start,

@@ -56,7 +56,7 @@ def normal_law(z, nu):
     return density / (below(REACH) - below(-REACH))
 
 
-def brute_force(places, boundaries, clutter=LEARNED):
+def brute_force(places, boundaries):
     """The same from the definitions of maccormick1999, section 2, term by term."""
     n, c = len(places), len(boundaries)
     law = np.array([[normal_law(z, nu) for z in places] for nu in boundaries]).reshape(c, n)
@@ -68,9 +68,9 @@ def brute_force(places, boundaries, clutter=LEARNED):
                 np.prod([law[j, i] for j, i in zip(seen, features, strict=True)])
                 for features in permutations(range(n), k)
             )
-            p_k = shown(clutter, n, k) * matched * factorial(n - k) / factorial(n)
+            p_k = shown(LEARNED, n, k) * matched * factorial(n - k) / factorial(n)
             density += q[k] / comb(c, k) * p_k / LENGTH ** (n - k)
-    return density / (shown(clutter, n, 0) / LENGTH**n)
+    return density / (shown(LEARNED, n, 0) / LENGTH**n)
 
 
 def shown(clutter, n, k):

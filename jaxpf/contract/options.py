@@ -204,7 +204,8 @@ def check_fields(owner: Any) -> None:
         if about.choices:
             check_known(f"{name}=", value, about.choices)
         elif about.kind is int:
-            check_whole(name, value, int(about.least), int(min(about.most, MOST)))
+            most = MOST if math.isinf(about.most) else int(about.most)
+            check_whole(name, value, int(about.least), most)
         else:
             check_number(name, value, above=about.above, least=about.least, most=about.most)
 

@@ -63,8 +63,8 @@ def in_chunks(frames: Frames, length: int | None, multiple: int) -> Iterator[tup
 
 def _gathered(frames: Iterable[Any], length: int | None, multiple: int) -> Iterator[Any]:
     """``in_chunks`` for single frames."""
-    source = iter(frames)
-    rows = [_copied(frame) for frame in itertools.islice(source, 1)]
+    source = _copied(frames)
+    rows = list(itertools.islice(source, 1))
     if not rows:
         raise InputError("frames has no frame; give at least one.")
     if length is None:
@@ -72,16 +72,30 @@ def _gathered(frames: Iterable[Any], length: int | None, multiple: int) -> Itera
         length = chunk_length(total, sum(leaf.nbytes for leaf in jax.tree.leaves(rows)))
     length, first = _rounded(length, multiple), 0
     while rows:
-        rows += map(_copied, itertools.islice(source, length - len(rows)))
+        rows += itertools.islice(source, length - len(rows))
         count = len(rows)
         rows += rows[-1:] * (_filled_length(first, count, length, multiple) - count)
         yield first, count, jax.tree.map(lambda *leaves: np.stack(leaves), *rows)
-        first, rows = first + length, [_copied(frame) for frame in itertools.islice(source, 1)]
+        first, rows = first + length, list(itertools.islice(source, 1))
 
 
-def _copied(frame: Any) -> Any:
-    """A frame's arrays, which a camera may overwrite by the next frame."""
-    return jax.tree.map(lambda leaf: np.array(with_nan(leaf)), frame)
+def _copied(frames: Iterable[Any]) -> Iterator[Any]:
+    """The arrays of frames, copied, as a camera may overwrite them; refuse frames unlike the first.
+
+    Another dtype or, in a later chunk, another shape would be broadcast without a word.
+    """
+    wanted: Any = None
+    for number, frame in enumerate(frames):
+        copied = jax.tree.map(lambda leaf: np.array(with_nan(leaf)), frame)
+        kind = jax.tree.map(
+            lambda leaf: f"{jax.dtypes.canonicalize_dtype(leaf.dtype)} {list(leaf.shape)}", copied
+        )
+        wanted = wanted if number else kind
+        if kind != wanted:
+            raise InputError(
+                f"frame {number} is {kind}, the first one {wanted}; give frames that are all alike."
+            )
+        yield copied
 
 
 def _rounded(length: int, multiple: int) -> int:

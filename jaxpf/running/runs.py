@@ -149,6 +149,8 @@ def stream(
     )
     told = 0
     for number, frame in enumerate(frames_of(frames).one_by_one(), first):
+        if frame is None:
+            raise InputError(f"frame {number} is None, as an unreadable file gives; give arrays.")
         rows = {"observed": next(seen, _ENDED), "inputs": next(given, _ENDED)}
         for name, row in rows.items():
             if row is _ENDED:
@@ -162,6 +164,8 @@ def stream(
         summary = jax.tree.map(np.asarray, summary)
         told = warn_of_frames(summary, [frame].__getitem__, number, told)
         yield TrackedFrame(number, frame, state, summary)
+    if observed is not None and next(seen, _ENDED) is not _ENDED:
+        raise InputError("observed has more rows than there are frames; give a row for each frame.")
 
 
 def forecast(

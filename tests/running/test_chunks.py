@@ -126,6 +126,11 @@ def test_a_chunk_holds_as_much_as_it_may_and_all_hold_nearly_the_same(monkeypatc
     [
         (lambda: iter(()), {}, r"frames has no frame; give at least one\."),
         (
+            lambda: iter([*FRAMES[:3], FRAMES[3, :1]]),
+            {"frames_per_chunk": 3},
+            r"frame 3 is float32 \[1, 2\], the first one float32 \[3, 2\];",
+        ),
+        (
             lambda: FRAMES,
             {"frames_per_chunk": 0},
             r"frames_per_chunk = 0 must be a whole number from 1",

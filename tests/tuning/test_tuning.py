@@ -138,7 +138,7 @@ def test_it_stops_when_values_have_settled():
 
 
 def test_clipping_bounds_the_gradient_not_its_trace():
-    settings = Settings(steps=3, repeats=1, clip=1e-3)
+    settings = Settings(steps=3, repeats=1, clip=1e-3, seed=2**32 - 1)
     descent = tune(made_sequence(), SCALE, settings=settings).descents[0]
     assert (descent.gradient_norm > 1e-3).all()
 

@@ -105,7 +105,8 @@ def _import_function(source: str) -> Callable[..., Any]:
     path = Path(place)
     if not path.is_file():
         raise SceneError(f"{source!r}: there is no file {place}")
-    return function_of_text(path.read_text(encoding="utf-8"), str(path.resolve()), name)
+    whole = str(path.resolve())
+    return _function_in(whole, name, lambda: _module_of_text(path.read_text("utf-8"), whole))
 
 
 def _function_in(place: str, name: str, load: Callable[[], ModuleType]) -> Callable[..., Any]:

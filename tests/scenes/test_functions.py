@@ -113,3 +113,5 @@ def test_functions_that_cannot_be_imported_are_named(scene_file, tmp_path):
     assert "cannot be imported (ModuleNotFoundError" in complaint_of(f"{scene_file}:flat")
     scene_file.write_text("def flat(seed:\n")
     assert "cannot be imported (SyntaxError" in complaint_of(f"{scene_file}:flat")
+    scene_file.write_bytes(b"# caf\xe9\n")
+    assert "cannot be imported (UnicodeDecodeError" in complaint_of(f"{scene_file}:flat")

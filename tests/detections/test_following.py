@@ -15,7 +15,6 @@ LENGTH, SHAPE = 16, (48, 64)
 THERE = (range(16), range(7), range(8, 16))
 SETTINGS = {"min_hits": 2, "max_age": 1, "detection_iou": 0.3}
 RULES = Rules(**SETTINGS)
-NONE = np.zeros((0, 4))
 
 
 def true_box(number, time):
@@ -105,18 +104,6 @@ def compiled(caplog, function):
     with jax.log_compiles():
         function()
     return [record.message for record in caplog.records if "Compiling" in record.message]
-
-
-def test_more_objects_than_places_are_refused_and_tracking_goes_on(clip):
-    rest = [[20.0, 2, 12, 16], [40, 2, 12, 16]]
-    found = [np.concatenate([boxes[:2], rest]) for boxes in clip[1]]
-    run = tracked(clip, detections=found)
-    refused = [refusal for one in run for refusal in one.changes.refused]
-    assert {tuple(refusal.box) for refusal in refused} >= {tuple(rest[1])}
-    assert all("all places, 3, are taken" in one.reason for one in refused)
-    at_once = tracked(clip, detections=found, rules=Rules(min_hits=1))
-    assert len(at_once[0].changes.refused) == 1
-    assert len(run) == LENGTH
 
 
 def test_a_users_boxes_start_objects_in_any_frame_without_a_detector(clip):

@@ -52,16 +52,14 @@ def test_the_density_is_one_in_all_and_is_where_draws_are():
     with jax.enable_x64(True):
         log_density = jax.jit(motion.log_density_all)(np.zeros(new.shape[1], int), new, *every)
     density = np.exp(np.asarray(log_density)).reshape(u.shape)
-    volume = np.trapezoid(
-        np.trapezoid(np.trapezoid(density, sizes), drift[1] + side * steps), drift[0] + side * steps
-    )
-    assert volume == pytest.approx(1, abs=0.01)
+
+    def integral(values):
+        return np.trapezoid(np.trapezoid(np.trapezoid(values, sizes), side * steps), side * steps)
+
+    assert integral(density) == pytest.approx(1, abs=0.01)
     # The share within 2 usual steps, against draws.
     near = np.hypot(u - drift[0], v - drift[1]) < 0.09 * side
-    inner = np.where(near, density, 0)
-    share = np.trapezoid(
-        np.trapezoid(np.trapezoid(inner, sizes), drift[1] + side * steps), drift[0] + side * steps
-    )
+    share = integral(np.where(near, density, 0))
     past = columns(CURRENT), columns(BEFORE), columns([0] * 3)
     drawn = jax.jit(motion.propagate_all)(jax.random.key(5), np.zeros(NUMBER, int), *past)
     away = np.hypot(*(np.asarray(drawn)[:2] - drift[:2, None])) < 0.09 * side

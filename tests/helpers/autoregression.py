@@ -5,8 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.stats
 from jax.scipy.stats import norm
-
-import jaxpf
+from models import space
 
 KEY = jax.random.key(3)
 NOISE = 0.5
@@ -27,14 +26,6 @@ def made_frames():
 FRAMES = made_frames()
 
 
-def initial(key, p):
-    return p["s"] * jax.random.normal(key)
-
-
-def transition(key, x, p):
-    return p["a"] * x + p["s"] * jax.random.normal(key)
-
-
 def log_likelihood(y, x, p):
     return norm.logpdf(y, x, NOISE)
 
@@ -44,13 +35,8 @@ def observation(key, x, p):
 
 
 def build(p):
-    return jaxpf.state_space(
-        initial=initial,
-        transition=transition,
-        log_likelihood=log_likelihood,
-        observation=observation,
-        parameters=p,
-        num_particles=40,
+    return space(
+        log_likelihood=log_likelihood, observation=observation, parameters=p, num_particles=40
     )
 
 

@@ -11,16 +11,17 @@ def grey(level, size=(64, 48)):
     return np.full((size[1], size[0], 3), level, np.uint8)
 
 
-def write_pictures(folder, frames, name="{}.png"):
-    """RGB, RGBA or grey pictures as files that are numbered from 0.
+def write_pictures(folder, frames, name="{}.png", first=0):
+    """RGB, RGBA or grey pictures as numbered files.
 
     Args:
         folder: is made, and returned.
         frames: one or more.
         name: of a file, with a place for its number, such as ``{:04d}.png``.
+        first: number.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    for number, frame in enumerate(frames):
+    for number, frame in enumerate(frames, first):
         picture = frame if frame.ndim == 2 else frame[..., [2, 1, 0, 3][: frame.shape[2]]]
         assert cv2.imwrite(str(folder / name.format(number)), picture)
     return folder

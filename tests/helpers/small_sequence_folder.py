@@ -1,6 +1,6 @@
 """The small scene for the command line: as options, and as a folder with pictures and truth."""
 
-import cv2
+from clips import write_pictures, write_table
 from small_evaluation import PARAMETERS, small_scene
 
 SMALL = [text for name, value in PARAMETERS.items() for text in ("--set", f"{name}={value}")]
@@ -9,13 +9,13 @@ SMALL = [text for name, value in PARAMETERS.items() for text in ("--set", f"{nam
 def write_sequence(folder):
     """The small scene as a folder with pictures and truth."""
     scene = small_scene()
-    folder.mkdir()
-    rows = ["frame,id,x,y,w,h,occ"]
-    for number, (frame, boxes) in enumerate(zip(scene.frames, scene.boxes, strict=True)):
-        cv2.imwrite(str(folder / f"{number:04d}.png"), frame[..., ::-1])
-        for identity, box in zip((7, 3), boxes, strict=True):
-            rows.append(f"{number},{identity},{','.join(map(str, box))},0")
-    (folder / "gt.csv").write_text("\n".join(rows) + "\n")
+    write_pictures(folder, scene.frames, "{:04d}.png")
+    rows = (
+        (number, identity, box, 0)
+        for number, boxes in enumerate(scene.boxes)
+        for identity, box in zip((7, 3), boxes, strict=True)
+    )
+    write_table(folder / "gt.csv", "frame,id,x,y,w,h,occ", *rows)
     height, width = scene.frames.shape[1:3]
     (folder / "meta.json").write_text(
         f'{{"name": "two", "frames": "%04d.png", "n_frames": {len(scene.frames)}, '

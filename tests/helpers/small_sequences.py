@@ -1,6 +1,6 @@
 """Small sequences as benchmarks write them, and what is said about a wrong one."""
 
-import cv2
+import clips
 import numpy as np
 from refusals import message_of
 
@@ -18,9 +18,7 @@ META |= {"fps": 10}
 
 
 def write_pictures(folder, frames, first=1, digits=6, suffix=".png"):
-    folder.mkdir(parents=True, exist_ok=True)
-    for number, frame in enumerate(frames, start=first):
-        assert cv2.imwrite(str(folder / f"{number:0{digits}d}{suffix}"), frame[..., ::-1])
+    return clips.write_pictures(folder, frames, f"{{:0{digits}d}}{suffix}", first)
 
 
 def mot_rows(boxes, ids, tail="1,1,1"):

@@ -4,6 +4,7 @@ import json
 
 import cv2
 import numpy as np
+from clips import write_table
 
 from jaxpf.boxes import read_boxes
 
@@ -40,12 +41,12 @@ def write_lossless_video(path, frames):
 
 
 def write_truth(path, ids=(1, 2), last=LENGTH):
-    rows = ["frame,id,x,y,w,h,occ"]
-    for number in range(last):
-        for identity, box in zip(ids, true_boxes(number), strict=True):
-            rows.append(f"{number},{identity},{','.join(map(str, box))},0")
-    path.write_text("\n".join(rows) + "\n")
-    return path
+    rows = (
+        (number, identity, box, 0)
+        for number in range(last)
+        for identity, box in zip(ids, true_boxes(number), strict=True)
+    )
+    return write_table(path, "frame,id,x,y,w,h,occ", *rows)
 
 
 def rows_of(output, name="tracks.csv"):

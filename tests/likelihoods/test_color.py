@@ -3,9 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from histograms import (
-    float_bins,
-)
+from histograms import float_bins
 
 from jaxpf.likelihoods.color import hsv_bins
 

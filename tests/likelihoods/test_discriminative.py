@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from histograms import float_bins
+from histograms import float_bins, texture
 
 import jaxpf
 from jaxpf.likelihoods import discriminative
@@ -37,10 +37,9 @@ def scores(likelihood, seen, number, substates):
     return np.asarray(_SCORES(likelihood, seen, number, filled))[: substates.shape[1]]
 
 
-def blocks(seed, shape=(HEIGHT, WIDTH), side=5):
-    """Coloured blocks: texture that is still there when the frame is shrunk."""
-    small = np.random.default_rng(seed).integers(0, 256, (*(n // side + 1 for n in shape), 3))
-    return np.kron(small, np.ones((side, side, 1))).astype(np.uint8)[: shape[0], : shape[1]]
+def blocks(seed, height=HEIGHT, width=WIDTH):
+    """Texture that is still there when the frame is shrunk."""
+    return texture(seed, height, width, 5)
 
 
 FRAME = blocks(0)
@@ -79,7 +78,7 @@ def test_boxes_are_in_one_place_by_their_iou(learned):
     assert found[4] == 0
 
 
-def numpy_features(frame, box, factor, bins_kept, lookup):
+def numpy_features(frame, box, factor):
     """Colours [2, 110] and cells [2, 4, 4, 8] of one box, by OpenCV and loops."""
     padded = cv2.copyMakeBorder(
         frame, 0, -HEIGHT % factor, 0, -WIDTH % factor, cv2.BORDER_REPLICATE
@@ -120,20 +119,14 @@ def numpy_features(frame, box, factor, bins_kept, lookup):
 
 @pytest.mark.parametrize(
     "box",
-    [
-        BOXES[0],
-        BOXES[1],
-        (22.6, 9.3, 48.4, 44.0),
-        (-13.0, 45.0, 44.0, 40.0),  # half outside
-        (58.2, 37.1, 16.8, 26.4),
-    ],
+    [*BOXES, (22.6, 9.3, 48.4, 44.0), (58.2, 37.1, 16.8, 26.4), (-13.0, 45.0, 44.0, 40.0)],
 )
 def test_scores_are_linear_in_features_of_opencv(learned, box):
     number, substate = substates_of([box])
     lookup = np.asarray(learned.bin_lookup)
     factor = learned.factors[int(learned.level[number[0]])]
     assert factor == (2, 1)[number[0]]
-    colours, cells = numpy_features(FRAME, box, factor, 36, lookup)
+    colours, cells = numpy_features(FRAME, box, factor)
     weights = np.asarray(learned.colour_weights)[number[0]]
     weights = np.append(weights, np.zeros((2, 1)), axis=1)[:, np.minimum(lookup, weights.shape[1])]
     expected = np.asarray(learned.offset)[number[0]] + (weights * colours).sum()
@@ -207,7 +200,7 @@ def test_an_object_stays_before_another_background():
 
 @pytest.mark.slow
 def test_what_is_learned_in_windows_is_the_regression_on_whole_frames():
-    frame = blocks(3, (200, 300))
+    frame = blocks(3, 200, 300)
     # No edge of a cell lies half way between two lines, where it might fall on either.
     boxes = np.array([[281.13, 171.07, 14.31, 22.43], [100.17, 61.09, 44.29, 40.37]])
     learned = discriminative(frame, boxes)
@@ -228,17 +221,17 @@ def test_what_is_learned_in_windows_is_the_regression_on_whole_frames():
 
 @pytest.mark.slow
 def test_the_score_follows_the_object_and_does_not_stay_with_the_wall_behind_it():
-    shape = rows, columns = 100, 160
+    rows, columns = 100, 160
 
     def walker(seed, wall, x):
         """An ellipse that leaves 43% of its box, 30 x 40, to the wall."""
         down, across = np.mgrid[:rows, :columns] + 0.5
         inside = np.hypot((across - x) / (0.85 * 15), (down - 50) / (0.85 * 20)) < 1
-        picture = np.roll(blocks(100 + seed, shape), x - 75, axis=1)
+        picture = np.roll(blocks(100 + seed, rows, columns), x - 75, axis=1)
         return np.where(inside[..., None], picture, wall)
 
     for seed in range(3):
-        wall = blocks(seed, shape)
+        wall = blocks(seed, rows, columns)
         likelihood = discriminative(walker(seed, wall, 75), [[60.0, 30.0, 30.0, 40.0]])
         seen = _OBSERVE(likelihood, walker(seed, wall, 110))
         there, left = scores(likelihood, seen, 0, np.array([[110.0, 50, 1], [75, 50, 1]]).T)

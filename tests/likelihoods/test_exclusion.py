@@ -3,13 +3,12 @@
 import jax
 import numpy as np
 import pytest
+from histograms import texture
 
 from jaxpf.likelihoods import discriminative
 from jaxpf.likelihoods.exclusion import excluding
 
-FRAME = np.kron(
-    np.random.default_rng(0).integers(0, 256, (14, 19, 3)), np.ones((5, 5, 1), int)
-).astype(np.uint8)
+FRAME = texture(0, 70, 95, 5)
 BOXES = np.array([[20.0, 12.0, 44.0, 40.0], [60.0, 40.0, 14.0, 22.0]])
 OBJECTS = np.concatenate([BOXES, BOXES[:1] + np.array([3, 3, 0, 0])])
 

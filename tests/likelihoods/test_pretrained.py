@@ -1,4 +1,4 @@
-"""Appearance by a network's features: windows, cells, scores, filters and refusals."""
+"""Appearance by a network's features: windows, cells, scores and filters."""
 
 from typing import Any
 
@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from histograms import texture
-from refusals import every, message_of
 
 import jaxpf
 import jaxpf.boxes
@@ -136,18 +135,6 @@ def test_a_module_may_hold_functions_beside_its_arrays(tracker):
     module = Module(jnp.float32(1), lambda maps: maps)
     learned = pretrained(FRAMES[0], BOXES, network=module)
     np.testing.assert_allclose(learned.weights[0], tracker.likelihood.weights[0], atol=1e-5)
-
-
-def learned(network):
-    return pretrained(FRAMES[0], BOXES, network=network)
-
-
-@every([
-    (lambda: learned(lambda window: edges(window) * jnp.nan), "boxes[0]"),
-    (lambda: learned(edges).log_prob_all(None, np.zeros(1, int), BOXES.T), "estimate"),
-])  # fmt: skip
-def test_a_network_that_cannot_be_used_is_refused(call, named):
-    assert named in message_of(call)
 
 
 @pytest.mark.parametrize("zoom", [0.5, pytest.param(1.0, marks=pytest.mark.slow), 2.5])

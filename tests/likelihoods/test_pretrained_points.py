@@ -1,4 +1,4 @@
-"""Points by a network's features: scores against a plain computation, following, and refusals."""
+"""Points by a network's features: scores against a plain computation, and following."""
 
 from functools import partial
 
@@ -10,7 +10,6 @@ from histograms import texture
 
 import jaxpf
 import jaxpf.points
-from jaxpf import InputError
 from jaxpf.likelihoods import pretrained_points
 from jaxpf.likelihoods.pretrained.points import PretrainedPoints
 
@@ -148,18 +147,3 @@ def test_the_tracker_takes_the_weights_of_the_package():
     assert isinstance(tracker.likelihood, PretrainedPoints)
     assert tracker.likelihood.sharpness == 30
     assert [each.shape for each in tracker.likelihood.references] == [(3, 40), (3, 112)]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"network": lambda seen: seen * jnp.nan}, "start frame"),
-        ({"sharpness": -1.0}, "sharpness"),
-        ({"points": [[130.0, 5.0]]}, "outside"),
-    ],
-    ids=["nan", "sharpness", "outside"],
-)
-def test_what_cannot_be_learned_is_refused(arguments, message):
-    points = arguments.pop("points", POINTS)
-    with pytest.raises(InputError, match=message):
-        pretrained_points(FRAME, points, **({"network": two_maps} | arguments))

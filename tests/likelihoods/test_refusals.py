@@ -14,6 +14,8 @@ from jaxpf.likelihoods import (
     histogram_from_patches,
     patch,
     pixels,
+    pretrained,
+    pretrained_points,
     windows,
 )
 from jaxpf.likelihoods.contours.build import learn_clutter
@@ -47,6 +49,19 @@ def of_points(points=POINTS, frame=FRAME, **options):
 
 def learned(box=GOOD[0], frame=FRAME, **options):
     return discriminative(frame, [box], **options)
+
+
+def of_network(frame):
+    """Maps of one feature for 8 x 8 pixels."""
+    return frame[::8, ::8, :1]
+
+
+def of_pretrained(network=of_network):
+    return pretrained(FRAME, GOOD, network=network)
+
+
+def of_pretrained_points(points=POINTS, network=of_network, **options):
+    return pretrained_points(FRAME, points, network=network, **options)
 
 
 def of_contours(count=2, **options):
@@ -83,6 +98,7 @@ OUTSIDE = {
     },
     of_points: {"norm": ["max"], "slip": [-1.0]},
     learned: {"sharpness": [0.0], "interpolation": ["cubic"], "reach": [0.0]},
+    of_pretrained_points: {"sharpness": [-1.0]},
     of_contours: {
         "exclusion": ["soft"],
         "sigma": [-1.0],
@@ -124,6 +140,10 @@ def test_an_argument_outside_its_range_is_named(make, argument, value):
     (lambda: learned((70, 50, 40, 40)), "less than a quarter of it lies in the frame"),
     (lambda: learned(frame=FLAT), "looks like what is around it"),
     (lambda: learned().observe(FRAME[:, :70]), "70 x 60 pixels does not match the start frame of"),
+    (lambda: of_pretrained(lambda frame: of_network(frame) * np.nan), "boxes[0]"),
+    (lambda: of_pretrained().log_prob_all(None, np.zeros(1, int), np.ones((3, 1))), "estimate"),
+    (lambda: of_pretrained_points([[80.0, 5.0]]), "outside"),
+    (lambda: of_pretrained_points(network=lambda x: of_network(x) * np.nan), "start frame"),
     (lambda: of_contours(width=16.0), "leave the width out"),
     (lambda: of_contours(crossings=5), "up to 10 boundaries"),
     (lambda: of_contours(clutter=1e-30), "clutter of mean 1e-30"),

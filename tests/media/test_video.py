@@ -196,11 +196,7 @@ def test_nothing_is_printed_and_standard_error_is_put_back(tmp_path):
         "os.write(2, b'said')\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", program],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=500,
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=500
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "said")
 

@@ -54,6 +54,12 @@ def test_frames_are_shown_when_and_as_wide_as_asked(tmp_path):
         assert container.duration == pytest.approx(60.08e6, abs=100)
 
 
+def run_program(folder, program):
+    """What another process prints as an error."""
+    given = {"cwd": folder, "capture_output": True, "text": True, "timeout": 500}
+    return subprocess.run([sys.executable, "-c", program], **given).stderr
+
+
 def test_a_killed_writer_leaves_a_playable_video(tmp_path):
     program = (
         "import os, numpy as np; from jaxpf.media import VideoWriter\n"
@@ -61,7 +67,7 @@ def test_a_killed_writer_leaves_a_playable_video(tmp_path):
         "for n in range(40): writer.write(np.full((48, 64, 3), 5 * n, np.uint8))\n"
         "os.kill(os.getpid(), 9)\n"
     )
-    subprocess.run([sys.executable, "-c", program], cwd=tmp_path, timeout=500)
+    assert run_program(tmp_path, program) == ""
     assert os.listdir(tmp_path) == ["out.mp4"]
     levels = [frame[0, 0, 0] for frame in open_frames(tmp_path / "out.mp4")]
     assert 20 < len(levels) <= 40
@@ -101,21 +107,15 @@ def test_a_writer_without_frames_leaves_nothing_and_closes_twice(tmp_path):
 @pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
 def test_a_full_disk_is_one_sentence_and_leaves_no_half_video(tmp_path):
     program = (
-        "import resource, sys, numpy as np; from jaxpf.media import VideoWriter\n"
+        "import resource, numpy as np; from jaxpf.media import VideoWriter\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))\n"
         "rng = np.random.default_rng(0)\n"
-        "with VideoWriter(sys.argv[1], 64, 48, 25) as writer:\n"
+        "with VideoWriter('out.mp4', 64, 48, 25) as writer:\n"
         "    for _ in range(60): writer.write(rng.integers(0, 255, (48, 64, 3)).astype(np.uint8))\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program, "out.mp4"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=500,
-    )
-    assert "InputError: cannot write video 'out.mp4': file too large" in done.stderr
-    assert "check the free disk space" in done.stderr
+    errors = run_program(tmp_path, program)
+    assert "InputError: cannot write video 'out.mp4': file too large" in errors
+    assert "check the free disk space" in errors
     assert os.listdir(tmp_path) == []
 
 

@@ -35,15 +35,6 @@ def test_parts_are_read_in_the_order_of_the_file(write):
     np.testing.assert_allclose(parts.sizes, [[10, 8], [20, 8], [20, 40]])
 
 
-def test_spreadsheets_may_have_written_it(tmp_path):
-    path = tmp_path / "parts.csv"
-    text = f'\n{HEADER.title()}\r\n"left, upper", ,1,2,3,4,5\r\n'
-    path.write_bytes(b"\xef\xbb\xbf" + text.encode())
-    parts = read_parts(path)
-    assert parts.names == ("left, upper",)
-    assert parts.parents == (-1,)
-
-
 def test_each_object_has_its_root(write):
     path = write("a,,1,1,2,2,0\nb,,9,9,2,2,0\nc,b,5,5,2,2,0\n")
     assert read_parts(path).parents == (-1, -1, 1)

@@ -20,8 +20,6 @@ from jaxpf.papers.maccormick1999 import scenes as cases, study as passing
 
 FRAME = np.random.default_rng(0).integers(0, 255, (90, 120, 3), np.uint8)
 BOXES = np.array([[20.0, 20, 16, 20], [60, 30, 16, 20], [90, 50, 16, 20]])
-
-
 POSES = np.array([[60.0, 45, 0], [60, 65, 0], [75, 45, 0]])
 PARTS = jaxpf.parts.Parts(("body", "leg", "arm"), (-1, 0, 0), POSES, np.full((3, 2), 14.0))
 TURN = np.linspace(0, 2 * np.pi, 8, endpoint=False)
@@ -33,7 +31,7 @@ def contours(closed):
 
 
 @functools.cache
-def preset(name):
+def preset(name, **changed):
     """The tracker of a preset, on noise."""
     like, _, kind = name.partition(", ")
     make, given = {
@@ -44,7 +42,7 @@ def preset(name):
         "pffl": (jaxpf.points.tracker, BOXES[:, :2] + 10),
         "maccormick1999": (jaxpf.contours.tracker, contours(kind == "opaque")),
     }[like]
-    return make(FRAME, given, like=like)
+    return make(FRAME, given, like=like, **changed)
 
 
 BOUNDARIES = [[1, 0, 0], [0.1, 0.9, 0], [0.05, 0.2, 0.75]]  # maccormick1999, section 2
@@ -137,7 +135,7 @@ def test_smith2004_and_gonzales2011_have_the_papers_orderings():
 
 @pytest.mark.parametrize("dynamics", ["absolute", "relative"])
 def test_particles_of_gonzales2011_start_uniformly_around_the_object(dynamics):
-    tracker = jaxpf.parts.tracker(FRAME, PARTS, like="gonzales2011", dynamics=dynamics)
+    tracker = preset("gonzales2011", dynamics=dynamics)
     root = np.asarray(tracker.init(jax.random.key(0)).substates)[:, 0, :3] - POSES[0]
     assert (np.abs(root) <= (5, 5, 0.1 + 1e-6)).all()
     # The standard deviation of 300 uniform numbers has a relative standard error of .026.
@@ -174,21 +172,19 @@ def test_rows_of_gonzales2011_start_and_exchange_as_the_preset_does():
     ],
 )
 def test_rows_of_maccormick1999_as_printed_are_the_presets(kind, case, method):
-    judged, ours = (
-        cases.tracker_of(case(0, num_frames=9), method),
-        preset(f"maccormick1999, {kind}"),
-    )
+    judged = cases.tracker_of(case(0, num_frames=9), method)
+    ours = preset(f"maccormick1999, {kind}")
     for attribute, _ in PUBLISHED[f"maccormick1999, {kind}"]:
         found, expected = (operator.attrgetter(attribute)(each) for each in (judged, ours))
         np.testing.assert_array_equal(found, expected, err_msg=attribute)
 
 
 def test_rowe2005_tracks_boxes_of_any_shape():
-    tracker = jaxpf.boxes.tracker(FRAME, BOXES, like="rowe2005", num_particles=9)
+    tracker = preset("rowe2005", num_particles=9)
     assert (type(tracker), tracker.num_particles) == (jaxpf.Labelled, 9)
     np.testing.assert_allclose(jaxpf.boxes.to_boxes(tracker, tracker.initial), BOXES)
     with pytest.raises(InputError, match="has a method and likelihood of its own"):
-        jaxpf.boxes.tracker(FRAME, BOXES, like="rowe2005", method="ps")
+        preset("rowe2005", method="ps")
 
 
 def test_the_command_line_takes_the_function_that_the_page_shows(tmp_path):
@@ -203,42 +199,22 @@ def test_the_command_line_takes_the_function_that_the_page_shows(tmp_path):
     np.testing.assert_allclose(jaxpf.boxes.to_boxes(tracker, tracker.initial), BOXES)
 
 
-@pytest.mark.parametrize(
-    ("like", "changed", "holds"),
-    [
-        (
-            *("smith2004", {"num_particles": 6}),
-            lambda t: (t.num_particles, t.likelihood.method) == (6, "integral"),
-        ),
-        (
-            *("smith2004", {"method": "ps"}),
-            lambda t: (
-                (np.ptp(t.ordering.order, axis=0).any(), t.resampling.name)
-                == (False, "multinomial")
-            ),
-        ),
-        (
-            *("smith2004", {"motion": "relative"}),
-            lambda t: isinstance(t.dynamics, RelativeMotion),
-        ),
-        pytest.param(
-            *("smith2004", {"appearance": "discriminative"}),
-            lambda t: not hasattr(t.likelihood, "method"),
-            marks=pytest.mark.slow,
-        ),
-        (
-            *("eskil2014", {"method": "sps"}),
-            lambda t: (type(t), t.likelihood.norm) == (jaxpf.Partitioned, "sum"),
-        ),
-        ("eskil2014", {"shape": "none"}, lambda t: (t.drift, t.shape) == ("literal", "none")),
-    ],
-)
-def test_other_arguments_override_a_preset_with_what_hangs_on_them(like, changed, holds):
-    if like == "smith2004":
-        tracker = jaxpf.boxes.tracker(FRAME, BOXES, like=like, **changed)
-    else:
-        tracker = jaxpf.points.tracker(FRAME, BOXES[:, :2] + 10, like=like, **changed)
-    assert holds(tracker)
+def test_other_arguments_override_a_preset_with_what_hangs_on_them():
+    few = preset("smith2004", num_particles=6)
+    assert (few.num_particles, few.likelihood.method) == (6, "integral")
+    in_order = preset("smith2004", method="ps")
+    assert not np.ptp(in_order.ordering.order, axis=0).any()
+    assert in_order.resampling.name == "multinomial"
+    assert isinstance(preset("smith2004", motion="relative").dynamics, RelativeMotion)
+    of_points = preset("eskil2014", method="sps")
+    assert (type(of_points), of_points.likelihood.norm) == (jaxpf.Partitioned, "sum")
+    free = preset("eskil2014", shape="none")
+    assert (free.drift, free.shape) == ("literal", "none")
+
+
+@pytest.mark.slow
+def test_another_appearance_has_nothing_of_a_presets_own():
+    assert not hasattr(preset("smith2004", appearance="discriminative").likelihood, "method")
 
 
 def test_an_unknown_system_is_refused():

@@ -32,18 +32,11 @@ def padded_log_ratio(clutter, places, present, boundaries, crossing):
 
 def ratio(places, boundaries):
     """``p~_c / p_0`` of one line, by the package: one compiled program for all cases."""
-    n, c = len(places), len(boundaries)
-    return float(
-        np.exp(
-            padded_log_ratio(
-                LEARNED,
-                np.pad(np.asarray(places, np.float32), (0, MOST_FEATURES - n)),
-                np.arange(MOST_FEATURES) < n,
-                np.pad(np.asarray(boundaries, np.float32), (0, MOST_BOUNDARIES - c)),
-                np.arange(MOST_BOUNDARIES) < c,
-            )
-        )
+    features, crossed = (
+        (np.pad(np.asarray(x, np.float32), (0, most - len(x))), np.arange(most) < len(x))
+        for x, most in ((places, MOST_FEATURES), (boundaries, MOST_BOUNDARIES))
     )
+    return float(np.exp(padded_log_ratio(LEARNED, *features, *crossed)))
 
 
 def normal_law(z, nu):
@@ -101,27 +94,6 @@ def test_a_group_of_boundaries_is_a_line_that_no_other_crosses():
     np.testing.assert_allclose(np.exp(found), expected, rtol=2e-5)
 
 
-@pytest.mark.parametrize("boundaries", [(), (4.0,), (-3.0, 5.0), (0.0, 18.0, 19.0)])
-def test_the_density_sums_and_integrates_to_one_but_for_the_tail(boundaries):
-    clutter = np.array([0.45, 0.25, 0.15, 0.1, 0.0, 0.0, 0.0])  # the rest, .05, is cut off
-    grid = (np.arange(40) + 0.5) / 40 * LENGTH - REACH
-    total, c = 0.0, len(boundaries)
-    for n in range(4):
-        # p_0 is b(n) / L^n: the mean over the grid is the integral.
-        places = np.stack(np.meshgrid(grid, grid, grid, indexing="ij")).reshape(3, -1)
-        found = padded_log_ratio(
-            np.maximum(clutter, 1e-30),
-            np.pad(places.astype(np.float32), ((0, MOST_FEATURES - 3), (0, 0))),
-            np.broadcast_to(np.arange(MOST_FEATURES)[:, None] < n, (MOST_FEATURES, 40**3)),
-            np.pad(np.array(boundaries, np.float32), (0, MOST_BOUNDARIES - c))[:, None],
-            np.broadcast_to(np.arange(MOST_BOUNDARIES)[:, None] < c, (MOST_BOUNDARIES, 40**3)),
-        )
-        total += clutter[n] * np.mean(np.exp(found))
-    detection = detection_probabilities(MOST_BOUNDARIES)
-    lost = sum(detection[c, k] * (1 - clutter[: 4 - k].sum()) for k in range(c + 1))
-    assert total == pytest.approx(1 - lost, abs=2e-3)
-
-
 def test_no_feature_serves_two_boundaries():
     """With one feature, two boundaries on it are worth the detection of one, not of both."""
     one_seen, q = ratio([0.0], [0.0]), detection_probabilities(2)[2]
@@ -159,9 +131,8 @@ def test_poisson_clutter_gives_powers_of_the_density_of_features():
 @pytest.mark.parametrize(
     "boundaries",
     [
-        *((), (4.0,), (-3.0, 5.0)),
+        *((), (4.0,), (-3.0, 5.0), (0.0, 18.0, 19.0)),
         pytest.param((0.0, 1.0, 2.0, 3.0, 4.0), marks=pytest.mark.slow),
-        pytest.param((0.0, 18.0, 19.0), marks=pytest.mark.slow),
         pytest.param((-9.0, 0.0, 2.0, 18.0), marks=pytest.mark.slow),
     ],
 )

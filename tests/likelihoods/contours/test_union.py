@@ -108,48 +108,6 @@ def test_targets_whose_lines_are_one_line_have_the_density_of_that_line(boundari
     assert np.sum(clutter * np.exp(literal)) > 1.5
 
 
-@pytest.mark.parametrize("apart", [0.0, 2.0, 9.0, 18.0])
-def test_every_factor_has_mean_one_under_the_law_of_those_before(apart):
-    _, clutter = every_line()
-    found = of_sets((0.0, apart, -5.0))
-    for before in range(8):
-        for target in range(3):
-            if not before >> target & 1:
-                ratio = found[before | 1 << target] - found[before]
-                mean = np.sum(clutter * np.exp(found[before] + ratio))
-                assert mean == pytest.approx(1, abs=1e-6)
-
-
-def test_two_lines_that_see_the_edges_as_the_model_says_have_a_density():
-    """One line of each of two targets: the second's law given the first is the line model's."""
-    _, clutter = every_line()
-    _, first, _, both = of_sets((0.0, 4.0))
-    own = np.sum(clutter * np.exp(first))
-    given = np.sum(clutter * np.exp(first) * np.exp(both - first))
-    assert own * given == pytest.approx(1, abs=1e-6)
-    # Denominators left out, the front's edge is paid twice, and the mean is far above one.
-    assert own * np.sum(clutter * np.exp(first) * np.exp(both)) > 1.4
-
-
-def test_a_hidden_boundary_adds_nothing_and_labels_have_one_evidence():
-    """Hypotheses of a farther boundary and of the label, by enumeration on one line."""
-    _, clutter = every_line()
-    front, evidence, of_label = ratios((0.0,), [[0]])[0], 0.0, [0.0, 0.0]
-    places = (-8.0, 0.0, 4.0, 12.0)
-    for nu in places:
-        both, alone = ratios((0.0, nu), [[0, 1], [0]])
-        for label in (0, 1):  # 0: what lies left of the front's boundary is hidden
-            is_hidden = label == 0 and nu < 0
-            joint = front + (0.0 if is_hidden else both - alone)
-            np.testing.assert_allclose(joint, front if is_hidden else both, atol=1e-9)
-            evidence = evidence + np.exp(joint) / (2 * len(places))
-            of_label[label] = of_label[label] + np.exp(joint) / (2 * len(places))
-    assert np.sum(clutter * evidence) == pytest.approx(1, abs=1e-6)
-    # Posterior probabilities of the labels average to their prior, as those of densities do.
-    for part in of_label:
-        assert np.sum(clutter * evidence * (part / evidence)) == pytest.approx(0.5, abs=1e-6)
-
-
 def test_three_targets_have_one_evidence_under_every_order_in_depth():
     """Each body lies left of its boundary, and hides what is there of those behind it."""
     _, clutter = every_line()

@@ -100,7 +100,8 @@ def tune(
     name = objective if isinstance(objective, str) else getattr(objective, "__qualname__", "own")
     asked = checkpoint.described(
         dataclasses.asdict(settings)
-        | {"objective": name, "parameters": list(map(str, parsed)), "start": start}
+        | {"parameters": [f"{each.path}={each.low}:{each.high}" for each in parsed]}
+        | {"objective": name, "start": start}
         | {"sequences": [each.name for each in sequences]}
         | {"frames": [(each.frames, each.observed, each.inputs) for each in sequences]}
         | {"labels": [(each.truth,) for each in sequences]}

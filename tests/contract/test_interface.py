@@ -1,4 +1,4 @@
-"""A class offers what it defines, and a wrapper what the wrapped one offers."""
+"""A class offers what it defines, in all forms that follow from it."""
 
 from types import SimpleNamespace
 
@@ -6,13 +6,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from refusals import message_of
 
-import jaxpf
-from jaxpf import contract, ordering, pytree_dataclass
+from jaxpf import contract, pytree_dataclass
 from jaxpf.contract import calls
-from jaxpf.dynamics import RandomWalk
-from jaxpf.gradients import check_motion_gradient
 from jaxpf.parts.models import OfFixedSize
 
 OBSERVATION = jnp.array([[1.0, 2.0], [3.0, 4.0]])
@@ -34,11 +30,7 @@ class OfOneParticle:
 
 @pytree_dataclass
 class OfAll:
-    """The same for all particles at once, of whole pixels, and not factored."""
-
-    state_gradient = False
-    fixed_observation = True
-    form = "density"
+    """The same for all particles at once."""
 
     def observe(self, frame):
         return 2 * frame
@@ -47,12 +39,6 @@ class OfAll:
         return (
             jnp.sum(observation[partition].T * substates[:2], 0) + 10 * substates[2] + substates[3]
         )
-
-    def log_odds(self, observation, partition, substate):
-        return partition + substate[0] + substate[3]
-
-    def log_joint(self, observation, substates, log_probs):
-        return jnp.sum(log_probs) + jnp.sum(substates[:, 2]) - jnp.sum(substates[:, 0])
 
 
 EXPECTED = [1 * 1 + 2 * 2 + 10 + 0.1, 3 * 5 + 4 * 6 + 10 + 0.2]
@@ -66,34 +52,6 @@ def test_a_wrapper_weighs_as_the_wrapped_likelihood_in_whichever_form_that_is_wr
     one = wrapped.log_prob(OBSERVATION, PARTITION[1], SUBSTATES[:, 1])
     np.testing.assert_allclose(one, EXPECTED[1], rtol=1e-6)
     np.testing.assert_array_equal(wrapped.observe(OBSERVATION), 2 * OBSERVATION)
-
-
-def parts(likelihood, **settings):
-    return jaxpf.Partitioned(
-        dynamics=RandomWalk(jnp.float32(0.1)),
-        likelihood=OfFixedSize(likelihood),
-        ordering=ordering.sir(2),
-        initial=jnp.zeros((2, 3)),
-        num_particles=5,
-        **settings,
-    )
-
-
-def test_tuning_the_motion_of_parts_on_whole_pixels_is_refused():
-    check_motion_gradient(parts(OfOneParticle()))
-    assert "motion_gradient" in message_of(check_motion_gradient, parts(OfAll()))
-
-
-def test_a_wrapped_joint_likelihood_corrects_the_weights():
-    """``log_joint`` is known in closed form: the weights at the end must be its."""
-    key = jax.random.key(0)
-    tracker = parts(OfAll())
-    state, _ = jax.jit(tracker.step)(key, tracker.init(key), 0 * OBSERVATION)
-    substates = state.substates  # log_probs are 10 + theta; the rest is a constant
-    expected = jnp.sum(substates[:, :, 2], 1) - jnp.sum(substates[:, :, 0], 1)
-    np.testing.assert_allclose(
-        state.log_weights, expected - jax.nn.logsumexp(expected), rtol=1e-5, atol=1e-5
-    )
 
 
 # Who inherits is given what follows from the rest.
@@ -124,29 +82,6 @@ def test_the_form_for_all_particles_follows_from_that_for_one():
     np.testing.assert_allclose(density, expected, rtol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("base", "call", "missing"),
-    [
-        (
-            contract.Dynamics,
-            lambda x: x.propagate(jax.random.key(0), 0, *[jnp.zeros(1)] * 3),
-            "propagate",
-        ),
-        (contract.Likelihood, lambda x: x.log_prob(None, 0, jnp.zeros(1)), "log_prob"),
-        (
-            contract.DynamicsWithDensity,
-            lambda x: x.log_density_all(jnp.zeros(1), *[jnp.zeros((1, 1))] * 4),
-            "log_density",
-        ),
-        (contract.Tracker, lambda x: x.step(None, None, None), "step_observed, or step"),
-    ],
-)
-def test_a_class_that_defines_nothing_says_what_is_missing(base, call, missing):
-    empty = type("Empty", (base,), {})()
-    with pytest.raises(TypeError, match=f"Empty must define {missing}"):
-        call(empty)
-
-
 def test_likelihoods_that_factor_have_no_log_joint():
     assert not calls.has_log_joint(contract.Likelihood())
     assert not calls.has_log_density(contract.Dynamics())
@@ -161,26 +96,3 @@ def test_a_declared_error_is_for_every_partition_or_a_row_for_each():
     rows = [[1, 2, 0.5], [3, 4, 0]]
     np.testing.assert_array_equal(declared(jnp.array(rows)), rows)
     np.testing.assert_array_equal(calls.model_error(SimpleNamespace(), 2), np.zeros((2, 3)))
-
-
-@pytree_dataclass
-class Counter(contract.Tracker):
-    """A tracker that defines ``step`` alone."""
-
-    start: jax.Array
-
-    def init(self, key):
-        return jnp.asarray(self.start)
-
-    def step(self, key, state, frame):
-        return state + frame, {"before": state, "nothing": None}
-
-
-def test_a_tracker_that_inherits_may_define_step_alone():
-    tracker, frames = Counter(np.float32(1.0)), jnp.array([1.0, 2.0])
-    final, report = jaxpf.run(tracker, jax.random.key(0), frames)
-    assert final == 4.0
-    np.testing.assert_array_equal(report["before"], [1.0, 2.0])
-    many = jaxpf.monte_carlo(tracker, jax.random.split(jax.random.key(0), 3), frames)
-    np.testing.assert_array_equal(many["before"], [[1.0, 2.0]] * 3)
-    assert report["nothing"] is many["nothing"] is None

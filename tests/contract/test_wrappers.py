@@ -278,30 +278,3 @@ def test_dynamics_with_labels_take_the_time_and_the_inputs_of_those_inside():
     np.testing.assert_array_equal(moved, 3.5 * jnp.ones((3, 2)))
     predicted = calls.predict_all(moving, PARTITION, *[jnp.ones((3, 2))] * 2)
     np.testing.assert_array_equal(predicted, -1.5 * jnp.ones((3, 2)))
-
-
-@pytree_dataclass
-class MovingCamera:
-    """A camera that moves by five pixels per frame, of (u, v, scale, theta)."""
-
-    shift: float = 0.0
-
-    def at_frame(self, time):
-        return dataclasses.replace(self, shift=5.0 * time)
-
-    def observe(self, frame):
-        return frame
-
-    def log_prob(self, observation, partition, substate):
-        return -jnp.sum((observation[partition] - substate[:2] - self.shift) ** 2) / 8
-
-
-def test_parts_in_a_moving_camera_are_tracked_as_by_the_model_alone():
-    parts = jaxpf.parts.Parts(names=("a",), parents=(-1,), poses=[[100, 80, 0.0]], sizes=[[20, 30]])
-    frames = np.array([[[100.0, 80.0]]]) + 5.0 * np.arange(6)[:, None, None]
-    settings = {"method": "sir", "num_particles": 100, "dynamics": "absolute"}
-    tracker = jaxpf.parts.tracker(None, parts, likelihood=MovingCamera(), **settings)
-    alone = dataclasses.replace(tracker, likelihood=MovingCamera())
-    (_, wrapped), (_, own) = (jaxpf.run(each, KEY, frames) for each in (tracker, alone))
-    np.testing.assert_allclose(wrapped.estimate, own.estimate, rtol=1e-5)
-    np.testing.assert_allclose(wrapped.log_evidence, own.log_evidence, rtol=1e-4)

@@ -4,11 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from models import partitioned
 from tagged_walk import Breakable, P, track, tracked
 
 import jaxpf
 from jaxpf import ordering, pytree_dataclass
-from jaxpf.dynamics import RandomWalk
 from jaxpf.filters import SideBySide, WithErrorBars
 
 
@@ -40,16 +40,6 @@ def test_what_is_said_changes_no_particle():
         np.testing.assert_array_equal(getattr(plain, name), getattr(telling, name))
 
 
-def at_origin(order, num_particles=20, **changes):
-    return jaxpf.Partitioned(
-        dynamics=RandomWalk(np.float32(1)),
-        ordering=order,
-        initial=np.zeros((order.num_partitions, 1), np.float32),
-        num_particles=num_particles,
-        **{"likelihood": ByFrame()} | changes,
-    )
-
-
 @pytree_dataclass
 class ByFrame:
     """Log odds that stand in the frame."""
@@ -76,7 +66,7 @@ class ByFrame:
 )
 def test_a_confidence_stays_in_missing_frames(wrapped):
     frames, key = np.array([[1.0, -4.0], [np.nan] * 2, [np.nan] * 2, [2.0, 0.0]]), jax.random.key(0)
-    its = wrapped(at_origin(ordering.ps([1, 0])))
+    its = wrapped(partitioned(likelihood=ByFrame()))
     observed = np.array([[True, True], [False, False], [False, True], [True, True]])
     frames[2, 1] = 3.0  # of the other partition alone
     summary = jaxpf.run(its, key, frames, observed=observed)[1]
@@ -98,7 +88,7 @@ def test_who_was_lost_at_the_border_needs_more_evidence_to_be_back():
     """While an object counts as gone, a missing frame changes nothing."""
     said = np.array([1.0, -6.0, 6.0, 3.0, np.nan, 6.0, 6.0])
     frames = np.stack([said, said], axis=1)
-    its = at_origin(ordering.ps([1, 0]), likelihood=AtBorder())
+    its = partitioned(likelihood=AtBorder())
     state, summary = jaxpf.run(its, jax.random.key(0), frames, observed=~np.isnan(said))
     odds = np.array([2, -2, 2, 2.5, 2.5, 4.25, 5.125])
     less = np.array([0, 4, 4, 4, 4, 0, 0])
@@ -125,7 +115,7 @@ def test_the_weaker_of_two_objects_in_one_place_is_doubted_more_and_more():
     said = np.array([[3, 2], [3, 3], [np.nan] * 2, [3, 3], [-3, 3], [50, -np.inf], [np.nan, 50]])
     shared = np.array([1.0, 0.5, np.nan, 0.0, 1.0, 0.0, 0.0])
     frames = np.column_stack([said, shared])
-    its = at_origin(ordering.ps([1, 0]), likelihood=InOnePlace(), num_particles=20_000)
+    its = partitioned(likelihood=InOnePlace(), num_particles=20_000)
     seen = ~np.isnan(shared)
     state, summary = jaxpf.run(its, jax.random.key(0), frames, observed=seen)
     odds = [3, 3, 3, 3, 0, 3, -1.5], [2.5, 2.75, 2.75, 2.875, 2.9375, -1.53125, 2.234375]
@@ -140,5 +130,5 @@ def test_the_weaker_of_two_objects_in_one_place_is_doubted_more_and_more():
 
 
 def test_one_object_alone_is_not_compared():
-    its = at_origin(ordering.ps([0]), likelihood=InOnePlace())
+    its = partitioned(ordering.ps([0]), likelihood=InOnePlace())
     assert jax.eval_shape(its.init, jax.random.key(0)).presence.together is None

@@ -86,32 +86,25 @@ def test_a_particle_that_is_nowhere_harms_nobody(shape):
     assert np.abs(summary.estimate - moving()).max() < 3
 
 
-def _hidden_error(**options):
-    """How far the third point is from its truth after it was hidden for the last 10 frames."""
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("options", "least", "most"),
+    [
+        ({"drift": "clip"}, 0, 10),
+        ({"drift": "ridge"}, 0, 10),
+        ({"drift": "none"}, 18, 30),
+        ({"drift": "none", "shape": "relative", "shape_scale": 0.02}, 0, 6),
+    ],
+)
+def test_drift_and_shape_carry_a_hidden_point_along(options, least, most):
+    """The third, hidden for the last 10 frames; left behind, it would be 20 pixels away."""
     frames = moving(20)
     frames[10:, 2] = np.nan
     settings = {"num_particles": 60, "shape": "none"} | options
     tracker = jaxpf.Eskil(RandomWalk(1.0), Seen(), START, **settings)
     summary = monte_carlo(tracker, jax.random.split(jax.random.key(2), 20), frames)
     error = np.asarray(summary.estimate)[:, -1, 2] - moving(20)[-1, 2]
-    return float(np.mean(np.linalg.norm(error, axis=-1)))
-
-
-@pytest.mark.slow
-def test_a_hidden_point_is_carried_along_by_the_others():
-    """Left behind, it would be 20 pixels away."""
-    assert _hidden_error(drift="clip") < 10
-
-
-@pytest.mark.slow
-def test_ridge_carries_a_hidden_point_too_and_no_drift_leaves_it_behind():
-    assert _hidden_error(drift="ridge") < 10
-    assert _hidden_error(drift="none") > 18
-
-
-@pytest.mark.slow
-def test_a_hidden_point_is_held_in_place_by_the_shape():
-    assert _hidden_error(drift="none", shape="relative", shape_scale=0.02) < 6
+    assert least < np.mean(np.linalg.norm(error, axis=-1)) < most
 
 
 @pytest.mark.parametrize("name", ["auxiliary", "literal", "eskil", "proper"])

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax.scipy.stats import norm
+from models import log_density, space
 
 import jaxpf
 
@@ -14,16 +14,12 @@ KEY = jax.random.key(0)
 FRAMES = np.float32(OFFSET + SCALE * np.random.default_rng(0).normal(size=(20, 2)).cumsum(0).sum(1))
 
 
-@pytest.fixture(scope="module")
-def walk():
-    return jaxpf.state_space(
-        initial=jnp.float32(OFFSET),
-        transition=lambda key, x, p: x + p * jax.random.normal(key),
-        transition_log_density=lambda new, x, p: norm.logpdf(new, x, p),
-        log_likelihood=lambda y, x, p: norm.logpdf(y, x, p),
-        parameters=SCALE,
-        num_particles=1000,
-    )
+WALK = space(
+    initial=jnp.float32(OFFSET),
+    transition_log_density=log_density,
+    parameters={"a": 1.0, "s": SCALE, "noise": SCALE},
+    num_particles=1000,
+)
 
 
 def assert_moments(estimate, spread, values, weights):
@@ -36,9 +32,9 @@ def assert_moments(estimate, spread, values, weights):
     np.testing.assert_allclose(spread, deviation, rtol=1e-3)
 
 
-def test_summaries_of_a_filter(walk):
+def test_summaries_of_a_filter():
     _, (values, log_weights, summary) = jaxpf.run(
-        walk, KEY, FRAMES, record=lambda state, seen: (state.substates, state.log_weights, seen)
+        WALK, KEY, FRAMES, record=lambda state, seen: (state.substates, state.log_weights, seen)
     )
     moments = summary.estimate[:, 0, 0], summary.spread[:, 0, 0]
     assert_moments(*moments, values[:, :, 0, 0], np.exp(np.asarray(log_weights, float)))
@@ -46,8 +42,8 @@ def test_summaries_of_a_filter(walk):
 
 @pytest.mark.slow
 @pytest.mark.always
-def test_summaries_of_a_smoother(walk):
-    smoothed = jaxpf.smooth(walk, KEY, FRAMES, paths=1000)
+def test_summaries_of_a_smoother():
+    smoothed = jaxpf.smooth(WALK, KEY, FRAMES, paths=1000)
     paths = smoothed.paths[:, :, 0, 0].T
     moments = smoothed.estimate[:, 0, 0], smoothed.spread[:, 0, 0]
     assert_moments(*moments, paths, np.ones(paths.shape))

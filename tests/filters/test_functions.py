@@ -4,9 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from exact import LIMIT, WRONG, rauch_tung_striebel
+from exact import LIMIT, WRONG
 from jax.scipy.stats import norm
 from models import VALUES, initial, log_density, log_likelihood, space
+from records import assert_equal, z_score
 from refusals import message_of
 
 import jaxpf
@@ -57,10 +58,6 @@ def by_classes():
         ordering=jaxpf.ordering.sir(1),
         num_particles=50,
     )
-
-
-def assert_equal(one, other):
-    jax.tree.map(np.testing.assert_array_equal, one, other)
 
 
 # The same as classes, which are compared with exact filters elsewhere
@@ -120,10 +117,9 @@ def evidence_and_first(state, summary):
 def kalman_of_both(frames):
     """Kalman on (x, x_before), where y = x + .8 x_before + n."""
     a, s, noise = VALUES.values()
-    model = np.array([[a, 0], [1, 0]]), np.diag([s**2, 0])
-    return model, kalman(
-        *model, np.array([[1, 0.8]]), np.array([[noise**2]]),
-        np.zeros(2), np.full((2, 2), s**2), frames[:, None],
+    return kalman(
+        np.array([[a, 0], [1, 0]]), np.diag([s**2, 0]), np.array([[1, 0.8]]),
+        np.array([[noise**2]]), np.zeros(2), np.full((2, 2), s**2), frames[:, None],
     )  # fmt: skip
 
 
@@ -162,44 +158,11 @@ def test_a_likelihood_that_sees_the_state_before_has_the_exact_evidence(
         its = sees_both(coefficient, proposal=proposal)
         runs = jaxpf.monte_carlo(its, keys, FRAMES, evidence_and_first, batch_size=2000)
         log_evidence, estimate = map(np.asarray, runs)
-    exact, mean, _ = kalman_of_both(FRAMES)[1]
+    exact, mean, _ = kalman_of_both(FRAMES)
     ratio = np.exp(log_evidence.sum(1) - exact.sum())
-
-    def z(samples, expected):
-        return (samples.mean(0) - expected) / (samples.std(0) / len(samples) ** 0.5)
-
-    scores = np.abs([z(ratio, 1), *z(ratio[:, None] * estimate[:, -1], mean[-1])])
-    assert scores.max() < LIMIT if is_right else scores.max() > WRONG
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("is_right", [pytest.param(True, marks=pytest.mark.always), False])
-def test_a_likelihood_that_sees_the_state_before_is_smoothed_exactly(is_right, monkeypatch):
-    """Four frames, one missing, against Rauch-Tung-Striebel; then without its factor."""
-    if not is_right:
-        moves = sees_both().dynamics
-        monkeypatch.setattr("jaxpf.smoothing.backward.SeenMoves.of", lambda *marked: moves)
-    frames = np.array([1.5, np.nan, -1.0, 2.0])
-    with jax.enable_x64(True):
-        tracker = sees_both(num_particles=400)
-
-        def one(key):
-            smoothed = jaxpf.smooth(tracker, key, frames)
-            mean = smoothed.estimate[:, 0, 0]
-            return mean, mean**2 + smoothed.spread[:, 0, 0] ** 2
-
-        keys = jax.random.split(KEY, 100)
-        mean, square = jax.tree.map(np.asarray, jax.jit(lambda k: jax.lax.map(one, k))(keys))
-    model, (_, *filtered) = kalman_of_both(frames)
-    exact, covariance = rauch_tung_striebel(*model, *filtered)
-    exact, variance = exact[:, 0], covariance[:, 0, 0]
-    scores = np.abs(
-        [
-            (samples.mean(0) - expected) / (samples.std(0, ddof=1) / len(keys) ** 0.5)
-            for samples, expected in ((mean, exact), (square, variance + exact**2))
-        ]
-    )
-    assert scores.max() < LIMIT if is_right else scores.max() > WRONG
+    of_mean = z_score(ratio[:, None] * estimate[:, -1], mean[-1])
+    worst = max(z_score(ratio, 1), *of_mean)
+    assert worst < LIMIT if is_right else worst > WRONG
 
 
 def test_a_state_of_whole_numbers_is_one_of_floats():
@@ -247,9 +210,6 @@ def test_the_weights_of_a_network_have_derivatives():
     def by_numbers(key, x, p):
         first, second = p
         return jnp.tanh(first[0] * x + first[1]) * second[0] + second[1] + jax.random.normal(key)
-
-    def seen(y, x, p):
-        return norm.logpdf(y, x)
 
     numbers = [(layer.weight[0, 0], layer.bias[0]) for layer in net.layers]
     models = (

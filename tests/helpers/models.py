@@ -1,6 +1,7 @@
 """Small models and trackers that many tests share; what a test is about, it changes."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.scipy.stats import norm
 
@@ -25,6 +26,19 @@ def partitioned(order=None, *, number=None, dimension=1, **changes):
     order = ordering.ps(range(number)[::-1]) if order is None else order
     settings = {"ordering": order, "num_particles": 30}
     return jaxpf.Partitioned(**settings | walks(number, dimension) | changes)
+
+
+@jaxpf.pytree_dataclass
+class Adding:
+    """The least that is a tracker: it adds frames up, and reports the sum before."""
+
+    start: jax.Array = np.float32(0.0)
+
+    def init(self, key):
+        return jnp.asarray(self.start)
+
+    def step(self, key, state, frame):
+        return state + frame, state
 
 
 @jax.jit
@@ -69,3 +83,8 @@ def space(**changes):
         "num_particles": 50,
     }
     return jaxpf.state_space(**model | changes)
+
+
+def walk(**changes):
+    """A random walk from zero, of unit noises."""
+    return space(**{"parameters": dict.fromkeys(VALUES, 1.0), "initial": 0.0} | changes)

@@ -9,6 +9,16 @@ def everything(state, summary):
     return state, summary
 
 
+def only_evidence(state, summary):
+    """Record the evidence alone."""
+    return summary.log_evidence
+
+
+def only_estimate(state, summary):
+    """Record the estimates alone."""
+    return summary.estimate
+
+
 def z_score(values, truth):
     """Distance of the mean of values ``[R, ...]`` from the truth, in standard errors."""
     return np.abs(values.mean(axis=0) - truth) / (values.std(axis=0) / len(values) ** 0.5)

@@ -18,6 +18,7 @@ import pytest
 from command_line import jaxpf as command
 from csv_rows import rows_of
 from models import walks
+from records import only_estimate, only_evidence
 from scipy.stats import multivariate_normal
 
 import jaxpf
@@ -74,10 +75,6 @@ def test_it_runs_many_times(name, scene):
     assert not np.array_equal(estimates[0], estimates[1])
 
 
-def only_estimate(state, summary):
-    return summary.estimate
-
-
 @pytest.mark.parametrize(
     "sizes", [[0, 3, 4, 1], *(pytest.param(s, marks=pytest.mark.slow) for s in ([8], [8, 0]))]
 )
@@ -131,10 +128,6 @@ def test_a_scheme_leaves_the_evidence_of_every_filter_unbiased(kind):
     logs = jaxpf.monte_carlo(tracker, keys, frames, only_evidence, batch_size=4000)
     found = np.exp(np.asarray(logs).sum(axis=1))
     assert abs(found.mean() - expected) < 4.5 * found.std() / len(keys) ** 0.5
-
-
-def only_evidence(state, summary):
-    return summary.log_evidence
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from models import partitioned, space
 
 import jaxpf
 from jaxpf import ordering
-from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian
 from jaxpf.lowering import platform
 from jaxpf.running import blocks
@@ -21,21 +21,7 @@ KEYS = jax.random.split(jax.random.key(0), 7)
 
 
 def model():
-    return jaxpf.state_space(
-        initial=initial, transition=move, log_likelihood=weigh, num_particles=20
-    )
-
-
-def initial(key, p):
-    return jax.random.normal(key)
-
-
-def move(key, x, p):
-    return 0.9 * x + jax.random.normal(key)
-
-
-def weigh(y, x, p):
-    return -0.5 * (y - x) ** 2
+    return space(num_particles=20)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -116,13 +102,8 @@ ORDERS = {"dps": ordering.dps(3), "sps": ordering.sps(num_partitions=3)}
 
 def parts(order=ORDERS["dps"], least=-np.inf):
     """Three partitions, each resampled, so that every form with components is used."""
-    return jaxpf.Partitioned(
-        likelihood=Nearby(noise=np.ones((3, 1, 1), np.float32), least=np.float32(least)),
-        dynamics=RandomWalk(np.float32(1.0)),
-        ordering=order,
-        initial=np.zeros((3, 1), np.float32),
-        num_particles=30,
-    )
+    likelihood = Nearby(noise=np.ones((3, 1, 1), np.float32), least=np.float32(least))
+    return partitioned(order, likelihood=likelihood)
 
 
 @pytest.mark.slow

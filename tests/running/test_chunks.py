@@ -7,10 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from models import partitioned
-from records import everything
+from records import assert_equal, everything
+from refusals import every, message_of
 
 import jaxpf
-from jaxpf import InputError, ordering
+from jaxpf import ordering
 from jaxpf.running import chunks
 from jaxpf.running.chunks import chunk_length, in_chunks
 from jaxpf.running.frames import frames_of
@@ -56,22 +57,8 @@ def test_states_are_carried_from_chunk_to_chunk_bit_for_bit(tracker):
     assert np.ptp(whole[1].estimate[..., 0, 0], axis=0).min() > 0
     for frames in (FRAMES, (frame for frame in FRAMES), jnp.asarray(FRAMES)):
         chunked = track(tracker, frames, frames_per_chunk=3)
-        for one, other in zip(jax.tree.leaves(whole), jax.tree.leaves(chunked), strict=True):
-            assert isinstance(other, jax.Array)
-            np.testing.assert_array_equal(one, other)
-
-
-@jaxpf.pytree_dataclass
-class Sum:
-    """The least that is a tracker."""
-
-    start: jax.Array
-
-    def init(self, key):
-        return jnp.asarray(self.start)
-
-    def step(self, key, state, frame):
-        return state + jnp.sum(frame), state
+        assert all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(chunked))
+        assert_equal(whole, chunked)
 
 
 def test_no_more_frames_are_read_than_two_chunks_hold():
@@ -87,8 +74,7 @@ def test_no_more_frames_are_read_than_two_chunks_hold():
         jax.debug.callback(lambda _: computed.append(0), summary)
         return summary
 
-    tracker = Sum(np.float32(0.0))
-    jaxpf.monte_carlo(tracker, KEYS[:1], frames(), count, batch_size=1, frames_per_chunk=2)
+    jaxpf.monte_carlo(WALK, KEYS[:1], frames(), count, batch_size=1, frames_per_chunk=2)
     jax.effects_barrier()
     assert max(ahead) < 4
     assert len(computed) == 8  # the last chunk is filled up with a frame that does not count
@@ -121,27 +107,11 @@ def test_a_chunk_holds_as_much_as_it_may_and_all_hold_nearly_the_same(monkeypatc
     assert chunk_length(20, 100) == 2
 
 
-@pytest.mark.parametrize(
-    ("frames", "given", "sentence"),
-    [
-        (lambda: iter(()), {}, r"frames has no frame; give at least one\."),
-        (
-            lambda: iter([*FRAMES[:3], FRAMES[3, :1]]),
-            {"frames_per_chunk": 3},
-            r"frame 3 is float32 \[1, 2\], the first one float32 \[3, 2\];",
-        ),
-        (
-            lambda: FRAMES,
-            {"frames_per_chunk": 0},
-            r"frames_per_chunk = 0 must be a whole number from 1",
-        ),
-    ],
-)
-def test_frames_that_make_no_sequence_are_refused(frames, given, sentence):
-    with pytest.raises(InputError, match=sentence):
-        track(PS, frames(), **given)
-
-
-def test_one_run_needs_all_frames_at_once():
-    with pytest.raises(InputError, match=r"frames come one by one.*jaxpf\.stream"):
-        jaxpf.run(PS, KEYS[0], iter(FRAMES))
+@every([
+    (lambda: track(PS, iter(())), "no frame"),
+    (lambda: track(PS, iter([*FRAMES[:3], FRAMES[3, :1]]), frames_per_chunk=3), "frame 3"),
+    (lambda: track(PS, FRAMES, frames_per_chunk=0), "frames_per_chunk = 0"),
+    (lambda: jaxpf.run(PS, KEYS[0], iter(FRAMES)), "jaxpf.stream"),
+])  # fmt: skip
+def test_frames_that_make_no_sequence_are_refused(call, named):
+    assert named in message_of(call)

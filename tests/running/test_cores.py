@@ -8,6 +8,7 @@ import warnings
 import jax
 import numpy as np
 import pytest
+from models import Adding
 
 import jaxpf
 from jaxpf import InputError
@@ -15,20 +16,9 @@ from jaxpf.lowering import platform
 from jaxpf.running import cores
 
 
-@jaxpf.pytree_dataclass
-class Adding:
-    start: jax.Array
-
-    def init(self, key):
-        return self.start
-
-    def step(self, key, state, frame):
-        return state + frame, state
-
-
 def run(count, **given):
     keys = jax.random.split(jax.random.key(0), count)
-    return jaxpf.monte_carlo(Adding(np.float32(0.0)), keys, np.ones(3, np.float32), **given)
+    return jaxpf.monte_carlo(Adding(), keys, np.ones(3, np.float32), **given)
 
 
 def test_idle_cores_are_said_once(monkeypatch):

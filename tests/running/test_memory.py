@@ -1,26 +1,18 @@
 """Memory of runs and gradients over many frames, as the compiler states it; nothing is executed."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import pytest
 from jax import lax
+from models import partitioned, walks
 
 import jaxpf
-from jaxpf.dynamics import LinearGaussian
 from jaxpf.gradients import StopGradient
-from jaxpf.likelihoods import Gaussian
 from jaxpf.tuning import log_evidence
 
 pytestmark = pytest.mark.slow
-
-
-def model(count):
-    one = jnp.ones((count, 1, 1))
-    return {
-        "dynamics": LinearGaussian(transition=0.9 * one, noise=one),
-        "likelihood": Gaussian(noise=one),
-        "initial": jnp.zeros((count, 1)),
-    }
 
 
 def size(lowered):
@@ -30,12 +22,12 @@ def size(lowered):
 @pytest.mark.parametrize(
     ("make", "count"),
     [
-        (lambda model: jaxpf.Partitioned(**model, ordering=jaxpf.ordering.sir(1)), 1),
-        (lambda model: jaxpf.Labelled(**model), 10),
+        (partial(partitioned, jaxpf.ordering.sir(1)), 1),
+        (jaxpf.Labelled, 10),
     ],
 )
 def test_memory_does_not_grow_with_the_number_of_frames(make, count):
-    tracker = make(model(count) | {"num_particles": 10_000})
+    tracker = make(**walks(count), num_particles=10_000)
 
     def track(key, observed):
         def step(state, item):
@@ -54,12 +46,7 @@ def test_memory_does_not_grow_with_the_number_of_frames(make, count):
 
 
 def test_windows_bound_the_memory_of_a_gradient():
-    tracker = jaxpf.Partitioned(
-        **model(1),
-        ordering=jaxpf.ordering.sir(1),
-        num_particles=1000,
-        gradient=StopGradient(),
-    )
+    tracker = partitioned(jaxpf.ordering.sir(1), num_particles=1000, gradient=StopGradient())
     keys = jax.random.split(jax.random.key(0), 10)
 
     def evidence(tracker, keys, frames, way):

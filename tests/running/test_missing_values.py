@@ -9,6 +9,8 @@ import numpy as np
 import pandas
 import pytest
 from jax.scipy.stats import norm
+from models import walk
+from records import assert_equal
 
 import jaxpf
 from jaxpf import likelihoods, tuning
@@ -30,24 +32,15 @@ KINDS = FLOATS | {
 }
 
 
-ITS = jaxpf.state_space(
-    initial=0.0,
-    transition=lambda key, x, p: x + jax.random.normal(key),
-    log_likelihood=lambda y, x, p: norm.logpdf(y, x),
-    num_particles=8,
-)
-
-
-def assert_alike(found, expected):
-    jax.tree.map(np.testing.assert_array_equal, found, expected)
+ITS = walk(num_particles=8)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_missing_value_is_nan(kind):
     np.testing.assert_array_equal(np.asarray(with_nan(KINDS[kind]), np.float32), FRAMES)
     expected = jaxpf.run(ITS, KEY, FRAMES)[1]
-    assert_alike(jaxpf.run(ITS, KEY, KINDS[kind])[1], expected)
-    assert_alike(tuning.TrainingSequence(ITS, FRAMES, KINDS[kind]).truth, np.float32(FRAMES))
+    assert_equal(jaxpf.run(ITS, KEY, KINDS[kind])[1], expected)
+    assert_equal(tuning.TrainingSequence(ITS, FRAMES, KINDS[kind]).truth, np.float32(FRAMES))
 
 
 @pytest.mark.parametrize("kind", FLOATS)
@@ -62,7 +55,7 @@ def test_a_missing_value_that_comes_alone_is_nan(kind):
 def test_the_kalman_filter_takes_tables():
     expected = likelihoods.kalman(*np.ones((4, 1, 1)), [0], [[0]], FRAMES[:, None])
     for frames in (pandas.DataFrame(FLOATS["Float32"]), FLOATS["masked"][:, None]):
-        assert_alike(likelihoods.kalman(*np.ones((4, 1, 1)), [0], [[0]], frames), expected)
+        assert_equal(likelihoods.kalman(*np.ones((4, 1, 1)), [0], [[0]], frames), expected)
 
 
 def of_components(y, x, p):
@@ -82,6 +75,6 @@ def test_components_are_missing_in_columns_of_several_kinds():
     )
     frames = np.stack([FRAMES, FRAMES[::-1]], axis=1)
     expected = jaxpf.run(its, KEY, frames)[1]
-    assert_alike(jaxpf.run(its, KEY, np.ma.masked_invalid(frames))[1], expected)
+    assert_equal(jaxpf.run(its, KEY, np.ma.masked_invalid(frames))[1], expected)
     table = pandas.DataFrame({"a": KINDS["Int64"], "b": FRAMES[::-1]})
-    assert_alike(jaxpf.run(its, KEY, table)[1], expected)
+    assert_equal(jaxpf.run(its, KEY, table)[1], expected)

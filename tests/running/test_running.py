@@ -4,9 +4,9 @@ import subprocess
 import sys
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
+from models import Adding
 from records import assert_equal
 
 import jaxpf
@@ -172,23 +172,27 @@ SPEEDS = {"speed": np.float32([1.0, 2.0, 3.0])}
 
 
 @pytree_dataclass
-class Accumulator:
-    """The least that is a tracker: no particles, no ``observe``."""
-
-    start: jax.Array
-
-    def init(self, key):
-        return jnp.asarray(self.start)
+class Accumulator(Adding):
+    """No particles, no ``observe``; its frames and its reports are trees."""
 
     def step(self, key, state, frame):
-        return state + frame["speed"], state
+        return state + frame["speed"], {"before": state, "nothing": None}
 
 
-def test_any_object_with_init_and_step_can_be_run_and_record_picks_what_is_kept():
-    made, keys = Accumulator(np.float32(0.0)), jax.random.split(jax.random.key(0), 11)
-    final, before = jaxpf.run(made, KEY, SPEEDS)
+@pytree_dataclass
+class Inheriting(Accumulator, jaxpf.contract.Tracker):
+    """Defines ``step`` alone, and inherits the rest."""
+
+
+@pytest.mark.parametrize("kind", [Accumulator, Inheriting])
+def test_any_object_with_init_and_step_can_be_run_and_record_picks_what_is_kept(kind):
+    made, keys = kind(), jax.random.split(jax.random.key(0), 11)
+    final, report = jaxpf.run(made, KEY, SPEEDS)
     assert final == 6.0
-    np.testing.assert_array_equal(before, [0.0, 1.0, 3.0])
+    np.testing.assert_array_equal(report["before"], [0.0, 1.0, 3.0])
+    many = jaxpf.monte_carlo(made, keys, SPEEDS)
+    np.testing.assert_array_equal(many["before"], [[0.0, 1.0, 3.0]] * 11)
+    assert report["nothing"] is many["nothing"] is None
     _, kept = jaxpf.run(made, KEY, SPEEDS, record=twice_the_state)
     np.testing.assert_array_equal(kept["state"], [2.0, 6.0, 12.0])
     many = jaxpf.monte_carlo(made, keys, SPEEDS, record=twice_the_state)

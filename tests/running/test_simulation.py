@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import LIMIT, TREE, WRONG, problem
+from models import space
 
 import jaxpf
 from jaxpf import InputError
@@ -14,16 +15,8 @@ KEY = jax.random.key(5)
 NUM_DRAWS = 4000
 
 
-def walk(**changes):
-    settings = {
-        "initial": lambda key, p: jax.random.normal(key),
-        "transition": lambda key, x, p: p * x + jax.random.normal(key),
-        "log_likelihood": lambda y, x, p: jax.scipy.stats.norm.logpdf(y, x),
-        "observation": lambda key, x, p: x + jax.random.normal(key),
-        "parameters": 0.9,
-        "num_particles": 100,
-    }
-    return jaxpf.state_space(**settings | changes)
+def seen(key, x, p):
+    return x + p["noise"] * jax.random.normal(key)
 
 
 @pytest.mark.statistical
@@ -54,7 +47,8 @@ def test_predictive_intervals_cover_95_percent():
 
     def covered(key):
         keys = jax.random.split(key, 3)
-        its, tracker = jaxpf.simulate(walk(), keys[0], 7), walk()
+        tracker = space(observation=seen, num_particles=100)
+        its = jaxpf.simulate(tracker, keys[0], 7)
         state, _ = jaxpf.run(tracker, keys[1], its.frames[:5])
         ahead = jaxpf.simulate(tracker, keys[2], 2, state=state, num_draws=250)
         of_states = ahead._replace(frames=ahead.states[..., 0, 0])
@@ -107,4 +101,4 @@ def test_a_particle_is_drawn_by_its_weight_and_goes_on_with_the_rows_of_its_fram
 
 def test_a_model_that_draws_no_observations_is_refused():
     with pytest.raises(InputError, match="draws no observations; write its method sample"):
-        jaxpf.simulate(walk(observation=None), KEY, 3)
+        jaxpf.simulate(space(), KEY, 3)

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import models
 import numpy as np
 import pytest
+from records import only_estimate as final
 
 import jaxpf
 from jaxpf import ordering, smoothing, tuning
@@ -38,10 +39,6 @@ TRACKERS = {
     "error-bars": lambda scale: WithErrorBars(partitioned(scale)),
     "side-by-side": lambda scale: SideBySide(partitioned(scale), 2),
 }
-
-
-def final(state, summary):
-    return summary.estimate
 
 
 FUNCTIONS = {
@@ -87,26 +84,6 @@ def trace(function, transform, source, make=partitioned, frames=GAPS):
     return jax.eval_shape(lambda scale: transformed(scale, given), jnp.float32(1))
 
 
-def quickly(names, quick):
-    """Names, of which the others are slow: there, every function meets every transform."""
-    return [pytest.param(x, marks=[pytest.mark.slow] * (x not in quick)) for x in names]
-
-
-@pytest.mark.parametrize("function", quickly(FUNCTIONS, ("run", "monte_carlo", "smooth")))
-def test_every_function_takes_frames_that_are_closed_over(function):
-    trace(function, "jit", "closed over")
-
-
-@pytest.mark.parametrize("transform", quickly(TRANSFORMS, ("grad", "vmap", "scan")))
-def test_every_transform_takes_frames_that_are_closed_over(transform):
-    trace("run", transform, "closed over")
-
-
-@pytest.mark.parametrize("name", quickly(TRACKERS, ("labelled", "pffl")))
-def test_every_tracker_takes_frames_that_are_closed_over(name):
-    trace("run", "jit", "closed over", TRACKERS[name])
-
-
 #: Every function in every transform, and each of them with every source and every tracker.
 PAIRS = [
     (function, transform, sources[(n + m) % 3], [*TRACKERS][(n - m) % len(TRACKERS)])
@@ -114,16 +91,26 @@ PAIRS = [
     for n, function in enumerate(FUNCTIONS)
     for m, transform in enumerate(TRANSFORMS)
 ]
+QUICK = [
+    ("monte_carlo", "jit", "closed over", "partitioned"),
+    ("smooth", "jit", "closed over", "partitioned"),
+    *(("run", transform, "closed over", "partitioned") for transform in ("grad", "vmap", "scan")),
+    *(("run", "jit", "closed over", tracker) for tracker in ("labelled", "pffl")),
+]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("function", "transform", "source", "tracker"), PAIRS)
+@pytest.mark.parametrize(
+    ("function", "transform", "source", "tracker"),
+    [*QUICK, *(pytest.param(*pair, marks=pytest.mark.slow) for pair in PAIRS if pair not in QUICK)],
+)
 def test_every_function_works_in_every_transform(function, transform, source, tracker):
     alone = function in ("smooth", "particle_gibbs")
     trace(function, transform, source, partitioned if alone else TRACKERS[tracker])
 
 
-@pytest.mark.parametrize("function", quickly(FUNCTIONS, ("run",)))
+@pytest.mark.parametrize(
+    "function", ["run", *(pytest.param(x, marks=pytest.mark.slow) for x in FUNCTIONS if x != "run")]
+)
 def test_a_tracker_may_be_passed_in_or_closed_over(function):
     made, frames = partitioned(1.0), jnp.asarray(GAPS)
     jax.eval_shape(lambda its, key: FUNCTIONS[function](its, key, frames), made, KEY)
@@ -188,15 +175,3 @@ def test_no_key_is_used_twice(name, function):
     with jax.debug_key_reuse(True):
         make = TRACKERS.get(name, exchanging)
         assert jnp.isfinite(total(FUNCTIONS[function](make(np.float32(1)), KEY, FRAMES)))
-
-
-@pytest.mark.slow
-def test_a_derivative_in_a_tracker_is_that_in_its_parameters():
-    def evidence(its):
-        return jnp.sum(jaxpf.run(its, KEY, FRAMES)[1].log_evidence)
-
-    its = partitioned(np.float32(1))
-    # Orderings hold integers.
-    whole = jax.jit(jax.grad(evidence, allow_int=True))(its)
-    one = jax.jit(jax.grad(lambda scale: evidence(tuning.replace(its, {"dynamics.scale": scale}))))
-    np.testing.assert_allclose(whole.dynamics.scale, one(1.0), rtol=1e-5)

@@ -19,6 +19,7 @@ from fenced_trackers import (
     value_and_gradient,
 )
 from proposed import Bad
+from records import assert_equal
 from refusals import message_of
 
 import jaxpf
@@ -70,14 +71,7 @@ def test_stop_gradient_leaves_the_forward_pass_as_it_is_bit_for_bit():
             ]
             (state, summaries), (other, others) = kept
             assert not np.any(other.path_scores)
-            assert_equal(
-                (state, summaries), (dataclasses.replace(other, path_scores=None), others), name
-            )
-
-
-def assert_equal(one, other, name):
-    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
-        np.testing.assert_array_equal(a, b, err_msg=name)
+            assert_equal((state, summaries), (dataclasses.replace(other, path_scores=None), others))
 
 
 # The score of the motion.

@@ -78,11 +78,3 @@ def test_orderings_of_one_size_have_one_structure():
     shapes = {str(jax.tree.map(lambda x: (x.shape, x.dtype, x.weak_type), one)) for one in made}
     assert len(shapes) == 1
     assert len({jax.tree.structure(one) for one in made}) == 1
-
-
-def test_tree_levels_are_depths_below_the_root():
-    assert ordering.tree_levels((1, 2, -1, -1)) == [2, 1, 0, 0]
-
-
-def test_check_tree_returns_plain_ints():
-    assert ordering.check_tree(np.array([-1, 0])) == (-1, 0)

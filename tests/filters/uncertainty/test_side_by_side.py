@@ -5,21 +5,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from models import partitioned
-from records import everything
+from records import everything, only_evidence
 
 import jaxpf
 from jaxpf import ordering, pytree_dataclass
 from jaxpf.contract.state import moments
-from jaxpf.filters import SideBySide, quantiles
+from jaxpf.filters import SideBySide
 from jaxpf.likelihoods import kalman
 from jaxpf.running.runs import frame_key
 
 FRAMES = np.array([[[0.5], [1.0]], [[2.0], [0.0]], [[1.0], [-1.0]]], np.float32)
 RUNS = 4
-
-
-def keep_log_evidence(state, summary):
-    return summary.log_evidence
 
 
 def one():
@@ -116,27 +112,24 @@ class InBox:
         return jnp.where(jnp.abs(substate[0] - observation) < 0.2225, 0.0, -jnp.inf)
 
 
+LONE = partitioned(ordering.sir(1), dynamics=Anywhere(), likelihood=InBox(), num_particles=6)
+
+
 @pytest.mark.statistical
 @pytest.mark.parametrize("num_runs", [1, pytest.param(4, marks=pytest.mark.slow)])
 def test_a_run_that_met_an_impossible_frame_counts_as_zero(num_runs):
     """Of six particles none is possible in every third frame."""
-    single = jaxpf.Partitioned(
-        Anywhere(), InBox(), ordering.sir(1), np.zeros((1, 1), np.float32), num_particles=6
-    )
-    its = single if num_runs == 1 else SideBySide(single, num_runs)
+    its = LONE if num_runs == 1 else SideBySide(LONE, num_runs)
     keys, frames = jax.random.split(jax.random.key(0), 20_000), np.zeros(3, np.float32)
-    found = jaxpf.monte_carlo(its, keys, frames, keep_log_evidence, batch_size=2000)
+    found = jaxpf.monte_carlo(its, keys, frames, only_evidence, batch_size=2000)
     evidence = np.exp(np.asarray(found, float).sum(axis=1)) / 0.17607**3
     assert np.isfinite(evidence).all()
     assert abs(evidence.mean() - 1) < 4.5 * evidence.std() / np.sqrt(len(evidence))
 
 
 def test_a_frame_is_counted_anew_when_all_runs_are_dead():
-    single = jaxpf.Partitioned(
-        Anywhere(), InBox(), ordering.sir(1), np.zeros((1, 1), np.float32), num_particles=6
-    )
     frames = np.array([0.0, 50.0, 0.0], np.float32)
-    state, summary = jaxpf.run(SideBySide(single, 8), jax.random.key(0), frames)
+    state, summary = jaxpf.run(SideBySide(LONE, 8), jax.random.key(0), frames)
     increments = np.asarray(summary.log_evidence)
     assert np.isfinite(increments[[0, 2]]).all()
     assert np.isneginf(increments[1])
@@ -196,24 +189,3 @@ def test_increments_of_long_runs_do_not_drift():
     of_runs = np.sum(np.asarray(of_runs, float), axis=0)
     expected = np.logaddexp.reduce(of_runs) - np.log(RUNS)
     assert abs(jaxpf.log_evidence(increments) - expected) < 0.05
-
-
-def test_quantiles_are_values_that_so_much_weight_reaches():
-    values = np.array([3.0, 1.0, 2.0, np.nan])[:, None, None]
-    log_weights = np.log([0.2, 0.3, 0.5, 1e-300])
-    assert quantiles(values, log_weights, [0.25, 0.5, 0.79, 0.81])[:, 0, 0].tolist() == [1, 2, 2, 3]
-    of_each = quantiles(np.tile(values, (1, 2, 1)), np.stack([log_weights] * 2), [0.5])
-    assert of_each.tolist() == [[[2.0], [2.0]]]
-    # Of particles that hold one target each, by the weight of those that hold it.
-    held = np.array([[3.0, np.nan], [1.0, np.nan], [2.0, np.nan], [np.nan, 7.0]])[..., None]
-    of_targets = quantiles(held, np.log([0.02, 0.03, 0.05, 0.9]), [0.25, 0.79, 1])[..., 0]
-    assert of_targets.tolist() == [[1, 7], [2, 7], [3, 7]]
-    assert np.isnan(quantiles(held[:3], np.log([0.2, 0.3, 0.5]), [0.5])[0, 1, 0])
-
-
-def test_quantiles_without_any_weight_are_unknown():
-    values = np.arange(6.0).reshape(3, 2, 1)
-    assert np.isnan(quantiles(values, np.full(3, -np.inf), [0.5])).all()
-    assert np.isnan(quantiles(values[:0], np.zeros(0), [0.1, 0.5])).all()
-    of_each = quantiles(values, np.array([[0, 0, 0], [-np.inf] * 3]), [0.5])[0, :, 0]
-    np.testing.assert_array_equal(of_each, [2, np.nan])

@@ -16,6 +16,7 @@ from jaxpf.contract.options import options_of
 from jaxpf.dynamics import IndependentGaussian
 from jaxpf.filters import SideBySide, WithErrorBars, quantiles
 from jaxpf.gradients import Soft, Transport
+from jaxpf.likelihoods import Gaussian
 from jaxpf.proposals import LocallyOptimal
 
 KEY, P = jax.random.key(0), 3
@@ -24,6 +25,31 @@ MODEL = walks(P, 2) | {"initial": START}
 TREE, EXCHANGE = (-1, 0, 0), ordering.sps(num_partitions=P)
 CORRELATED = CorrelatedGaussian(np.eye(P))
 SPEED = {"feedback": "estimate"}
+
+
+#: In an order that suits a tree.
+JOINT = {"order": ordering.ps([0, 1, 2]), "likelihood": CORRELATED}
+HALVES = np.array([0.5, 0.5])
+
+
+@jaxpf.pytree_dataclass
+class OfLabels(Gaussian):
+    """By a label, which there must be."""
+
+    def log_joint_labelled(self, observation, substates, log_probs, label):
+        return jnp.sum(log_probs)
+
+
+@jaxpf.pytree_dataclass
+class Flipping(jaxpf.dynamics.RandomWalk):
+    """Labels that flip by a chance that is not known."""
+
+    def propagate_label(self, key, label, substates):
+        return 1 - label
+
+
+OF_LABELS = OfLabels(MODEL["likelihood"].noise)
+UNKNOWN_LAW = {"dynamics": Flipping(1.0), "motion_gradient": "score", "order": JOINT["order"]}
 
 
 @jax.tree_util.Partial
@@ -126,6 +152,12 @@ def tree(**changes):
     (lambda: partitioned(gradient=Transport(), likelihood=CORRELATED), "log_joint"),
     (lambda: partitioned(ordering.branched([[0, 1, 2]]), gradient=Transport()), "components"),
     (lambda: partitioned(gradient=Transport(epsilon=0.0)), "epsilon=0.0"),
+    (lambda: partitioned(joint_weighting=True, **JOINT, parents=TREE), "part tree"),
+    (lambda: partitioned(joint_weighting=True, **JOINT, gradient=Soft()), "gradient"),
+    *((lambda label=label: partitioned(likelihood=OF_LABELS, initial_label=label), "label")
+      for label in (None, np.array([0.5, 0.6]), np.array([-0.5, 1.5]), np.array(0.5))),
+    (lambda: partitioned(ordering.branched([[0, 1, 2]]), initial_label=HALVES), "1 branches"),
+    (lambda: partitioned(initial_label=HALVES, **UNKNOWN_LAW), "Flipping has none"),
     (lambda: bars(lag=-1), "lag = -1"),
     (lambda: bars(gradient=Transport()), "gradient Transport"),
     (lambda: SideBySide(partitioned(), 1), "num_runs = 1"),

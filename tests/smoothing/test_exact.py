@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from models import partitioned
+from records import z_score
 from refusals import message_of
 
 import jaxpf
@@ -16,10 +17,6 @@ from jaxpf.smoothing.checks import check_smoothing
 
 LIMIT, KEY = 4.5, jax.random.key(0)
 RNG = np.random.default_rng(2)
-
-
-def z_scores(samples, expected):
-    return np.abs(samples.mean(0) - expected) / (samples.std(0, ddof=1) / len(samples) ** 0.5)
 
 
 # --- Labels that move -----------------------------------------------------------------------
@@ -101,7 +98,7 @@ def test_smoothing_knows_that_labels_move(method):
 
     smooth = jax.jit(lambda keys: jax.lax.map(one, keys))
     estimates = np.asarray(smooth(keys), float)[..., 0, 0]
-    assert z_scores(estimates, expected).max() < LIMIT
+    assert z_score(estimates, expected).max() < LIMIT
 
 
 @pytree_dataclass

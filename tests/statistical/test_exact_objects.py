@@ -13,23 +13,22 @@ from jaxpf import ordering
 pytestmark = pytest.mark.statistical
 
 
+ORDERINGS = {
+    "sir": ordering.sir(4),
+    "ps-0123": ordering.ps([0, 1, 2, 3]),
+    "ps-3120": ordering.ps([3, 1, 2, 0]),
+    "dps": ordering.dps(4),
+    "dps-3": ordering.dps(orders=[[2, 0, 3, 1], [3, 2, 1, 0], [0, 1, 3, 2]]),
+    "sps-no-exchange": ordering.sps(OBJECTS, exchange_roots=False),
+}
+SLOW = "ps-0123", "dps-3"
+
+
 @pytest.mark.parametrize(
-    "make",
-    [
-        pytest.param(lambda: ordering.sir(4), id="sir"),
-        pytest.param(lambda: ordering.ps([0, 1, 2, 3]), id="ps-0123", marks=pytest.mark.slow),
-        pytest.param(lambda: ordering.ps([3, 1, 2, 0]), id="ps-3120"),
-        pytest.param(lambda: ordering.dps(4), id="dps"),
-        pytest.param(
-            lambda: ordering.dps(orders=[[2, 0, 3, 1], [3, 2, 1, 0], [0, 1, 3, 2]]),
-            id="dps-3",
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(lambda: ordering.sps(OBJECTS, exchange_roots=False), id="sps-no-exchange"),
-    ],
+    "name", [pytest.param(x, marks=[pytest.mark.slow] * (x in SLOW)) for x in ORDERINGS]
 )
-def test_filter_of_independent_objects_is_unbiased(make):
-    assert scores(objects(), make(), runs=QUICK_RUNS).worst < LIMIT
+def test_filter_of_independent_objects_is_unbiased(name):
+    assert scores(objects(), ORDERINGS[name], runs=QUICK_RUNS).worst < LIMIT
 
 
 def test_the_combinatorial_swap_is_unbiased_and_the_yardstick_notices_what_is_slightly_wrong():

@@ -1,7 +1,6 @@
 """Deeper trees, forests, run-time labels and user-written models against the Kalman filter."""
 
 import dataclasses
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -22,9 +21,10 @@ from exact import (
     scores,
     scores_of,
 )
+from records import only_evidence, z_score
 
+import jaxpf
 from jaxpf import ordering, pytree_dataclass
-from jaxpf.running import runs
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
@@ -57,41 +57,25 @@ def test_exchanged_roots_of_a_forest_cost_less_than_this_test_resolves():
 # Run-time labels.
 
 
-def _labelled_run(tracker, key, frames, probabilities):
-    """``jaxpf.run`` with random labels, which the particles keep."""
-    state = runs.init(tracker, key)
-    label_key = jax.random.fold_in(key, 12345)
-    labels = jax.random.categorical(
-        label_key, jnp.log(probabilities), shape=(tracker.num_particles,)
-    )
-    state = dataclasses.replace(state, component=labels.astype(jnp.int32))
-    step = runs.one_run(tracker, key, moments)
-    return jax.lax.scan(step, state, (jnp.arange(len(frames)), frames))[1]
-
-
-@partial(jax.jit, compiler_options=COMPILER_OPTIONS)
-def _labelled_runs(tracker, keys, frames, probabilities):
-    def one_batch(keys):
-        one = jax.vmap(_labelled_run, in_axes=(None, 0, None, None))
-        return one(tracker, keys, frames, probabilities)
-
-    recorded = jax.lax.map(one_batch, keys.reshape(-1, BATCH))
-    return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), recorded)
-
-
-@pytest.mark.parametrize(
-    "probabilities",
-    [
-        pytest.param([0.5, 0.3, 0.2], id="three-branches"),
-        pytest.param([0.97, 0.03, 0.0], id="tiny-and-empty-branches"),
-        pytest.param([0.0, 0.0, 1.0], id="only-the-last-branch"),
-    ],
-)
+@pytest.mark.parametrize("probabilities", [[0.5, 0.3, 0.2], [0.97, 0.03, 0.0], [0.0, 0.0, 1.0]])
 def test_branched_filter_is_unbiased_whatever_the_sizes_of_its_branches(probabilities):
     exact = problem(TREE)
     tracker = exact.tracker(ordering.branched([[0, 1, 2], [0, 2, 1], [0, 2, 1]]))
-    keys = jax.random.split(jax.random.key(3), RUNS)
-    recorded = _labelled_runs(tracker, keys, exact.frames, jnp.array(probabilities))
+
+    def labelled_run(key):
+        """Particles keep their random labels."""
+        state, number = tracker.init(jax.random.fold_in(key, 0)), tracker.num_particles
+        labels = jax.random.categorical(
+            jax.random.fold_in(key, 12345), jnp.log(jnp.array(probabilities)), shape=(number,)
+        )
+        state = dataclasses.replace(state, component=labels.astype(jnp.int32))
+        return jaxpf.run(tracker, key, exact.frames, moments, state=state)[1]
+
+    many = jax.jit(
+        lambda keys: jax.lax.map(labelled_run, keys, batch_size=BATCH),
+        compiler_options=COMPILER_OPTIONS,
+    )
+    recorded = many(jax.random.split(jax.random.key(3), RUNS))
     assert scores_of(recorded, exact).worst < LIMIT
 
 
@@ -124,18 +108,14 @@ class OneParticleLikelihood:
 
 
 @pytest.mark.parametrize(
-    "make",
-    [
-        pytest.param(lambda: ordering.ps([0, 2, 1]), id="ps"),
-        pytest.param(lambda: ordering.sps(TREE), id="sps-combinatorial"),
-    ],
+    "order", [ordering.ps([0, 2, 1]), ordering.sps(TREE)], ids=["ps", "sps-combinatorial"]
 )
-def test_models_written_for_one_particle_have_the_law_of_the_built_in_ones(make):
+def test_models_written_for_one_particle_have_the_law_of_the_built_in_ones(order):
     exact = problem(TREE)._replace(
         dynamics=OneParticleMotion(share=np.float64(0.5)),
         likelihood=OneParticleLikelihood(scale=np.float64(1.0)),
     )
-    assert scores(exact, make()).worst < LIMIT
+    assert scores(exact, order).worst < LIMIT
 
 
 # Components without any likelihood.
@@ -156,30 +136,21 @@ class Beyond:
 
 
 @pytest.mark.parametrize(
-    "make",
-    [
-        pytest.param(lambda: ordering.sir(3), id="sir"),
-        pytest.param(lambda: ordering.ps([2, 0, 1]), id="ps"),
-        pytest.param(lambda: ordering.dps(3), id="dps"),
-        pytest.param(lambda: ordering.sps(num_partitions=3), id="sps-combinatorial"),
-    ],
+    "order",
+    [ordering.sir(3), ordering.ps([2, 0, 1]), ordering.dps(3), ordering.sps(num_partitions=3)],
+    ids=["sir", "ps", "dps", "sps-combinatorial"],
 )
-def test_evidence_is_unbiased_where_whole_components_often_die(make):
+def test_evidence_is_unbiased_where_whole_components_often_die(order):
     """With 12 particles and a likelihood that 16% survive, most components die out."""
     exact = problem((-1, -1, -1), transition=0.0)._replace(
         likelihood=Beyond(factor=np.float64(2.0)), frames=np.ones((2, 3, 1))
     )
-    tracker = exact.tracker(make(), num_particles=12)
+    tracker = exact.tracker(order, num_particles=12)
     keys = jax.random.split(jax.random.key(5), RUNS)
     log_evidence = np.asarray(
-        monte_carlo(tracker, keys, exact.frames, record=_log_evidence, batch_size=BATCH)
+        monte_carlo(tracker, keys, exact.frames, record=only_evidence, batch_size=BATCH)
     )
     assert np.isneginf(log_evidence).any()
     evidence = np.exp(log_evidence.sum(1))
     survival = 2.0 * scipy.stats.norm.sf(1.0)
-    z = (evidence.mean() - survival**6) / (evidence.std() / RUNS**0.5)
-    assert abs(z) < LIMIT
-
-
-def _log_evidence(state, summary):
-    return summary.log_evidence
+    assert z_score(evidence, survival**6) < LIMIT

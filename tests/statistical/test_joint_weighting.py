@@ -15,8 +15,7 @@ from places_in_a_row import PLACES, ReadFromTables, StepsInARow, one_step
 from records import z_score
 
 import jaxpf
-from jaxpf import InputError, ordering, pytree_dataclass
-from jaxpf.dynamics import RandomWalk
+from jaxpf import ordering, pytree_dataclass
 from jaxpf.filters.partitioned import weighing
 
 FRAMES, N, RUNS, LIMIT = 3, 12, 20_000, 4.5
@@ -250,19 +249,4 @@ def test_dynamics_of_this_package_expect_what_they_do_without_noise():
         moved = one.propagate_all(jax.random.key(0), partition, now, before, np.zeros_like(now))
         np.testing.assert_allclose(
             one.predict_all(partition, now, before), moved, rtol=1e-4, atol=1e-5
-        )
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"parents": (-1, 0, 0)}, "part tree"),
-        ({"gradient": jaxpf.gradients.Soft()}, "gradient"),
-    ],
-)
-def test_where_it_cannot_work_it_is_refused(changes, message):
-    options = {"dynamics": RandomWalk(1.0), "likelihood": Tables(), "joint_weighting": True}
-    with pytest.raises(InputError, match=message):
-        jaxpf.Partitioned(
-            ordering=ordering.ps([0, 1, 2]), initial=np.zeros((3, 1)), **(options | changes)
         )

@@ -180,13 +180,3 @@ def test_exchange_separates_places_from_the_label_that_depends_on_them(name):
     assert z_score(scale, 1) < LIMIT
     worst = z_score(scale * mean[:, -1], distance.sum())
     assert (worst < LIMIT) if name == "ps" else worst > 10, worst
-
-
-def test_labels_that_cannot_work_are_refused():
-    for given in (None, np.array([0.5, 0.6]), np.array([-0.5, 1.5]), np.array(0.5)):
-        with pytest.raises(InputError, match="label"):
-            jaxpf.Partitioned(
-                Steps(), Tables(), ORDERINGS["ps"], np.zeros((2, 1), np.float32), given
-            )
-    with pytest.raises(InputError, match="1 branches"):
-        tracker(ordering.branched([[0, 1]]))

@@ -14,7 +14,7 @@ from exact import LIMIT, monte_carlo, rauch_tung_striebel
 from proposed import residual
 
 import jaxpf
-from jaxpf import InputError, ordering, pytree_dataclass
+from jaxpf import ordering, pytree_dataclass
 from jaxpf.contract.calls import changed_inside
 from jaxpf.dynamics import RandomWalk
 from jaxpf.gradients import StopGradient
@@ -168,22 +168,3 @@ def test_gradient_by_the_law_of_the_labels_is_exact(motion):
     error = values.std(axis=0) / RUNS**0.5
     assert (np.abs(values.mean(axis=0) - truth) < LIMIT * error).all()
     assert (6 * error < np.abs(truth)).all()  # a derivative that is left out would be seen
-
-
-@pytree_dataclass
-class Unknown(RandomWalk):
-    """Labels that flip by a chance that is not known."""
-
-    propagate_label = Walk.propagate_label
-
-
-def test_score_gradient_by_labels_of_unknown_law_is_refused():
-    with pytest.raises(InputError, match="of the dynamics, and Unknown has none"):
-        jaxpf.Partitioned(
-            dynamics=Unknown(1.0),
-            likelihood=Together(),
-            ordering=ordering.ps([0, 1]),
-            initial=np.zeros((2, 1), np.float32),
-            initial_label=np.array(START_LABEL),
-            motion_gradient="score",
-        )

@@ -1,7 +1,7 @@
 """The expected gradient of the evidence against that of the Kalman filter.
 
 ``stop_gradient`` must agree at any number of particles, for every method, and without any
-gradient of the choices it must not; how far is printed, and recorded with the test's result.
+gradient of the choices it must not; how far is printed.
 """
 
 from typing import Any
@@ -19,6 +19,14 @@ from jaxpf.proposals import LocallyOptimal, Mixture
 
 pytestmark = pytest.mark.statistical
 
+
+def told(*arguments, **settings):
+    """The gradients; how far they are off is printed."""
+    found = gradients(*arguments, **settings)
+    print(found)
+    return found
+
+
 METHODS = {
     "sir": ordering.sir(3),
     "ps": ordering.ps([0, 2, 1]),
@@ -29,20 +37,16 @@ METHODS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
-def test_stop_gradient_is_unbiased_on_a_part_tree(method, record_property):
-    found = gradients(problem(TREE), METHODS[method], gradient=StopGradient())
-    record_property("gradient", str(found))
-    print(found)
+def test_stop_gradient_is_unbiased_on_a_part_tree(method):
+    found = told(problem(TREE), METHODS[method], gradient=StopGradient())
     assert found.worst < LIMIT
 
 
 @pytest.mark.slow
-def test_stop_gradient_is_unbiased_where_roots_are_exchanged(record_property):
+def test_stop_gradient_is_unbiased_where_roots_are_exchanged():
     """The past of an object must bring its derivative along: groups here have many pasts."""
     exact = problem((-1, -1), transition=0.7, lag=0.3, initial_scale=1.0)
-    found = gradients(exact, ordering.sps(num_partitions=2), gradient=StopGradient())
-    record_property("gradient", str(found))
-    print(found)
+    found = told(exact, ordering.sps(num_partitions=2), gradient=StopGradient())
     assert found.worst < LIMIT
 
 
@@ -70,26 +74,22 @@ class CorrectedAtTheEnd:
 
 
 @pytest.mark.slow
-def test_stop_gradient_is_unbiased_where_weights_stay_unequal(record_property):
+def test_stop_gradient_is_unbiased_where_weights_stay_unequal():
     """Not always resampled, by tempered weights, and corrected by ``log_joint`` in the end."""
     exact = problem(TREE)
     exact = exact._replace(likelihood=CorrectedAtTheEnd(noise=exact.likelihood.noise))
     method, settings = METHODS["dps"], {"ess_threshold": 0.5, "tempering": 0.5}
-    found = gradients(exact, method, gradient=StopGradient(), **settings)
-    record_property("gradient", str(found))
-    print(found)
+    found = told(exact, method, gradient=StopGradient(), **settings)
     assert found.worst < LIMIT
 
 
 @pytest.mark.slow
-def test_stop_gradient_is_unbiased_with_joint_weighting(record_property):
+def test_stop_gradient_is_unbiased_with_joint_weighting():
     """The weights' derivative flows through the predictions of later objects, too."""
     exact = problem((-1, -1))
     exact = exact._replace(likelihood=CorrectedAtTheEnd(noise=exact.likelihood.noise))
     settings = {"gradient": StopGradient(), "joint_weighting": True, "runs": 10_000}
-    found = gradients(exact, ordering.dps(2), **settings)
-    record_property("gradient", str(found))
-    print(found)
+    found = told(exact, ordering.dps(2), **settings)
     assert found.worst < LIMIT
     blind = gradients(exact, ordering.dps(2), **settings | {"gradient": NoGradient()})
     assert np.abs(blind.z).max() > WRONG
@@ -109,19 +109,11 @@ VARIATIONS = {
 
 @pytest.mark.parametrize(
     "variation",
-    [
-        "stop_gradient",
-        pytest.param("stop_gradient, score", marks=pytest.mark.slow),
-        pytest.param("proposal", marks=pytest.mark.slow),
-        pytest.param("proposal, score", marks=pytest.mark.slow),
-        pytest.param("none", marks=pytest.mark.slow),
-    ],
+    [pytest.param(x, marks=[pytest.mark.slow] * (x != "stop_gradient")) for x in VARIATIONS],
 )
-def test_bias_of_every_variation_on_one_partition(variation, record_property):
+def test_bias_of_every_variation_on_one_partition(variation):
     settings, unbiased = VARIATIONS[variation]
-    found = gradients(problem((-1,)), ordering.ps([0]), **settings)
-    record_property("gradient", str(found))
-    print(found)
+    found = told(problem((-1,)), ordering.ps([0]), **settings)
     if unbiased:
         assert found.worst < LIMIT
     else:

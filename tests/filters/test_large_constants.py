@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from featured_trackers import MovesLabels
 from proposed import Bad
 
 import jaxpf
@@ -53,11 +54,8 @@ class Jointly(Whole):
 
 
 @pytree_dataclass
-class Flipping(RandomWalk):
-    """Whose labels, 0 and 1, change three times in ten."""
-
-    def propagate_label(self, key, label, substates):
-        return jnp.where(jax.random.uniform(key) < 0.3, 1 - label, label)
+class Flipping(MovesLabels, RandomWalk):
+    """A random walk, and labels."""
 
     def predict(self, partition, current, previous):
         return current
@@ -80,8 +78,8 @@ def factored(kind, **options):
 
 
 PS, TREE = ordering.ps([0, 1, 2]), (-1, 0, 0)
+LABELS = {"dynamics": Flipping(1.0), "initial_label": np.full(2, 0.5)}
 ADAPTIVE = {"proposal": Bad(), "ess_threshold": 0.5, "tempering": 0.7}
-slow = {"marks": pytest.mark.slow}
 TRACKERS = {
     "sir": lambda: partitioned(ordering.sir(P)),
     "ps": lambda: partitioned(PS),
@@ -92,14 +90,8 @@ TRACKERS = {
     "tree": lambda: partitioned(ordering.sps(TREE), parents=TREE),
     "adaptive": lambda: WithErrorBars(partitioned(PS, **ADAPTIVE)),
     "joint": lambda: partitioned(ordering.dps(P), Jointly()),
-    "joint weighting": lambda: partitioned(
-        PS, Jointly(), joint_weighting=True, dynamics=Flipping(1.0), initial_label=np.full(2, 0.5)
-    ),
-    "branched": lambda: partitioned(
-        ordering.branched([[0, 1, 2], [2, 1, 0]]),
-        dynamics=Flipping(1.0),
-        initial_label=np.full(2, 0.5),
-    ),
+    "joint weighting": lambda: partitioned(PS, Jointly(), joint_weighting=True, **LABELS),
+    "branched": lambda: partitioned(ordering.branched([[0, 1, 2], [2, 1, 0]]), **LABELS),
     "equal_share": labelled,
     "plain": lambda: labelled("plain"),
     "corrected": lambda: labelled("corrected"),
@@ -109,16 +101,7 @@ TRACKERS = {
     "side-by-side": lambda: SideBySide(partitioned(PS), 3),
 }
 #: The first six share one program.
-QUICK = [
-    "sir",
-    "ps",
-    "sps",
-    "sorted",
-    "dps",
-    "literal",
-    "equal_share",
-    "auxiliary",
-]
+QUICK = "sir", "ps", "sps", "sorted", "dps", "literal", "equal_share", "auxiliary"
 
 
 def with_constant(tracker, constant):
@@ -144,7 +127,7 @@ def assert_same(values):
 
 
 @pytest.mark.parametrize(
-    "name", [name if name in QUICK else pytest.param(name, **slow) for name in TRACKERS]
+    "name", [pytest.param(x, marks=[pytest.mark.slow] * (x not in QUICK)) for x in TRACKERS]
 )
 def test_a_constant_changes_the_evidence_alone(name):
     tracker = TRACKERS[name]()

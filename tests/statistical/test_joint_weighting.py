@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import monte_carlo
+from featured_trackers import MovesLabels
 from places_in_a_row import PLACES, ReadFromTables, StepsInARow, one_step
 from records import z_score
 
@@ -78,14 +79,17 @@ def report(state, summary):
     return summary.log_evidence, summary.estimate[:, 0]
 
 
-def runs(chosen, **options):
+def runs_of(made, evidence):
     """Evidence over the exact one ``[R]``, and places ``[R, 3]`` in the last frame."""
     keys = jax.random.split(jax.random.key(7), RUNS)
     frames = jnp.asarray(WEIGHTING), jnp.asarray(JOINT)
-    made = tracker(chosen, **options)
     found = monte_carlo(made, keys, frames, record=report, batch_size=2000)
     log_evidence, places = (np.asarray(values, float) for values in found)
-    return np.exp(log_evidence.sum(axis=1)) / exact()[0], places[:, -1]
+    return np.exp(log_evidence.sum(axis=1)) / evidence, places[:, -1]
+
+
+def runs(chosen, **options):
+    return runs_of(tracker(chosen, **options), exact()[0])
 
 
 def true_places():
@@ -95,11 +99,8 @@ def true_places():
 
 
 @pytree_dataclass
-class Flipping(Steps):
-    """Whose labels, 0 and 1, change three times in ten."""
-
-    def propagate_label(self, key, label, substates):
-        return jnp.where(jax.random.uniform(key) < 0.3, 1 - label, label)
+class Flipping(MovesLabels, Steps):
+    """The same steps, and labels."""
 
 
 @pytree_dataclass
@@ -148,16 +149,11 @@ def test_a_joint_of_labels_is_given_the_likelihoods_of_single_targets():
         joint = np.stack([two + w[2], two - 3.0])
         belief = np.einsum("labc,lm,ad,be,cf->mdef", belief, flip, step, step, step)
         belief *= np.exp(joint)
-    made = labelled(ordering.ps([0, 1, 2]))
-    keys = jax.random.split(jax.random.key(7), RUNS)
-    frames = jnp.asarray(WEIGHTING), jnp.asarray(JOINT)
-    found = monte_carlo(made, keys, frames, record=report, batch_size=2000)
-    log_evidence, places = (np.asarray(values, float) for values in found)
-    ratio = np.exp(log_evidence.sum(axis=1)) / belief.sum()
+    ratio, places = runs_of(labelled(ordering.ps([0, 1, 2])), belief.sum())
     assert z_score(ratio, 1) < LIMIT
     others, grid = ((0, 2, 3), (0, 1, 3), (0, 1, 2)), np.arange(PLACES)
     true = np.array([belief.sum(axis=axes) @ grid for axes in others]) / belief.sum()
-    assert (z_score(ratio[:, None] * places[:, -1], true) < LIMIT).all()
+    assert (z_score(ratio[:, None] * places, true) < LIMIT).all()
 
 
 @pytest.mark.statistical

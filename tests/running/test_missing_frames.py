@@ -35,12 +35,8 @@ class Picky:
         return -0.5 * (observation[partition, 0] - substate[0]) ** 2
 
 
-def partitioned(order, likelihood=None, **changes):
-    if likelihood is not None:
-        changes["likelihood"] = likelihood
-    return models.partitioned(order, num_particles=60, **changes)
-
-
+partitioned = functools.partial(models.partitioned, num_particles=60)
+CORRELATED = {"likelihood": CorrelatedGaussian(jnp.eye(3) / 2 + 0.5)}
 TRACKERS = {
     "sir": partitioned(ordering.sir(3)),
     "literal-dps": partitioned(ordering.dps(3, reassembly="literal")),
@@ -48,10 +44,8 @@ TRACKERS = {
     "sorted": partitioned(ordering.sps([-1, 0, 0], "sorted"), parents=(-1, 0, 0)),
     "tempered": partitioned(ordering.ps([0, 1, 2]), tempering=0.5),
     "adaptive": partitioned(ordering.ps([0, 1, 2]), ess_threshold=0.5),
-    "joint": partitioned(ordering.ps([0, 1, 2]), CorrelatedGaussian(jnp.eye(3) / 2 + 0.5)),
-    "joint weighting": partitioned(
-        ordering.ps([0, 1, 2]), CorrelatedGaussian(jnp.eye(3) / 2 + 0.5), joint_weighting=True
-    ),
+    "joint": partitioned(ordering.ps([0, 1, 2]), **CORRELATED),
+    "joint weighting": partitioned(ordering.ps([0, 1, 2]), **CORRELATED, joint_weighting=True),
     "error-bars": WithErrorBars(partitioned(ordering.ps([0, 1, 2]))),
     "labelled": jaxpf.Labelled(**models.walks(3), position=(0,)),
     "pffl": jaxpf.PFFL(**models.walks(3)),
@@ -69,14 +63,11 @@ def over_gaps(name):
     return jax.device_get(jaxpf.run(TRACKERS[name], KEY, frames, everything)[1])
 
 
+QUICK = "sir", "labelled", "pffl"
+
+
 @pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=pytest.mark.slow)
-        if name not in ("sir", "labelled", "pffl")
-        else name
-        for name in TRACKERS
-    ],
+    "name", [pytest.param(x, marks=[pytest.mark.slow] * (x not in QUICK)) for x in TRACKERS]
 )
 def test_a_missing_frame_changes_no_weight_and_no_evidence(name):
     _, summary = over_gaps(name)
@@ -113,7 +104,7 @@ def test_a_joint_likelihood_may_say_what_a_missing_partition_means():
 
     seen = np.ones((5, 3), bool)
     seen[1, 0] = False
-    its = partitioned(ordering.sir(3), Joint(jnp.eye(3)))
+    its = partitioned(ordering.sir(3), likelihood=Joint(jnp.eye(3)))
     alone = TRACKERS["sir"]
     found = jaxpf.run(its, KEY, FRAMES[..., 0], observed=seen)[1]
     expected = jaxpf.run(alone, KEY, FRAMES, observed=seen)[1]
@@ -172,7 +163,7 @@ def test_nothing_of_a_missing_frame_gets_into_a_derivative():
     frames = np.where(SEEN[:, None, None], FRAMES, 0.0).astype(np.float32)
 
     def evidence(poison):
-        its = partitioned(ordering.ps([0, 1, 2]), Picky(poison))
+        its = partitioned(ordering.ps([0, 1, 2]), likelihood=Picky(poison))
         return jnp.sum(jaxpf.run(its, KEY, frames, observed=SEEN)[1].log_evidence)
 
     value, slope = jax.jit(jax.value_and_grad(evidence))(jnp.float32(0.5))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from correlated import CorrelatedGaussian
 from models import partitioned
+from unsuited_dynamics import Blind
 
 import jaxpf
 from jaxpf import ordering, pytree_dataclass, smoothing
@@ -19,14 +20,6 @@ FRAMES = np.random.default_rng(0).normal(size=(5, 2, 1)).astype(np.float32)
 
 
 tracker = functools.partial(partitioned, dynamics=AR2(scale=1.0))
-
-
-@pytree_dataclass
-class Wandering:
-    """A motion without a density."""
-
-    def propagate(self, key, partition, current, previous, parent):
-        return current + jax.random.normal(key, current.shape)
 
 
 @pytree_dataclass
@@ -95,7 +88,7 @@ def test_ancestors_are_the_particles_that_were_moved():
 
 
 def test_the_genealogy_needs_no_density():
-    its = tracker(dynamics=Wandering())
+    its = tracker(dynamics=Blind())
     assert jax.eval_shape(lambda: jaxpf.smooth(its, KEY, FRAMES, method="genealogy")).paths is None
 
 

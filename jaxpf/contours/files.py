@@ -115,6 +115,8 @@ def _contours(content: Mapping[str, Any]) -> Contours:
         raise ValueError(f'"closed" is {closed!r:.60}, neither true nor false')
     if not given:
         raise ValueError("it has no contours")
+    if not _is_place(content.get("width") or 0):
+        raise ValueError(f'"width" is {content["width"]!r:.60} instead of a number')
     for name, rows in given.items():
         check_name(name, "a contour")
         for number, row in enumerate(rows if isinstance(rows, list) else [rows]):
@@ -131,8 +133,8 @@ def _contours(content: Mapping[str, Any]) -> Contours:
     return Contours(tuple(given), points, closed, degree, content.get("width"))
 
 
-def _is_place(value: object) -> bool:
-    return isinstance(value, int | float) and abs(value) <= FARTHEST
+def _is_place(value: Any) -> bool:
+    return type(value) in (int, float) and abs(value) <= FARTHEST
 
 
 def contours_text(contours: Contours) -> str:

@@ -77,9 +77,10 @@ def read_annotated(
     else:
         lines = _read_points(folder / f"{kind}.csv", first, until)
     if not lines:
+        end = "on" if last is None else f"to {last}"
         raise InputError(
-            f"'{folder}' holds no {kind} in the frames {first} to {until:g}; there are no key "
-            "frames to learn from: mark some, or choose other frames."
+            f"'{folder}' holds no {kind} in the frames from {first} {end}; there are no key frames "
+            "to learn from: mark some, or choose other frames."
         )
     return Annotated(kind, lines)
 

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 from jax.typing import ArrayLike
 
-from jaxpf.contract.errors import Argument, InputError
+from jaxpf.contract.errors import Argument, InputError, choice
 from jaxpf.contract.options import Option, applying, complete, options_of
 from jaxpf.gradients import GRADIENTS
 from jaxpf.targets import building
@@ -84,8 +84,13 @@ def training_sequence(
     background = scene.frames[_spread(len(scene.frames), _BACKGROUND_FRAMES)]
     particles = recipe.values["num_particles"]
     looks = building.looks_of_scene(scene, particles, background=background)
-    gradient = GRADIENTS[recipe.gradient]
-    tracker = dataclasses.replace(recipe.tracker(start, looks), gradient=gradient)
+    tracker = recipe.tracker(start, looks)
+    if not hasattr(tracker, "gradient"):
+        raise InputError(
+            choice("method", recipe.values["method"]),
+            " has no gradient; tune with another, such as dps, as tuned values suit any method.",
+        )
+    tracker = dataclasses.replace(tracker, gradient=GRADIENTS[recipe.gradient])
     shapes = np.array(of.scene_shapes(scene)[1:], np.float32)
     if labels is not None:
         if not 1 <= labels <= len(shapes):

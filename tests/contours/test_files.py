@@ -72,6 +72,8 @@ def four(*last):
         ({"width": 12}, "open contours"),
         ({"width": -1, "closed": False}, "width"),
         ({"width": "thin", "closed": False}, "width"),
+        ({"width": "4", "closed": False}, "width"),
+        ({"contours": {"leaf": [[True, 1], [2, 3], [4, 1], [5, 9]]}}, "point 0"),
         ({"contours": {}}, "it has no contours"),
         ({"contours": {"leaf": LEAF[:3]}}, "3 control point"),
         ({"contours": {"a": LEAF, "b": [*LEAF, [1, 2]]}}, "'a' 4, 'b' 5"),
@@ -83,7 +85,7 @@ def four(*last):
         ({"contours": {"\ud800": LEAF}}, "on one line"),
         ({"colour": "red"}, "'colour'"),
     ],
-    ids=range(18),
+    ids=range(20),
 )
 def test_what_cannot_be_used_is_refused(tmp_path, content, named):
     path = written(tmp_path, **content)

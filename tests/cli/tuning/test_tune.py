@@ -111,6 +111,7 @@ def test_a_folder_is_tuned_on_its_first_frames(tmp_path):
         ("--frames 3", "--frames 3"),
         ("--labels 5", "--labels 5"),
         ("--labels 99 --objective position", "--labels 99"),
+        ("--method eskil", "--method eskil"),
     ],
 )
 def test_a_mistake_is_one_sentence(tmp_path, arguments, named):

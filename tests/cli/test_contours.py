@@ -112,16 +112,6 @@ def test_the_run_is_shown_and_can_be_repeated(whole_run, clip, start, tmp_path):
     assert (tmp_path / "again" / "tracks.csv").read_bytes() == (output / "tracks.csv").read_bytes()
 
 
-@pytest.mark.slow
-def test_a_contour_that_crosses_itself_is_accepted_and_said(clip, tmp_path):
-    bow = [[30, 30], [90, 60], [90, 30], [30, 60]]
-    start = contours(tmp_path, contours={"bow": bow}, degree=1)
-    # Before anything else is found wrong.
-    options = ("--exclusion", "opaque", "-o", tmp_path / "out")
-    outcome = jaxpf("track", "contours", clip, "--contours", start, *options)
-    assert re.match("Note: The contour 'bow' .* crosses itself.*\nError: 1 opaque", outcome.err)
-
-
 LEAF = [[10, 20], [30, 18], [32, 40], [12, 38]]
 
 

@@ -5,7 +5,7 @@ import shlex
 
 import numpy as np
 import pytest
-from command_line import jaxpf, refusal_of
+from command_line import jaxpf
 
 from jaxpf.boxes import read_boxes
 from jaxpf.contours.files import read_contours
@@ -47,11 +47,6 @@ def test_the_commands_name_files_that_are_there(example, kind):
         output = line[line.index("-o") + 1]
         assert len(named) >= 2
         assert {word for word in named if not (folder / word).exists()} == {output}
-
-
-def test_a_folder_with_files_is_refused(example):
-    folder, _ = example("boxes")
-    assert "--overwrite" in refusal_of("example", "boxes", folder)
 
 
 @pytest.mark.slow

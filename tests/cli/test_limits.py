@@ -3,9 +3,6 @@
 import pytest
 from command_line import refusal_of
 
-from jaxpf import InputError
-from jaxpf.evaluation import Plan
-
 LONG = "x" * 300
 
 
@@ -21,17 +18,12 @@ def test_a_folder_whose_name_is_too_long_is_refused(command):
     assert "file name too long" in refused(command, "distracter", "--config", LONG)
 
 
-def test_a_demo_replaces_nothing_unasked(tmp_path):
+@pytest.mark.parametrize("command", ["demo --runs 1 -n 20 -o", "example boxes"])
+def test_results_replace_nothing_unasked(tmp_path, command):
     (tmp_path / "mine.txt").touch()
-    sentence = refused("demo", "--runs", 1, "-n", 20, "-o", tmp_path)
+    sentence = refused(*command.split(), tmp_path)
     assert "is not empty (it holds 'mine.txt')" in sentence
     assert "--overwrite" in sentence
-
-
-@pytest.mark.parametrize("name", ["two\nlines", "x" * 101, "bell\a", "dps", ""])
-def test_a_trackers_name_fits_a_table(name):
-    with pytest.raises(InputError, match="a tracker cannot be called"):
-        Plan("distracter", methods=(), tracks={name: "file.csv"})
 
 
 BODY = "def scene(seed=0):\n    return 1 / 0\n\ndef tracker(scene):\n    raise ValueError('[/red]')"

@@ -113,6 +113,10 @@ def test_auto_is_decided_once_and_merges_with_what_it_stands_for():
         ({"swaps": ["shuffled"]}, "'shuffled'"),
         ({"target": "ghosts"}, "'ghosts'"),
         ({"tracks": {"a": "file.csv"}, "trackers": {"a": len}}, "'a'"),
+        *(
+            ({"tracks": {name: "file.csv"}}, "a tracker cannot be called")
+            for name in ("two\nlines", "x" * 101, "bell\a", "dps", "")
+        ),
         ({"runs": 0}, "runs = 0"),
         ({"runs": 10**8}, "runs = 100000000"),
         ({"seed": -1}, "seed = -1"),

@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 import cv2
 import numpy as np
 import pytest
+from csv_rows import rows_of
 from made_results import DPS, OTHER, PS, SIR, batch, imported, make, walks
 
 from jaxpf.evaluation.figures import write_figures
@@ -115,7 +116,10 @@ def test_figures_are_embedded_as_they_are_on_disk(written):
 def test_reports_of_nothing_and_of_one_run_on_one_object_and_frame(tmp_path):
     truth, _ = walks(seed=6, runs=1, frames=6, objects=2)
     results = make(tmp_path / "none", [(SIR, [])], truth, runs=9)
-    page = Page(write_report(write_tables(results)).read_text(encoding="utf-8"))
+    made = write_tables(results)
+    assert printed_tables(made) == {}
+    assert rows_of(results.folder / "results.csv") == []
+    page = Page(write_report(made).read_text(encoding="utf-8"))
     assert "0 of 9 runs are finished" in "".join(page.text)
     assert "img" not in page.tags
     truth, boxes = walks(seed=12, runs=1, frames=1, objects=1)

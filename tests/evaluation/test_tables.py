@@ -188,15 +188,6 @@ def test_an_object_that_is_never_there_has_no_measures_and_fields_are_quoted(tmp
     assert value(made, 0, "success") == value(made, 0, "success", 1)
 
 
-def test_results_without_a_finished_run(tmp_path):
-    truth, _ = walks(seed=6, runs=1, frames=3, objects=2)
-    results = make(tmp_path / "results", [(SIR, [])], truth, runs=9)
-    made = write_tables(results)
-    assert tables.printed_tables(made) == {}
-    assert "0 of 9" in made.remarks[0]
-    assert rows_of(results.folder / "results.csv") == []
-
-
 def test_readers_see_the_summary(by_hand):
     table = tables.estimate_tables(by_hand[1], [0, 1])["object 4"]
     assert table.method.tolist() == ["SIR", OTHER.method]

@@ -138,5 +138,6 @@ def test_what_a_killed_program_left_stands_in_no_ones_way_and_is_removed(tmp_pat
     prepare_output_folder(folder)
     with locked(folder, "testing", keep=False):
         assert sorted(os.listdir(folder)) == [LOCK, "parts"]
+    assert os.listdir(folder) == ["parts"]
     (parts / "whole.npz").touch()
     assert "is not empty (it holds 'parts')" in message_of(prepare_output_folder, folder)

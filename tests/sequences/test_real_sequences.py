@@ -10,25 +10,6 @@ from jaxpf.sequences import open_sequence
 # Real sequences
 
 
-def test_real_walkers_are_opened_from_where_they_are_together(data_folder):
-    clip = open_sequence(data_folder / "tud_campus")
-    scene = load_scene(data_folder / "tud_campus", ids=[7, 8], num_frames=3)
-    start = scene.extras["start_frame"]
-    np.testing.assert_array_equal(scene.boxes, clip.boxes[start : start + 3, [6, 7]])
-    assert np.isfinite(scene.boxes[0]).all()
-    assert not np.isfinite(clip.boxes[start - 1, [6, 7]]).all()
-    frames = clip.frames[: start + 1]
-    np.testing.assert_array_equal(scene.frames[0], frames[start])
-
-
-def test_real_pedestrians_come_and_go(data_folder):
-    scene = load_scene(data_folder / "pets09_first400", num_frames=2)
-    np.testing.assert_array_equal(scene.extras["ids"], [9, 15, 19])
-    later = load_scene(data_folder / "pets09_first400", start_frame=223, num_frames=2)
-    assert 1 in later.extras["ids"]
-    assert 15 not in later.extras["ids"]
-
-
 def test_the_campus_in_its_original_mot_format_is_the_same(data_folder, tmp_path):
     original = data_folder / "tud_campus" / "original"
     black = np.zeros((71, 480, 640, 3), np.uint8)

@@ -24,7 +24,7 @@ def tuned_on(folder):
     """The scene that ``jaxpf tune`` opens."""
     options = SimpleNamespace(scene_seed=0, train_scenes=1, set=(), ids=None, start_frame=None)
     options.frames = T - 2
-    return _scenes_to_tune_on(str(folder), options)[0]
+    return _scenes_to_tune_on(str(folder), options)[0][0]
 
 
 def assert_same_truth(folder, file, ids, expected):
@@ -52,19 +52,16 @@ def moving(x, absent=()):
     return [[[np.nan] * 4 if t in absent else [x + t, 4, 8, 9]] for t in range(T)]
 
 
-@pytest.mark.parametrize(("tail", "ignored"), [("1,1,1", "0,1,1"), ("1,1,1", "1,3,1")])
+@pytest.mark.parametrize(
+    ("tail", "ignored"),
+    [("1,1,1", "0,1,1"), ("1,1,1", "1,3,1"), ("1,-1,-1,-1", "0,-1,-1,-1")],  # without classes
+)
 def test_rows_flagged_0_or_of_another_class_are_no_truth(folder, tail, ignored):
     rows = [f"{t},{i},{t + 5},5,8,9,{e}" for t in range(1, 6) for i, e in ((4, tail), (7, ignored))]
     (folder / "gt" / "gt.txt").write_text("\n".join(rows))
     assert_same_truth(folder, folder / "gt" / "gt.txt", [4], moving(5))
     results = read_boxes(folder / "gt" / "gt.txt")  # of a tracker, whose scores and classes vary
     assert results.id.tolist() == [4, 7] * T
-
-
-def test_of_files_without_classes_rows_flagged_0_are_no_truth(folder):
-    rows = [f"{t},{i},{t + 5},5,8,9,{f},-1,-1,-1" for t in range(1, 6) for i, f in ((4, 1), (7, 0))]
-    (folder / "gt" / "gt.txt").write_text("\n".join(rows))
-    assert_same_truth(folder, folder / "gt" / "gt.txt", [4], moving(5))
 
 
 def test_a_row_of_zero_size_is_an_absent_object(folder):

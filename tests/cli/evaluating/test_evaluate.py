@@ -166,8 +166,6 @@ def test_a_dry_run_shows_the_plan_of_a_grid_and_writes_nothing(place, tmp_path):
     [
         ("--tracker {}:missing", "'missing'"),  # before settings are compared
         ("--tracker {}:present", "present = nothing, now"),
-        ("--seed 9", "seed = 0, now 9"),
-        ("--runs 2", "runs"),
     ],
 )
 def test_other_settings_are_refused_with_the_difference(whole, tmp_path, options, named):

@@ -6,7 +6,7 @@
 import pytest
 from command_line import refusal_of
 from small_evaluation import COMMON
-from small_sequence_folder import SMALL, write_sequence
+from small_sequence_folder import SMALL
 
 from jaxpf.files.store import locked
 
@@ -38,40 +38,14 @@ def test_mistakes_are_one_sentence(refuse, arguments, named):
     assert named in refuse("distracter", *SMALL, *arguments.split())
 
 
+def test_a_part_that_a_sequence_does_not_have_is_refused(refuse, place):
+    """``tests/sequences/test_refusals.py`` has every such mistake."""
+    assert "--start-frame 10" in refuse(place / "two", "--start-frame", "10")
+
+
 def test_unknown_scenes_are_refused_with_those_there_are(refuse):
     assert "'distracter'" in refuse("distractor")
     assert "nowhere'" in refuse("./nowhere")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        ("--ids 3,3", "[3, 3]"),
-        ("--start-frame 10", "--start-frame 10"),
-        ("--set num_objects=3", "no parameters"),
-    ],
-)
-def test_choices_that_a_sequence_does_not_offer_are_refused(refuse, place, arguments, named):
-    assert named in refuse(place / "two", *arguments.split())
-
-
-@pytest.mark.parametrize(
-    ("name", "content"), [("gt.csv", None), ("meta.json", "{"), ("0003.png", None)]
-)
-def test_a_sequence_with_something_missing_is_refused(refuse, tmp_path_factory, name, content):
-    folder = write_sequence(tmp_path_factory.mktemp("cut") / "two")
-    (folder / name).unlink()
-    if content is not None:
-        (folder / name).write_text(content)
-    assert name in refuse(folder, *COMMON)
-
-
-def test_an_object_absent_in_the_start_frame_is_named(refuse, tmp_path_factory):
-    folder = write_sequence(tmp_path_factory.mktemp("absent") / "two")
-    rows = (folder / "gt.csv").read_text().splitlines()
-    (folder / "gt.csv").write_text("\n".join(r for r in rows if not r.startswith("0,3")))
-    sentence = refuse(folder, "--ids", "3,7", "--start-frame", "0")
-    assert "objects are in view in the frames: 3 in 1-9; 7 in 0-9" in sentence
 
 
 def test_a_folder_where_somebody_is_at_work_is_refused_before_planning(tmp_path, monkeypatch):

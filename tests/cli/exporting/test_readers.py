@@ -68,30 +68,6 @@ def test_motmetrics_reads_mot_lines(export):
     np.testing.assert_allclose(table["Confidence"], [0.9, 0.8, 0.7, 0.9, 0.2])
 
 
-def test_trackeval_reads_mot_lines(export, tmp_path):
-    trackeval = pytest.importorskip("trackeval")
-    lines = export("mot", "tracks.txt").read_text().splitlines()
-    # In the truth, the fields after the box are: counts, class, visibility.
-    truth = [",".join([*line.split(",")[:6], "1,1,1"]) for line in lines]
-    for path, rows in (("truth/clip/gt/gt.txt", truth), ("trackers/mine/data/clip.txt", lines)):
-        (tmp_path / path).parent.mkdir(parents=True)
-        (tmp_path / path).write_text("\n".join(rows) + "\n")
-    dataset = trackeval.datasets.MotChallenge2DBox(
-        {
-            "GT_FOLDER": str(tmp_path / "truth"),
-            "TRACKERS_FOLDER": str(tmp_path / "trackers"),
-            "SKIP_SPLIT_FOL": True,
-            "SEQ_INFO": {"clip": 3},
-            "PRINT_CONFIG": False,
-        }
-    )
-    data = dataset.get_preprocessed_seq_data(dataset.get_raw_seq_data("mine", "clip"), "pedestrian")
-    assert data["num_tracker_dets"] == len(BOXES)
-    np.testing.assert_allclose(data["tracker_dets"][0], np.add([BOXES[0, 1]], [1, 1, 0, 0]))
-    assert [len(boxes) for boxes in data["tracker_dets"]] == [1, 2, 2]
-    assert trackeval.metrics.HOTA().eval_sequence(data)["HOTA"].mean() == pytest.approx(1)
-
-
 def test_cvat_imports_the_archive_by_its_documented_layout(export):
     """CVAT, MOT 1.1: gt/gt.txt ``frame_id,track_id,x,y,w,h,not_ignored,class_id,visibility``.
 

@@ -3,7 +3,6 @@
 import json
 import os
 import subprocess
-import threading
 import time
 from pathlib import Path
 
@@ -12,7 +11,6 @@ from clips import grey, write_pictures
 
 from jaxpf import InputError
 from jaxpf.cli.marking.drawing import Marking
-from jaxpf.cli.marking.starts import read_start, write_start
 from jaxpf.cli.shared.flags import write_config
 from jaxpf.files.store import locked
 from jaxpf.media.page.runs import Run
@@ -220,26 +218,6 @@ def test_incomplete_files_of_killed_saves_are_removed(clip):
         path.touch()
     Marking(str(clip), "boxes", None)
     assert [path.exists() for path in (left, of_others)] == [False, True]
-
-
-def test_saves_that_meet_lose_nothing(tmp_path):
-    path, failed = tmp_path / "start.csv", []
-
-    def save(number):
-        try:
-            for frame in range(20):
-                write_start(path, "boxes", [box(str(number), frame)])
-        except InputError as error:
-            failed.append(error)
-
-    threads = [threading.Thread(target=save, args=(number,)) for number in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert not failed
-    assert len(read_start(path, "boxes", 0)) == 1
-    assert os.listdir(tmp_path) == ["start.csv"]
 
 
 def test_results_are_replaced_only_when_asked(clip, started):

@@ -106,11 +106,3 @@ ONCE = "1,-1,1,1,9,9,1\n"
 def test_what_does_not_go_is_refused(refuse, tmp_path, content, arguments, named):
     (tmp_path / "d.txt").write_text(content)
     assert named in refuse("--detections", "d.txt", *arguments.split())
-
-
-@pytest.mark.slow
-def test_a_start_at_which_an_object_fits_nothing_is_refused_in_its_first_frame(refuse):
-    # One particle for each object, and sizes so uncertain that half of them are below nothing.
-    start = ("--box", "6,8,12,16", "--box", "40,22,12,16", "--method", "labelled", "-n", "2")
-    said = refuse(*start, "--noise-pixels", "1,1,1000", "--seed", "1")
-    assert "in the first frame every particle of target" in said

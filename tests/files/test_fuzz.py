@@ -12,9 +12,9 @@ import warnings
 from types import SimpleNamespace
 
 import click
-import cv2
 import numpy as np
 import pytest
+from clips import write_pictures
 from small_tuning import QUICK, SCALE, made_sequence
 from small_video import picture, write_lossless_video
 
@@ -58,6 +58,10 @@ OTB = b"2,3,3,4\n0,0,0,0\n3,3,3,4\n"
 TOML = (
     b'[a]\nruns = 3\nname = "x"\nscale = [1, 2.5]\nbox = ["1,2,3,4", [1, 2, 3, 4]]\nflag = true\n'
 )
+
+
+#: The pictures of a clip.
+BLACK = np.zeros((3, 6, 8, 3), np.uint8)
 
 
 def mutated(data, rng):
@@ -132,12 +136,6 @@ def read_scene(folder, path):
     assert scene.frames.shape[0] >= 1
 
 
-def write_pictures(folder, first):
-    folder.mkdir(parents=True, exist_ok=True)
-    for number in range(3):
-        cv2.imwrite(str(folder / f"{number + first}.png"), np.zeros((6, 8, 3), np.uint8))
-
-
 @click.command("a", params=[config_flag()])
 @click.option("--runs", default=1)
 @click.option("--name", default="")
@@ -174,7 +172,7 @@ def test_damaged_texts_are_read_or_refused(tmp_path, valid, read, count, request
 
 
 def test_damaged_clips_are_read_or_refused(tmp_path):
-    write_pictures(tmp_path, 0)
+    write_pictures(tmp_path, BLACK)
     read = functools.partial(read_scene, tmp_path)
     (tmp_path / "gt.csv").write_bytes(BOXES)
     assert survives(tmp_path / "meta.json", META, read, 400, "meta") > 100
@@ -183,8 +181,8 @@ def test_damaged_clips_are_read_or_refused(tmp_path):
 
 def test_damaged_sequences_of_benchmarks_are_read_or_refused(tmp_path):
     mot, otb = tmp_path / "mot", tmp_path / "otb"
-    write_pictures(mot / "img1", 1)
-    write_pictures(otb / "img", 1)
+    for folder in (mot / "img1", otb / "img"):
+        write_pictures(folder, BLACK).joinpath("0.png").rename(folder / "3.png")
     (mot / "gt").mkdir()
     (mot / "gt" / "gt.txt").write_bytes(MOT)
     read = functools.partial(read_scene, mot)

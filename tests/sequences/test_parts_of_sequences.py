@@ -3,9 +3,10 @@
 import json
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
+from clips import write_table
+from films import write_film
 from small_sequences import SMALL, complaint_of, mot_rows
 
 from jaxpf.evaluation.scene import load_scene
@@ -99,18 +100,12 @@ def test_boxes_beyond_the_picture_stay_whole_and_give_the_part_inside(mot_folder
 
 def test_a_video_is_opened_at_its_start_frame(tmp_path, drawn):
     frames, boxes = drawn
-    path = tmp_path / "video.avi"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 10, (120, 100))
-    if not writer.isOpened():
-        pytest.skip("this build of OpenCV writes no MJPG video")
-    for frame in frames:
-        writer.write(np.ascontiguousarray(frame[..., ::-1]))
-    writer.release()
+    write_film(tmp_path / "video.avi", frames, "mjpeg", "yuvj420p", rate=10)
     meta = {"name": "v", "frames": "video.avi", "n_frames": 8, "width": 120, "height": 100}
     (tmp_path / "meta.json").write_text(json.dumps(meta | {"fps": 10}))
     assert "gt.csv'; check the path" in complaint_of(tmp_path)
-    lines = [f"{t},0,{','.join(map(repr, box))},0" for t, box in enumerate(boxes[:, 0].tolist())]
-    (tmp_path / "gt.csv").write_text("\n".join(["frame,id,x,y,w,h,occ", *lines]))
+    rows = ((t, 0, box, 0) for t, box in enumerate(boxes[:, 0]))
+    write_table(tmp_path / "gt.csv", "frame,id,x,y,w,h,occ", *rows)
     whole, part = load_scene(tmp_path), load_scene(tmp_path, start_frame=3, num_frames=2)
     np.testing.assert_array_equal(part.frames, whole.frames[3:5])
     np.testing.assert_array_equal(part.boxes, boxes[3:5, :1])

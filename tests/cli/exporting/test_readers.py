@@ -56,18 +56,6 @@ def test_supervision_reads_boxes_and_polygons_by_picture(export, tmp_path):
         np.testing.assert_allclose(by_name[name].mask.sum(axis=(1, 2)), areas, rtol=0.5)
 
 
-def test_motmetrics_reads_mot_lines(export):
-    motmetrics = pytest.importorskip("motmetrics")
-    table = motmetrics.io.loadtxt(export("mot", "tracks.txt"), fmt="mot15-2D")
-    # It takes one from x and y, and counts frames as the file does.
-    boxes = table[["X", "Y", "Width", "Height"]].to_numpy()
-    found = {(frame - 1, name): box for (frame, name), box in zip(table.index, boxes, strict=True)}
-    assert found.keys() == BOXES.keys()
-    for key, box in BOXES.items():
-        np.testing.assert_allclose(found[key], box)
-    np.testing.assert_allclose(table["Confidence"], [0.9, 0.8, 0.7, 0.9, 0.2])
-
-
 def test_cvat_imports_the_archive_by_its_documented_layout(export):
     """CVAT, MOT 1.1: gt/gt.txt ``frame_id,track_id,x,y,w,h,not_ignored,class_id,visibility``.
 

@@ -141,7 +141,6 @@ FIVE = {"closed": True, "contours": dict.fromkeys("abcde", LEAF)}
 @pytest.mark.parametrize(
     ("content", "options", "named"),
     [
-        ({}, "--exclusion opaque", "open contours"),
         (FIVE, "--exclusion opaque", "5 opaque"),
         ({"contours": {"far": [[200, 2], [203, 4], [200, 9], [209, 9]]}}, "", "'far'"),
         ({}, "--set wire_width=30 --set clutter=1", "width 30"),

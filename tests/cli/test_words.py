@@ -17,27 +17,19 @@ from jaxpf.cli.shared import console
         (
             ["recovery, object 1", "success (%)", "distinct", "IoU"],
             "DPS",
-            "recovery: tracked in the last frame with truth; success: tracked in every frame; "
-            "distinct: particles that carry different draws of the object; "
-            "IoU: intersection over union; tracked: overlapping the truth at all.",
+            ["recovery", "success", "distinct", "IoU", "tracked"],
         ),
-        (
-            ["precision", "IDSW"],
-            "tracked",
-            "precision: share of the estimate that lies on the truth; IDSW: changes of identity; "
-            "tracked: overlapping the truth at all.",
-        ),
-        (["before"], "success", "success: tracked in every frame; tracked: "),
-        (["success at IoU 0.5"], "DPS", "success at IoU 0.5: frames whose IoU is above that"),
-        (["smith2004 success"], "DPS", "smith2004 success: tracked in every frame"),
+        (["precision", "IDSW"], "tracked", ["precision", "IDSW", "tracked"]),
+        (["before"], "success", ["success", "tracked"]),
+        (["success at IoU 0.5"], "DPS", ["success at IoU 0.5"]),
+        (["smith2004 success"], "DPS", ["smith2004 success", "tracked"]),
+        (["before"], "momentum", []),
     ],
 )
 def test_a_table_explains_the_terms_that_it_uses(capsys, columns, label, explained):
     console.print_table("A", ["", *columns], [[label, *["1"] * len(columns)]])
     *_, line = capsys.readouterr().out.strip().splitlines()
-    assert explained in line
-    console.print_table("A", ["", "before"], [["momentum", "4"]])
-    assert ":" not in capsys.readouterr().out.strip().splitlines()[-1]
+    assert re.findall(r"(?:^|; )([^:;]+): \w", line) == explained
 
 
 def test_a_percent_sign_stands_at_its_number():

@@ -13,7 +13,6 @@ import jaxpf
 from jaxpf.filters import SideBySide
 
 KEY = jax.random.key(1)
-FRAMES = np.zeros((3, 2, 1), np.float32)
 
 
 def one(num_particles=20, num_objects=2):

@@ -182,7 +182,7 @@ def test_damaged_clips_are_read_or_refused(tmp_path):
 def test_damaged_sequences_of_benchmarks_are_read_or_refused(tmp_path):
     mot, otb = tmp_path / "mot", tmp_path / "otb"
     for folder in (mot / "img1", otb / "img"):
-        write_pictures(folder, BLACK).joinpath("0.png").rename(folder / "3.png")
+        write_pictures(folder, BLACK, first=1)
     (mot / "gt").mkdir()
     (mot / "gt" / "gt.txt").write_bytes(MOT)
     read = functools.partial(read_scene, mot)

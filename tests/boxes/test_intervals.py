@@ -1,13 +1,12 @@
 """Intervals of boxes: the size is known less well than its particles say."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from columns_of_tracks import columns_of
 
 from jaxpf.boxes.target import BOXES
-from jaxpf.cli.tracking.columns import places_of
 
 #: x, y, w, h.
 BOX = np.array([[20.0, 30.0, 40.0, 80.0]])
@@ -26,17 +25,8 @@ def with_centres(boxes):
 
 def interval_of(particles, place=0.0, size=0.0):
     """95% intervals [2, 1, 6] of x, y, w, h and the centre, given the model's errors."""
-    state = SimpleNamespace(substates=particles, log_weights=np.full(20_000, -np.log(20_000)))
-    likelihood = SimpleNamespace(model_error=[place, place, size])
-    group = SimpleNamespace(
-        start=BOXES.start(BOX),
-        shapes=BOX,
-        slots=slice(None),
-        state=state,
-        tracker=SimpleNamespace(likelihood=likelihood),
-    )
     as_boxes = dataclasses.replace(BOXES, shapes=lambda start, substates, tracker: substates)
-    places, _ = places_of(as_boxes, group, BOX[:, :2], 1 / 25)
+    places = columns_of(as_boxes, BOXES.start(BOX), particles, [place, place, size])
     names = [*"xywh", "centre_x", "centre_y"]
     ends = [[places[f"{name}_{level}"] for name in names] for level in ("2.5", "97.5")]
     return np.array(ends).transpose(0, 2, 1)

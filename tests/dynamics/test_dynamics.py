@@ -12,6 +12,8 @@ from jaxpf.dynamics import AR2, IndependentGaussian, LinearGaussian, RandomWalk
 
 N = 20_000
 KEY = jax.random.key(0)
+#: Of one particle: its substate, the one before, and its parent's.
+PAST = np.array([[1.0, -2.0], [0.5, 3.0], [-1.0, 2.0]])
 
 
 def particles(values):
@@ -73,8 +75,8 @@ def linear():
 @pytest.mark.parametrize("partition", [0, 2])
 def test_linear_gaussian_uses_every_term_of_its_partition(partition):
     made, p = linear(), partition
-    current, previous, parent = np.array([[1.0, -2.0], [0.5, 3.0], [-1.0, 2.0]])
-    moved = move(made, p, current, previous, parent)
+    current, previous, parent = PAST
+    moved = move(made, p, *PAST)
     mean = (
         made.transition[p] @ current
         + made.lag[p] @ previous
@@ -82,9 +84,6 @@ def test_linear_gaussian_uses_every_term_of_its_partition(partition):
         + made.offset[p]
     )
     assert_normal(moved, mean, made.noise[p] @ made.noise[p].T)
-
-
-PAST = np.array([[1.0, -2.0], [0.5, 3.0], [-1.0, 2.0]])
 
 
 @pytest.mark.parametrize(
@@ -134,11 +133,10 @@ def test_partitions_may_differ_from_particle_to_particle():
 @pytest.mark.parametrize("make", [linear, lambda: RandomWalk(1.0), lambda: AR2(1.0)])
 def test_one_particle_form_has_the_law_of_the_batched_one(make):
     made = make()
-    current, previous, parent = jnp.array([[1.0, -2.0], [0.5, 3.0], [-1.0, 2.0]])
-    keys = jax.random.split(jax.random.key(1), N)
-    one = jax.vmap(lambda key: made.propagate(key, 1, current, previous, parent))(keys)
+    keys, past = jax.random.split(jax.random.key(1), N), jnp.asarray(PAST)
+    one = jax.vmap(lambda key: made.propagate(key, 1, *past))(keys)
     assert one.shape == (N, 2)
-    one, together = np.asarray(one, float).T, move(made, 1, current, previous, parent)
+    one, together = np.asarray(one, float).T, move(made, 1, *PAST)
     # Both are estimates: the difference has twice the variance of either.
     spread = np.cov(together)
     error = np.sqrt(2 * np.diagonal(spread) / N)

@@ -67,7 +67,7 @@ def test_correlated_gaussian_has_its_joint_density_and_its_margins():
 
 def joint_gaussian(transition, process, observation, noise, mean, covariance, steps):
     """Means and covariance of ``(z_1..z_T, y_1..y_T)``, written out."""
-    size, seen = transition.shape[0], observation.shape[0]
+    size = len(transition)
     # z_t = A^t z_0 + sum_s A^(t-s) q_s: a linear map of (z_0, q_1, .., q_T).
     power = [np.linalg.matrix_power(transition, k) for k in range(steps + 1)]
     blocks = np.zeros((steps * size, (steps + 1) * size))
@@ -80,7 +80,7 @@ def joint_gaussian(transition, process, observation, noise, mean, covariance, st
     state_mean = blocks[:, :size] @ mean
     lift = np.kron(np.eye(steps), observation)
     observed = lift @ states @ lift.T + np.kron(np.eye(steps), noise)
-    return state_mean, states, lift @ state_mean, observed, states @ lift.T, seen
+    return state_mean, states, lift @ state_mean, observed, states @ lift.T
 
 
 def test_kalman_is_the_conditional_of_the_joint_gaussian():
@@ -92,7 +92,7 @@ def test_kalman_is_the_conditional_of_the_joint_gaussian():
         transition, process, observation, noise, mean, covariance, frames
     )
     for t in range(1, steps + 1):
-        state_mean, states, seen_mean, seen, cross, _ = joint_gaussian(
+        state_mean, states, seen_mean, seen, cross = joint_gaussian(
             transition, process, observation, noise, mean, covariance, t
         )
         y = frames[:t].ravel()

@@ -140,7 +140,7 @@ def test_an_argument_outside_its_range_is_named(make, argument, value):
     (lambda: learned((70, 50, 40, 40)), "less than a quarter of it lies in the frame"),
     (lambda: learned(frame=FLAT), "looks like what is around it"),
     (lambda: learned().observe(FRAME[:, :70]), "70 x 60 pixels does not match the start frame of"),
-    (lambda: of_pretrained(lambda frame: of_network(frame) * np.nan), "boxes[0]"),
+    (lambda: of_pretrained(lambda frame: of_network(frame) * np.nan), "maps of boxes[0]"),
     (lambda: of_pretrained().log_prob_all(None, np.zeros(1, int), np.ones((3, 1))), "estimate"),
     (lambda: of_pretrained_points([[80.0, 5.0]]), "outside"),
     (lambda: of_pretrained_points(network=lambda x: of_network(x) * np.nan), "start frame"),

@@ -1,18 +1,17 @@
 """Points followed by every filter, from the same start."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import jax
 import numpy as np
 import pytest
 from clips import write_pictures
+from columns_of_tracks import columns_of
 from histograms import texture
 from refusals import message_of
 
 import jaxpf
 import scenes
-from jaxpf.cli.tracking.columns import places_of
 from jaxpf.contract.options import defaults_of
 from jaxpf.evaluation.results import Configuration
 from jaxpf.evaluation.trackers import tracker_of
@@ -138,7 +137,7 @@ def test_a_grid_of_points_starts_on_a_mask(mask):
         ({"point": ("1",)}, "point '1'"),
         ({"point": ("200,3,nose",)}, "'nose' is at (200, 3)"),
         ({"point": ("1,2",), "mask_step": 5.0}, "--mask-step"),
-        ({"mask": "0.png", "mask_step": 0.0}, "step=0.0"),
+        ({"mask": "0.png", "mask_step": 0.5}, "step=0.5"),
         ({"mask": "1.png"}, "156 x 50"),
         ({"mask": "2.png"}, "0 everywhere"),
         ({"mask": "none.png"}, "none.png"),
@@ -201,17 +200,11 @@ def test_points_slip_on_film_and_not_in_drawn_scenes(face):
 
 
 def test_intervals_in_tracks_are_widened_by_the_slip():
-    rng, start = np.random.default_rng(1), POINTS.start(PLACES)
-    particles = PLACES + rng.normal(0, 3, (20_000, 3, 2))
-    state = SimpleNamespace(substates=particles, log_weights=np.full(20_000, -np.log(20_000)))
-    shapes = particles.mean(axis=0)
+    particles = PLACES + np.random.default_rng(1).normal(0, 3, (20_000, 3, 2))
     slips, deviations = np.array([0.0, 4.0, 7**0.5]), np.array([3.0, 5.0, 4.0])
-    tracker = SimpleNamespace(likelihood=SimpleNamespace(model_error=slips[:, None] * [1, 1, 0]))
+    error = slips[:, None] * [1, 1, 0]
     for slots in (slice(None), np.array([2, 0])):  # all points, or those that are reported
-        group = SimpleNamespace(
-            start=start, shapes=shapes, slots=slots, state=state, tracker=tracker
-        )
-        places, _ = places_of(POINTS, group, PLACES, 1 / 25)
+        places = columns_of(POINTS, POINTS.start(PLACES), particles, error, slots)
         width = np.stack([places[f"{x}_97.5"] - places[f"{x}_2.5"] for x in "xy"], axis=1)
         expected = 3.92 * np.tile(deviations[slots, None], 2)
         # 4.5 standard errors of two 2.5% quantiles.

@@ -12,9 +12,7 @@ from small_tuning import QUICK, made_sequence, tracker
 import jaxpf
 from jaxpf import tune, tuning
 from jaxpf.contract.options import options_of
-from jaxpf.likelihoods import histogram
 from jaxpf.targets.registry import all_targets
-from jaxpf.tuning import TrainingSequence
 from jaxpf.tuning.parameters import Parameter, names, parameter, read
 
 # Paths and bounds
@@ -83,11 +81,3 @@ def test_bounds_are_written_beside_the_path():
 )
 def test_a_parameter_that_cannot_be_tuned_is_refused_in_one_sentence(paths, words):
     assert words in message_of(tune, made_sequence(), paths, settings=QUICK)
-
-
-def test_an_integer_leaf_is_refused():
-    frame = np.random.default_rng(0).integers(0, 256, (40, 40, 3), dtype=np.uint8)
-    density = histogram(frame, [[5, 5, 12, 12]], form="density")
-    sequence = TrainingSequence(dataclasses.replace(tracker(), likelihood=density), frame[None])
-    message = message_of(tune, sequence, ["likelihood.bin_lookup"])
-    assert "bin_lookup holds int32, which has no gradient" in message

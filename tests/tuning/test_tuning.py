@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.scipy.stats import norm
-from refusals import message_of
+from refusals import every, message_of
 from small_tuning import QUICK, SCALE, made_sequence, tracker
 
 from jaxpf import InputError, state_space, tune
@@ -20,33 +20,26 @@ from jaxpf.tuning.loop import Diverged
 from jaxpf.tuning.parameters import Parameter
 from jaxpf.tuning.result import Descent, Result
 
-
-def test_objectives_need_what_they_are_about():
-    sequence = made_sequence()
-    unlabelled = dataclasses.replace(sequence, truth=None)
-    for given, objective, words in (
-        (sequence, "speed", "objective 'speed' is unknown"),
-        (unlabelled, "position", "needs labels, but sequence 0 has none"),
-        (sequence, "iou", "needs the sizes"),
-        ([], "evidence", "no sequence"),
-    ):
-        assert words in message_of(tune, given, SCALE, objective=objective)
+UNLABELLED = dataclasses.replace(made_sequence(), truth=None)
 
 
-FRAME = np.random.default_rng(0).integers(0, 256, (40, 40, 3), dtype=np.uint8)
+def of_histograms(**form):
+    frame = np.random.default_rng(0).integers(0, 256, (40, 40, 3), dtype=np.uint8)
+    likelihood = histogram(frame, [[5, 5, 12, 12]], **form)
+    return TrainingSequence(dataclasses.replace(tracker(), likelihood=likelihood), frame[None])
 
 
-@pytest.mark.parametrize(
-    ("form", "parameter", "words"),
-    [
-        ({}, "likelihood.sharpness", "always prefers sharpness 0"),
-        ({"form": "density"}, *SCALE, "gradient of motion parameters would always be zero"),
-    ],
-)
-def test_histograms_without_a_density_or_a_gradient_of_motion_are_refused(form, parameter, words):
-    likelihood = histogram(FRAME, [[5, 5, 12, 12]], **form)
-    sequence = TrainingSequence(dataclasses.replace(tracker(), likelihood=likelihood), FRAME[None])
-    assert words in message_of(tune, sequence, [parameter])
+@every([
+    (lambda: tune(made_sequence(), SCALE, objective="speed"), "'speed'"),
+    (lambda: tune(UNLABELLED, SCALE, objective="position"), "sequence 0"),
+    (lambda: tune(made_sequence(), SCALE, objective="iou"), "sizes"),
+    (lambda: tune([], SCALE), "no sequence"),
+    (lambda: tune(of_histograms(), ["likelihood.sharpness"]), "always prefers sharpness 0"),
+    (lambda: tune(of_histograms(form="density"), SCALE), "motion parameters"),
+    (lambda: tune(of_histograms(form="density"), ["likelihood.bin_lookup"]), "holds int32"),
+])  # fmt: skip
+def test_what_cannot_be_tuned_is_refused(call, named):
+    assert named in message_of(call)
 
 
 @pytest.mark.parametrize("score", [False, pytest.param(True, marks=pytest.mark.slow)])

@@ -30,7 +30,6 @@ def test_a_detection_counts_from_1_and_has_no_id(tmp_path):
 @pytest.mark.parametrize(
     ("content", "named"),
     [
-        ("1,-1,1,1,9,9,1\n1,-1,1,1,9,x,1\n", "line 2 of .* h is 'x'"),
         ("1,-7,1,1,9,9,1\n", "line 1 of .* id -7"),
         ("1,3,1,1,9,9,1\n2,3,1,1,9,9,1\n", "line 2 of .* object 3 .* line 1"),
     ],

@@ -170,15 +170,16 @@ class Scores(NamedTuple):
         return float(np.nan_to_num(scores, nan=np.inf).max())
 
 
+def z(samples, expected):
+    """Distance of the samples' mean from what is expected, in standard errors."""
+    return (samples.mean(0) - expected) / (samples.std(0) / len(samples) ** 0.5)
+
+
 def scores_of(recorded, exact: Problem) -> Scores:
     """Compare what ``moments`` recorded, leading axes ``[R, T]``, with the exact answer."""
     log_evidence, mean, second = (np.asarray(part) for part in recorded[:3])
     assert log_evidence.dtype == np.float64
     ratio = np.exp(log_evidence.sum(1) - exact.log_evidence.sum())
-
-    def z(samples, expected):
-        return (samples.mean(0) - expected) / (samples.std(0) / len(samples) ** 0.5)
-
     return Scores(
         evidence=float(z(ratio, 1.0)),
         means=z(ratio[:, None] * mean[:, -1], exact.mean[-1]),

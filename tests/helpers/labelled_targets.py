@@ -9,7 +9,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from exact import monte_carlo, objects
+from exact import monte_carlo, objects, z
 
 import jaxpf
 from jaxpf.likelihoods import kalman
@@ -72,11 +72,6 @@ def recorded(exact: Targets, *, seed=1, runs=RUNS, batch=BATCH, **settings):
     found = jax.tree.map(np.asarray, found)
     assert found[0].dtype == np.float64
     return found
-
-
-def z(samples, expected):
-    """Distance of the samples' mean from what is expected, in standard errors."""
-    return (samples.mean(0) - expected) / (samples.std(0) / len(samples) ** 0.5)
 
 
 def mass_scores(exact: Targets, found):

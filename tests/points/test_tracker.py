@@ -57,7 +57,6 @@ def test_every_filter_follows_points_and_doubts_one_that_disappears(method):
 @pytest.mark.parametrize(
     ("points", "changes", "named"),
     [
-        (PLACES, {"speed": 3}, "'speed'"),
         (PLACES, {"window_size": 199}, "199 x 199"),
         (PLACES[[0, 0]], {"method": "pffl"}, "points 0 and 1"),
         (PLACES + 100, {}, "outside the frame"),

@@ -91,6 +91,7 @@ def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatc
         (BOXES, {"num_particels": 9}, "num_particles"),
         (BOXES, {"noise_points": 9}, "'noise_points'"),
         (BOXES, {"method": "best"}, "'best'"),
+        (BOXES, {"like": "kalman1960"}, "kalman1960.*smith2004"),
         (BOXES, {"exclusion": "boxes", "appearance": "colour"}, "exclusion"),
         (BOXES, {"method": "ps", "ordering": jaxpf.ordering.dps(2)}, "method and ordering"),
         (BOXES, {"frame": FRAME / 255}, "uint8 RGB"),

@@ -215,8 +215,3 @@ def test_other_arguments_override_a_preset_with_what_hangs_on_them():
 @pytest.mark.slow
 def test_another_appearance_has_nothing_of_a_presets_own():
     assert not hasattr(preset("smith2004", appearance="discriminative").likelihood, "method")
-
-
-def test_an_unknown_system_is_refused():
-    with pytest.raises(InputError, match=r"kalman1960.*smith2004"):
-        jaxpf.boxes.tracker(FRAME, BOXES, like="kalman1960")

@@ -40,6 +40,17 @@ def test_the_filter_answers_as_without(order):
 
 
 @pytest.mark.slow
+@pytest.mark.always
+def test_ancestors_of_the_start_are_handed_on():
+    states, _ = told(tracker(PS))
+    assert (states.state.sources == states.state.sources[:, :1]).all()  # particles are whole
+    ancestor = np.arange(64)
+    for source, family in zip(states.state.sources[:, 0], states.families, strict=True):
+        ancestor = ancestor[source]
+        np.testing.assert_array_equal(family[0, 0], ancestor)
+
+
+@pytest.mark.slow
 def test_exchanged_parts_have_ancestors_of_their_own_and_no_error_bar_of_the_evidence():
     states, summary = told(tracker(EXCHANGE))
     assert states.families.shape == (6, 1, 3, 64)

@@ -41,7 +41,13 @@ def measure_boxes(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]:
     estimate, truth = jnp.asarray(estimate), jnp.asarray(truth)
     common, ours, theirs = intersection_area(estimate, truth), area(estimate), area(truth)
     present = jnp.broadcast_to(is_proper(truth), common.shape)
-    offset = centres(estimate) - centres(truth)
+    return compared(common, ours, theirs, present, centres(estimate) - centres(truth))
+
+
+def compared(
+    common: Array, ours: Array, theirs: Array, present: Array, offset: Array
+) -> dict[str, Array]:
+    """What ``measure_boxes`` returns, of areas and of the offset of the centres, ``[..., 2]``."""
     return {
         "present": present,
         "tracked": common > 0,

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from jaxpf.measures.metrics import share
+from jaxpf.measures.metrics import compared
 
 #: Corners within this distance of an edge, relative to the outlines' extent, lie on it.
 _ON_EDGE = 1e-6
@@ -32,20 +32,10 @@ def measure_outlines(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]:
     common = intersection_area(estimate, truth)
     ours, theirs = area(estimate), area(truth)
     present = theirs > 0
-
-    def distance(offset: Array) -> Array:
-        return jnp.hypot(offset[..., 0], offset[..., 1])
-
-    corners = jnp.mean(distance(estimate - truth), axis=-1)
-    centres = distance(jnp.mean(estimate - truth, axis=-2))
-    return {
-        "present": present,
-        "tracked": common > 0,
-        "precision": share(common, ours, present),
-        "recall": share(common, theirs, present),
-        "iou": share(common, ours + theirs - common, present),
-        "centre_error": jnp.where(present, centres, jnp.nan),
-        "corner_error": jnp.where(present, corners, jnp.nan),
+    offset = estimate - truth
+    corners = jnp.mean(jnp.hypot(offset[..., 0], offset[..., 1]), axis=-1)
+    return compared(common, ours, theirs, present, jnp.mean(offset, axis=-2)) | {
+        "corner_error": jnp.where(present, corners, jnp.nan)
     }
 
 

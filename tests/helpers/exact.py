@@ -30,6 +30,16 @@ TREE = (-1, 0, 0)
 DEEP_TREE = (-1, 0, 0, 1, 2)
 FOREST = (-1, -1, 0, 1)
 OBJECTS = (-1, -1, -1, -1)
+#: Orderings of the parts of ``TREE``.
+ORDERINGS = {
+    "sir": jaxpf.ordering.sir(3),
+    "ps-012": jaxpf.ordering.ps([0, 1, 2]),
+    "ps-021": jaxpf.ordering.ps([0, 2, 1]),
+    "dps": jaxpf.ordering.dps(orders=[[0, 1, 2], [0, 2, 1]]),
+    "sps-none": jaxpf.ordering.sps(TREE, "none"),
+    "sps-random": jaxpf.ordering.sps(TREE, "random"),
+    "sps-combinatorial": jaxpf.ordering.sps(TREE, "combinatorial"),
+}
 
 
 class Problem(NamedTuple):

@@ -5,7 +5,7 @@ folder whole.  A scheme is another kernel: the quick part has one scheme for all
 """
 
 import pytest
-from exact import LIMIT, QUICK_RUNS, TREE, WRONG, problem, scores
+from exact import LIMIT, ORDERINGS, QUICK_RUNS, TREE, WRONG, problem, scores
 
 from jaxpf import ordering, resampling
 
@@ -13,15 +13,6 @@ pytestmark = pytest.mark.statistical
 
 QUICK_SCHEME, QUICK = "systematic", ("ps-021", "dps", "sps-combinatorial")
 OTHER_SCHEMES = [scheme for scheme in resampling.SCHEMES if scheme != QUICK_SCHEME]
-ORDERINGS = {
-    "sir": ordering.sir(3),
-    "ps-012": ordering.ps([0, 1, 2]),
-    "ps-021": ordering.ps([0, 2, 1]),
-    "dps": ordering.dps(orders=[[0, 1, 2], [0, 2, 1]]),
-    "sps-none": ordering.sps(TREE, "none"),
-    "sps-random": ordering.sps(TREE, "random"),
-    "sps-combinatorial": ordering.sps(TREE, "combinatorial"),
-}
 
 
 @pytest.mark.parametrize(

@@ -1,22 +1,9 @@
 """When and by what to resample: adaptive, tempered and weighted resampling are unbiased."""
 
 import pytest
-from exact import LIMIT, TREE, problem, scores
-
-from jaxpf import ordering
+from exact import LIMIT, ORDERINGS, TREE, problem, scores
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
-
-
-ORDERINGS = {
-    "sir": ordering.sir(3),
-    "ps-012": ordering.ps([0, 1, 2]),
-    "ps-021": ordering.ps([0, 2, 1]),
-    "dps": ordering.dps(orders=[[0, 1, 2], [0, 2, 1]]),
-    "sps-none": ordering.sps(TREE, "none"),
-    "sps-random": ordering.sps(TREE, "random"),
-    "sps-combinatorial": ordering.sps(TREE),
-}
 
 
 @pytest.mark.parametrize(
